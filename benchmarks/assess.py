@@ -14,7 +14,7 @@ from pathlib import Path
 from ohmward_lab.assess.study import STUDIES, assess
 from ohmward_lab.cli.assess.heat import HEATS, grid
 from ohmward_lab.cli.assess.report import cost
-from ohmward_lab.cli.assess.result import RULE, Assessed, recommended
+from ohmward_lab.cli.assess.result import Assessed, recommended, rule, worse
 
 HERE = Path(__file__).resolve().parent
 DONE = HERE.parent / "build" / "assess"
@@ -30,10 +30,12 @@ def rows(header: Sequence[str], cells: Sequence[Sequence[str]]) -> Iterator[str]
 
 
 def page(assessed: Assessed, time_of_all: str) -> Iterator[str]:
-    """The recommendation, then the figures of each subject, then the cost."""
+    """The recommendation, what does harm, then the figures of each subject, then the cost."""
     study, found = assessed.study, assessed.found
-    yield f"{assessed.headline}, {time_of_all}.\n\n## Recommendation\n\n{RULE}.\n\n"
-    yield from rows(*recommended(study, found))
+    yield f"{assessed.headline}, {time_of_all}.\n\n## Recommendation\n\n{rule(assessed)}.\n\n"
+    yield from rows(*recommended(assessed))
+    if said := worse(assessed):
+        yield "".join(f"- {sentence}\n" for sentence in said) + "\n"
     for subject in dict.fromkeys(row.subject for row in found):
         yield f"## {subject}\n\n"
         for heat in HEATS[study.name]:

@@ -8,6 +8,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward_lab.assess.battery.cell import SocFigures
 from ohmward_lab.assess.study import STUDIES, assess
+from ohmward_lab.assess.traction.cell import SlipFigures
 
 BATTERY, TRACTION = STUDIES["battery"], STUDIES["traction"]
 ONLY = ("nca", "base", "laboratory", "coulomb", "textbook-ekf")
@@ -75,13 +76,83 @@ def test_the_recommendation_takes_the_worst_condition_and_a_band_that_holds():
         row("large", "temperature: 5 degC", 0.02, 0.95, 9000),
         row("large", "temperature: 40 degC", math.nan, 0.95, 9000),
     ]
-    chosen = {r.processor: (r.method, r.worst_rmse, r.trusted) for r in BATTERY.recommended(found)}
-    assert chosen == {
-        "2 KB of flash": ("small", 0.05, True),
-        "16 KB of flash": ("right", 0.03, True),
-        "computer": ("right", 0.03, True),
-    }
-    (alone, *_) = BATTERY.recommended([row("bandless", "temperature: 5 degC", 0.05, math.nan, 100)])
-    assert math.isnan(alone.least_covered) and not alone.trusted
-    (only, *_) = BATTERY.recommended(found[2:4])
-    assert only.method == "sure" and not only.trusted
+    chosen = {r.processor: (r.method, r.worst_rmse) for r in BATTERY.recommended(found)}
+    assert chosen == {"2 KB of flash": ("small", 0.05), "16 KB of flash": ("right", 0.03), "computer": ("right", 0.03)}
+
+
+def helps(found, study=BATTERY, **bar):
+    """What helps where none is recommended, by situation and processor; the name of the method elsewhere."""
+    return {(r.situation, r.processor): r.method or r.helps for r in study.recommended(found, **bar)}
+
+
+def test_a_band_that_does_not_hold_and_an_error_beyond_the_bar_are_not_recommended():
+    found = [
+        row("bandless", "temperature: 5 degC", 0.05, math.nan, 100),
+        row("sure", "temperature: 5 degC", 0.02, 0.5, 100),
+        row("far", "temperature: 5 degC", 0.081, 0.99, 100),
+        row("larger", "temperature: 5 degC", 0.04, 0.99, 1000),
+    ]
+    (small, large, *_) = BATTERY.recommended(found)
+    assert small.method is None and small.closest == "sure" and small.worst_rmse == 0.02
+    assert small.helps == ("a larger processor",) and large.method == "larger"
+    assert BATTERY.recommended(found, 0.09)[0].method == "far"
+    assert {r.method for r in BATTERY.recommended(found, 0.03)} == {None}
+
+
+def test_the_rows_tell_whether_a_sensor_or_a_processor_or_both_help():
+    offset, sensor = "current sensor with offset and gain", "a better current sensor"
+    bad, base = "current offset: 5 % of C", "base: everyday sensors"
+    poor = row("small", bad, 0.2, 1.0, 100)
+    by_sensor = [poor, row("small", base, 0.05, 1.0, 100)]
+    assert helps(by_sensor)[offset, "2 KB of flash"] == (sensor,)
+    assert helps([*by_sensor, row("large", bad, 0.05, 1.0, 1000)])[offset, "2 KB of flash"] == (
+        sensor,
+        "a larger processor",
+    )
+    by_both = [poor, row("small", base, 0.1, 1.0, 100), row("large", base, 0.05, 1.0, 1000)]
+    assert helps(by_both)[offset, "2 KB of flash"] == (f"{sensor} and a larger processor",)
+    assert helps([poor])[offset, "2 KB of flash"] == ()
+
+
+def drive(method, condition, rmse, covered):
+    return SlipFigures("rlma", condition, method, rmse, 0.0, covered, covered, 0.0, 0.0, 0.0, 0.0, 100, 1.0)
+
+
+def test_a_band_that_holds_does_not_make_a_filter_better_than_plain_wheels():
+    wheels = drive("wheels", "slope: 5 %", 0.010, math.nan)
+    worse = drive("ekf", "slope: 5 %", 0.011, 1.0)
+    assert {r.method for r in TRACTION.recommended([wheels, worse])} == {"wheels"}
+    assert {r.method for r in TRACTION.recommended([wheels, worse._replace(rmse=0.0104)])} == {"ekf"}
+    assert {r.method for r in TRACTION.recommended([wheels._replace(rmse=0.09), worse])} == {"ekf"}
+    assert {r.method for r in TRACTION.recommended([wheels._replace(rmse=0.09)])} == {None}
+
+
+def test_filters_that_are_worse_than_plain_wheels_are_named():
+    found = [drive(name, "slope: 5 %", rmse, 1.0) for name, rmse in (("wheels", 0.01), ("ekf", 0.02), ("ukf", 0.01))]
+    (row,) = TRACTION.worse(found)
+    assert (row.where, row.methods, row.rmse, row.than_rmse) == ("slopes", ("ekf",), (0.02,), (0.01,)) and not row.every
+    assert TRACTION.worse([found[0], found[1]])[0].every
+    assert TRACTION.worse([found[0], found[2]]) == []
+
+
+def test_a_filter_that_is_worse_for_being_told_the_right_ground_is_named():
+    right, wrong = "ground told: ice", "ground: ice, told asphalt"
+    found = [drive("ekf", right, 0.3, 1.0), drive("ekf", wrong, 0.1, 1.0)]
+    (row,) = TRACTION.worse(found)
+    assert (row.where, row.than, row.methods) == (right, wrong, ("ekf",))
+    assert TRACTION.worse([found[0]]) == TRACTION.worse([found[0], found[1]._replace(rmse=0.4)]) == []
+
+
+def test_the_pairs_of_grounds_differ_in_what_is_told_alone():
+    by_name = {condition.name: condition for condition in TRACTION.conditions}
+    for right, wrong in TRACTION.pairs:
+        right, wrong = by_name[right], by_name[wrong]
+        assert right.world == wrong.world and right.told == right.world.ground != wrong.told
+    assert len(TRACTION.pairs) == sum(condition.factor == "ground" for condition in TRACTION.conditions)
+
+
+@pytest.mark.parametrize("study", STUDIES.values(), ids=list(STUDIES))
+def test_every_remedy_names_conditions_that_there_are(study):
+    known = {name for condition in study.conditions for name in (condition.name, condition.factor)}
+    remedies = [remedy for situation in study.situations for remedy in situation.remedies]
+    assert remedies and all(set(remedy.conditions) <= known for remedy in remedies)

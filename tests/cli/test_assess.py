@@ -33,6 +33,19 @@ def test_the_study_of_traction(as_json, tmp_path, monkeypatch, capsys):
     assert "cm/s" in text and "64 KB of flash" in text and "ohmward-assess/traction/summary.csv" in text
 
 
+def test_what_is_not_recommended_is_said_in_text_page_and_json(as_json, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = ["assess", "traction", "--only", "rlma", "--only", "slope", "--only", "wheels", "--only", "ekf"]
+    words += ["--runs", "2", "--largest-error", "0.01"]
+    found = as_json(*words, "--report", "limits.html")
+    assert {row["method"] for row in found["recommended"]} == {None}
+    (sentence,) = found["worse"]
+    assert sentence.startswith("rlma, slopes: every filter is worse than wheels (")
+    assert main(words) == 0
+    for text in (capsys.readouterr().out, (tmp_path / "limits.html").read_text(encoding="utf-8")):
+        assert sentence in text and found["rule"] in text and "none; no row of this table helps" in text
+
+
 def test_a_study_that_there_is_not_is_answered_by_all(capsys):
     assert main(["assess", "range"]) == 2
     assert f"choose from {', '.join(map(repr, STUDIES))}" in capsys.readouterr().err

@@ -1,18 +1,25 @@
-"""The method for a subject, its conditions and a processor, chosen from the figures by rules that are stated here.
+"""The method for a subject, its conditions and a processor, by rules from the figures; and where a filter does harm.
 
 Of the methods whose step the processor can hold, the one with the smallest RMSE in the worst condition of the
-situation, among those whose band covers the truth there; where none covers, the smallest RMSE, and it is said.
+situation, among those whose band covers the truth there, whose RMSE is within a bar, and that are no worse than the
+plain method, where a study has one. Where there is none, the plain method without a band, if it is within the bar.
+Where it is not, none: the other rows show what helps, a larger processor or what the situation lacks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 #: A 95 % band that covers at least this share in every condition of the situation can be trusted.
 COVERS = 0.85
+#: Largest RMSE of a method that is recommended, unless said otherwise: 8 points of charge, 8 cm/s.
+LARGEST_RMSE = 0.08
+#: An RMSE that exceeds another by more than this factor is worse: less is the chance of the runs.
+WORSE = 1.05
 
 
 class MethodFigures(Protocol):
@@ -49,11 +56,19 @@ class MethodFigures(Protocol):
         ...
 
 
+class Remedy(NamedTuple):
+    """What a situation lacks, in words, and the conditions that have it: factors, or names of single ones."""
+
+    name: str
+    conditions: tuple[str, ...]
+
+
 class Situation(NamedTuple):
-    """Conditions that a designer meets together, by their factors."""
+    """Conditions that a designer meets together, by their factors, and what would spare him them."""
 
     name: str
     factors: tuple[str, ...]
+    remedies: tuple[Remedy, ...] = ()
 
 
 class Processor(NamedTuple):
@@ -63,44 +78,155 @@ class Processor(NamedTuple):
     operations: float
 
 
+_ANY = Processor("any", math.inf)
+
+
 class Recommendation(NamedTuple):
-    """A row of the table: the method, its RMSE in the worst condition, and the least that its band covers, or nan."""
+    """A row of the table.
+
+    method: None where there is none to recommend.
+    closest: the method, or where there is none that with the smallest RMSE: the next two figures are its.
+    worst_rmse: in the worst condition.
+    least_covered: by its band; nan without one.
+    helps: what makes a method possible where there is none, each by itself.
+    """
 
     subject: str
     situation: str
     processor: str
+    method: str | None
+    closest: str
+    worst_rmse: float
+    least_covered: float
+    helps: tuple[str, ...] = ()
+
+
+class Worse(NamedTuple):
+    """Methods that are worse than something simpler.
+
+    where: situation or condition.
+    methods, rmse: their names and errors.
+    than, than_rmse: what they are compared with, and each one's error there.
+    every: all methods that could be are.
+    """
+
+    subject: str
+    where: str
+    methods: tuple[str, ...]
+    rmse: tuple[float, ...]
+    than: str
+    than_rmse: tuple[float, ...]
+    every: bool
+
+
+class _Judged(NamedTuple):
+    """A method over the conditions of a situation: its largest RMSE, and the least that its band covers, or nan."""
+
     method: str
     worst_rmse: float
     least_covered: float
 
-    @property
-    def trusted(self) -> bool:
-        """True where the band can be trusted."""
-        return self.least_covered >= COVERS
+
+class Rules(NamedTuple):
+    """The rules of a study: the largest RMSE that is recommended, and the name of its plain method, if it has one."""
+
+    largest_rmse: float = LARGEST_RMSE
+    plain: str | None = None
+
+    def best(self, judged: Sequence[_Judged]) -> _Judged | None:
+        """The method to recommend, if any."""
+        plain = next((each for each in judged if each.method == self.plain), None)
+        bar = self.largest_rmse if plain is None else min(self.largest_rmse, WORSE * plain.worst_rmse)
+        holding = [each for each in judged if each.least_covered >= COVERS and each.worst_rmse <= bar]
+        if holding:
+            return min(holding, key=lambda each: each.worst_rmse)
+        return plain if plain is not None and plain.worst_rmse <= self.largest_rmse else None
 
 
 def recommend(
-    found: Sequence[MethodFigures], situations: Sequence[Situation], processors: Sequence[Processor]
+    found: Sequence[MethodFigures], situations: Sequence[Situation], processors: Sequence[Processor], rules: Rules
 ) -> list[Recommendation]:
     """A row for each subject, situation and processor of which there are figures."""
     rows = []
-    for subject in dict.fromkeys(f.subject for f in found):
+    for subject, of in _by_subject(found):
         for situation in situations:
-            here = [f for f in found if f.subject == subject and f.condition.split(": ")[0] in situation.factors]
             for processor in processors:
-                fitting = [f for f in here if f.operations <= processor.operations]
-                judged = [
-                    _judged(situation, processor, [f for f in fitting if f.method == method])
-                    for method in dict.fromkeys(f.method for f in fitting)
-                ]
-                if judged:
-                    rows.append(min(judged, key=lambda row: (not row.trusted, row.worst_rmse)))
+                judged = _judged(of, situation.factors, processor)
+                if not judged:
+                    continue
+                best = rules.best(judged)
+                closest = best or min(judged, key=lambda each: each.worst_rmse)
+                helps = () if best else _helps(of, situation, processor, processors, rules)
+                names = subject, situation.name, processor.name, best and best.method
+                rows.append(Recommendation(*names, *closest, helps))
     return rows
 
 
-def _judged(situation: Situation, processor: Processor, of: Sequence[MethodFigures]) -> Recommendation:
-    """A method over the conditions of a situation; without a number or a band it is the worst there can be."""
-    rmse = np.nan_to_num([f.rmse for f in of], nan=np.inf)
-    covered = np.array([f.covered for f in of])
-    least = float(np.nan_to_num(covered).min()) if np.isfinite(covered).any() else np.nan
-    return Recommendation(of[0].subject, situation.name, processor.name, of[0].method, float(rmse.max()), least)
+def worse_than_plain(found: Sequence[MethodFigures], situations: Sequence[Situation], plain: str) -> list[Worse]:
+    """Methods that are worse than the plain one, by subject and situation."""
+    rows = []
+    for subject, of in _by_subject(found):
+        for situation in situations:
+            rmse = {each.method: each.worst_rmse for each in _judged(of, situation.factors)}
+            plain_rmse = rmse.pop(plain, math.inf)
+            than = dict.fromkeys(rmse, plain_rmse)
+            rows += _worse(subject, situation.name, rmse, plain, than)
+    return rows
+
+
+def worse_when_given(found: Sequence[MethodFigures], pairs: Sequence[tuple[str, str]]) -> list[Worse]:
+    """Methods that are worse under the first condition of a pair, which gives them the truth, than under the second."""
+    rows = []
+    for subject, of in _by_subject(found):
+        for right, wrong in pairs:
+            rmse, than = ({each.method: each.worst_rmse for each in _judged(of, (name,))} for name in (right, wrong))
+            rows += _worse(subject, right, rmse, wrong, than)
+    return rows
+
+
+def _worse(
+    subject: str, where: str, rmse: Mapping[str, float], than: str, than_rmse: Mapping[str, float]
+) -> list[Worse]:
+    methods = tuple(name for name in rmse if rmse[name] > WORSE * than_rmse.get(name, math.inf))
+    if not methods:
+        return []
+    errors, than_errors = (tuple(each[name] for name in methods) for each in (rmse, than_rmse))
+    return [Worse(subject, where, methods, errors, than, than_errors, len(methods) == len(rmse))]
+
+
+def _helps(
+    of: Sequence[MethodFigures],
+    situation: Situation,
+    processor: Processor,
+    processors: Sequence[Processor],
+    rules: Rules,
+) -> tuple[str, ...]:
+    """Remedies, a larger processor, or where neither helps by itself both, that make a method possible."""
+    larger = [each for each in processors if each.operations > processor.operations]
+
+    def possible(conditions: Sequence[str], on: Sequence[Processor]) -> bool:
+        return any(rules.best(_judged(of, conditions, each)) for each in on)
+
+    helps = [remedy.name for remedy in situation.remedies if possible(remedy.conditions, [processor])]
+    if possible(situation.factors, larger):
+        helps.append("a larger processor")
+    both = [remedy.name for remedy in situation.remedies if possible(remedy.conditions, larger)]
+    return tuple(helps or [f"{name} and a larger processor" for name in both])
+
+
+def _by_subject(found: Sequence[MethodFigures]) -> Iterator[tuple[str, list[MethodFigures]]]:
+    for subject in dict.fromkeys(f.subject for f in found):
+        yield subject, [f for f in found if f.subject == subject]
+
+
+def _judged(of: Sequence[MethodFigures], conditions: Sequence[str], processor: Processor = _ANY) -> list[_Judged]:
+    """Methods that the processor holds; without a number or a band a method is the worst there can be."""
+    here = [f for f in of if f.operations <= processor.operations]
+    here = [f for f in here if f.condition in conditions or f.condition.split(": ")[0] in conditions]
+    rows = []
+    for method in dict.fromkeys(f.method for f in here):
+        rmse = np.nan_to_num([f.rmse for f in here if f.method == method], nan=math.inf)
+        covered = np.array([f.covered for f in here if f.method == method])
+        least = float(np.nan_to_num(covered).min()) if np.isfinite(covered).any() else math.nan
+        rows.append(_Judged(method, float(rmse.max()), least))
+    return rows

@@ -14,11 +14,21 @@ from ohmward_lab.assess.battery.cell import SocFigures, soc_cell
 from ohmward_lab.assess.battery.conditions import CONDITIONS, SITUATIONS
 from ohmward_lab.assess.battery.methods import METHODS, PROCESSORS
 from ohmward_lab.assess.battery.shifts import CHEMISTRIES
-from ohmward_lab.assess.recommendation import Processor, Recommendation, Situation, recommend
+from ohmward_lab.assess.recommendation import (
+    LARGEST_RMSE,
+    Processor,
+    Recommendation,
+    Rules,
+    Situation,
+    Worse,
+    recommend,
+    worse_than_plain,
+    worse_when_given,
+)
 from ohmward_lab.assess.traction.cell import SlipFigures, slip_cell
-from ohmward_lab.assess.traction.conditions import DRIVE_CONDITIONS, DRIVE_SITUATIONS
+from ohmward_lab.assess.traction.conditions import DRIVE_CONDITIONS, DRIVE_SITUATIONS, GROUND_PAIRS
 from ohmward_lab.assess.traction.drives import ROBOTS
-from ohmward_lab.assess.traction.methods import OBSERVER_PROCESSORS, SLIP_METHODS
+from ohmward_lab.assess.traction.methods import OBSERVER_PROCESSORS, PLAIN, SLIP_METHODS
 
 _BETWEEN = " | "
 
@@ -30,6 +40,8 @@ class Study(NamedTuple):
     subjects, conditions, methods: that are crossed; each condition and method has a `name`.
     figures: fields of a row; `cell(subject, condition, method, runs, seed)` gives it.
     situations, processors: for which a method is recommended.
+    plain: method that every other one is compared with, if there is one.
+    pairs: conditions that differ in what the method is given alone: the truth, and something else.
     """
 
     name: str
@@ -42,6 +54,8 @@ class Study(NamedTuple):
     cell: Callable[[str, Any, Any, int, int], Any]
     situations: tuple[Situation, ...]
     processors: tuple[Processor, ...]
+    plain: str | None = None
+    pairs: tuple[tuple[str, str], ...] = ()
 
     def items(self, only: Sequence[str] = ()) -> list[str]:
         """Names of the items: all, or those in whose name each of these words stands; of one kind are alternatives.
@@ -66,9 +80,14 @@ class Study(NamedTuple):
             if method.name in methods
         ]
 
-    def recommended(self, found: Sequence[Any]) -> list[Recommendation]:
-        """The method for each subject, situation and processor."""
-        return recommend(found, self.situations, self.processors)
+    def recommended(self, found: Sequence[Any], largest_rmse: float = LARGEST_RMSE) -> list[Recommendation]:
+        """The method for each subject, situation and processor, or none."""
+        return recommend(found, self.situations, self.processors, Rules(largest_rmse, self.plain))
+
+    def worse(self, found: Sequence[Any]) -> list[Worse]:
+        """Methods that are worse than the plain one, or worse with the truth than without."""
+        plainly = [] if self.plain is None else worse_than_plain(found, self.situations, self.plain)
+        return plainly + worse_when_given(found, self.pairs)
 
 
 STUDIES: Mapping[str, Study] = {
@@ -95,6 +114,8 @@ STUDIES: Mapping[str, Study] = {
         slip_cell,
         DRIVE_SITUATIONS,
         OBSERVER_PROCESSORS,
+        PLAIN,
+        GROUND_PAIRS,
     ),
 }
 

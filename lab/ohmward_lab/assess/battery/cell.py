@@ -22,8 +22,9 @@ from ohmward_lab.assess.draws import signs
 SETTLED_S = 3600.0
 #: A start has been found when the error stays within this for good.
 FOUND = 0.05
-#: Told with a start that is known, right or wrong: `SocEstimator` takes this for granted too.
-_START_STD = 0.03
+#: Given with a start that is wrong: `SocEstimator` assumes it too. Given with one that is right: the first voltage then
+#: moves it by no more than the chance that an estimator leaves for any value to be wrong.
+_START_STD, _RIGHT_START_STD = 0.03, 1e-4
 #: Samples of all lanes at once: some hundred megabytes with all that belongs to them.
 _MOST_SAMPLES = 1 << 20
 
@@ -61,6 +62,7 @@ def soc_cell(chemistry: str, condition: Condition, method: SocMethod, runs: int,
     samples, truth = measured(chemistry, condition, runs, seed)
     kernel, estimator = _compiled(chemistry, method.name)
     told = np.clip(truth[0] + signs(runs) * (condition.start_error or 0.0), 0.0, 1.0)
+    start_std = _RIGHT_START_STD if condition.start_error == 0.0 else _START_STD
     length = len(truth)
     width = max(1, _MOST_SAMPLES // length)
     soc, std, spent_s = np.empty_like(truth), np.empty_like(truth), 0.0
@@ -71,7 +73,7 @@ def soc_cell(chemistry: str, condition: Condition, method: SocMethod, runs: int,
         for run in range(lanes.start, lanes.stop):
             beginning = SocSample(0.0, *(float(values[0, run]) for values in samples[1:]))
             start = None if condition.start_error is None else float(told[run])
-            states.append(estimator.init(beginning, start, _START_STD))
+            states.append(estimator.init(beginning, start, start_std))
         began = time.perf_counter()
         _, (soc[:, lanes], std[:, lanes]) = kernel.scan_lanes(side_by_side(states), part)
         spent_s += time.perf_counter() - began

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ohmward_lab.assess.recommendation import Situation
+from ohmward_lab.assess.recommendation import Remedy, Situation
 
 
 class Truth(NamedTuple):
@@ -77,12 +77,28 @@ CONDITIONS: tuple[Condition, ...] = (
 )
 
 _SENSOR = ("base", "current noise", "voltage noise", "voltage converter", "lost samples")
+
+
+def _as_in_the_base_case(name: str) -> tuple[Remedy, ...]:
+    return (Remedy(name, (BASE.factor,)),)
+
+
 SITUATIONS = (
     Situation("laboratory", ("laboratory",)),
-    Situation("everyday sensors, noisy or coarse", _SENSOR),
-    Situation("the start is wrong or not known", ("start",)),
-    Situation("current sensor with offset and gain", ("current offset", "current gain")),
-    Situation("samples seldom or out of step", ("interval", "voltage late")),
-    Situation("cold or hot", ("temperature",)),
-    Situation("less capacity than told, aged", ("capacity less", "age")),
+    Situation(
+        "everyday sensors, noisy or coarse", _SENSOR, (Remedy("sensor and start of the laboratory", ("laboratory",)),)
+    ),
+    Situation("the start is wrong or not known", ("start",), _as_in_the_base_case("a start that is right to 5 points")),
+    Situation(
+        "current sensor with offset and gain",
+        ("current offset", "current gain"),
+        _as_in_the_base_case("a better current sensor"),
+    ),
+    Situation(
+        "samples seldom or out of step", ("interval", "voltage late"), _as_in_the_base_case("samples every second")
+    ),
+    Situation("cold or hot", ("temperature",), _as_in_the_base_case("a battery at 25 degC")),
+    Situation(
+        "less capacity than told, aged", ("capacity less", "age"), _as_in_the_base_case("a file of the aged battery")
+    ),
 )

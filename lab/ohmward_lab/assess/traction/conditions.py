@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ohmward.traction.speed_observer.default_observer import DEFAULT_TERRAIN
-from ohmward_lab.assess.recommendation import Situation
+from ohmward_lab.assess.recommendation import Remedy, Situation
 
 
 class World(NamedTuple):
@@ -78,7 +78,8 @@ DRIVE_CONDITIONS: tuple[DriveCondition, ...] = (
     BASE_DRIVE,
     *(DriveCondition("ground", f"{name}, told asphalt", World(name)) for name in ("gravel", "wet asphalt", "ice")),
     DriveCondition("ground", "sand, told asphalt", World("LETE sand")),
-    DriveCondition("ground", "ice, told", World("ice"), told="ice"),
+    *(DriveCondition("ground told", name, World(name), told=name) for name in ("gravel", "wet asphalt", "ice")),
+    DriveCondition("ground told", "sand", World("LETE sand"), told="LETE sand"),
     DriveCondition("patches of ice", "under all wheels", _ICE),
     DriveCondition("patches of ice", "under the left wheels", _ICE._replace(one_side=True)),
     DriveCondition("ice and more sensors", "encoders on free wheels", _ICE, all_encoders=True),
@@ -105,15 +106,36 @@ DRIVE_CONDITIONS: tuple[DriveCondition, ...] = (
     *(DriveCondition("lost samples", f"{share:.0%}", missing=share) for share in (0.05, 0.3)),
 )
 
+#: Names of conditions that differ in the ground alone that the observer is told: the true one, and another.
+GROUND_PAIRS = tuple(
+    (right.name, wrong.name)
+    for right in DRIVE_CONDITIONS
+    for wrong in DRIVE_CONDITIONS
+    if wrong.told != right.told == right.world.ground
+    and wrong == right._replace(factor=wrong.factor, level=wrong.level, told=wrong.told)
+)
+
+
+def _as_in_the_base_case(name: str) -> tuple[Remedy, ...]:
+    return (Remedy(name, (BASE_DRIVE.factor,)),)
+
+
+_FOR_ICE = (
+    Remedy("encoders on free wheels", ("ice and more sensors: encoders on free wheels",)),
+    Remedy("a speed from outside at 10 Hz", ("ice and more sensors: speed from outside at 10 Hz",)),
+)
 DRIVE_SITUATIONS = (
     Situation("ground and robot as in their files", ("base",)),
-    Situation("another ground than told", ("ground",)),
-    Situation("patches of ice", ("patches of ice",)),
-    Situation("patches of ice, more sensors", ("ice and more sensors",)),
-    Situation("slopes", ("slope",)),
-    Situation("worn wheels, a load", ("wheel radius", "mass")),
-    Situation("motor currents wrong, noisy or none", ("motor current",)),
-    Situation("gyro off or none, or an attitude filter", ("IMU",)),
-    Situation("coarse encoders, glitches", ("encoders",)),
-    Situation("samples seldom or lost", ("interval", "lost samples")),
+    Situation("another ground than told", ("ground",), (Remedy("the ground told right", ("ground told",)),)),
+    Situation("another ground than asphalt, told", ("ground told",)),
+    Situation("patches of ice", ("patches of ice",), _FOR_ICE),
+    Situation("patches of ice, more sensors", ("ice and more sensors",), _FOR_ICE),
+    Situation("slopes", ("slope",), (Remedy("an attitude filter", ("IMU: with pitch, slope 15 %",)),)),
+    Situation("worn wheels, a load", ("wheel radius", "mass"), _as_in_the_base_case("calibration")),
+    Situation(
+        "motor currents wrong, noisy or none", ("motor current",), _as_in_the_base_case("better current sensors")
+    ),
+    Situation("gyro off or none, or an attitude filter", ("IMU",), _as_in_the_base_case("level ground and a gyro")),
+    Situation("coarse encoders, glitches", ("encoders",), _as_in_the_base_case("better encoders")),
+    Situation("samples seldom or lost", ("interval", "lost samples"), _as_in_the_base_case("50 samples a second")),
 )

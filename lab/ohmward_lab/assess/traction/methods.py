@@ -86,8 +86,11 @@ def _of_filter(name: str, title: str) -> SlipMethod:
     return SlipMethod(name, title, partial(_filtered, name=name))
 
 
+#: The method without a filter.
+PLAIN = "wheels"
+
 SLIP_METHODS: tuple[SlipMethod, ...] = (
-    SlipMethod("wheels", "the wheels are believed to roll without slip", lambda robot, ground: WheelsAlone(robot)),
+    SlipMethod(PLAIN, "the wheels are believed to roll without slip", lambda robot, ground: WheelsAlone(robot)),
     _of_filter("ekf", "extended Kalman filter"),
     _of_filter("aekf", "extended, the encoders' noise is matched"),
     _of_filter("ukf", "unscented Kalman filter, the default"),

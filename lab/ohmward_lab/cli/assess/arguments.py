@@ -5,14 +5,15 @@ from __future__ import annotations
 import argparse
 
 from ohmward.cli.options import add_output_options
-from ohmward.cli.parser import count
+from ohmward.cli.parser import count, positive
+from ohmward_lab.assess.recommendation import LARGEST_RMSE
 
 EXAMPLES = """\
   ohmward assess --report limits.html
   ohmward assess --only lfp --only "current offset" --runs 50
   ohmward assess --only ekf --only default --json
   ohmward assess traction --report limits.html
-  ohmward assess traction --only rlma --only "patches of ice"
+  ohmward assess traction --only rlma --only "patches of ice" --largest-error 5
 """
 
 
@@ -42,6 +43,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--seed", type=count, default=1, metavar="N", help="another one draws other runs (default %(default)s)"
+    )
+    parser.add_argument(
+        "--largest-error",
+        type=positive,
+        default=100.0 * LARGEST_RMSE,
+        metavar="ERROR",
+        help="largest RMSE of a method that is recommended: points of charge, or cm/s (default %(default)g)",
     )
     parser.add_argument(
         "-o",

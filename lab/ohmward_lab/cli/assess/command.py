@@ -28,5 +28,5 @@ def run(args: argparse.Namespace) -> Outcome:
             args.processes or os.cpu_count() or 1,
             report and (lambda done, total: report(f"{done:,} of {total:,} cells", done / total)),
         )
-    assessed = Assessed(study, args.runs, args.seed, folder, found)
+    assessed = Assessed(study, args.runs, args.seed, folder, found, args.largest_error / 100.0)
     return Outcome(summary(assessed), describe(assessed), page=partial(make_page, assessed))

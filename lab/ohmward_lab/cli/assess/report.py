@@ -8,9 +8,8 @@ from typing import Any
 from ohmward.cli.report_parts import FOOTER
 from ohmward.report import Page
 from ohmward.report.blocks import HeatCell
-from ohmward_lab.assess import recommendation
 from ohmward_lab.cli.assess.heat import HEATS, Heat, grid
-from ohmward_lab.cli.assess.result import Assessed, recommended
+from ohmward_lab.cli.assess.result import Assessed, recommended, rule, worse
 
 
 def make_page(assessed: Assessed) -> Page:
@@ -18,8 +17,9 @@ def make_page(assessed: Assessed) -> Page:
     study, found = assessed.study, assessed.found
     page = Page(f"Limits of the methods: {study.name}", f"{assessed.headline}, seed {assessed.seed}", FOOTER)
     page = page.heading("Recommendation")
-    page = page.text(" ".join((recommendation.__doc__ or "").split("\n\n")[1].split()))
-    page = page.table(*recommended(study, found))
+    page = page.text(rule(assessed)).table(*recommended(assessed))
+    for sentence in worse(assessed):
+        page = page.text(sentence)
     for subject in dict.fromkeys(row.subject for row in found):
         page = page.heading(subject)
         for heat in HEATS[study.name]:
