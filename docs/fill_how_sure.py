@@ -7,7 +7,6 @@ pulse test.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from itertools import groupby
 from pathlib import Path
@@ -21,6 +20,7 @@ from ohmward.battery.chemistries import CHEMISTRIES, ChemistryPrior, CurvePrior,
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.band_forecast import TEMPERATURES_DEGC, BandForecast, forecast, forecasts_after_tests
+from ohmward.export.comments import field_comments
 
 PAGE = Path(__file__).parent / "how-sure.md"
 CAPACITY_AH, N_SERIES = 12.0, 4

@@ -6,6 +6,7 @@ reStructuredText that autodoc wants. A record is shown with the meanings that st
 
 from __future__ import annotations
 
+import inspect
 import re
 import sys
 from collections.abc import Iterator
@@ -43,7 +44,7 @@ def skip(app: Sphinx, what: str, name: str, value: object, skipped: bool, option
 
 def _behind_fields(cls: type) -> dict[str, str]:
     """Meanings that stand behind fields, not in the docstring."""
-    found = field_comments(cls) if cls.__module__.startswith("ohmward") and cls.__dict__.get("__annotations__") else {}
+    found = field_comments(cls) if cls.__module__.startswith("ohmward") and inspect.get_annotations(cls) else {}
     listed = cls.__doc__ or ""
     return {name: text for name, text in found.items() if not re.search(rf"\b{name}(?:, \w+)*: ", listed)}
 

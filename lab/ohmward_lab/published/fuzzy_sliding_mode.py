@@ -43,14 +43,10 @@ class FuzzyMemory(NamedTuple):
 
 @dataclass(frozen=True)
 class FuzzySlidingMode:
-    """Settings of the law.
+    """Settings of the law."""
 
-    Attributes:
-        sliding: the law that is adapted.
-        gain_rules, layer_rules: (3, 3) shares of k and Phi, > 0; those of k for large sigma are at least 1.
-    """
-
-    sliding: SlidingMode
+    sliding: SlidingMode  #: the law that is adapted
+    #: (3, 3) shares of k and Phi, > 0; those of k for large sigma are at least 1
     gain_rules: Rules = GAIN_RULES
     layer_rules: Rules = LAYER_RULES
 

@@ -39,20 +39,13 @@ class SlipDynamics(NamedTuple):
 
 @dataclass(frozen=True)
 class SlipRatioSlidingMode:
-    """Settings of the law.
+    """Settings of the law."""
 
-    Attributes:
-        uncertainty: that the gain has to outweigh.
-        reaching_per_s: eta, > 0.
-        layer: phi_0, least layer as a slip ratio, > 0.
-        floor_m_s: least V, > 0.
-        time_constant_s: T, of the slip inside the layer, >= 0; 0 and steps of no time leave the layer at phi_0.
-    """
-
-    uncertainty: Uncertainty
-    reaching_per_s: float = 1.0
-    layer: float = 0.02
-    floor_m_s: float = 0.05
+    uncertainty: Uncertainty  #: that the gain has to outweigh
+    reaching_per_s: float = 1.0  #: eta, > 0
+    layer: float = 0.02  #: phi_0, least layer as a slip ratio, > 0
+    floor_m_s: float = 0.05  #: least V, > 0
+    #: T, of the slip inside the layer, >= 0; 0 and steps of no time leave the layer at phi_0
     time_constant_s: float = 0.005
 
     def __post_init__(self) -> None:

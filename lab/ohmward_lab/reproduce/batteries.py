@@ -35,16 +35,11 @@ _RAMP_S = 1.0
 
 
 class TestedBattery(NamedTuple):
-    """A battery, the log of its test and the log to estimate along.
+    """A battery, the log of its test and the log to estimate along."""
 
-    battery: that was simulated.
-    bench: pulse test; its extra column `soc_true` is the truth.
-    drive: the robot's discharge, likewise.
-    """
-
-    battery: SimulatedBattery
-    bench: Log
-    drive: Log
+    battery: SimulatedBattery  #: that was simulated
+    bench: Log  #: pulse test; its extra column `soc_true` is the truth
+    drive: Log  #: the robot's discharge, likewise
 
     @property
     def truth(self) -> np.ndarray:

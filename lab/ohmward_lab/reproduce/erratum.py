@@ -7,20 +7,13 @@ from typing import NamedTuple
 
 
 class Erratum(NamedTuple):
-    """An error in the text we worked from.
+    """An error in the text we worked from."""
 
-    text: "[T]" or "[P]".
-    place: number of the equation.
-    printed: what stands there.
-    correct: what it must be.
-    check: True where the correct form holds and the printed one does not.
-    """
-
-    text: str
-    place: str
-    printed: str
-    correct: str
-    check: Callable[[], bool]
+    text: str  #: "[T]" or "[P]"
+    place: str  #: number of the equation
+    printed: str  #: what stands there
+    correct: str  #: what it must be
+    check: Callable[[], bool]  #: True where the correct form holds and the printed one does not
 
 
 def differs(printed: float, correct: float, true: float, tolerance: float) -> bool:

@@ -35,16 +35,12 @@ FLOOR = 1e-6
 
 
 class CurrentDrive(NamedTuple):
-    """Currents of the motors over time.
+    """Currents of the motors over time."""
 
-    title: in words.
-    speed: wanted speed [m/s] over time (T,), which is where the current comes from.
-    steer_A: current that the right motor has more than the left, over time (T,).
-    """
-
-    title: str
+    title: str  #: in words
+    #: wanted speed [m/s] over time (T,), which is where the current comes from
     speed: Callable[[np.ndarray], np.ndarray]
-    steer_A: Callable[[np.ndarray], np.ndarray]
+    steer_A: Callable[[np.ndarray], np.ndarray]  #: current that the right motor has more than the left, over time (T,)
 
 
 DRIVES = {

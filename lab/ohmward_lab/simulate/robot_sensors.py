@@ -31,33 +31,26 @@ PITCH = Sensor(low=-1.6, high=1.6, resolution=1e-4, noise_std=0.0017, offset=0.0
 class RobotSensors:
     """One board: encoders, motor currents, gyro and accelerometer (MEMS class), and its link.
 
-    Attributes:
-        interval_s: between samples.
-        delay_s, jitter_s: a frame is under way for delay_s plus an even share of jitter_s, and may be overtaken.
-        drop_share: share of the frames that never arrive.
-        encoder_wheels: wheels with an encoder, in the order of the truth; encoders of driven wheels only are (0, 1).
-        counts_per_turn: of each encoder.
-        motor_wheels: wheels with a motor whose current is measured.
-        torque_constant_N_m_per_A: torque at the wheel over motor current (K_m times gear ratio and efficiency).
-        motor_current, gyro, accelerometer: their errors [A, rad/s, m/s^2], drawn anew for each wheel and axis.
-        pitch: error of an attitude filter [rad]; None where there is none.
-
     Raises:
         InputError: a value out of its range.
     """
 
-    interval_s: float = 0.01
+    interval_s: float = 0.01  #: between samples
+    #: a frame is under way for delay_s plus an even share of jitter_s, and may be overtaken
     delay_s: float = 0.0
     jitter_s: float = 0.0
-    drop_share: float = 0.0
+    drop_share: float = 0.0  #: share of the frames that never arrive
+    #: wheels with an encoder, in the order of the truth; encoders of driven wheels only are (0, 1)
     encoder_wheels: tuple[int, ...] = (0, 1, 2, 3)
-    counts_per_turn: int = 4096
-    motor_wheels: tuple[int, ...] = (0, 1)
+    counts_per_turn: int = 4096  #: of each encoder
+    motor_wheels: tuple[int, ...] = (0, 1)  #: wheels with a motor whose current is measured
+    #: torque at the wheel over motor current (K_m times gear ratio and efficiency)
     torque_constant_N_m_per_A: float = RLMA.motor.torque_constant_Nm_per_A
+    #: their errors [A, rad/s, m/s^2], drawn anew for each wheel and axis
     motor_current: Sensor = MOTOR_CURRENT
     gyro: Sensor = GYRO
     accelerometer: Sensor = ACCELEROMETER
-    pitch: Sensor | None = None
+    pitch: Sensor | None = None  #: error of an attitude filter [rad]; None where there is none
 
     def __post_init__(self) -> None:
         require_each_positive("robot_sensors.", self, "interval_s", "counts_per_turn", "torque_constant_N_m_per_A")
@@ -69,22 +62,17 @@ class RobotSensors:
 
 
 class SensorFrame(NamedTuple):
-    """Measurements of the board at one instant.
+    """Measurements of the board at one instant."""
 
-    time_s, arrival_s: times [s] at which it was taken, and at which it arrives.
-    encoder_count: one for each of `encoder_wheels`, counted from the reset, whole numbers.
-    motor_current_A: one for each of `motor_wheels`, > 0 drives forward.
-    gyro_rad_s, specific_force_m_s2: (3,) forward, left, up.
-    pitch_rad: > 0 with the nose up; nan without an attitude filter.
-    """
-
+    #: times [s] at which it was taken, and at which it arrives
     time_s: float
     arrival_s: float
-    encoder_count: np.ndarray
-    motor_current_A: np.ndarray
+    encoder_count: np.ndarray  #: one for each of `encoder_wheels`, counted from the reset, whole numbers
+    motor_current_A: np.ndarray  #: one for each of `motor_wheels`, > 0 drives forward
+    #: (3,) forward, left, up
     gyro_rad_s: np.ndarray
     specific_force_m_s2: np.ndarray
-    pitch_rad: float = math.nan
+    pitch_rad: float = math.nan  #: > 0 with the nose up; nan without an attitude filter
 
 
 class Board(NamedTuple):

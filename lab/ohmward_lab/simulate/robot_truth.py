@@ -14,44 +14,31 @@ WHEELS = ("front left", "front right", "rear left", "rear right")
 
 
 class RobotTruth(NamedTuple):
-    """One instant; wheels in the order of the robot. Stacked over time every field gets (T,) in front.
+    """One instant; wheels in the order of the robot. Stacked over time every field gets (T,) in front."""
 
-    time_s: since the reset [s].
-    position_m: (3,) of the robot's centre at axle height, in the world: x uphill, y to the left, z off the ground [m].
-    heading_rad: 0 along x, > 0 to the left.
-    speed_m_s, lateral_speed_m_s: of the centre, forward and to the left.
-    yaw_rate_rad_s: > 0 to the left.
-    wheel_angle_rad, wheel_speed_rad_s: (wheels,), > 0 forward.
-    torque_N_m: (wheels,) of the motors on the wheels.
-    wheel_centre_speed_m_s: (wheels,) forward speed of the wheel's centre, v_f.
-    slip_speed_m_s: (wheels,) s = r omega - v_f.
-    slip_ratio: (wheels,) s / max(|r omega|, |v_f|), NaN below the floor of `traction.slip`.
-    traction_N, lateral_N, normal_N: (wheels,) force of the ground on the wheel, forward, to the left, up.
-    friction: (wheels,) adhesion under the wheel.
-    grade_rad: slope of the ground, > 0 where x leads uphill.
-    gyro_rad_s: (3,) angular velocity about forward, left, up.
-    specific_force_m_s2: (3,) of an ideal accelerometer, forward, left, up; 9.81 up at rest on level ground.
-    """
-
-    time_s: Any
+    time_s: Any  #: since the reset [s]
+    #: (3,) of the robot's centre at axle height, in the world: x uphill, y to the left, z off the ground [m]
     position_m: Any
-    heading_rad: Any
+    heading_rad: Any  #: 0 along x, > 0 to the left
+    #: of the centre, forward and to the left
     speed_m_s: Any
     lateral_speed_m_s: Any
-    yaw_rate_rad_s: Any
+    yaw_rate_rad_s: Any  #: > 0 to the left
+    #: (wheels,), > 0 forward
     wheel_angle_rad: Any
     wheel_speed_rad_s: Any
-    torque_N_m: Any
-    wheel_centre_speed_m_s: Any
-    slip_speed_m_s: Any
-    slip_ratio: Any
+    torque_N_m: Any  #: (wheels,) of the motors on the wheels
+    wheel_centre_speed_m_s: Any  #: (wheels,) forward speed of the wheel's centre, v_f
+    slip_speed_m_s: Any  #: (wheels,) s = r omega - v_f
+    slip_ratio: Any  #: (wheels,) s / max(|r omega|, |v_f|), NaN below the floor of `traction.slip`
+    #: (wheels,) force of the ground on the wheel, forward, to the left, up
     traction_N: Any
     lateral_N: Any
     normal_N: Any
-    friction: Any
-    grade_rad: Any
-    gyro_rad_s: Any
-    specific_force_m_s2: Any
+    friction: Any  #: (wheels,) adhesion under the wheel
+    grade_rad: Any  #: slope of the ground, > 0 where x leads uphill
+    gyro_rad_s: Any  #: (3,) angular velocity about forward, left, up
+    specific_force_m_s2: Any  #: (3,) of an ideal accelerometer, forward, left, up; 9.81 up at rest on level ground
 
 
 def stack(truths: Sequence[RobotTruth]) -> RobotTruth:

@@ -13,20 +13,14 @@ from ohmward.checks import require_each_not_negative, require_positive
 class Telemetry:
     """A logger with jitter and dropouts.
 
-    Attributes:
-        interval_s: nominal interval.
-        jitter_std_s: of each sample about its nominal time, limited to 0.4 intervals.
-        dropouts_per_hour: mean number of dropouts (Poisson).
-        dropout_mean_s: mean duration of a dropout (exponential).
-
     Raises:
         InputError: a value out of its range.
     """
 
-    interval_s: float = 1.0
-    jitter_std_s: float = 0.05
-    dropouts_per_hour: float = 1.0
-    dropout_mean_s: float = 25.0
+    interval_s: float = 1.0  #: nominal interval
+    jitter_std_s: float = 0.05  #: of each sample about its nominal time, limited to 0.4 intervals
+    dropouts_per_hour: float = 1.0  #: mean number of dropouts (Poisson)
+    dropout_mean_s: float = 25.0  #: mean duration of a dropout (exponential)
 
     def __post_init__(self) -> None:
         require_positive("telemetry.interval_s", self.interval_s)

@@ -29,19 +29,12 @@ class PidMemory(NamedTuple):
 
 @dataclass(frozen=True)
 class SlipPid:
-    """Settings of the law.
+    """Settings of the law."""
 
-    Attributes:
-        proportional_Nm: K_p, torque per unit of slip ratio, >= 0.
-        integral_Nm_per_s: K_i, >= 0.
-        derivative_Nm_s: K_d, >= 0.
-        derivative_lag_s: > 0.
-    """
-
-    proportional_Nm: float = 30.0
-    integral_Nm_per_s: float = 1000.0
-    derivative_Nm_s: float = 0.0
-    derivative_lag_s: float = 0.005
+    proportional_Nm: float = 30.0  #: K_p, torque per unit of slip ratio, >= 0
+    integral_Nm_per_s: float = 1000.0  #: K_i, >= 0
+    derivative_Nm_s: float = 0.0  #: K_d, >= 0
+    derivative_lag_s: float = 0.005  #: > 0
 
     def __post_init__(self) -> None:
         require_each_not_negative("slip_pid.", self, "proportional_Nm", "integral_Nm_per_s", "derivative_Nm_s")

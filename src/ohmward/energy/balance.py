@@ -28,16 +28,12 @@ DRIVE_TERMS = ("idle", "copper", "drive", "slip", "rolling", "climb", "kinetic",
 
 
 class DriveEnergy(NamedTuple):
-    """Energy of a whole drive.
+    """Energy of a whole drive."""
 
-    balance: energy [J].
-    std_J: standard deviation of each term that has one, as if its error lasted from start to end: an upper bound.
-    regenerated_J: that flowed into the battery, >= 0; the rest of the braking is in the losses.
-    """
-
-    balance: EnergyBalance
+    balance: EnergyBalance  #: energy [J]
+    #: standard deviation of each term that has one, as if its error lasted from start to end: an upper bound
     std_J: dict[str, float]
-    regenerated_J: float
+    regenerated_J: float  #: that flowed into the battery, >= 0; the rest of the braking is in the losses
 
 
 class ObservedMotion(Protocol):

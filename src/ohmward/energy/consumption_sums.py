@@ -6,14 +6,10 @@ from typing import NamedTuple
 
 
 class Variance(NamedTuple):
-    """A variance with an inverse-gamma distribution.
+    """A variance with an inverse-gamma distribution."""
 
-    dof: degrees of freedom with which it is known.
-    scale: dof times its usual value.
-    """
-
-    dof: float
-    scale: float
+    dof: float  #: degrees of freedom with which it is known
+    scale: float  #: dof times its usual value
 
     @property
     def value(self) -> float:

@@ -33,51 +33,34 @@ _CHOICES = frozenset({"minimum", "maximum", "where", "sign"})
 
 
 class VoltageStartPrograms(NamedTuple):
-    """Start from the first voltage, see `VoltageStart`.
+    """Start from the first voltage, see `VoltageStart`."""
 
-    expected: voltage expected at one state of charge, (soc, sample) -> `ExpectedVoltage`.
-    state:    (sample, *hypotheses) -> state.
-    """
-
-    expected: Program
-    state: Program
+    expected: Program  #: voltage expected at one state of charge, (soc, sample) -> `ExpectedVoltage`
+    state: Program  #:    (sample, *hypotheses) -> state
 
 
 class Export(NamedTuple):
-    """An estimator or controller, traced for export.
+    """An estimator or controller, traced for export."""
 
-    name:    prefix of the symbols and files.
-    title:   its description in one line.
-    step, start: as traced, see `c_source`.
-    flags:   meanings of the bits of the output's flags.
-    arguments: values of the start's arguments after the sample, for the test.
-    samples: (T, m) of the test vectors.
-    loops:   the step as loops; None where it is a straight line.
-    voltage_start: start from the first voltage, which a file of Python has; None where it cannot be traced.
-    """
-
-    name: str
-    title: str
+    name: str  #:    prefix of the symbols and files
+    title: str  #:   its description in one line
+    #: as traced, see `c_source`
     step: Program
     start: Program
-    flags: type[IntFlag]
-    arguments: tuple[float, ...]
-    samples: np.ndarray
-    loops: Loops | None = None
+    flags: type[IntFlag]  #:   meanings of the bits of the output's flags
+    arguments: tuple[float, ...]  #: values of the start's arguments after the sample, for the test
+    samples: np.ndarray  #: (T, m) of the test vectors
+    loops: Loops | None = None  #:   the step as loops; None where it is a straight line
+    #: start from the first voltage, which a file of Python has; None where it cannot be traced
     voltage_start: VoltageStartPrograms | None = None
 
 
 class Size(NamedTuple):
-    """Memory of a library on a microcontroller [bytes]; the state is exact, flash an estimate for Thumb-2 and -Os.
+    """Memory of a library on a microcontroller [bytes]; the state is exact, flash an estimate for Thumb-2 and -Os."""
 
-    operations: number of operations in its straight lines.
-    flash: code and tables.
-    state: one state.
-    """
-
-    operations: int
-    flash: int
-    state: int
+    operations: int  #: number of operations in its straight lines
+    flash: int  #: code and tables
+    state: int  #: one state
 
 
 def size(export: Export) -> Size:

@@ -16,6 +16,7 @@ import inspect
 import re
 from collections.abc import Iterator
 from enum import IntFlag
+from textwrap import dedent
 
 from ohmward.trace.structure import Branch, Leaf, Structure
 
@@ -51,7 +52,7 @@ def flag_comments(flags: type[IntFlag]) -> dict[str, str]:
 def _beside_fields(cls: type) -> Iterator[tuple[str, str]]:
     above: list[str] = []
     last_was_comment = False
-    for line in inspect.cleandoc(inspect.getsource(cls)).splitlines():
+    for line in dedent(inspect.getsource(cls)).splitlines():
         if line.startswith(_ABOVE):
             above = [*above, line[len(_ABOVE) :]] if last_was_comment else [line[len(_ABOVE) :]]
         elif (field := _FIELD.match(line)) is not None:

@@ -39,26 +39,21 @@ _HEAD_ROWS = 200
 
 
 class CsvLayout(NamedTuple):
-    """Column names and the rows of a text table.
-
-    delimiter: one character.  split: makes a line one of cells between delimiters, where it is not so.
-    marks: notation of the numbers.  units: column -> unit that stands in its cells.
-    skip_lines: lines before the first row.  encoding: of the text.
-    head: column -> its first cells.  timezone, interval_s: that the text names, or None.
-    leading: empty cells before each row, by which rows of steps and cycles between them are told.
-    """
+    """Column names and the rows of a text table."""
 
     names: tuple[str, ...]
-    delimiter: str
-    marks: Marks
-    skip_lines: int
+    delimiter: str  #: one character.  split: makes a line one of cells between delimiters, where it is not so.
+    marks: Marks  #: notation of the numbers.  units: column -> unit that stands in its cells.
+    skip_lines: int  #: lines before the first row.  encoding: of the text.
     encoding: str = "utf-8-sig"
     split: Callable[[str], str] | None = None
     units: Mapping[str, Unit] = {}
+    #: column -> its first cells.  timezone, interval_s: that the text names, or None.
     head: Mapping[str, tuple[str, ...]] = {}
+
     timezone: str | None = None
     interval_s: float | None = None
-    leading: int = 0
+    leading: int = 0  #: empty cells before each row, by which rows of steps and cycles between them are told
 
     @property
     def plain(self) -> bool:

@@ -16,16 +16,12 @@ _PRESENT = _BATTERY_STATE.index("present")
 
 
 class KnownTable(NamedTuple):
-    """A table that its columns give away.
+    """A table that its columns give away."""
 
-    columns: all of which it has.  time: the column of its time.  units: quantity -> unit.
-    positive_current: "charge" or "discharge".
-    """
-
-    columns: frozenset[str]
+    columns: frozenset[str]  #: all of which it has.  time: the column of its time.  units: quantity -> unit.
     time: str
     units: Mapping[str, str]
-    positive_current: str | None = None
+    positive_current: str | None = None  #: "charge" or "discharge"
 
 
 _KNOWN = (

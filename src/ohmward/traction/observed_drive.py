@@ -41,92 +41,70 @@ FAULTS = ("bad_time", "gap", "no_current", "no_encoder", "encoder_stopped", "spe
 
 
 class OnFloors(NamedTuple):
-    """Slip of a drive on learnt floors.
+    """Slip of a drive on learnt floors."""
 
-    track: of the floors' own estimator.
-    floors: their names, in the order of `track.floor_probability`.
-    """
-
-    track: FloorRun
-    floors: tuple[str, ...]
+    track: FloorRun  #: of the floors' own estimator
+    floors: tuple[str, ...]  #: their names, in the order of `track.floor_probability`
 
 
 class ObservedDrive(NamedTuple):
-    """Estimates along a recorded drive.
+    """Estimates along a recorded drive."""
 
-    robot: the robot that drove.
-    track: speed and slip.
-    path: pose and twist.
-    notes: faults of the log, and everything that was assumed.
-    fits: the model fits the log, so that the estimates can be trusted.
-    on_floors: None without learnt floors.
-    """
-
-    robot: Robot
-    track: SlipRun
-    path: OdometryRun
-    notes: tuple[Note, ...]
-    fits: bool = True
-    on_floors: OnFloors | None = None
+    robot: Robot  #: the robot that drove
+    track: SlipRun  #: speed and slip
+    path: OdometryRun  #: pose and twist
+    notes: tuple[Note, ...]  #: faults of the log, and everything that was assumed
+    fits: bool = True  #: the model fits the log, so that the estimates can be trusted
+    on_floors: OnFloors | None = None  #: None without learnt floors
 
 
 class DriveFigures(NamedTuple):
-    """A drive in figures; None where nothing was estimated.
+    """A drive in figures; None where nothing was estimated."""
 
-    distance_m: along the ground, forward or backward.
-    speed_min_m_s, speed_max_m_s, speed_final_m_s, speed_std_final_m_s: of the body.
-    slip_episodes, immobilised_episodes: in order of time.
-    unobserved_share: of the samples in which the speed was not observable.
-    friction_ratio, friction_std: at the end, of the first wheel, to the ground that was believed; the std is relative.
-    grade_rad, grade_std_rad: at the end.
-    radius_ratio, radius_std: at the end, to the robot's radius.
-    """
-
-    distance_m: float
+    distance_m: float  #: along the ground, forward or backward
+    #: of the body
     speed_min_m_s: float
     speed_max_m_s: float
     speed_final_m_s: float
     speed_std_final_m_s: float
+    #: in order of time
     slip_episodes: list[SlipEpisode]
     immobilised_episodes: list[ImmobilisedEpisode]
-    unobserved_share: float
+    unobserved_share: float  #: of the samples in which the speed was not observable
+    #: at the end, of the first wheel, to the ground that was believed; the std is relative
     friction_ratio: float | None
     friction_std: float | None
+    #: at the end
     grade_rad: float | None
     grade_std_rad: float | None
+    #: at the end, to the robot's radius
     radius_ratio: float | None
     radius_std: float | None
 
 
 class PoseFigures(NamedTuple):
-    """Pose at the end of a drive, in the frame of its start, and the gyro's offset.
+    """Pose at the end of a drive, in the frame of its start, and the gyro's offset."""
 
-    x_m, y_m, yaw_rad: forward, to the left, and the turn.
-    position_std_m, yaw_std_rad: standard deviations, the first in the direction in which it is largest.
-    gyro_offset_rad_s, gyro_offset_std_rad_s: None without a gyro.
-    """
-
+    #: forward, to the left, and the turn
     x_m: float
     y_m: float
     yaw_rad: float
+    #: standard deviations, the first in the direction in which it is largest
     position_std_m: float
     yaw_std_rad: float
+    #: None without a gyro
     gyro_offset_rad_s: float | None
     gyro_offset_std_rad_s: float | None
 
 
 class FloorFigures(NamedTuple):
-    """A drive on learnt floors in figures.
+    """A drive on learnt floors in figures."""
 
-    travel_slip_mean, travel_slip_std: slip of the robot and its std, mean over the drive; None where it stood.
-    floor_share: mean probability of each floor under the wheels, by name.
-    floor_crossings: times at which another floor was met.
-    """
-
+    #: slip of the robot and its std, mean over the drive; None where it stood
     travel_slip_mean: float | None
     travel_slip_std: float | None
-    floor_share: dict[str, float]
-    floor_crossings: tuple[Crossing, ...]
+    floor_share: dict[str, float]  #: mean probability of each floor under the wheels, by name
+    floor_crossings: tuple[Crossing, ...]  #: times at which another floor was met
 
 
 def observe_drive(

@@ -40,13 +40,10 @@ _RANGE_C, _RANGE_V = 4.0, 1.5
 
 
 class Shifts(NamedTuple):
-    """The truth of many shifts.
+    """The truth of many shifts."""
 
-    time_s: (T,).
-    current_A, voltage_V, temperature_degC, soc: (T, B).
-    """
-
-    time_s: np.ndarray
+    time_s: np.ndarray  #: (T,)
+    #: (T, B)
     current_A: np.ndarray
     voltage_V: np.ndarray
     temperature_degC: np.ndarray

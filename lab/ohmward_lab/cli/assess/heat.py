@@ -8,18 +8,12 @@ from typing import Any, NamedTuple
 
 
 class Heat(NamedTuple):
-    """One figure of every method under every condition.
+    """One figure of every method under every condition."""
 
-    caption: in words, with its unit.
-    text: of a cell; an empty one where there is no such figure.
-    value: of a row; nan is the worst.
-    edges: values at which the shade becomes darker, from the lightest on.
-    """
-
-    caption: str
-    text: Callable[[Any], str]
-    value: Callable[[Any], float]
-    edges: tuple[float, ...]
+    caption: str  #: in words, with its unit
+    text: Callable[[Any], str]  #: of a cell; an empty one where there is no such figure
+    value: Callable[[Any], float]  #: of a row; nan is the worst
+    edges: tuple[float, ...]  #: values at which the shade becomes darker, from the lightest on
 
     def level(self, row: Any) -> int:
         """Number of the edges that the row is at or beyond."""

@@ -39,16 +39,13 @@ _TORQUE_STD_NM = 0.05
 
 @dataclass(frozen=True)
 class Observing:
-    """Method of the observer, and the ground that it assumes.
+    """Method of the observer, and the ground that it assumes."""
 
-    Attributes:
-        method: "ekf", "ukf", with learnt noise "aekf", "aukf"; "momentum", which asks the ground nothing; "true" gives
-            the controller the true speed.
-        terrain, friction, slip_stiffness_s_per_m: the assumed ground, as in `Patch`; where neither terrain nor friction
-            is given, the ground that lies under all others.
-    """
-
+    #: "ekf", "ukf", with learnt noise "aekf", "aukf"; "momentum", which asks the ground nothing; "true" gives the
+    #: controller the true speed
     method: str = "ukf"
+    #: the assumed ground, as in `Patch`; where neither terrain nor friction is given, the ground that lies under all
+    #: others
     terrain: str | None = None
     friction: float | None = None
     slip_stiffness_s_per_m: float | None = None

@@ -18,15 +18,10 @@ from ohmward.traction.friction.terrain import Terrain
 
 @dataclass(frozen=True)
 class MixedTraction:
-    """Weighted mean of traction laws.
+    """Weighted mean of traction laws."""
 
-    Attributes:
-        laws: (K,) of them.
-        shares: (K,) weights, adding up to 1; may be traced.
-    """
-
-    laws: tuple[TractionLaw, ...]
-    shares: np.ndarray
+    laws: tuple[TractionLaw, ...]  #: (K,) of them
+    shares: np.ndarray  #: (K,) weights, adding up to 1; may be traced
 
     def force_N(self, contact: Contact) -> Any:
         """Force [N] of the ground on the wheel."""

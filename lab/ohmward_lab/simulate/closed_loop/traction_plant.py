@@ -26,36 +26,24 @@ from ohmward_lab.simulate.robot_truth import RobotTruth, driven_torques
 
 
 class PlantInput(NamedTuple):
-    """Torques and ground of one step.
+    """Torques and ground of one step."""
 
-    torque_Nm: (driven,) of the motors at the wheels, losses of the drive not yet taken.
-    grade_rad, bank_rad: of the ground, along the robot and to its left.
-    drag_N: against the robot.
-    shares: (wheels, grounds) of each ground under each wheel.
-    dt_s: length of the step.
-    """
-
-    torque_Nm: Any
+    torque_Nm: Any  #: (driven,) of the motors at the wheels, losses of the drive not yet taken
+    #: of the ground, along the robot and to its left
     grade_rad: Any
     bank_rad: Any
-    drag_N: Any
-    shares: Any
-    dt_s: Any
+    drag_N: Any  #: against the robot
+    shares: Any  #: (wheels, grounds) of each ground under each wheel
+    dt_s: Any  #: length of the step
 
 
 class PlantView(NamedTuple):
-    """Motion at the end of a step that the truth and the sensors show.
+    """Motion at the end of a step that the truth and the sensors show."""
 
-    travel_m_s: (wheels,) of the wheels' centres along their rolling direction.
-    rim_m_s: (wheels,) of the rims.
-    slip_ratio: (wheels,).
-    specific_force_m_s2: (3,) forward, left, up.
-    """
-
-    travel_m_s: Any
-    rim_m_s: Any
-    slip_ratio: Any
-    specific_force_m_s2: Any
+    travel_m_s: Any  #: (wheels,) of the wheels' centres along their rolling direction
+    rim_m_s: Any  #: (wheels,) of the rims
+    slip_ratio: Any  #: (wheels,)
+    specific_force_m_s2: Any  #: (3,) forward, left, up
 
 
 class TractionPlant:

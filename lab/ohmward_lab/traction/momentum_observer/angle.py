@@ -25,16 +25,11 @@ from ohmward_lab.traction.momentum_observer.model import MomentumModel
 
 
 class Angle(NamedTuple):
-    """y = row @ x + v, v ~ N(0, variance).
+    """y = row @ x + v, v ~ N(0, variance)."""
 
-    row: (n,).
-    angle_rad: y; nan where there is nothing to learn.
-    variance: rad^2.
-    """
-
-    row: np.ndarray
-    angle_rad: Scalar
-    variance: Scalar
+    row: np.ndarray  #: (n,)
+    angle_rad: Scalar  #: y; nan where there is nothing to learn
+    variance: Scalar  #: rad^2
 
 
 def count_angle(model: MomentumModel, k: int) -> Angle:

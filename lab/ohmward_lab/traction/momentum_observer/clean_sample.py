@@ -14,26 +14,16 @@ from ohmward_lab.traction.momentum_observer.estimate import AngleSample
 
 
 class CleanAngleSample(NamedTuple):
-    """A sample for the prediction, with every number finite.
+    """A sample for the prediction, with every number finite."""
 
-    dt_s: step [s], >= 0.
-    time_credible: the condition that the clock can have shown the step.
-    pitch_rad: 0 where it is not measured.
-    pitch_measured: the condition that it is.
-    torque_Nm: (driven,) at the wheels over the step, the last one where no current came.
-    currents_measured: the condition that all currents came.
-    rest_s: time for which counts and motors have been still.
-    resting: the condition that this has lasted long enough for a standstill.
-    """
-
-    dt_s: Scalar
-    time_credible: Scalar
-    pitch_rad: Scalar
-    pitch_measured: Scalar
-    torque_Nm: np.ndarray
-    currents_measured: Scalar
-    rest_s: Scalar = 0.0
-    resting: Scalar = False
+    dt_s: Scalar  #: step [s], >= 0
+    time_credible: Scalar  #: the condition that the clock can have shown the step
+    pitch_rad: Scalar  #: 0 where it is not measured
+    pitch_measured: Scalar  #: the condition that it is
+    torque_Nm: np.ndarray  #: (driven,) at the wheels over the step, the last one where no current came
+    currents_measured: Scalar  #: the condition that all currents came
+    rest_s: Scalar = 0.0  #: time for which counts and motors have been still
+    resting: Scalar = False  #: the condition that this has lasted long enough for a standstill
 
 
 def sanitize(

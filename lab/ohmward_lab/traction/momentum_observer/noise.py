@@ -16,55 +16,41 @@ class MomentumNoise:
     """Standard deviations of sensors for one sample, and random walks over the root of a second.
 
     A sensor with None does not exist: nothing is compiled for it.
-
-    Attributes:
-        encoder_std_rad: of the angle of a driven wheel; `count_std_rad`.
-        edge_std_counts: of the position of an edge, as a share of a count; None where the time of edges is not
-            captured.
-        torque_std_Nm: of the torque at a wheel.
-        passive_std_rad: of the angle of a wheel that is not driven.
-        accelerometer_std_m_s2: of an accelerometer along x; offset and slope are learnt at rest.
-        gyro_std_rad_s: of a yaw gyro, offset included.
-        speed_std_m_s: of an external speed.
-        force_walk_N, force_walk_share: of the ground's force while the torque does not change: in N, and as a share of
-            the force, which loads and ground make.
-        mass_std: share of the mass that may be payload, or missing.
-        accelerometer_gain_std: share by which the accelerometer shows too much.
-        accelerometer_tilt_std: m/s^2 that it shows for each N m of the motors, by which the body tilts on its tyres.
-        passive_radius_std: share of the radius of the wheels that are not driven.
-        passive_creep_std_m_s, passive_creep_walk: speed by which these wheels lag behind the robot.
-        speed_walk, yaw_rate_walk: of unknown accelerations [m/s, rad/s].
-        disturbance_std_m_s2, disturbance_walk: of the unmodelled acceleration: 0.17 m/s^2 for each degree of unknown
-            slope and 0.1 m/s^2 for a rolling resistance that is unknown by 1 % of the weight. Where no pitch is
-            measured, a slope of `slope_std_rad` comes on top.
-        slope_std_rad: of the ground where no pitch is measured.
-        accelerometer_offset_std_m_s2, accelerometer_offset_walk: before the first rest, and after it.
-        standstill_std_m_s: of the zero speed of a robot at rest.
     """
 
-    encoder_std_rad: float
+    encoder_std_rad: float  #: of the angle of a driven wheel; `count_std_rad`
+    #: of the position of an edge, as a share of a count; None where the time of edges is not captured
     edge_std_counts: float | None = None
-    torque_std_Nm: float = 0.05
-    passive_std_rad: float | None = None
-    accelerometer_std_m_s2: float | None = None
-    gyro_std_rad_s: float | None = None
-    speed_std_m_s: float | None = None
+    torque_std_Nm: float = 0.05  #: of the torque at a wheel
+    passive_std_rad: float | None = None  #: of the angle of a wheel that is not driven
+    accelerometer_std_m_s2: float | None = None  #: of an accelerometer along x; offset and slope are learnt at rest
+    gyro_std_rad_s: float | None = None  #: of a yaw gyro, offset included
+    speed_std_m_s: float | None = None  #: of an external speed
+    #: of the ground's force while the torque does not change: in N, and as a share of the force, which loads and ground
+    #: make
     force_walk_N: float = 1.0
     force_walk_share: float = 0.1
-    mass_std: float = 0.2
-    accelerometer_gain_std: float = 0.01
+    mass_std: float = 0.2  #: share of the mass that may be payload, or missing
+    accelerometer_gain_std: float = 0.01  #: share by which the accelerometer shows too much
+    #: m/s^2 that it shows for each N m of the motors, by which the body tilts on its tyres
     accelerometer_tilt_std: float = 0.001
-    passive_radius_std: float = 0.003
+    passive_radius_std: float = 0.003  #: share of the radius of the wheels that are not driven
+    #: speed by which these wheels lag behind the robot
     passive_creep_std_m_s: float = 0.004
     passive_creep_walk: float = 0.008
+    #: of unknown accelerations [m/s, rad/s]
     speed_walk: float = 0.001
     yaw_rate_walk: float = 3.0
+    #: of the unmodelled acceleration: 0.17 m/s^2 for each degree of unknown slope and 0.1 m/s^2 for a rolling
+    #: resistance that is unknown by 1 % of the weight. Where no pitch is measured, a slope of `slope_std_rad` comes on
+    #: top.
     disturbance_std_m_s2: float = 0.17
     disturbance_walk: float = 0.1
-    slope_std_rad: float = 0.05
+    slope_std_rad: float = 0.05  #: of the ground where no pitch is measured
+    #: before the first rest, and after it
     accelerometer_offset_std_m_s2: float = 0.5
     accelerometer_offset_walk: float = 0.002
-    standstill_std_m_s: float = 0.001
+    standstill_std_m_s: float = 0.001  #: of the zero speed of a robot at rest
 
     def __post_init__(self) -> None:
         stds = {field.name: getattr(self, field.name) for field in fields(self)}

@@ -64,18 +64,12 @@ GAP_STD = 1.0
 
 
 class MomentumState(NamedTuple):
-    """State of the observer from sample to sample: plain numbers.
+    """State of the observer from sample to sample: plain numbers."""
 
-    belief: mean (n,) and lower triangle of the covariance.
-    torque_Nm: (driven,) last torques.
-    rest_s: time for which counts and motors have been still.
-    shaken_Nm: changes of the motors' torque, fading out as the body comes to rest on its tyres.
-    """
-
-    belief: PackedBelief
-    torque_Nm: np.ndarray
-    rest_s: Scalar
-    shaken_Nm: Scalar = 0.0
+    belief: PackedBelief  #: mean (n,) and lower triangle of the covariance
+    torque_Nm: np.ndarray  #: (driven,) last torques
+    rest_s: Scalar  #: time for which counts and motors have been still
+    shaken_Nm: Scalar = 0.0  #: changes of the motors' torque, fading out as the body comes to rest on its tyres
 
 
 class CountCorrection(NamedTuple):
@@ -87,29 +81,18 @@ class CountCorrection(NamedTuple):
 
 @dataclass(frozen=True)
 class MomentumObserver:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        scene: robot, and the terrain, of which only the rolling resistance counts.
-        noise: of sensors and model; says which sensors there are.
-        count_gate: NIS of a count beyond which the ground under its wheel has changed, > 0.
-        edge_gate: the same of an edge, whose time shows even how gradually the ground takes up a torque, > 0.
-        gate: NIS beyond which any other measurement is not used, > 0.
-        gap_s: after a longer step nothing is known of the speed, > 0.
-        rest_hold_s: time for which counts and motors must be still before the robot counts as standing.
-        rest_current_A: below it a motor is still, > 0.
-        current_limit_A: beyond it a sensor is at fault, > 0.
-    """
-
-    scene: Scene
-    noise: MomentumNoise
-    count_gate: float = 25.0
+    scene: Scene  #: robot, and the terrain, of which only the rolling resistance counts
+    noise: MomentumNoise  #: of sensors and model; says which sensors there are
+    count_gate: float = 25.0  #: NIS of a count beyond which the ground under its wheel has changed, > 0
+    #: the same of an edge, whose time shows even how gradually the ground takes up a torque, > 0
     edge_gate: float = 400.0
-    gate: float = 25.0
-    gap_s: float = 0.05
-    rest_hold_s: float = 0.1
-    rest_current_A: float = 0.5
-    current_limit_A: float = 200.0
+    gate: float = 25.0  #: NIS beyond which any other measurement is not used, > 0
+    gap_s: float = 0.05  #: after a longer step nothing is known of the speed, > 0
+    rest_hold_s: float = 0.1  #: time for which counts and motors must be still before the robot counts as standing
+    rest_current_A: float = 0.5  #: below it a motor is still, > 0
+    current_limit_A: float = 200.0  #: beyond it a sensor is at fault, > 0
 
     def __post_init__(self) -> None:
         if self.scene.robot.chassis.scrubs:

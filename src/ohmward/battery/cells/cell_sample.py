@@ -6,21 +6,15 @@ from typing import Any, NamedTuple
 
 
 class Differences(NamedTuple):
-    """State vector taken apart.
+    """State vector taken apart."""
 
-    common_soc: error of the state of charge of the typical cell, its mean always 0.
-    soc: of the cell minus that of the typical one.
-    charge_gain: the same of the inverse of the capacity, over that of the battery file.
-    ohmic_log, pair_log: ln of the ohmic resistance and of the RC pairs' over the typical cell's.
-    curve: difference of the open-circuit voltages at the same state of charge, in its own standard deviations.
-    """
-
-    common_soc: Any
-    soc: Any
-    charge_gain: Any
+    common_soc: Any  #: error of the state of charge of the typical cell, its mean always 0
+    soc: Any  #: of the cell minus that of the typical one
+    charge_gain: Any  #: the same of the inverse of the capacity, over that of the battery file
+    #: ln of the ohmic resistance and of the RC pairs' over the typical cell's
     ohmic_log: Any
     pair_log: Any
-    curve: Any
+    curve: Any  #: difference of the open-circuit voltages at the same state of charge, in its own standard deviations
 
 
 COMMON, SOC, GAIN, OHMIC, PAIR, CURVE = range(len(Differences._fields))
@@ -28,17 +22,14 @@ COMMON, SOC, GAIN, OHMIC, PAIR, CURVE = range(len(Differences._fields))
 
 
 class TypicalCell(NamedTuple):
-    """Estimate of the typical cell, as in `SocEstimate`, and its voltage.
-
-    voltage_V: measured, of a pack of such cells.
-    """
+    """Estimate of the typical cell, as in `SocEstimate`, and its voltage."""
 
     soc: Any
     soc_std: Any
     current_offset_A: Any
     soh_capacity: Any
     resistance_ratio: Any
-    voltage_V: Any
+    voltage_V: Any  #: measured, of a pack of such cells
 
 
 class CellSample(NamedTuple):
@@ -57,21 +48,14 @@ class CellSample(NamedTuple):
 
 
 class CellEstimate(NamedTuple):
-    """Estimate of a cell after a sample.
+    """Estimate of a cell after a sample."""
 
-    soc, soc_std: state of charge of the cell and its standard deviation.
-    soc_difference, soc_difference_std: state of charge minus the typical cell's.
-    capacity_ratio, capacity_ratio_std: capacity over that of the typical cell.
-    resistance_ratio, resistance_ratio_std: resistance over that of the typical cell.
-    flags: sum of `SocFlag` values.
-    """
-
-    soc: Any
-    soc_std: Any
-    soc_difference: Any
-    soc_difference_std: Any
-    capacity_ratio: Any
-    capacity_ratio_std: Any
-    resistance_ratio: Any
-    resistance_ratio_std: Any
-    flags: Any
+    soc: Any  #: state of charge of the cell and its standard deviation
+    soc_std: Any  #: its standard deviation
+    soc_difference: Any  #: state of charge minus the typical cell's
+    soc_difference_std: Any  #: its standard deviation
+    capacity_ratio: Any  #: capacity over that of the typical cell
+    capacity_ratio_std: Any  #: its standard deviation
+    resistance_ratio: Any  #: resistance over that of the typical cell
+    resistance_ratio_std: Any  #: its standard deviation
+    flags: Any  #: sum of `SocFlag` values

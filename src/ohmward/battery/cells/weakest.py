@@ -18,25 +18,18 @@ from ohmward.battery.cells.cell_sample import CellEstimate
 
 
 class PackState(NamedTuple):
-    """State of a pack by its cells; numbers, or (T,) each.
+    """State of a pack by its cells; numbers, or (T,) each."""
 
-    soc, soc_std: of the pack, in [0, 1]: 0 when the first cell is empty, 1 when the first one is full.
-    usable_Ah, usable_std_Ah: charge until the first cell is empty.
-    capacity_Ah: charge between the ends that the cells set.
-    weakest: index of the cell that will be empty first.
-    weakest_soc, weakest_soc_std: its state of charge.
-    soc_spread: state of charge of the fullest cell minus that of the emptiest.
-    """
-
-    soc: Any
-    soc_std: Any
+    soc: Any  #: of the pack, in [0, 1]: 0 when the first cell is empty, 1 when the first one is full
+    soc_std: Any  #: its standard deviation
+    #: charge until the first cell is empty
     usable_Ah: Any
     usable_std_Ah: Any
-    capacity_Ah: Any
-    weakest: Any
-    weakest_soc: Any
-    weakest_soc_std: Any
-    soc_spread: Any
+    capacity_Ah: Any  #: charge between the ends that the cells set
+    weakest: Any  #: index of the cell that will be empty first
+    weakest_soc: Any  #: its state of charge
+    weakest_soc_std: Any  #: its standard deviation
+    soc_spread: Any  #: state of charge of the fullest cell minus that of the emptiest
 
 
 def pack_state(cells: CellEstimate, typical_Ah: Any) -> PackState:

@@ -24,27 +24,18 @@ _WHOLE = 0.95
 
 
 class FullDischarge(NamedTuple):
-    """The latest discharge that was not broken off, or the charge after it.
+    """The latest discharge that was not broken off, or the charge after it."""
 
-    log: its name.
-    soc: at its end.
-    given_Ah: charge from full down to there, as the battery's own sensor counts it.
-    """
-
-    log: str
-    soc: float
-    given_Ah: Normal
+    log: str  #: its name
+    soc: float  #: at its end
+    given_Ah: Normal  #: charge from full down to there, as the battery's own sensor counts it
 
 
 class UsedCapacity(NamedTuple):
-    """Capacity of a battery as it is used, after a lesson.
+    """Capacity of a battery as it is used, after a lesson."""
 
-    latest: the discharge that shows it; None where the battery was not emptied yet.
-    capacity_Ah: of a discharge; the whole capacity where nobody has seen where discharges would end.
-    """
-
-    latest: FullDischarge | None
-    capacity_Ah: Normal
+    latest: FullDischarge | None  #: the discharge that shows it; None where the battery was not emptied yet
+    capacity_Ah: Normal  #: of a discharge; the whole capacity where nobody has seen where discharges would end
 
 
 def used_capacities(lessons: Sequence[Lesson]) -> list[UsedCapacity]:

@@ -29,31 +29,20 @@ _SHOWN_RESISTANCE_STD = 0.1
 
 
 class DatedLogs(NamedTuple):
-    """Logs in order of time.
+    """Logs in order of time."""
 
-    logs: as given, in order.
-    start_s: (n,) Unix time of their first samples; where no log has a clock, since the first.
-    has_clock: True where these are dates.
-    notes: what was assumed of the time.
-    """
-
-    logs: tuple[Log, ...]
-    start_s: np.ndarray
-    has_clock: bool
-    notes: tuple[str, ...] = ()
+    logs: tuple[Log, ...]  #: as given, in order
+    start_s: np.ndarray  #: (n,) Unix time of their first samples; where no log has a clock, since the first
+    has_clock: bool  #: True where these are dates
+    notes: tuple[str, ...] = ()  #: what was assumed of the time
 
 
 class Newness(NamedTuple):
-    """Battery when new, that health is measured against.
+    """Battery when new, that health is measured against."""
 
-    capacity_Ah: between full and empty.
-    resistance_ohm: of a pulse of 1 C and ten seconds at half charge and 25 degC.
-    notes: where they are from.
-    """
-
-    capacity_Ah: float
-    resistance_ohm: float
-    notes: tuple[str, ...] = ()
+    capacity_Ah: float  #: between full and empty
+    resistance_ohm: float  #: of a pulse of 1 C and ten seconds at half charge and 25 degC
+    notes: tuple[str, ...] = ()  #: where they are from
 
 
 def in_order_of_time(logs: Sequence[Log]) -> DatedLogs:

@@ -42,19 +42,14 @@ _USUAL_V, _USUAL_SOC, _USUAL_LENGTH = 0.03, 0.03, 0.3
 
 
 class FirstOcv(NamedTuple):
-    """The first curve and what is known of it.
-
-    source: where it comes from, "line" a straight line through a drive.
-    fitted: the records that the circuit is fitted to.
-    branches: low-rate discharges and charges, none for another source.
-    axis_std: error of its SoC axis in the middle beyond the usual; notes: how it was found.
-    """
+    """The first curve and what is known of it."""
 
     curve: OcvCurve
+    #: where it comes from, "line" a straight line through a drive
     source: Literal["given", "low-rate", "rests", "chemistry", "line"]
-    fitted: tuple[Record, ...]
-    branches: tuple[OcvBranch, ...] = ()
-    axis_std: float = 0.0
+    fitted: tuple[Record, ...]  #: the records that the circuit is fitted to
+    branches: tuple[OcvBranch, ...] = ()  #: low-rate discharges and charges, none for another source
+    axis_std: float = 0.0  #: error of its SoC axis in the middle beyond the usual; notes: how it was found
     notes: tuple[Note, ...] = ()
 
     @property

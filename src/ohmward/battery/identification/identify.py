@@ -60,18 +60,18 @@ Progress = Callable[[str, float], None]
 
 
 class Identified(NamedTuple):
-    """The battery and everything that led to it.
-
-    branches: low-rate discharges and charges; first_ocv: the curve before the fit corrected it;
-    logs: one for each log that the circuit was fitted to; fit: the fit, None without such a log.
-    rc: the RC model, by the 75 % rule and by least squares; None where the logs do not give one.
-    """
+    """The battery and everything that led to it."""
 
     battery: Battery
+    #: low-rate discharges and charges; first_ocv: the curve before the fit corrected it;
     branches: tuple[OcvBranch, ...]
+
     first_ocv: OcvCurve
+    #: one for each log that the circuit was fitted to; fit: the fit, None without such a log
     logs: tuple[LogDetails, ...] = ()
+
     fit: CircuitFit | None = None
+    #: the RC model, by the 75 % rule and by least squares; None where the logs do not give one
     rc: RcIdentification | None = None
 
     @property
@@ -81,12 +81,11 @@ class Identified(NamedTuple):
 
 
 class Preparation(NamedTuple):
-    """Results of the stages before the fit.
+    """Results of the stages before the fit."""
 
-    records: those of all logs; axes: SoC of those to fit; first: the first OCV curve; notes: how all was done.
-    """
-
+    #: those of all logs; axes: SoC of those to fit; first: the first OCV curve; notes: how all was done
     records: tuple[Record, ...]
+
     axes: tuple[SocAxis, ...]
     first: FirstOcv
     notes: tuple[Note, ...]

@@ -59,28 +59,17 @@ _MEDIAN_OF_NORMAL = 0.6745
 
 
 class RcIdentification(NamedTuple):
-    """The RC model, the way to it, and the parameters that the log does not show.
+    """The RC model, the way to it, and the parameters that the log does not show."""
 
-    model: the result; `fit` turned into elements, or `rule` where the fit was not possible.
-    noise: what a filter on this model should assume: voltage noise, and model error along SoC.
-    rule: by [P]'s rule alone.
-    rule_rms_V: root mean square of the error that the rule's circuit leaves on the whole log.
-    response: of the voltage to the edges of the current.
-    tau: time constant by the rule.
-    fit: least squares on the whole log; None where it was not possible.
-    notes: what was done.
-    not_identified: what could not be identified, and why.
-    """
-
-    model: RcModel
-    noise: BatteryNoise
-    rule: RcModel
-    rule_rms_V: float
-    response: EdgeResponse
-    tau: TimeConstant
-    fit: VoltageFit | None
-    notes: tuple[str, ...]
-    not_identified: tuple[str, ...]
+    model: RcModel  #: the result; `fit` turned into elements, or `rule` where the fit was not possible
+    noise: BatteryNoise  #: what a filter on this model should assume: voltage noise, and model error along SoC
+    rule: RcModel  #: by [P]'s rule alone
+    rule_rms_V: float  #: root mean square of the error that the rule's circuit leaves on the whole log
+    response: EdgeResponse  #: of the voltage to the edges of the current
+    tau: TimeConstant  #: time constant by the rule
+    fit: VoltageFit | None  #: least squares on the whole log; None where it was not possible
+    notes: tuple[str, ...]  #: what was done
+    not_identified: tuple[str, ...]  #: what could not be identified, and why
 
 
 def rc_of_records(

@@ -23,32 +23,22 @@ _EDGE_RATE = 1 / 20
 
 
 class EdgeResponse(NamedTuple):
-    """Response of the voltage to a change of current by one ampere, from all edges.
+    """Response of the voltage to a change of current by one ampere, from all edges."""
 
-    edges: their number.
-    r_total_ohm: resistance seen at once, or as soon as the sampling shows (median).
-    delay_s: time from the edge until then (median).
-    window_s: length of the window after the edge: 0.5, or ten samples where the log is slower.
-    time_s, rise_ohm: (K,) time since the first sample after an edge, and rise of the voltage since, of all edges.
-    """
-
-    edges: int
-    r_total_ohm: float
-    delay_s: float
-    window_s: float
+    edges: int  #: their number
+    r_total_ohm: float  #: resistance seen at once, or as soon as the sampling shows (median)
+    delay_s: float  #: time from the edge until then (median)
+    window_s: float  #: length of the window after the edge: 0.5, or ten samples where the log is slower
+    #: (K,) time since the first sample after an edge, and rise of the voltage since, of all edges
     time_s: np.ndarray
     rise_ohm: np.ndarray
 
 
 class TimeConstant(NamedTuple):
-    """Time constant of the exponential r (1 - e^(-t / tau)) through the rises after the edges.
+    """Time constant of the exponential r (1 - e^(-t / tau)) through the rises after the edges."""
 
-    tau_s: tau; the length of the window where the rises show none.
-    found: True where they show one.
-    """
-
-    tau_s: float
-    found: bool
+    tau_s: float  #: tau; the length of the window where the rises show none
+    found: bool  #: True where they show one
 
 
 def find_response(samples: RcSamples, capacity_Ah: float) -> EdgeResponse:

@@ -21,12 +21,9 @@ _SHORTEST = 0.02
 
 
 class CurvePlace(NamedTuple):
-    """Places z on the curve of the file.
+    """Places z on the curve of the file."""
 
-    seen_from_soc: l; log_ratio: of the capacity over the file's.
-    """
-
-    seen_from_soc: float
+    seen_from_soc: float  #: l; log_ratio: of the capacity over the file's
     log_ratio: float
 
     @property

@@ -16,17 +16,15 @@ _GRID = np.linspace(0.0, 1.0, 21)
 
 
 class KnownBattery(NamedTuple):
-    """Quantities of a battery file with their standard deviations.
+    """Quantities of a battery file with their standard deviations."""
 
-    capacity_Ah, resistance_ohm, offset_A: the resistance to ten seconds of 1 C at half charge.
-    ocv_std_V: (21,) standard deviation of the open-circuit curve that the estimators assume, from SoC 0 to 1.
-    logs, hours: what it has learnt from.
-    """
-
+    #: the resistance to ten seconds of 1 C at half charge
     capacity_Ah: Normal
     resistance_ohm: Normal
     offset_A: Normal
+    #: (21,) standard deviation of the open-circuit curve that the estimators assume, from SoC 0 to 1
     ocv_std_V: np.ndarray
+    #: what it has learnt from
     logs: int
     hours: float
 

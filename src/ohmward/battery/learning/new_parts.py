@@ -15,19 +15,13 @@ _MOSTLY_SEEN = 0.5
 
 
 class NewParts(NamedTuple):
-    """New parts of a log.
+    """New parts of a log."""
 
-    parts: in order of time; () for a log that the battery has learnt from before.
-    fingerprint: of the whole log.
-    hours: length of the parts together; all_hours: of the log.
-    left_out: sentences on what is not used of it, and why.
-    """
-
-    parts: tuple[Log, ...]
-    fingerprint: str
-    hours: float
+    parts: tuple[Log, ...]  #: in order of time; () for a log that the battery has learnt from before
+    fingerprint: str  #: of the whole log
+    hours: float  #: length of the parts together; all_hours: of the log
     all_hours: float
-    left_out: tuple[str, ...]
+    left_out: tuple[str, ...]  #: sentences on what is not used of it, and why
 
     @property
     def mostly_seen(self) -> bool:

@@ -47,29 +47,19 @@ LEAST_LOG_WEIGHT = -12.0
 
 
 class GaussianSumState(NamedTuple):
-    """State between two samples: plain numbers.
+    """State between two samples: plain numbers."""
 
-    members: state of the filter of each hypothesis.
-    log_weights: (K,), ln of the weights over that of the most likely hypothesis, at most 0.
-    wander_A2: (n,), variance of the current [A^2] as if by which each RC voltage has wandered.
-    """
-
-    members: tuple[FilterState, ...]
-    log_weights: np.ndarray
-    wander_A2: np.ndarray
+    members: tuple[FilterState, ...]  #: state of the filter of each hypothesis
+    log_weights: np.ndarray  #: (K,), ln of the weights over that of the most likely hypothesis, at most 0
+    wander_A2: np.ndarray  #: (n,), variance of the current [A^2] as if by which each RC voltage has wandered
 
 
 @dataclass(frozen=True)
 class GaussianSumFilter:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        member: the filter of every hypothesis.
-        count: number of hypotheses; one is the filter itself.
-    """
-
-    member: TheveninFilter
-    count: int = HYPOTHESES
+    member: TheveninFilter  #: the filter of every hypothesis
+    count: int = HYPOTHESES  #: number of hypotheses; one is the filter itself
 
     def __post_init__(self) -> None:
         require_between("count", self.count, 1, math.inf)

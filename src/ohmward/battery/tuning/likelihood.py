@@ -21,15 +21,11 @@ BLOCK_S = 3600.0
 
 @dataclass(frozen=True)
 class Likelihood:
-    """The logs, their starts, and the noise whose factors are wanted.
+    """The logs, their starts, and the noise whose factors are wanted."""
 
-    model: noise of the battery file, with factors.
-    initial_soc: of logs by their names, where it is known.
-    """
-
-    model: NoiseModel
+    model: NoiseModel  #: noise of the battery file, with factors
     logs: Sequence[Log]
-    initial_soc: Mapping[str, float]
+    initial_soc: Mapping[str, float]  #: of logs by their names, where it is known
 
     @cached_property
     def kernel(self) -> Kernel:

@@ -35,14 +35,11 @@ Progress = Callable[[int, int], None]
 
 
 class Maximum(NamedTuple):
-    """The most likely factors, as logarithms.
+    """The most likely factors, as logarithms."""
 
-    log_factors: (3,).
-    cov: (3, 3) covariance of it: of the logs (sandwich, White 1982), of the steps of the likelihood, and of the search.
-        nan where the logs are too short to tell it.
-    """
-
-    log_factors: np.ndarray
+    log_factors: np.ndarray  #: (3,)
+    #: (3, 3) covariance of it: of the logs (sandwich, White 1982), of the steps of the likelihood, and of the search.
+    #: nan where the logs are too short to tell it.
     cov: np.ndarray
 
 

@@ -26,12 +26,9 @@ READING = "half width of the 95 % band in points, start known / start unknown"
 
 
 class BatteryFindings(NamedTuple):
-    """Findings on a battery file.
+    """Findings on a battery file."""
 
-    path: of the file; bands: of the file; tests: those worth their time, the best first.
-    """
-
-    path: str
+    path: str  #: of the file; bands: of the file; tests: those worth their time, the best first
     battery: Battery
     bands: tuple[BandForecast, ...]
     tests: tuple[BandsAfterTest, ...]

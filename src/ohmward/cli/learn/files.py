@@ -15,16 +15,11 @@ from ohmward.errors import InputError
 
 @dataclass
 class BatteryFiles:
-    """The batteries of a run by the files that they are written to.
+    """The batteries of a run by the files that they are written to."""
 
-    Attributes:
-        start: what is known of each battery that has no file yet.
-        output: the file, or the folder of one file for each serial number; None writes none.
-        before, after: each battery by its file, when it was opened and now; "" is the file of a run without output.
-    """
-
-    start: Battery
-    output: Path | None
+    start: Battery  #: what is known of each battery that has no file yet
+    output: Path | None  #: the file, or the folder of one file for each serial number; None writes none
+    #: each battery by its file, when it was opened and now; "" is the file of a run without output
     before: dict[str, Battery] = field(default_factory=dict)
     after: dict[str, Battery] = field(default_factory=dict)
 

@@ -23,15 +23,10 @@ from ohmward.logs.serial_number import serial_numbers
 
 @dataclass(frozen=True)
 class LogTask:
-    """A log, or the rows of one battery in it.
+    """A log, or the rows of one battery in it."""
 
-    Attributes:
-        text: as it was named, its rows included.
-        serial_number: of its battery, "" where the log does not tell.
-    """
-
-    text: str
-    serial_number: str = ""
+    text: str  #: as it was named, its rows included
+    serial_number: str = ""  #: of its battery, "" where the log does not tell
 
     @property
     def path(self) -> str:

@@ -15,18 +15,13 @@ from ohmward.onboard.store.rows import Row
 
 @dataclass(frozen=True)
 class InfluxSink(ServerSink):
-    """Lines over HTTP; `robot` is a tag of the rows.
-
-    Attributes:
-        url: of the write API, `http://HOST:8086/write?db=robots` or
-            `http://HOST:8086/api/v2/write?org=ORG&bucket=robots`.
-        token: where the token is, see `secrets`; None for none.
-    """
+    """Lines over HTTP; `robot` is a tag of the rows."""
 
     secret_key: ClassVar[str] = "token"
 
+    #: of the write API, `http://HOST:8086/write?db=robots` or `http://HOST:8086/api/v2/write?org=ORG&bucket=robots`
     url: str
-    token: str | None = None
+    token: str | None = None  #: where the token is, see `secrets`; None for none
     name: str = field(default="influxdb", kw_only=True)
 
     def _address(self) -> tuple[str, bool]:

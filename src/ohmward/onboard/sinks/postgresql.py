@@ -15,17 +15,12 @@ from ohmward.onboard.store.rows import Row
 
 @dataclass(frozen=True)
 class PostgresqlSink(ServerSink):
-    """Rows in the tables `ohmward_battery` and `ohmward_drive`, which are made where there are none.
-
-    Attributes:
-        address: `host=db.local port=5432 dbname=robots user=rover` or `postgresql://rover@db.local/robots`.
-        password: where the password is, see `secrets`; None for none.
-    """
+    """Rows in the tables `ohmward_battery` and `ohmward_drive`, which are made where there are none."""
 
     secret_key: ClassVar[str] = "password"
 
-    address: str
-    password: str | None = None
+    address: str  #: `host=db.local port=5432 dbname=robots user=rover` or `postgresql://rover@db.local/robots`
+    password: str | None = None  #: where the password is, see `secrets`; None for none
     name: str = field(default="postgresql", kw_only=True)
 
     def _address(self) -> tuple[str, bool]:

@@ -18,22 +18,16 @@ from ohmward.onboard.store.rows import Row
 
 @dataclass(frozen=True, kw_only=True)
 class ServerSink:
-    """Delivery to a server; a subclass has its address, its secret, and writes rows to it.
-
-    Attributes:
-        robot: by which the server knows the rows.
-        spool: file of rows that wait for the server; by default one in `ohmward-state` that is called as the sink.
-        interval_s: least time between two states, >= 0.
-        name: in diagnostics.
-    """
+    """Delivery to a server; a subclass has its address, its secret, and writes rows to it."""
 
     #: Name of the attribute that says where the secret is, see `secrets`.
     secret_key: ClassVar[str]
 
-    robot: str = "robot"
+    robot: str = "robot"  #: by which the server knows the rows
+    #: file of rows that wait for the server; by default one in `ohmward-state` that is called as the sink
     spool: str | None = None
-    interval_s: float = 1.0
-    name: str
+    interval_s: float = 1.0  #: least time between two states, >= 0
+    name: str  #: in diagnostics
 
     def __post_init__(self) -> None:
         require_between("interval_s", self.interval_s, 0.0, 1e9)

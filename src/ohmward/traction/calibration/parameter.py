@@ -26,18 +26,12 @@ MOST_FRICTION, MOST_FRICTION_STD = 2.5, 1.1 * FRICTION_STD
 
 
 class Parameter(NamedTuple):
-    """A number of the robot file.
+    """A number of the robot file."""
 
-    name: its path in the robot, with its unit: "motor.friction_Nm".
-    value: as calibrated, or the robot's own where it was not.
-    std: standard deviation of that.
-    reason: cause why it could not be identified; empty where it was.
-    """
-
-    name: str
-    value: float
-    std: float
-    reason: str = ""
+    name: str  #: its path in the robot, with its unit: "motor.friction_Nm"
+    value: float  #: as calibrated, or the robot's own where it was not
+    std: float  #: standard deviation of that
+    reason: str = ""  #: cause why it could not be identified; empty where it was
 
     @property
     def identified(self) -> bool:

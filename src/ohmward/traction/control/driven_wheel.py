@@ -11,19 +11,12 @@ from ohmward.traction.robot.robot import GRAVITY, Robot
 
 @dataclass(frozen=True)
 class DrivenWheel:
-    """A wheel, its motor's rotor and its share of the robot.
+    """A wheel, its motor's rotor and its share of the robot."""
 
-    Attributes:
-        radius_m: effective rolling radius, > 0.
-        inertia_kg_m2: about the axle, with the rotor as felt at the wheel, > 0.
-        load_N: normal load, > 0.
-        mass_kg: the part of the robot's mass that this wheel has to accelerate, > 0.
-    """
-
-    radius_m: float
-    inertia_kg_m2: float
-    load_N: float
-    mass_kg: float
+    radius_m: float  #: effective rolling radius, > 0
+    inertia_kg_m2: float  #: about the axle, with the rotor as felt at the wheel, > 0
+    load_N: float  #: normal load, > 0
+    mass_kg: float  #: the part of the robot's mass that this wheel has to accelerate, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("driven_wheel.", self, "radius_m", "inertia_kg_m2", "load_N", "mass_kg")

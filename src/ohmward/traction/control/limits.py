@@ -15,15 +15,10 @@ SAME_TORQUE = 1e-9
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of the torque at the wheel.
+    """Limits of the torque at the wheel."""
 
-    Attributes:
-        torque_Nm: largest size, > 0.
-        rate_Nm_per_s: largest rate of change, > 0.
-    """
-
-    torque_Nm: float
-    rate_Nm_per_s: float = 5000.0
+    torque_Nm: float  #: largest size, > 0
+    rate_Nm_per_s: float = 5000.0  #: largest rate of change, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("limits.", self, "torque_Nm", "rate_Nm_per_s")

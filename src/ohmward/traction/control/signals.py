@@ -20,60 +20,36 @@ class ControlFlag(IntFlag):
 
 
 class Measurement(NamedTuple):
-    """Measured or estimated motion of a driven wheel.
+    """Measured or estimated motion of a driven wheel."""
 
-    wheel_speed_rad_s:    of the wheel, > 0 forward.
-    travel_speed_m_s:     of the wheel's centre along the wheel, measured or estimated.
-    age_s:                of the travel speed, >= 0.
-    travel_speed_std_m_s: its standard deviation.
-    force_N:              of the ground on the wheel, from an estimator; nan where there is none.
-    acceleration_m_s2:    of the wheel's centre, likewise.
-    """
-
-    wheel_speed_rad_s: Any
-    travel_speed_m_s: Any
-    age_s: Any = 0.0
-    travel_speed_std_m_s: Any = 0.0
-    force_N: Any = math.nan
-    acceleration_m_s2: Any = math.nan
+    wheel_speed_rad_s: Any  #:    of the wheel, > 0 forward
+    travel_speed_m_s: Any  #:     of the wheel's centre along the wheel, measured or estimated
+    age_s: Any = 0.0  #:                of the travel speed, >= 0
+    travel_speed_std_m_s: Any = 0.0  #: its standard deviation
+    force_N: Any = math.nan  #:              of the ground on the wheel, from an estimator; nan where there is none
+    acceleration_m_s2: Any = math.nan  #:    of the wheel's centre, likewise
 
 
 class SlipCommand(NamedTuple):
-    """A slip to hold.
+    """A slip to hold."""
 
-    slip_ratio: in (-1, 1), > 0 drives and < 0 brakes, whichever way the robot goes.
-    direction:  >= 0 forward, < 0 reverse.
-    """
-
-    slip_ratio: Any
-    direction: Any = 1.0
+    slip_ratio: Any  #: in (-1, 1), > 0 drives and < 0 brakes, whichever way the robot goes
+    direction: Any = 1.0  #:  >= 0 forward, < 0 reverse
 
 
 class SpeedCommand(NamedTuple):
-    """A speed to hold, within bounds of slip.
+    """A speed to hold, within bounds of slip."""
 
-    speed_m_s:  of the wheel's centre, < 0 in reverse.
-    slip_bound: largest slip ratio in size, driving and braking, at least 0.001 and below 1.
-    """
-
-    speed_m_s: Any
-    slip_bound: Any = 0.12
+    speed_m_s: Any  #:  of the wheel's centre, < 0 in reverse
+    slip_bound: Any = 0.12  #: largest slip ratio in size, driving and braking, at least 0.001 and below 1
 
 
 class Report(NamedTuple):
-    """Slip, force and torque of a step, with flags.
+    """Slip, force and torque of a step, with flags."""
 
-    slip_ratio:  driving > 0 and braking < 0; nan below `slip.REPORT_FLOOR`.
-    slip_target: slip ratio that is held now, or the bound.
-    surface_m_s: distance from it as a slip speed, > 0 where slip is too large; see `surface`.
-    force_N:     of the ground on the wheel, along x, as estimated.
-    demanded_Nm: torque without limits.
-    flags:       sum of `ControlFlag`.
-    """
-
-    slip_ratio: Any
-    slip_target: Any
-    surface_m_s: Any
-    force_N: Any
-    demanded_Nm: Any
-    flags: Any
+    slip_ratio: Any  #:  driving > 0 and braking < 0; nan below `slip.REPORT_FLOOR`
+    slip_target: Any  #: slip ratio that is held now, or the bound
+    surface_m_s: Any  #: distance from it as a slip speed, > 0 where slip is too large; see `surface`
+    force_N: Any  #:     of the ground on the wheel, along x, as estimated
+    demanded_Nm: Any  #: torque without limits
+    flags: Any  #:       sum of `ControlFlag`

@@ -44,17 +44,11 @@ GROWTH_TIME_CONSTANTS = 2.0
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Bounds of the errors of a law's model.
+    """Bounds of the errors of a law's model."""
 
-    Attributes:
-        force_N: dF, of the ground's force, >= 0.
-        acceleration_m_s2: da, of the wheel's centre, >= 0.
-        inertia_factor: beta, the true inertia is within J/beta and J beta, >= 1.
-    """
-
-    force_N: float
-    acceleration_m_s2: float = 1.0
-    inertia_factor: float = 1.2
+    force_N: float  #: dF, of the ground's force, >= 0
+    acceleration_m_s2: float = 1.0  #: da, of the wheel's centre, >= 0
+    inertia_factor: float = 1.2  #: beta, the true inertia is within J/beta and J beta, >= 1
 
     def __post_init__(self) -> None:
         require_each_not_negative("uncertainty.", self, "force_N", "acceleration_m_s2")
@@ -69,19 +63,12 @@ class SlidingMemory(NamedTuple):
 
 @dataclass(frozen=True)
 class SlidingMode:
-    """Settings of the law.
+    """Settings of the law."""
 
-    Attributes:
-        uncertainty: that the gain has to outweigh.
-        reaching_m_s2: eta, least rate at which sigma comes down outside the layer, > 0.
-        time_constant_s: T, of sigma inside the layer, > 0.
-        integral_per_s: k_i, >= 0.
-    """
-
-    uncertainty: Uncertainty
-    reaching_m_s2: float = 1.0
-    time_constant_s: float = 0.005
-    integral_per_s: float = 0.0
+    uncertainty: Uncertainty  #: that the gain has to outweigh
+    reaching_m_s2: float = 1.0  #: eta, least rate at which sigma comes down outside the layer, > 0
+    time_constant_s: float = 0.005  #: T, of sigma inside the layer, > 0
+    integral_per_s: float = 0.0  #: k_i, >= 0
 
     def __post_init__(self) -> None:
         require_each_positive("sliding_mode.", self, "reaching_m_s2", "time_constant_s")

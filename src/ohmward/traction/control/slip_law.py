@@ -8,29 +8,19 @@ from ohmward.traction.control.driven_wheel import DrivenWheel
 
 
 class Motion(NamedTuple):
-    """Motion of a wheel and the slip that it should have, along the commanded direction: a law knows no reverse.
+    """Motion of a wheel and the slip that it should have, along the commanded direction: a law knows no reverse."""
 
-    rim_m_s, travel_m_s: speeds of rim and of the wheel's centre.
-    acceleration_m_s2:   of the wheel's centre, as estimated.
-    force_N:             of the ground on the wheel, as estimated.
-    slip_target:         slip ratio in (-1, 1).
-    target_rate_per_s:   its rate of change.
-    floor_m_s:           v_0 of the surface, below which a slip speed is held instead of a slip ratio.
-    dt_s:                time for which the torque will be held.
-    launch:              l of the surface.
-    torque_before_Nm:    given in the step before; None where the torque may be any.
-    """
-
+    #: speeds of rim and of the wheel's centre
     rim_m_s: Any
     travel_m_s: Any
-    acceleration_m_s2: Any
-    force_N: Any
-    slip_target: Any
-    target_rate_per_s: Any
-    floor_m_s: Any
-    dt_s: Any
-    launch: Any = 1.0
-    torque_before_Nm: Any = None
+    acceleration_m_s2: Any  #:   of the wheel's centre, as estimated
+    force_N: Any  #:             of the ground on the wheel, as estimated
+    slip_target: Any  #:         slip ratio in (-1, 1)
+    target_rate_per_s: Any  #:   its rate of change
+    floor_m_s: Any  #:           v_0 of the surface, below which a slip speed is held instead of a slip ratio
+    dt_s: Any  #:                time for which the torque will be held
+    launch: Any = 1.0  #:              l of the surface
+    torque_before_Nm: Any = None  #:    given in the step before; None where the torque may be any
 
 
 class SlipLaw(Protocol):

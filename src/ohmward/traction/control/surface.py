@@ -20,15 +20,11 @@ from ohmward.trace import maximum, where
 
 
 class SlidingSurface(NamedTuple):
-    """Distance of a wheel from a slip, and the factors of its rate; speeds in m/s.
+    """Distance of a wheel from a slip, and the factors of its rate; speeds in m/s."""
 
-    sigma:           distance, > 0 where the slip is too large.
-    reference_speed: V_f.
-    gain, drift:     see the module.
-    """
-
-    sigma: Any
-    reference_speed: Any
+    sigma: Any  #:           distance, > 0 where the slip is too large
+    reference_speed: Any  #: V_f
+    #:     see the module
     gain: Any
     drift: Any
 

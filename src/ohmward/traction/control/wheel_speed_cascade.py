@@ -33,23 +33,14 @@ class CascadeState(NamedTuple):
 
 @dataclass(frozen=True)
 class WheelSpeedCascade:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        wheel: parameters of each driven wheel.
-        force_filter: estimates the acceleration.
-        floor_m_s: v_0, > 0.
-        lead_s: time by which the travel speed is predicted ahead, >= 0.
-        wheel_acceleration_rad_s2: largest change of the reference, > 0.
-        stop_m_s: below this speed braking has come to its end, > 0.
-    """
-
-    wheel: DrivenWheel
-    force_filter: ForceFilter = field(default_factory=ForceFilter)
-    floor_m_s: float = 0.2
-    lead_s: float = 0.01
-    wheel_acceleration_rad_s2: float = 200.0
-    stop_m_s: float = 0.05
+    wheel: DrivenWheel  #: parameters of each driven wheel
+    force_filter: ForceFilter = field(default_factory=ForceFilter)  #: estimates the acceleration
+    floor_m_s: float = 0.2  #: v_0, > 0
+    lead_s: float = 0.01  #: time by which the travel speed is predicted ahead, >= 0
+    wheel_acceleration_rad_s2: float = 200.0  #: largest change of the reference, > 0
+    stop_m_s: float = 0.05  #: below this speed braking has come to its end, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("wheel_speed_cascade.", self, "floor_m_s", "wheel_acceleration_rad_s2", "stop_m_s")

@@ -9,18 +9,13 @@ SPEED_FLOOR = 0.05
 
 
 class Contact(NamedTuple):
-    """Contact of a wheel with the ground; floats, arrays or traced.
+    """Contact of a wheel with the ground; floats, arrays or traced."""
 
-    slip_speed_m_s:   rim speed less travel speed, along the wheel; with sideways slip the length of the slip vector.
-    rim_speed_m_s:    r omega.
-    travel_speed_m_s: of the wheel's centre, along the wheel.
-    load_N:           normal force, >= 0.
-    """
-
+    #:   rim speed less travel speed, along the wheel; with sideways slip the length of the slip vector
     slip_speed_m_s: Any
-    rim_speed_m_s: Any
-    travel_speed_m_s: Any
-    load_N: Any
+    rim_speed_m_s: Any  #:    r omega
+    travel_speed_m_s: Any  #: of the wheel's centre, along the wheel
+    load_N: Any  #:           normal force, >= 0
 
 
 class TractionLaw(Protocol):

@@ -26,18 +26,12 @@ SHARPNESS = 4.0
 
 @dataclass(frozen=True)
 class WardIagnemma:
-    """Adhesion as a function of slip speed.
+    """Adhesion as a function of slip speed."""
 
-    Attributes:
-        c1: adhesion to which the exponential rises, > 0.
-        c2_s_per_m: rate of it, > 0.
-        c3_s_per_m: slope at high slip; < 0 for ground with a peak, and then > -c1 * c2.
-        sliding: adhesion that remains beyond the peak, from 0 to the peak; without meaning where there is no peak.
-    """
-
-    c1: float
-    c2_s_per_m: float
-    c3_s_per_m: float = 0.0
+    c1: float  #: adhesion to which the exponential rises, > 0
+    c2_s_per_m: float  #: rate of it, > 0
+    c3_s_per_m: float = 0.0  #: slope at high slip; < 0 for ground with a peak, and then > -c1 * c2
+    #: adhesion that remains beyond the peak, from 0 to the peak; without meaning where there is no peak
     sliding: float = 0.0
 
     def __post_init__(self) -> None:

@@ -68,39 +68,29 @@ LEAST_STD = 1e-4
 
 
 class TurnSums(NamedTuple):
-    """Sums over the time in which gyro and wheels have turned since they were last compared.
+    """Sums over the time in which gyro and wheels have turned since they were last compared."""
 
-    time_s: time.
-    wheels_rad, gyro_rad: angles that they show.
-    path_m, rim_m: signed way of the rims forward, and the way of the wheels whatever its direction.
-    gyro_variance: of the gyro's angle by its noise [rad2].
-    slip_rad: angle of one standard deviation of the wheels' correlated error.
-    start_rad_s, end_rad_s: yaw rate of the gyro at the start and at the end.
-    rejected_s: time for which the comparison has been outside its gate.
-    """
-
-    time_s: Any = 0.0
+    time_s: Any = 0.0  #: time
+    #: angles that they show
     wheels_rad: Any = 0.0
     gyro_rad: Any = 0.0
+    #: signed way of the rims forward, and the way of the wheels whatever its direction
     path_m: Any = 0.0
     rim_m: Any = 0.0
-    gyro_variance: Any = 0.0
-    slip_rad: Any = 0.0
+    gyro_variance: Any = 0.0  #: of the gyro's angle by its noise [rad2]
+    slip_rad: Any = 0.0  #: angle of one standard deviation of the wheels' correlated error
+    #: yaw rate of the gyro at the start and at the end
     start_rad_s: Any = 0.0
     end_rad_s: Any = 0.0
-    rejected_s: Any = 0.0
+    rejected_s: Any = 0.0  #: time for which the comparison has been outside its gate
 
 
 class PoseCorrection(NamedTuple):
-    """Belief after measurements, and conditions on them.
+    """Belief after measurements, and conditions on them."""
 
-    belief: after them.
-    turn_apart_rad_s: yaw rate by which gyro and wheels differ.
-    turn_rejected, speed_rejected, increment_rejected, increment_too_old: see `OdometryFlag`.
-    """
-
-    belief: Belief
-    turn_apart_rad_s: Any = 0.0
+    belief: Belief  #: after them
+    turn_apart_rad_s: Any = 0.0  #: yaw rate by which gyro and wheels differ
+    #: see `OdometryFlag`
     turn_rejected: Any = False
     speed_rejected: Any = False
     increment_rejected: Any = False

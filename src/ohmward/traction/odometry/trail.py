@@ -14,27 +14,18 @@ _TINY_S = 1e-9
 
 
 class Trail(NamedTuple):
-    """Dead reckoning that no measurement corrects.
+    """Dead reckoning that no measurement corrects."""
 
-    dt_s: (steps,) length of each of the last steps, newest first.
-    moved: (3, steps) change of x, y and yaw in each, in the frame of its own start.
-    yaw_rad: at its end.
-    """
-
-    dt_s: np.ndarray
-    moved: np.ndarray
-    yaw_rad: Scalar
+    dt_s: np.ndarray  #: (steps,) length of each of the last steps, newest first
+    moved: np.ndarray  #: (3, steps) change of x, y and yaw in each, in the frame of its own start
+    yaw_rad: Scalar  #: at its end
 
 
 class SeenWay(NamedTuple):
-    """The way between two instants.
+    """The way between two instants."""
 
-    increment: (3,) forward, left and turn, in the frame of its start.
-    known_s: time of it that is remembered.
-    """
-
-    increment: np.ndarray
-    known_s: Scalar
+    increment: np.ndarray  #: (3,) forward, left and turn, in the frame of its start
+    known_s: Scalar  #: time of it that is remembered
 
 
 def empty_trail(steps: int) -> Trail:

@@ -25,22 +25,17 @@ UNOBSERVED_S = 0.5
 
 
 class DrivenWheels(NamedTuple):
-    """The driven wheels, each (driven,), and the body.
+    """The driven wheels, each (driven,), and the body."""
 
-    speed_std_m_s: of the body.
-    travel_m_s, travel_std_m_s: speed of the wheel's centre along its rolling direction.
-    slip_m_s, slip_std_m_s: slip speed.
-    rim_m_s: slip plus travel.
-    grip: at one sigma of slip beyond the estimate, in [0, 1].
-    """
-
-    speed_std_m_s: Scalar
+    speed_std_m_s: Scalar  #: of the body
+    #: speed of the wheel's centre along its rolling direction
     travel_m_s: np.ndarray
     travel_std_m_s: np.ndarray
+    #: slip speed
     slip_m_s: np.ndarray
     slip_std_m_s: np.ndarray
-    rim_m_s: np.ndarray
-    grip: np.ndarray
+    rim_m_s: np.ndarray  #: slip plus travel
+    grip: np.ndarray  #: at one sigma of slip beyond the estimate, in [0, 1]
 
 
 class MotionTimers(NamedTuple):

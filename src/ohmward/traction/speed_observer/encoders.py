@@ -37,72 +37,45 @@ POSSIBLE_SIGMAS, TORQUE_SHARE = 5.0, 0.5
 
 
 class EncoderGate(NamedTuple):
-    """Settings of the gate of an encoder.
+    """Settings of the gate of an encoder."""
 
-    nis: NIS beyond which its wheel has met other ground.
-    reset_after_s: time outside the gate after which the encoder is at fault.
-    jumps_teach: the prior tells what a jump says of the friction: sigma points do, a slope at grip does not.
-    """
-
-    nis: float
-    reset_after_s: float
-    jumps_teach: bool
+    nis: float  #: NIS beyond which its wheel has met other ground
+    reset_after_s: float  #: time outside the gate after which the encoder is at fault
+    jumps_teach: bool  #: the prior tells what a jump says of the friction: sigma points do, a slope at grip does not
 
 
 class FreeWheels(NamedTuple):
-    """Wheels that only their motors turn, each (driven,) [rad/s].
+    """Wheels that only their motors turn, each (driven,) [rad/s]."""
 
-    start_rad_s: speed at the last value of the encoder.
-    motor_rad_s: change since then, the sum of dt tau / J_w.
-    """
-
-    start_rad_s: np.ndarray
-    motor_rad_s: np.ndarray
+    start_rad_s: np.ndarray  #: speed at the last value of the encoder
+    motor_rad_s: np.ndarray  #: change since then, the sum of dt tau / J_w
 
 
 class RejectedFor(NamedTuple):
-    """Time [s] for which an encoder, or each one (driven,), has shown what the model excludes.
+    """Time [s] for which an encoder, or each one (driven,), has shown what the model excludes."""
 
-    gate_s: outside its gate, spikes left out.
-    impossible_s: beyond the possible speeds of its wheel.
-    """
-
-    gate_s: Any
-    impossible_s: Any
+    gate_s: Any  #: outside its gate, spikes left out
+    impossible_s: Any  #: beyond the possible speeds of its wheel
 
 
 class WheelCorrection(NamedTuple):
-    """Update by one encoder.
+    """Update by one encoder."""
 
-    belief: after it.
-    used: the condition that the encoder is measured, believed and inside its gate.
-    ground_changed: the condition that the wheel moved as the model excludes.
-    spike: the condition that the encoder jumped as no wheel can, and was not used.
-    rejected: how long it has been outside its gate.
-    """
-
-    belief: Belief
-    used: Scalar
-    ground_changed: Scalar
-    spike: Scalar
-    rejected: RejectedFor
+    belief: Belief  #: after it
+    used: Scalar  #: the condition that the encoder is measured, believed and inside its gate
+    ground_changed: Scalar  #: the condition that the wheel moved as the model excludes
+    spike: Scalar  #: the condition that the encoder jumped as no wheel can, and was not used
+    rejected: RejectedFor  #: how long it has been outside its gate
 
 
 class EncoderCorrection(NamedTuple):
-    """Update by all encoders.
+    """Update by all encoders."""
 
-    belief: after it.
-    wheels: each driven wheel's.
-    ground_changed: the condition that one of them moved as the model excludes.
-    spike: the condition that one of the encoders jumped as no wheel can.
-    doubted: the condition that one of the encoders is at fault.
-    """
-
-    belief: Belief
-    wheels: list[WheelCorrection]
-    ground_changed: Scalar
-    spike: Scalar
-    doubted: Scalar
+    belief: Belief  #: after it
+    wheels: list[WheelCorrection]  #: each driven wheel's
+    ground_changed: Scalar  #: the condition that one of them moved as the model excludes
+    spike: Scalar  #: the condition that one of the encoders jumped as no wheel can
+    doubted: Scalar  #: the condition that one of the encoders is at fault
 
 
 class PossibleSpeeds(NamedTuple):

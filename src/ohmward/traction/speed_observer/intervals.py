@@ -34,14 +34,10 @@ TINY_S = 1e-9
 
 
 class Intervals(NamedTuple):
-    """Clocks of channels, each (channels,).
+    """Clocks of channels, each (channels,)."""
 
-    age_s: time since the last value; `NEVER_S` and more before the first.
-    usual_s: usual time between two values; 0 before the second.
-    """
-
-    age_s: np.ndarray
-    usual_s: np.ndarray
+    age_s: np.ndarray  #: time since the last value; `NEVER_S` and more before the first
+    usual_s: np.ndarray  #: usual time between two values; 0 before the second
 
 
 def never(channels: int) -> Intervals:

@@ -14,14 +14,10 @@ _TINY_S = 1e-9
 
 
 class History(NamedTuple):
-    """The last steps, newest first.
+    """The last steps, newest first."""
 
-    dt_s: (steps,) length of each.
-    change_m_s: (steps,) predicted change of the speed in it.
-    """
-
-    dt_s: np.ndarray
-    change_m_s: np.ndarray
+    dt_s: np.ndarray  #: (steps,) length of each
+    change_m_s: np.ndarray  #: (steps,) predicted change of the speed in it
 
 
 def empty_history(steps: int) -> History:

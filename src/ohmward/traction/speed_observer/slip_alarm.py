@@ -20,23 +20,15 @@ from ohmward.errors import InputError
 
 @dataclass(frozen=True)
 class SlipAlarm:
-    """Settings of both tests.
+    """Settings of both tests."""
 
-    Attributes:
-        false_alarm_rate: share of the samples in which a wheel at the allowed slip raises the alarm, in (0, 0.5).
-        allowed_m_s: slip speed that is always allowed, >= 0.
-        allowed_ratio: slip that is allowed besides, over the speed of the wheel's rim, >= 0.
-        stuck_rim_m_s: the wheels count as turning from this speed of their rims on, > 0.
-        stuck_ratio: the robot counts as stuck below this share of it, in (0, 1).
-        stuck_s: for so long, >= 0.
-    """
-
+    #: share of the samples in which a wheel at the allowed slip raises the alarm, in (0, 0.5)
     false_alarm_rate: float = 1e-3
-    allowed_m_s: float = 0.03
-    allowed_ratio: float = 0.05
-    stuck_rim_m_s: float = 0.1
-    stuck_ratio: float = 0.2
-    stuck_s: float = 1.0
+    allowed_m_s: float = 0.03  #: slip speed that is always allowed, >= 0
+    allowed_ratio: float = 0.05  #: slip that is allowed besides, over the speed of the wheel's rim, >= 0
+    stuck_rim_m_s: float = 0.1  #: the wheels count as turning from this speed of their rims on, > 0
+    stuck_ratio: float = 0.2  #: the robot counts as stuck below this share of it, in (0, 1)
+    stuck_s: float = 1.0  #: for so long, >= 0
 
     def __post_init__(self) -> None:
         if not 0 < self.false_alarm_rate < 0.5:

@@ -94,61 +94,41 @@ LOCKED_OUT = 2.0
 
 
 class Prediction(NamedTuple):
-    """Belief at the end of a step, before its measurements.
+    """Belief at the end of a step, before its measurements."""
 
-    belief: of the model alone.
-    step: of the mean.
-    lag_rad_s: (wheels,) `Model.encoder_lag` of a value that comes now.
-    lag_since_rad_s: (wheels,) that of all steps since the last value.
-    """
-
-    belief: Belief
-    step: SlipStep
-    lag_rad_s: np.ndarray
-    lag_since_rad_s: np.ndarray
+    belief: Belief  #: of the model alone
+    step: SlipStep  #: of the mean
+    lag_rad_s: np.ndarray  #: (wheels,) `Model.encoder_lag` of a value that comes now
+    lag_since_rad_s: np.ndarray  #: (wheels,) that of all steps since the last value
 
 
 @dataclass(frozen=True)
 class SpeedObserver:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        scene: robot, and the terrain that it is believed to drive on.
-        states: what is estimated besides the robot's own state.
-        noise: of sensors and model; says which sensors there are.
-        method: "ekf" or "ukf".
-        matching: learn the noise of encoders, currents and gyro (AEKF, AUKF).
-        uses_currents: the motor currents tell the force that drives the robot; those of wheels that scrub do not.
-        window: effective samples of that; [T] takes 100.
-        alarm: tests for slip and for a robot that is stuck.
-        gate: NIS beyond which a measurement of the body is not used; 10.8 is 99.9 %.
-        encoder_gate: NIS of an encoder beyond which its wheel has met other ground.
-        reset_after_s: time outside its gate after which an encoder is doubted, and an external speed is believed.
-        gap_s: a longer step says nothing about the current in between.
-        rest_hold_s: time for which wheels and motors must be at rest before the speed counts as zero; inf never does.
-        rest_wheel_rad_s, rest_current_A: below both a wheel and a motor are at rest.
-        wheel_speed_limit_rad_s, current_limit_A: beyond these a sensor is at fault.
-        late_steps: number of samples by which an external speed may be late.
-    """
-
-    scene: Scene
-    states: States = field(default_factory=States)
-    noise: ObserverNoise = field(default_factory=ObserverNoise)
-    method: str = "ukf"
-    matching: bool = False
+    scene: Scene  #: robot, and the terrain that it is believed to drive on
+    states: States = field(default_factory=States)  #: what is estimated besides the robot's own state
+    noise: ObserverNoise = field(default_factory=ObserverNoise)  #: of sensors and model; says which sensors there are
+    method: str = "ukf"  #: "ekf" or "ukf"
+    matching: bool = False  #: learn the noise of encoders, currents and gyro (AEKF, AUKF)
+    #: the motor currents tell the force that drives the robot; those of wheels that scrub do not
     uses_currents: bool = True
-    window: float = 100.0
-    alarm: SlipAlarm = field(default_factory=SlipAlarm)
-    gate: float = 10.8
-    encoder_gate: float = 25.0
+    window: float = 100.0  #: effective samples of that; [T] takes 100
+    alarm: SlipAlarm = field(default_factory=SlipAlarm)  #: tests for slip and for a robot that is stuck
+    gate: float = 10.8  #: NIS beyond which a measurement of the body is not used; 10.8 is 99.9 %
+    encoder_gate: float = 25.0  #: NIS of an encoder beyond which its wheel has met other ground
+    #: time outside its gate after which an encoder is doubted, and an external speed is believed
     reset_after_s: float = 1.0
-    gap_s: float = 0.1
+    gap_s: float = 0.1  #: a longer step says nothing about the current in between
+    #: time for which wheels and motors must be at rest before the speed counts as zero; inf never does
     rest_hold_s: float = 0.5
+    #: below both a wheel and a motor are at rest
     rest_wheel_rad_s: float = 0.05
     rest_current_A: float = 0.5
+    #: beyond these a sensor is at fault
     wheel_speed_limit_rad_s: float = 500.0
     current_limit_A: float = 200.0
-    late_steps: int = 20
+    late_steps: int = 20  #: number of samples by which an external speed may be late
 
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)

@@ -68,22 +68,14 @@ _TINY = 1e-6
 
 
 class FloorState(NamedTuple):
-    """State from sample to sample: plain numbers.
+    """State from sample to sample: plain numbers."""
 
-    wheels: of the filter.
-    slow_rim: (2, freedoms) motion of the rims after one and two first-order low-pass filters.
-    recognised: belief in the floors.
-    crossing: of the test.
-    encoders: as watched.
-    loss: of the forward motion, as outside speeds have shown it since the last event.
-    """
-
-    wheels: WheelState
-    slow_rim: np.ndarray
-    recognised: RecognitionState
-    crossing: CrossingState
-    encoders: EncoderWatch
-    loss: LossState
+    wheels: WheelState  #: of the filter
+    slow_rim: np.ndarray  #: (2, freedoms) motion of the rims after one and two first-order low-pass filters
+    recognised: RecognitionState  #: belief in the floors
+    crossing: CrossingState  #: of the test
+    encoders: EncoderWatch  #: as watched
+    loss: LossState  #: of the forward motion, as outside speeds have shown it since the last event
 
 
 class FloorRun(Run[FloorEstimate]):
@@ -101,17 +93,11 @@ class FloorRun(Run[FloorEstimate]):
 
 @dataclass(frozen=True, eq=False)
 class SlipOnFloors:
-    """Settings: a filter of the wheels, and the floors that the robot may meet; `init` and `step` are pure.
+    """Settings: a filter of the wheels, and the floors that the robot may meet; `init` and `step` are pure."""
 
-    Attributes:
-        recognition: robot and floors.
-        wheels: the filter; its robot must be the same.
-        crossing: the test for other floors.
-    """
-
-    recognition: Recognition
-    wheels: WheelFilter
-    crossing: CrossingTest
+    recognition: Recognition  #: robot and floors
+    wheels: WheelFilter  #: the filter; its robot must be the same
+    crossing: CrossingTest  #: the test for other floors
 
     def __post_init__(self) -> None:
         if self.wheels.robot != self.recognition.robot:
