@@ -1,1 +1,24 @@
-"""The command `ohmward generic`."""
+"""Arguments of `ohmward generic`; `command` carries it out."""
+
+from __future__ import annotations
+
+import argparse
+
+from ohmward.cli.options import add_sensor_options
+from ohmward.cli.parser import count, positive
+
+EXAMPLES = """\
+  ohmward generic --chemistry lfp --capacity-ah 12 --n-series 4 -o battery.toml
+  ohmward generic --chemistry nmc --capacity-ah 2.0 --name cell -o cell.toml --json
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    parser.add_argument("--chemistry", required=True, metavar="NAME", help="lfp, nmc, nca, lipo or lead-acid")
+    parser.add_argument("--capacity-ah", type=positive, required=True, metavar="Q", help="as on the label [Ah]")
+    parser.add_argument("--n-series", type=count, default=1, metavar="N", help="cells in series (default 1)")
+    parser.add_argument("--name", default="", help="what to call the battery; default: generic and the chemistry")
+    add_sensor_options(parser, "2.5 %% of 1 C", "1 %%")
+    parser.add_argument("-o", "--output", required=True, metavar="FILE.toml", help="write the battery file")
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
