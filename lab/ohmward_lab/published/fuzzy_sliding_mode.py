@@ -19,7 +19,7 @@ import numpy as np
 from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.trace import clip, maximum, minimum, where
-from ohmward.traction.control.driven_wheel import DrivenWheel
+from ohmward.traction.control.signals import DrivenWheel
 from ohmward.traction.control.sliding_mode import SlidingMemory, SlidingMode
 from ohmward.traction.control.slip_law import Motion
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.trace import clip, maximum, minimum
-from ohmward.traction.control.driven_wheel import DrivenWheel
+from ohmward.traction.control.signals import DrivenWheel
 from ohmward.traction.control.sliding_mode import STEPS_PER_TIME_CONSTANT, Uncertainty
 from ohmward.traction.control.slip_law import Motion, NoMemory
 

@@ -10,11 +10,10 @@ import numpy as np
 
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.logs.log import Log
-from ohmward_lab.simulate.bench_profiles import bench_times, pulse_test
 from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery, scaled
 from ohmward_lab.simulate.mission import MissionRobot, drive
 from ohmward_lab.simulate.plant import resting_state, simulate
-from ohmward_lab.simulate.profile import EDGE_S, Profile
+from ohmward_lab.simulate.profile import EDGE_S, Profile, bench_times, pulse_test
 from ohmward_lab.simulate.robot_day import record
 from ohmward_lab.simulate.sensors import BatterySensors, Sensor, low_cost_sensors, on_the_bench
 

@@ -10,6 +10,22 @@ import numpy as np
 from ohmward.report import Figure
 
 
+class Erratum(NamedTuple):
+    """An error in the text we worked from."""
+
+    text: str  #: "[T]" or "[P]"
+    place: str  #: number of the equation
+    printed: str  #: what stands there
+    correct: str  #: what it must be
+    check: Callable[[], bool]  #: True where the correct form holds and the printed one does not
+
+
+def differs(printed: float, correct: float, true: float, tolerance: float) -> bool:
+    """True where `correct` is the true value within a relative tolerance and `printed` is not, by ten times it."""
+    scale = max(abs(true), 1e-300)
+    return bool(abs(correct - true) <= tolerance * scale and abs(printed - true) > 10 * tolerance * scale)
+
+
 class ResultRow(NamedTuple):
     """One number of a table or figure; None where there is none."""
 

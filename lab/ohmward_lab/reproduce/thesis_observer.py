@@ -19,7 +19,7 @@ from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RobotInput, RollingResistance, Terrain, next_state, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward.traction.speed_observer.encoder import wheel_speeds
+from ohmward.traction.speed_observer.encoders import wheel_speeds
 from ohmward.traction.speed_observer.noise import quantisation_std_rad_s
 from ohmward.traction.speed_observer.slip_step import SlipStep, slip_step
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout

@@ -28,8 +28,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.optional import require
 from ohmward.traction.friction.families import RESISTANCE, Family, Free
-from ohmward.traction.friction.law import Contact, TractionLaw
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import Contact, TractionLaw, direction_and_size
 from ohmward.traction.friction.published_grounds import departures
 
 #: Starts that a fit with a prior follows to their end, the most promising ones.

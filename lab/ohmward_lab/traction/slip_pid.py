@@ -13,10 +13,8 @@ from typing import Any, NamedTuple
 
 from ohmward.checks import require_each_not_negative, require_positive
 from ohmward.trace import where
-from ohmward.traction.control.driven_wheel import DrivenWheel
-from ohmward.traction.control.limits import limited
-from ohmward.traction.control.slip_law import Motion
-from ohmward.traction.control.surface import surface
+from ohmward.traction.control.signals import DrivenWheel, limited
+from ohmward.traction.control.slip_law import Motion, surface
 
 
 class PidMemory(NamedTuple):

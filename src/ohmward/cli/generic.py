@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> Outcome:
     """Write the battery file."""
     from ohmward.battery.chemistries import generic_battery
     from ohmward.battery.file import replace_battery
-    from ohmward.cli.sensor import with_sensor
+    from ohmward.cli.battery_inputs import with_sensor
     from ohmward.cli.wording import written_battery
 
     check_output("--output", args.output, (".toml",))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.checks import require_each_not_negative, require_each_positive
-from ohmward.energy.integral import running_integral
+from ohmward.energy.balance import running_integral
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
 from ohmward.runs import runs

@@ -22,7 +22,7 @@ from ohmward.battery.models.noise import USUAL_C
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive
-from ohmward.energy.integral import running_integral
+from ohmward.energy.balance import running_integral
 from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.errors import InputError
 

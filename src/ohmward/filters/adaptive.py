@@ -28,10 +28,9 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.filters import extended, unscented
-from ohmward.filters.belief import Belief, Correction, Function, Innovation
+from ohmward.filters.belief import Belief, Correction, Function, Innovation, require_shape
 from ohmward.filters.gate import choose, passes
 from ohmward.filters.linear_algebra import lower_triangle, mirror_lower, symmetric_from
-from ohmward.filters.shapes import require_shape
 from ohmward.trace import linearize, minimum
 
 

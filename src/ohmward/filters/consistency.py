@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.filters.belief import Belief
+from ohmward.filters.belief import Belief, require_shape
 from ohmward.filters.linear_algebra import solve_spd
-from ohmward.filters.shapes import require_shape
 from ohmward.optional import require
 
 #: Standard deviations to either side of the mean within which 95 % of a normal distribution lie.

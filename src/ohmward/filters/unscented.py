@@ -28,10 +28,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.filters.belief import Belief, Correction, Function, Innovation
+from ohmward.filters.belief import Belief, Correction, Function, Innovation, require_shape
 from ohmward.filters.kalman import gain
 from ohmward.filters.linear_algebra import cholesky, mirror_lower
-from ohmward.filters.shapes import require_shape
 
 
 class Scaling(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
@@ -11,7 +12,7 @@ import numpy as np
 
 from ohmward.logs import bdf
 from ohmward.logs.cell_columns import with_pack_voltage
-from ohmward.logs.charger_flag import full_charges
+from ohmward.logs.channels import letters, word_set
 from ohmward.logs.clean import gap_notes, merge_rates, missing_notes, to_si
 from ohmward.logs.columns import Column, find_columns
 from ohmward.logs.frame import is_frame, to_frame
@@ -20,10 +21,80 @@ from ohmward.logs.note import Note, counted
 from ohmward.logs.plausible import guess_notes, require_plausible
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.sign import CurrentSign, charging_current
-from ohmward.logs.state_column import state_column, with_direction
 from ohmward.logs.table import Progress, Table, TableFile, with_sample_time
 from ohmward.logs.time_series import TimeSeries
 from ohmward.logs.window import window_s
+
+#: Words of a column that is 1 where the charge is complete and else 0, and words that may stand beside them.
+_FULL = (word_set("full"), word_set("fully charged"), word_set("charge complete"), word_set("charge done"))
+_BESIDE = word_set("charger charge charging battery batt bat bms flag status state is")
+#: `power_supply_status` of `sensor_msgs/BatteryState`, and its constant POWER_SUPPLY_STATUS_FULL.
+_STATUS, _STATUS_FULL = word_set("power supply status"), 4.0
+
+
+def full_charges(extra: Mapping[str, np.ndarray]) -> tuple[tuple[str, int], ...]:
+    """Name of the column and sample of each charge that one of the columns (T,) begins to call complete."""
+    found = []
+    for name, values in extra.items():
+        full = _says_full(name, values)
+        found += [(name, int(k)) for k in np.flatnonzero(full[1:] & ~full[:-1]) + 1]
+    return tuple(found)
+
+
+def charger_columns(names: Collection[str]) -> tuple[str, ...]:
+    """The columns that may say that the battery is full, by their names alone."""
+    return tuple(name for name in names if _is_status(name) or _is_flag(name))
+
+
+def _says_full(name: str, values: np.ndarray) -> np.ndarray:
+    """(T,) bool, True where the column says that the battery is full."""
+    if _is_status(name):
+        return values == _STATUS_FULL
+    flags = bool(np.isin(values[np.isfinite(values)], (0.0, 1.0)).all())
+    return (values == 1.0) & (_is_flag(name) and flags)
+
+
+def _is_status(name: str) -> bool:
+    return set(letters(name)) >= _STATUS
+
+
+def _is_flag(name: str) -> bool:
+    words = set(letters(name))
+    return any(words >= full and words - full <= _BESIDE for full in _FULL)
+
+
+#: Names of the column.
+_NAMES = (frozenset(("state",)), frozenset(("status",)), frozenset(("mode",)), frozenset(("step", "type")),
+          frozenset(("md",)), frozenset(("step", "name")), frozenset(("work", "mode")))  # fmt: skip
+_DISCHARGE = re.compile(r"^d$|dis|dch|dchg|entlad|放电", re.IGNORECASE)
+_CHARGE = re.compile(r"^c$|ch[aghr]|^cccv|^laden|充电", re.IGNORECASE)
+
+
+def state_column(file: TableFile) -> str | None:
+    """The column of texts that name charge or discharge among its first cells; None where there is none."""
+    for name, cells in file.head.items():
+        if frozenset(letters(name)) in _NAMES and any(_direction(cell) for cell in cells):
+            return name
+    return None
+
+
+def with_direction(current: np.ndarray, states: np.ndarray, name: str) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The current (T,), > 0 charging by the state beside it, where it is never negative and discharges at all."""
+    if np.nanmin(current, initial=0.0) < 0 or states.dtype != object:
+        return current, ()
+    direction = {state: _direction(str(state)) for state in set(states.tolist())}
+    signs = np.array([direction[state] for state in states.tolist()])
+    if not (signs < 0).any():
+        return current, ()
+    note = Note(f"the current has no sign: that of the state in {name!r}, charge or discharge, taken")
+    return np.where(signs < 0, 0.0 - current, current), (note,)
+
+
+def _direction(state: str) -> int:
+    """1 for a charge, -1 for a discharge, 0 for any other state."""
+    text = state.strip()
+    return -1 if _DISCHARGE.search(text) else 1 if _CHARGE.search(text) else 0
+
 
 SECONDS_PER_HOUR = 3600.0
 

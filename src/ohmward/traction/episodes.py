@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.traction.speed_observer.conclusions import SlipAlarm
 from ohmward.traction.speed_observer.estimator import SlipRun
-from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 from ohmward.traction.terrain.demand import travel_speed
 from ohmward.traction.terrain.slip_on_floors import FloorRun
 

@@ -19,7 +19,7 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.estimator import CLOCK_SET_S, PerWheel, number, numbers
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.encoder import differences
+from ohmward.traction.speed_observer.encoders import differences
 
 #: Sensors of the body that a message may carry besides wheels and motors, as `SlipEstimator.update` names them.
 BODY = ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s", "speed_age_s")

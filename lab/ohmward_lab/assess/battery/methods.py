@@ -10,8 +10,8 @@ from ohmward.battery.battery import Battery, require_rc, require_thevenin
 from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator, title_of
 from ohmward_lab.assess.recommendation import Processor
-from ohmward_lab.published.given_start import GivenStart
 from ohmward_lab.published.rc_three_states import RcThreeStates
+from ohmward_lab.published.registry import GivenStart
 
 
 class SocMethod(NamedTuple):

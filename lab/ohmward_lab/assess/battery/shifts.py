@@ -20,9 +20,9 @@ from ohmward.trace.structure import side_by_side
 from ohmward_lab.assess.battery.conditions import Condition, Truth
 from ohmward_lab.assess.draws import generator, signs
 from ohmward_lab.simulate import plant
-from ohmward_lab.simulate.bench_profiles import bench_times, pulse_test
 from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery
 from ohmward_lab.simulate.mission import MissionRobot, drive
+from ohmward_lab.simulate.profile import bench_times, pulse_test
 from ohmward_lab.simulate.robot_day import record
 from ohmward_lab.simulate.sensors import BatterySensors, Sensor
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import progress
-from ohmward.cli.report_parts import FOOTER
+from ohmward.cli.wording import FOOTER
 from ohmward.fleet.run import SUMMARY
 from ohmward.report import Page
 from ohmward.report.blocks import HeatCell

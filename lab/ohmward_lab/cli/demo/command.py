@@ -23,9 +23,9 @@ from ohmward.cli.identify import command as identify
 from ohmward.cli.mission import command as mission
 from ohmward.cli.outcome import Outcome, carry_out
 from ohmward.cli.parser import Parser
-from ohmward.cli.report_parts import FOOTER
 from ohmward.cli.slip import command as slip
 from ohmward.cli.soc import command as soc
+from ohmward.cli.wording import FOOTER
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.report import Page

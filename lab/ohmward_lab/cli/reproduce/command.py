@@ -15,7 +15,7 @@ from ohmward.cli import wording
 from ohmward.cli.battery_inputs import read_battery_log
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
-from ohmward.cli.report_parts import FOOTER
+from ohmward.cli.wording import FOOTER
 from ohmward.errors import InputError
 from ohmward.report import Page
 from ohmward_lab.reproduce.errata import ERRATA, check

@@ -13,8 +13,7 @@ import numpy as np
 from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.progress import counting, progress
-from ohmward.cli.report_parts import FOOTER
-from ohmward.cli.wording import duration, quantity
+from ohmward.cli.wording import FOOTER, duration, quantity
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import write_table

@@ -22,10 +22,9 @@ from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_st
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.closed_loop.ground import Patch
 from ohmward_lab.simulate.closed_loop.sensing import Arrival, Sensing
-from ohmward_lab.simulate.robot_sensors import ACCELEROMETER, GYRO, PITCH
-from ohmward_lab.simulate.robot_truth import RobotTruth
+from ohmward_lab.simulate.robot_sensors import ACCELEROMETER, GYRO, PITCH, RobotTruth
 from ohmward_lab.traction.momentum_observer.estimate import AngleSample, MomentumEstimate
-from ohmward_lab.traction.momentum_observer.noise import MomentumNoise, count_std_rad
+from ohmward_lab.traction.momentum_observer.model import MomentumNoise, count_std_rad
 from ohmward_lab.traction.momentum_observer.observer import MomentumObserver
 
 METHODS = ("ekf", "aekf", "ukf", "aukf", "momentum", "true")

@@ -12,7 +12,7 @@ from ohmward.traction.control import Report
 from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample
 from ohmward_lab.simulate.closed_loop.scenario import Scenario
-from ohmward_lab.simulate.robot_truth import RobotTruth
+from ohmward_lab.simulate.robot_sensors import RobotTruth
 
 #: Decimals of a time [s] in a log: nanoseconds.
 _TIME_DIGITS = 9

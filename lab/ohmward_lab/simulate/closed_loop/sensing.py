@@ -22,11 +22,11 @@ from ohmward_lab.simulate.robot_sensors import (
     PITCH,
     Board,
     RobotSensors,
+    RobotTruth,
     SensorFrame,
     sample_board,
     wheel_speed,
 )
-from ohmward_lab.simulate.robot_truth import RobotTruth
 
 _SAME_TIME_S = 1e-9
 

@@ -30,11 +30,11 @@ from ohmward.battery.cells.cell_sample import (
     SOC,
     CellEstimate,
     CellSample,
+    CellSpread,
     Differences,
     TypicalCell,
 )
 from ohmward.battery.cells.cell_voltage import LEAST_VARIANCE, CellVoltage
-from ohmward.battery.cells.spread import CellSpread
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.thevenin import (
     CircuitInput,

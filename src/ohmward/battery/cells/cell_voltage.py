@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.cells.cell_sample import COMMON, GAIN, SOC, Differences, TypicalCell
-from ohmward.battery.cells.spread import CellSpread
+from ohmward.battery.cells.cell_sample import COMMON, GAIN, SOC, CellSpread, Differences, TypicalCell
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.slip import slip_shape
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop

@@ -13,9 +13,8 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.cells.cell_filter import CellFilter, CellState
-from ohmward.battery.cells.cell_sample import CellEstimate, CellSample, TypicalCell
+from ohmward.battery.cells.cell_sample import CellEstimate, CellSample, CellSpread, TypicalCell
 from ohmward.battery.cells.drift import CellWarning, cell_warnings, drifted
-from ohmward.battery.cells.spread import CellSpread
 from ohmward.battery.cells.weakest import PackState, pack_state
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import DEFAULT, chosen_name

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.open_loop import scan
-from ohmward.battery.identification.rc_samples import RcSamples
+from ohmward.battery.identification.rc_rule import RcSamples
 from ohmward.optional import require
 
 #: Samples further apart weigh no more: the model is wrong for as long as the current lasts.

@@ -22,9 +22,8 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.identification.open_loop import scan
-from ohmward.battery.learning.curve_place import true_soc
 from ohmward.battery.learning.nuisances import MISFIT_KNOTS, Nuisances, hours_since, nuisances_of
-from ohmward.battery.learning.open_circuit import OpenCircuit
+from ohmward.battery.learning.open_circuit import OpenCircuit, true_soc
 from ohmward.battery.learning.parameters import (
     RESISTANCE_KNOTS,
     Parameters,

@@ -25,7 +25,6 @@ from ohmward.battery.soc.anchor_rule import NO_EVENT, AnchorEvent, AnchorMemory,
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.initial_soc import VoltageStart
-from ohmward.battery.soc.misfit import with_misfit
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.checks import require_between, require_each_positive, require_finite, require_one_of
@@ -37,6 +36,22 @@ from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
+
+#: Capacity over the file's that a battery of the file can have: one that has lost half is at the end of its second
+#: life, and none has gained half.
+LEAST_CAPACITY, MOST_CAPACITY = 0.5, 1.5
+
+
+def implausible_capacity(soh_capacity: Scalar) -> Any:
+    """True where no battery of the file has this capacity, over the file's."""
+    return (soh_capacity < LEAST_CAPACITY) | (soh_capacity > MOST_CAPACITY)
+
+
+def with_misfit(estimate: SocEstimate, sensor: CurrentSensor) -> SocEstimate:
+    """The estimate, flagged where it asks for an offset or a capacity that sensor and battery cannot have."""
+    misfit = sensor.contradicts(estimate.current_offset_A) | implausible_capacity(estimate.soh_capacity)
+    return estimate._replace(flags=estimate.flags + flags_of({SocFlag.MISFIT: misfit}))
+
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
 

@@ -11,9 +11,8 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.tuning.likelihood import Likelihood
 from ohmward.battery.tuning.noise_model import FACTORS, NoiseModel, with_factors
-from ohmward.battery.tuning.search import WIDEST, Maximum, Progress, maximum
+from ohmward.battery.tuning.search import WIDEST, Likelihood, Maximum, Progress, maximum
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Log

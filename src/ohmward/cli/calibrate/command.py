@@ -16,8 +16,7 @@ from ohmward.cli.drive_inputs import make_robot, read_drive_log, read_drive_trut
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import split_selection
 from ohmward.cli.progress import Report, progress
-from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.wording import duration
+from ohmward.cli.wording import FOOTER, duration, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures.parts import band_95
 from ohmward.filters.consistency import BAND_95

@@ -16,8 +16,7 @@ from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask, estimate, make_soc_task
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import progress
-from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.wording import duration
+from ohmward.cli.wording import FOOTER, duration, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock

@@ -23,8 +23,7 @@ from ohmward.cli.battery_inputs import read_battery_log
 from ohmward.cli.options import file_hints
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.parser import split_selection
-from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.wording import duration, grouped, sentence
+from ohmward.cli.wording import FOOTER, duration, grouped, sentence, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock

@@ -15,28 +15,27 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.ageing_laws import DAYS_PER_YEAR
 from ohmward.battery.health.changes import Cause, Outlier, SuddenChange
-from ohmward.battery.health.discharge_capacity import UsedCapacity, used_capacities
 from ohmward.battery.health.health import Health, health_of
 from ohmward.battery.health.history import (
     DatedLogs,
     Newness,
+    UsedCapacity,
     common_error,
     in_order_of_time,
     newness,
     points_of,
     unlearnt,
+    used_capacities,
 )
 from ohmward.battery.health.point import DAY_S, HealthPoint
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.lesson import Lesson
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
 from ohmward.cli.log_files import log_files
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
-from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.sensor import load_battery_with_sensor
-from ohmward.cli.wording import lognormal, normal, sentence
+from ohmward.cli.wording import FOOTER, lognormal, normal, sentence, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures.health import capacity_figure, life_figure, resistance_figure
 from ohmward.logs import Log

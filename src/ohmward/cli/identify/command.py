@@ -17,12 +17,11 @@ from ohmward.battery.identification import IdentificationSettings, Identified, L
 from ohmward.battery.identification.rc_identification import RcIdentification
 from ohmward.battery.models import rc
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log
+from ohmward.cli.battery_inputs import read_battery_log, with_sensor
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import split_selection
 from ohmward.cli.progress import progress
-from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.sensor import with_sensor
+from ohmward.cli.wording import FOOTER, with_assumptions
 from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock
 from ohmward.logs import Log

@@ -18,19 +18,17 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.file import BATTERY_FILE, load_battery, replace_battery
+from ohmward.battery.learning.fold import PULSE_S
 from ohmward.battery.learning.known import known
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.lesson import Lesson
-from ohmward.battery.learning.pulse_resistance import PULSE_S
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
 from ohmward.cli.log_files import log_files
 from ohmward.cli.outcome import Outcome, check_output, plain
 from ohmward.cli.parser import selected_name, split_selection
 from ohmward.cli.progress import Report, progress
-from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.sensor import load_battery_with_sensor
-from ohmward.cli.wording import lognormal, normal, sentence
+from ohmward.cli.wording import FOOTER, lognormal, normal, sentence, with_assumptions
 from ohmward.errors import InputError, OhmwardError
 from ohmward.figures import learning as pictures
 from ohmward.filters.consistency import BAND_95

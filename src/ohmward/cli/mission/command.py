@@ -10,15 +10,13 @@ from typing import Any
 import numpy as np
 
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
 from ohmward.cli.drive_inputs import make_robot, make_terrain, read_drive_log
 from ohmward.cli.options import DEFAULT_TERRAIN, file_hints
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import split_selection
 from ohmward.cli.progress import counting, progress
-from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.sensor import load_battery_with_sensor
-from ohmward.cli.wording import duration, percent, quantity
+from ohmward.cli.wording import FOOTER, duration, percent, quantity, with_assumptions
 from ohmward.energy import (
     BatteryState,
     Consumption,

@@ -22,8 +22,7 @@ from ohmward.cli.drive_inputs import (
 )
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.progress import counting, progress
-from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.wording import duration, percent, quantity
+from ohmward.cli.wording import FOOTER, duration, percent, quantity, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures.odometry import path_map
 from ohmward.figures.parts import wall_clock
@@ -44,7 +43,7 @@ from ohmward.traction.observed_drive import (
     pose_figures,
 )
 from ohmward.traction.score import DriveScore, score_drive, true_slip
-from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
+from ohmward.traction.speed_observer.conclusions import SlipAlarm
 from ohmward.traction.terrain.file import load_floors
 
 

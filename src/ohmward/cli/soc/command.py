@@ -13,7 +13,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.drift import ranges
 from ohmward.battery.cells.pack_estimator import PackRun, estimate_at
-from ohmward.battery.cells.unseen import unseen_weakest
+from ohmward.battery.cells.weakest import unseen_weakest
 from ohmward.battery.soc.anchors import find_anchors
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.fit_check import misfits
@@ -24,8 +24,7 @@ from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask, estimate, estimate_cells, make_soc_task
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.progress import counting, progress
-from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.wording import duration, normal, percent, quantity, sentence
+from ohmward.cli.wording import FOOTER, duration, normal, percent, quantity, sentence, with_assumptions
 from ohmward.figures import battery as pictures
 from ohmward.figures.cells import cells_difference_figure, cells_soc_figure
 from ohmward.figures.parts import wall_clock

@@ -13,12 +13,11 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.file import replace_battery
 from ohmward.battery.tuning.tune import TunedFactor, Tuning, tune_noise
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
 from ohmward.cli.log_files import log_files
 from ohmward.cli.outcome import Outcome, check_output, plain
 from ohmward.cli.progress import counting, progress
-from ohmward.cli.report_parts import FOOTER, with_assumptions
-from ohmward.cli.sensor import load_battery_with_sensor
+from ohmward.cli.wording import FOOTER, with_assumptions
 from ohmward.figures.parts import wall_clock
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import Log

@@ -9,10 +9,9 @@ from typing import Any, NamedTuple
 
 from ohmward.battery.soc.estimator import samples_of as battery_samples_of
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
 from ohmward.cli.drive_inputs import make_robot, make_terrain, read_drive_log
 from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.errors import InputError
 from ohmward.export.battery import battery_export, curve_error_of_pack_V
 from ohmward.export.c_library import Export

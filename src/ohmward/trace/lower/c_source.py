@@ -18,8 +18,7 @@ from ohmward.errors import InputError
 from ohmward.trace.bounds import within
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.expression import Expression
-from ohmward.trace.lower.c_operations import HELPERS, is_whole, literal, template
-from ohmward.trace.lower.constant_arrays import are_bytes, constant_arrays, position
+from ohmward.trace.lower.c_operations import HELPERS, are_bytes, constant_arrays, is_whole, literal, position, template
 from ohmward.trace.program import Program, StepStructure, serials
 from ohmward.trace.structure import Leaf, Structure, leaves
 

@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 
 from ohmward.checks import require_each_positive
 from ohmward.trace import where
-from ohmward.traction.control.driven_wheel import DrivenWheel
-from ohmward.traction.control.signals import Measurement
+from ohmward.traction.control.signals import DrivenWheel, Measurement
 
 #: Larger values [rad/s, m/s, N, m/s^2] are faults, as nan is: no wheel or robot has them.
 FASTEST_RAD_S = 1e5

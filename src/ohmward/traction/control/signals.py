@@ -3,9 +3,70 @@
 Every field is a number, or (n,) for n driven wheels: the controllers work element by element. x points forward.
 """
 
+from __future__ import annotations
+
 import math
+from dataclasses import dataclass
 from enum import IntFlag
 from typing import Any, NamedTuple
+
+from ohmward.checks import require_each_positive
+from ohmward.trace import clip
+from ohmward.traction.robot.motor import Motor
+from ohmward.traction.robot.robot import GRAVITY, Robot
+
+
+@dataclass(frozen=True)
+class DrivenWheel:
+    """A wheel, its motor's rotor and its share of the robot."""
+
+    radius_m: float  #: effective rolling radius, > 0
+    inertia_kg_m2: float  #: about the axle, with the rotor as felt at the wheel, > 0
+    load_N: float  #: normal load, > 0
+    mass_kg: float  #: the part of the robot's mass that this wheel has to accelerate, > 0
+
+    def __post_init__(self) -> None:
+        require_each_positive("driven_wheel.", self, "radius_m", "inertia_kg_m2", "load_N", "mass_kg")
+
+
+def driven_wheel(robot: Robot) -> DrivenWheel:
+    """A driven wheel of the robot on level ground: mean load, equal shares of the mass."""
+    n = robot.driven
+    load_N = sum(robot.loads[:n, 0]) / n * robot.mass_kg * GRAVITY
+    along = float(math.fsum(robot.inertia[: robot.freedoms - 1])) / (robot.freedoms - 1)
+    inertia = robot.wheel.inertia_kg_m2 + robot.motor.inertia_at_wheel_kg_m2
+    return DrivenWheel(robot.wheel.radius_m, inertia, float(load_N), along / n)
+
+
+#: A torque [N m] that differs by less from the one asked for is that torque.
+SAME_TORQUE = 1e-9
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of the torque at the wheel."""
+
+    torque_Nm: float  #: largest size, > 0
+    rate_Nm_per_s: float = 5000.0  #: largest rate of change, > 0
+
+    def __post_init__(self) -> None:
+        require_each_positive("limits.", self, "torque_Nm", "rate_Nm_per_s")
+
+    @classmethod
+    def of_current(cls, motor: Motor, current_A: float, rate_A_per_s: float) -> Limits:
+        """The limits of a drive that limits current and its change."""
+        constant = motor.wheel_constant_Nm_per_A
+        return cls(constant * current_A, constant * rate_A_per_s)
+
+    def apply(self, demanded_Nm: Any, before_Nm: Any, dt_s: Any) -> Any:
+        """The torque nearest to the demanded one that may follow `before_Nm`, which is within the limits."""
+        change = self.rate_Nm_per_s * dt_s
+        return clip(clip(demanded_Nm, before_Nm - change, before_Nm + change), -self.torque_Nm, self.torque_Nm)
+
+
+def limited(demanded_Nm: Any, torque_Nm: Any) -> Any:
+    """True where the torque differs from the demanded one."""
+    return abs(demanded_Nm - torque_Nm) > SAME_TORQUE
 
 
 class ControlFlag(IntFlag):

@@ -26,11 +26,9 @@ from typing import Any, NamedTuple
 
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.trace import clip, maximum, minimum, sqrt, where
-from ohmward.traction.control.driven_wheel import DrivenWheel
-from ohmward.traction.control.limits import limited
-from ohmward.traction.control.slip_law import Motion
-from ohmward.traction.control.surface import SlidingSurface, surface
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.control.signals import DrivenWheel, limited
+from ohmward.traction.control.slip_law import Motion, SlidingSurface, surface
+from ohmward.traction.friction.law import direction_and_size
 
 #: Steps in the shortest time constant of a sampled loop (Slotine and Li).
 STEPS_PER_TIME_CONSTANT = 5.0

@@ -15,12 +15,9 @@ from ohmward.checks import require_between, require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.trace import clip, logical_not, maximum, where
-from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.force_filter import SHORTEST_STEP_S, ForceFilter, WheelEstimate, plausible_step_s
-from ohmward.traction.control.limits import Limits, limited
-from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SlipCommand
-from ohmward.traction.control.slip_law import Motion, SlipLaw
-from ohmward.traction.control.surface import surface
+from ohmward.traction.control.signals import ControlFlag, DrivenWheel, Limits, Measurement, Report, SlipCommand, limited
+from ohmward.traction.control.slip_law import Motion, SlipLaw, surface
 from ohmward.traction.dynamics.slip import driving_slip_ratio, travel_direction
 
 

@@ -26,10 +26,16 @@ from typing import Any, NamedTuple
 from ohmward.checks import require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.trace import clip, logical_not, maximum, minimum, sqrt, where
-from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.force_filter import SHORTEST_STEP_S, ForceFilter, WheelEstimate, plausible_step_s
-from ohmward.traction.control.limits import Limits, limited
-from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SpeedCommand
+from ohmward.traction.control.signals import (
+    ControlFlag,
+    DrivenWheel,
+    Limits,
+    Measurement,
+    Report,
+    SpeedCommand,
+    limited,
+)
 from ohmward.traction.control.sliding_mode import SlidingMode
 from ohmward.traction.control.slip_law import Motion
 from ohmward.traction.dynamics.slip import driving_slip_ratio

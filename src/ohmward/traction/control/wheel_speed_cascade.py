@@ -15,12 +15,10 @@ from typing import Any, NamedTuple
 from ohmward.checks import require_between, require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.trace import clip, logical_not, maximum, where
-from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.force_filter import ForceFilter, WheelEstimate
-from ohmward.traction.control.limits import limited
-from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SlipCommand
+from ohmward.traction.control.signals import ControlFlag, DrivenWheel, Measurement, Report, SlipCommand, limited
 from ohmward.traction.control.slip_controller import is_slip_ratio
-from ohmward.traction.control.surface import surface
+from ohmward.traction.control.slip_law import surface
 from ohmward.traction.dynamics.slip import driving_slip_ratio, travel_direction
 
 

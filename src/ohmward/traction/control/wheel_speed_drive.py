@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from ohmward.checks import require_each_positive
 from ohmward.trace import where
-from ohmward.traction.control.limits import Limits, limited
+from ohmward.traction.control.signals import Limits, limited
 
 
 class DriveState(NamedTuple):

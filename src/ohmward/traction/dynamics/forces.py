@@ -18,8 +18,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.trace import cos, maximum, sin, sqrt, where
-from ohmward.traction.friction.law import Contact, TractionLaw, contact
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import Contact, TractionLaw, contact, direction_and_size
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.motor import friction_torque, ideal_torque
 from ohmward.traction.robot.robot import GRAVITY, Robot

@@ -20,8 +20,7 @@ from typing import Any
 
 from ohmward.checks import require_between, require_each_positive
 from ohmward.trace import maximum, where
-from ohmward.traction.friction.law import SPEED_FLOOR, Contact, creepage
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import SPEED_FLOOR, Contact, creepage, direction_and_size
 
 _TINY = 1e-12
 

@@ -14,8 +14,7 @@ import numpy as np
 from ohmward.checks import require_between, require_each_positive, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import minimum
-from ohmward.traction.friction.law import SPEED_FLOOR, Contact, bounded_slip_ratio
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import SPEED_FLOOR, Contact, bounded_slip_ratio, direction_and_size
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 
 

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ohmward.checks import require_between, require_positive
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import direction_and_size
 from ohmward.traction.friction.soft_ground import SoftGround
 from ohmward.traction.friction.ward_iagnemma import adhesion
 

@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.errors import InputError
 from ohmward.trace import exp, maximum, minimum, where
-from ohmward.traction.friction.law import SPEED_FLOOR, Contact, creepage
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import SPEED_FLOOR, Contact, creepage, direction_and_size
 
 _LEAST_LOAD_N = 1e-6
 _SERIES_BELOW = 1e-3

@@ -17,8 +17,7 @@ import numpy as np
 from ohmward.checks import require_between, require_each_positive, require_finite, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import maximum, where
-from ohmward.traction.friction.law import Contact
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import Contact, direction_and_size
 
 #: C2 times the slip speed at the peak: 4.0 and 4.1 on Burckhardt's dry roads, 4.4 on wet asphalt.
 SHARPNESS = 4.0

@@ -22,8 +22,11 @@ from ohmward.traction.odometry.corrections import (
     LEAST_STD,
     MOST_OPENED,
     PoseCorrection,
+    Trail,
     TurnSums,
     add_turn,
+    empty_trail,
+    extend,
     use_increment,
     use_speeds,
     use_turn,
@@ -57,10 +60,9 @@ from ohmward.traction.odometry.shown_motion import (
     sense,
     show,
 )
-from ohmward.traction.odometry.trail import Trail, empty_trail, extend
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
-from ohmward.traction.speed_observer.late import History, empty_history, remember
+from ohmward.traction.speed_observer.intervals import History, empty_history, remember
 
 
 class PoseState(NamedTuple):

@@ -17,7 +17,7 @@ from typing import Any
 from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.errors import InputError
 from ohmward.trace import tanh
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import direction_and_size
 
 
 @dataclass(frozen=True)

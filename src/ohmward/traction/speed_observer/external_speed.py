@@ -34,7 +34,7 @@ from ohmward.traction.speed_observer.body_sensors import (
 )
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.estimate import SlipSample
-from ohmward.traction.speed_observer.late import History, change_since
+from ohmward.traction.speed_observer.intervals import History, change_since
 from ohmward.traction.speed_observer.model import Model
 
 #: A disturbance that the model lacks may have made an innovation of the speed within this time [s].

@@ -11,8 +11,7 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.speed_observer.apparent_inertia import ApparentInertia, untested
 from ohmward.traction.speed_observer.body_sensors import BodyTimers
 from ohmward.traction.speed_observer.encoders import FreeWheels, RejectedFor
-from ohmward.traction.speed_observer.intervals import Intervals, never
-from ohmward.traction.speed_observer.late import History, empty_history
+from ohmward.traction.speed_observer.intervals import History, Intervals, empty_history, never
 from ohmward.traction.speed_observer.matched_noise import MatchedNoise, fixed, unmatched
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.restart import Reach

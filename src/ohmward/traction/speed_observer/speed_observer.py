@@ -33,8 +33,9 @@ from ohmward.filters import extended, unscented
 from ohmward.filters.belief import Belief, is_healthy, pack, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
+from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some, within
-from ohmward.trace import logical_not, where
+from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.speed_observer.apparent_inertia import ApparentInertia, advance_inertia, by_mass_m_s, reconsidered
@@ -57,12 +58,14 @@ from ohmward.traction.speed_observer.conclusions import (
     LEAST_GRIP,
     UNOBSERVED_S,
     MotionTimers,
+    SlipAlarm,
     advance_timers,
     conclude,
     driven_wheels,
     with_unknown_mass,
 )
 from ohmward.traction.speed_observer.encoders import (
+    POSSIBLE_SIGMAS,
     EncoderCorrection,
     EncoderGate,
     FreeWheels,
@@ -74,18 +77,59 @@ from ohmward.traction.speed_observer.encoders import (
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
 from ohmward.traction.speed_observer.external_speed import use_speed
 from ohmward.traction.speed_observer.gross_slip import SlipTest, compare_hypotheses, is_ambiguous, unexplained_change
-from ohmward.traction.speed_observer.intervals import advance, holds, share_measured
-from ohmward.traction.speed_observer.late import History, remember
+from ohmward.traction.speed_observer.intervals import (
+    TINY_S,
+    History,
+    Intervals,
+    advance,
+    holds,
+    remember,
+    share_measured,
+    was_seen,
+)
 from ohmward.traction.speed_observer.matched_noise import match, matched_stds
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.observer_state import ObserverState, started
 from ohmward.traction.speed_observer.passive_wheels import use_passive_wheels
-from ohmward.traction.speed_observer.plausible import first_sight, without_impossible_currents
 from ohmward.traction.speed_observer.restart import advance_reach, fastest_m_s, is_lost, restarted
-from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 from ohmward.traction.speed_observer.slip_step import SlipStep
 from ohmward.traction.speed_observer.states import States
+
+#: No ground takes more than so many times the load.
+MOST_ADHESION = 2.0
+
+
+def first_sight(belief: Belief, clean: CleanSlipSample, encoders: Intervals, model: Model) -> Belief:
+    """The belief, or where an encoder shows its first value one of a body that moves as the wheels do.
+
+    encoders: clocks before the step.
+    """
+    n, layout = model.driven, model.layout
+    measured = clean.wheel_measured[:n]
+    believed = belief.mean[layout.wheel(0) : layout.robot_states]
+    first = measured & logical_not(was_seen(encoders)[:n])
+    speeds = where(measured, clean.wheel_speed_rad_s[:n], believed)
+    return choose(some(first), model.first_belief(speeds), belief)
+
+
+def without_impossible_currents(clean: CleanSlipSample, before: Belief, model: Model) -> CleanSlipSample:
+    """The sample without currents whose torque neither the ground nor the wheel can have taken.
+
+    K_m n |I| <= MOST_ADHESION r N + J_w (|change of the wheel's speed| + its uncertainty) / dt
+    """
+    robot, layout, n = model.scene.robot, model.layout, model.driven
+    wheels = slice(layout.wheel(0), layout.robot_states)
+    room = [POSSIBLE_SIGMAS * std(P + model.noise.encoder_std_rad_s**2) for P in np.diag(before.cov)[wheels]]
+    change = abs(clean.wheel_speed_rad_s[:n] - before.mean[wheels]) + np.array(room)
+    wheel_Nm = robot.inertia[robot.freedoms :] * change / maximum(clean.dt_s, TINY_S)
+    taken_Nm = MOST_ADHESION * robot.wheel.radius_m * model.static_load_N[:n] + wheel_Nm
+    given_Nm = robot.motor.wheel_constant_Nm_per_A * abs(clean.current_A)
+    possible = np.array([given <= taken for given, taken in zip(given_Nm, taken_Nm, strict=True)])
+    untold = logical_not(clean.wheel_measured[:n])
+    refused = clean.current_measured & logical_not(possible | untold)
+    return clean._replace(current_measured=clean.current_measured & logical_not(refused), current_refused=some(refused))
+
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
 
