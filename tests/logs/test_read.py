@@ -300,6 +300,8 @@ def test_measured_lfp_charge_matches_the_cycler(measured, script):
         ("Temp", "0", "0"),
         ("temperature [K]", "0", "-273.15"),
         ("temperature [degF]", "0", "-17.7778"),
+        ("temperature [degF]", "32", "0"),
+        ("temperature [K]", "273.15", "0"),
         ("temperature_degC", "-127.0", "-127"),
         ("temperature_degC", "-40", "-40"),
         ("temperature_degC", "85.0", "85"),

@@ -242,7 +242,7 @@ def _temperature(
 
 
 def _is_of_no_sensor(column: Column, measured: np.ndarray) -> bool:
-    """True for a temperature (T,) [degC] that never changes and is the column's zero, or no chamber's.
+    """True for a temperature (T,) [degC] that never changes and is zero, in degC or the column's unit, or no chamber's.
 
     A constant 25 degC may be the set point of a chamber.
     """
@@ -250,7 +250,9 @@ def _is_of_no_sensor(column: Column, measured: np.ndarray) -> bool:
     if known.size < _SAMPLES_OF_A_CONSTANT or known.min() < known.max():
         return False
     zero_degC = column.unit.in_si(np.zeros(1))[0] if column.unit else 0.0
-    return bool(np.isclose(known[0], zero_degC)) or not COLDEST_CHAMBER_DEGC < known[0] < HOTTEST_CHAMBER_DEGC
+    return (
+        bool(np.isclose(known[0], (zero_degC, 0.0)).any()) or not COLDEST_CHAMBER_DEGC < known[0] < HOTTEST_CHAMBER_DEGC
+    )
 
 
 def _since_start(
