@@ -319,6 +319,16 @@ def test_a_temperature_of_no_sensor_is_left_out_with_a_warning(write_text, pulse
     assert (told.temperature_degC == 5.0).all()
 
 
+def test_rows_that_are_no_measurement_do_not_hide_the_sign(write_text, pulses):
+    time_s, current_A, voltage_V = pulses
+    voltage_V = voltage_V.copy()
+    voltage_V[[95, 210, 333, 334]] = 65.535
+    log = read_log(write_text(csv(["time_s", "current_A", "voltage_V"], time_s, current_A, voltage_V)))
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(log.voltage_V)), [95, 210, 333, 334])
+    assert survey(log).sign.resistance_ohm == pytest.approx(0.02, rel=0.02)
+    assert "warning: 4 voltages of 65.535 V left out: no measurement, far from the rows around" in texts(log)
+
+
 @pytest.mark.parametrize("cells", [["25.0"] * 600, ["-20"] * 600, ["0"] * 599 + ["0.1"]])
 def test_the_set_point_of_a_chamber_and_a_cold_that_changes_stay(write_text, pulses, cells):
     log = read_log(write_text(csv(["time_s", "current_A", "voltage_V", "temperature_degC"], *pulses, cells)))

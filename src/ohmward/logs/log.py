@@ -12,7 +12,14 @@ import numpy as np
 from ohmward.logs import bdf
 from ohmward.logs.cell_columns import with_pack_voltage
 from ohmward.logs.charger_flag import full_charges
-from ohmward.logs.clean import gap_notes, merge_rates, missing_notes, to_si
+from ohmward.logs.clean import (
+    gap_notes,
+    merge_rates,
+    missing_notes,
+    to_si,
+    without_rows,
+    without_spikes,
+)
 from ohmward.logs.columns import Column, find_columns
 from ohmward.logs.frame import is_frame, to_frame
 from ohmward.logs.hints import FileHints
@@ -27,6 +34,8 @@ from ohmward.logs.window import window_s
 
 SECONDS_PER_HOUR = 3600.0
 
+#: No battery is used beyond these; sensors say -127 or -273 when their wire is off.
+COLDEST_DEGC, HOTTEST_DEGC = -60.0, 120.0
 #: A temperature [degC] that never changes and lies outside of these comes from no sensor: -127, -40, 85, 127.
 COLDEST_CHAMBER_DEGC, HOTTEST_CHAMBER_DEGC = -35.0, 80.0
 #: So many samples at least tell that it never changes.
@@ -195,17 +204,18 @@ def _as_log(
     clock = chosen["time"], time_s
     require_plausible(file.source, *clock, measured["current"], rows.guessed_unit)
     doubts = guess_notes(*clock, rows.guessed_unit)
-    current_A, sign_note = charging_current(file, current_sign, time_s, measured["current"], measured["voltage"])
+    voltage_V, spikes = without_spikes(measured["voltage"])
+    current_A, sign_note = charging_current(file, current_sign, time_s, measured["current"], voltage_V)
     own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
     temperature, told = _temperature(file, chosen.get("temperature"), measured.get("temperature"), time_s.size)
     return Log(
         name=file.stem,
         time_s=time_s,
         current_A=current_A,
-        voltage_V=measured["voltage"],
+        voltage_V=voltage_V,
         temperature_degC=temperature,
         extra={name: column for name, column in table.columns.items() if name not in own},
-        notes=(*table.notes, *doubts, *told, *missing_notes(table, chosen), *gap_notes(time_s), sign_note),
+        notes=(*table.notes, *doubts, *spikes, *told, *missing_notes(table, chosen), *gap_notes(time_s), sign_note),
         start_unix_s=start_unix_s,
         time_zone=rows.time_zone,
     )
@@ -234,11 +244,28 @@ def _temperature(
         says = "" if told is not None else "; if it is right, or to give another, say --temperature 25"
         text = f"temperature {np.nanmax(measured):g} degC throughout, without any change: no sensor, left out{says}"
         measured, notes = None, (Note(text, "warning"),)
+    elif measured is not None:
+        measured, notes = without_impossible_temperatures(measured)
     if told is None:
         return measured, notes
     if measured is not None:
-        return measured, (Note(f"temperature of {told:g} degC not used: the log has its own", "warning"),)
+        return measured, (
+            *notes,
+            Note(f"temperature of {told:g} degC not used: the log has its own", "warning"),
+        )
     return np.full(samples, told), (*notes, Note(f"temperature of {told:g} degC throughout, as told"))
+
+
+def without_impossible_temperatures(temperature_degC: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The temperatures (T,) [degC] with NaN in place of those that no battery has, and a note on them.
+
+    Where they are most, the unit is wrong, and all stay.
+    """
+    with np.errstate(invalid="ignore"):
+        wrong = (temperature_degC < COLDEST_DEGC) | (temperature_degC > HOTTEST_DEGC)
+    if 2 * np.count_nonzero(wrong) > np.count_nonzero(np.isfinite(temperature_degC)):
+        return temperature_degC, ()
+    return without_rows(temperature_degC, np.flatnonzero(wrong), "temperature", "degC", "no battery has them")
 
 
 def _is_of_no_sensor(column: Column, measured: np.ndarray) -> bool:
