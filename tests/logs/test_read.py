@@ -111,6 +111,21 @@ def test_names_of_bdf_in_another_file_yield_to_the_data(write_text, pulses):
     np.testing.assert_array_equal(log.current_A, pulses[1])
 
 
+@pytest.mark.parametrize(
+    ("time", "seconds", "current", "amperes"),
+    [
+        ("Test Time / h", 3600.0, "Current / A", 1.0),
+        ("test_time_millisecond", 1e-3, "current_milliampere", 1e-3),
+        ("Test Time / min", 60.0, "Current / mA", 1e-3),
+    ],
+)
+def test_bdf_in_other_units_is_read(write_text, pulses, time, seconds, current, amperes):
+    rows = pulses[0] / seconds, pulses[1] / amperes, pulses[2]
+    log = read_log(write_text(csv([time, current, "Voltage / V"], *rows), "cell.bdf.csv"))
+    np.testing.assert_allclose(log.time_s, pulses[0], atol=1e-9)
+    np.testing.assert_allclose(log.current_A, pulses[1], atol=1e-9)
+
+
 def test_bdf_without_its_columns_is_refused(write_text):
     with pytest.raises(InputError, match=r"BDF requires .*missing: 'Test Time / s'; it has: 'time', 'Current / A'"):
         read_log(write_text("time,Current / A,Voltage / V\n0,1,12\n", "cell.bdf.csv"))
