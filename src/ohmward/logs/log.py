@@ -25,7 +25,7 @@ from ohmward.logs.columns import Column, find_columns
 from ohmward.logs.frame import is_frame, to_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.note import Note, counted
-from ohmward.logs.plausible import guess_notes, require_plausible
+from ohmward.logs.plausible import guess_notes, milliampere_notes, require_plausible
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.sign import CurrentSign, charging_current
 from ohmward.logs.state_column import state_column, with_direction
@@ -206,8 +206,9 @@ def _as_log(
     time_s, start_unix_s = _since_start(measured["time"], rows.start_unix_s, table.columns)
     clock = chosen["time"], time_s
     require_plausible(file.source, *clock, measured["current"], rows.guessed_unit)
-    doubts = guess_notes(*clock, rows.guessed_unit)
     voltage_V, spikes = without_spikes(measured["voltage"])
+    doubts = guess_notes(*clock, rows.guessed_unit)
+    doubts += milliampere_notes(chosen["current"], measured["current"], voltage_V)
     current_A, sign_note = charging_current(file, current_sign, time_s, measured["current"], voltage_V)
     own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
     temperature, told = _temperature(file, chosen.get("temperature"), measured.get("temperature"), time_s.size)
