@@ -32,6 +32,7 @@ from ohmward.logs.state_column import state_column, with_direction
 from ohmward.logs.table import Progress, Table, TableFile, with_sample_time
 from ohmward.logs.time_series import TimeSeries
 from ohmward.logs.window import window_s
+from ohmward.logs.wrapped import require_not_wrapped
 
 SECONDS_PER_HOUR = 3600.0
 
@@ -209,6 +210,7 @@ def _as_log(
     voltage_V, spikes = without_spikes(measured["voltage"])
     doubts = guess_notes(*clock, rows.guessed_unit)
     doubts += milliampere_notes(chosen["current"], measured["current"], voltage_V)
+    require_not_wrapped(file.source, measured["current"], voltage_V)
     current_A, sign_note = charging_current(file, current_sign, time_s, measured["current"], voltage_V)
     own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
     temperature, told = _temperature(file, chosen.get("temperature"), measured.get("temperature"), time_s.size)
