@@ -126,3 +126,15 @@ def require_rc(battery: Battery) -> RcModel:
             "identify one with `ohmward identify ... --model rc`"
         )
     return battery.rc
+
+
+def require_battery(battery: object, others: str = "") -> None:
+    """Raise InputError for anything but a Battery, as for the path of one.
+
+    others: what else would do, in words.
+    """
+    if not isinstance(battery, Battery):
+        raise InputError(
+            f"battery must be a Battery{others}, got {type(battery).__name__}; load_battery(path) reads one, "
+            "identify(logs, capacity_Ah=...) makes one"
+        )

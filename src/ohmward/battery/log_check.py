@@ -119,7 +119,7 @@ def _better_explained(log: Log, battery: Battery) -> str:
     number = f"{best} cells" if best > 1 else "1 cell"
     return (
         f"{number} in series explain its voltage better than {own}, the n_series of the battery file: "
-        f"{1e3 * error_V[best]:.2g} against {1e3 * error_V[own]:.2g} mV RMS a cell; correct n_series?"
+        f"{1e3 * error_V[best]:.0f} against {1e3 * error_V[own]:.0f} mV RMS a cell; correct n_series?"
     )
 
 

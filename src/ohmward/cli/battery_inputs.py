@@ -24,8 +24,8 @@ from ohmward.cli.progress import Report, counting
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, Log, read_log
 from ohmward.logs.cell_columns import CellVoltages, cell_names, find_cells
+from ohmward.logs.charger_flag import charger_columns
 from ohmward.logs.columns import guess, listed
-from ohmward.logs.log import charger_columns
 from ohmward.logs.read import open_table
 from ohmward.logs.table import TableFile
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_battery
 from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.energy.consumption import Consumption, energy_demand, learn, with_terrain
 from ohmward.energy.drive_meter import DriveMeter, DriveSample, advance
@@ -127,8 +127,7 @@ class RangeSettings:
     cut: Cut = field(default_factory=Cut)  #: rules by which the drive is cut into stretches
 
     def __post_init__(self) -> None:
-        if not isinstance(self.battery, Battery):
-            raise InputError(f"battery must be a Battery, got {type(self.battery).__name__}; load_battery reads one")
+        require_battery(self.battery)
         require_between("reserve_soc", self.reserve_soc, 0.0, 1.0)
         require_each_not_negative("", self, "cutoff_V", "payload_kg")
         require_positive("refresh_s", self.refresh_s)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery, require_battery, require_thevenin
 from ohmward.battery.cells.cell_filter import CellFilter, CellState
 from ohmward.battery.cells.cell_sample import CellEstimate, CellSample, CellSpread, TypicalCell
 from ohmward.battery.cells.drift import CellWarning, cell_warnings, drifted
@@ -91,6 +91,7 @@ class PackEstimator:
         filter: str = DEFAULT,
         spread: CellSpread | None = None,
     ):
+        require_battery(battery)
         if battery.n_series < 2:
             raise InputError(f"battery {battery.name!r} has n_series = 1; an estimate of cells needs a pack of them")
         if chosen_name(filter.lower(), battery) not in FILTERS:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.knowledge import Knowledge, SeenLog
 from ohmward.battery.learning.capacity_marginal import with_capacity
@@ -104,8 +104,9 @@ def learn(
     progress: called with the name of each log and the share of them that is done.
 
     Raises:
-        InputError: the battery has no Thevenin model.
+        InputError: the battery has no Thevenin model, or is none.
     """
+    require_battery(battery)
     logs = as_logs(logs)
     lessons = []
     for k, log in enumerate(logs):

@@ -10,11 +10,9 @@ from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.filters.flags import flags_of
 from ohmward.filters.sanitize import between, hold, is_step, sanitize_step, within
+from ohmward.logs.log import COLDEST_DEGC, HOTTEST_DEGC
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
-
-#: No battery is used beyond these; sensors say -127 or -273 when their wire is off.
-COLDEST_DEGC, HOTTEST_DEGC = -60.0, 120.0
 
 #: Without a sensor the last current is believed for about this time, then less and less.
 HOLD_S = 30.0
