@@ -37,6 +37,7 @@ class Ros2Source(RosNetwork):
         joints: wheel -> joint, where `front_left_wheel_joint` is not the wheel `front_left`.
         imu: topic of `sensor_msgs/Imu`, with x forward as the robot's; its attitude, where it has one, is the pitch.
         odometry: topic of `nav_msgs/Odometry` that does not come from the wheels: visual, lidar, GNSS.
+        live: false where a bag is played: nothing of it is kept for the robot.
         name: in diagnostics.
     """
 
@@ -46,6 +47,7 @@ class Ros2Source(RosNetwork):
     joints: dict[str, str] = field(default_factory=dict)
     imu: str = ""
     odometry: str = ""
+    live: bool = True
     name: str = "ros2"
 
     def __post_init__(self) -> None:
