@@ -38,6 +38,7 @@ class Ros2Source(RosNetwork):
     #: topic of `sensor_msgs/Imu`, with x forward as the robot's; its attitude, where it has one, is the pitch
     imu: str = ""
     odometry: str = ""  #: topic of `nav_msgs/Odometry` that does not come from the wheels: visual, lidar, GNSS
+    live: bool = True  #: false where a bag is played: nothing of it is kept for the robot
     name: str = "ros2"  #: in diagnostics
 
     def __post_init__(self) -> None:
