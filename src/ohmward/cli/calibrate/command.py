@@ -11,14 +11,14 @@ import numpy as np
 
 from ohmward.cli.calibrate.report import make_page
 from ohmward.cli.calibrate.result import describe, summary
-from ohmward.cli.drive_inputs import make_robot, read_drive_log, read_drive_truth, truth_names
+from ohmward.cli.drive_inputs import read_drive_log, read_drive_truth, truth_names
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import split_selection
 from ohmward.cli.progress import Report, progress
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.logs.read import open_table
-from ohmward.traction import Robot, save_robot
+from ohmward.traction import Robot, load_robot, save_robot
 from ohmward.traction.calibration import (
     Calibration,
     CalibrationDrive,
@@ -37,7 +37,7 @@ from ohmward.traction.terrain.file import Floors, load_floors, save_floors
 def run(args: argparse.Namespace) -> Outcome:
     """Calibrate, write the robot and its floors."""
     check(args)
-    robot = make_robot(args.robot)
+    robot = load_robot(args.robot)
     if args.wheel_load is not None:
         robot = with_wheel_loads(robot, args.wheel_load)
     with progress() as report:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from functools import partial
 
-from ohmward.cli.drive_inputs import make_robot, make_terrain, read_drive_log, read_drive_truth, truth_names
+from ohmward.cli.drive_inputs import make_terrain, read_drive_log, read_drive_truth, truth_names
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.progress import counting, progress
 from ohmward.cli.slip.report import make_page
@@ -13,6 +13,7 @@ from ohmward.cli.slip.result import SlipTask, describe, estimate_table, summary
 from ohmward.errors import InputError
 from ohmward.logs import write_table
 from ohmward.logs.write import TABLES
+from ohmward.traction import load_robot
 from ohmward.traction.observed_drive import ObservedDrive, observe_drive, observe_on_floors
 from ohmward.traction.terrain.file import load_floors
 
@@ -34,7 +35,7 @@ def make_task(args: argparse.Namespace) -> SlipTask:
     """Robot, ground, drive and truth that the options name."""
     if args.floor and not args.floors:
         raise InputError("--floor NAME chooses from --floors FILE.toml; give that too")
-    robot = make_robot(args.robot)
+    robot = load_robot(args.robot)
     terrain = make_terrain(args.terrain, robot)
     truths = truth_names(args.truth)
     log = read_drive_log(args.log, robot, args, extra=None if truths else (), leave=truths)
