@@ -31,6 +31,8 @@ _BODY = {
     "speed": "speed_m_s",
     "speed_std": "speed_std_m_s",
     "speed_age": "speed_age_s",
+    "heading": "heading_rad",
+    "heading_std": "heading_std_rad",
 }
 
 #: Channels of the body: optional, (T,) each.
@@ -56,6 +58,8 @@ class DriveLog(TimeSeries):
     pitch_rad: of an attitude filter, > 0 with the nose up.
     speed_m_s, speed_std_m_s, speed_age_s: forward, from GNSS, visual or lidar odometry or optical flow; its standard
         deviation; the time before `time_s` at which it was true.
+    heading_rad, heading_std_rad: of a compass or two GNSS antennas, > 0 to the left, from any zero; its standard
+        deviation.
     extra: further numeric columns by their name in the file, (T,) each: truths, for example.
     notes: everything that was assumed, converted or dropped on the way.
     start_unix_s, time_zone: Unix time [s] of time_s = 0 and the zone of its dates, as in `Log`.
@@ -74,6 +78,8 @@ class DriveLog(TimeSeries):
     speed_m_s: np.ndarray | None = None
     speed_std_m_s: np.ndarray | None = None
     speed_age_s: np.ndarray | None = None
+    heading_rad: np.ndarray | None = None
+    heading_std_rad: np.ndarray | None = None
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
     start_unix_s: float | None = None

@@ -39,6 +39,7 @@ class Instant(NamedTuple):
 class RunRow(NamedTuple):
     """One row of the log: sample, estimate and truth at the time at which the sample was taken.
 
+    heading_rad: of a compass; nan without one.
     estimate: None without an observer.
     current_A, voltage_V: of the battery as measured, means since the row before.
     soc: true state of charge.
@@ -46,6 +47,7 @@ class RunRow(NamedTuple):
 
     time_s: Any
     sample: SlipSample
+    heading_rad: Any
     estimate: SlipEstimate | None
     truth: RobotTruth
     current_A: Any
@@ -84,6 +86,7 @@ def columns(run: ClosedLoopRun) -> dict[str, np.ndarray]:
         "speed_m_s": sample.speed_m_s,
         "speed_std_m_s": sample.speed_std_m_s,
         "speed_age_s": np.where(np.isfinite(sample.speed_m_s), sample.speed_age_s, np.nan),
+        "heading_rad": rows.heading_rad,
         "current_A": rows.current_A,
         "voltage_V": rows.voltage_V,
     }
@@ -120,6 +123,7 @@ def drive_log(run: ClosedLoopRun) -> DriveLog:
         sample.current_A,
         **body,
         speed_age_s=age,
+        heading_rad=rows.heading_rad if np.isfinite(rows.heading_rad).any() else None,
         extra={**truths(run), "current_A": rows.current_A, "voltage_V": rows.voltage_V},
         notes=(Note(f"simulated, not measured: {run.scenario.model.name}, seed {run.scenario.seed}"),),
     )

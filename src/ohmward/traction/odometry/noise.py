@@ -39,6 +39,7 @@ class OdometryNoise:
             over the root of an hour.
         encoder_std_rad: of the angle of a wheel between two instants: 4096 counts a turn have 6e-4 rad.
         speed_std_m_s: of an external speed without a standard deviation of its own.
+        heading_std_rad: of a heading without one; that of a compass away from iron is 2 to 5 degrees.
         increment_walk: of a pose increment without one [m, m, rad, over the root of a second].
     """
 
@@ -59,6 +60,7 @@ class OdometryNoise:
     gyro_walk: float = 3e-4
     encoder_std_rad: float = 6e-4
     speed_std_m_s: float = 0.05
+    heading_std_rad: float = 0.05
     increment_walk: tuple[float, float, float] = (0.02, 0.02, 0.005)
 
     def __post_init__(self) -> None:

@@ -21,9 +21,11 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.odometry.corrections import (
     LEAST_STD,
     MOST_OPENED,
+    HeadingTimes,
     PoseCorrection,
     TurnSums,
     add_turn,
+    use_heading,
     use_increment,
     use_speeds,
     use_turn,
@@ -72,6 +74,7 @@ class PoseState(NamedTuple):
     sums: angles of gyro and wheels since they were last compared.
     history: changes of the speed, for speeds that come late.
     trail: the last steps, for pose increments.
+    heading: times of headings.
     speed_m_s: after the last step.
     distance_m: length of the path.
     """
@@ -82,6 +85,7 @@ class PoseState(NamedTuple):
     sums: TurnSums
     history: History
     trail: Trail
+    heading: HeadingTimes
     speed_m_s: Any = 0.0
     distance_m: Any = 0.0
 
@@ -94,7 +98,8 @@ class PoseFilter:
         robot: whose wheels these are.
         noise: of sensors and wheels.
         gate: NIS beyond which a measurement is not used; 10.8 is 99.9 %.
-        reset_after_s: time for which gyro and wheels disagree after which the gyro's offset may have changed.
+        reset_after_s: time for which gyro and wheels disagree after which the gyro's offset may have changed, and for
+            which headings disagree with the yaw after which their zero may have.
         gap_s: a longer step is flagged.
         late_steps: number of samples by which a speed from outside may be late, and within which a pose increment must
             have begun; 0 leaves increments out.
@@ -131,7 +136,7 @@ class PoseFilter:
         steps = self.late_steps
         gyro = of_sheet(self.noise.gyro_walk)
         history, trail = empty_history(steps), empty_trail(steps)
-        return PoseState(pack(belief), no_motion(self.robot), gyro, TurnSums(), history, trail)
+        return PoseState(pack(belief), no_motion(self.robot), gyro, TurnSums(), history, trail, HeadingTimes())
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
         """State and estimate after a sample: dead reckoning, then each measurement corrects."""
@@ -149,10 +154,11 @@ class PoseFilter:
         history = remember(state.history, time.dt_s, speed_m_s - state.speed_m_s)
         sums = add_turn(state.sums, motion.input, motion.rim_m_s, motion.comparable)
         body, sums = self.correct(PoseCorrection(reckoned), sums, sample, motion, history, trail)
+        body, heading = use_heading(body, sample, state.heading, time.dt_s, self.noise, self.gate, self.reset_after_s)
         distance_m = state.distance_m + travelled(body.belief, motion.input)
         estimate = self.conclude(body.belief, motion, distance_m)
         flags = self.flags(before, time, motion, body)
-        after = PoseState(pack(body.belief), sensors, gyro, sums, history, trail, speed_m_s, distance_m)
+        after = PoseState(pack(body.belief), sensors, gyro, sums, history, trail, heading, speed_m_s, distance_m)
         return after, estimate._replace(flags=flags)
 
     def hear(self, known: GyroNoise, sensors: MotionState, time: CleanStep) -> GyroNoise:
@@ -219,6 +225,7 @@ class PoseFilter:
             OdometryFlag.WHEEL_JUMP: motion.jump,
             OdometryFlag.TURN_REJECTED: body.turn_rejected,
             OdometryFlag.SPEED_REJECTED: body.speed_rejected,
+            OdometryFlag.HEADING_REJECTED: body.heading_rejected,
             OdometryFlag.INCREMENT_REJECTED: body.increment_rejected,
             OdometryFlag.INCREMENT_TOO_OLD: body.increment_too_old,
             OdometryFlag.NOT_POSITIVE_DEFINITE: logical_not(every([v >= 0.0 for v in np.diag(before.cov)])),

@@ -20,6 +20,8 @@ class OdometrySample(NamedTuple):
     speed_m_s, speed_std_m_s: forward, from outside, and its standard deviation where the source gives one.
     speed_left_m_s, speed_left_std_m_s: to the left, the same.
     speed_age_s: age of both.
+    heading_rad, heading_std_rad: from a compass or two GNSS antennas, > 0 to the left, from any zero, which is learnt;
+        full turns may be counted or not; and its standard deviation where the source gives one.
     increment: (3,) change of the pose [m, m, rad] that visual or lidar odometry has seen: forward and left in the frame
         of its start, and the turn.
     increment_std: (3,) standard deviations where the source gives them.
@@ -41,6 +43,8 @@ class OdometrySample(NamedTuple):
     speed_left_m_s: Any = math.nan
     speed_left_std_m_s: Any = math.nan
     speed_age_s: Any = 0.0
+    heading_rad: Any = math.nan
+    heading_std_rad: Any = math.nan
     increment: np.ndarray = np.full(3, math.nan)
     increment_std: np.ndarray = np.full(3, math.nan)
     increment_s: Any = math.nan
@@ -100,3 +104,4 @@ class OdometryFlag(SampleFlag):
     INCREMENT_TOO_OLD = 256  #: a pose increment that began before the samples that are remembered; not used
     NOT_POSITIVE_DEFINITE = 512  #: the covariance was not positive semidefinite
     RESTARTED = 1024  #: the state was no longer a number; a new one was started from this sample
+    HEADING_REJECTED = 2048  #: a heading outside its gate, as beside iron; not used
