@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,8 @@ class SchemeSoc:
         if soc is None and not known:
             raise InputError("the first sample has no voltage: give soc, the state of charge at the start")
         if soc is None:
-            soc = float(np.clip(SocByCurve(model, BatteryNoise()).soc_beyond(first.voltage_V), 0.0, 1.0))
+            beyond: Any = SocByCurve(model, BatteryNoise()).soc_beyond(first.voltage_V)
+            soc = min(max(float(beyond), 0.0), 1.0)
         voltage_V = first.voltage_V if known else float(model.at_rest(soc)[0])
         return self.scheme.init(first._replace(voltage_V=voltage_V), soc, soc_std)
 

@@ -17,8 +17,9 @@ from ohmward.logs.table import Table, numbers
 from ohmward.logs.wheel_columns import Found, Wheels
 from ohmward.logs.wheel_speed import Mechanics, unit_notes, unit_of_channel, wheel_speed
 
-#: A heading counts clockwise where its rate is at least this multiple of the gyro's, negative.
-_CLOCKWISE = 0.5
+#: A heading counts clockwise where the gyro has turned by this standard deviation [rad] at least, and the heading by at
+#: least this share of it the other way.
+_TURNED_RAD, _CLOCKWISE = 0.3, 0.5
 
 
 class DriveChannels(NamedTuple):
@@ -110,14 +111,22 @@ def _use_angles(time_s: np.ndarray, body: dict[str, np.ndarray]) -> list[Note]:
     if "yaw_rate" not in body and (angles := [name for name in ("yaw", "heading") if name in body]):
         body["yaw_rate"] = _rate_of_change(time_s, body.pop(angles[0]))
         return [Note(f"no gyro: the yaw rate is the change of the {angles[0]}")]
-    if "heading" not in body:
-        return []
-    pair = np.array([_rate_of_change(time_s, body["heading"]), body["yaw_rate"]])
-    turned, gyro = pair[:, np.isfinite(pair).all(axis=0)]
-    if turned @ gyro > -_CLOCKWISE * (gyro @ gyro) or not gyro.any():
+    if "heading" not in body or not _counts_clockwise(time_s, body["heading"], body["yaw_rate"]):
         return []
     body["heading"] = -body["heading"]
     return [Note("the heading counts clockwise, against the gyro: turned round")]
+
+
+def _counts_clockwise(time_s: np.ndarray, heading_rad: np.ndarray, yaw_rate_rad_s: np.ndarray) -> bool:
+    """True where the heading turns against the integral of the gyro."""
+    at, known = np.isfinite(heading_rad), np.isfinite(yaw_rate_rad_s)
+    if not at.any() or not known.any():
+        return False
+    angle_rad = np.cumsum(yaw_rate_rad_s[known] * np.diff(time_s[known], prepend=time_s[known][0]))
+    gyro = np.interp(time_s[at], time_s[known], angle_rad)
+    gyro -= gyro.mean()
+    against = -float(gyro @ np.unwrap(heading_rad[at]))
+    return bool(gyro.std() > _TURNED_RAD and against > _CLOCKWISE * (gyro @ gyro))
 
 
 def _rate_of_change(time_s: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:

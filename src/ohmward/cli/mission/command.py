@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from functools import partial
 
-from ohmward.cli.drive_inputs import make_robot
 from ohmward.cli.mission.inputs import (
     check,
     earlier_consumption,
@@ -20,6 +19,7 @@ from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.energy import save_consumption
 from ohmward.energy.mission import analyse
 from ohmward.energy.plan_file import EXAMPLE, load_plan
+from ohmward.traction import load_robot
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> Outcome:
     check_output("--output", args.output, (".toml",), [p for p in (args.log, args.plan, args.battery) if p])
     check(args)
     battery, contradictions = load_battery_with_sensor(args.battery, args)
-    robot = make_robot(args.robot) if args.robot else None
+    robot = load_robot(args.robot) if args.robot else None
     plan = load_plan(args.plan) if args.plan else None
     before, origin = earlier_consumption(args, robot)
     log, drive, ground = read_logs(args, robot)
