@@ -237,8 +237,8 @@ def errors_of(name: str, wrong: WrongNoise, kind: MatchingFilter) -> ObserverErr
 
 
 _WHY = (
-    "[T] shows pictures in which the AUKF is nearer to the truth than the UKF, without a number. `as printed` is the "
-    "AUKF that matches Q and R (3.49, 3.50), `corrected` the one that matches R alone"
+    "[T] shows pictures of wheel speed and speed in which the AUKF is nearer to the truth, without a number. `as "
+    "printed` is the AUKF that matches Q and R (3.49, 3.50), `corrected` the one that matches R alone"
 )
 
 
@@ -252,6 +252,8 @@ def _result(name: str) -> Result:
         rows += [
             ResultRow(f"{what}: speed, UKF", "mm/s", None, ukf.speed_mm_s, ukf.speed_mm_s),
             ResultRow(f"{what}: speed, AUKF", "mm/s", None, both.speed_mm_s, matched.speed_mm_s, None, _WHY),
+            ResultRow(f"{what}: wheel speed, UKF", "rad/s", None, ukf.wheel_rad_s, ukf.wheel_rad_s),
+            ResultRow(f"{what}: wheel speed, AUKF", "rad/s", None, both.wheel_rad_s, matched.wheel_rad_s),
             ResultRow(f"{what}: slip speed, UKF", "mm/s", None, ukf.slip_mm_s, ukf.slip_mm_s),
             ResultRow(f"{what}: slip speed, AUKF", "mm/s", None, both.slip_mm_s, matched.slip_mm_s),
             ResultRow(f"{what}: NEES of the speed, UKF", "", None, ukf.nees, ukf.nees),

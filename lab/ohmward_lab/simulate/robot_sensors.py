@@ -76,6 +76,8 @@ GYRO = Sensor(low=-8.7, high=8.7, resolution=2.7e-4, noise_std=2e-3, offset=2e-3
 ACCELEROMETER = Sensor(low=-39.2, high=39.2, resolution=1.2e-3, noise_std=0.02, offset=0.05)
 #: Of an attitude filter: 0.1 degree of noise and 0.15 of offset.
 PITCH = Sensor(low=-1.6, high=1.6, resolution=1e-4, noise_std=0.0017, offset=0.0026)
+#: Of a compass: a tenth of a degree, 3 degrees of noise and as much offset.
+COMPASS = Sensor(low=-np.pi, high=np.pi, resolution=0.0017, noise_std=0.05, offset=0.05)
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,7 @@ class RobotSensors:
     gyro: Sensor = GYRO
     accelerometer: Sensor = ACCELEROMETER
     pitch: Sensor | None = None  #: error of an attitude filter [rad]; None where there is none
+    compass: Sensor | None = None  #: error of a compass [rad]; None where there is none
 
     def __post_init__(self) -> None:
         require_each_positive("robot_sensors.", self, "interval_s", "counts_per_turn", "torque_constant_N_m_per_A")
@@ -124,6 +127,7 @@ class SensorFrame(NamedTuple):
     gyro_rad_s: np.ndarray
     specific_force_m_s2: np.ndarray
     pitch_rad: float = math.nan  #: > 0 with the nose up; nan without an attitude filter
+    heading_rad: float = math.nan  #: of a compass, > 0 to the left, within half a turn of zero; nan without one
 
 
 class Board(NamedTuple):
@@ -178,12 +182,18 @@ def measure(truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator) 
         gyro_rad_s=measured(sensors.gyro, truth.gyro_rad_s),
         specific_force_m_s2=measured(sensors.accelerometer, truth.specific_force_m_s2),
         pitch_rad=float(measured(sensors.pitch, pitch(truth))[0]) if sensors.pitch else math.nan,
+        heading_rad=float(measured(sensors.compass, heading(truth))[0]) if sensors.compass else math.nan,
     )
 
 
 def pitch(truth: RobotTruth) -> np.ndarray:
     """(1,) slope of the ground along the robot [rad], > 0 with the nose up."""
     return np.array([math.asin(math.sin(truth.grade_rad) * math.cos(truth.heading_rad))])
+
+
+def heading(truth: RobotTruth) -> np.ndarray:
+    """(1,) heading of the robot [rad], within half a turn of zero."""
+    return np.array([math.remainder(truth.heading_rad, 2 * math.pi)])
 
 
 def wheel_speed(before: SensorFrame, after: SensorFrame, sensors: RobotSensors) -> np.ndarray:

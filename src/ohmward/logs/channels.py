@@ -82,6 +82,7 @@ _BESIDE_WHEELS = (
     ),
 )
 _BESIDE_BODY = (word_set("imu data body base robot msg"),)
+_COMPASSES = "- compass magnetic mag gnss gps"
 _SPEEDOMETERS = "- ground gnss gps vo visual flow radar lidar"
 
 TIME = Channel(
@@ -159,7 +160,11 @@ BODY = (
         _words(*_each("yaw", "rate vel velocity speed gyro"), *_each("gyro w omega", "z"), "angular velocity z",
                "ang vel z"), _BESIDE_BODY,
     ),
-    Channel("heading", ("angle",), UNITS["rad"], "rad or deg", _words("yaw", "heading"), _BESIDE_BODY),
+    Channel("yaw", ("angle",), UNITS["rad"], "rad or deg", _words("yaw", "yaw angle"), _BESIDE_BODY),
+    Channel("heading", ("angle",), UNITS["rad"], "rad or deg", _words("compass", *_each(_COMPASSES, "heading")),
+            _BESIDE_BODY),
+    Channel("heading_std", ("angle",), UNITS["rad"], "rad or deg", _words(*_each("heading", "std sigma")),
+            _BESIDE_BODY),
     Channel(
         "acceleration", ("acceleration",), UNITS["m/s2"], "m/s2 or g",
         _words(*_each("acceleration accel acc", "- x forward"), "a x",

@@ -31,6 +31,8 @@ _BODY = {
     "speed": "speed_m_s",
     "speed_std": "speed_std_m_s",
     "speed_age": "speed_age_s",
+    "heading": "heading_rad",
+    "heading_std": "heading_std_rad",
 }
 
 #: Channels of the body: optional, (T,) each.
@@ -64,6 +66,9 @@ class DriveLog(TimeSeries):
     speed_m_s: np.ndarray | None = None
     speed_std_m_s: np.ndarray | None = None
     speed_age_s: np.ndarray | None = None
+    #: of a compass or two GNSS antennas, > 0 to the left, from any zero; its standard deviation
+    heading_rad: np.ndarray | None = None
+    heading_std_rad: np.ndarray | None = None
     #: further numeric columns by their name in the file, (T,) each: truths, for example
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()  #: everything that was assumed, converted or dropped on the way

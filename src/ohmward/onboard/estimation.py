@@ -27,7 +27,7 @@ from ohmward.energy.range_step import RangeEstimate, RangeSample
 from ohmward.onboard.message_parts import MessageSorter
 from ohmward.onboard.robot_state import RobotState
 from ohmward.trace.lower.kept_steps import keeping
-from ohmward.traction.inbox import SensorInbox
+from ohmward.traction.inbox import HEADING, SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of
@@ -100,7 +100,15 @@ CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "batte
 FULL, CELL = "battery_full", "cell_voltage_V"
 
 #: What the odometry takes of a sample of the drive, beside the speed observer's estimate.
-ODOMETRY_SIGNALS = {"time_s", "wheel_speed_rad_s", "yaw_rate_rad_s", "speed_m_s", "speed_std_m_s", "speed_age_s"}
+ODOMETRY_SIGNALS = {
+    "time_s",
+    "wheel_speed_rad_s",
+    "yaw_rate_rad_s",
+    "speed_m_s",
+    "speed_std_m_s",
+    "speed_age_s",
+    *HEADING,
+}
 
 #: A charger that goes on saying that the battery is full is heard again after so long [s].
 FULL_AGAIN_S = 60.0
@@ -300,7 +308,7 @@ class Estimation:
 
     def _drive_state(self, sample: dict[str, Any]) -> RobotState:
         assert self.slip is not None and self.odometry is not None
-        slip = self.slip.update(**sample)
+        slip = self.slip.update(**{name: value for name, value in sample.items() if name not in HEADING})
         seen = {name: value for name, value in sample.items() if name in ODOMETRY_SIGNALS}
         pose = self.odometry.update(**seen, observed=slip)
         return self._after(sample["time_s"], self._signals(sample), slip=slip, pose=pose, drive_time_s=sample["time_s"])

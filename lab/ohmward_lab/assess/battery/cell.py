@@ -85,7 +85,7 @@ def _compiled(chemistry: str, name: str) -> tuple[Kernel, Any]:
         return after, (found.soc, found.soc_std)
 
     nothing = SocSample(0.0, math.nan, math.nan, math.nan)
-    return Kernel(step, estimator.init(nothing), SocSample(0.0, 0.0, 0.0, 0.0)), estimator
+    return Kernel(step, estimator.init(nothing, 0.5), SocSample(0.0, 0.0, 0.0, 0.0)), estimator
 
 
 def figures(time_s: np.ndarray, error: np.ndarray, std: np.ndarray) -> tuple[float, float, float, float, float]:

@@ -33,7 +33,8 @@ _STEPS_AT_ONCE = 12_000
 INTERVAL_S = 0.02
 
 ROBOTS = {
-    **PACKAGED,
+    "rlma": PACKAGED["rlma"],
+    "robotino": PACKAGED["robotino"],
     "skid-steer": replace(RLMA, name="skid-steer", chassis=SkidSteer(0.314, 0.314, 0.30)),
 }
 #: Fastest drive of each robot [m/s], and yaw rate [rad/s].

@@ -247,7 +247,7 @@ class ClosedLoopDrive:
         for arrival in arrivals:
             estimate = self.observation.update(arrival)
             at = self._on_the_way[arrival.taken_s]
-            self.rows.add(RunRow(arrival.taken_s, arrival.sample, estimate, *at))
+            self.rows.add(RunRow(arrival.taken_s, arrival.sample, arrival.heading_rad, estimate, *at))
             self._on_the_way = {t: later for t, later in self._on_the_way.items() if t > arrival.taken_s}
 
     def step(self) -> None:

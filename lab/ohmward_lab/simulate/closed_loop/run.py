@@ -36,6 +36,7 @@ class RunRow(NamedTuple):
 
     time_s: Any
     sample: SlipSample
+    heading_rad: Any  #: of a compass; nan without one
     estimate: SlipEstimate | None  #: None without an observer
     truth: RobotTruth
     #: of the battery as measured, means since the row before
@@ -69,6 +70,7 @@ def columns(run: ClosedLoopRun) -> dict[str, np.ndarray]:
         "speed_m_s": sample.speed_m_s,
         "speed_std_m_s": sample.speed_std_m_s,
         "speed_age_s": np.where(np.isfinite(sample.speed_m_s), sample.speed_age_s, np.nan),
+        "heading_rad": rows.heading_rad,
         "current_A": rows.current_A,
         "voltage_V": rows.voltage_V,
     }
@@ -105,6 +107,7 @@ def drive_log(run: ClosedLoopRun) -> DriveLog:
         sample.current_A,
         **body,
         speed_age_s=age,
+        heading_rad=rows.heading_rad if np.isfinite(rows.heading_rad).any() else None,
         extra={**truths(run), "current_A": rows.current_A, "voltage_V": rows.voltage_V},
         notes=(Note(f"simulated, not measured: {run.scenario.model.name}, seed {run.scenario.seed}"),),
     )

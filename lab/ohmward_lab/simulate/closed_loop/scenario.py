@@ -12,8 +12,8 @@ import numpy as np
 
 from ohmward.checks import require_between, require_finite, require_one_of
 from ohmward.errors import InputError
-from ohmward.traction.robot.file import load_robot
-from ohmward.traction.robot.robot import RLMA, ROBOTINO, Robot
+from ohmward.traction.robot.file import PACKAGED, load_robot
+from ohmward.traction.robot.robot import RLMA, Robot
 from ohmward_lab.simulate.closed_loop.control import Command, Control
 from ohmward_lab.simulate.closed_loop.ground import Grade, GroundSurface, Patch, surface
 from ohmward_lab.simulate.closed_loop.observing import Observing
@@ -23,7 +23,7 @@ from ohmward_lab.simulate.closed_loop.supply import Pack
 PLANTS = ("own", "mujoco")
 SHORTEST_S, LONGEST_S = 0.01, 86400.0
 #: Robots by name. RLMA's electronics draw what a small computer does; [T] does not say.
-ROBOTS: Mapping[str, Robot] = {"rlma": replace(RLMA, idle_W=10.0), "robotino": ROBOTINO}
+ROBOTS: Mapping[str, Robot] = {**PACKAGED, "rlma": replace(RLMA, idle_W=10.0)}
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Scenario:
 
     duration_s: float  #: at least 0.01 and one interval of the sensors, at most a day
     commands: tuple[Command, ...]  #: over time, the first from 0 s on
-    robot: str = "rlma"  #: "rlma", "robotino", or a robot file
+    robot: str = "rlma"  #: one of `ROBOTS`, or a robot file
     plant: str = "own"  #: "own", our equations with load transfer, or "mujoco", contacts and bodies that are not ours
     battery: Pack = field(default_factory=Pack)  #: its kind or file, and start
     ground: tuple[Patch, ...] = ()  #: patches; the one without an edge lies under all others

@@ -17,6 +17,7 @@ from ohmward.errors import InputError
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipSample
 from ohmward_lab.simulate.robot_sensors import (
+    COMPASS,
     GYRO,
     MOTOR_CURRENT,
     PITCH,
@@ -63,6 +64,7 @@ class Sensing:
     current_noise_A: float = 0.1  #: of each motor's current, >= 0
     gyro: bool = True  #: True with a gyro
     pitch: bool = False  #: True with an attitude filter that gives pitch
+    compass: bool = False  #: True with a compass, whose heading goes into the log; the observer has no use for it
     #: of the board's link, as in `RobotSensors`
     delay_s: float = 0.0
     jitter_s: float = 0.0
@@ -105,14 +107,16 @@ class Sensing:
             motor_current=replace(MOTOR_CURRENT, noise_std=self.current_noise_A),
             gyro=GYRO,
             pitch=PITCH if self.pitch else None,
+            compass=COMPASS if self.compass else None,
         )
 
 
 class Arrival(NamedTuple):
-    """A sample that has arrived, and the time at which it was taken [s]."""
+    """A sample that has arrived, the time at which it was taken [s], and the heading of a compass [rad]."""
 
     taken_s: float
     sample: SlipSample
+    heading_rad: float = math.nan
 
 
 class DelayedSpeed(NamedTuple):
@@ -170,7 +174,7 @@ class SensorSuite:
         arrivals = []
         for frame in sorted(frames, key=lambda f: f.time_s):
             if self._before is None or frame.time_s > self._before.time_s + _SAME_TIME_S:
-                arrivals.append(Arrival(frame.time_s, self._slip_sample(frame)))
+                arrivals.append(Arrival(frame.time_s, self._slip_sample(frame), frame.heading_rad))
                 self._before = frame
         return arrivals
 

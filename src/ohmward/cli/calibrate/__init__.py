@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import LOG, add_drive_options, add_output_options
+from ohmward.cli.options import LOG, ROBOT, add_drive_options, add_output_options
 from ohmward.cli.parser import floats
 
 EXAMPLES = """\
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
     parser.add_argument("logs", nargs="+", metavar="LOG", help=f"drives on one floor: each {LOG}")
     group = parser.add_argument_group("robot and floor")
-    group.add_argument("--robot", required=True, metavar="FILE.toml", help="what is known before; rlma or robotino")
+    group.add_argument("--robot", required=True, metavar="FILE.toml", help=f"what is known before: {ROBOT}")
     group.add_argument("--what", metavar="LIST", help="of radius,track,motor (default: all, none with --floor)")
     group.add_argument("--floor", metavar="NAME", help="learn the floor of these drives; the robot must be calibrated")
     group.add_argument("--floors", metavar="FILE.toml", help="where the floor goes, beside those that it has")

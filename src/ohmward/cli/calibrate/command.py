@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.cli import wording
-from ohmward.cli.drive_inputs import make_robot, read_drive_log, read_drive_truth, truth_names
+from ohmward.cli.drive_inputs import read_drive_log, read_drive_truth, truth_names
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import split_selection
 from ohmward.cli.progress import Report, progress
@@ -23,7 +23,7 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog
 from ohmward.logs.read import open_table
 from ohmward.report import Figure, Page, Series
-from ohmward.traction import Robot, save_robot
+from ohmward.traction import Robot, load_robot, save_robot
 from ohmward.traction.calibration import (
     Calibration,
     CalibrationDrive,
@@ -45,7 +45,7 @@ from ohmward.traction.terrain.floor import Floor, slip_belief, slip_scale
 def run(args: argparse.Namespace) -> Outcome:
     """Calibrate, write the robot and its floors."""
     check(args)
-    robot = make_robot(args.robot)
+    robot = load_robot(args.robot)
     if args.wheel_load is not None:
         robot = with_wheel_loads(robot, args.wheel_load)
     with progress() as report:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import add_sensor_options
+from ohmward.cli.options import ROBOT, add_sensor_options
 from ohmward.cli.parser import positive, share
 
 EXAMPLES = """\
@@ -19,9 +19,7 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
-    parser.add_argument(
-        "file", metavar="FILE", help="battery file, made by `ohmward identify`; or robot file, rlma or robotino"
-    )
+    parser.add_argument("file", metavar="FILE", help=f"battery file, made by `ohmward identify`; or {ROBOT}")
     parser.add_argument(
         "--filter",
         metavar="NAME",

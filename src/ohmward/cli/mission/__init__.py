@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import BUILT_IN, LOG, add_log_options, add_output_options, add_sensor_options
+from ohmward.cli.options import LOG, ROBOT, add_log_options, add_output_options, add_sensor_options
 from ohmward.cli.parser import number, positive, share
 
 EXAMPLES = """\
@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plan", metavar="FILE.toml", help="the mission ahead")
     parser.add_argument("--plan-example", action="store_true", help="print a plan with comments, and nothing else")
     robot = parser.add_argument_group("robot and ground")
-    robot.add_argument("--robot", metavar="FILE.toml", help=f"robot file, or {' or '.join(BUILT_IN)}")
+    robot.add_argument("--robot", metavar="FILE.toml", help=ROBOT)
     robot.add_argument("--mass-kg", type=positive, metavar="M", help="where there is no robot file")
     robot.add_argument(
         "--terrain",

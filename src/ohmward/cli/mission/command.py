@@ -11,7 +11,7 @@ import numpy as np
 
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
-from ohmward.cli.drive_inputs import make_robot, make_terrain, read_drive_log
+from ohmward.cli.drive_inputs import make_terrain, read_drive_log
 from ohmward.cli.options import DEFAULT_TERRAIN, file_hints
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import split_selection
@@ -48,7 +48,7 @@ from ohmward.logs.selection import select_rows
 from ohmward.logs.table import TableFile
 from ohmward.report import TIME, Band, Figure, Marker, Page, Series
 from ohmward.report.palette import Meaning
-from ohmward.traction import Robot
+from ohmward.traction import Robot, load_robot
 from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS
 
 
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> Outcome:
     check_output("--output", args.output, (".toml",), [p for p in (args.log, args.plan, args.battery) if p])
     check(args)
     battery, contradictions = load_battery_with_sensor(args.battery, args)
-    robot = make_robot(args.robot) if args.robot else None
+    robot = load_robot(args.robot) if args.robot else None
     plan = load_plan(args.plan) if args.plan else None
     before, origin = earlier_consumption(args, robot)
     log, drive, ground = read_logs(args, robot)

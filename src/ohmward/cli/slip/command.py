@@ -14,7 +14,6 @@ from ohmward.cli import wording
 from ohmward.cli.drive_inputs import (
     DriveReference,
     driven_wheels,
-    make_robot,
     make_terrain,
     read_drive_log,
     read_drive_truth,
@@ -32,7 +31,7 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog, write_table
 from ohmward.logs.write import TABLES
 from ohmward.report import Figure, Page
-from ohmward.traction import Robot, Terrain
+from ohmward.traction import Robot, Terrain, load_robot
 from ohmward.traction.observed_drive import (
     FloorFigures,
     ObservedDrive,
@@ -64,7 +63,7 @@ def make_task(args: argparse.Namespace) -> SlipTask:
     """Robot, ground, drive and truth that the options name."""
     if args.floor and not args.floors:
         raise InputError("--floor NAME chooses from --floors FILE.toml; give that too")
-    robot = make_robot(args.robot)
+    robot = load_robot(args.robot)
     terrain = make_terrain(args.terrain, robot)
     truths = truth_names(args.truth)
     log = read_drive_log(args.log, robot, args, extra=None if truths else (), leave=truths)

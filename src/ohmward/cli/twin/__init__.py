@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import DEFAULT_TERRAIN, LOG, add_drive_options, add_sensor_options
+from ohmward.cli.options import DEFAULT_TERRAIN, LOG, ROBOT, add_drive_options, add_sensor_options
 from ohmward.cli.parser import positive, share
 
 EXAMPLES = """\
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--sample-time", type=positive, metavar="S", help="as given to `ohmward export`")
     group.add_argument("--curve-error", type=positive, metavar="MV", help="the same")
     add_sensor_options(group)
-    group.add_argument("--robot", metavar="FILE.toml", help="robot file, rlma or robotino; needed for logs of drives")
+    group.add_argument("--robot", metavar="FILE.toml", help=f"{ROBOT}; needed for logs of drives")
     group.add_argument(
         "--terrain", default=DEFAULT_TERRAIN, metavar="NAME", help="as in `ohmward export` (default %(default)s)"
     )

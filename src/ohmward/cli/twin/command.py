@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from ohmward.battery.soc.estimator import samples_of as battery_samples_of
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
-from ohmward.cli.drive_inputs import make_robot, make_terrain, read_drive_log
+from ohmward.cli.drive_inputs import make_terrain, read_drive_log
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.errors import InputError
 from ohmward.export.battery import battery_export, curve_error_of_pack_V
@@ -20,6 +20,7 @@ from ohmward.export.traction import observer_export
 from ohmward.export.twin import Twin, first_of, output_columns
 from ohmward.logs import DriveLog, Log, write_table
 from ohmward.logs.write import TABLES
+from ohmward.traction import load_robot
 from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.speed_observer.estimator import samples_of as drive_samples_of
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
@@ -97,7 +98,7 @@ def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
 
 
 def _drive_replay(args: argparse.Namespace) -> Replay:
-    robot = make_robot(args.robot)
+    robot = load_robot(args.robot)
     terrain = make_terrain(args.terrain, robot)
     log = read_drive_log(args.log, robot, args, extra=())
     export = observer_export(robot, terrain, args.filter) if args.filter else None

@@ -17,6 +17,7 @@ from ohmward.logs.log import Log, read_log
 from ohmward.logs.sign import CurrentSign
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.part import EndedError, Source
+from ohmward.traction.inbox import BODY
 from ohmward.traction.robot.file import load_robot
 
 #: Columns of a log and the signals that they are.
@@ -25,7 +26,6 @@ _OF_BATTERY = {
     "voltage_V": "battery_voltage_V",
     "temperature_degC": "battery_temperature_degC",
 }
-_OF_BODY = ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s", "speed_age_s")
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ def _of_drive(log: DriveLog) -> Iterator[tuple[float, dict[str, float]]]:
     """Time and values of every sample of a drive."""
     columns = {f"wheel_speed_rad_s.{k}": column for k, column in enumerate(log.wheel_speed_rad_s.T)}
     columns |= {f"motor_current_A.{k}": column for k, column in enumerate(log.motor_current_A.T)}
-    columns |= {name: values for name in _OF_BODY if (values := getattr(log, name)) is not None}
+    columns |= {name: values for name in BODY if (values := getattr(log, name)) is not None}
     return _rows(log.time_s, columns)
 
 

@@ -1,4 +1,4 @@
-"""Measurements of the odometry, each an update of its own: wheels against gyro, speeds, and pose increments.
+"""Measurements of the odometry, each an update of its own: wheels against gyro, speeds, headings, and pose increments.
 
 Each function takes the correction so far and returns it with one more. A measurement that is missing or outside its
 gate changes no mean; one of the motion that is outside opens the band at once, as far as the innovation says.
@@ -6,6 +6,7 @@ gate changes no mean; one of the motion that is outside opens the band at once, 
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.odometry.model import (
     CURVATURE,
     GYRO_SCALE,
+    HEADING_ZERO,
     NAMES,
     OFFSET,
     SIDE_SLIP,
@@ -118,6 +120,12 @@ REMEMBERED = 0.99
 #: Limits [m, rad] of the standard deviation of a pose increment that its source gives.
 INCREMENT_STD = (1e-5, 10.0)
 
+#: Limits [rad] of the standard deviation of a heading that its source gives; a larger heading is its source's fault.
+HEADING_STD, MOST_HEADING_RAD = (1e-4, 1.0), 1e4
+
+#: Correlation times from one heading that is used to the next: their errors are alike by e^-3, a twentieth.
+HEADING_WAIT = 3.0
+
 #: A slip is opened to so many of its standard deviations at most: beyond, rounding would spoil the covariance.
 MOST_OPENED = 1e4
 
@@ -143,6 +151,13 @@ class TurnSums(NamedTuple):
     rejected_s: Any = 0.0  #: time for which the comparison has been outside its gate
 
 
+class HeadingTimes(NamedTuple):
+    """Time until the next heading is used, and time for which headings have been outside their gate [s]."""
+
+    wait_s: Any = 0.0
+    rejected_s: Any = 0.0
+
+
 class PoseCorrection(NamedTuple):
     """Belief after measurements, and conditions on them."""
 
@@ -151,6 +166,7 @@ class PoseCorrection(NamedTuple):
     #: see `OdometryFlag`
     turn_rejected: Any = False
     speed_rejected: Any = False
+    heading_rejected: Any = False
     increment_rejected: Any = False
     increment_too_old: Any = False
 
@@ -257,6 +273,44 @@ def use_speeds(
         belief, rejected = use_motion(body.belief, y_used, axis, state, 1.0, std_m_s**2 + since, u, gate)
         body = body._replace(belief=belief, speed_rejected=some([body.speed_rejected, rejected]))
     return body
+
+
+def use_heading(
+    body: PoseCorrection,
+    sample: OdometrySample,
+    times: HeadingTimes,
+    dt_s: Scalar,
+    noise: OdometryNoise,
+    gate: float,
+    reset_after_s: float,
+) -> tuple[PoseCorrection, HeadingTimes]:
+    """Correct with a heading, the short way round; new times then.
+
+    heading = yaw + heading_zero + noise
+
+    What disturbs a compass lasts while the robot passes it: one heading is used in `HEADING_WAIT` correlation times, so
+    that errors that are alike count once. Where headings have been outside the gate for longer than `reset_after_s`,
+    the field is another one here, as inside a building: its zero is learnt again, and the yaw stays that of gyro and
+    wheels.
+    """
+
+    def shown(x: np.ndarray) -> np.ndarray:
+        return np.array([x[YAW] + x[HEADING_ZERO]])
+
+    own = sample.heading_std_rad
+    std_rad = where(between(own, *HEADING_STD), own, noise.heading_std_rad)
+    wait_s = maximum(times.wait_s - dt_s, 0.0)
+    measured = within(sample.heading_rad, MOST_HEADING_RAD) & (wait_s <= 0.0)
+    expected_rad = shown(body.belief.mean)[0]
+    turned_rad = where(measured, sample.heading_rad, expected_rad) - expected_rad + math.pi
+    nu = turned_rad % (2.0 * math.pi) - math.pi
+    diverged = measured & (times.rejected_s > reset_after_s)
+    prior = choose(diverged, inflate(body.belief, HEADING_ZERO, nu * nu), body.belief)
+    belief, accepted = correct_scalar(prior, where(measured, expected_rad + nu, np.nan), shown, std_rad**2, gate)
+    rejected = measured & logical_not(accepted)
+    rejected_s = time_rejected(times.rejected_s, dt_s, rejected, measured, sparse=True)
+    body = body._replace(belief=belief, heading_rejected=rejected)
+    return body, HeadingTimes(where(accepted, HEADING_WAIT * noise.correlation_s, wait_s), rejected_s)
 
 
 def use_increment(

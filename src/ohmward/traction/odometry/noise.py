@@ -46,6 +46,7 @@ class OdometryNoise:
     gyro_walk: float = 3e-4
     encoder_std_rad: float = 6e-4  #: of the angle of a wheel between two instants: 4096 counts a turn have 6e-4 rad
     speed_std_m_s: float = 0.05  #: of an external speed without a standard deviation of its own
+    heading_std_rad: float = 0.05  #: of a heading without one; that of a compass away from iron is 2 to 5 degrees
     #: of a pose increment without one [m, m, rad, over the root of a second]
     increment_walk: tuple[float, float, float] = (0.02, 0.02, 0.005)
 

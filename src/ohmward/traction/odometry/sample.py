@@ -25,6 +25,10 @@ class OdometrySample(NamedTuple):
     speed_left_m_s: Any = math.nan
     speed_left_std_m_s: Any = math.nan
     speed_age_s: Any = 0.0  #: age of both
+    #: from a compass or two GNSS antennas, > 0 to the left, from any zero, which is learnt; full turns may be counted
+    #: or not; and its standard deviation where the source gives one
+    heading_rad: Any = math.nan
+    heading_std_rad: Any = math.nan
     #: (3,) change of the pose [m, m, rad] that visual or lidar odometry has seen: forward and left in the frame of its
     #: start, and the turn
     increment: np.ndarray = np.full(3, math.nan)
@@ -81,3 +85,4 @@ class OdometryFlag(SampleFlag):
     INCREMENT_TOO_OLD = 256  #: a pose increment that began before the samples that are remembered; not used
     NOT_POSITIVE_DEFINITE = 512  #: the covariance was not positive semidefinite
     RESTARTED = 1024  #: the state was no longer a number; a new one was started from this sample
+    HEADING_REJECTED = 2048  #: a heading outside its gate, as beside iron; not used
