@@ -14,10 +14,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from ohmward_lab.assess import LARGEST_RMSE
+
 #: A 95 % band that covers at least this share in every condition of the situation can be trusted.
 COVERS = 0.85
-#: Largest RMSE of a method that is recommended, unless said otherwise: 8 points of charge, 8 cm/s.
-LARGEST_RMSE = 0.08
 #: An RMSE that exceeds another by more than this factor is worse: less is the chance of the runs.
 WORSE = 1.05
 

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
 from ohmward.fleet.run import in_processes, run_fleet
+from ohmward_lab.assess import LARGEST_RMSE
 from ohmward_lab.assess.battery.cell import SocFigures, soc_cell
 from ohmward_lab.assess.battery.conditions import CONDITIONS, SITUATIONS
 from ohmward_lab.assess.battery.methods import METHODS, PROCESSORS
 from ohmward_lab.assess.battery.shifts import CHEMISTRIES
 from ohmward_lab.assess.recommendation import (
-    LARGEST_RMSE,
     Processor,
     Recommendation,
     Rules,

@@ -6,7 +6,7 @@ import argparse
 
 from ohmward.cli.options import add_output_options
 from ohmward.cli.parser import count, positive
-from ohmward_lab.assess.recommendation import LARGEST_RMSE
+from ohmward_lab.assess import LARGEST_RMSE
 
 EXAMPLES = """\
   ohmward assess --report limits.html

@@ -17,7 +17,8 @@ from ohmward.cli.wording import FOOTER
 from ohmward.fleet.run import SUMMARY
 from ohmward.report import Page
 from ohmward.report.blocks import HeatCell
-from ohmward_lab.assess.recommendation import COVERS, LARGEST_RMSE, Recommendation, Worse
+from ohmward_lab.assess import LARGEST_RMSE
+from ohmward_lab.assess.recommendation import COVERS, Recommendation, Worse
 from ohmward_lab.assess.study import STUDIES, Study, assess
 
 
