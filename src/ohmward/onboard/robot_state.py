@@ -27,8 +27,8 @@ class Diagnostic(NamedTuple):
     """Condition of a sensor, a source, a sink or an estimate."""
 
     name: str  #: of the thing, "source can0", "battery_voltage_V", "charge"
-    level: Level  #: how bad it is.  message: a sentence for people, with the fix where there is one.
-    message: str
+    level: Level  #: how bad it is
+    message: str  #: a sentence for people, with the fix where there is one
     values: Mapping[str, str | float] = {}  #: figures beside it
 
 

@@ -30,8 +30,8 @@ _TECHNOLOGY = {"lfp": _LIFE, "lipo": _LIPO, "lead-acid": _VRLA, "": _UNKNOWN}
 class Frames:
     """Names of coordinate frames, REP-105."""
 
-    odom: str = "odom"  #: in which the pose is continuous.  base: of the robot, at its centre of gravity.
-    base: str = "base_link"
+    odom: str = "odom"  #: in which the pose is continuous
+    base: str = "base_link"  #: of the robot, at its centre of gravity
 
 
 def header(state: RobotState, frame: str) -> Message:
