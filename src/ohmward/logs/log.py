@@ -54,29 +54,21 @@ class Log(TimeSeries):
 
     Any array-like of numbers will do; None and NaN are missing. Dates and durations as time become seconds.
 
-    name: usually the file's stem.
-    time_s: (T,) [s], finite and strictly increasing; the zero is the file's own, or the first sample of a wall clock.
-    current_A: (T,) [A], > 0 charges; NaN where it was not measured.
-    voltage_V: (T,) [V] of the whole pack; NaN where it was not measured.
-    temperature_degC: (T,) [degC], or None when the file has no temperature.
-    extra: further numeric columns by their name in the file, (T,) each, in the file's own units.
-    notes: everything that was assumed, converted or dropped on the way.
-    start_unix_s: Unix time [s] of time_s = 0, or None when the file has no wall clock.
-    time_zone: of the wall clock in the file; "" where its dates name none and were taken as UTC.
-
     Raises:
         InputError: no samples, shapes that differ, time that is not finite or does not increase, no numbers.
     """
 
-    name: str
+    name: str  #: usually the file's stem
+    #: (T,) [s], finite and strictly increasing; the zero is the file's own, or the first sample of a wall clock
     time_s: np.ndarray
-    current_A: np.ndarray
-    voltage_V: np.ndarray
-    temperature_degC: np.ndarray | None = None
+    current_A: np.ndarray  #: (T,) [A], > 0 charges; NaN where it was not measured
+    voltage_V: np.ndarray  #: (T,) [V] of the whole pack; NaN where it was not measured
+    temperature_degC: np.ndarray | None = None  #: (T,) [degC], or None when the file has no temperature
+    #: further numeric columns by their name in the file, (T,) each, in the file's own units
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
-    notes: tuple[Note, ...] = ()
-    start_unix_s: float | None = None
-    time_zone: str = "UTC"
+    notes: tuple[Note, ...] = ()  #: everything that was assumed, converted or dropped on the way
+    start_unix_s: float | None = None  #: Unix time [s] of time_s = 0, or None when the file has no wall clock
+    time_zone: str = "UTC"  #: of the wall clock in the file; "" where its dates name none and were taken as UTC
 
     def __post_init__(self) -> None:
         columns = ("current_A", "voltage_V", "temperature_degC")

@@ -96,14 +96,10 @@ def settle_equal_times(table: Table, time: str, channels: Collection[str]) -> Ta
 
 
 class Repeats(NamedTuple):
-    """Rows of a table that share their time.
+    """Rows of a table that share their time."""
 
-    again: (T,) a channel of the row is measured once more by a later row of the same time.
-    differ: two such measurements have different values.
-    """
-
-    again: np.ndarray
-    differ: bool
+    again: np.ndarray  #: (T,) a channel of the row is measured once more by a later row of the same time
+    differ: bool  #: two such measurements have different values
 
 
 def find_repeats(table: Table, time: str, channels: Collection[str]) -> Repeats:

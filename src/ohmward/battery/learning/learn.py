@@ -31,8 +31,8 @@ from ohmward.battery.learning.fold import (
     resistance_normal,
     slip_direction,
 )
+from ohmward.battery.learning.known import untaught_sentences
 from ohmward.battery.learning.lesson import Lesson, narrowed, taught
-from ohmward.battery.learning.new_parts import new_parts
 from ohmward.battery.learning.nuisances import nuisance_covariance
 from ohmward.battery.learning.own_share import OwnShares, combined, own_shares
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
@@ -50,10 +50,8 @@ from ohmward.battery.learning.same_battery import (
 )
 from ohmward.battery.learning.samples import Samples, samples_of
 from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve
-from ohmward.battery.learning.start import likely_starts
+from ohmward.battery.learning.start import likely_starts, new_parts, prior_of_age
 from ohmward.battery.learning.told_soc import full_at_start, soc_anchors, span_of, told_at_start
-from ohmward.battery.learning.unknown_age import prior_of_age
-from ohmward.battery.learning.untaught import untaught_sentences
 from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD
 from ohmward.battery.soc.anchors import Anchor, find_anchors

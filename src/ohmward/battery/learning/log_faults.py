@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.learning.pulse_resistance import pulse_ohm
+from ohmward.battery.learning.fold import pulse_ohm
 from ohmward.battery.log_check import (
     MEDIAN_OF,
     REST_C,

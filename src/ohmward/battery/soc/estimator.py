@@ -31,17 +31,13 @@ _NO_MEMORY = ChargeMemory()
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SocRun(Run[SocEstimate]):
-    """Estimates for a whole log, every field an array (T,).
+    """Estimates for a whole log, every field an array (T,)."""
 
-    Attributes:
-        settings, kernel, end: the estimator, its compiled step, and its state after the log.
-        history: time since events that anchor SoC, before the log too where the estimator went on.
-    """
-
+    #: the estimator, its compiled step, and its state after the log
     settings: Any
     kernel: Kernel
     end: Any
-    history: ChargeHistory
+    history: ChargeHistory  #: time since events that anchor SoC, before the log too where the estimator went on
 
     flag_type = SocFlag
 

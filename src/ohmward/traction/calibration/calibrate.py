@@ -12,10 +12,9 @@ from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.logs.log import Note
 from ohmward.traction.calibration.floor import learn_floor
 from ohmward.traction.calibration.motor import ROLLING, calibrate_motor
-from ohmward.traction.calibration.parameter import Parameter, untold_floor, with_parameters
-from ohmward.traction.calibration.radius import calibrate_radius
+from ohmward.traction.calibration.radius import calibrate_radius, calibrate_track
+from ohmward.traction.calibration.regression import Parameter, untold_floor, with_parameters
 from ohmward.traction.calibration.stretches import LENGTH_S, cut, stuck
-from ohmward.traction.calibration.track import calibrate_track
 from ohmward.traction.calibration.truth import CalibrationDrive, motion_from_speed
 from ohmward.traction.drive_checks import with_signed_speed
 from ohmward.traction.robot.file import load_robot
