@@ -10,6 +10,7 @@ import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args, get_origin, get_type_hints
@@ -39,6 +40,8 @@ class TomlFile(Generic[T]):
         digits: significant digits of the numbers written.
         kinds: class -> value of its key `kind`, for fields that may hold one of several dataclasses.
         once: sub-table -> keys that it has in common with the head of the file, where alone they stand.
+        paths: keys that may name another file (.toml), such as "battery.file": its path is taken from the folder of
+            the file that names it.
     """
 
     cls: type[T]
@@ -47,6 +50,7 @@ class TomlFile(Generic[T]):
     digits: int = 6
     kinds: Mapping[type, str] = field(default_factory=dict)
     once: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    paths: tuple[str, ...] = ()
 
     @property
     def noun(self) -> str:
@@ -67,7 +71,7 @@ class TomlFile(Generic[T]):
         Raises:
             InputError: it cannot be read or holds what cannot be; names file, key, rule and fix.
         """
-        return parse_file(path, self.parse, f"{self.noun} file")
+        return parse_file(path, partial(self.parse, folder=Path(path).parent), f"{self.noun} file")
 
     def dump(self, value: T) -> str:
         """The text of the file; numbers are rounded to `digits`, fields that are None left out."""
@@ -78,14 +82,16 @@ class TomlFile(Generic[T]):
         lines = _table_lines(table, "")
         return "\n".join([self.header, f'format = "{self.format}"', *lines]) + "\n"
 
-    def parse(self, text: str) -> T:
-        """The value in the text of a file.
+    def parse(self, text: str, folder: str | PathLike[str] = "") -> T:
+        """The value in the text of a file; folder: that `paths` start from, the present one by default.
 
         Raises:
             InputError: not TOML, another format, an unknown or missing key, a value of another kind or out of range.
         """
         data = parse_toml(text)
         self._require_format(data.pop("format", None))
+        for key in self.paths:
+            _start_path_from(Path(folder), data, key)
         return self._from_table(self.cls, self._with_common_keys(data), "")
 
     def _with_common_keys(self, data: dict[str, Any]) -> dict[str, Any]:
@@ -192,6 +198,16 @@ def _converted(hint: Any, value: Any, place: str) -> Any:
         what, _, where = str(error).partition(" - at `$")
         reason = f"{what[:1].lower()}{what[1:]}, got {reprlib.repr(value)}"
         raise InputError(f"{place}{where.rstrip('`')}: {reason}; correct it") from error
+
+
+def _start_path_from(folder: Path, data: dict[str, Any], key: str) -> None:
+    """Make the path under "table.key" one from the root; what is no path of a file is left as it is."""
+    *tables, name = key.split(".")
+    table: Any = data
+    for part in tables:
+        table = table.get(part, {}) if isinstance(table, dict) else {}
+    if isinstance(table, dict) and isinstance(value := table.get(name), str) and value.endswith(".toml"):
+        table[name] = str((folder / value).absolute())
 
 
 def _join(place: str, key: str) -> str:

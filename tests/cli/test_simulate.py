@@ -149,3 +149,28 @@ def test_text_and_json_say_the_same(folder, capsys):
     found = json.loads(capsys.readouterr().out)
     assert f"{found['slip_settle_s']:.3g} s" in text
     assert "where the energy went" in text
+
+
+def test_a_battery_file_drives_the_robot(folder, as_json):
+    as_json("generic", "--chemistry", "lipo", "--capacity-ah", "8", "--n-series", "10", "-o", "b.toml")
+    (folder / "mine.toml").write_text(SLIP + "battery = { file = 'b.toml', start_soc = 0.9 }\n")
+    found = as_json("simulate", "mine.toml")
+    assert 39.0 < found["voltage_min_V"] < found["voltage_max_V"] < 42.0
+    drawn_As = 3600 * 8.0 * (found["soc_initial"] - found["soc_final"])
+    assert drawn_As == pytest.approx(found["energy_J"] / found["voltage_max_V"], rel=0.01)
+
+
+@pytest.mark.slow
+def test_the_joystick_duty_is_a_log_of_a_battery_and_of_a_drive(folder):
+    assert main(["simulate", "joystick-duty", "-o", "duty.csv"]) == 0
+    battery, drive = (
+        read_log("duty.csv", current_sign="charge"),
+        read_drive("duty.csv", [p.name for p in RLMA.places], 2),
+    )
+    uphill = (battery.time_s > 5.0) & (battery.time_s < 9.0)
+    downhill = (battery.time_s > 15.0) & (battery.time_s < 18.0)
+    assert drive.extra["speed_true_m_s"][uphill].min() > 0.5
+    assert battery.current_A[uphill].max() < -1.0
+    assert drive.extra["speed_true_m_s"][downhill].max() < -0.5
+    assert battery.current_A[downhill].min() > 0.3
+    assert np.abs(drive.extra["yaw_rate_true_rad_s"][battery.time_s > 25.0]).max() > 0.5

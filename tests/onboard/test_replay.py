@@ -12,6 +12,7 @@ import pytest
 from ohmward import generic_battery, save_battery
 from ohmward.errors import OhmwardError
 from ohmward.onboard.assembly import STATE, assemble
+from ohmward.onboard.message import Message
 from ohmward.onboard.part import EndedError
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.sinks.json_lines import JsonLinesSink
@@ -87,7 +88,7 @@ def test_the_state_of_a_robot_is_refused_to_a_replay(setup, tmp_path):
 
 def replayed(sources):
     """Source, time and signals of the messages of replays, in the order in which they came."""
-    messages = []
+    messages: list[Message] = []
 
     async def run():
         done = await asyncio.gather(*(s.run(messages.append) for s in replays_in_step(sources)), return_exceptions=True)

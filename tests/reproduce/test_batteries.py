@@ -3,13 +3,11 @@ import pytest
 
 from ohmward_lab.reproduce.batteries import (
     joystick_drive,
-    lithium_polymer_pack,
     resistor_pulses,
     robot_discharge,
-    scaled,
     sealed_lead_acid,
 )
-from ohmward_lab.simulate.cells import BATTERIES
+from ohmward_lab.simulate.cells import BATTERIES, lithium_polymer_pack, scaled
 
 
 def test_a_larger_battery_in_series_has_the_same_relative_voltages():

@@ -11,7 +11,7 @@ import numpy as np
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.logs.log import Log
 from ohmward_lab.simulate.bench_profiles import bench_times, pulse_test
-from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery
+from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery, scaled
 from ohmward_lab.simulate.mission import MissionRobot, drive
 from ohmward_lab.simulate.plant import resting_state, simulate
 from ohmward_lab.simulate.profile import EDGE_S, Profile
@@ -52,31 +52,6 @@ class TestedBattery(NamedTuple):
         return self.drive.extra["soc_true"]
 
 
-def scaled(name: str, battery: SimulatedBattery, factor: float, n_series: int = 1) -> SimulatedBattery:
-    """A battery of `factor` times the capacity, and `n_series` of it in series: the same cells, larger and more."""
-    circuit = battery.circuit
-    parallel = replace(
-        circuit,
-        capacity_Ah=factor * circuit.capacity_Ah,
-        r0_discharge_ohm=tuple(r / factor for r in circuit.r0_discharge_ohm),
-        r0_charge_ohm=tuple(r / factor for r in circuit.r0_charge_ohm),
-        r_ohm=tuple(tuple(r / factor for r in row) for row in circuit.r_ohm),
-    )
-    return replace(
-        battery,
-        name=name,
-        n_series=n_series * battery.n_series,
-        circuit=parallel.in_series(n_series),
-        transfer_V=n_series * battery.transfer_V,
-        exchange_A=factor * battery.exchange_A,
-        voltage_min_V=n_series * battery.voltage_min_V,
-        voltage_max_V=n_series * battery.voltage_max_V,
-        charge_current_A=factor * battery.charge_current_A,
-        heat_capacity_J_per_K=factor * n_series * battery.heat_capacity_J_per_K,
-        cooling_W_per_K=factor * n_series * battery.cooling_W_per_K,
-    )
-
-
 def sealed_lead_acid() -> SimulatedBattery:
     """[P] 4.1: sealed lead-acid, 12 V 5 Ah."""
     return scaled("simulated sealed lead-acid 12 V 5 Ah", BATTERIES["lead-acid"], 5.0 / 12.0)
@@ -85,12 +60,6 @@ def sealed_lead_acid() -> SimulatedBattery:
 def lithium_iron_phosphate() -> SimulatedBattery:
     """[P] 4.2: lithium iron phosphate, 12 V 6 Ah."""
     return scaled("simulated LFP 12.8 V 6 Ah", BATTERIES["lfp"], 6.0 / 12.0)
-
-
-def lithium_polymer_pack() -> SimulatedBattery:
-    """[T] 3.4: ten cells of 8 Ah in series, 37 V; their curve and overpotentials are those of NCA, a layered oxide."""
-    cell = BATTERIES["nca"]
-    return scaled("simulated pack of ten 8 Ah cells, 37 V", cell, 8.0 / cell.circuit.capacity_Ah, n_series=10)
 
 
 def robot_discharge(

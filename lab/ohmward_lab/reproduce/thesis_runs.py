@@ -17,7 +17,8 @@ from ohmward.battery.soc.sample import SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 from ohmward_lab.published.scheme_by_method import SchemeByMethod, SchemeByMethodEstimate
-from ohmward_lab.reproduce.batteries import TestedBattery, joystick_drive, lithium_polymer_pack
+from ohmward_lab.reproduce.batteries import TestedBattery, joystick_drive
+from ohmward_lab.simulate.cells import lithium_polymer_pack
 
 #: Another drive and other noise each; figures show the first.
 SEEDS = (1, 2, 3)

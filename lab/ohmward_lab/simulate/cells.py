@@ -10,10 +10,11 @@ Linden, Handbook of Batteries, for voltages and resistances); none is fitted to 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_between, require_each_positive, require_positive
@@ -30,7 +31,7 @@ class SimulatedBattery:
 
     Attributes:
         name: says that it is simulated.
-        chemistry: "lfp", "lead-acid" or "nca".
+        chemistry: "lfp", "lead-acid" or "nca"; of a battery file, its own.
         n_series: cells in series.
         circuit: the whole pack as a circuit with many RC pairs; its OCV meets the limits where the battery is full or
             empty, or the charge is lost there, so that the SoC stays in [0, 1].
@@ -177,6 +178,69 @@ def nca_18650() -> SimulatedBattery:
         charge_current_A=1.4,
         heat_capacity_J_per_K=45.0,
         cooling_W_per_K=0.06,
+    )
+
+
+def scaled(name: str, battery: SimulatedBattery, factor: float, n_series: int = 1) -> SimulatedBattery:
+    """A battery of `factor` times the capacity, and `n_series` of it in series: the same cells, larger and more."""
+    circuit = battery.circuit
+    parallel = replace(
+        circuit,
+        capacity_Ah=factor * circuit.capacity_Ah,
+        r0_discharge_ohm=tuple(r / factor for r in circuit.r0_discharge_ohm),
+        r0_charge_ohm=tuple(r / factor for r in circuit.r0_charge_ohm),
+        r_ohm=tuple(tuple(r / factor for r in row) for row in circuit.r_ohm),
+    )
+    return replace(
+        battery,
+        name=name,
+        n_series=n_series * battery.n_series,
+        circuit=parallel.in_series(n_series),
+        transfer_V=n_series * battery.transfer_V,
+        exchange_A=factor * battery.exchange_A,
+        voltage_min_V=n_series * battery.voltage_min_V,
+        voltage_max_V=n_series * battery.voltage_max_V,
+        charge_current_A=factor * battery.charge_current_A,
+        heat_capacity_J_per_K=factor * n_series * battery.heat_capacity_J_per_K,
+        cooling_W_per_K=factor * n_series * battery.cooling_W_per_K,
+    )
+
+
+def lithium_polymer_pack() -> SimulatedBattery:
+    """[T] 3.4: ten cells of 8 Ah in series, 37 V; their curve and overpotentials are those of NCA, a layered oxide."""
+    cell = nca_18650()
+    return scaled("simulated pack of ten 8 Ah cells, 37 V", cell, 8.0 / cell.circuit.capacity_Ah, n_series=10)
+
+
+def of_battery_file(battery: Battery) -> SimulatedBattery:
+    """The battery of a battery file as a plant: its Thevenin model as it is, without what only the plants above have.
+
+    A battery file says nothing of heat, gassing and charger: these are taken from the simulated battery of its
+    chemistry, or from NCA where there is none, in proportion to energy or capacity. Where the battery makes no gas, its
+    limits are the ends of the open-circuit voltage less the hysteresis, so that the SoC stays in [0, 1].
+
+    Raises:
+        InputError: the file has no Thevenin model.
+    """
+    circuit = require_thevenin(battery)
+    like = BATTERIES.get(battery.chemistry, BATTERIES["nca"])
+    more_Ah = circuit.capacity_Ah / like.circuit.capacity_Ah
+    more_Wh = more_Ah * circuit.ocv.voltage_V[-1] / like.circuit.ocv.voltage_V[-1]
+    lowest_V, highest_V = (circuit.ocv.voltage_V[k] for k in (0, -1))
+    hysteresis_V = circuit.ocv.hysteresis_V or (0.0, 0.0)
+    gases = like.full_width > 0
+    return replace(
+        like,
+        name=battery.name,
+        chemistry=battery.chemistry,
+        n_series=battery.n_series,
+        circuit=circuit,
+        transfer_V=0.0,
+        voltage_min_V=lowest_V + hysteresis_V[0],
+        voltage_max_V=max(highest_V, battery.voltage_max_V) if gases else highest_V - hysteresis_V[-1],
+        charge_current_A=more_Ah * like.charge_current_A,
+        heat_capacity_J_per_K=more_Wh * like.heat_capacity_J_per_K,
+        cooling_W_per_K=more_Wh * like.cooling_W_per_K,
     )
 
 

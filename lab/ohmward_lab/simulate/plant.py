@@ -19,6 +19,7 @@ from ohmward.battery.models.temperature import KELVIN, ROOM_DEGC
 from ohmward.battery.models.thevenin import (
     CircuitInput,
     next_state,
+    ohmic_drop,
     ohmic_resistance,
     pair_resistances,
     voltage,
@@ -170,17 +171,31 @@ def current_at_limit(x: np.ndarray, temperature_degC: Any, direction: float, bat
 
 
 def current_at(overpotential_V: Any, u: CircuitInput, soc: Any, battery: SimulatedBattery) -> Any:
-    """The current [A] with R_0 i + B arcsinh(i / i_x) = overpotential_V, R_0 as in the direction of u.
+    """The current [A] with v_0(i) + B arcsinh(i / i_x) = overpotential_V, R_0 as in the direction of u.
 
     Newton from the tangent at 0, which lies beyond the curve: the steps approach the root from one side.
     """
-    r0_ohm = ohmic_resistance(soc, u, battery.circuit)
-    exchange_A = battery.exchange_A / battery.circuit.arrhenius_factor(u.temperature_degC)
-    i = overpotential_V / (r0_ohm + battery.transfer_V / exchange_A)
+    i = overpotential_V / instant_drop(0.0, u, soc, battery)[1]
     for _ in range(_NEWTON_STEPS):
-        excess = r0_ohm * i + battery.transfer_V * np.arcsinh(i / exchange_A) - overpotential_V
-        i = i - excess / (r0_ohm + battery.transfer_V / np.sqrt(i * i + exchange_A * exchange_A))
+        drop_V, slope_ohm = instant_drop(i, u, soc, battery)
+        i = i - (drop_V - overpotential_V) / slope_ohm
     return i
+
+
+def instant_drop(i: Any, u: CircuitInput, soc: Any, battery: SimulatedBattery) -> tuple[Any, Any]:
+    """Overpotential v_0(i) + B arcsinh(i / i_x) [V] that follows a current i at once, and its slope [ohm].
+
+    v_0 is R_0 i, or bent as `Thevenin.transfer_V` says; R_0 as in the direction and at the temperature of u.
+    """
+    p = battery.circuit
+    r0_ohm = ohmic_resistance(soc, u, p)
+    exchange_A = battery.exchange_A / p.arrhenius_factor(u.temperature_degC)
+    transfer_V = battery.transfer_V * np.arcsinh(i / exchange_A)
+    transfer_ohm = battery.transfer_V / np.sqrt(i * i + exchange_A * exchange_A)
+    if p.transfer_V is None:
+        return r0_ohm * i + transfer_V, r0_ohm + transfer_ohm
+    bend = r0_ohm * i / p.transfer_V
+    return p.transfer_V * np.arcsinh(bend) + transfer_V, r0_ohm / np.sqrt(1.0 + bend * bend) + transfer_ohm
 
 
 def accepted_share(soc: Any, current_A: Any, battery: SimulatedBattery) -> Any:
@@ -202,10 +217,10 @@ def heat(x: np.ndarray, u: CircuitInput, battery: SimulatedBattery) -> Any:
     soc, *v, h = x
     i, stored_A = u.current_A, stored_current(soc, u.current_A, battery)
     diffusion = sum(vj * vj / rj for vj, rj in zip(v, pair_resistances(soc, u, p), strict=True))
-    ohmic = (ohmic_resistance(soc, u, p) * i + transfer_overpotential(u, battery)) * i
+    ohmic = (ohmic_drop(soc, u, p) + transfer_overpotential(u, battery)) * i
     side_reactions = p.ocv.mean_V(soc, u.temperature_degC) * (i - stored_A)
     reversible = stored_A * (u.temperature_degC + KELVIN) * _entropy_V_per_K(soc, battery)
-    return p.ocv.hysteresis_at(soc) * h * i + diffusion + ohmic + side_reactions + reversible
+    return p.hysteresis_V_at(soc, u.temperature_degC) * h * i + diffusion + ohmic + side_reactions + reversible
 
 
 def next_temperature(temperature_degC: Any, heat_W: Any, demand: Demand, battery: SimulatedBattery) -> Any:

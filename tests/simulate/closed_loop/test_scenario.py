@@ -2,8 +2,10 @@ from dataclasses import replace
 
 import pytest
 
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.file import save_battery
 from ohmward.errors import InputError
-from ohmward.traction import ROBOTINO, save_robot
+from ohmward.traction import RLMA, ROBOTINO, save_robot
 from ohmward_lab.simulate.closed_loop.control import Command, Control
 from ohmward_lab.simulate.closed_loop.ground import Grade, Patch
 from ohmward_lab.simulate.closed_loop.observing import Observing
@@ -60,6 +62,36 @@ def test_a_robot_may_be_a_file(tmp_path):
     save_robot(replace(ROBOTINO, name="mine"), tmp_path / "robot.toml")
     text = FIVE_LINES.replace("duration_s", f"robot = '{tmp_path / 'robot.toml'}'\nduration_s")
     assert parse_scenario(text).model.name == "mine"
+
+
+def test_paths_count_from_the_folder_of_the_scenario(tmp_path):
+    save_robot(replace(ROBOTINO, name="mine"), tmp_path / "robot.toml")
+    save_battery(generic_battery("lipo", 8.0, 10), tmp_path / "battery.toml")
+    (tmp_path / "my.toml").write_text(
+        FIVE_LINES.replace("duration_s", "robot = 'robot.toml'\nbattery = { file = 'battery.toml' }\nduration_s")
+    )
+    scenario = load_scenario(tmp_path / "my.toml")
+    assert scenario.model.name == "mine"
+    assert scenario.battery.battery.circuit.capacity_Ah == 8.0
+    save_scenario(scenario, tmp_path / "again.toml")
+    assert load_scenario(tmp_path / "again.toml") == scenario
+
+
+@pytest.mark.parametrize(
+    "file, message",
+    [
+        ("nowhere.toml", "my.toml: .*nowhere.toml: cannot be read .*; check the path$"),
+        ("robot.toml", "my.toml: .*robot.toml: this is a robot file; give a battery file"),
+        ("battery.csv", r"my.toml: battery.file must be a battery file \(.toml\), got 'battery.csv'$"),
+    ],
+)
+def test_a_battery_file_that_is_none_is_refused_in_one_line(file, message, tmp_path):
+    save_robot(RLMA, tmp_path / "robot.toml")
+    text = FIVE_LINES.replace("duration_s", f"battery = {{ file = '{file}' }}\nduration_s")
+    (tmp_path / "my.toml").write_text(text)
+    with pytest.raises(InputError, match=message) as caught:
+        load_scenario(tmp_path / "my.toml")
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", packaged())

@@ -19,7 +19,7 @@ from ohmward_lab.simulate.plant import heat, resting_state
 from simulate.examples import simple_battery
 
 
-@pytest.mark.parametrize("kind", ["lfp", "lead-acid"])
+@pytest.mark.parametrize("kind", ["lfp", "lead-acid", "lipo"])
 @pytest.mark.parametrize("power_W", [0.0, 20.0, 300.0, -80.0])
 def test_voltage_times_current_is_the_power_asked_for(kind, power_W):
     supply = Supply(Pack(kind, start_soc=0.5))
@@ -58,6 +58,14 @@ def test_a_full_battery_takes_back_no_more_than_its_charger_would():
     assert -500.0 < now.power_W < 0.0
 
 
+def test_a_charge_transfer_of_the_circuit_bends_the_current_too():
+    battery = simple_battery(transfer_V=0.0)
+    battery = replace(battery, circuit=replace(battery.circuit, transfer_V=0.05))
+    _, now = step(resting_state(battery, 0.5), ElectricalLoad(1e-3, 400.0, 25.0), battery)
+    assert now.power_W == pytest.approx(400.0, rel=1e-5)
+    assert now.voltage_V > 12.5 - 0.02 * -now.current_A + 0.1
+
+
 def test_losses_warm_the_battery():
     battery = simple_battery()
     state, now = step(resting_state(battery, 0.5), ElectricalLoad(1.0, 400.0, 25.0), battery)
@@ -68,7 +76,8 @@ def test_losses_warm_the_battery():
 @pytest.mark.parametrize(
     "values, message",
     [
-        ({"kind": "nuclear"}, "battery.kind must be one of lfp, lead-acid, got 'nuclear'"),
+        ({"kind": "nuclear"}, "battery.kind must be one of lfp, lead-acid, lipo, got 'nuclear'"),
+        ({"kind": "lfp", "file": "b.toml"}, "battery.kind = 'lfp' and battery.file = 'b.toml' are two batteries"),
         ({"start_soc": 80.0}, "battery.start_soc must be > 0 and at most 1 \\(0.8 is 80 %\\), got 80"),
         ({"temperature_degC": 300.0}, "battery.temperature_degC must be between"),
     ],

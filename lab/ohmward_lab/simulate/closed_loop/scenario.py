@@ -35,7 +35,7 @@ class Scenario:
         commands: over time, the first from 0 s on.
         robot: "rlma", "robotino", or a robot file.
         plant: "own", our equations with load transfer, or "mujoco", contacts and bodies that are not ours.
-        battery: its kind and start.
+        battery: its kind or file, and start.
         ground: patches; the one without an edge lies under all others.
         grade: of the ground along x.
         sensors: of the robot.

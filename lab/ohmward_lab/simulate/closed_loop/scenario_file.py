@@ -17,13 +17,13 @@ _HEADER = """\
 # A drive for `ohmward simulate`. Every key carries its unit; what is left out has a default, and
 # `ohmward simulate --example` prints all keys with what they mean.
 """
-_FILE = TomlFile(Scenario, "ohmward-scenario/1", _HEADER, digits=12)
+_FILE = TomlFile(Scenario, "ohmward-scenario/1", _HEADER, digits=12, paths=("robot", "battery.file"))
 #: The packaged scenario that shows every key.
 EXAMPLE = "example"
 
 
 def load_scenario(path: str | PathLike[str]) -> Scenario:
-    """The scenario in a file; the path of a robot file in it is taken from the present folder.
+    """The scenario in a file; paths of robot and battery files in it are taken from its folder.
 
     Raises:
         InputError: the file cannot be read or has an impossible value; names file, key, rule and fix.
@@ -33,7 +33,7 @@ def load_scenario(path: str | PathLike[str]) -> Scenario:
 
 
 def save_scenario(scenario: Scenario, path: str | PathLike[str]) -> None:
-    """Write the scenario file; it is either whole or not there.
+    """Write the scenario file; it is either whole or not there. Paths in it count from its folder when it is read.
 
     Raises:
         OhmwardError: the file cannot be written.

@@ -1,6 +1,6 @@
 """A simulated battery as a supply of power: current and voltage under a load, their sensors, and the torque it feeds.
 
-V(i) i = -P,   V(i) = U + R_0 i + B arcsinh(i / i_x)          U: without current, i > 0 charges, P > 0 is drawn
+V(i) i = -P,   V(i) = U + v_0(i) + B arcsinh(i / i_x)         U: without current, i > 0 charges, P > 0 is drawn
 
 The voltage is that at the beginning of a step and the current is constant in it, so the energy V i dt at the terminals
 is exact.
@@ -13,39 +13,49 @@ The voltage limits each motor's current, the power all of them together:
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.file import load_battery
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
+from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.checks import require_between, require_one_of
 from ohmward.errors import InputError
 from ohmward.trace import Kernel, maximum, where
 from ohmward.traction.robot.robot import Robot
-from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery
+from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery, lithium_polymer_pack, of_battery_file
 from ohmward_lab.simulate.plant import (
     SOC,
     Demand,
     PlantState,
     current_at_limit,
     heat,
+    instant_drop,
     next_circuit,
     next_temperature,
     rest_voltage,
     resting_state,
     terminal_voltage,
 )
-from ohmward_lab.simulate.robot_day import CHEMISTRIES
 from ohmward_lab.simulate.sensors import Sensor
 
 #: Newton starts near the root and converges quadratically: five steps reach rounding.
 _NEWTON_STEPS = 5
 
+#: Simulated batteries by name: LFP and lead-acid of 12 V and 12 Ah, and the 37 V, 8 Ah of [T].
+KINDS: Mapping[str, SimulatedBattery] = {
+    "lfp": BATTERIES["lfp"],
+    "lead-acid": BATTERIES["lead-acid"],
+    "lipo": lithium_polymer_pack(),
+}
+
 #: A Hall sensor and a voltage divider.
 PACK_CURRENT = Sensor(low=-150.0, high=150.0, resolution=0.012, noise_std=0.02, offset=0.02)
-PACK_VOLTAGE = Sensor(low=0.0, high=60.0, resolution=0.004, noise_std=0.004)
+PACK_VOLTAGE = Sensor(low=0.0, high=1000.0, resolution=0.004, noise_std=0.004)
 
 
 @dataclass(frozen=True)
@@ -53,25 +63,41 @@ class Pack:
     """Battery of a scenario, and its state at the start.
 
     Attributes:
-        kind: "lfp" or "lead-acid", 12 V and 12 Ah, see `cells.BATTERIES`.
+        kind: one of `KINDS`; None is "lfp", or the battery of `file`.
         start_soc: in (0, 1].
         temperature_degC: of the battery at first, and of the air.
+        file: battery file (.toml) instead of a kind.
     """
 
-    kind: str = "lfp"
+    kind: str | None = None
     start_soc: float = 0.8
     temperature_degC: float = ROOM_DEGC
+    file: str | None = None
 
     def __post_init__(self) -> None:
-        require_one_of("battery.kind", self.kind, CHEMISTRIES)
+        if self.kind is not None:
+            require_one_of("battery.kind", self.kind, tuple(KINDS))
+        if self.kind is not None and self.file is not None:
+            raise InputError(
+                f"battery.kind = {self.kind!r} and battery.file = {self.file!r} are two batteries; leave one out"
+            )
         if not 0 < self.start_soc <= 1:
             raise InputError(f"battery.start_soc must be > 0 and at most 1 (0.8 is 80 %), got {self.start_soc:g}")
         require_between("battery.temperature_degC", self.temperature_degC, -30.0, 60.0)
+        _ = self.battery
 
-    @property
+    @cached_property
     def battery(self) -> SimulatedBattery:
-        """The battery itself."""
-        return BATTERIES[self.kind]
+        """The battery itself.
+
+        Raises:
+            InputError: a file that cannot be read or is no battery file.
+        """
+        if self.file is None:
+            return KINDS[self.kind or "lfp"]
+        if not self.file.endswith(".toml"):
+            raise InputError(f"battery.file must be a battery file (.toml), got {self.file!r}")
+        return of_battery_file(load_battery(self.file))
 
 
 class ElectricalLoad(NamedTuple):
@@ -166,13 +192,12 @@ def step(state: PlantState, load: ElectricalLoad, battery: SimulatedBattery) -> 
 def current_for_power(power_W: Any, x: np.ndarray, temperature_degC: Any, battery: SimulatedBattery) -> Any:
     """Current [A] with V(i) i = -power_W, by Newton from the current without sag."""
     u = CircuitInput(where(power_W > 0, -1.0, 1.0), temperature_degC)
-    U, R = rest_voltage(x, temperature_degC, battery), ohmic_resistance(x[SOC], u, battery.circuit)
-    exchange_A = battery.exchange_A / battery.circuit.arrhenius_factor(u.temperature_degC)
+    U = rest_voltage(x, temperature_degC, battery)
     i = -power_W / U
     for _ in range(_NEWTON_STEPS):
-        V = U + R * i + battery.transfer_V * np.arcsinh(i / exchange_A)
-        slope = R + battery.transfer_V / np.sqrt(i * i + exchange_A * exchange_A)
-        i = i - (V * i + power_W) / (V + slope * i)
+        drop_V, slope_ohm = instant_drop(i, u, x[SOC], battery)
+        V = U + drop_V
+        i = i - (V * i + power_W) / (V + slope_ohm * i)
     return i
 
 
