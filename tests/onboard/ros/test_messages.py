@@ -145,7 +145,7 @@ def test_a_battery_that_is_silent_is_unknown():
 def test_a_charge_that_is_unknown_has_no_sensors_even_before_they_are_looked_at():
     """Their conditions are a look behind; the thermometer of another device goes on."""
     translation, state = Translation(Ros2Sink()), driven()
-    sample = state.sample | {"battery_full": 1.0, "battery_temperature_degC": 21.0}
+    sample = {**state.sample, "battery_full": 1.0, "battery_temperature_degC": 21.0}
     assert sent(translation, state._replace(sample=sample))[types.BATTERY_STATE]["present"] == 1.0
     dead = state._replace(time_s=12.0, sample={}, battery=None, battery_time_s=10.0)
     none = sent(translation, dead)[types.BATTERY_STATE]
