@@ -9,7 +9,7 @@ import pytest
 from ohmward.cli.main import main
 from ohmward.logs import read_drive, read_log
 from ohmward.traction import RLMA
-from ohmward_lab.cli.simulate.result import ENERGY
+from ohmward_lab.cli.simulate.command import ENERGY
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop import drive_log, parse_scenario
 
@@ -25,7 +25,7 @@ SPEED = """\
 format = "ohmward-scenario/1"
 duration_s = 0.5
 observer = { method = "ekf" }
-sensors = { encoders = "all", pitch = true, speed = { interval_s = 0.1, delay_s = 0.02 } }
+sensors = { encoders = "all", pitch = true, compass = true, speed = { interval_s = 0.1, delay_s = 0.02 } }
 commands = [{ speed_m_s = 0.4 }]
 """
 
@@ -69,7 +69,7 @@ def test_the_log_reads_back_as_it_was_recorded(folder, recorded, name):
     read = read_drive(name, [p.name for p in RLMA.places], RLMA.driven)
     for field in ("time_s", "wheel_speed_rad_s", "motor_current_A", "yaw_rate_rad_s", "pitch_rad", "speed_m_s"):
         np.testing.assert_array_equal(getattr(read, field), getattr(recorded, field), err_msg=field)
-    for field in ("acceleration_m_s2", "speed_std_m_s", "speed_age_s"):
+    for field in ("acceleration_m_s2", "speed_std_m_s", "speed_age_s", "heading_rad"):
         np.testing.assert_array_equal(getattr(read, field), getattr(recorded, field), err_msg=field)
     for truth in ("speed_true_m_s", "front_left_slip_true", "soc_true"):
         np.testing.assert_array_equal(read.extra[truth], recorded.extra[truth], err_msg=truth)

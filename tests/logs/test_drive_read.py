@@ -41,7 +41,7 @@ def test_our_own_names_are_read_as_they_are(write):
     columns = {"time_s": TIME} | {f"{p}_wheel_speed_rad_s": ONE * k for k, p in enumerate(PLACES, start=1)}
     columns |= {f"{p}_motor_current_A": -ONE * k for k, p in enumerate(PLACES[:2], start=1)}
     body = {"yaw_rate_rad_s": ONE, "acceleration_m_s2": ONE + 1, "pitch_rad": ONE + 2, "speed_m_s": ONE + 3}
-    more = {"speed_std_m_s": ONE + 4, "speed_age_s": ONE + 5}
+    more = {"speed_std_m_s": ONE + 4, "speed_age_s": ONE + 5, "heading_rad": np.cumsum(ONE), "heading_std_rad": ONE + 6}
     log = drive(write(columns | body | more | {"speed_true_m_s": ONE + 6}))
     assert log.name == "drive"
     assert np.array_equal(log.wheel_speed_rad_s, np.outer(ONE, [1, 2, 3, 4]))
@@ -173,13 +173,23 @@ def test_refusals(write, columns, kwargs, message):
         drive(write(columns), **kwargs)
 
 
-def test_a_heading_serves_where_there_is_no_gyro(write):
+@pytest.mark.parametrize("name, kind", [("imu_yaw", "yaw"), ("compass", "heading")])
+def test_an_angle_serves_where_there_is_no_gyro(write, name, kind):
     heading = np.radians([350.0, 0.0, 10.0, 5.0, 0.0])
-    log = drive(write({"t": TIME, "wl": ONE, "wr": ONE, "imu_yaw": heading}))
+    log = drive(write({"t": TIME, "wl": ONE, "wr": ONE, name: heading}))
     assert log.yaw_rate_rad_s[1:] == pytest.approx(np.radians([100.0, 100.0, -50.0, -50.0]))
-    assert "the yaw rate is the change of the heading" in notes(log)
+    assert f"the yaw rate is the change of the {kind}" in notes(log) and log.heading_rad is None
     both = drive(write({"t": TIME, "wl": ONE, "wr": ONE, "imu_yaw": heading, "gyro_z": ONE}))
-    assert np.array_equal(both.yaw_rate_rad_s, ONE)
+    assert np.array_equal(both.yaw_rate_rad_s, ONE) and both.heading_rad is None
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_heading_that_counts_clockwise_is_turned_round(write, sign):
+    rate = np.array([5.0, 10.0, -5.0, 12.0, 8.0])
+    heading = np.cumsum(np.r_[0.0, 0.1 * rate[1:]]) + np.array([0.01, -0.01, 0.0, 0.01, -0.01])
+    log = drive(write({"t": TIME, "wl": ONE, "wr": ONE, "gyro_z": rate, "heading_rad": sign * heading}))
+    assert log.heading_rad == pytest.approx(heading)
+    assert ("counts clockwise" in notes(log)) == (sign < 0)
 
 
 def test_infinite_values_are_missing_and_noted(write):

@@ -61,7 +61,8 @@ def test_numbers_count_from_one_or_from_zero():
     "quantity, name",
     [
         ("yaw_rate", "yaw_rate_rad_s"), ("yaw_rate", "wz"), ("yaw_rate", "gyro_z"), ("yaw_rate", "gz_dps"),
-        ("yaw_rate", "imu.angular_velocity.z"), ("heading", "imu_yaw"),
+        ("yaw_rate", "imu.angular_velocity.z"), ("yaw", "imu_yaw"), ("heading", "heading_rad"),
+        ("heading", "compass_deg"), ("heading", "gnss_heading"), ("heading_std", "heading_std_rad"),
         ("acceleration", "acceleration_m_s2"), ("acceleration", "ax"),
         ("acceleration", "imu_acceleration_x"), ("acceleration", "linear_acceleration.x"), ("pitch", "pitch_deg"),
         ("speed", "speed_m_s"), ("speed", "gnss_speed"), ("speed_std", "speed_std_m_s"), ("speed_age", "speed_age_s"),

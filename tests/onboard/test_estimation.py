@@ -131,6 +131,19 @@ def test_without_motor_currents_the_pose_is_that_of_wheels_and_gyro():
         np.testing.assert_allclose(value, other, atol=1e-12)
 
 
+def test_a_heading_is_of_the_pose_alone():
+    """A compass that turns by 0.05 rad while the wheels go straight on, and another robot without it."""
+    plain, compass = Estimation(robot=RLMA), Estimation(robot=RLMA)
+    for k in range(701):
+        values = {f"wheel_speed_rad_s.{place}": 0.5 for place in PLACES}
+        plain_state = last(plain.put(0.01 * k, values))
+        heading = {"heading_rad": 2.0 + 0.05 * (k > 300), "heading_std_rad": 0.02}
+        state = last(compass.put(0.01 * k, values | heading))
+    assert state.sample["heading_rad"] == 2.05
+    np.testing.assert_equal(tuple(state.slip), tuple(plain_state.slip))
+    assert state.pose.yaw_rad > plain_state.pose.yaw_rad + 1e-5
+
+
 def test_wheels_that_report_one_by_one_are_one_sample():
     states = drive(Estimation(robot=RLMA), wheels_apart=True)
     together = drive(Estimation(robot=RLMA))

@@ -9,8 +9,10 @@ from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
+from ohmward.filters import adaptive
 from ohmward.trace import Kernel
 from ohmward_lab.published.scheme_by_method import METHODS, SchemeByMethod
+from ohmward_lab.published.scheme_soc import SchemeSoc
 
 TRUE = rc.RcModel(3000.0, 300.0, 0.08, 0.08, 0.06, OcvCurve((11.5, 13.5)), 3300.0 * 2.0 / 3600.0)
 
@@ -65,3 +67,19 @@ def test_mistakes_are_refused():
         SchemeByMethod(TRUE, "kf")
     with pytest.raises(InputError, match="window"):
         SchemeByMethod(TRUE, window=0.5)
+
+
+def test_as_an_estimator_of_charge_the_scheme_is_the_same_and_finds_its_start_by_the_first_voltage():
+    column, scheme = samples(), SchemeByMethod(TRUE, "ekf")
+    estimator = SchemeSoc(scheme)
+    first = SocSample(0.0, *(float(c[0]) for c in column[1:]))
+    start = estimator.init(first, 0.6, 0.005)
+    found = Kernel(estimator.step, start, first).scan(start, column)[1]
+    np.testing.assert_array_equal(found.soc, along("ekf", column).soc.soc)
+    np.testing.assert_allclose(found.soc_std**2, along("ekf", column).soc.soc_variance)
+    rest = SocSample(0.0, 0.0, float(TRUE.at_rest(0.6)[0]), math.nan)
+    assert adaptive.unpack(estimator.init(rest).soc).belief.mean[2] == pytest.approx(0.6, abs=1e-3)
+    silent = rest._replace(voltage_V=math.nan)
+    assert adaptive.unpack(estimator.init(silent, 0.6).joint).belief.mean[2] == pytest.approx(rest.voltage_V)
+    with pytest.raises(InputError, match="first sample has no voltage: give soc"):
+        estimator.init(silent)

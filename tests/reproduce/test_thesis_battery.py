@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ohmward_lab.published.scheme_by_method import R0_V2
 from ohmward_lab.reproduce import thesis_battery
 from ohmward_lab.reproduce.measured import measured
 from ohmward_lab.reproduce.row import ResultRow
 from ohmward_lab.reproduce.thesis_battery import SOC_PERCENT, VOLTAGE_V
-from ohmward_lab.reproduce.thesis_cases import stop_as_printed
+from ohmward_lab.reproduce.thesis_cases import stop_on_ice
 from ohmward_lab.reproduce.thesis_runs import NARROW, case, offline_voltage
 
 
@@ -36,7 +37,18 @@ def test_no_filter_is_better_than_its_sensor_before_the_sample(voltage):
 
 def test_of_the_orders_of_table_3_2_those_of_the_AUKF_hold(voltage):
     orders = {q.split(" in ")[0]: row.corrected for q, row in voltage.items() if " in voltage after" in q}
-    assert orders == {"AUKF < UKF": 100.0, "AUKF < AEKF": 100.0, "AEKF < EKF": 0.0, "UKF < EKF": 0.0}
+    assert orders == {
+        "AUKF < UKF": 100.0,
+        "AUKF < AEKF": 100.0,
+        "AEKF < UKF": 100.0,
+        "AEKF < EKF": 0.0,
+        "UKF < EKF": 0.0,
+    }
+
+
+def test_what_a_filter_says_of_its_own_error_is_finite_where_it_is_stable(voltage):
+    by = {m: voltage[f"Standard deviation of the voltage by {m} itself"] for m in ("EKF", "AEKF", "UKF", "AUKF")}
+    assert 1e3 * R0_V2**0.5 > by["EKF"].corrected > by["AUKF"].corrected > by["AEKF"].corrected > 1.0  # mV
 
 
 def test_as_printed_the_UKF_ends_in_no_number_and_the_extended_two_do_not(voltage):
@@ -73,6 +85,8 @@ def test_the_offline_model_starts_at_rest_on_its_curve():
     assert np.abs(expected - here.log.voltage_V).max() < 1.0
 
 
-def test_the_robot_of_case_I_as_printed_has_stopped_within_a_second():
-    stop = stop_as_printed()
-    assert 0.2 < stop.time_s < 1.0 and 0.01 < stop.way_m < 0.1
+def test_a_robot_that_brakes_on_ice_as_in_cases_I_and_II_has_stopped_within_its_braking_distance():
+    """v / a and v^2 / (2 a) with the force of ice on the driven half of the weight, and the rolling resistance."""
+    stop, full_m_s2 = stop_on_ice(), 9.81 * (0.1 / 2 + 0.01)
+    assert 0.2 / full_m_s2 < stop.time_s < 4 * 0.2 / full_m_s2 < 2.0
+    assert 0.02 / full_m_s2 < stop.way_m < 4 * 0.02 / full_m_s2 < 0.2

@@ -13,9 +13,9 @@ import numpy as np
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.part import LOG, EndedError
 from ohmward.onboard.sources.simulation import SimulationSource
+from ohmward.traction.inbox import BODY, HEADING
 from ohmward_lab.simulate.closed_loop import Command, Control, Grade, Pack, Patch, Scenario, Sensing, find_scenario
-from ohmward_lab.simulate.closed_loop.loop import ClosedLoopDrive
-from ohmward_lab.simulate.closed_loop.records import Records
+from ohmward_lab.simulate.closed_loop.loop import ClosedLoopDrive, Records
 from ohmward_lab.simulate.closed_loop.run import RunRow
 
 #: Simulated at once before anything else is done [s]; messages come in time all the same.
@@ -34,7 +34,6 @@ _TIME_EPS_S = 1e-9
 #: A round of the demonstration: from when on, speed [m/s] and yaw rate [rad/s]. Along, about, back, about, and a rest.
 _ROUND = ((0.0, 0.8, 0.0), (8.0, 0.5, 0.5), (14.3, 0.8, 0.0), (22.3, 0.5, 0.5), (28.6, 0.0, 0.0))
 _ROUND_S, _ROUNDS = 34.0, 400
-_BODY = ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s", "speed_age_s")
 
 
 def demonstration(seed: int = 1) -> Scenario:
@@ -144,6 +143,7 @@ def signals_of(rows: RunRow, places: list[str]) -> dict[str, np.ndarray]:
     found |= {f"wheel_speed_rad_s.{name}": sample.wheel_speed_rad_s[:, k] for k, name in enumerate(places)}
     driven = places[: sample.current_A.shape[1]]
     found |= {f"motor_current_A.{name}": sample.current_A[:, k] for k, name in enumerate(driven)}
-    found |= {name: getattr(sample, name) for name in _BODY}
+    found |= {name: getattr(sample, name) for name in BODY if name not in HEADING}
     found["speed_age_s"] = np.where(np.isfinite(sample.speed_m_s), sample.speed_age_s, np.nan)
+    found["heading_rad"] = rows.heading_rad
     return found

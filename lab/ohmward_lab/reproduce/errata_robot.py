@@ -10,8 +10,8 @@ from ohmward.traction import RLMA, RollingResistance
 from ohmward.traction.friction.brush import Brush
 from ohmward.traction.friction.law import Contact
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward_lab.reproduce.erratum import Erratum, differs
-from ohmward_lab.reproduce.thesis_cases import stop_as_printed
+from ohmward_lab.reproduce.row import Erratum, differs
+from ohmward_lab.reproduce.thesis_cases import stop_on_ice
 
 _YAW_RAD_S, _SPEED_M_S = 0.4, 0.3
 _RANDOM_CASES = 2000
@@ -143,8 +143,8 @@ def _layer() -> bool:
 
 
 def _cases() -> bool:
-    """Cases I and II: at a slip of -0.18 on a friction of 0.2 a robot of 0.2 m/s has stopped long before 6 s."""
-    stop = stop_as_printed()
+    """Cases I and II: at a slip of -0.18 a robot of 0.2 m/s has stopped long before 6 s and 1.5 m, on ice even."""
+    stop = stop_on_ice()
     return stop.time_s < 2.0 and stop.way_m < 0.2
 
 
@@ -191,6 +191,10 @@ ERRATA = (
     Erratum("[T]", "(5.43), (5.44)", "|s| and s^2", "d(s^2/2)/dt <= -eta |s|", _reaching),
     Erratum("[T]", "(5.47)", "the saturation is 1 inside the layer", "s/theta", _layer),
     Erratum(
-        "[T]", "cases I, II", "from 0.2 m/s at -0.18 on friction 0.2 for 6 s and 1.5 m", "stops within a second", _cases
+        "[T]",
+        "cases I, II",
+        "-0.18, which brakes, for 6 s (I) and 1.5 m (II) at 0.1 and 0.2 m/s",
+        "on ice, table 4.1, it stops in 1 s and 0.1 m",
+        _cases,
     ),
 )

@@ -15,5 +15,5 @@ ITEMS = (
     Item(("10", "11"), "Sealed lead-acid, 100 to 60 %", partial(paper_soc.discharge, "lead-acid")),
     Item(("12",), "A wrong start taken as given", paper_soc.wrong_start),
     Item(("13",), "LFP, 100 to 20 %", partial(paper_soc.discharge, "lfp")),
-    Item(("1",), "Table 1: the methods compared, with the hybrid", paper_soc.comparison),
+    Item(("section 5",), "The methods compared, with the hybrid", paper_soc.comparison),
 )

@@ -1,4 +1,4 @@
-"""Figures 10 to 13 and table 1 of [P]: state of charge along the robot's discharge, from a right and a wrong start."""
+"""Figures 10 to 13 and section 5 of [P]: charge along the robot's discharge, from a right and a wrong start."""
 
 from __future__ import annotations
 
@@ -27,13 +27,16 @@ _COUNT = (
     "against the truth the error is larger by what the sensor loses. Its P0, Q and R of the UKF are not printed; here "
     "they are those of the identified noise"
 )
-_BUDGET = "[P]'s is the largest that its sensor allows, 0.2 A for 25 minutes; here three sensors are drawn within 0.2 A"
+_BUDGET = (
+    "[P]'s is the largest that its sensor allows, 0.8 % of 25 A or 0.2 A, which are 83 mAh after 25 minutes, a time "
+    "that it does not print; here three sensors are drawn within 0.2 A"
+)
 _RC = {
     "lead-acid": (
-        "Q and R of (25), circuit by the 75 % rule, x0 the OCV at 100 %; P0, not printed, is I. At 1 C, the rate that "
-        "25 minutes from 100 to 60 % mean, the simulated lead-acid battery sinks by a slow polarisation that the rule, "
-        "which sees the edges of the current, has no element for: the filter takes it for charge. How "
-        "much [P]'s own battery polarises its text does not say"
+        "Q and R of (25), circuit by the 75 % rule, x0 the OCV at 100 %; P0, not printed, is I. At 1 C, the rate at "
+        "which 100 to 60 % take the 25 minutes that are in [P]'s 83 mAh, the simulated lead-acid battery sinks by a "
+        "slow polarisation that the rule, which sees the edges of the current, has no element for: the filter takes it "
+        "for charge. How much [P]'s own battery polarises its text does not say"
     ),
     "lfp": "Q and R of (25), circuit by the 75 % rule, x0 the OCV at 100 %; P0, not printed, is I",
 }
@@ -162,7 +165,7 @@ def wrong_start() -> Result:
 
 
 def comparison() -> Result:
-    """Table 1: mean absolute error of every method on both batteries, and of the hybrid that [P] recommends."""
+    """Section 5: mean absolute error of every method on both batteries, and of the hybrid that [P] recommends."""
     rows = []
     for chemistry in ("lead-acid", "lfp"):
         for name, columns in _COLUMNS.items():

@@ -68,6 +68,14 @@ _SOC_ORDER = (
 )
 
 
+_VARIANCE = (
+    "[T] shows its covariance in a picture, without a number, as a proof of the AUKF. It is what a filter says of its "
+    "own error: matched by its residuals it is small after any sample that the filter has followed"
+)
+#: Pairs of methods of which [T] has the first nearer.
+_ORDERS = (("aukf", "ukf"), ("aekf", "ekf"), ("aukf", "aekf"), ("aekf", "ukf"), ("ukf", "ekf"))
+
+
 def offline_and_updated() -> Result:
     """Table 3.1 and figures 3.6 to 3.9: the model found offline against the one that is updated on the way."""
     by_rule, by_fit, updated, printed, default = [], [], [], [], []
@@ -123,7 +131,7 @@ def _parameter_figures(here: ThesisCase, found: SchemeByMethodEstimate) -> list[
 
 
 def voltage_by_method() -> Result:
-    """Table 3.2 and figures 3.11, 3.12, 3.15: voltage error and covariance of EKF, AEKF, UKF and AUKF."""
+    """Table 3.2 and figures 3.11, 3.12: voltage error and covariance of EKF, AEKF, UKF and AUKF."""
     rows = []
     default = [errors(_expected_error(case(NARROW, seed), seed)) for seed in SEEDS]
     for method in METHODS:
@@ -145,7 +153,35 @@ def voltage_by_method() -> Result:
         )
     for when, of in (("before", _innovation), ("after", _residual)):
         rows += _order(of, f"voltage {when} the sample")
+    rows += _variance_rows("Standard deviation of the voltage", "mV", _voltage_std_mV, _VARIANCE)
     return Result(tuple(rows), _method_figures())
+
+
+def _variance_rows(
+    what: str, unit: str, of: Callable[[SchemeByMethodEstimate, ThesisCase], np.ndarray], why: str
+) -> list[ResultRow]:
+    """What each method says of its own error, the mean along the drives."""
+    rows = []
+    for method in METHODS:
+        printed, corrected = (
+            float(np.mean([of(run(method, right, NARROW, seed), case(NARROW, seed)).mean() for seed in SEEDS]))
+            for right in (False, True)
+        )
+        rows.append(ResultRow(f"{what} by {method.upper()} itself", unit, None, printed, corrected, None, why))
+    return rows
+
+
+def _voltage_std_mV(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
+    return 1e3 * _root(found.joint.voltage_variance_V2)
+
+
+def _soc_std(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
+    return 100.0 * _root(found.soc.soc_variance)
+
+
+def _root(variance: np.ndarray) -> np.ndarray:
+    """Standard deviation; nan where a filter that diverges has a negative variance."""
+    return np.sqrt(np.where(variance >= 0.0, variance, np.nan))
 
 
 def _innovation(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
@@ -163,7 +199,7 @@ def _soc_error(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
 def _order(of: Callable[[SchemeByMethodEstimate, ThesisCase], np.ndarray], what: str, why: str = "") -> list[ResultRow]:
     """Shares of the drives in which one method has the smaller mean error, once the start has been found."""
     rows = []
-    for better, worse in (("aukf", "ukf"), ("aekf", "ekf"), ("aukf", "aekf"), ("ukf", "ekf")):
+    for better, worse in _ORDERS:
         wins = []
         for seed in SEEDS:
             here = case(NARROW, seed)
@@ -187,20 +223,23 @@ def _method_figures() -> tuple[Figure, ...]:
 
 
 def soc_by_method() -> Result:
-    """Table 3.3 and figures 3.10, 3.13, 3.14: SoC error of the scheme of figure 3.10, from 98 to 90 %."""
+    """Table 3.3 and figures 3.10, 3.13 to 3.15: SoC error of the scheme of figure 3.10, from 98 to 90 %."""
     rows = []
     for method in METHODS:
         rows += _soc_rows(method, NARROW, SOC_PERCENT[method], _SOC if method == METHODS[0] else "")
 
     rows += _order(_soc_error, "SoC", _SOC_ORDER)
+    rows += _variance_rows("Standard deviation of SoC", "%", _soc_std, _VARIANCE)
     here = case()
     t, found = here.log.time_s, {m: run(m, True) for m in METHODS}
     soc = [Series(t, 100 * f.soc.soc, m.upper()) for m, f in found.items()]
     soc.append(Series(t, 100 * here.truth, "truth", "dashed", "reference"))
     wrong = [Series(t, _soc_error(f, here), m.upper()) for m, f in found.items()]
+    stds = [Series(t, _soc_std(f, here), m.upper()) for m, f in found.items()]
     drawn = (
         Figure("State of charge", TIME, "State of charge [%]", soc),
         Figure("Its error", TIME, "Error [%]", wrong),
+        Figure("Its standard deviation", TIME, "sigma [%]", stds),
     )
     return Result(tuple(rows), drawn)
 

@@ -19,7 +19,7 @@ from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RobotInput, RollingResistance, Terrain, next_state, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward.traction.speed_observer.encoder import wheel_speeds
+from ohmward.traction.speed_observer.encoders import wheel_speeds
 from ohmward.traction.speed_observer.noise import quantisation_std_rad_s
 from ohmward.traction.speed_observer.slip_step import SlipStep, slip_step
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout
@@ -35,16 +35,12 @@ FLOOR = 1e-6
 
 
 class CurrentDrive(NamedTuple):
-    """Currents of the motors over time.
+    """Currents of the motors over time."""
 
-    title: in words.
-    speed: wanted speed [m/s] over time (T,), which is where the current comes from.
-    steer_A: current that the right motor has more than the left, over time (T,).
-    """
-
-    title: str
+    title: str  #: in words
+    #: wanted speed [m/s] over time (T,), which is where the current comes from
     speed: Callable[[np.ndarray], np.ndarray]
-    steer_A: Callable[[np.ndarray], np.ndarray]
+    steer_A: Callable[[np.ndarray], np.ndarray]  #: current that the right motor has more than the left, over time (T,)
 
 
 DRIVES = {
@@ -241,8 +237,8 @@ def errors_of(name: str, wrong: WrongNoise, kind: MatchingFilter) -> ObserverErr
 
 
 _WHY = (
-    "[T] shows pictures in which the AUKF is nearer to the truth than the UKF, without a number. `as printed` is the "
-    "AUKF that matches Q and R (3.49, 3.50), `corrected` the one that matches R alone"
+    "[T] shows pictures of wheel speed and speed in which the AUKF is nearer to the truth, without a number. `as "
+    "printed` is the AUKF that matches Q and R (3.49, 3.50), `corrected` the one that matches R alone"
 )
 
 
@@ -256,6 +252,8 @@ def _result(name: str) -> Result:
         rows += [
             ResultRow(f"{what}: speed, UKF", "mm/s", None, ukf.speed_mm_s, ukf.speed_mm_s),
             ResultRow(f"{what}: speed, AUKF", "mm/s", None, both.speed_mm_s, matched.speed_mm_s, None, _WHY),
+            ResultRow(f"{what}: wheel speed, UKF", "rad/s", None, ukf.wheel_rad_s, ukf.wheel_rad_s),
+            ResultRow(f"{what}: wheel speed, AUKF", "rad/s", None, both.wheel_rad_s, matched.wheel_rad_s),
             ResultRow(f"{what}: slip speed, UKF", "mm/s", None, ukf.slip_mm_s, ukf.slip_mm_s),
             ResultRow(f"{what}: slip speed, AUKF", "mm/s", None, both.slip_mm_s, matched.slip_mm_s),
             ResultRow(f"{what}: NEES of the speed, UKF", "", None, ukf.nees, ukf.nees),

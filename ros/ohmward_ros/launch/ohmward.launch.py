@@ -16,7 +16,7 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("params_file", default_value=defaults, description="parameters of the node"),
         DeclareLaunchArgument("namespace", default_value="", description="of the node and its topics"),
         DeclareLaunchArgument("battery", default_value="", description="battery file"),
-        DeclareLaunchArgument("robot", default_value="", description="robot file, rlma or robotino"),
+        DeclareLaunchArgument("robot", default_value="", description="robot file, rlma, robotino or seeder"),
         DeclareLaunchArgument("setup", default_value="", description="setup of `ohmward run`, instead of both"),
         DeclareLaunchArgument("bagfile", default_value="", description="a bag to play; nothing of it is kept"),
     ]

@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.cli.options import BUILT_IN, TRUTHS, file_hints
+from ohmward.cli.battery_inputs import truth_column
+from ohmward.cli.options import TRUTHS, file_hints
 from ohmward.cli.parser import selected_name, split_selection
-from ohmward.cli.truth import truth_column
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, read_drive
 from ohmward.logs.table import TableFile
 from ohmward.logs.units import unit_in_name
-from ohmward.traction import RLMA, ROBOTINO, Robot, Terrain, load_robot
+from ohmward.traction import Robot, Terrain
 from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, hard_terrain, soft_terrain
 from ohmward.traction.score import DriveTruth
 
@@ -26,16 +26,6 @@ class DriveReference(NamedTuple):
 
     truth: DriveTruth
     note: str
-
-
-def make_robot(name: str) -> Robot:
-    """The robot of --robot: one that comes with the package, or a file.
-
-    Raises:
-        InputError: the file cannot be read as a robot.
-    """
-    built_in = dict(zip(BUILT_IN, (RLMA, ROBOTINO), strict=True))
-    return built_in[name.lower()] if name.lower() in built_in else load_robot(name)
 
 
 def make_terrain(name: str, robot: Robot) -> Terrain:

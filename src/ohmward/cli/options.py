@@ -9,7 +9,9 @@ from ohmward.logs.bags.choice import TOPIC
 from ohmward.logs.hints import FileHints
 
 #: Robots that come with the package, by the name that --robot takes; any other is a file.
-BUILT_IN = ("rlma", "robotino")
+BUILT_IN = ("rlma", "robotino", "seeder")
+#: What an argument that names a robot takes.
+ROBOT = f"robot file, or {', '.join(BUILT_IN[:-1])} or {BUILT_IN[-1]}"
 DEFAULT_TERRAIN = "dry asphalt"
 
 #: Columns that --truth of a drive may name, in this order, and their dimension.
@@ -75,7 +77,7 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
         "--robot",
         required=True,
         metavar="FILE.toml",
-        help=f"robot file, or {' or '.join(BUILT_IN)}, which come with ohmward",
+        help=f"{ROBOT}, which come with ohmward",
     )
     group.add_argument(
         "--terrain",

@@ -17,23 +17,20 @@ from ohmward.logs.table import Table, numbers
 from ohmward.logs.wheel_columns import Found, Wheels
 from ohmward.logs.wheel_speed import Mechanics, unit_notes, unit_of_channel, wheel_speed
 
+#: A heading counts clockwise where the gyro has turned by this standard deviation [rad] at least, and the heading by at
+#: least this share of it the other way.
+_TURNED_RAD, _CLOCKWISE = 0.3, 0.5
+
 
 class DriveChannels(NamedTuple):
-    """Everything that the robot measured, in SI units; NaN where there is nothing new.
+    """Everything that the robot measured, in SI units; NaN where there is nothing new."""
 
-    time_s: (T,) [s].
-    wheel_speed_rad_s: (T, wheels).  motor_current_A: (T, driven).
-    body: channel -> (T,), those that were measured.
-    notes: everything that was assumed, converted or mended.
-    absent: notes on driven wheels that lack a channel.
-    """
-
-    time_s: np.ndarray
-    wheel_speed_rad_s: np.ndarray
+    time_s: np.ndarray  #: (T,) [s]
+    wheel_speed_rad_s: np.ndarray  #: (T, wheels).  motor_current_A: (T, driven).
     motor_current_A: np.ndarray
-    body: dict[str, np.ndarray]
-    notes: tuple[Note, ...]
-    absent: tuple[Note, ...]
+    body: dict[str, np.ndarray]  #: channel -> (T,), those that were measured
+    notes: tuple[Note, ...]  #: everything that was assumed, converted or mended
+    absent: tuple[Note, ...]  #: notes on driven wheels that lack a channel
 
     @property
     def measured(self) -> np.ndarray:
@@ -68,9 +65,7 @@ def drive_channels(table: Table, found: Found, wheels: Wheels, mechanics: Mechan
     current_A, current_notes = mend_currents(time_s, current_A, speed_rad_s, names, wheels.driven_places)
     body = {channel.name: channels[channel.name] for channel in BODY if channel.name in channels}
     notes = [*unit_notes(columns, mechanics), *conversion_notes]
-    if "heading" in body and "yaw_rate" not in body:
-        body["yaw_rate"] = _rate_of_change(time_s, body["heading"])
-        notes.append(Note("no gyro: the yaw rate is the change of the heading"))
+    notes += _use_angles(time_s, body)
     absent = _absent_notes(columns, wheels)
     return DriveChannels(time_s, speed_rad_s, current_A, body, (*notes, *current_notes), absent)
 
@@ -99,6 +94,32 @@ def _side_by_side(channels: Mapping[str, np.ndarray], quantities: Mapping[str, s
     for wheel, quantity in enumerate(quantities.values()):
         values[:, wheel] = channels.get(quantity, np.nan)
     return values
+
+
+def _use_angles(time_s: np.ndarray, body: dict[str, np.ndarray]) -> list[Note]:
+    """Give the body a yaw rate where it has none, and turn a heading round that counts clockwise; with notes.
+
+    A heading whose changes are the yaw rate is left out: it must not count twice.
+    """
+    if "yaw_rate" not in body and (angles := [name for name in ("yaw", "heading") if name in body]):
+        body["yaw_rate"] = _rate_of_change(time_s, body.pop(angles[0]))
+        return [Note(f"no gyro: the yaw rate is the change of the {angles[0]}")]
+    if "heading" not in body or not _counts_clockwise(time_s, body["heading"], body["yaw_rate"]):
+        return []
+    body["heading"] = -body["heading"]
+    return [Note("the heading counts clockwise, against the gyro: turned round")]
+
+
+def _counts_clockwise(time_s: np.ndarray, heading_rad: np.ndarray, yaw_rate_rad_s: np.ndarray) -> bool:
+    """True where the heading turns against the integral of the gyro."""
+    at, known = np.isfinite(heading_rad), np.isfinite(yaw_rate_rad_s)
+    if not at.any() or not known.any():
+        return False
+    angle_rad = np.cumsum(yaw_rate_rad_s[known] * np.diff(time_s[known], prepend=time_s[known][0]))
+    gyro = np.interp(time_s[at], time_s[known], angle_rad)
+    gyro -= gyro.mean()
+    against = -float(gyro @ np.unwrap(heading_rad[at]))
+    return bool(gyro.std() > _TURNED_RAD and against > _CLOCKWISE * (gyro @ gyro))
 
 
 def _rate_of_change(time_s: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:

@@ -33,13 +33,10 @@ class ValueBlock(NamedTuple):
 
 
 class Header(NamedTuple):
-    """Names of the columns, units among them in brackets; the row of the names, and the first row of values.
-
-    row: None where there is no header.  timezone: that the header names, or None.
-    """
+    """Names of the columns, units among them in brackets; the row of the names, and the first row of values."""
 
     names: tuple[str, ...]
-    row: int | None
+    row: int | None  #: None where there is no header.  timezone: that the header names, or None.
     first: int
     timezone: str | None = None
 

@@ -14,19 +14,14 @@ from ohmward.errors import InputError
 
 
 class Quantity(NamedTuple):
-    """A quantity that sensors measure.
+    """A quantity that sensors measure."""
 
-    name: with its unit; signs as in docs/conventions.md.
-    meaning: in a few words.
-    lowest, highest: no sensor that works shows less or more; nan and infinity are not measured.
-    each: "wheel", "motor" or "cell" where there are several; "" where there is one.
-    """
-
-    name: str
-    meaning: str
+    name: str  #: with its unit; signs as in docs/conventions.md
+    meaning: str  #: in a few words
+    #: no sensor that works shows less or more; nan and infinity are not measured
     lowest: float = -math.inf
     highest: float = math.inf
-    each: str = ""
+    each: str = ""  #: "wheel", "motor" or "cell" where there are several; "" where there is one
 
 
 #: Of the battery: what `SocEstimator` and `PackEstimator` take.
@@ -38,7 +33,7 @@ BATTERY = (
     Quantity("cell_voltage_V", "voltage of each cell", 0.0, 20.0, "cell"),
 )
 
-#: Of the drive: what `SensorInbox` and `SlipEstimator` take.
+#: Of the drive: what `SensorInbox` takes.
 DRIVE = (
     Quantity("wheel_speed_rad_s", "speed of each wheel behind its gear, > 0 drives forward", -1e4, 1e4, "wheel"),
     Quantity("wheel_counts", "count of each wheel's encoder, which may overflow", each="wheel"),
@@ -49,6 +44,8 @@ DRIVE = (
     Quantity("speed_m_s", "speed of the body from GNSS, visual or lidar odometry", -50.0, 50.0),
     Quantity("speed_std_m_s", "standard deviation of that speed", 0.0, 50.0),
     Quantity("speed_age_s", "age of that speed", 0.0, 10.0),
+    Quantity("heading_rad", "heading from a compass or GNSS antennas, > 0 to the left, from any zero", -1e4, 1e4),
+    Quantity("heading_std_rad", "standard deviation of that heading", 0.0, 3.2),
 )
 
 #: Of a microcontroller that estimates itself: passed on with the states, and not used.

@@ -10,13 +10,14 @@ from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer, TwoWheeled
 from ohmward.traction.robot.file import load_robot, save_robot
 from ohmward.traction.robot.motor import Motor
-from ohmward.traction.robot.robot import RLMA, ROBOTINO, Robot, Wheel
+from ohmward.traction.robot.robot import RLMA, ROBOTINO, SEEDER, Robot, Wheel
 
 __all__ = [
     "ALEXANDER",
     "EULER",
     "RLMA",
     "ROBOTINO",
+    "SEEDER",
     "CompactionResistance",
     "Differential",
     "Motor",

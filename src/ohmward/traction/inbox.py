@@ -19,10 +19,13 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.estimator import CLOCK_SET_S, PerWheel, number, numbers
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.encoder import differences
+from ohmward.traction.speed_observer.encoders import differences
 
-#: Sensors of the body that a message may carry besides wheels and motors, as `SlipEstimator.update` names them.
-BODY = ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s", "speed_age_s")
+#: Sensors of the body that the odometry takes and the speed observer does not.
+HEADING = ("heading_rad", "heading_std_rad")
+#: Sensors of the body that a message may carry besides wheels and motors, as `SlipEstimator.update` and
+#: `Odometry.update` name them.
+BODY = ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s", "speed_age_s", *HEADING)
 _BODY = frozenset(BODY)
 
 
@@ -133,7 +136,10 @@ class SensorInbox:
         heapq.heappush(self._waiting, (max(stamp_s, self._taken_s), next(self._order), message))
 
     def take(self) -> list[dict[str, Any]]:
-        """Samples that no message can change any more, in order: keyword arguments of `SlipEstimator.update`."""
+        """Samples that no message can change any more, in order: keyword arguments of `SlipEstimator.update`.
+
+        Those of `HEADING`, where they were put in, are for `Odometry.update` alone.
+        """
         done, self._before_clock_set = self._before_clock_set, []
         return [*done, *self._take(self._newest_s - self.delay_s)]
 

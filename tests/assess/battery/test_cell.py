@@ -5,7 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from ohmward.battery.battery import require_rc
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.sample import SocSample
 from ohmward.logs import Log
 from ohmward_lab.assess.battery.cell import figures, soc_cell
 from ohmward_lab.assess.battery.conditions import BASE, CONDITIONS
@@ -51,3 +53,12 @@ def test_an_offset_of_the_sensor_misleads_counting_by_its_charge():
 def test_a_start_that_is_right_is_not_moved_by_the_first_voltage(method):
     laboratory = next(c for c in CONDITIONS if c.factor == "laboratory")
     assert soc_cell("lfp", laboratory, BY_NAME[method], 2, 1).rmse < 0.002  # 1 point and more where it is
+
+
+def test_the_filter_of_P_starts_full_whatever_it_is_given():
+    method, conditions = BY_NAME["[P] RC + KF"], [BASE._replace(start_error=error) for error in (0.3, 0.05)]
+    far, near = (soc_cell("nca", condition, method, 2, 1) for condition in conditions)
+    assert far.rmse == near.rmse
+    first = SocSample(0.0, 0.0, 12.0, 25.0)
+    state = method.make(identified("nca")).init(first, 0.5)
+    assert state.belief.mean[0] == pytest.approx(require_rc(identified("nca")).ocv.voltage_V[-1])

@@ -115,7 +115,7 @@ def test_the_example_shows_every_key():
     "change, message",
     [
         ({"duration_s": 0.0}, "duration_s must be between 0.01 and 86400"),
-        ({"robot": "k9"}, r"robot must be one of rlma, robotino, or a robot file \(.toml\); got 'k9'"),
+        ({"robot": "k9"}, r"robot must be one of rlma, robotino, seeder, or a robot file \(.toml\); got 'k9'"),
         ({"robot": "nowhere.toml"}, "nowhere.toml: cannot be read"),
         ({"plant": "real"}, "plant must be one of own, mujoco, got 'real'"),
         ({"commands": ()}, "commands must begin with from_s = 0"),

@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -82,6 +83,15 @@ def test_a_speed_from_outside_rides_along_with_its_age(truths):
     assert [a.sample.speed_age_s for a in seen] == pytest.approx([0.03] * 4)
     true = {round(t.time_s, 3): t.speed_m_s for t in truths}
     assert [a.sample.speed_m_s for a in seen] == pytest.approx([true[x] for x in (0.0, 0.1, 0.2, 0.3)], abs=1e-5)
+
+
+def test_a_compass_shows_the_heading_within_half_a_turn(truths):
+    turned = [t._replace(heading_rad=t.heading_rad + 4.0) for t in truths]
+    error = np.array(
+        [math.remainder(a.heading_rad - 4.0, 2 * math.pi) for _, a in watch(replace(QUIET, compass=True), turned)]
+    )
+    assert 0.02 < error.std() < 0.08 and 0.0 < abs(error.mean()) < 0.15
+    assert all(math.isnan(a.heading_rad) for _, a in watch(QUIET, truths))
 
 
 def test_a_speed_from_outside_may_be_lost(truths):

@@ -11,11 +11,13 @@ from ohmward.errors import InputError
 from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO, SkidSteer
+from ohmward.traction.odometry.corrections import HEADING_WAIT
+from ohmward.traction.odometry.model import ANY_HEADING_RAD
 from ohmward.traction.odometry.noise import OdometryNoise, noise_of
 from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.terrain.floor import ROLLING, STIFFNESS
-from traction.odometry.examples import DT_S, drive, samples
+from traction.odometry.examples import DT_S, NOISE, drive, gauss_markov, samples
 
 FREE = ("encoder_std_rad", "correlation_s", "speed_std_m_s", "increment_walk")
 EXACT = replace(OdometryNoise(), **{f.name: 0.0 for f in fields(OdometryNoise) if f.name not in FREE})  # type: ignore[arg-type]
@@ -213,6 +215,70 @@ def integrate_circle(v, w, steps):
     """Pose (3,) after so many steps."""
     middle = (np.arange(steps) + 0.5) * w * DT_S
     return np.array([np.sum(v * DT_S * np.cos(middle)), np.sum(v * DT_S * np.sin(middle)), w * DT_S * steps])
+
+
+def turning(heading, steps, std=0.05, settings=FILTER, **more):
+    """A robot that stands and of which a compass says `heading` (steps,) with this standard deviation."""
+    given = {"wheel_speed_rad_s": np.zeros((steps, 2)), "heading_rad": heading, "heading_std_rad": np.full(steps, std)}
+    return samples(settings, **(given | more))
+
+
+def test_the_first_heading_is_the_zero_and_the_next_ones_correct_the_joint_gaussian_of_yaw_and_zero():
+    """Two headings of a wheels-only robot against the conditional mean and covariance of (yaw, zero)."""
+    noise, steps, std, first, second = replace(EXACT, turn_share=0.3, turn_scale_std=0.1), 401, 0.04, 3.0, -2.6
+    settings = PoseFilter(RLMA, noise)
+    heading = np.full(steps, math.nan)
+    heading[0], heading[-1] = first, second  # the shorter way between them is across pi
+    wheels = rolling(0.0, 0.1, steps)
+    wheels[0] = 0.0
+    plain = run(settings, samples(settings, wheel_speed_rad_s=wheels))
+    found = run(settings, turning(heading, steps, std, settings, wheel_speed_rad_s=wheels))
+    yaw, variance = plain.yaw_rad[-1], plain.pose_cov[-1, 2, 2]
+    zero_variance = 1.0 / (1.0 / ANY_HEADING_RAD**2 + 1.0 / std**2)
+    zero = zero_variance / std**2 * first
+    nu = second + 2 * math.pi - yaw - zero
+    gain = variance / (variance + zero_variance + std**2)
+    assert variance > 0.001 and not found.flags.any()
+    assert found.yaw_rad[-1] == pytest.approx(yaw + gain * nu, abs=1e-9)
+    assert found.pose_cov[-1, 2, 2] == pytest.approx((1.0 - gain) * variance, rel=1e-9)
+    assert_allclose(found.yaw_rad[:-1], plain.yaw_rad[:-1], atol=1e-12)  # the zero alone is learnt from the first
+
+
+def test_of_headings_whose_errors_are_alike_one_counts():
+    steps = round(HEADING_WAIT * NOISE.correlation_s / DT_S) + 1
+    often = run(FILTER, turning(np.full(steps, 1.0), steps))
+    ends = np.where(np.isin(np.arange(steps), [0, steps - 1]), 1.0, math.nan)
+    seldom = run(FILTER, turning(ends, steps))
+    for name in ("yaw_rad", "pose_cov"):
+        assert_allclose(getattr(often, name), getattr(seldom, name), atol=1e-15)
+
+
+def test_a_disturbed_heading_is_flagged_and_moves_nothing_and_a_lasting_one_is_another_zero():
+    """Iron turns the compass by a radian for four seconds, and a building for good."""
+    steps, time_s = 2000, DT_S * np.arange(2000)
+    heading = 0.5 + ((time_s > 10.0) & (time_s < 14.0)) + 1.0 * (time_s > 20.0)
+    given = {"yaw_rate_rad_s": np.zeros(steps)}
+    e = run(FILTER, turning(heading, steps, **given))
+    rejected = (e.flags.astype(int) & OdometryFlag.HEADING_REJECTED) != 0
+    during = (time_s > 10.0) & (time_s < 14.0)
+    assert rejected[during].mean() > 0.4 and not rejected[time_s < 10.0].any()
+    assert rejected[time_s > 20.0].sum() > 5.0 / DT_S and not rejected[time_s > 35.0].any()
+    assert np.abs(e.yaw_rad).max() < 0.02
+
+
+def test_a_heading_keeps_the_yaw_of_a_drive_whose_gyro_turns_by_itself():
+    """NEES of the pose over 50 robots drawn from the noise whose gyro was never at rest, with a compass."""
+    drives = [drive(FILTER, seed) for seed in range(50)]
+    lower, upper = mean_bounds(3, len(drives), 0.999)
+    found, plain = [], []
+    for seed, d in enumerate(drives):
+        rng, T = np.random.default_rng(1000 + seed), len(d.pose)
+        noise = gauss_markov(rng, T, NOISE)
+        heading = np.mod(d.pose[:, 2] + rng.uniform(-math.pi, math.pi) + NOISE.heading_std_rad * noise, 2 * math.pi)
+        found.append(run(FILTER, d.samples._replace(heading_rad=heading)))
+        plain.append(run(FILTER, d.samples))
+    assert lower < np.mean([nees(e, d.pose, -1) for e, d in zip(found, drives, strict=True)]) < upper
+    assert found[0].pose_cov[-1, 2, 2] < plain[0].pose_cov[-1, 2, 2]
 
 
 def test_an_increment_that_began_before_what_is_remembered_is_not_used():

@@ -6,7 +6,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ohmward.errors import InputError
-from ohmward.traction import RLMA, ROBOTINO, Differential, Motor, Omni, Robot, SkidSteer, Wheel, load_robot, save_robot
+from ohmward.traction import (
+    RLMA,
+    ROBOTINO,
+    SEEDER,
+    Differential,
+    Motor,
+    Omni,
+    Robot,
+    SkidSteer,
+    Wheel,
+    load_robot,
+    save_robot,
+)
 from ohmward.traction.robot.file import ROBOT_FILE
 from traction.examples import ROBOTS
 
@@ -130,6 +142,14 @@ def test_the_robot_of_the_dissertation():
     wheels = 4 * 1.5 * (0.314**2 + 0.15**2 + 0.12**2 / 4 + 0.05**2 / 12)
     yaw = 36.0 * (0.68**2 + 0.38**2) / 12 + wheels
     assert RLMA.inertia.tolist() == pytest.approx([42.0 + rolling, yaw + rolling * 0.15**2, 0.0108, 0.0108])
+
+
+def test_the_robot_of_the_paper():
+    motor, robot = SEEDER.motor, load_robot("seeder")
+    half_speed_rad_s = 0.5 * 12.0 / motor.torque_constant_Nm_per_A
+    current_A = (12.0 - motor.torque_constant_Nm_per_A * half_speed_rad_s) / motor.resistance_ohm
+    assert motor.torque_constant_Nm_per_A * current_A * half_speed_rad_s == pytest.approx(514.0)
+    assert robot is SEEDER and robot.driven == 2 and robot.state_names[0] == "v_m_s" and motor.gear_ratio == 16.0
 
 
 def test_the_omni_robot():

@@ -30,26 +30,19 @@ _MOST_SAMPLES = 1 << 20
 
 
 class SocFigures(NamedTuple):
-    """Figures of one method under one condition.
-
-    rmse, largest: of the state of charge after the first hour, over all runs; nan where it was no number once.
-    covered: share of these samples with the truth in the 95 % band; nan without a band.
-    found_min: minutes until the error stays within 5 points, the median of the runs; inf where it never does.
-    lost: share of the runs that end more than 5 points off.
-    operations: in a step.
-    ns: time of a sample, with many runs side by side; of this machine, and no part of the results' equality.
-    """
+    """Figures of one method under one condition."""
 
     chemistry: str
     condition: str
     method: str
+    #: of the state of charge after the first hour, over all runs; nan where it was no number once
     rmse: float
     largest: float
-    covered: float
-    found_min: float
-    lost: float
-    operations: int
-    ns: float
+    covered: float  #: share of these samples with the truth in the 95 % band; nan without a band
+    found_min: float  #: minutes until the error stays within 5 points, the median of the runs; inf where it never does
+    lost: float  #: share of the runs that end more than 5 points off
+    operations: int  #: in a step
+    ns: float  #: time of a sample, with many runs side by side; of this machine, and no part of the results' equality
 
     @property
     def subject(self) -> str:
@@ -92,7 +85,7 @@ def _compiled(chemistry: str, name: str) -> tuple[Kernel, Any]:
         return after, (found.soc, found.soc_std)
 
     nothing = SocSample(0.0, math.nan, math.nan, math.nan)
-    return Kernel(step, estimator.init(nothing), SocSample(0.0, 0.0, 0.0, 0.0)), estimator
+    return Kernel(step, estimator.init(nothing, 0.5), SocSample(0.0, 0.0, 0.0, 0.0)), estimator
 
 
 def figures(time_s: np.ndarray, error: np.ndarray, std: np.ndarray) -> tuple[float, float, float, float, float]:

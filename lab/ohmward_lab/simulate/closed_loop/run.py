@@ -12,61 +12,47 @@ from ohmward.traction.control import Report
 from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample
 from ohmward_lab.simulate.closed_loop.scenario import Scenario
-from ohmward_lab.simulate.robot_truth import RobotTruth
+from ohmward_lab.simulate.robot_sensors import RobotTruth
 
 #: Decimals of a time [s] in a log: nanoseconds.
 _TIME_DIGITS = 9
 
 
 class Instant(NamedTuple):
-    """One instant of the truth; stacked over time every field has (K,) in front.
+    """One instant of the truth; stacked over time every field has (K,) in front."""
 
-    truth: of the robot.
-    report: of the controller.
-    current_A, voltage_V, soc, temperature_degC: of the battery, current > 0 charges.
-    energy_J: balance since the start.
-    """
-
-    truth: RobotTruth
-    report: Report
+    truth: RobotTruth  #: of the robot
+    report: Report  #: of the controller
+    #: of the battery, current > 0 charges
     current_A: Any
     voltage_V: Any
     soc: Any
     temperature_degC: Any
-    energy_J: EnergyBalance
+    energy_J: EnergyBalance  #: balance since the start
 
 
 class RunRow(NamedTuple):
-    """One row of the log: sample, estimate and truth at the time at which the sample was taken.
-
-    estimate: None without an observer.
-    current_A, voltage_V: of the battery as measured, means since the row before.
-    soc: true state of charge.
-    """
+    """One row of the log: sample, estimate and truth at the time at which the sample was taken."""
 
     time_s: Any
     sample: SlipSample
-    estimate: SlipEstimate | None
+    heading_rad: Any  #: of a compass; nan without one
+    estimate: SlipEstimate | None  #: None without an observer
     truth: RobotTruth
+    #: of the battery as measured, means since the row before
     current_A: Any
     voltage_V: Any
-    soc: Any
+    soc: Any  #: true state of charge
 
 
 class ClosedLoopRun(NamedTuple):
-    """A whole drive.
-
-    history: the truth over time, (K, ...).
-    rows: the log, (T, ...).
-    warnings: deviations from the commands, in sentences.
-    seconds: computing time, compilation included.
-    """
+    """A whole drive."""
 
     scenario: Scenario
-    history: Instant
-    rows: RunRow
-    warnings: tuple[str, ...]
-    seconds: float
+    history: Instant  #: the truth over time, (K, ...)
+    rows: RunRow  #: the log, (T, ...)
+    warnings: tuple[str, ...]  #: deviations from the commands, in sentences
+    seconds: float  #: computing time, compilation included
 
 
 def columns(run: ClosedLoopRun) -> dict[str, np.ndarray]:
@@ -84,6 +70,7 @@ def columns(run: ClosedLoopRun) -> dict[str, np.ndarray]:
         "speed_m_s": sample.speed_m_s,
         "speed_std_m_s": sample.speed_std_m_s,
         "speed_age_s": np.where(np.isfinite(sample.speed_m_s), sample.speed_age_s, np.nan),
+        "heading_rad": rows.heading_rad,
         "current_A": rows.current_A,
         "voltage_V": rows.voltage_V,
     }
@@ -120,6 +107,7 @@ def drive_log(run: ClosedLoopRun) -> DriveLog:
         sample.current_A,
         **body,
         speed_age_s=age,
+        heading_rad=rows.heading_rad if np.isfinite(rows.heading_rad).any() else None,
         extra={**truths(run), "current_A": rows.current_A, "voltage_V": rows.voltage_V},
         notes=(Note(f"simulated, not measured: {run.scenario.model.name}, seed {run.scenario.seed}"),),
     )

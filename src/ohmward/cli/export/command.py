@@ -8,16 +8,17 @@ from pathlib import Path
 
 from ohmward.battery.soc.registry import DEFAULT
 from ohmward.cli import wording
-from ohmward.cli.drive_inputs import make_robot, make_terrain
+from ohmward.cli.battery_inputs import load_battery_with_sensor
+from ohmward.cli.drive_inputs import make_terrain
 from ohmward.cli.options import BUILT_IN
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.errors import InputError
 from ohmward.export.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
 from ohmward.export.c_library import Export, check_fits, library, size, write_library
 from ohmward.export.python_file import python_file
 from ohmward.export.traction import CONTROLLERS, ODOMETRY, controller_export, observer_export, odometry_export
 from ohmward.toml_file import noun_of
+from ohmward.traction import load_robot
 
 #: Filter for a microcontroller unless another is named.
 _SMALL = "ekf"
@@ -141,7 +142,7 @@ def _robot_export(args: argparse.Namespace) -> Export:
         raise InputError("a curve error is for the open-circuit voltage of a battery; leave out --curve-error")
     if args.style != "lines":
         raise InputError(f"{args.filter} of a robot has no loops, only {', '.join(WITH_LOOPS)} of a battery have")
-    robot = make_robot(args.file)
+    robot = load_robot(args.file)
     if args.filter in CONTROLLERS:
         return controller_export(robot, args.filter, args.name)
     if args.filter == ODOMETRY:

@@ -28,12 +28,9 @@ _TECHNOLOGY = {"lfp": _LIFE, "lipo": _LIPO, "lead-acid": _VRLA, "": _UNKNOWN}
 
 @dataclass(frozen=True)
 class Frames:
-    """Names of coordinate frames, REP-105.
+    """Names of coordinate frames, REP-105."""
 
-    odom: in which the pose is continuous.  base: of the robot, at its centre of gravity.
-    """
-
-    odom: str = "odom"
+    odom: str = "odom"  #: in which the pose is continuous.  base: of the robot, at its centre of gravity.
     base: str = "base_link"
 
 

@@ -17,6 +17,7 @@ from ohmward.logs.log import Log, read_log
 from ohmward.logs.sign import CurrentSign
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.part import EndedError, Source
+from ohmward.traction.inbox import BODY
 from ohmward.traction.robot.file import load_robot
 
 #: Columns of a log and the signals that they are.
@@ -25,28 +26,19 @@ _OF_BATTERY = {
     "voltage_V": "battery_voltage_V",
     "temperature_degC": "battery_temperature_degC",
 }
-_OF_BODY = ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s", "speed_age_s")
 
 
 @dataclass(frozen=True)
 class ReplaySource:
-    """Samples of a log, as they came.
-
-    Attributes:
-        path: of the log: of a battery, or with `robot` of a drive.
-        robot: path of a robot file or name of a packaged robot, for logs of drives.
-        current_sign: what a positive current of a log of a battery does, "charge" or "discharge"; "auto" lets the data
-            tell.
-        rate: seconds of the log in a second, > 0; inf replays as fast as it can.
-        name: in diagnostics.
-    """
+    """Samples of a log, as they came."""
 
     live: ClassVar[bool] = False
-    path: str
-    robot: str | None = None
+    path: str  #: of the log: of a battery, or with `robot` of a drive
+    robot: str | None = None  #: path of a robot file or name of a packaged robot, for logs of drives
+    #: what a positive current of a log of a battery does, "charge" or "discharge"; "auto" lets the data tell
     current_sign: str = "auto"
-    rate: float = 1.0
-    name: str = "replay"
+    rate: float = 1.0  #: seconds of the log in a second, > 0; inf replays as fast as it can
+    name: str = "replay"  #: in diagnostics
 
     def __post_init__(self) -> None:
         require_one_of("current_sign", self.current_sign, get_args(CurrentSign))
@@ -164,7 +156,7 @@ def _of_drive(log: DriveLog) -> Iterator[tuple[float, dict[str, float]]]:
     """Time and values of every sample of a drive."""
     columns = {f"wheel_speed_rad_s.{k}": column for k, column in enumerate(log.wheel_speed_rad_s.T)}
     columns |= {f"motor_current_A.{k}": column for k, column in enumerate(log.motor_current_A.T)}
-    columns |= {name: values for name in _OF_BODY if (values := getattr(log, name)) is not None}
+    columns |= {name: values for name in BODY if (values := getattr(log, name)) is not None}
     return _rows(log.time_s, columns)
 
 

@@ -1,4 +1,4 @@
-"""Measurements of the odometry, each an update of its own: wheels against gyro, speeds, and pose increments.
+"""Measurements of the odometry, each an update of its own: wheels against gyro, speeds, headings, and pose increments.
 
 Each function takes the correction so far and returns it with one more. A measurement that is missing or outside its
 gate changes no mean; one of the motion that is outside opens the band at once, as far as the innovation says.
@@ -6,6 +6,7 @@ gate changes no mean; one of the motion that is outside opens the band at once, 
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,11 +15,12 @@ from ohmward.filters.belief import Belief, Function
 from ohmward.filters.gate import choose, inflate, time_rejected
 from ohmward.filters.linear_algebra import TINY, mirror_lower
 from ohmward.filters.sanitize import between, every, some, within
-from ohmward.trace import clip, exp, isfinite, linearize, logical_not, maximum, sqrt, where
+from ohmward.trace import clip, cos, exp, isfinite, linearize, logical_not, maximum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.odometry.model import (
     CURVATURE,
     GYRO_SCALE,
+    HEADING_ZERO,
     NAMES,
     OFFSET,
     SIDE_SLIP,
@@ -31,9 +33,67 @@ from ohmward.traction.odometry.model import (
 )
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import OdometrySample
-from ohmward.traction.odometry.trail import Trail, way
 from ohmward.traction.speed_observer.body_sensors import FASTEST_M_S, OLDEST_S, SPEED_STD_M_S
-from ohmward.traction.speed_observer.late import History, change_since
+from ohmward.traction.speed_observer.intervals import History, change_since
+
+#: Keeps a step of no length from dividing by zero [s].
+_TINY_S = 1e-9
+
+
+class Trail(NamedTuple):
+    """Dead reckoning that no measurement corrects."""
+
+    dt_s: np.ndarray  #: (steps,) length of each of the last steps, newest first
+    moved: np.ndarray  #: (3, steps) change of x, y and yaw in each, in the frame of its own start
+    yaw_rad: Scalar  #: at its end
+
+
+class SeenWay(NamedTuple):
+    """The way between two instants."""
+
+    increment: np.ndarray  #: (3,) forward, left and turn, in the frame of its start
+    known_s: Scalar  #: time of it that is remembered
+
+
+def empty_trail(steps: int) -> Trail:
+    """Trail of a filter that starts."""
+    return Trail(np.zeros(steps), np.zeros((3, steps)), 0.0)
+
+
+def extend(trail: Trail, twist: np.ndarray, dt_s: Scalar) -> Trail:
+    """The trail with one more step of this twist (3,), the oldest forgotten."""
+    if len(trail.dt_s) == 0:
+        return trail
+    turn = twist[2] * dt_s
+    middle = trail.yaw_rad + turn / 2.0
+    forward, left = twist[0] * dt_s, twist[1] * dt_s
+    step = [forward * cos(middle) - left * sin(middle), forward * sin(middle) + left * cos(middle), turn]
+    moved = np.array([[new, *row[:-1]] for new, row in zip(step, trail.moved, strict=True)])
+    return Trail(np.array([dt_s, *trail.dt_s[:-1]]), moved, trail.yaw_rad + turn)
+
+
+def way(trail: Trail, length_s: Scalar, age_s: Scalar) -> SeenWay:
+    """The way of `length_s` that ended `age_s` ago; a step that begins or ends within is counted in part."""
+    end, end_s = moved_since(trail, age_s)
+    start, start_s = moved_since(trail, age_s + length_s)
+    dx, dy, turn = start - end
+    yaw = trail.yaw_rad - start[2]
+    c, s = cos(yaw), sin(yaw)
+    return SeenWay(np.array([c * dx + s * dy, c * dy - s * dx, turn]), start_s - end_s)
+
+
+def moved_since(trail: Trail, age_s: Scalar) -> tuple[np.ndarray, Scalar]:
+    """Change (3,) of x, y and yaw in the last `age_s`, and how much of that time is remembered [s]."""
+    moved: np.ndarray = np.zeros(3)
+    left_s = maximum(age_s, 0.0)
+    known_s: Scalar = 0.0
+    for dt_s, step in zip(trail.dt_s, trail.moved.T, strict=True):
+        share = clip(left_s / maximum(dt_s, _TINY_S), 0.0, 1.0)
+        moved = moved + step * share
+        known_s = known_s + dt_s * share
+        left_s = left_s - dt_s
+    return moved, known_s
+
 
 #: Gyro and wheels are compared by the angles that they turned in so long [s]: a count is wrong once in an angle.
 COMPARED_S = 0.5
@@ -60,6 +120,12 @@ REMEMBERED = 0.99
 #: Limits [m, rad] of the standard deviation of a pose increment that its source gives.
 INCREMENT_STD = (1e-5, 10.0)
 
+#: Limits [rad] of the standard deviation of a heading that its source gives; a larger heading is its source's fault.
+HEADING_STD, MOST_HEADING_RAD = (1e-4, 1.0), 1e4
+
+#: Correlation times from one heading that is used to the next: their errors are alike by e^-3, a twentieth.
+HEADING_WAIT = 3.0
+
 #: A slip is opened to so many of its standard deviations at most: beyond, rounding would spoil the covariance.
 MOST_OPENED = 1e4
 
@@ -68,41 +134,39 @@ LEAST_STD = 1e-4
 
 
 class TurnSums(NamedTuple):
-    """Sums over the time in which gyro and wheels have turned since they were last compared.
+    """Sums over the time in which gyro and wheels have turned since they were last compared."""
 
-    time_s: time.
-    wheels_rad, gyro_rad: angles that they show.
-    path_m, rim_m: signed way of the rims forward, and the way of the wheels whatever its direction.
-    gyro_variance: of the gyro's angle by its noise [rad2].
-    slip_rad: angle of one standard deviation of the wheels' correlated error.
-    start_rad_s, end_rad_s: yaw rate of the gyro at the start and at the end.
-    rejected_s: time for which the comparison has been outside its gate.
-    """
-
-    time_s: Any = 0.0
+    time_s: Any = 0.0  #: time
+    #: angles that they show
     wheels_rad: Any = 0.0
     gyro_rad: Any = 0.0
+    #: signed way of the rims forward, and the way of the wheels whatever its direction
     path_m: Any = 0.0
     rim_m: Any = 0.0
-    gyro_variance: Any = 0.0
-    slip_rad: Any = 0.0
+    gyro_variance: Any = 0.0  #: of the gyro's angle by its noise [rad2]
+    slip_rad: Any = 0.0  #: angle of one standard deviation of the wheels' correlated error
+    #: yaw rate of the gyro at the start and at the end
     start_rad_s: Any = 0.0
     end_rad_s: Any = 0.0
+    rejected_s: Any = 0.0  #: time for which the comparison has been outside its gate
+
+
+class HeadingTimes(NamedTuple):
+    """Time until the next heading is used, and time for which headings have been outside their gate [s]."""
+
+    wait_s: Any = 0.0
     rejected_s: Any = 0.0
 
 
 class PoseCorrection(NamedTuple):
-    """Belief after measurements, and conditions on them.
+    """Belief after measurements, and conditions on them."""
 
-    belief: after them.
-    turn_apart_rad_s: yaw rate by which gyro and wheels differ.
-    turn_rejected, speed_rejected, increment_rejected, increment_too_old: see `OdometryFlag`.
-    """
-
-    belief: Belief
-    turn_apart_rad_s: Any = 0.0
+    belief: Belief  #: after them
+    turn_apart_rad_s: Any = 0.0  #: yaw rate by which gyro and wheels differ
+    #: see `OdometryFlag`
     turn_rejected: Any = False
     speed_rejected: Any = False
+    heading_rejected: Any = False
     increment_rejected: Any = False
     increment_too_old: Any = False
 
@@ -209,6 +273,44 @@ def use_speeds(
         belief, rejected = use_motion(body.belief, y_used, axis, state, 1.0, std_m_s**2 + since, u, gate)
         body = body._replace(belief=belief, speed_rejected=some([body.speed_rejected, rejected]))
     return body
+
+
+def use_heading(
+    body: PoseCorrection,
+    sample: OdometrySample,
+    times: HeadingTimes,
+    dt_s: Scalar,
+    noise: OdometryNoise,
+    gate: float,
+    reset_after_s: float,
+) -> tuple[PoseCorrection, HeadingTimes]:
+    """Correct with a heading, the short way round; new times then.
+
+    heading = yaw + heading_zero + noise
+
+    What disturbs a compass lasts while the robot passes it: one heading is used in `HEADING_WAIT` correlation times, so
+    that errors that are alike count once. Where headings have been outside the gate for longer than `reset_after_s`,
+    the field is another one here, as inside a building: its zero is learnt again, and the yaw stays that of gyro and
+    wheels.
+    """
+
+    def shown(x: np.ndarray) -> np.ndarray:
+        return np.array([x[YAW] + x[HEADING_ZERO]])
+
+    own = sample.heading_std_rad
+    std_rad = where(between(own, *HEADING_STD), own, noise.heading_std_rad)
+    wait_s = maximum(times.wait_s - dt_s, 0.0)
+    measured = within(sample.heading_rad, MOST_HEADING_RAD) & (wait_s <= 0.0)
+    expected_rad = shown(body.belief.mean)[0]
+    turned_rad = where(measured, sample.heading_rad, expected_rad) - expected_rad + math.pi
+    nu = turned_rad % (2.0 * math.pi) - math.pi
+    diverged = measured & (times.rejected_s > reset_after_s)
+    prior = choose(diverged, inflate(body.belief, HEADING_ZERO, nu * nu), body.belief)
+    belief, accepted = correct_scalar(prior, where(measured, expected_rad + nu, np.nan), shown, std_rad**2, gate)
+    rejected = measured & logical_not(accepted)
+    rejected_s = time_rejected(times.rejected_s, dt_s, rejected, measured, sparse=True)
+    body = body._replace(belief=belief, heading_rejected=rejected)
+    return body, HeadingTimes(where(accepted, HEADING_WAIT * noise.correlation_s, wait_s), rejected_s)
 
 
 def use_increment(

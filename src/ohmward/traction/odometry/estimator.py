@@ -77,6 +77,8 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
         speed_left_m_s: float | None = None,
         speed_left_std_m_s: float | None = None,
         speed_age_s: float = 0.0,
+        heading_rad: float | None = None,
+        heading_std_rad: float | None = None,
         increment: Increment | None = None,
         increment_std: Increment | None = None,
         increment_s: float | None = None,
@@ -111,6 +113,8 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
             number("speed_left_m_s", speed_left_m_s),
             number("speed_left_std_m_s", speed_left_std_m_s),
             number("speed_age_s", speed_age_s),
+            number("heading_rad", heading_rad),
+            number("heading_std_rad", heading_std_rad),
             NO_INCREMENT if increment is None else numbers("increment", increment, 3),
             NO_INCREMENT if increment_std is None else numbers("increment_std", increment_std, 3),
             number("increment_s", increment_s),
@@ -182,7 +186,7 @@ def samples_of(
     given["dt_s"] = np.diff(log.time_s, prepend=start_s)
     given["wheel_speed_rad_s"] = log.wheel_speed_rad_s[:, : robot.driven]
     given["passive_rad_s"] = log.wheel_speed_rad_s[:, passive_wheels(robot)]
-    names = ("yaw_rate_rad_s", "speed_m_s", "speed_std_m_s", "speed_age_s")
+    names = ("yaw_rate_rad_s", "speed_m_s", "speed_std_m_s", "speed_age_s", "heading_rad", "heading_std_rad")
     given |= {name: values for name in names if (values := getattr(log, name)) is not None}
     if observed is not None:
         known = force_known(observed)

@@ -4,6 +4,8 @@
     w = (w_g - b)(1 + k_g) with a gyro, else w_r (1 + k_w) + q v_r + sigma_w z_w
     x+ = x + dt (v cos m - l sin m),   y+ = y + dt (v sin m + l cos m),   m = yaw + w dt/2,   yaw+ = yaw + w dt
 
+A compass shows yaw + h, with its heading h at the yaw 0, which lasts.
+
 v_r, l_r, w_r is the motion of the wheels' rims, or that of a speed observer; w_g the gyro's. The scales k, k_g, k_w,
 the curvature q by unequal wheels and the offset b last. Slip is correlated over seconds: z is a Gauss-Markov process of
 unit variance, scaled by the standard deviation that holds now. So the error of the position grows with the root of
@@ -12,6 +14,7 @@ time, and faster than that of errors drawn anew at every sample.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,39 +35,34 @@ NAMES = (
     "radius_scale",
     "turn_scale",
     "curvature_1_m",
+    "heading_zero_rad",
     "slip",
     "side_slip",
     "turn_slip",
 )
-X, Y, YAW, OFFSET, GYRO_SCALE, RADIUS, TURN_SCALE, CURVATURE, SLIP, SIDE_SLIP, TURN_SLIP = range(len(NAMES))
+X, Y, YAW, OFFSET, GYRO_SCALE, RADIUS, TURN_SCALE, CURVATURE, HEADING_ZERO = range(len(NAMES) - 3)
+SLIP, SIDE_SLIP, TURN_SLIP = range(len(NAMES) - 3, len(NAMES))
 #: Gauss-Markov states of unit variance.
 CORRELATED = (SLIP, SIDE_SLIP, TURN_SLIP)
+
+#: Standard deviation [rad] of a heading that may be any.
+ANY_HEADING_RAD = math.pi / math.sqrt(3.0)
 
 #: Acceleration [m/s2, m/s2, rad/s2] that is possible while nothing shows the motion.
 UNSEEN = np.array([0.5, 0.1, 0.5])
 
 
 class MotionInput(NamedTuple):
-    """Motion over a step as the sensors show it.
+    """Motion over a step as the sensors show it."""
 
-    dt_s: step [s].
-    motion: (3,) forward, left [m/s] and turning [rad/s], of the wheels or of an observer.
-    motion_std: (3,) standard deviations of its correlated errors.
-    scale: share of the radius's standard deviation that is in its speed.
-    gyro_rad_s: yaw rate of the gyro.
-    gyro_variance: of its angle over time [rad2/s].
-    by_gyro: the condition that it tells the turn.
-    unseen_s: (3,) time for which nothing has shown each motion.
-    """
-
-    dt_s: Scalar
-    motion: np.ndarray
-    motion_std: np.ndarray
-    scale: Scalar
-    gyro_rad_s: Scalar
-    gyro_variance: Scalar
-    by_gyro: Any
-    unseen_s: np.ndarray
+    dt_s: Scalar  #: step [s]
+    motion: np.ndarray  #: (3,) forward, left [m/s] and turning [rad/s], of the wheels or of an observer
+    motion_std: np.ndarray  #: (3,) standard deviations of its correlated errors
+    scale: Scalar  #: share of the radius's standard deviation that is in its speed
+    gyro_rad_s: Scalar  #: yaw rate of the gyro
+    gyro_variance: Scalar  #: of its angle over time [rad2/s]
+    by_gyro: Any  #: the condition that it tells the turn
+    unseen_s: np.ndarray  #: (3,) time for which nothing has shown each motion
 
 
 def first_belief(noise: OdometryNoise, turn_per_slip: float) -> Belief:
@@ -75,6 +73,7 @@ def first_belief(noise: OdometryNoise, turn_per_slip: float) -> Belief:
         RADIUS: noise.radius_std,
         TURN_SCALE: noise.turn_scale_std,
         CURVATURE: noise.wheel_difference_std * turn_per_slip,
+        HEADING_ZERO: ANY_HEADING_RAD,
         SLIP: 1.0,
         SIDE_SLIP: 1.0,
         TURN_SLIP: 1.0,

@@ -9,10 +9,10 @@ from pathlib import Path
 from ohmward.errors import InputError
 from ohmward.toml_file import TomlFile
 from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer, TwoWheeled
-from ohmward.traction.robot.robot import RLMA, ROBOTINO, Robot
+from ohmward.traction.robot.robot import RLMA, ROBOTINO, SEEDER, Robot
 
 #: Robots that need no file.
-PACKAGED: Mapping[str, Robot] = {"rlma": RLMA, "robotino": ROBOTINO}
+PACKAGED: Mapping[str, Robot] = {"rlma": RLMA, "robotino": ROBOTINO, "seeder": SEEDER}
 
 #: What `kind` in the table [chassis] may be.
 CHASSIS: Mapping[type, str] = {

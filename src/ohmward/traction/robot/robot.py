@@ -1,4 +1,4 @@
-"""A robot: body, wheels, motors and chassis, and the two that come with the package."""
+"""A robot: body, wheels, motors and chassis, and the three that come with the package."""
 
 from __future__ import annotations
 
@@ -30,17 +30,11 @@ _WEIGHING = 0.05
 
 @dataclass(frozen=True)
 class Wheel:
-    """All wheels of a robot are alike.
+    """All wheels of a robot are alike."""
 
-    Attributes:
-        radius_m: effective rolling radius, > 0.
-        width_m: > 0.
-        inertia_kg_m2: of one wheel about its axle, without the motor, > 0.
-    """
-
-    radius_m: float
-    width_m: float
-    inertia_kg_m2: float
+    radius_m: float  #: effective rolling radius, > 0
+    width_m: float  #: > 0
+    inertia_kg_m2: float  #: of one wheel about its axle, without the motor, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("wheel.", self, "radius_m", "width_m", "inertia_kg_m2")
@@ -216,6 +210,32 @@ ROBOTINO = Robot(
         gear_efficiency=0.8,
         rotor_inertia_kg_m2=7e-6,
     ),
+)
+
+_SEEDER_WHEEL = Wheel(radius_m=0.15, width_m=0.06, inertia_kg_m2=1.5 * 0.15**2 / 2)
+#: [P] 4, of each of two motors. A motor gives V^2 / (4 R) at most, at half its speed without load.
+_SEEDER_MOTOR_V, _SEEDER_MOTOR_PEAK_W = 12.0, 514.0
+#: Not printed: speed without load [rad/s], as usual for a brushed motor of this size, 5,600 rpm.
+_SEEDER_MOTOR_FREE_RAD_S = 5600.0 * math.pi / 30.0
+
+#: The seeder robot of [P]. Printed there: a differential drive, two motors of 12 V and 514 W at most, and their type,
+#: of which G16 is taken for a gear of 16 to 1. All else is an estimate: no mass, no dimension and nothing of wheels,
+#: casters and gears is printed. The idle power is that of the Raspberry Pi 4 and the boards that are.
+SEEDER = Robot(
+    name="Seeder",
+    mass_kg=25.0,
+    yaw_inertia_kg_m2=solid_box_yaw_inertia(25.0, 0.70, 0.50),
+    chassis=TwoWheeled(axle_m=0.15, track_m=0.50, casters_m=(-0.35,)),
+    wheel=_SEEDER_WHEEL,
+    motor=Motor(
+        torque_constant_Nm_per_A=_SEEDER_MOTOR_V / _SEEDER_MOTOR_FREE_RAD_S,
+        resistance_ohm=_SEEDER_MOTOR_V**2 / (4.0 * _SEEDER_MOTOR_PEAK_W),
+        gear_ratio=16.0,
+        gear_efficiency=0.8,
+        rotor_inertia_kg_m2=5e-5,
+    ),
+    height_m=0.20,
+    idle_W=8.0,
 )
 
 

@@ -46,8 +46,8 @@ class SlipEstimator(LiveEstimator[SlipSample, SlipEstimate]):
     0.119
 
     Args:
-        robot: a robot, the path of its file, or the name of a packaged one: "rlma", "robotino". Or the settings of an
-            observer; `make_observer` finds some for a robot and a log, whose noise it measures.
+        robot: a robot, the path of its file, or the name of a packaged one: "rlma", "robotino", "seeder". Or the
+            settings of an observer; `make_observer` finds some for a robot and a log, whose noise it measures.
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
         terrain: ground that is believed at first, by name; its friction is estimated.
         filter: "ekf", "aekf", "ukf" or "aukf".
