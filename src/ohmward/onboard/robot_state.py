@@ -32,9 +32,12 @@ class Diagnostic(NamedTuple):
     values: Mapping[str, str | float] = {}  #: figures beside it
 
 
+#: Quantities without any of which nothing is known of the battery.
+OF_CHARGE = frozenset({"battery_current_A", "battery_voltage_V", "cell_voltage_V"})
+
 #: Estimates of a state, and the quantities that are their evidence: without any of them lately they are guesses.
 EVIDENCE: dict[tuple[str, ...], frozenset[str]] = {
-    ("battery", "range"): frozenset({"battery_current_A", "battery_voltage_V", "cell_voltage_V"}),
+    ("battery", "range"): OF_CHARGE,
     ("cells",): frozenset({"cell_voltage_V"}),
     ("slip", "pose"): frozenset({"wheel_speed_rad_s", "wheel_counts", "speed_m_s"}),
 }
