@@ -25,7 +25,7 @@ def main() -> None:
 
 
 def changed_files() -> list[str]:
-    """Files that differ from `main`, or on `main` from its last commit but one, and those that git does not know yet."""
+    """Files that differ from `main`, or on it from the commit before, and those that git does not know yet."""
     base = "HEAD~1" if _git("branch", "--show-current") == ["main"] else "main"
     return _git("diff", "--name-only", base) + _git("ls-files", "--others", "--exclude-standard")
 
