@@ -12,9 +12,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from ohmward_lab.assess.study import STUDIES, assess
-from ohmward_lab.cli.assess.heat import HEATS, grid
-from ohmward_lab.cli.assess.report import cost
-from ohmward_lab.cli.assess.result import Assessed, recommended, rule, worse
+from ohmward_lab.cli.assess.command import HEATS, Assessed, cost, grid, recommended, rule, worse
 
 HERE = Path(__file__).resolve().parent
 DONE = HERE.parent / "build" / "assess"

@@ -25,7 +25,7 @@ from learning_score import (
 from measured_lives import TRIP_SETTLE_S, TUE_SPLITS, short
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal, generic_battery
-from ohmward.battery.health.discharge_capacity import used_capacities
+from ohmward.battery.health.history import used_capacities
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.filters.consistency import BAND_95

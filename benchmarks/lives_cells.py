@@ -16,7 +16,6 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.identification import identify
 from ohmward.logs import Log
-from ohmward_lab.simulate.bench_profiles import bench_times, low_rate_profile, pulse_profile
 from ohmward_lab.simulate.electrochemical import (
     CellTruth,
     DayPlan,
@@ -27,7 +26,7 @@ from ohmward_lab.simulate.electrochemical import (
 )
 from ohmward_lab.simulate.electrochemical.days import days, first_discharged
 from ohmward_lab.simulate.electrochemical.records import FINE_V, log_of, until_cut_off, usual_sensors
-from ohmward_lab.simulate.profile import Profile
+from ohmward_lab.simulate.profile import Profile, bench_times, low_rate_profile, pulse_profile
 from ohmward_lab.simulate.sensors import BatterySensors
 
 STORE = HERE.parent / "build" / "lives"

@@ -20,7 +20,7 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.traction import RLMA
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
-from ohmward_lab.simulate.robot_truth import RobotTruth
+from ohmward_lab.simulate.robot_sensors import RobotTruth
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 

@@ -23,8 +23,7 @@ from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward_lab.simulate.closed_loop import Patch
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, uniform
-from ohmward_lab.simulate.robot_sensors import GYRO
-from ohmward_lab.simulate.robot_truth import RobotTruth, stack
+from ohmward_lab.simulate.robot_sensors import GYRO, RobotTruth, stack
 
 RUNS, DISTANCE_M, DT_S = 50, 50.0, 0.02
 OFFSET_RAD_S, RADIUS, UNEQUAL, SCALE = 0.01, 0.005, 0.0006, 0.01

@@ -22,8 +22,7 @@ from ohmward.traction.friction.families import (
     ward_iagnemma,
     ward_iagnemma_with_slope,
 )
-from ohmward.traction.friction.law import contact
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import contact, direction_and_size
 from ohmward.traction.friction.soft_ground import SoftGround, mean_shear
 from ohmward.traction.friction.terrain import SOILS
 from ohmward_lab.traction.friction_fit import ForceSlip, LawFit, fit_law, lack_of_fit, left_out_errors_N, select_law

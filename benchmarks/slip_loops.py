@@ -30,9 +30,9 @@ from ohmward.traction.friction.coulomb_creep import CoulombCreep
 from ohmward.traction.friction.rolling import RollingResistance
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant
-from ohmward_lab.simulate.robot_truth import RobotTruth, stack
+from ohmward_lab.simulate.robot_sensors import RobotTruth, stack
 from ohmward_lab.traction.momentum_observer.estimate import AngleSample, MomentumEstimate
-from ohmward_lab.traction.momentum_observer.noise import MomentumNoise, count_std_rad
+from ohmward_lab.traction.momentum_observer.model import MomentumNoise, count_std_rad
 from ohmward_lab.traction.momentum_observer.observer import MomentumObserver
 
 DT = 1e-3

@@ -20,7 +20,7 @@ from figure import Figure, at_least, at_most
 from lives_cells import CELLS, LABEL, PULSES, START_DEPTH, LifeCell, battery_from, capacity_of, truth_of
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator, PackRun
-from ohmward.battery.cells.unseen import unseen_weakest
+from ohmward.battery.cells.weakest import unseen_weakest
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.logs import Log

@@ -1,15 +1,14 @@
 """Fill the tables of `docs/how-sure.md` from the code: `python docs/fill_how_sure.py`.
 
-The meaning of the keys and the priors come from the docstrings and tables that the filter uses; the bands are those of
+The meaning of the keys and the priors come from the records and tables that the filter uses; the bands are those of
 `ohmward doctor` for batteries of which only chemistry and capacity are known, and for the battery of the demo after its
 pulse test.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
-from inspect import getdoc
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from ohmward.battery.chemistries import CHEMISTRIES, ChemistryPrior, CurvePrior,
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.band_forecast import TEMPERATURES_DEGC, BandForecast, forecast, forecasts_after_tests
+from ohmward.export.comments import field_comments
 
 PAGE = Path(__file__).parent / "how-sure.md"
 CAPACITY_AH, N_SERIES = 12.0, 4
@@ -40,18 +40,14 @@ def described(text: str) -> str:
 
 
 def key_table(cls: type) -> list[str]:
-    """A row for each attribute of a dataclass: its name and what its docstring says."""
+    """A row for each field of a record: its name and its meaning."""
     return ["| key | |", "|---|---|", *(f"| `{name}` | {text} |" for name, text in attributes(cls).items())]
 
 
 def attributes(cls: type) -> dict[str, str]:
-    """Text of the docstring on each attribute; names that share a text stand in one row."""
-    text = getdoc(cls) or ""
-    section = (text.partition("Attributes:\n")[2] or text.partition("\n\n")[2]).partition("\n\n")[0]
-    indent = len(section) - len(section.lstrip())
-    entries = re.sub(rf"\n\s{{{indent + 1},}}", " ", section)
-    found = (line.strip().partition(": ") for line in entries.splitlines())
-    return {name.replace(", ", "`, `"): text.rstrip(".") for name, _, text in found if text}
+    """Meaning of each field of a record; names that share one stand in one row."""
+    by_meaning = groupby(field_comments(cls).items(), key=lambda item: item[1])
+    return {"`, `".join(name for name, _ in fields): text for text, fields in by_meaning}
 
 
 def prior_table() -> list[str]:

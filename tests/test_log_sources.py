@@ -23,7 +23,8 @@ DOORS = {
     "RangeEstimator": lambda log: ow.RangeEstimator(BATTERY, "rlma").run(log, np.ones(1)),
     "SlipEstimator": lambda log: ow.SlipEstimator(RLMA).run(log),
     "Odometry": lambda log: Odometry(RLMA).run(log),
-    "calibrate": lambda log: ow.calibrate([log], RLMA),
+    "calibrate": lambda log: ow.calibrate(log, "rlma"),
+    "calibrate of several": lambda log: ow.calibrate([log], RLMA),
 }
 
 
@@ -48,3 +49,19 @@ def test_the_estimates_along_a_path_and_a_frame_are_those_of_the_log(tmp_path):
     for source in (str(tmp_path / "day.csv"), pandas.read_csv(tmp_path / "day.csv")):
         found = ow.SocEstimator(BATTERY, filter="coulomb").run(source).estimates.soc
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "door",
+    [
+        ow.SocEstimator,
+        ow.PackEstimator,
+        lambda battery: ow.RangeEstimator(battery, "rlma"),
+        lambda battery: ow.make_estimator("ekf", battery),
+        lambda battery: ow.save_battery(battery, "out.toml"),
+        lambda battery: learn(battery, "day.csv"),
+    ],
+)
+def test_the_path_of_a_battery_in_place_of_the_battery_is_refused_with_what_reads_it(door):
+    with pytest.raises(ow.InputError, match=r"battery must be a Battery.*got str; load_battery\(path\) reads one"):
+        door("battery.toml")

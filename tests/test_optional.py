@@ -2,6 +2,7 @@
 
 import re
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from ohmward.errors import OhmwardError
 from ohmward.optional import MissingPackageError, one_blas_thread, require
 
 SOURCE = Path(ohmward.__file__).parent
+PYPROJECT = Path(__file__).parents[1] / "pyproject.toml"
 
 
 def test_a_package_that_is_there_is_imported():
@@ -30,10 +32,13 @@ def test_a_package_that_is_missing_is_named_as_on_the_index(module, package, mon
     assert issubclass(MissingPackageError, OhmwardError)
 
 
-def test_ros_itself_is_no_package_of_the_index(monkeypatch):
+def test_ros_itself_has_two_ways_to_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "rclpy", None)
-    with pytest.raises(MissingPackageError, match=r"needs rclpy, which comes with ROS 2: source /opt/ros/"):
+    with pytest.raises(MissingPackageError, match=r"needs rclpy, which comes with ROS 2: source /opt/ros/") as raised:
         require("rclpy.context", "this test")
+    extra = tomllib.loads(PYPROJECT.read_text(encoding="utf-8"))["project"]["optional-dependencies"]["rclpy"]
+    told = str(raised.value).partition("pip install ")[2].replace("'", "").split()
+    assert told == [requirement.partition("~")[0] for requirement in extra]
 
 
 def test_no_message_names_an_extra_of_a_package_that_is_not_on_the_index():

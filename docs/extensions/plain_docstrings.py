@@ -1,17 +1,21 @@
 """Docstrings as they are written here: plain text with `code`, formulas, and lists of `name: what`.
 
 They are read in an editor far more often than in a browser, so they carry no markup; this turns them into the
-reStructuredText that autodoc wants.
+reStructuredText that autodoc wants. A record is shown with the meanings that stand behind its fields.
 """
 
 from __future__ import annotations
 
+import inspect
 import re
+import sys
 from collections.abc import Iterator
 from itertools import groupby
 from textwrap import dedent
 
 from sphinx.application import Sphinx
+
+from ohmward.export.comments import field_comments
 
 SECTIONS = ("Args:", "Attributes:", "Raises:", "Returns:")
 ITEM = re.compile(r"(\w+(?:, \w+)*): ")
@@ -26,12 +30,23 @@ def setup(app: Sphinx) -> dict[str, bool]:
 
 def process(app: Sphinx, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
     """Rewrite the lines in place, as the event asks for."""
+    if isinstance(value, type) and (behind := _behind_fields(value)):
+        lines += ["Attributes:", *(f"    {name}: {text}" for name, text in behind.items()), ""]
     lines[:] = [line for paragraph in _paragraphs(lines) for line in (*_as_markup(paragraph), "")]
 
 
 def skip(app: Sphinx, what: str, name: str, value: object, skipped: bool, options: object) -> bool | None:
-    """Leave out fields of NamedTuples: their class describes them."""
-    return True if type(value).__name__ == "_tuplegetter" else None
+    """Leave out the fields of a record: their class describes them."""
+    module, owner = app.env.temp_data.get("autodoc:module"), app.env.temp_data.get("autodoc:class")
+    cls = getattr(sys.modules.get(module or ""), owner or "", None)
+    return True if name in getattr(cls, "__annotations__", ()) else None
+
+
+def _behind_fields(cls: type) -> dict[str, str]:
+    """Meanings that stand behind fields, not in the docstring."""
+    found = field_comments(cls) if cls.__module__.startswith("ohmward") and inspect.get_annotations(cls) else {}
+    listed = cls.__doc__ or ""
+    return {name: text for name, text in found.items() if not re.search(rf"\b{name}(?:, \w+)*: ", listed)}
 
 
 def _paragraphs(lines: list[str]) -> Iterator[list[str]]:

@@ -31,25 +31,18 @@ _LONG_KEY = re.compile(rf"(?<![\w-])(?:{_KEY_PART}[ \t]*+\.[ \t]*+){{{_KEY_PARTS
 
 @dataclass(frozen=True)
 class TomlFile(Generic[T]):
-    """One kind of file.
+    """One kind of file."""
 
-    Attributes:
-        cls: the dataclass that it holds; dataclasses and tuples of them may stand in it. It checks its values.
-        format: name and version, such as "ohmward-battery/1"; the first key of every file.
-        header: comments at the head, lines that start with "#".
-        digits: significant digits of the numbers written.
-        kinds: class -> value of its key `kind`, for fields that may hold one of several dataclasses.
-        once: sub-table -> keys that it has in common with the head of the file, where alone they stand.
-        paths: keys that may name another file (.toml), such as "battery.file": its path is taken from the folder of
-            the file that names it.
-    """
-
-    cls: type[T]
-    format: str
-    header: str
-    digits: int = 6
+    cls: type[T]  #: the dataclass that it holds; dataclasses and tuples of them may stand in it. It checks its values.
+    format: str  #: name and version, such as "ohmward-battery/1"; the first key of every file
+    header: str  #: comments at the head, lines that start with "#"
+    digits: int = 6  #: significant digits of the numbers written
+    #: class -> value of its key `kind`, for fields that may hold one of several dataclasses
     kinds: Mapping[type, str] = field(default_factory=dict)
+    #: sub-table -> keys that it has in common with the head of the file, where alone they stand
     once: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    #: keys that may name another file (.toml), such as "battery.file": its path is taken from the folder of the file
+    #: that names it
     paths: tuple[str, ...] = ()
 
     @property

@@ -7,7 +7,7 @@ from cli.examples import drive, pulse_test
 from ohmward.cli.main import main
 from ohmward.logs import Log
 from ohmward_lab.cli.demo import command as demo
-from ohmward_lab.cli.demo.report import CHAPTERS
+from ohmward_lab.cli.demo.command import CHAPTERS
 from ohmward_lab.simulate import RobotDay
 from ohmward_lab.simulate.closed_loop import Scenario
 from ohmward_lab.simulate.robot_drive import robot_drive

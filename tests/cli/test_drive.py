@@ -11,8 +11,7 @@ from typing import Any
 
 import pytest
 
-from ohmward.cli.drive.keys import EVENT, keys_of, moved_stick, pressed
-from ohmward.cli.drive.report import line
+from ohmward.cli.drive.command import EVENT, keys_of, line, moved_stick, pressed
 from ohmward.cli.main import main
 from ohmward.onboard.control.drive_control import DriveControl
 from ohmward.onboard.control.limits import DriveLimits

@@ -15,11 +15,11 @@ from markdown_pages import redirected
 from ohmward.battery.chemistries import CHEMISTRIES
 from ohmward.battery.identification import DEFAULT_MODEL, MODELS
 from ohmward.battery.soc.registry import DEFAULT, ESTIMATORS, published
+from ohmward.cli import doctor as doctor
+from ohmward.cli import identify as identify
 from ohmward.cli import main
-from ohmward.cli.doctor import arguments as doctor
-from ohmward.cli.identify import arguments as identify
+from ohmward.cli import soc as soc
 from ohmward.cli.parser import count, pair, share
-from ohmward.cli.soc import arguments as soc
 from ohmward.errors import OhmwardError
 
 COMMANDS = tuple(main.COMMANDS)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ohmward.cli.main import main
-from ohmward.cli.report_parts import with_assumptions
+from ohmward.cli.wording import with_assumptions
 from ohmward.report import Page
 
 REPORTS = {

@@ -15,7 +15,7 @@ import pytest
 from markdown_pages import redirected
 from ohmward import generic_battery, save_battery
 from ohmward.cli.main import main
-from ohmward.cli.run.result import summary
+from ohmward.cli.run.command import summary
 from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.sinks.page import PageSink

@@ -11,7 +11,7 @@ import pytest
 from ohmward import generic_battery, save_battery
 from ohmward.cli.main import main
 from ohmward.cli.service import command
-from ohmward.cli.service.unit import obstacles, unit
+from ohmward.cli.service.command import obstacles, unit
 from ohmward.errors import InputError
 
 ANALYZE = shutil.which("systemd-analyze")

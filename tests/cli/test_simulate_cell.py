@@ -10,7 +10,7 @@ import pytest
 from markdown_pages import ROOT
 from ohmward.cli.main import main
 from ohmward.logs import Log, read_log
-from ohmward_lab.cli.simulate import arguments
+from ohmward_lab.cli import simulate as arguments
 from ohmward_lab.cli.simulate import cell as command
 from ohmward_lab.simulate.electrochemical.cell import MODELS
 from ohmward_lab.simulate.electrochemical.records import RECORDS

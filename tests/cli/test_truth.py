@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ohmward.cli.truth import read_soc_truth
+from ohmward.cli.battery_inputs import read_soc_truth
 from ohmward.errors import InputError
 from ohmward.logs import Log
 

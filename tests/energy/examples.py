@@ -7,9 +7,8 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.energy.consumption import Consumption, begin_drive, learn, start, with_terrain
+from ohmward.energy.consumption import Consumption, Variance, begin_drive, learn, start, with_terrain
 from ohmward.energy.consumption_prior import ConsumptionPrior
-from ohmward.energy.consumption_sums import Variance
 from ohmward.energy.leg import Leg, stretch_of
 
 PRIOR = ConsumptionPrior(

@@ -8,6 +8,7 @@ from ohmward.energy.consumption import (
     CLIMB,
     HEAT,
     Consumption,
+    Variance,
     begin_drive,
     design_row,
     energy_demand,
@@ -18,7 +19,6 @@ from ohmward.energy.consumption import (
     with_terrain,
 )
 from ohmward.energy.consumption_prior import ConsumptionPrior, prior_from_mass
-from ohmward.energy.consumption_sums import Variance
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, way_back
 from ohmward.errors import InputError
 

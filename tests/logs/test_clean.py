@@ -5,8 +5,18 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from ohmward.errors import InputError
-from ohmward.logs.clean import drop_text, drop_untimed, find_gaps, gap_notes, merge_rates, missing_notes, to_si
+from ohmward.logs.clean import (
+    drop_text,
+    drop_untimed,
+    find_gaps,
+    gap_notes,
+    merge_rates,
+    missing_notes,
+    to_si,
+    without_spikes,
+)
 from ohmward.logs.columns import Column
+from ohmward.logs.log import without_impossible_temperatures
 from ohmward.logs.table import Table
 from ohmward.logs.units import UNITS
 
@@ -125,3 +135,36 @@ def test_gaps_are_what_they_are_defined_as(intervals):
 def test_gaps_are_noted_with_count_and_longest():
     time_s = np.concatenate([np.arange(10.0), np.arange(30.0, 40.0), np.arange(100.0, 110.0)])
     assert [note.text for note in gap_notes(time_s)] == ["2 gaps, the longest 61 s after 39 s"]
+
+
+def voltages():
+    """A pack of 28 V under loads of single rows that take a quarter of it away."""
+    return 28.0 - 7.0 * (np.arange(400) % 20 == 0)
+
+
+@pytest.mark.parametrize("value", [65.535, 0.0, -1.0, 14.0])
+@pytest.mark.parametrize("rows", [[0], [399], [7, 8, 9], [5, 50, 200, 202]])
+def test_single_rows_of_a_voltage_that_no_battery_shows_are_left_out_and_counted(value, rows):
+    voltage_V = voltages()
+    voltage_V[rows] = value
+    found_V, notes = without_spikes(voltage_V)
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(found_V)), rows)
+    assert [note.level for note in notes] == ["warning"]
+    assert f"{len(rows)} voltage" in notes[0].text and f"of {value:g} V left out" in notes[0].text
+
+
+@pytest.mark.parametrize("stretch", [slice(0, 0), slice(100, 104), slice(380, 400)])
+def test_loads_and_a_voltage_that_stays_away_are_measured(stretch):
+    """A test may take a cell, or a capacitor, far down."""
+    voltage_V = voltages()
+    voltage_V[stretch] = 2.0
+    assert without_spikes(voltage_V) == (voltage_V, ())
+
+
+def test_temperatures_that_no_battery_has_are_left_out_and_counted():
+    cut = np.array([21.0, -127.0, 21.5, np.nan, 22.0])
+    found_degC, notes = without_impossible_temperatures(cut)
+    np.testing.assert_array_equal(found_degC, [21.0, np.nan, 21.5, np.nan, 22.0])
+    assert notes[0].text == "1 temperature of -127 degC left out: no battery has them"
+    kelvin = np.array([294.0, 295.0, 21.0])
+    assert without_impossible_temperatures(kelvin) == (kelvin, ())

@@ -176,6 +176,27 @@ def test_batteries_that_read_alike_are_told_by_the_name_of_the_column(shift_s):
     require_one_instance(instances((0, 1), shift_s, "heartbeat", offset=0.0), "time", {"voltage"})
 
 
+def test_named_batteries_under_coarse_stamps_are_refused_with_the_choice():
+    rows = instances(("left", "right"), name="battery")
+    coarse = rows.with_columns({"time": rows.columns["time"] // 10 * 10})
+    with pytest.raises(InputError, match="battery=left or --where battery=right"):
+        require_one_instance(coarse, "time", {"voltage"})
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_batteries_that_no_column_tells_apart_are_refused(count):
+    rows = instances(tuple(range(count)))
+    del rows.columns["which"]
+    with pytest.raises(InputError, match=f"{count} rows stand at each time and differ as those of {count} batteries"):
+        require_one_instance(rows, "time", {"voltage"})
+
+
+@pytest.mark.parametrize("count", [2, 5])
+def test_rows_of_one_battery_under_coarse_stamps_are_no_instances(count):
+    k = np.arange(60.0 * count)
+    require_one_instance(table(k // count, voltage=20.0 + np.sin(k) + 0.1 * k), "time", {"voltage"})
+
+
 def test_a_battery_that_is_logged_rarely_is_found():
     rows = instances(("main", "aux"))
     rare = (rows.columns["which"] == "main") | (np.arange(60) % 20 == 1)

@@ -111,6 +111,35 @@ def test_names_of_bdf_in_another_file_yield_to_the_data(write_text, pulses):
     np.testing.assert_array_equal(log.current_A, pulses[1])
 
 
+@pytest.mark.parametrize("cells", [1, 2, 14])
+def test_milliamperes_under_a_name_without_a_unit_are_a_warning(write_text, pulses, cells):
+    """The pulses as those of a cell of some 20 mohm, and of the pack of as many."""
+    time_s, current_A, voltage_V = pulses
+    pack_V = cells * (3.7 + (voltage_V - np.median(voltage_V)))
+    doubt = f"dV/dI = {0.02 * cells:.2g} mohm, less than cells have: if these are milliamperes, say --unit current=mA"
+    amperes = csv(["time_s", "current", "voltage"], time_s, current_A, pack_V)
+    milliamperes = csv(["time_s", "current", "voltage"], time_s, 1e3 * current_A, pack_V)
+    assert doubt in texts(read_log(write_text(milliamperes)))
+    for told in ("current_mA", "current_A"):
+        assert doubt not in texts(read_log(write_text(milliamperes.replace("current", told, 1))))
+    assert "milliamperes" not in texts(read_log(write_text(amperes)))
+
+
+@pytest.mark.parametrize(
+    ("time", "seconds", "current", "amperes"),
+    [
+        ("Test Time / h", 3600.0, "Current / A", 1.0),
+        ("test_time_millisecond", 1e-3, "current_milliampere", 1e-3),
+        ("Test Time / min", 60.0, "Current / mA", 1e-3),
+    ],
+)
+def test_bdf_in_other_units_is_read(write_text, pulses, time, seconds, current, amperes):
+    rows = pulses[0] / seconds, pulses[1] / amperes, pulses[2]
+    log = read_log(write_text(csv([time, current, "Voltage / V"], *rows), "cell.bdf.csv"))
+    np.testing.assert_allclose(log.time_s, pulses[0], atol=1e-9)
+    np.testing.assert_allclose(log.current_A, pulses[1], atol=1e-9)
+
+
 def test_bdf_without_its_columns_is_refused(write_text):
     with pytest.raises(InputError, match=r"BDF requires .*missing: 'Test Time / s'; it has: 'time', 'Current / A'"):
         read_log(write_text("time,Current / A,Voltage / V\n0,1,12\n", "cell.bdf.csv"))
@@ -300,6 +329,8 @@ def test_measured_lfp_charge_matches_the_cycler(measured, script):
         ("Temp", "0", "0"),
         ("temperature [K]", "0", "-273.15"),
         ("temperature [degF]", "0", "-17.7778"),
+        ("temperature [degF]", "32", "0"),
+        ("temperature [K]", "273.15", "0"),
         ("temperature_degC", "-127.0", "-127"),
         ("temperature_degC", "-40", "-40"),
         ("temperature_degC", "85.0", "85"),
@@ -315,6 +346,16 @@ def test_a_temperature_of_no_sensor_is_left_out_with_a_warning(write_text, pulse
     told = read_log(path, hints=FileHints(temperature_degC=5.0))
     assert told.temperature_degC is not None
     assert (told.temperature_degC == 5.0).all()
+
+
+def test_rows_that_are_no_measurement_do_not_hide_the_sign(write_text, pulses):
+    time_s, current_A, voltage_V = pulses
+    voltage_V = voltage_V.copy()
+    voltage_V[[95, 210, 333, 334]] = 65.535
+    log = read_log(write_text(csv(["time_s", "current_A", "voltage_V"], time_s, current_A, voltage_V)))
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(log.voltage_V)), [95, 210, 333, 334])
+    assert survey(log).sign.resistance_ohm == pytest.approx(0.02, rel=0.02)
+    assert "warning: 4 voltages of 65.535 V left out: no measurement, far from the rows around" in texts(log)
 
 
 @pytest.mark.parametrize("cells", [["25.0"] * 600, ["-20"] * 600, ["0"] * 599 + ["0.1"]])

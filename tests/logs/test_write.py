@@ -13,7 +13,6 @@ from ohmward.logs import Log, read_log, write_log, write_table
 
 SUFFIXES = [".csv", ".bdf.csv", ".parquet", ".bdf.parquet"]
 numbers = st.floats(-1e6, 1e6)
-gappy = numbers | st.just(np.nan)
 
 
 @st.composite
@@ -21,9 +20,9 @@ def logs(draw):
     size = draw(st.integers(1, 40))
     steps = draw(arrays(float, size, elements=st.floats(1e-3, 1e3)))
 
-    def signal():
-        values = draw(arrays(float, size, elements=gappy))
-        values[0] = draw(numbers)  # a column without any value is refused on reading
+    def signal(of=numbers):
+        values = draw(arrays(float, size, elements=of | st.just(np.nan)))
+        values[0] = draw(of)  # a column without any value is refused on reading
         return values
 
     extra = draw(st.sets(st.sampled_from(["soc", "Ah in", 'a "quoted" one', "x,y", "größe"])))
@@ -31,8 +30,8 @@ def logs(draw):
         name="log",
         time_s=np.cumsum(steps),
         current_A=signal(),
-        voltage_V=signal(),
-        temperature_degC=draw(st.none() | arrays(float, size, elements=numbers)),
+        voltage_V=signal(st.floats(20.0, 26.0)),  # what no battery shows is left out on reading
+        temperature_degC=draw(st.none() | arrays(float, size, elements=st.floats(-60.0, 120.0))),
         extra={name: signal() for name in sorted(extra)},
         start_unix_s=draw(st.none() | st.floats(1e9, 2e9)),
     )

@@ -3,7 +3,7 @@ from itertools import pairwise
 
 import pytest
 
-from ohmward.onboard.mean_inbox import LONGEST_S, USUAL_S, MeanInbox, MeanSample
+from ohmward.onboard.estimation import LONGEST_S, USUAL_S, MeanInbox, MeanSample
 
 
 def test_a_message_with_everything_is_a_sample():

@@ -23,8 +23,7 @@ from ohmward.onboard.message import Message, Put
 from ohmward.onboard.part import Sink
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_state import Level
-from ohmward.onboard.sinks.influxdb import InfluxSink
-from ohmward.onboard.sinks.postgresql import PostgresqlSink
+from ohmward.onboard.sinks.server import InfluxSink, PostgresqlSink
 from ohmward.onboard.sinks.store import StoreSink
 from ohmward.onboard.store.rows import KINDS
 from ohmward.onboard.store.store import Store

@@ -16,9 +16,9 @@ from ohmward.onboard.message import Message
 from ohmward.onboard.part import EndedError
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.sinks.json_lines import JsonLinesSink
-from ohmward.onboard.snapshot_file import NAME, write_snapshot
 from ohmward.onboard.sources.json_lines import JsonLinesSource
 from ohmward.onboard.sources.replay import ReplaySource, replays_in_step
+from ohmward.onboard.state_folder import NAME, write_snapshot
 
 
 def battery_log(path, begin_s=0.0, seconds=20):

@@ -19,8 +19,16 @@ from ohmward import SocEstimator, SocFlag, generic_battery, load_battery, save_b
 from ohmward.errors import OhmwardError
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.resume import remember, resume
-from ohmward.onboard.snapshot_file import NAME, PREVIOUS, read_snapshot, write_snapshot
-from ohmward.onboard.state_folder import CONSUMPTION, IN_USE, LEARNT, StateFolder
+from ohmward.onboard.state_folder import (
+    CONSUMPTION,
+    IN_USE,
+    LEARNT,
+    NAME,
+    PREVIOUS,
+    StateFolder,
+    read_snapshot,
+    write_snapshot,
+)
 from ohmward.trace.snapshot import sealed
 from ohmward.traction.robot.file import load_robot
 from ohmward.traction.robot.robot import RLMA

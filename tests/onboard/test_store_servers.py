@@ -15,8 +15,7 @@ import pytest
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
-from ohmward.onboard.sinks.influxdb import InfluxSink
-from ohmward.onboard.sinks.postgresql import PostgresqlSink
+from ohmward.onboard.sinks.server import InfluxSink, PostgresqlSink
 from ohmward.onboard.store.delivery import deliver, send_batch
 from ohmward.onboard.store.influx import lines, post
 from ohmward.onboard.store.postgresql import write

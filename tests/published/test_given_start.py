@@ -5,7 +5,7 @@ import pytest
 from cli.examples import MODEL
 from ohmward.battery.soc.sample import SocSample
 from ohmward.filters.belief import unpack
-from ohmward_lab.published.given_start import GivenStart
+from ohmward_lab.published.registry import GivenStart
 
 FIRST = SocSample(0.0, 0.0, float(MODEL.ocv.mean_V(0.9, 25.0)), math.nan)
 

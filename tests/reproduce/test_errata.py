@@ -7,7 +7,7 @@ import sympy as sp
 from ohmward.battery.models import rc
 from ohmward_lab.reproduce.errata import ERRATA, check
 from ohmward_lab.reproduce.errata_circuit import _p_rate
-from ohmward_lab.reproduce.erratum import Erratum, differs
+from ohmward_lab.reproduce.row import Erratum, differs
 
 
 @pytest.mark.parametrize("erratum", ERRATA, ids=lambda e: f"{e.text} {e.place}")

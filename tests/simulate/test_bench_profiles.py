@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward_lab.simulate import BATTERIES, resting_state, simulate
-from ohmward_lab.simulate.bench_profiles import bench_times, low_rate_test, pulse_test
-from ohmward_lab.simulate.profile import steps
+from ohmward_lab.simulate.profile import bench_times, low_rate_test, pulse_test, steps
 
 LFP = BATTERIES["lfp"]
 

@@ -4,8 +4,16 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward_lab.simulate.robot_sensors import Board, RobotSensors, Sensor, measure, record, sample_board, wheel_speed
-from ohmward_lab.simulate.robot_truth import RobotTruth
+from ohmward_lab.simulate.robot_sensors import (
+    Board,
+    RobotSensors,
+    RobotTruth,
+    Sensor,
+    measure,
+    record,
+    sample_board,
+    wheel_speed,
+)
 
 EXACT = Sensor(low=-100.0, high=100.0, resolution=1e-9, noise_std=0.0)
 IDEAL = RobotSensors(motor_current=EXACT, gyro=EXACT, accelerometer=EXACT)

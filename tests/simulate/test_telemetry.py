@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ohmward.errors import InputError
-from ohmward_lab.simulate.telemetry import Telemetry
+from ohmward_lab.simulate.robot_day import Telemetry
 
 
 @given(

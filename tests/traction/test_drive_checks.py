@@ -1,5 +1,6 @@
 """Faults planted into a good drive, each found and named; the good drive raises nothing."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -205,3 +206,23 @@ def test_a_size_is_left_out_where_the_robot_slides_on_wheels_that_stand():
     found = with_signed_speed(RLMA, slid).speed_m_s
     assert found is not None
     assert np.isnan(found[(TIME > 9) & (TIME < 11)]).all()
+
+
+@pytest.mark.parametrize("forward", [1.0, -1.0])
+@pytest.mark.parametrize("every", [1, 50])
+def test_a_robot_that_is_stuck(every, forward):
+    """Also by a speed that comes once a second, forward or backward, and though its wheels stand for a while."""
+    log = good(RLMA, gyro=False)
+    speed = forward * np.where((TIME > 8) & (TIME < 16), 0.01, log.speed_m_s)
+    speed[np.arange(TIME.size) % every != 0] = np.nan
+    wheels, current = forward * log.wheel_speed_rad_s, forward * log.motor_current_A
+    wheels[(TIME > 10) & (TIME < 13)] = 0.0
+    (found,) = texts(RLMA, replace(log, wheel_speed_rad_s=wheels, motor_current_A=0 * current, speed_m_s=speed))[-1:]
+    first, last = (float(number) for number in re.findall(r"([\d.]+) s", found))
+    assert (first, last) == (pytest.approx(8.0, abs=1.1), pytest.approx(16.0, abs=1.1))
+    assert "the robot stands by the speed from outside" in found
+
+
+def test_a_robot_that_starts_late_by_its_speed_is_not_stuck():
+    log = good(RLMA, gyro=False)
+    assert texts(RLMA, replace(log, speed_m_s=np.where(TIME < 2.5, 0.0, log.speed_m_s))) == []

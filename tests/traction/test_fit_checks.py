@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ohmward.traction.fit_checks import fit_notes, misfits
+from ohmward.traction.observed_drive import fit_notes, misfits
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipRun
 

@@ -14,10 +14,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from ohmward_lab.assess import LARGEST_RMSE
+
 #: A 95 % band that covers at least this share in every condition of the situation can be trusted.
 COVERS = 0.85
-#: Largest RMSE of a method that is recommended, unless said otherwise: 8 points of charge, 8 cm/s.
-LARGEST_RMSE = 0.08
 #: An RMSE that exceeds another by more than this factor is worse: less is the chance of the runs.
 WORSE = 1.05
 
@@ -82,41 +82,30 @@ _ANY = Processor("any", math.inf)
 
 
 class Recommendation(NamedTuple):
-    """A row of the table.
-
-    method: None where there is none to recommend.
-    closest: the method, or where there is none that with the smallest RMSE: the next two figures are its.
-    worst_rmse: in the worst condition.
-    least_covered: by its band; nan without one.
-    helps: what makes a method possible where there is none, each by itself.
-    """
+    """A row of the table."""
 
     subject: str
     situation: str
     processor: str
-    method: str | None
-    closest: str
-    worst_rmse: float
-    least_covered: float
-    helps: tuple[str, ...] = ()
+    method: str | None  #: None where there is none to recommend
+    closest: str  #: the method, or where there is none that with the smallest RMSE: the next two figures are its
+    worst_rmse: float  #: in the worst condition
+    least_covered: float  #: by its band; nan without one
+    helps: tuple[str, ...] = ()  #: what makes a method possible where there is none, each by itself
 
 
 class Worse(NamedTuple):
-    """Methods that are worse than something simpler.
-
-    where: situation or condition.
-    methods, rmse: their names and errors.
-    than, than_rmse: what they are compared with, and each one's error there.
-    every: all methods that could be are.
-    """
+    """Methods that are worse than something simpler."""
 
     subject: str
-    where: str
+    where: str  #: situation or condition
+    #: their names and errors
     methods: tuple[str, ...]
     rmse: tuple[float, ...]
+    #: what they are compared with, and each one's error there
     than: str
     than_rmse: tuple[float, ...]
-    every: bool
+    every: bool  #: all methods that could be are
 
 
 class _Judged(NamedTuple):

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
 from ohmward.fleet.run import in_processes, run_fleet
+from ohmward_lab.assess import LARGEST_RMSE
 from ohmward_lab.assess.battery.cell import SocFigures, soc_cell
 from ohmward_lab.assess.battery.conditions import CONDITIONS, SITUATIONS
 from ohmward_lab.assess.battery.methods import METHODS, PROCESSORS
 from ohmward_lab.assess.battery.shifts import CHEMISTRIES
 from ohmward_lab.assess.recommendation import (
-    LARGEST_RMSE,
     Processor,
     Recommendation,
     Rules,
@@ -34,27 +34,25 @@ _BETWEEN = " | "
 
 
 class Study(NamedTuple):
-    """A study.
+    """A study."""
 
-    name, subject, run: in words: what is estimated, what a subject is, and what one run is.
-    subjects, conditions, methods: that are crossed; each condition and method has a `name`.
-    figures: fields of a row; `cell(subject, condition, method, runs, seed)` gives it.
-    situations, processors: for which a method is recommended.
-    plain: method that every other one is compared with, if there is one.
-    pairs: conditions that differ in what the method is given alone: the truth, and something else.
-    """
-
+    #: in words: what is estimated, what a subject is, and what one run is
     name: str
     subject: str
     run: str
+    #: that are crossed; each condition and method has a `name`
     subjects: tuple[str, ...]
     conditions: Sequence[Any]
     methods: Sequence[Any]
+    #: fields of a row; `cell(subject, condition, method, runs, seed)` gives it
     figures: type[SocFigures] | type[SlipFigures]
+
     cell: Callable[[str, Any, Any, int, int], Any]
+    #: for which a method is recommended
     situations: tuple[Situation, ...]
     processors: tuple[Processor, ...]
-    plain: str | None = None
+    plain: str | None = None  #: method that every other one is compared with, if there is one
+    #: conditions that differ in what the method is given alone: the truth, and something else
     pairs: tuple[tuple[str, str], ...] = ()
 
     def items(self, only: Sequence[str] = ()) -> list[str]:
@@ -122,19 +120,12 @@ STUDIES: Mapping[str, Study] = {
 
 @dataclass(frozen=True)
 class Assessment:
-    """The job of a study: its items are named by subject, condition and method.
+    """The job of a study: its items are named by subject, condition and method."""
 
-    Attributes:
-        study: its name.
-        runs: of each subject under each condition.
-        seed: of all random numbers.
-        estimates: none are kept.
-    """
-
-    study: str
-    runs: int
-    seed: int
-    estimates: None = None
+    study: str  #: its name
+    runs: int  #: of each subject under each condition
+    seed: int  #: of all random numbers
+    estimates: None = None  #: none are kept
 
     @property
     def digest(self) -> str:

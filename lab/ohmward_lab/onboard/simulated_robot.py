@@ -15,8 +15,7 @@ from ohmward.onboard.part import LOG, EndedError
 from ohmward.onboard.sources.simulation import SimulationSource
 from ohmward.traction.inbox import BODY, HEADING
 from ohmward_lab.simulate.closed_loop import Command, Control, Grade, Pack, Patch, Scenario, Sensing, find_scenario
-from ohmward_lab.simulate.closed_loop.loop import ClosedLoopDrive
-from ohmward_lab.simulate.closed_loop.records import Records
+from ohmward_lab.simulate.closed_loop.loop import ClosedLoopDrive, Records
 from ohmward_lab.simulate.closed_loop.run import RunRow
 
 #: Simulated at once before anything else is done [s]; messages come in time all the same.

@@ -19,7 +19,7 @@ import numpy as np
 from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.trace import clip, maximum, minimum, where
-from ohmward.traction.control.driven_wheel import DrivenWheel
+from ohmward.traction.control.signals import DrivenWheel
 from ohmward.traction.control.sliding_mode import SlidingMemory, SlidingMode
 from ohmward.traction.control.slip_law import Motion
 
@@ -43,14 +43,10 @@ class FuzzyMemory(NamedTuple):
 
 @dataclass(frozen=True)
 class FuzzySlidingMode:
-    """Settings of the law.
+    """Settings of the law."""
 
-    Attributes:
-        sliding: the law that is adapted.
-        gain_rules, layer_rules: (3, 3) shares of k and Phi, > 0; those of k for large sigma are at least 1.
-    """
-
-    sliding: SlidingMode
+    sliding: SlidingMode  #: the law that is adapted
+    #: (3, 3) shares of k and Phi, > 0; those of k for large sigma are at least 1
     gain_rules: Rules = GAIN_RULES
     layer_rules: Rules = LAYER_RULES
 

@@ -34,19 +34,12 @@ class HybridState(NamedTuple):
 
 @dataclass(frozen=True)
 class Hybrid:
-    """Settings.
+    """Settings."""
 
-    Attributes:
-        thevenin: estimates.
-        rc: initialises and corrects.
-        rest_share: current below this share of 1 C, and three sigma of its noise, counts as rest.
-        settle_s: length of a rest after which its voltage is taken for the open-circuit voltage.
-    """
-
-    thevenin: TheveninFilter
-    rc: RcFilter
-    rest_share: float = 0.03
-    settle_s: float = 900.0
+    thevenin: TheveninFilter  #: estimates
+    rc: RcFilter  #: initialises and corrects
+    rest_share: float = 0.03  #: current below this share of 1 C, and three sigma of its noise, counts as rest
+    settle_s: float = 900.0  #: length of a rest after which its voltage is taken for the open-circuit voltage
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> HybridState:
         """State before the first sample: the SoC of whichever filter is surer of it."""

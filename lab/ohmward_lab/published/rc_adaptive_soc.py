@@ -32,15 +32,10 @@ class SchemeState(NamedTuple):
 
 @dataclass(frozen=True)
 class RcAdaptiveSoc:
-    """Settings of both filters; `init` and `step` are pure functions of them.
+    """Settings of both filters; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        joint: finds C_b, C_s, R_e and R_t.
-        soc: estimates the state of charge with them; its model has those of the battery file.
-    """
-
-    joint: RcJoint
-    soc: RcFilter
+    joint: RcJoint  #: finds C_b, C_s, R_e and R_t
+    soc: RcFilter  #: estimates the state of charge with them; its model has those of the battery file
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> SchemeState:
         """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""

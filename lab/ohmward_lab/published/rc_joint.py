@@ -80,100 +80,69 @@ def nominal_of(model: rc.RcModel) -> Nominal:
 
 
 class JointState(NamedTuple):
-    """State of the filter between two samples: plain numbers.
+    """State of the filter between two samples: plain numbers."""
 
-    belief: mean (n,) and lower triangle of the covariance.
-    noise: second moments of innovation and residual [V^2].
-    gain: (n,) of the last voltage; zero where it was not used.
-    current_A: of the sample before.
-    rejected_s: time for which the voltage has been outside its gate [s].
-    """
-
-    belief: PackedBelief
-    noise: adaptive.NoiseEstimate
-    gain: np.ndarray
-    current_A: Scalar
-    rejected_s: Scalar
+    belief: PackedBelief  #: mean (n,) and lower triangle of the covariance
+    noise: adaptive.NoiseEstimate  #: second moments of innovation and residual [V^2]
+    gain: np.ndarray  #: (n,) of the last voltage; zero where it was not used
+    current_A: Scalar  #: of the sample before
+    rejected_s: Scalar  #: time for which the voltage has been outside its gate [s]
 
 
 class JointEstimate(NamedTuple):
-    """Estimate after a sample.
+    """Estimate after a sample."""
 
-    circuit: the parameters.
-    c_bulk_std, c_surface_std, r_std, r_terminal_std: their relative standard deviations.
-    bulk_V, surface_V: voltages of the capacitors.
-    voltage_V, voltage_std_V: terminal voltage expected before the measurement, and its standard deviation.
-    innovation_V: measured minus expected voltage; nan when there was none.
-    flags: sum of `SocFlag`.
-    """
-
-    circuit: rc.Circuit
+    circuit: rc.Circuit  #: the parameters
+    #: their relative standard deviations
     c_bulk_std: Scalar
     c_surface_std: Scalar
     r_std: Scalar
     r_terminal_std: Scalar
+    #: voltages of the capacitors
     bulk_V: Scalar
     surface_V: Scalar
+    #: terminal voltage expected before the measurement, and its standard deviation
     voltage_V: Scalar
     voltage_std_V: Scalar
-    innovation_V: Scalar
-    flags: Scalar
+    innovation_V: Scalar  #: measured minus expected voltage; nan when there was none
+    flags: Scalar  #: sum of `SocFlag`
 
 
 class JointGate(NamedTuple):
-    """Decision of the gate on a voltage.
+    """Decision of the gate on a voltage."""
 
-    used: the condition that it is used.
-    outside: the condition that its NIS exceeds the gate.
-    rejected_s: time for which voltages have been outside.
-    """
-
-    used: Any
-    outside: Any
-    rejected_s: Scalar
+    used: Any  #: the condition that it is used
+    outside: Any  #: the condition that its NIS exceeds the gate
+    rejected_s: Scalar  #: time for which voltages have been outside
 
 
 @dataclass(frozen=True)
 class RcJoint:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        nominal: start of the parameters.
-        start_std: (4,) standard deviations of the logarithms of C_b, C_s, R_e, R_t at the start; 0.5 is a factor 1.6.
-        voltage_as: "state" is [T]'s seven states, "output" the six.
-        voltage_std_V: white noise of the voltage sensor; floor of R.
-        current_std_A: white noise of the current sensor; moves both capacitors.
-        disturbance_V: change in one second of the voltage beyond the circuit's, with V as a state; floor of Q.
-        parameter_walk: change of each parameter in one hour as a share of itself; floor of Q. Without it the filter
-            stops learning, believes itself, and is wrong with confidence as soon as the battery warms up.
-        match_Q, match_R: which noise is learnt; both in [T]. The floors are the whole noise otherwise.
-        window: effective number of samples for that.
-        gate: largest NIS of a voltage that is used.
-        reset_after_s: time outside the gate after which the filter has diverged: voltages are used until one passes.
-        gap_s: a longer step says nothing about the current in between.
-        unknown_A: standard deviation of a current that was not measured.
-        current_limit_A: a larger current is a fault of its sensor.
-        highest_ocv_V: of the battery [V]; voltages that no such battery can show are none.
-        scaling: of the sigma points.
-    """
-
-    nominal: Nominal
+    nominal: Nominal  #: start of the parameters
+    #: (4,) standard deviations of the logarithms of C_b, C_s, R_e, R_t at the start; 0.5 is a factor 1.6
     start_std: tuple[float, float, float, float] = (0.5, 0.5, 0.5, 0.5)
-    voltage_as: Literal["state", "output"] = "state"
-    voltage_std_V: float = 0.002
-    current_std_A: float = 0.02
+    voltage_as: Literal["state", "output"] = "state"  #: "state" is [T]'s seven states, "output" the six
+    voltage_std_V: float = 0.002  #: white noise of the voltage sensor; floor of R
+    current_std_A: float = 0.02  #: white noise of the current sensor; moves both capacitors
+    #: change in one second of the voltage beyond the circuit's, with V as a state; floor of Q
     disturbance_V: float = 0.0005
+    #: change of each parameter in one hour as a share of itself; floor of Q. Without it the filter stops learning,
+    #: believes itself, and is wrong with confidence as soon as the battery warms up.
     parameter_walk: float = 0.01
+    #: which noise is learnt; both in [T]. The floors are the whole noise otherwise.
     match_Q: bool = True
     match_R: bool = True
-    window: float = 100.0
-    gate: float = 25.0
+    window: float = 100.0  #: effective number of samples for that
+    gate: float = 25.0  #: largest NIS of a voltage that is used
+    #: time outside the gate after which the filter has diverged: voltages are used until one passes
     reset_after_s: float = 60.0
-    gap_s: float = 600.0
-    unknown_A: float = 1.0
-    current_limit_A: float = math.inf
-    highest_ocv_V: float = math.inf
-    scaling: unscented.Scaling = field(default=unscented.DEFAULT)
+    gap_s: float = 600.0  #: a longer step says nothing about the current in between
+    unknown_A: float = 1.0  #: standard deviation of a current that was not measured
+    current_limit_A: float = math.inf  #: a larger current is a fault of its sensor
+    highest_ocv_V: float = math.inf  #: of the battery [V]; voltages that no such battery can show are none
+    scaling: unscented.Scaling = field(default=unscented.DEFAULT)  #: of the sigma points
 
     def __post_init__(self) -> None:
         require_nominal(self.nominal)

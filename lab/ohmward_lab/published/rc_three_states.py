@@ -44,21 +44,13 @@ class RcThreeState(NamedTuple):
 
 @dataclass(frozen=True)
 class RcThreeStates:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        model: the circuit and its OCV curve.
-        process_variance_V2: diagonal of Q in one step.
-        voltage_variance_V2: R.
-        start_variance_V2: each of the diagonal of P0.
-        jumps: True lets V_o follow a change of the current at once; False is [P]'s di/dt = 0.
-    """
-
-    model: rc.RcModel
-    process_variance_V2: tuple[float, float, float] = (0.00001, 0.001, 0.9)
-    voltage_variance_V2: float = 0.8
-    start_variance_V2: float = 1.0
-    jumps: bool = False
+    model: rc.RcModel  #: the circuit and its OCV curve
+    process_variance_V2: tuple[float, float, float] = (0.00001, 0.001, 0.9)  #: diagonal of Q in one step
+    voltage_variance_V2: float = 0.8  #: R
+    start_variance_V2: float = 1.0  #: each of the diagonal of P0
+    jumps: bool = False  #: True lets V_o follow a change of the current at once; False is [P]'s di/dt = 0
 
     def __post_init__(self) -> None:
         require_each_positive("", self, "process_variance_V2", "voltage_variance_V2", "start_variance_V2")

@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from ohmward.battery.battery import Battery, require_rc
 from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import Choice, EstimatorSettings, rc_filter, thevenin_filter
+from ohmward.battery.soc.sample import SocSample
+from ohmward.battery.soc.textbook import TextbookFilter, TextbookState
 from ohmward_lab.published.hybrid import Hybrid
 from ohmward_lab.published.rc_adaptive_soc import adaptive_soc_of
+
+
+@dataclass(frozen=True)
+class GivenStart(TextbookFilter):
+    """Settings of the textbook filter. The first voltage does not overrule the SoC that it is told to start from."""
+
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> TextbookState:
+        """State before the first sample; a SoC that is None comes from its voltage, any other is taken as it is."""
+        return super().init(first) if soc is None else self.start(first, soc, soc_std)
 
 
 def _adaptive_soc(battery: Battery, settings: EstimatorSettings) -> Estimator:

@@ -56,18 +56,12 @@ _TERMINAL = 2
 
 
 class JointByMethodEstimate(NamedTuple):
-    """Estimate of the first stage after a sample.
+    """Estimate of the first stage after a sample."""
 
-    circuit: the parameters, as the circuit sees them.
-    innovation_V: measured minus expected voltage; nan when there was none.
-    residual_V: measured voltage minus the filter's after the sample.
-    voltage_variance_V2: of the filter's voltage after the sample.
-    """
-
-    circuit: rc.Circuit
-    innovation_V: Any
-    residual_V: Any
-    voltage_variance_V2: Any
+    circuit: rc.Circuit  #: the parameters, as the circuit sees them
+    innovation_V: Any  #: measured minus expected voltage; nan when there was none
+    residual_V: Any  #: measured voltage minus the filter's after the sample
+    voltage_variance_V2: Any  #: of the filter's voltage after the sample
 
 
 class SocByMethodEstimate(NamedTuple):
@@ -94,19 +88,12 @@ class SchemeByMethodEstimate(NamedTuple):
 
 @dataclass(frozen=True)
 class SchemeByMethod:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        model: found offline: start of the parameters, OCV curve and capacity.
-        method: one of METHODS, in both stages.
-        corrected: False is the circuit as printed.
-        window: L of the means.
-    """
-
-    model: rc.RcModel
-    method: str = "aukf"
-    corrected: bool = True
-    window: float = WINDOW
+    model: rc.RcModel  #: found offline: start of the parameters, OCV curve and capacity
+    method: str = "aukf"  #: one of METHODS, in both stages
+    corrected: bool = True  #: False is the circuit as printed
+    window: float = WINDOW  #: L of the means
 
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.trace import clip, maximum, minimum
-from ohmward.traction.control.driven_wheel import DrivenWheel
+from ohmward.traction.control.signals import DrivenWheel
 from ohmward.traction.control.sliding_mode import STEPS_PER_TIME_CONSTANT, Uncertainty
 from ohmward.traction.control.slip_law import Motion, NoMemory
 
@@ -39,20 +39,13 @@ class SlipDynamics(NamedTuple):
 
 @dataclass(frozen=True)
 class SlipRatioSlidingMode:
-    """Settings of the law.
+    """Settings of the law."""
 
-    Attributes:
-        uncertainty: that the gain has to outweigh.
-        reaching_per_s: eta, > 0.
-        layer: phi_0, least layer as a slip ratio, > 0.
-        floor_m_s: least V, > 0.
-        time_constant_s: T, of the slip inside the layer, >= 0; 0 and steps of no time leave the layer at phi_0.
-    """
-
-    uncertainty: Uncertainty
-    reaching_per_s: float = 1.0
-    layer: float = 0.02
-    floor_m_s: float = 0.05
+    uncertainty: Uncertainty  #: that the gain has to outweigh
+    reaching_per_s: float = 1.0  #: eta, > 0
+    layer: float = 0.02  #: phi_0, least layer as a slip ratio, > 0
+    floor_m_s: float = 0.05  #: least V, > 0
+    #: T, of the slip inside the layer, >= 0; 0 and steps of no time leave the layer at phi_0
     time_constant_s: float = 0.005
 
     def __post_init__(self) -> None:

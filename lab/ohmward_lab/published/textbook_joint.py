@@ -44,61 +44,41 @@ LEAST = 0.02
 
 
 class TextbookJointState(NamedTuple):
-    """State of the filter.
+    """State of the filter."""
 
-    belief: mean (7,) and lower triangle of the covariance.
-    noise: second moments of innovation and residual [V^2].
-    gain: (7,) of the last voltage.
-    current_A: of the sample before.
-    """
-
-    belief: PackedBelief
-    noise: adaptive.NoiseEstimate
-    gain: np.ndarray
-    current_A: Any
+    belief: PackedBelief  #: mean (7,) and lower triangle of the covariance
+    noise: adaptive.NoiseEstimate  #: second moments of innovation and residual [V^2]
+    gain: np.ndarray  #: (7,) of the last voltage
+    current_A: Any  #: of the sample before
 
 
 class TextbookJointEstimate(NamedTuple):
-    """Estimate after a sample.
+    """Estimate after a sample."""
 
-    c_bulk_F, c_surface_F: capacitances C_b, C_s [F].
-    r_ohm: R_e, in front of each capacitor [ohm].
-    r_terminal_ohm: R_t, R_0 less R_e / 2 [ohm].
-    bulk_V, surface_V: voltages of the capacitors.
-    innovation_V: measured minus expected voltage; nan when there was none.
-    """
-
+    #: capacitances C_b, C_s [F]
     c_bulk_F: Any
     c_surface_F: Any
-    r_ohm: Any
-    r_terminal_ohm: Any
+    r_ohm: Any  #: R_e, in front of each capacitor [ohm]
+    r_terminal_ohm: Any  #: R_t, R_0 less R_e / 2 [ohm]
+    #: voltages of the capacitors
     bulk_V: Any
     surface_V: Any
-    innovation_V: Any
+    innovation_V: Any  #: measured minus expected voltage; nan when there was none
 
 
 @dataclass(frozen=True)
 class TextbookJoint:
-    """Settings; `init`, `start` and `step` are pure functions of them.
+    """Settings; `init`, `start` and `step` are pure functions of them."""
 
-    Attributes:
-        nominal: start of the parameters.
-        start_std: relative standard deviation of that start.
-        walk: change of each state in one step, of the parameters as a share: floor of Q, the diagonal's root. Small, or
-            the filter wanders.
-        voltage_std_V: of the voltage sensor: floor of R.
-        window: effective number of samples whose innovations the noise is matched to.
-        highest_ocv_V: of the battery; voltages that no such battery can show are none.
-        scaling: of the sigma points.
-    """
-
-    nominal: Nominal
-    start_std: float = 0.3
+    nominal: Nominal  #: start of the parameters
+    start_std: float = 0.3  #: relative standard deviation of that start
+    #: change of each state in one step, of the parameters as a share: floor of Q, the diagonal's root. Small, or the
+    #: filter wanders.
     walk: tuple[float, ...] = (1e-5, 1e-5, 1e-5, 1e-5, 1e-5, 1e-5, 1e-4)
-    voltage_std_V: float = 0.002
-    window: float = 100.0
-    highest_ocv_V: float = math.inf
-    scaling: unscented.Scaling = field(default=unscented.DEFAULT)
+    voltage_std_V: float = 0.002  #: of the voltage sensor: floor of R
+    window: float = 100.0  #: effective number of samples whose innovations the noise is matched to
+    highest_ocv_V: float = math.inf  #: of the battery; voltages that no such battery can show are none
+    scaling: unscented.Scaling = field(default=unscented.DEFAULT)  #: of the sigma points
 
     def __post_init__(self) -> None:
         require_nominal(self.nominal)

@@ -10,11 +10,10 @@ import numpy as np
 
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.logs.log import Log
-from ohmward_lab.simulate.bench_profiles import bench_times, pulse_test
 from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery, scaled
 from ohmward_lab.simulate.mission import MissionRobot, drive
 from ohmward_lab.simulate.plant import resting_state, simulate
-from ohmward_lab.simulate.profile import EDGE_S, Profile
+from ohmward_lab.simulate.profile import EDGE_S, Profile, bench_times, pulse_test
 from ohmward_lab.simulate.robot_day import record
 from ohmward_lab.simulate.sensors import BatterySensors, Sensor, low_cost_sensors, on_the_bench
 
@@ -35,16 +34,11 @@ _RAMP_S = 1.0
 
 
 class TestedBattery(NamedTuple):
-    """A battery, the log of its test and the log to estimate along.
+    """A battery, the log of its test and the log to estimate along."""
 
-    battery: that was simulated.
-    bench: pulse test; its extra column `soc_true` is the truth.
-    drive: the robot's discharge, likewise.
-    """
-
-    battery: SimulatedBattery
-    bench: Log
-    drive: Log
+    battery: SimulatedBattery  #: that was simulated
+    bench: Log  #: pulse test; its extra column `soc_true` is the truth
+    drive: Log  #: the robot's discharge, likewise
 
     @property
     def truth(self) -> np.ndarray:

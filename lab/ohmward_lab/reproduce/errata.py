@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ohmward_lab.reproduce import errata_circuit, errata_filters, errata_robot
-from ohmward_lab.reproduce.erratum import Erratum
+from ohmward_lab.reproduce.row import Erratum
 
 ERRATA: tuple[Erratum, ...] = (*errata_circuit.ERRATA, *errata_filters.ERRATA, *errata_robot.ERRATA)
 

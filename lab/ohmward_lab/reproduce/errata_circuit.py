@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ohmward.battery.models import rc
-from ohmward_lab.reproduce.erratum import Erratum, differs
+from ohmward_lab.reproduce.row import Erratum, differs
 
 #: A circuit with unequal branches, that of [P]; one with R_b = R_s, that of [T]; state, current [A] and short step [s].
 _UNEQUAL = rc.Circuit(9000.0, 40.0, 0.09, 0.06, 0.05)

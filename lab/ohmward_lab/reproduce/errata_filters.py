@@ -13,7 +13,7 @@ from ohmward.filters import Belief, adaptive, kalman
 from ohmward.filters.unscented import DEFAULT, sigma_points, sigma_weights, textbook_step
 from ohmward.trace import Kernel
 from ohmward_lab.published.scheme_by_method import SchemeByMethod
-from ohmward_lab.reproduce.erratum import Erratum, differs
+from ohmward_lab.reproduce.row import Erratum, differs
 
 #: States of the joint filter of [T].
 _N = 7

@@ -10,7 +10,7 @@ from ohmward.traction import RLMA, RollingResistance
 from ohmward.traction.friction.brush import Brush
 from ohmward.traction.friction.law import Contact
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward_lab.reproduce.erratum import Erratum, differs
+from ohmward_lab.reproduce.row import Erratum, differs
 from ohmward_lab.reproduce.thesis_cases import stop_on_ice
 
 _YAW_RAD_S, _SPEED_M_S = 0.4, 0.3

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ohmward.battery.identification.rc_rule import find_response, find_time_constant
-from ohmward.battery.identification.rc_samples import outside_long_charges
+from ohmward.battery.identification.rc_rule import find_response, find_time_constant, outside_long_charges
 from ohmward.battery.identification.relaxation import Relaxation
 from ohmward.battery.models.rc_elements import circuit_by_rule
 from ohmward.battery.models.thevenin import Thevenin

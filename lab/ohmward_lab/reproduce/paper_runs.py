@@ -9,17 +9,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.identification.first_ocv import IdentificationSettings
 from ohmward.battery.identification.identify import Identified, identify_in_detail
 from ohmward.battery.identification.rc_identification import RcIdentification, identify_rc
-from ohmward.battery.identification.settings import IdentificationSettings
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.rc_elements import circuit_by_rule
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.estimator import SocEstimator, SocRun
 from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import make_estimator
-from ohmward_lab.published.given_start import GivenStart
 from ohmward_lab.published.rc_three_states import RcThreeStates
+from ohmward_lab.published.registry import GivenStart
 from ohmward_lab.reproduce.batteries import (
     TestedBattery,
     lithium_iron_phosphate,

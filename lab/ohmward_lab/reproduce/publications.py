@@ -11,16 +11,11 @@ from ohmward_lab.reproduce.row import Item, Result
 
 
 class Publication(NamedTuple):
-    """A publication.
+    """A publication."""
 
-    short: as the documentation cites it.
-    title: with author and year.
-    items: its tables and figures with results, in its order.
-    """
-
-    short: str
-    title: str
-    items: tuple[Item, ...]
+    short: str  #: as the documentation cites it
+    title: str  #: with author and year
+    items: tuple[Item, ...]  #: its tables and figures with results, in its order
 
 
 class Reproduced(NamedTuple):

@@ -10,25 +10,32 @@ import numpy as np
 from ohmward.report import Figure
 
 
+class Erratum(NamedTuple):
+    """An error in the text we worked from."""
+
+    text: str  #: "[T]" or "[P]"
+    place: str  #: number of the equation
+    printed: str  #: what stands there
+    correct: str  #: what it must be
+    check: Callable[[], bool]  #: True where the correct form holds and the printed one does not
+
+
+def differs(printed: float, correct: float, true: float, tolerance: float) -> bool:
+    """True where `correct` is the true value within a relative tolerance and `printed` is not, by ten times it."""
+    scale = max(abs(true), 1e-300)
+    return bool(abs(correct - true) <= tolerance * scale and abs(printed - true) > 10 * tolerance * scale)
+
+
 class ResultRow(NamedTuple):
-    """One number of a table or figure; None where there is none.
+    """One number of a table or figure; None where there is none."""
 
-    quantity: in words.
-    unit: of all the numbers.
-    printed: in the publication.
-    as_printed: by its method with its equations as they are printed.
-    corrected: by its method with the corrected equations.
-    default: by the method that this package chooses.
-    why: reason of the difference.
-    """
-
-    quantity: str
-    unit: str
-    printed: float | None = None
-    as_printed: float | None = None
-    corrected: float | None = None
-    default: float | None = None
-    why: str = ""
+    quantity: str  #: in words
+    unit: str  #: of all the numbers
+    printed: float | None = None  #: in the publication
+    as_printed: float | None = None  #: by its method with its equations as they are printed
+    corrected: float | None = None  #: by its method with the corrected equations
+    default: float | None = None  #: by the method that this package chooses
+    why: str = ""  #: reason of the difference
 
 
 class Result(NamedTuple):
@@ -39,16 +46,11 @@ class Result(NamedTuple):
 
 
 class Item(NamedTuple):
-    """A table or some figures of a publication that show the same.
+    """A table or some figures of a publication that show the same."""
 
-    numbers: as printed, such as "3.2"; any of them selects the item.
-    title: in words.
-    make: computes it.
-    """
-
-    numbers: tuple[str, ...]
-    title: str
-    make: Callable[[], Result]
+    numbers: tuple[str, ...]  #: as printed, such as "3.2"; any of them selects the item
+    title: str  #: in words
+    make: Callable[[], Result]  #: computes it
 
 
 class Errors(NamedTuple):

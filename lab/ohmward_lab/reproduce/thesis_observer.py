@@ -19,7 +19,7 @@ from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RobotInput, RollingResistance, Terrain, next_state, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward.traction.speed_observer.encoder import wheel_speeds
+from ohmward.traction.speed_observer.encoders import wheel_speeds
 from ohmward.traction.speed_observer.noise import quantisation_std_rad_s
 from ohmward.traction.speed_observer.slip_step import SlipStep, slip_step
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout
@@ -35,16 +35,12 @@ FLOOR = 1e-6
 
 
 class CurrentDrive(NamedTuple):
-    """Currents of the motors over time.
+    """Currents of the motors over time."""
 
-    title: in words.
-    speed: wanted speed [m/s] over time (T,), which is where the current comes from.
-    steer_A: current that the right motor has more than the left, over time (T,).
-    """
-
-    title: str
+    title: str  #: in words
+    #: wanted speed [m/s] over time (T,), which is where the current comes from
     speed: Callable[[np.ndarray], np.ndarray]
-    steer_A: Callable[[np.ndarray], np.ndarray]
+    steer_A: Callable[[np.ndarray], np.ndarray]  #: current that the right motor has more than the left, over time (T,)
 
 
 DRIVES = {

@@ -29,32 +29,25 @@ _SOC_COARSE = np.linspace(0.0, 1.0, 21)
 class SimulatedBattery:
     """The truth of a simulation.
 
-    Attributes:
-        name: says that it is simulated.
-        chemistry: "lfp", "lead-acid" or "nca"; of a battery file, its own.
-        n_series: cells in series.
-        circuit: the whole pack as a circuit with many RC pairs; its OCV meets the limits where the battery is full or
-            empty, or the charge is lost there, so that the SoC stays in [0, 1].
-        transfer_V, exchange_A: charge transfer, transfer_V * arcsinh(i / exchange_A), of the whole pack at 25 degC.
-        full_width: SoC below full over which less and less of a charge is stored (gassing); 0 for none.
-        voltage_min_V, voltage_max_V: what the protection and the charger keep to.
-        charge_current_A: of the charger, before its constant-voltage phase.
-        heat_capacity_J_per_K, cooling_W_per_K: of the whole pack, to the ambient air.
-
     Raises:
         InputError: a value out of its range.
     """
 
-    name: str
-    chemistry: str
-    n_series: int
+    name: str  #: says that it is simulated
+    chemistry: str  #: "lfp", "lead-acid" or "nca"; of a battery file, its own
+    n_series: int  #: cells in series
+    #: the whole pack as a circuit with many RC pairs; its OCV meets the limits where the battery is full or empty, or
+    #: the charge is lost there, so that the SoC stays in [0, 1]
     circuit: Thevenin
+    #: charge transfer, transfer_V * arcsinh(i / exchange_A), of the whole pack at 25 degC
     transfer_V: float
     exchange_A: float
-    full_width: float
+    full_width: float  #: SoC below full over which less and less of a charge is stored (gassing); 0 for none
+    #: what the protection and the charger keep to
     voltage_min_V: float
     voltage_max_V: float
-    charge_current_A: float
+    charge_current_A: float  #: of the charger, before its constant-voltage phase
+    #: of the whole pack, to the ambient air
     heat_capacity_J_per_K: float
     cooling_W_per_K: float
 

@@ -22,32 +22,23 @@ _GRID_S = 1.0
 class MissionRobot:
     """A 50 kg robot with 12 V drives, of the kind that carries crates or hoes between rows.
 
-    Attributes:
-        mass_kg, payload_kg: without and with load, which changes from trip to trip.
-        rolling: coefficient of rolling resistance; 0.02 on concrete, 0.06 on firm soil.
-        speed_m_s: (slowest, fastest) speed of a leg.
-        acceleration_m_s2: when starting and braking.
-        grade_std: standard deviation of the slope of a leg.
-        efficiency, regeneration: battery to wheel; share of the braking power that comes back.
-        idle_W: computer, lidar, radio.
-        tool_W: mower or lift while it works, in a third of the legs.
-        nominal_V: what turns power into current.
-
     Raises:
         InputError: a value out of its range.
     """
 
+    #: without and with load, which changes from trip to trip
     mass_kg: float = 50.0
     payload_kg: float = 20.0
-    rolling: float = 0.045
-    speed_m_s: tuple[float, float] = (0.3, 0.9)
-    acceleration_m_s2: float = 0.5
-    grade_std: float = 0.02
+    rolling: float = 0.045  #: coefficient of rolling resistance; 0.02 on concrete, 0.06 on firm soil
+    speed_m_s: tuple[float, float] = (0.3, 0.9)  #: (slowest, fastest) speed of a leg
+    acceleration_m_s2: float = 0.5  #: when starting and braking
+    grade_std: float = 0.02  #: standard deviation of the slope of a leg
+    #: battery to wheel; share of the braking power that comes back
     efficiency: float = 0.65
     regeneration: float = 0.4
-    idle_W: float = 9.0
-    tool_W: float = 25.0
-    nominal_V: float = 12.5
+    idle_W: float = 9.0  #: computer, lidar, radio
+    tool_W: float = 25.0  #: mower or lift while it works, in a third of the legs
+    nominal_V: float = 12.5  #: what turns power into current
 
     def __post_init__(self) -> None:
         require_each_positive("robot.", self, "mass_kg", "speed_m_s", "acceleration_m_s2", "efficiency", "nominal_V")

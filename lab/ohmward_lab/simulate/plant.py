@@ -38,20 +38,13 @@ _ENERGY_PARTS = 4000
 
 
 class PlantState(NamedTuple):
-    """State of the simulated battery.
+    """State of the simulated battery."""
 
-    x: (n + 2,) state of the circuit, as `Thevenin.state_names`.
-    temperature_degC: of the battery.
-    current_A: that flows now.
-    heat_W: set free now; negative where a reversible part takes heat up.
-    heat_J: set free so far.
-    """
-
-    x: Any
-    temperature_degC: Any
-    current_A: Any
-    heat_W: Any
-    heat_J: Any
+    x: Any  #: (n + 2,) state of the circuit, as `Thevenin.state_names`
+    temperature_degC: Any  #: of the battery
+    current_A: Any  #: that flows now
+    heat_W: Any  #: set free now; negative where a reversible part takes heat up
+    heat_J: Any  #: set free so far
 
 
 class Demand(NamedTuple):

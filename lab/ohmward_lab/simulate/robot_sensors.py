@@ -7,16 +7,67 @@ boards.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.errors import InputError
 from ohmward.traction.robot.robot import RLMA
-from ohmward_lab.simulate.robot_truth import RobotTruth
 from ohmward_lab.simulate.sensors import Sensor
+
+#: The order of the wheels of a robot on two axles; other robots have that of `Robot.places`, driven wheels first.
+WHEELS = ("front left", "front right", "rear left", "rear right")
+
+
+class RobotTruth(NamedTuple):
+    """One instant; wheels in the order of the robot. Stacked over time every field gets (T,) in front."""
+
+    time_s: Any  #: since the reset [s]
+    #: (3,) of the robot's centre at axle height, in the world: x uphill, y to the left, z off the ground [m]
+    position_m: Any
+    heading_rad: Any  #: 0 along x, > 0 to the left
+    #: of the centre, forward and to the left
+    speed_m_s: Any
+    lateral_speed_m_s: Any
+    yaw_rate_rad_s: Any  #: > 0 to the left
+    #: (wheels,), > 0 forward
+    wheel_angle_rad: Any
+    wheel_speed_rad_s: Any
+    torque_N_m: Any  #: (wheels,) of the motors on the wheels
+    wheel_centre_speed_m_s: Any  #: (wheels,) forward speed of the wheel's centre, v_f
+    slip_speed_m_s: Any  #: (wheels,) s = r omega - v_f
+    slip_ratio: Any  #: (wheels,) s / max(|r omega|, |v_f|), NaN below the floor of `traction.slip`
+    #: (wheels,) force of the ground on the wheel, forward, to the left, up
+    traction_N: Any
+    lateral_N: Any
+    normal_N: Any
+    friction: Any  #: (wheels,) adhesion under the wheel
+    grade_rad: Any  #: slope of the ground, > 0 where x leads uphill
+    gyro_rad_s: Any  #: (3,) angular velocity about forward, left, up
+    specific_force_m_s2: Any  #: (3,) of an ideal accelerometer, forward, left, up; 9.81 up at rest on level ground
+
+
+def stack(truths: Sequence[RobotTruth]) -> RobotTruth:
+    """The truth over time, every field an array with time (T,) in front."""
+    return RobotTruth(*(np.array(values) for values in zip(*truths, strict=True)))
+
+
+def driven_torques(torque_N_m: Any, driven: tuple[int, ...]) -> np.ndarray:
+    """Torques (driven,) [N m] from a number or one for each driven wheel; driven: numbers of these wheels.
+
+    Raises:
+        InputError: another number of torques, or a number that is not finite.
+    """
+    given = np.asarray(torque_N_m, dtype=float)
+    if given.shape not in ((), (len(driven),)):
+        raise InputError(f"torque_N_m must be a number or one for each driven wheel {driven}, got {given.shape}")
+    if not np.isfinite(given).all():
+        raise InputError(f"torque_N_m must be finite, got {given.tolist()}")
+    return np.broadcast_to(given, len(driven))
+
 
 _SAME_TIME_S = 1e-9
 
@@ -33,35 +84,27 @@ COMPASS = Sensor(low=-np.pi, high=np.pi, resolution=0.0017, noise_std=0.05, offs
 class RobotSensors:
     """One board: encoders, motor currents, gyro and accelerometer (MEMS class), and its link.
 
-    Attributes:
-        interval_s: between samples.
-        delay_s, jitter_s: a frame is under way for delay_s plus an even share of jitter_s, and may be overtaken.
-        drop_share: share of the frames that never arrive.
-        encoder_wheels: wheels with an encoder, in the order of the truth; encoders of driven wheels only are (0, 1).
-        counts_per_turn: of each encoder.
-        motor_wheels: wheels with a motor whose current is measured.
-        torque_constant_N_m_per_A: torque at the wheel over motor current (K_m times gear ratio and efficiency).
-        motor_current, gyro, accelerometer: their errors [A, rad/s, m/s^2], drawn anew for each wheel and axis.
-        pitch: error of an attitude filter [rad]; None where there is none.
-        compass: error of a compass [rad]; None where there is none.
-
     Raises:
         InputError: a value out of its range.
     """
 
-    interval_s: float = 0.01
+    interval_s: float = 0.01  #: between samples
+    #: a frame is under way for delay_s plus an even share of jitter_s, and may be overtaken
     delay_s: float = 0.0
     jitter_s: float = 0.0
-    drop_share: float = 0.0
+    drop_share: float = 0.0  #: share of the frames that never arrive
+    #: wheels with an encoder, in the order of the truth; encoders of driven wheels only are (0, 1)
     encoder_wheels: tuple[int, ...] = (0, 1, 2, 3)
-    counts_per_turn: int = 4096
-    motor_wheels: tuple[int, ...] = (0, 1)
+    counts_per_turn: int = 4096  #: of each encoder
+    motor_wheels: tuple[int, ...] = (0, 1)  #: wheels with a motor whose current is measured
+    #: torque at the wheel over motor current (K_m times gear ratio and efficiency)
     torque_constant_N_m_per_A: float = RLMA.motor.torque_constant_Nm_per_A
+    #: their errors [A, rad/s, m/s^2], drawn anew for each wheel and axis
     motor_current: Sensor = MOTOR_CURRENT
     gyro: Sensor = GYRO
     accelerometer: Sensor = ACCELEROMETER
-    pitch: Sensor | None = None
-    compass: Sensor | None = None
+    pitch: Sensor | None = None  #: error of an attitude filter [rad]; None where there is none
+    compass: Sensor | None = None  #: error of a compass [rad]; None where there is none
 
     def __post_init__(self) -> None:
         require_each_positive("robot_sensors.", self, "interval_s", "counts_per_turn", "torque_constant_N_m_per_A")
@@ -73,24 +116,18 @@ class RobotSensors:
 
 
 class SensorFrame(NamedTuple):
-    """Measurements of the board at one instant.
+    """Measurements of the board at one instant."""
 
-    time_s, arrival_s: times [s] at which it was taken, and at which it arrives.
-    encoder_count: one for each of `encoder_wheels`, counted from the reset, whole numbers.
-    motor_current_A: one for each of `motor_wheels`, > 0 drives forward.
-    gyro_rad_s, specific_force_m_s2: (3,) forward, left, up.
-    pitch_rad: > 0 with the nose up; nan without an attitude filter.
-    heading_rad: of a compass, > 0 to the left, within half a turn of zero; nan without one.
-    """
-
+    #: times [s] at which it was taken, and at which it arrives
     time_s: float
     arrival_s: float
-    encoder_count: np.ndarray
-    motor_current_A: np.ndarray
+    encoder_count: np.ndarray  #: one for each of `encoder_wheels`, counted from the reset, whole numbers
+    motor_current_A: np.ndarray  #: one for each of `motor_wheels`, > 0 drives forward
+    #: (3,) forward, left, up
     gyro_rad_s: np.ndarray
     specific_force_m_s2: np.ndarray
-    pitch_rad: float = math.nan
-    heading_rad: float = math.nan
+    pitch_rad: float = math.nan  #: > 0 with the nose up; nan without an attitude filter
+    heading_rad: float = math.nan  #: of a compass, > 0 to the left, within half a turn of zero; nan without one
 
 
 class Board(NamedTuple):

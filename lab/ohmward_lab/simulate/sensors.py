@@ -14,30 +14,22 @@ from ohmward.checks import require_between, require_each_not_negative, require_p
 class Sensor:
     """One analogue sensor and its converter; all in the unit of what it measures.
 
-    Attributes:
-        low, high: range of the converter; values beyond it are limited to its ends.
-        resolution: of the converter, > 0.
-        noise_std: white, before the converter.
-        offset: output at zero, constant over one recording.
-        offset_walk_std: random walk of the offset over one hour.
-        gain_error: share of the true value that is added to the output.
-        spike_share, spike_std: share of the samples that are hit by interference, and its size.
-        missing_share: share of the samples that are NaN.
-
     Raises:
         InputError: a value out of its range.
     """
 
+    #: range of the converter; values beyond it are limited to its ends
     low: float
     high: float
-    resolution: float
-    noise_std: float
-    offset: float = 0.0
-    offset_walk_std: float = 0.0
-    gain_error: float = 0.0
+    resolution: float  #: of the converter, > 0
+    noise_std: float  #: white, before the converter
+    offset: float = 0.0  #: output at zero, constant over one recording
+    offset_walk_std: float = 0.0  #: random walk of the offset over one hour
+    gain_error: float = 0.0  #: share of the true value that is added to the output
+    #: share of the samples that are hit by interference, and its size
     spike_share: float = 0.0
     spike_std: float = 0.0
-    missing_share: float = 0.0
+    missing_share: float = 0.0  #: share of the samples that are NaN
 
     def __post_init__(self) -> None:
         require_positive("sensor.resolution", self.resolution)

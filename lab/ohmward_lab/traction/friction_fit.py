@@ -28,8 +28,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.optional import require
 from ohmward.traction.friction.families import RESISTANCE, Family, Free
-from ohmward.traction.friction.law import Contact, TractionLaw
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import Contact, TractionLaw, direction_and_size
 from ohmward.traction.friction.published_grounds import departures
 
 #: Starts that a fit with a prior follows to their end, the most promising ones.
@@ -41,14 +40,10 @@ _LEAST_LOAD_N = 1e-3
 
 
 class ForceSlip(NamedTuple):
-    """Measurements of one wheel; arrays (n,).
+    """Measurements of one wheel; arrays (n,)."""
 
-    contact: speeds [m/s] and loads [N].
-    force_N: drawbar pull: forward on the body, resistance included.
-    """
-
-    contact: Contact
-    force_N: np.ndarray
+    contact: Contact  #: speeds [m/s] and loads [N]
+    force_N: np.ndarray  #: drawbar pull: forward on the body, resistance included
 
     def pick(self, rows: np.ndarray) -> ForceSlip:
         """Measurements of a mask (n,)."""
@@ -56,33 +51,23 @@ class ForceSlip(NamedTuple):
 
 
 class Interval(NamedTuple):
-    """A parameter with its 95 % confidence interval.
-
-    identified: True where the interval lies within the limits of the search.
-    """
+    """A parameter with its 95 % confidence interval."""
 
     name: str
     value: float
     low: float
     high: float
-    identified: bool
+    identified: bool  #: True where the interval lies within the limits of the search
 
 
 class LawFit(NamedTuple):
-    """A fitted law.
+    """A fitted law."""
 
-    family: its name.
-    law: with the best parameters.
-    resistance_coefficient: c.
-    intervals: of the family's parameters and of c.
-    rmse_N: of the measurements that it was fitted to.
-    """
-
-    family: str
-    law: TractionLaw
-    resistance_coefficient: float
-    intervals: tuple[Interval, ...]
-    rmse_N: float
+    family: str  #: its name
+    law: TractionLaw  #: with the best parameters
+    resistance_coefficient: float  #: c
+    intervals: tuple[Interval, ...]  #: of the family's parameters and of c
+    rmse_N: float  #: of the measurements that it was fitted to
 
     def force_N(self, contact: Contact) -> np.ndarray:
         """Drawbar pull (n,) [N]."""

@@ -28,16 +28,11 @@ _TOLERANCE = 1e-6
 
 
 class WheelSlip(NamedTuple):
-    """The driven wheels of a robot that grips, each (driven,).
+    """The driven wheels of a robot that grips, each (driven,)."""
 
-    traction_N:     force that they need.
-    slip_speed_m_s: at which the ground gives it; nan where it cannot.
-    speed_rad_s:    of the wheels, with their slip.
-    """
-
-    traction_N: np.ndarray
-    slip_speed_m_s: np.ndarray
-    speed_rad_s: np.ndarray
+    traction_N: np.ndarray  #:     force that they need
+    slip_speed_m_s: np.ndarray  #: at which the ground gives it; nan where it cannot
+    speed_rad_s: np.ndarray  #:    of the wheels, with their slip
 
 
 def next_motion(motion: np.ndarray, u: RobotInput, p: Scene, dt_s: Any) -> np.ndarray:

@@ -51,34 +51,22 @@ class SetPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class SetPointSeeker:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        objective: "traction" or "energy".
-        resistance_coefficient: rho, for "energy" > 0: force of the wheel at constant speed over its load.
-        lowest, highest: range of the set-point, within (0, 1).
-        dither: amplitude of the sine, >= 0.
-        dither_Hz: its frequency, > 0.
-        window_s: of the regression, > 0; a few periods of the sine.
-        least_std: standard deviation of slip below which nothing is learned, > 0.
-        reach: slip farther from the set-point is no part of the line around it and not learned from, > the dither.
-        least_slope: slope [1] that counts as the peak for "traction", >= 0.
-        pace_per_s: fastest change of the set-point, > 0.
-        full_pace: gradient at which it moves at that pace, > 0.
-    """
-
-    objective: str = "traction"
-    resistance_coefficient: float = 0.0
+    objective: str = "traction"  #: "traction" or "energy"
+    resistance_coefficient: float = 0.0  #: rho, for "energy" > 0: force of the wheel at constant speed over its load
+    #: range of the set-point, within (0, 1)
     lowest: float = 0.01
     highest: float = 0.5
-    dither: float = 0.01
-    dither_Hz: float = 2.0
-    window_s: float = 1.0
-    least_std: float = 0.003
+    dither: float = 0.01  #: amplitude of the sine, >= 0
+    dither_Hz: float = 2.0  #: its frequency, > 0
+    window_s: float = 1.0  #: of the regression, > 0; a few periods of the sine
+    least_std: float = 0.003  #: standard deviation of slip below which nothing is learned, > 0
+    #: slip farther from the set-point is no part of the line around it and not learned from, > the dither
     reach: float = 0.03
-    least_slope: float = 0.1
-    pace_per_s: float = 0.05
-    full_pace: float = 1.0
+    least_slope: float = 0.1  #: slope [1] that counts as the peak for "traction", >= 0
+    pace_per_s: float = 0.05  #: fastest change of the set-point, > 0
+    full_pace: float = 1.0  #: gradient at which it moves at that pace, > 0
 
     def __post_init__(self) -> None:
         if self.objective not in OBJECTIVES:

@@ -13,10 +13,8 @@ from typing import Any, NamedTuple
 
 from ohmward.checks import require_each_not_negative, require_positive
 from ohmward.trace import where
-from ohmward.traction.control.driven_wheel import DrivenWheel
-from ohmward.traction.control.limits import limited
-from ohmward.traction.control.slip_law import Motion
-from ohmward.traction.control.surface import surface
+from ohmward.traction.control.signals import DrivenWheel, limited
+from ohmward.traction.control.slip_law import Motion, surface
 
 
 class PidMemory(NamedTuple):
@@ -29,19 +27,12 @@ class PidMemory(NamedTuple):
 
 @dataclass(frozen=True)
 class SlipPid:
-    """Settings of the law.
+    """Settings of the law."""
 
-    Attributes:
-        proportional_Nm: K_p, torque per unit of slip ratio, >= 0.
-        integral_Nm_per_s: K_i, >= 0.
-        derivative_Nm_s: K_d, >= 0.
-        derivative_lag_s: > 0.
-    """
-
-    proportional_Nm: float = 30.0
-    integral_Nm_per_s: float = 1000.0
-    derivative_Nm_s: float = 0.0
-    derivative_lag_s: float = 0.005
+    proportional_Nm: float = 30.0  #: K_p, torque per unit of slip ratio, >= 0
+    integral_Nm_per_s: float = 1000.0  #: K_i, >= 0
+    derivative_Nm_s: float = 0.0  #: K_d, >= 0
+    derivative_lag_s: float = 0.005  #: > 0
 
     def __post_init__(self) -> None:
         require_each_not_negative("slip_pid.", self, "proportional_Nm", "integral_Nm_per_s", "derivative_Nm_s")

@@ -18,9 +18,9 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("battery", default_value="", description="battery file"),
         DeclareLaunchArgument("robot", default_value="", description="robot file, rlma, robotino or seeder"),
         DeclareLaunchArgument("setup", default_value="", description="setup of `ohmward run`, instead of both"),
-        DeclareLaunchArgument("bagfile", default_value="", description="a bag to play"),
+        DeclareLaunchArgument("bagfile", default_value="", description="a bag to play; nothing of it is kept"),
     ]
-    files = {name: LaunchConfiguration(name) for name in ("battery", "robot", "setup")}
+    files = {name: LaunchConfiguration(name) for name in ("battery", "robot", "setup", "bagfile")}
     node = Node(
         package="ohmward_ros",
         executable="ohmward_node",

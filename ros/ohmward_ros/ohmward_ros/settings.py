@@ -14,6 +14,7 @@ DEFAULTS = {
     "battery": "",
     "robot": "",
     "setup": "",
+    "bagfile": "",
     "battery_state_in": "battery/raw",
     "joint_states": "joint_states",
     "imu": "imu/data",
@@ -48,6 +49,7 @@ def setup_of(parameters: Mapping[str, str], namespace: str = "") -> Setup:
         joint_states=p["joint_states"],
         imu=p["imu"],
         odometry=p["odometry_in"],
+        live=not p["bagfile"],
         name="ros2 node",
     )
     sink = Ros2Sink(

@@ -15,14 +15,10 @@ from ohmward.errors import InputError
 
 @dataclass(frozen=True)
 class ConfidenceInterval:
-    """A parameter with its 95 % confidence interval.
+    """A parameter with its 95 % confidence interval."""
 
-    Attributes:
-        name: as in the battery file, with its unit.
-        value, low, high: in that unit.
-    """
-
-    name: str
+    name: str  #: as in the battery file, with its unit
+    #: in that unit
     value: float
     low: float
     high: float
@@ -30,41 +26,28 @@ class ConfidenceInterval:
 
 @dataclass(frozen=True)
 class LogFit:
-    """Quality of the model on one log.
+    """Quality of the model on one log."""
 
-    Attributes:
-        log: its name.
-        test: kind of test.
-        soc_min, soc_max: the range that it covers.
-        residual_rms_V, residual_max_V: measured minus simulated voltage; 0 for a log that only gave the OCV curve.
-    """
-
-    log: str
-    test: str
+    log: str  #: its name
+    test: str  #: kind of test
+    #: the range that it covers
     soc_min: float
     soc_max: float
+    #: measured minus simulated voltage; 0 for a log that only gave the OCV curve
     residual_rms_V: float = 0.0
     residual_max_V: float = 0.0
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Provenance of the numbers of a battery.
+    """Provenance of the numbers of a battery."""
 
-    Attributes:
-        capacity_given_Ah: of the user.
-        capacity_measured_Ah: from the logs, 0 where they do not tell it.
-        logs: one entry for each log.
-        confidence: 95 % intervals of the parameters.
-        notes: assumptions and findings, warnings included.
-        fingerprints: of the logs, see `battery.fingerprint`; none of them teaches the battery once more.
-    """
-
-    capacity_given_Ah: float
-    capacity_measured_Ah: float = 0.0
-    logs: tuple[LogFit, ...] = ()
-    confidence: tuple[ConfidenceInterval, ...] = ()
-    notes: tuple[str, ...] = ()
+    capacity_given_Ah: float  #: of the user
+    capacity_measured_Ah: float = 0.0  #: from the logs, 0 where they do not tell it
+    logs: tuple[LogFit, ...] = ()  #: one entry for each log
+    confidence: tuple[ConfidenceInterval, ...] = ()  #: 95 % intervals of the parameters
+    notes: tuple[str, ...] = ()  #: assumptions and findings, warnings included
+    #: of the logs, see `battery.fingerprint`; none of them teaches the battery once more
     fingerprints: tuple[str, ...] = ()
 
 
@@ -143,3 +126,16 @@ def require_rc(battery: Battery) -> RcModel:
             "identify one with `ohmward identify ... --model rc`"
         )
     return battery.rc
+
+
+def require_battery(battery: object, others: str = "") -> Battery:
+    """The battery itself, or InputError for anything else, as the path of one.
+
+    others: what else would do, in words.
+    """
+    if not isinstance(battery, Battery):
+        raise InputError(
+            f"battery must be a Battery{others}, got {type(battery).__name__}; load_battery(path) reads one, "
+            "identify(logs, capacity_Ah=...) makes one"
+        )
+    return battery

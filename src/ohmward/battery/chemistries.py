@@ -48,42 +48,30 @@ class Normal(NamedTuple):
 
 
 class CurvePrior(NamedTuple):
-    """Distribution over cells of the difference between their open-circuit voltage and the curve of their chemistry.
+    """Distribution over cells of the difference between their open-circuit voltage and the curve of their chemistry."""
 
-    std_V: (M,) of one cell, on a uniform grid of SoC from 0 to 1.
-    soc_std: error of the SoC axis, by which the steep parts of the curve lie elsewhere.
-    soc_length: correlation length of the difference, as a change of SoC.
-    """
-
-    std_V: tuple[float, ...]
-    soc_std: float = 0.03
-    soc_length: float = 1.0
+    std_V: tuple[float, ...]  #: (M,) of one cell, on a uniform grid of SoC from 0 to 1
+    soc_std: float = 0.03  #: error of the SoC axis, by which the steep parts of the curve lie elsewhere
+    soc_length: float = 1.0  #: correlation length of the difference, as a change of SoC
 
 
 class ChemistryPrior(NamedTuple):
-    """Distribution over cells of what a test may not have shown.
+    """Distribution over cells of what a test may not have shown."""
 
-    activation_K: of the ohmic resistance, as edges of the current show it within a second.
-    pair_activation_K, tau_activation_K: of the resistances and time constants of the RC pairs.
-    activation_std_K: of all of them together: error of the total resistance.
-    ocv_std_V_per_K: change of the open-circuit voltage with temperature, about 0, for each CELL_V of the battery.
-    curve: of the open-circuit voltage about that of the chemistry, standard deviation [V] of one cell between the ends.
-    hysteresis_V: typical half distance of the branches, for each CELL_V.
-    hysteresis_activation_K: of that distance, where the hysteresis follows the net charge.
-    empty_activation_K: of the RC pairs at empty beyond pair_activation_K.
-    ocv_slip: share of a loss of capacity by which the electrodes slip against each other, see `models.slip`.
-    """
-
-    activation_K: Normal
+    activation_K: Normal  #: of the ohmic resistance, as edges of the current show it within a second
+    #: of the resistances and time constants of the RC pairs
     pair_activation_K: Normal
     tau_activation_K: Normal
-    activation_std_K: float
+    activation_std_K: float  #: of all of them together: error of the total resistance
+    #: change of the open-circuit voltage with temperature, about 0, for each CELL_V of the battery
     ocv_std_V_per_K: float
+    #: of the open-circuit voltage about that of the chemistry, standard deviation [V] of one cell between the ends
     curve: CurvePrior
-    hysteresis_V: float
-    empty_activation_K: Normal = Normal(0.0, 8000.0)
+    hysteresis_V: float  #: typical half distance of the branches, for each CELL_V
+    empty_activation_K: Normal = Normal(0.0, 8000.0)  #: of the RC pairs at empty beyond pair_activation_K
+    #: share of a loss of capacity by which the electrodes slip against each other, see `models.slip`
     ocv_slip: Normal = Normal(0.0, 0.5)
-    hysteresis_activation_K: float = 0.0
+    hysteresis_activation_K: float = 0.0  #: of that distance, where the hysteresis follows the net charge
 
     @property
     def activations_K(self) -> tuple[Normal, Normal, Normal]:
@@ -159,32 +147,23 @@ _UNNAMED = ChemistryPrior(
 
 @dataclass(frozen=True)
 class Chemistry:
-    """Properties common to cells of one chemistry.
+    """Properties common to cells of one chemistry."""
 
-    Attributes:
-        title: in words.
-        soc, ocv_V: open-circuit voltage of one cell at 25 degC.
-        hysteresis_V: half the distance of charge and discharge branch.
-        r0_ohm_Ah, r1_ohm_Ah, r2_ohm_Ah: resistance times capacity.
-        tau_s: of both RC pairs.
-        coulombic_efficiency: share of the charging current that is stored.
-        prior: of what a test may not show.
-        gases: True where part of a charge makes gas near full, so that the voltage of a charge is not that of the cell.
-        bends: True where transfer of charge, which bends the ohmic drop, may be most of it in a warm room.
-    """
-
-    title: str
+    title: str  #: in words
+    #: open-circuit voltage of one cell at 25 degC
     soc: tuple[float, ...]
     ocv_V: tuple[float, ...]
-    hysteresis_V: float
+    hysteresis_V: float  #: half the distance of charge and discharge branch
+    #: resistance times capacity
     r0_ohm_Ah: float
     r1_ohm_Ah: float
     r2_ohm_Ah: float
-    tau_s: tuple[float, float]
-    coulombic_efficiency: float = 1.0
-    prior: ChemistryPrior = _LITHIUM
+    tau_s: tuple[float, float]  #: of both RC pairs
+    coulombic_efficiency: float = 1.0  #: share of the charging current that is stored
+    prior: ChemistryPrior = _LITHIUM  #: of what a test may not show
+    #: True where part of a charge makes gas near full, so that the voltage of a charge is not that of the cell
     gases: bool = False
-    bends: bool = False
+    bends: bool = False  #: True where transfer of charge, which bends the ohmic drop, may be most of it in a warm room
 
     def gassing_V(self, ocv: OcvCurve) -> float | None:
         """Terminal voltage above which part of a charge makes gas [V]; None where none does."""

@@ -6,7 +6,7 @@ from os import PathLike
 from pathlib import Path
 
 from ohmward.atomic import replacing
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_battery
 from ohmward.toml_file import TomlFile
 
 _HEADER = """\
@@ -29,8 +29,10 @@ def save_battery(battery: Battery, path: str | PathLike[str]) -> None:
     """Write the battery file; numbers are rounded to 6 digits. The file is either whole or not there.
 
     Raises:
+        InputError: it is no battery.
         OhmwardError: the file cannot be written.
     """
+    require_battery(battery)
     BATTERY_FILE.save(battery, path)
 
 

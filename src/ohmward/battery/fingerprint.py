@@ -41,19 +41,14 @@ _BLOCK = 2_000_000
 
 
 class LogProfile(NamedTuple):
-    """Content of a fingerprint.
+    """Content of a fingerprint."""
 
-    bin_s, interval_s: length of a bin, and median interval of the samples.
-    start_unix_s: wall clock of the first sample, NaN where there is none.
-    means: (2, n) mean voltage [V] and current [A] of each bin.
-    level: (2, 1) their resolution.
-    """
-
+    #: length of a bin, and median interval of the samples
     bin_s: float
     interval_s: float
-    start_unix_s: float
-    means: np.ndarray
-    level: np.ndarray
+    start_unix_s: float  #: wall clock of the first sample, NaN where there is none
+    means: np.ndarray  #: (2, n) mean voltage [V] and current [A] of each bin
+    level: np.ndarray  #: (2, 1) their resolution
 
     @property
     def duration_s(self) -> float:
@@ -62,15 +57,13 @@ class LogProfile(NamedTuple):
 
 
 class LogIntegrals(NamedTuple):
-    """Time integrals of voltage and current from the first sample on.
+    """Time integrals of voltage and current from the first sample on."""
 
-    time_s: times of the samples of each, from the first sample of the log; total: their integrals there.
-    duration_s: of the log.
-    """
-
+    #: times of the samples of each, from the first sample of the log; total: their integrals there
     time_s: tuple[np.ndarray, np.ndarray]
+
     total: tuple[np.ndarray, np.ndarray]
-    duration_s: float
+    duration_s: float  #: of the log
 
     def means(self, edges_s: np.ndarray) -> np.ndarray:
         """(2, ..., n) means between neighbours of the edges (..., n + 1), as far as they lie within the log."""

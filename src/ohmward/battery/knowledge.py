@@ -14,46 +14,30 @@ from ohmward.errors import InputError
 
 @dataclass(frozen=True)
 class SeenLog:
-    """A log that a battery has learnt from.
+    """A log that a battery has learnt from."""
 
-    Attributes:
-        name: of the log.
-        fingerprint: of its measurements; the same log once more has the same one, "" where none was taken.
-        start_unix_s, end_unix_s: Unix time of its first and its last sample, None without a wall clock.
-        hours: its length.
-        taught: what it taught, in a line.
-        anchors: number of times at which something else than the voltage told its state of charge.
-        end_soc, end_soc_std: state of charge at its last sample, None in a file that did not keep it.
-        end_current_A: current there.
-    """
-
-    name: str
-    fingerprint: str = ""
+    name: str  #: of the log
+    fingerprint: str = ""  #: of its measurements; the same log once more has the same one, "" where none was taken
+    #: Unix time of its first and its last sample, None without a wall clock
     start_unix_s: float | None = None
     end_unix_s: float | None = None
-    hours: float = 0.0
-    taught: str = ""
-    anchors: int = 0
-    end_soc: float | None = None
-    end_soc_std: float | None = None
-    end_current_A: float = 0.0
+    hours: float = 0.0  #: its length
+    taught: str = ""  #: what it taught, in a line
+    anchors: int = 0  #: number of times at which something else than the voltage told its state of charge
+    end_soc: float | None = None  #: state of charge at its last sample, None in a file that did not keep it
+    end_soc_std: float | None = None  #: its standard deviation
+    end_current_A: float = 0.0  #: current there
 
 
 @dataclass(frozen=True)
 class Knowledge:
-    """Covariance of the errors that are left in the parameters of a battery file; their means are in the file itself.
+    """Covariance of the errors left in the parameters of a battery file; their means are in the file itself."""
 
-    Attributes:
-        names: (K,) of the parameters, as `learning.parameters` defines them.
-        covariance: (K (K + 1) / 2,) lower triangle, row by row.
-        logs: that the battery has learnt from, in their order.
-        seen_from_soc: lowest state of charge that they have shown. Above it the curve is known over the charge below
-            full, whatever the capacity is; below it, along SoC.
-    """
-
-    names: tuple[str, ...]
-    covariance: tuple[float, ...]
-    logs: tuple[SeenLog, ...] = ()
+    names: tuple[str, ...]  #: (K,) of the parameters, as `learning.parameters` defines them
+    covariance: tuple[float, ...]  #: (K (K + 1) / 2,) lower triangle, row by row
+    logs: tuple[SeenLog, ...] = ()  #: that the battery has learnt from, in their order
+    #: lowest state of charge that they have shown. Above it the curve is known over the charge below full, whatever the
+    #: capacity is; below it, along SoC.
     seen_from_soc: float = 1.0
 
     def __post_init__(self) -> None:

@@ -119,23 +119,17 @@ def _better_explained(log: Log, battery: Battery) -> str:
     number = f"{best} cells" if best > 1 else "1 cell"
     return (
         f"{number} in series explain its voltage better than {own}, the n_series of the battery file: "
-        f"{1e3 * error_V[best]:.2g} against {1e3 * error_V[own]:.2g} mV RMS a cell; correct n_series?"
+        f"{1e3 * error_V[best]:.0f} against {1e3 * error_V[own]:.0f} mV RMS a cell; correct n_series?"
     )
 
 
 class _WindowMeans(NamedTuple):
-    """Means over the parts of a window, (T,) each.
+    """Means over the parts of a window, (T,) each."""
 
-    charge: counted since the start of the window, as a share of the capacity.
-    offset_charge: (O, T) the same of the offsets that are tried.
-    voltage_V: of the battery.
-    overpotentials: (T, 2) the overpotential of a cell by the file's resistances, quick and slow [V].
-    """
-
-    charge: np.ndarray
-    offset_charge: np.ndarray
-    voltage_V: np.ndarray
-    overpotentials: np.ndarray
+    charge: np.ndarray  #: counted since the start of the window, as a share of the capacity
+    offset_charge: np.ndarray  #: (O, T) the same of the offsets that are tried
+    voltage_V: np.ndarray  #: of the battery
+    overpotentials: np.ndarray  #: (T, 2) the overpotential of a cell by the file's resistances, quick and slow [V]
 
 
 def cell_error_V(windows: Sequence[_WindowMeans], curve_V: np.ndarray, cells: int, enough_V: float = 0.0) -> float:

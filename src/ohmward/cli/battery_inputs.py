@@ -7,24 +7,84 @@ from collections.abc import Collection
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import FILTERS, PackEstimator, PackRun
+from ohmward.battery.file import load_battery
 from ohmward.battery.log_check import check_log
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
-from ohmward.battery.soc.reference import SocReference
+from ohmward.battery.soc.reference import SocReference, soc_reference
 from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import SocSample
 from ohmward.cli.options import UNKNOWN, file_hints
 from ohmward.cli.parser import selected_name, split_selection
 from ohmward.cli.progress import Report, counting
-from ohmward.cli.sensor import load_battery_with_sensor
-from ohmward.cli.truth import read_soc_truth
-from ohmward.logs import Log, read_log
+from ohmward.errors import InputError
+from ohmward.logs import DriveLog, Log, read_log
 from ohmward.logs.cell_columns import CellVoltages, cell_names, find_cells
 from ohmward.logs.charger_flag import charger_columns
+from ohmward.logs.columns import guess, listed
 from ohmward.logs.read import open_table
 from ohmward.logs.table import TableFile
+
+
+def read_soc_truth(log: Log, text: str, capacity_Ah: float, start_soc: float | None = None) -> SocReference:
+    """Reference state of charge in a column; `a - b` is the difference of two, as of a counter for each direction.
+
+    capacity_Ah, start_soc: of a counter of ampere hours, see `soc_reference`.
+
+    Raises:
+        InputError: there is no such column, it has no value, or its range is not that of a state of charge.
+    """
+    first, minus, second = (part.strip() for part in text.partition(" - "))
+    if minus:
+        values = truth_column(log, first) - truth_column(log, second)
+    else:
+        values = truth_column(log, text)
+    return soc_reference(log, text, values, capacity_Ah, start_soc)
+
+
+def truth_column(log: Log | DriveLog, name: str) -> np.ndarray:
+    """(T,) a column in its own unit.
+
+    Raises:
+        InputError: there is no such column.
+    """
+    if name in log.extra:
+        return log.extra[name]
+    names = list(log.extra)
+    there = f"it has: {listed(names)}" if names else "it has no further numeric columns"
+    raise InputError(f"{log.name}: there is no column {name!r} for --truth{guess(name, names)}; {there}")
+
+
+def with_sensor(battery: Battery, args: argparse.Namespace) -> tuple[Battery, list[str]]:
+    """The battery with the sensor of the options, and a sentence for each that contradicts the battery.
+
+    Raises:
+        InputError: the offset is larger than the current that empties the battery in an hour.
+    """
+    known = battery.sensor
+    offset_A = known.offset_std_A if args.sensor_offset is None else args.sensor_offset
+    gain = known.gain_std if args.sensor_gain is None else args.sensor_gain
+    if args.sensor_offset is not None and offset_A > battery.capacity_Ah:
+        raise InputError(
+            f"--sensor-offset must be below 1 C, {battery.capacity_Ah:g} A, got {offset_A:g} A; for milliamperes write "
+            f"{offset_A / 1000:g}"
+        )
+    said = "was used; the battery file says"
+    contradictions = []
+    if offset_A != known.offset_std_A:
+        contradictions.append(f"--sensor-offset {offset_A:g} A {said} {known.offset_std_A:g} A")
+    if gain != known.gain_std:
+        contradictions.append(f"--sensor-gain {gain:g} {said} {known.gain_std:g}")
+    return replace(battery, sensor=replace(known, offset_std_A=offset_A, gain_std=gain)), contradictions
+
+
+def load_battery_with_sensor(path: str, args: argparse.Namespace) -> tuple[Battery, list[str]]:
+    """The battery in a file with the sensor of the options, and a sentence for each that contradicts the file."""
+    return with_sensor(load_battery(path), args)
 
 
 class SocTask(NamedTuple):

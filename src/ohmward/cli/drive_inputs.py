@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.cli.battery_inputs import truth_column
 from ohmward.cli.options import TRUTHS, file_hints
 from ohmward.cli.parser import selected_name, split_selection
-from ohmward.cli.truth import truth_column
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, read_drive
 from ohmward.logs.table import TableFile

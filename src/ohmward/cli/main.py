@@ -9,16 +9,17 @@ import os
 import sys
 import traceback
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from types import ModuleType
 
 from ohmward import __version__
-from ohmward.cli.outcome import carry_out, close_output, show
+from ohmward.cli.outcome import Outcome, carry_out, close_output, show
 from ohmward.cli.parser import Parser
 from ohmward.errors import InputError, OhmwardError
 
-#: The commands in the order of the help. The package `cli.NAME` of a command is loaded only when it is typed.
+#: The commands in the order of the help. Each is a module `cli.NAME` with EXAMPLES, `add_arguments` and `run`, loaded
+#: only when it is typed; a `run` that imports much stands in `cli/NAME/command.py`, loaded once the arguments are read.
 COMMANDS = {
     "doctor": "what is in a log and what is wrong with it; what a battery file does not know",
     "identify": "from logs of tests to a battery file",
@@ -88,7 +89,7 @@ def _status(words: Sequence[str]) -> int:
     """Exit status of a command line, after everything is said."""
     try:
         arguments = parse(words)
-        outcome = carry_out(_load(arguments.command, "command").run, arguments)
+        outcome = carry_out(_run_of(arguments.command), arguments)
         show(outcome, as_json=getattr(arguments, "json", False))
         return outcome.status
     except OhmwardError as error:
@@ -139,7 +140,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
             allow_abbrev=False,
         )
         if name == typed:
-            module = _load(name, "arguments")
+            module = _load(name)
             command.epilog = f"examples:\n{module.EXAMPLES}"
             module.add_arguments(command)
     return parser.parse_args(words)
@@ -158,7 +159,15 @@ def _require_command(words: Sequence[str]) -> None:
         raise InputError(f"there is no command {word!r}; {advice}")
 
 
-def _load(name: str, part: str) -> ModuleType:
-    """A module of a command, loaded by its name."""
+def _load(name: str) -> ModuleType:
+    """Module of a command."""
     package = "ohmward_lab" if name in OF_THE_LABORATORY else "ohmward"
-    return import_module(f"{package}.cli.{name}.{part}")
+    return import_module(f"{package}.cli.{name}")
+
+
+def _run_of(name: str) -> Callable[[argparse.Namespace], Outcome]:
+    module = _load(name)
+    run: Callable[[argparse.Namespace], Outcome] = (
+        module.run if hasattr(module, "run") else import_module(f"{module.__name__}.command").run
+    )
+    return run

@@ -19,20 +19,14 @@ if TYPE_CHECKING:
 
 
 class Outcome(NamedTuple):
-    """The result of a command.
+    """The result of a command."""
 
-    summary: the object of --json; arrays and dataclasses are not allowed, numbers that are not finite become null.
-    text: the same for people.
-    notes: what was assumed on the way; part of `text`, and on standard error with --json.
-    page: makes the report, called only with --report.
-    status: exit status.
-    """
-
+    #: the object of --json; arrays and dataclasses are not allowed, numbers that are not finite become null
     summary: Mapping[str, Any]
-    text: str
-    notes: Sequence[str] = ()
-    page: Callable[[], Page] | None = None
-    status: int = 0
+    text: str  #: the same for people
+    notes: Sequence[str] = ()  #: what was assumed on the way; part of `text`, and on standard error with --json
+    page: Callable[[], Page] | None = None  #: makes the report, called only with --report
+    status: int = 0  #: exit status
 
 
 def carry_out(run: Callable[[argparse.Namespace], Outcome], arguments: argparse.Namespace) -> Outcome:

@@ -32,12 +32,37 @@ import numpy as np
 
 from ohmward.checks import require_between, require_finite
 from ohmward.energy.consumption_prior import ConsumptionPrior
-from ohmward.energy.consumption_sums import Variance, Visits
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, Innovation, nis
 from ohmward.traction.robot.robot import GRAVITY
+
+
+class Variance(NamedTuple):
+    """A variance with an inverse-gamma distribution."""
+
+    dof: float  #: degrees of freedom with which it is known
+    scale: float  #: dof times its usual value
+
+    @property
+    def value(self) -> float:
+        """The variance to compute with."""
+        return self.scale / self.dof
+
+    def updated(self, square: float, dof: float) -> Variance:
+        """The variance after a squared deviation that counts as `dof` degrees of freedom."""
+        return Variance(float(self.dof + dof), float(self.scale + square))
+
+
+class Visits(NamedTuple):
+    """Sums over all that was driven on a terrain."""
+
+    drives: int = 0
+    distance_m: float = 0.0
+    time_s: float = 0.0
+    energy_J: float = 0.0
+
 
 #: Coefficients that all terrains share, in their order; `force_N` and `day_effect` of each terrain follow.
 SHARED = ("idle_W", "speed_N_s_per_m", "climb", "regeneration", "heat_W_per_N2", "day_effect")
@@ -58,31 +83,18 @@ _LEAST_INFORMATION = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Consumption:
-    """Belief about a robot's consumption. Immutable: `learn` and `begin_drive` return a new one.
+    """Belief about a robot's consumption. Immutable: `learn` and `begin_drive` return a new one."""
 
-    Attributes:
-        prior: belief before the first drive.
-        terrains: (K,) names, in the order in which they were met.
-        mean: (6 + 2 K,) coefficients: `SHARED`, then force [N] and day effect of each terrain.
-        cov: their covariance.
-        reference_N: (K,) forces that the day effects of this drive are relative to.
-        scatter: sigma^2 [m].
-        day: tau^2.
-        visits: (K,) what was driven there.
-        on_this_drive: terrains of the drive under way.
-        last_drive_unix_s: when the last drive ended, where its log had a wall clock.
-    """
-
-    prior: ConsumptionPrior
-    terrains: tuple[str, ...]
-    mean: np.ndarray
-    cov: np.ndarray
-    reference_N: tuple[float, ...]
-    scatter: Variance
-    day: Variance
-    visits: tuple[Visits, ...] = ()
-    on_this_drive: tuple[str, ...] = ()
-    last_drive_unix_s: float | None = None
+    prior: ConsumptionPrior  #: belief before the first drive
+    terrains: tuple[str, ...]  #: (K,) names, in the order in which they were met
+    mean: np.ndarray  #: (6 + 2 K,) coefficients: `SHARED`, then force [N] and day effect of each terrain
+    cov: np.ndarray  #: their covariance
+    reference_N: tuple[float, ...]  #: (K,) forces that the day effects of this drive are relative to
+    scatter: Variance  #: sigma^2 [m]
+    day: Variance  #: tau^2
+    visits: tuple[Visits, ...] = ()  #: (K,) what was driven there
+    on_this_drive: tuple[str, ...] = ()  #: terrains of the drive under way
+    last_drive_unix_s: float | None = None  #: when the last drive ended, where its log had a wall clock
 
     def __post_init__(self) -> None:
         n = len(SHARED) + 2 * len(self.terrains)
@@ -122,19 +134,13 @@ class Consumption:
 
 
 class EnergyDemand(NamedTuple):
-    """Energy that stretches will take: mean, and variances by their cause.
+    """Energy that stretches will take: mean, and variances by their cause."""
 
-    mean_J: expected.
-    learned_J2: coefficients and model.
-    day_J2: day effects, which differ from drive to drive.
-    scatter_J2: uneven ground, which differs from place to place.
-    day_dof, scatter_dof: degrees of freedom of the last two.
-    """
-
-    mean_J: float
-    learned_J2: float
-    day_J2: float
-    scatter_J2: float
+    mean_J: float  #: expected
+    learned_J2: float  #: coefficients and model
+    day_J2: float  #: day effects, which differ from drive to drive
+    scatter_J2: float  #: uneven ground, which differs from place to place
+    #: degrees of freedom of the last two
     day_dof: float
     scatter_dof: float
 

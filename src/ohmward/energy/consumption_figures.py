@@ -19,47 +19,36 @@ _PREDICTED_M = 100.0
 
 
 class RecordFigures(NamedTuple):
-    """A recorded drive in figures; None where it was not measured.
+    """A recorded drive in figures; None where it was not measured."""
 
-    duration_s: of the log.
-    used_s: of the stretches that were measured.
-    distance_m, energy_J, energy_J_per_m: of these.
-    cost_of_transport: energy over weight and distance.
-    regenerated_J: that flowed into the battery.
-    split_J: terms of the energy balance, the battery's first.
-    split_std_J: standard deviation of those that have one.
-    """
-
-    duration_s: float
-    used_s: float
+    duration_s: float  #: of the log
+    used_s: float  #: of the stretches that were measured
+    #: of these
     distance_m: float
     energy_J: float
     energy_J_per_m: float | None
-    cost_of_transport: float | None
-    regenerated_J: float | None
-    split_J: dict[str, float] | None
-    split_std_J: dict[str, float] | None
+    cost_of_transport: float | None  #: energy over weight and distance
+    regenerated_J: float | None  #: that flowed into the battery
+    split_J: dict[str, float] | None  #: terms of the energy balance, the battery's first
+    split_std_J: dict[str, float] | None  #: standard deviation of those that have one
 
 
 class TerrainFigures(NamedTuple):
-    """A terrain in figures; None where nothing was driven.
+    """A terrain in figures; None where nothing was driven."""
 
-    drives, distance_m, time_s, energy_J: of all that was driven there.
-    energy_J_per_m, cost_of_transport: measured.
-    force_N, force_std_N: resistance.
-    speed_m_s: usual speed.
-    expected_J_per_m, expected_cost_of_transport: on level ground at that speed on another day.
-    """
-
+    #: of all that was driven there
     drives: int
     distance_m: float
     time_s: float
     energy_J: float
+    #: measured
     energy_J_per_m: float | None
     cost_of_transport: float | None
+    #: resistance
     force_N: float
     force_std_N: float
-    speed_m_s: float
+    speed_m_s: float  #: usual speed
+    #: on level ground at that speed on another day
     expected_J_per_m: Quantiles
     expected_cost_of_transport: Quantiles
 

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from ohmward.atomic import write_text
-from ohmward.energy.consumption import SHARED, Consumption
+from ohmward.energy.consumption import SHARED, Consumption, Variance, Visits
 from ohmward.energy.consumption_prior import ConsumptionPrior
-from ohmward.energy.consumption_sums import Variance, Visits
 from ohmward.errors import InputError
 from ohmward.optional import require
 from ohmward.toml_file import parse_file, parse_toml

@@ -44,46 +44,36 @@ ANY_IDLE_W = 10.0
 
 @dataclass(frozen=True)
 class ConsumptionPrior:
-    """Belief about a robot before it has driven, and about a terrain before it was met.
+    """Belief about a robot before it has driven, and about a terrain before it was met."""
 
-    Attributes:
-        mass_kg: to which `force_N` belongs, > 0.
-        idle_W, idle_std_W: of everything but the drives.
-        force_N, force_std_N: resistance of an unknown terrain, at the battery.
-        speed_N_s_per_m, speed_std_N_s_per_m: its growth with speed.
-        climb, climb_std: energy from the battery over the potential energy gained, about 1/efficiency.
-        regeneration, regeneration_std: regeneration efficiency, energy that comes back over the energy of braking.
-        heat_W_per_N2, heat_std_W_per_N2: heat of the windings, and loss to slip, over the square of the force.
-        scatter_m: sigma^2 of `consumption`; 1 m is a fifth over 25 m.
-        day_std: tau, standard deviation of the resistance from drive to drive, relative to it.
-        model_std: error that no drive teaches, relative to the energy: gains of the sensors, curves taken as lines.
-        slope_std: error that gentle slopes do not teach of steep ones, relative to the energy that slopes add: with it
-            the errors on slopes of 0.12 after drives on slopes of 0.03 have unit variance over 300 simulated robots
-            whose slopes are measured with noise (their own tell 0.12; with the mass alone their mean is above, too).
-        drift_std: change of forces and idle power in a month, as a share of the prior's.
-        dof: degrees of freedom of sigma^2 and tau^2, >= 3.
-        terrain_force_N: resistance of terrains that handbooks know, by name.
-    """
-
-    mass_kg: float
+    mass_kg: float  #: to which `force_N` belongs, > 0
+    #: of everything but the drives
     idle_W: float
     idle_std_W: float
+    #: resistance of an unknown terrain, at the battery
     force_N: float
     force_std_N: float
+    #: its growth with speed
     speed_N_s_per_m: float = 0.0
     speed_std_N_s_per_m: float = 0.0
-    climb: float = 1.3
-    climb_std: float = 0.25
-    regeneration: float = 0.4
-    regeneration_std: float = 0.3
+    climb: float = 1.3  #: energy from the battery over the potential energy gained, about 1/efficiency
+    climb_std: float = 0.25  #: its standard deviation
+    regeneration: float = 0.4  #: regeneration efficiency, energy that comes back over the energy of braking
+    regeneration_std: float = 0.3  #: its standard deviation
+    #: heat of the windings, and loss to slip, over the square of the force
     heat_W_per_N2: float = 0.0
     heat_std_W_per_N2: float = 0.0
-    scatter_m: float = 1.0
-    day_std: float = 0.15
+    scatter_m: float = 1.0  #: sigma^2 of `consumption`; 1 m is a fifth over 25 m
+    day_std: float = 0.15  #: tau, standard deviation of the resistance from drive to drive, relative to it
+    #: error that no drive teaches, relative to the energy: gains of the sensors, curves taken as lines
     model_std: float = 0.02
+    #: error that gentle slopes do not teach of steep ones, relative to the energy that slopes add: with it the errors
+    #: on slopes of 0.12 after drives on slopes of 0.03 have unit variance over 300 simulated robots whose slopes are
+    #: measured with noise (their own tell 0.12; with the mass alone their mean is above, too)
     slope_std: float = 0.12
-    drift_std: float = 0.05
-    dof: float = 4.0
+    drift_std: float = 0.05  #: change of forces and idle power in a month, as a share of the prior's
+    dof: float = 4.0  #: degrees of freedom of sigma^2 and tau^2, >= 3
+    #: resistance of terrains that handbooks know, by name
     terrain_force_N: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

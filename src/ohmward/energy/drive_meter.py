@@ -10,32 +10,21 @@ from ohmward.energy.recorded import Cut
 
 
 class DriveSample(NamedTuple):
-    """Measurements at an instant of a drive; nan where one is missing.
+    """Measurements at an instant of a drive; nan where one is missing."""
 
-    time_s: on any clock.
-    speed_m_s: forward.
-    battery_W: > 0 out of the battery.
-    grade_rad: > 0 with the nose up.
-    terrain: name of the ground.
-    """
-
-    time_s: float
-    speed_m_s: float
-    battery_W: float
-    grade_rad: float
-    terrain: str
+    time_s: float  #: on any clock
+    speed_m_s: float  #: forward
+    battery_W: float  #: > 0 out of the battery
+    grade_rad: float  #: > 0 with the nose up
+    terrain: str  #: name of the ground
 
 
 class Measured(NamedTuple):
-    """A stretch that is under way.
+    """A stretch that is under way."""
 
-    stretch: so far.
-    energy_J: out of the battery.
-    rise_m, rise_s: height won since the last height was taken, and the time since then.
-    """
-
-    stretch: Stretch
-    energy_J: float
+    stretch: Stretch  #: so far
+    energy_J: float  #: out of the battery
+    #: height won since the last height was taken, and the time since then
     rise_m: float = 0.0
     rise_s: float = 0.0
 

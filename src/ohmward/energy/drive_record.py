@@ -34,18 +34,13 @@ class ObservedWheels(NamedTuple):
 
 
 class BodyMotion(NamedTuple):
-    """Motion at the samples of the battery's log.
+    """Motion at the samples of the battery's log."""
 
-    speed_m_s: (T,) forward; of an omni-directional robot in whatever direction.
-    grade_rad: (T,) > 0 where it climbs forward; None on ground that is taken as level.
-    wheels: the observed drive on its own clock; None where speed and grade are columns of the log.
-    notes: everything that was assumed.
-    """
-
-    speed_m_s: np.ndarray
-    grade_rad: np.ndarray | None
+    speed_m_s: np.ndarray  #: (T,) forward; of an omni-directional robot in whatever direction
+    grade_rad: np.ndarray | None  #: (T,) > 0 where it climbs forward; None on ground that is taken as level
+    #: the observed drive on its own clock; None where speed and grade are columns of the log
     wheels: ObservedWheels | None
-    notes: tuple[Note, ...]
+    notes: tuple[Note, ...]  #: everything that was assumed
 
 
 class RecordedBalance(NamedTuple):
@@ -57,21 +52,15 @@ class RecordedBalance(NamedTuple):
 
 
 class DriveRecord(NamedTuple):
-    """A recorded drive.
+    """A recorded drive."""
 
-    log: of the battery.
-    speed_m_s, battery_W: (T,) at its samples; the power is > 0 out of the battery.
-    driven: stretches of one ground each.
-    balance: None without wheels and motor currents.
-    notes: everything that was assumed.
-    """
-
-    log: Log
+    log: Log  #: of the battery
+    #: (T,) at its samples; the power is > 0 out of the battery
     speed_m_s: np.ndarray
     battery_W: np.ndarray
-    driven: list[Driven]
-    balance: RecordedBalance | None
-    notes: tuple[Note, ...]
+    driven: list[Driven]  #: stretches of one ground each
+    balance: RecordedBalance | None  #: None without wheels and motor currents
+    notes: tuple[Note, ...]  #: everything that was assumed
 
     @property
     def end_unix_s(self) -> float | None:

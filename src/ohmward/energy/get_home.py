@@ -22,36 +22,25 @@ _HALVINGS = 20
 
 
 class Milestone(NamedTuple):
-    """Forecast for the end of a leg.
+    """Forecast for the end of a leg."""
 
-    distance_m, time_s: since the start of the plan.
-    energy_J: taken since the start.
-    soc: state of charge; that of the end of the discharge where the battery does not reach.
-    probability: of getting here with the reserve left.
-    """
-
+    #: since the start of the plan
     distance_m: float
     time_s: float
-    energy_J: Quantiles
-    soc: Quantiles
-    probability: float
+    energy_J: Quantiles  #: taken since the start
+    soc: Quantiles  #: state of charge; that of the end of the discharge where the battery does not reach
+    probability: float  #: of getting here with the reserve left
 
 
 class MissionForecast(NamedTuple):
-    """Forecast for a plan.
+    """Forecast for a plan."""
 
-    probability: of driving all of it with the reserve left.
-    milestones: one for each leg.
-    usable_J: energy above the reserve at the start.
-    power_W: mean power of the plan.
-    point_of_return_m: farthest distance along the plan from which the way back, over the same ground, can still be
-        driven with the confidence asked for; 0 where not even that is.
-    """
-
-    probability: float
-    milestones: tuple[Milestone, ...]
-    usable_J: Quantiles
-    power_W: float
+    probability: float  #: of driving all of it with the reserve left
+    milestones: tuple[Milestone, ...]  #: one for each leg
+    usable_J: Quantiles  #: energy above the reserve at the start
+    power_W: float  #: mean power of the plan
+    #: farthest distance along the plan from which the way back, over the same ground, can still be driven with the
+    #: confidence asked for; 0 where not even that is
     point_of_return_m: float
 
 

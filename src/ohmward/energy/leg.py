@@ -15,27 +15,18 @@ STEEPEST_RAD = math.pi / 4
 
 
 class Stretch(NamedTuple):
-    """A stretch of one terrain, driven or planned.
+    """A stretch of one terrain, driven or planned."""
 
-    terrain: its name; "" where the robot only stands.
-    time_s: with all stops.
-    distance_m: along the ground, >= 0, forward or backward.
-    speed_distance_m2_s: integral of speed over distance; speed times distance at constant speed.
-    climb_m, descent_m: height gained and height lost, both >= 0.
-    payload_kg: on top of the robot's mass.
-    kinetic_m2_s2: kinetic energy gained, per kg: half of the last speed squared less half of the first.
-    standing_s: of `time_s`, what the robot stands in stops too short to be a stretch of their own.
-    """
-
-    terrain: str
-    time_s: float
-    distance_m: float = 0.0
-    speed_distance_m2_s: float = 0.0
+    terrain: str  #: its name; "" where the robot only stands
+    time_s: float  #: with all stops
+    distance_m: float = 0.0  #: along the ground, >= 0, forward or backward
+    speed_distance_m2_s: float = 0.0  #: integral of speed over distance; speed times distance at constant speed
+    #: height gained and height lost, both >= 0
     climb_m: float = 0.0
     descent_m: float = 0.0
-    payload_kg: float = 0.0
-    kinetic_m2_s2: float = 0.0
-    standing_s: float = 0.0
+    payload_kg: float = 0.0  #: on top of the robot's mass
+    kinetic_m2_s2: float = 0.0  #: kinetic energy gained, per kg: half of the last speed squared less half of the first
+    standing_s: float = 0.0  #: of `time_s`, what the robot stands in stops too short to be a stretch of their own
 
 
 #: Fields that double when a stretch is twice as long.

@@ -43,58 +43,33 @@ _SECONDS_PER_DAY = 86400.0
 
 @dataclass(frozen=True)
 class MissionSettings:
-    """Settings of a mission analysis.
+    """Settings of a mission analysis."""
 
-    Attributes:
-        soc: state of charge now; None takes it from an estimator along the log.
-        soc_std: standard deviation of `soc`.
-        initial_soc: state of charge at the start of the log; None takes it from the voltage.
-        initial_soc_std: standard deviation of `initial_soc`.
-        filter: estimator of the state of charge, see `make_estimator`.
-        reserve_soc: state of charge that is to be left; None takes the plan's, else 0.1.
-        cutoff_V: terminal voltage at which the robot stops; None takes the plan's.
-        payload_kg: load during the log.
-        speed_column: column of the log's speed [m/s], used without wheels.
-        believed: ground that the observer of the wheels believes at first; None is dry asphalt.
-        confidence: probability with which the robot must come back from the latest point of return.
-    """
-
-    soc: float | None = None
-    soc_std: float = 0.03
-    initial_soc: float | None = None
-    initial_soc_std: float = 0.03
-    filter: str = DEFAULT
-    reserve_soc: float | None = None
-    cutoff_V: float | None = None
-    payload_kg: float = 0.0
-    speed_column: str = "speed_m_s"
-    believed: Terrain | None = None
-    confidence: float = 0.95
+    soc: float | None = None  #: state of charge now; None takes it from an estimator along the log
+    soc_std: float = 0.03  #: standard deviation of `soc`
+    initial_soc: float | None = None  #: state of charge at the start of the log; None takes it from the voltage
+    initial_soc_std: float = 0.03  #: standard deviation of `initial_soc`
+    filter: str = DEFAULT  #: estimator of the state of charge, see `make_estimator`
+    reserve_soc: float | None = None  #: state of charge that is to be left; None takes the plan's, else 0.1
+    cutoff_V: float | None = None  #: terminal voltage at which the robot stops; None takes the plan's
+    payload_kg: float = 0.0  #: load during the log
+    speed_column: str = "speed_m_s"  #: column of the log's speed [m/s], used without wheels
+    believed: Terrain | None = None  #: ground that the observer of the wheels believes at first; None is dry asphalt
+    confidence: float = 0.95  #: probability with which the robot must come back from the latest point of return
 
 
 class MissionResult(NamedTuple):
-    """Result of a mission analysis.
+    """Result of a mission analysis."""
 
-    battery: the battery file's.
-    record: the recorded drive; None without a log.
-    plan: the mission ahead, if there is one.
-    consumption: with what the log taught.
-    state: of the battery at the end of the log, or as given.
-    range: over ground like that of the plan, else of the log.
-    forecast: of the plan.
-    advice: speed of the least energy per metre, by terrain.
-    notes: everything that was assumed.
-    """
-
-    battery: Battery
-    record: DriveRecord | None
-    plan: Plan | None
-    consumption: Consumption
-    state: BatteryState
-    range: Range
-    forecast: MissionForecast | None
-    advice: dict[str, SpeedAdvice]
-    notes: tuple[Note, ...]
+    battery: Battery  #: the battery file's
+    record: DriveRecord | None  #: the recorded drive; None without a log
+    plan: Plan | None  #: the mission ahead, if there is one
+    consumption: Consumption  #: with what the log taught
+    state: BatteryState  #: of the battery at the end of the log, or as given
+    range: Range  #: over ground like that of the plan, else of the log
+    forecast: MissionForecast | None  #: of the plan
+    advice: dict[str, SpeedAdvice]  #: speed of the least energy per metre, by terrain
+    notes: tuple[Note, ...]  #: everything that was assumed
 
 
 def analyse(

@@ -38,21 +38,14 @@ grade_rad = -0.02
 
 @dataclass(frozen=True)
 class Plan:
-    """A mission as its file has it.
+    """A mission as its file has it."""
 
-    Attributes:
-        leg: in the order in which they are driven; at least one.
-        reserve_soc: state of charge that must be left, in [0, 1); None where the plan does not give it.
-        cutoff_V: terminal voltage at which the robot stops; 0 where nothing watches it.
-        temperature_degC: of the battery.
-        payload_kg: on every leg, on top of its own.
-    """
-
-    leg: tuple[Leg, ...]
+    leg: tuple[Leg, ...]  #: in the order in which they are driven; at least one
+    #: state of charge that must be left, in [0, 1); None where the plan does not give it
     reserve_soc: float | None = None
-    cutoff_V: float = 0.0
-    temperature_degC: float = ROOM_DEGC
-    payload_kg: float = 0.0
+    cutoff_V: float = 0.0  #: terminal voltage at which the robot stops; 0 where nothing watches it
+    temperature_degC: float = ROOM_DEGC  #: of the battery
+    payload_kg: float = 0.0  #: on every leg, on top of its own
 
     def __post_init__(self) -> None:
         if not self.leg:

@@ -28,19 +28,14 @@ BATTERY, COEFFICIENTS, DAY_EFFECTS, SCATTER = slice(0, 3), 3, 4, 5
 
 
 class Range(NamedTuple):
-    """Distance, time and energy that are left.
+    """Distance, time and energy that are left."""
 
-    distance_m, time_s: until the reserve; infinite where the ground gives more than it takes.
-    usable_J: energy above the reserve.
-    energy_J_per_m: consumption on the way ahead.
-    power_W: mean power on the way ahead.
-    """
-
+    #: until the reserve; infinite where the ground gives more than it takes
     distance_m: Quantiles
     time_s: Quantiles
-    usable_J: Quantiles
-    energy_J_per_m: Quantiles
-    power_W: float
+    usable_J: Quantiles  #: energy above the reserve
+    energy_J_per_m: Quantiles  #: consumption on the way ahead
+    power_W: float  #: mean power on the way ahead
 
 
 def range_left(c: Consumption, ahead: Sequence[Stretch], battery: Battery, state: BatteryState) -> Range:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_battery
 from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.energy.consumption import Consumption, energy_demand, learn, with_terrain
 from ohmward.energy.drive_meter import DriveMeter, DriveSample, advance
@@ -103,51 +103,31 @@ class RangeEstimate(NamedTuple):
 
 
 class RangeState(NamedTuple):
-    """State of the estimator between samples.
+    """State of the estimator between samples."""
 
-    consumption: as learned so far.
-    meter: of the drive.
-    recent: last stretches that were driven.
-    finished_m: length of all finished stretches.
-    soc: last one known.
-    forecast: last one.
-    forecast_s: its time; -inf before the first.
-    """
-
-    consumption: Consumption
-    meter: DriveMeter
-    recent: tuple[Stretch, ...]
-    finished_m: float
-    soc: SocNow
-    forecast: RangeEstimate
-    forecast_s: float
+    consumption: Consumption  #: as learned so far
+    meter: DriveMeter  #: of the drive
+    recent: tuple[Stretch, ...]  #: last stretches that were driven
+    finished_m: float  #: length of all finished stretches
+    soc: SocNow  #: last one known
+    forecast: RangeEstimate  #: last one
+    forecast_s: float  #: its time; -inf before the first
 
 
 @dataclass(frozen=True)
 class RangeSettings:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        battery: identified or generic.
-        terrain: ground where a sample does not name it.
-        reserve_soc: state of charge that is to be left.
-        cutoff_V: terminal voltage at which the robot stops; 0 where nothing watches it.
-        payload_kg: on top of the robot's mass.
-        refresh_s: time between two forecasts.
-        cut: rules by which the drive is cut into stretches.
-    """
-
-    battery: Battery
-    terrain: str = "floor"
-    reserve_soc: float = 0.1
-    cutoff_V: float = 0.0
-    payload_kg: float = 0.0
-    refresh_s: float = 60.0
-    cut: Cut = field(default_factory=Cut)
+    battery: Battery  #: identified or generic
+    terrain: str = "floor"  #: ground where a sample does not name it
+    reserve_soc: float = 0.1  #: state of charge that is to be left
+    cutoff_V: float = 0.0  #: terminal voltage at which the robot stops; 0 where nothing watches it
+    payload_kg: float = 0.0  #: on top of the robot's mass
+    refresh_s: float = 60.0  #: time between two forecasts
+    cut: Cut = field(default_factory=Cut)  #: rules by which the drive is cut into stretches
 
     def __post_init__(self) -> None:
-        if not isinstance(self.battery, Battery):
-            raise InputError(f"battery must be a Battery, got {type(self.battery).__name__}; load_battery reads one")
+        require_battery(self.battery)
         require_between("reserve_soc", self.reserve_soc, 0.0, 1.0)
         require_each_not_negative("", self, "cutoff_V", "payload_kg")
         require_positive("refresh_s", self.refresh_s)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.checks import require_each_not_negative, require_each_positive
-from ohmward.energy.integral import running_integral
+from ohmward.energy.balance import running_integral
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
 from ohmward.runs import runs
@@ -22,36 +22,24 @@ _UNKNOWN = -2
 
 
 class Driven(NamedTuple):
-    """One stretch of a recorded drive.
+    """One stretch of a recorded drive."""
 
-    start_s, stop_s: on the log's clock.
-    stretch: what was driven.
-    energy_J: out of the battery; < 0 where it was charged.
-    """
-
+    #: on the log's clock
     start_s: float
     stop_s: float
-    stretch: Stretch
-    energy_J: float
+    stretch: Stretch  #: what was driven
+    energy_J: float  #: out of the battery; < 0 where it was charged
 
 
 @dataclass(frozen=True)
 class Cut:
-    """Rules by which a drive is cut.
+    """Rules by which a drive is cut."""
 
-    Attributes:
-        longest_s: longest stretch.
-        standing_m_s: below this speed the robot stands, if it does so for at least `standing_s`.
-        standing_s: see there.
-        gap_s: a longer step between two samples is not bridged.
-        height_s: time between two heights; with less, the noise of a pitch would count as climbing.
-    """
-
-    longest_s: float = 180.0
-    standing_m_s: float = 0.03
-    standing_s: float = 5.0
-    gap_s: float = 10.0
-    height_s: float = 10.0
+    longest_s: float = 180.0  #: longest stretch
+    standing_m_s: float = 0.03  #: below this speed the robot stands, if it does so for at least `standing_s`
+    standing_s: float = 5.0  #: see there
+    gap_s: float = 10.0  #: a longer step between two samples is not bridged
+    height_s: float = 10.0  #: time between two heights; with less, the noise of a pitch would count as climbing
 
     def __post_init__(self) -> None:
         require_each_positive("cut.", self, "longest_s", "gap_s", "height_s")

@@ -23,23 +23,16 @@ DOMINATES = 0.5
 
 
 class SpeedAdvice(NamedTuple):
-    """The advised speed, and its saving.
+    """The advised speed, and its saving."""
 
-    speed_m_s: of the least energy per metre within the limits.
-    at_limit: True where the best speed lies at a limit, so that a wider one would save more.
-    energy_J_per_m: at that speed.
-    saving_J_per_m, saving_std_J_per_m: against the present speed.
-    idle_share: of the energy per metre at the present speed.
-    idle_dominates: True where that is more than half.
-    """
-
-    speed_m_s: float
-    at_limit: bool
-    energy_J_per_m: float
+    speed_m_s: float  #: of the least energy per metre within the limits
+    at_limit: bool  #: True where the best speed lies at a limit, so that a wider one would save more
+    energy_J_per_m: float  #: at that speed
+    #: against the present speed
     saving_J_per_m: float
     saving_std_J_per_m: float
-    idle_share: float
-    idle_dominates: bool
+    idle_share: float  #: of the energy per metre at the present speed
+    idle_dominates: bool  #: True where that is more than half
 
 
 def speed_advice(

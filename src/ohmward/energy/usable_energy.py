@@ -22,7 +22,7 @@ from ohmward.battery.models.noise import USUAL_C
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive
-from ohmward.energy.integral import running_integral
+from ohmward.energy.balance import running_integral
 from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.errors import InputError
 
@@ -37,26 +37,19 @@ _NO_POWER_V = -1e9
 
 @dataclass(frozen=True)
 class BatteryState:
-    """State of a battery at an instant, with its uncertainty, and the limits that the robot keeps.
+    """State of a battery at an instant, with its uncertainty, and the limits that the robot keeps."""
 
-    Attributes:
-        soc, soc_std: state of charge in [0, 1] and its standard deviation.
-        soh_capacity, capacity_std: capacity over that of the battery file, and its standard deviation.
-        resistance_ratio, resistance_std: resistance over that of the battery file, likewise.
-        temperature_degC: of the battery.
-        reserve_soc: state of charge that is to be left.
-        cutoff_V: terminal voltage at which the robot stops; 0 where nothing watches it.
-    """
-
-    soc: float
-    soc_std: float = 0.0
+    soc: float  #: state of charge in [0, 1] and its standard deviation
+    soc_std: float = 0.0  #: its standard deviation
+    #: capacity over that of the battery file, and its standard deviation
     soh_capacity: float = 1.0
     capacity_std: float = 0.0
+    #: resistance over that of the battery file, likewise
     resistance_ratio: float = 1.0
     resistance_std: float = 0.0
-    temperature_degC: float = ROOM_DEGC
-    reserve_soc: float = 0.0
-    cutoff_V: float = 0.0
+    temperature_degC: float = ROOM_DEGC  #: of the battery
+    reserve_soc: float = 0.0  #: state of charge that is to be left
+    cutoff_V: float = 0.0  #: terminal voltage at which the robot stops; 0 where nothing watches it
 
     def __post_init__(self) -> None:
         for name in ("soc", "reserve_soc"):
@@ -72,16 +65,11 @@ class BatteryState:
 
 
 class Discharge(NamedTuple):
-    """Discharge at constant power of N batteries, drawn from the distribution of this one.
+    """Discharge at constant power of N batteries, drawn from the distribution of this one."""
 
-    soc: (K,) grid from 0 to 1.
-    energy_J: (K, N) given between each state of charge and the end of the discharge; 0 below the end.
-    start_soc: (N,) state of charge now.
-    """
-
-    soc: np.ndarray
-    energy_J: np.ndarray
-    start_soc: np.ndarray
+    soc: np.ndarray  #: (K,) grid from 0 to 1
+    energy_J: np.ndarray  #: (K, N) given between each state of charge and the end of the discharge; 0 below the end
+    start_soc: np.ndarray  #: (N,) state of charge now
 
 
 def usable_energy(battery: Battery, state: BatteryState, power_W: float) -> Quantiles:

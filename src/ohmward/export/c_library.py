@@ -14,13 +14,54 @@ from ohmward.atomic import write_text
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export.comments import flag_comments, member_comments
 from ohmward.export.template import filled, template, templates
-from ohmward.export.vectors import scalars, vector_words
+from ohmward.trace import single_precision
 from ohmward.trace.elementary import F32, expand
-from ohmward.trace.lower.c_operations import literal
+from ohmward.trace.lower.c_operations import are_bytes, constant_arrays, literal
 from ohmward.trace.lower.c_source import Loops, Member, c_source, members
-from ohmward.trace.lower.constant_arrays import are_bytes, constant_arrays
 from ohmward.trace.program import Program
 from ohmward.trace.structure import Structure
+
+
+def vector_words(step: Program, start: Program, arguments: tuple[float, ...], samples: np.ndarray) -> dict[str, str]:
+    """Words of templates/NAME_vectors.h.in: samples (T, m), the outputs (T, k) after them, filling and comparing.
+
+    arguments: of the start, after the sample.
+    """
+    singles = np.asarray(samples, np.float32)
+    first = np.concatenate([singles[0], np.array(arguments, np.float32)])
+    state = single_precision.evaluate(single_precision.expanded(start), first)
+    _, outputs = single_precision.run(step, state, singles)
+    sample, output = step.step_structure.sample, step.step_structure.output
+    return {
+        "VECTORS": str(len(singles)),
+        "SAMPLE_BITS": _array_of_bits(singles),
+        "OUTPUT_BITS": _array_of_bits(outputs),
+        "FILL_SAMPLE": "\n".join(f"    sample->{place} = {_from_bits(kind)};" for place, kind in scalars(sample)),
+        "COMPARE_OUTPUT": "\n".join(
+            f"    same = same && {_same_bits(place, kind)};" for place, kind in scalars(output)
+        ),
+    }
+
+
+def scalars(structure: Structure) -> list[tuple[str, str]]:
+    """Place in the struct and kind, "float" or "bool", of every scalar."""
+    return [(place, member.kind) for member in members(structure) for place in member.places]
+
+
+def _from_bits(kind: str) -> str:
+    return "*bits++ != 0u" if kind == "bool" else "from_bits(*bits++)"
+
+
+def _same_bits(place: str, kind: str) -> str:
+    return f"output->{place} == (*bits++ != 0u)" if kind == "bool" else f"is(output->{place}, *bits++)"
+
+
+def _array_of_bits(values: np.ndarray) -> str:
+    """Size and rows of an array of numbers as their bits; nan is nan, whatever its sign."""
+    bits = np.where(np.isnan(values), np.float32(np.nan), values).astype(np.float32).view(np.uint32)
+    rows = [f"    {{{', '.join(f'0x{b:08X}u' for b in row)}}}," for row in bits]
+    return "\n".join([f"[{len(bits)}][{bits.shape[1]}] = {{", *rows, "}"])
+
 
 # Bytes of Thumb-2 code, compiled with -Os: of an operation, of one that chooses, of a number read or written. Fitted
 # to all filters; `tests/export/test_size.py` compares them with the compiler's.
@@ -33,51 +74,34 @@ _CHOICES = frozenset({"minimum", "maximum", "where", "sign"})
 
 
 class VoltageStartPrograms(NamedTuple):
-    """Start from the first voltage, see `VoltageStart`.
+    """Start from the first voltage, see `VoltageStart`."""
 
-    expected: voltage expected at one state of charge, (soc, sample) -> `ExpectedVoltage`.
-    state:    (sample, *hypotheses) -> state.
-    """
-
-    expected: Program
-    state: Program
+    expected: Program  #: voltage expected at one state of charge, (soc, sample) -> `ExpectedVoltage`
+    state: Program  #:    (sample, *hypotheses) -> state
 
 
 class Export(NamedTuple):
-    """An estimator or controller, traced for export.
+    """An estimator or controller, traced for export."""
 
-    name:    prefix of the symbols and files.
-    title:   its description in one line.
-    step, start: as traced, see `c_source`.
-    flags:   meanings of the bits of the output's flags.
-    arguments: values of the start's arguments after the sample, for the test.
-    samples: (T, m) of the test vectors.
-    loops:   the step as loops; None where it is a straight line.
-    voltage_start: start from the first voltage, which a file of Python has; None where it cannot be traced.
-    """
-
-    name: str
-    title: str
+    name: str  #:    prefix of the symbols and files
+    title: str  #:   its description in one line
+    #: as traced, see `c_source`
     step: Program
     start: Program
-    flags: type[IntFlag]
-    arguments: tuple[float, ...]
-    samples: np.ndarray
-    loops: Loops | None = None
+    flags: type[IntFlag]  #:   meanings of the bits of the output's flags
+    arguments: tuple[float, ...]  #: values of the start's arguments after the sample, for the test
+    samples: np.ndarray  #: (T, m) of the test vectors
+    loops: Loops | None = None  #:   the step as loops; None where it is a straight line
+    #: start from the first voltage, which a file of Python has; None where it cannot be traced
     voltage_start: VoltageStartPrograms | None = None
 
 
 class Size(NamedTuple):
-    """Memory of a library on a microcontroller [bytes]; the state is exact, flash an estimate for Thumb-2 and -Os.
+    """Memory of a library on a microcontroller [bytes]; the state is exact, flash an estimate for Thumb-2 and -Os."""
 
-    operations: number of operations in its straight lines.
-    flash: code and tables.
-    state: one state.
-    """
-
-    operations: int
-    flash: int
-    state: int
+    operations: int  #: number of operations in its straight lines
+    flash: int  #: code and tables
+    state: int  #: one state
 
 
 def size(export: Export) -> Size:

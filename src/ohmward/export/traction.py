@@ -43,27 +43,18 @@ _STEPS = 64
 
 
 class ControlSample(NamedTuple):
-    """Sample of a controller of one wheel.
+    """Sample of a controller of one wheel."""
 
-    command: target and bound.
-    measurement: measured or estimated motion of the wheel.
-    dt_s: time since the step before [s], > 0.
-    """
-
-    command: Any
-    measurement: Measurement
-    dt_s: Any
+    command: Any  #: target and bound
+    measurement: Measurement  #: measured or estimated motion of the wheel
+    dt_s: Any  #: time since the step before [s], > 0
 
 
 class ControllerOutput(NamedTuple):
-    """Output of a controller of one wheel.
+    """Output of a controller of one wheel."""
 
-    torque_Nm: to hold until the next step [N m].
-    report: of this step.
-    """
-
-    torque_Nm: Any
-    report: Report
+    torque_Nm: Any  #: to hold until the next step [N m]
+    report: Report  #: of this step
 
 
 def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", name: str = "speed") -> Export:

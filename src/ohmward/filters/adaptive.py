@@ -28,75 +28,55 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.filters import extended, unscented
-from ohmward.filters.belief import Belief, Correction, Function, Innovation
+from ohmward.filters.belief import Belief, Correction, Function, Innovation, require_shape
 from ohmward.filters.gate import choose, passes
 from ohmward.filters.linear_algebra import lower_triangle, mirror_lower, symmetric_from
-from ohmward.filters.shapes import require_shape
 from ohmward.trace import linearize, minimum
 
 
 class NoiseEstimate(NamedTuple):
-    """Second moments that the noise is matched to, in units of y squared.
+    """Second moments that the noise is matched to, in units of y squared."""
 
-    innovation: (m, m), mean of e e'.
-    residual: (m, m), mean of eps eps'.
-    samples: number of samples in the means, at most the window.
-    """
-
-    innovation: np.ndarray
-    residual: np.ndarray
-    samples: float
+    innovation: np.ndarray  #: (m, m), mean of e e'
+    residual: np.ndarray  #: (m, m), mean of eps eps'
+    samples: float  #: number of samples in the means, at most the window
 
 
 class AdaptiveState(NamedTuple):
-    """All that an adaptive filter carries from step to step.
+    """All that an adaptive filter carries from step to step."""
 
-    belief: of the state.
-    Q: (n, n), process noise for the next step.
-    R: (m, m), measurement noise for the next step.
-    noise: moments that they are matched to.
-    """
-
-    belief: Belief
-    Q: np.ndarray
-    R: np.ndarray
-    noise: NoiseEstimate
+    belief: Belief  #: of the state
+    Q: np.ndarray  #: (n, n), process noise for the next step
+    R: np.ndarray  #: (m, m), measurement noise for the next step
+    noise: NoiseEstimate  #: moments that they are matched to
 
 
 class PackedAdaptiveState(NamedTuple):
-    """`AdaptiveState` as it is stored: lower triangles instead of symmetric matrices.
+    """`AdaptiveState` as it is stored: lower triangles instead of symmetric matrices."""
 
-    mean: (n,).
-    cov, Q: (n (n + 1) / 2,), row by row.
-    R, innovation, residual: (m (m + 1) / 2,), row by row.
-    samples: as in `NoiseEstimate`.
-    """
-
-    mean: np.ndarray
+    mean: np.ndarray  #: (n,)
+    #: (n (n + 1) / 2,), row by row
     cov: np.ndarray
     Q: np.ndarray
+    #: (m (m + 1) / 2,), row by row
     R: np.ndarray
     innovation: np.ndarray
     residual: np.ndarray
-    samples: float
+    samples: float  #: as in `NoiseEstimate`
 
 
 @dataclass(frozen=True, eq=False)
 class Matching:
-    """Settings of the covariance matching.
+    """Settings of the covariance matching."""
 
-    Q_floor: (n, n), random walk of each state over one step; unit of the state squared. All of Q without `match_Q`.
-    R_floor: (m, m), unit of the output squared. All of R without `match_R`.
-    window: effective number of samples in the means, >= 1; [T] takes 100.
-    gate: largest NIS of a measurement that is used; infinity skips only missing ones; None trusts every one, and then
-        a single NaN ends the filter.
-    match_Q, match_R: which covariance is matched.
-    """
-
+    #: (n, n), random walk of each state over one step; unit of the state squared. All of Q without `match_Q`.
     Q_floor: np.ndarray
-    R_floor: np.ndarray
-    window: float = 100.0
+    R_floor: np.ndarray  #: (m, m), unit of the output squared. All of R without `match_R`.
+    window: float = 100.0  #: effective number of samples in the means, >= 1; [T] takes 100
+    #: largest NIS of a measurement that is used; infinity skips only missing ones; None trusts every one, and then a
+    #: single NaN ends the filter
     gate: float | None = None
+    #: which covariance is matched
     match_Q: bool = True
     match_R: bool = True
 

@@ -8,58 +8,59 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.errors import InputError
 from ohmward.filters.linear_algebra import cholesky, lower_triangle, solve_lower, solve_spd, symmetric_from
-from ohmward.filters.shapes import require_shape
 from ohmward.trace import isfinite, where
+
+
+def require_shape(name: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
+    """Raise `InputError` unless `array` is an array of `shape`; `name` as the caller wrote it."""
+    found = np.shape(array)
+    if found != shape:
+        raise InputError(f"{name} must have shape {shape} but has {found}; {_advice(found, shape)}")
+
+
+def _advice(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
+    if found == () and shape == (1, 1):
+        return "wrap the number: np.array([[value]])"
+    if found == () and shape == (1,):
+        return "wrap the number: np.array([value])"
+    if len(shape) == 2 and found == shape[:1]:
+        return "a covariance is a matrix: np.diag(variances)"
+    return "the state has as many elements as belief.mean, the output as many as y"
+
 
 Function = Callable[[np.ndarray], np.ndarray]
 """A model's function of a state x (n,): f(x), the next state (n,), or h(x), the output (m,)."""
 
 
 class Belief(NamedTuple):
-    """Gaussian belief about a state of n elements.
+    """Gaussian belief about a state of n elements."""
 
-    mean: (n,), in the units of the model's state.
-    cov: (n, n), symmetric to the bit when a filter made it.
-    """
-
-    mean: np.ndarray
-    cov: np.ndarray
+    mean: np.ndarray  #: (n,), in the units of the model's state
+    cov: np.ndarray  #: (n, n), symmetric to the bit when a filter made it
 
 
 class PackedBelief(NamedTuple):
-    """A belief as it is stored: symmetric by construction, no element twice.
+    """A belief as it is stored: symmetric by construction, no element twice."""
 
-    mean: (n,).
-    lower: (n (n + 1) / 2,), the lower triangle of the covariance, row by row.
-    """
-
-    mean: np.ndarray
-    lower: np.ndarray
+    mean: np.ndarray  #: (n,)
+    lower: np.ndarray  #: (n (n + 1) / 2,), the lower triangle of the covariance, row by row
 
 
 class Innovation(NamedTuple):
-    """Innovation nu = y - y_hat and its covariance S.
+    """Innovation nu = y - y_hat and its covariance S."""
 
-    value: (m,), measured minus predicted output.
-    cov: (m, m), before the measurement was used.
-    """
-
-    value: np.ndarray
-    cov: np.ndarray
+    value: np.ndarray  #: (m,), measured minus predicted output
+    cov: np.ndarray  #: (m, m), before the measurement was used
 
 
 class Correction(NamedTuple):
-    """An update with everything that it computed.
+    """An update with everything that it computed."""
 
-    belief: after the measurement.
-    innovation: nu and S.
-    gain: (n, m), K; the mean moved by K nu.
-    """
-
-    belief: Belief
-    innovation: Innovation
-    gain: np.ndarray
+    belief: Belief  #: after the measurement
+    innovation: Innovation  #: nu and S
+    gain: np.ndarray  #: (n, m), K; the mean moved by K nu
 
 
 def pack(belief: Belief) -> PackedBelief:

@@ -18,9 +18,8 @@ import math
 import numpy as np
 
 from ohmward.filters import kalman
-from ohmward.filters.belief import Belief, Correction, Function
+from ohmward.filters.belief import Belief, Correction, Function, require_shape
 from ohmward.filters.linear_algebra import cholesky, solve_upper
-from ohmward.filters.shapes import require_shape
 from ohmward.filters.unscented import DEFAULT, Scaling, pair_weights
 from ohmward.trace.expression import Scalar
 

@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.filters.belief import Belief
+from ohmward.filters.belief import Belief, require_shape
 from ohmward.filters.linear_algebra import solve_spd
-from ohmward.filters.shapes import require_shape
 from ohmward.optional import require
 
 #: Standard deviations to either side of the mean within which 95 % of a normal distribution lie.
@@ -20,13 +19,10 @@ BAND_95 = 1.959964
 
 
 class Verdict(NamedTuple):
-    """A mean chi-square statistic against its two-sided bounds; no units.
+    """A mean chi-square statistic against its two-sided bounds; no units."""
 
-    mean: of NEES or NIS over times or runs.
-    lower, upper: bounds that a consistent filter's mean keeps with the given probability.
-    """
-
-    mean: float
+    mean: float  #: of NEES or NIS over times or runs
+    #: bounds that a consistent filter's mean keeps with the given probability
     lower: float
     upper: float
 
@@ -48,16 +44,11 @@ class Verdict(NamedTuple):
 
 
 class Whiteness(NamedTuple):
-    """Are successive innovations uncorrelated?
+    """Are successive innovations uncorrelated?"""
 
-    autocorrelation: (max_lag, m), of each innovation at lags 1 ... max_lag, in [-1, 1].
-    bound: |autocorrelation| of white noise stays below it with the given probability, lag by lag.
-    p_value: (m,), Ljung-Box probability that white noise is at least as correlated over all lags.
-    """
-
-    autocorrelation: np.ndarray
-    bound: float
-    p_value: np.ndarray
+    autocorrelation: np.ndarray  #: (max_lag, m), of each innovation at lags 1 ... max_lag, in [-1, 1].
+    bound: float  #: |autocorrelation| of white noise stays below it with the given probability, lag by lag
+    p_value: np.ndarray  #: (m,), Ljung-Box probability that white noise is at least as correlated over all lags
 
 
 def nees(belief: Belief, truth: np.ndarray) -> float:

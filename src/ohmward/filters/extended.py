@@ -6,9 +6,8 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.filters import kalman
-from ohmward.filters.belief import Belief, Correction, Function, Innovation
+from ohmward.filters.belief import Belief, Correction, Function, Innovation, require_shape
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.filters.shapes import require_shape
 from ohmward.trace import linearize
 from ohmward.trace.expression import Scalar
 

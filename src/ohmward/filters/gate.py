@@ -24,16 +24,12 @@ from ohmward.trace.expression import Condition, Scalar
 
 
 class GateCounts(NamedTuple):
-    """Numbers of measurements that were used, rejected and missing.
+    """Numbers of measurements that were used, rejected and missing."""
 
-    accepted: used.
-    rejected: finite, but with a NIS above the threshold. Many in a row are the filter's fault, not the sensor's.
-    missing: not a number, or infinite.
-    """
-
-    accepted: float = 0.0
+    accepted: float = 0.0  #: used
+    #: finite, but with a NIS above the threshold. Many in a row are the filter's fault, not the sensor's.
     rejected: float = 0.0
-    missing: float = 0.0
+    missing: float = 0.0  #: not a number, or infinite
 
 
 def gate(

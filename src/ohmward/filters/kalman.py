@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ohmward.filters.belief import Belief, Correction, Innovation
+from ohmward.filters.belief import Belief, Correction, Innovation, require_shape
 from ohmward.filters.linear_algebra import TINY, mirror_lower, solve_spd
-from ohmward.filters.shapes import require_shape
 from ohmward.trace import maximum, where
 from ohmward.trace.expression import Scalar
 

@@ -25,17 +25,11 @@ E = TypeVar("E", bound=tuple[Any, ...])
 
 @dataclass(frozen=True, eq=False)
 class Run(Generic[E]):
-    """An estimator's answer to a whole log; the fields of the estimates are attributes too: `run.soc`.
+    """An estimator's answer to a whole log; the fields of the estimates are attributes too: `run.soc`."""
 
-    Attributes:
-        time_s: (T,) the log's.
-        estimates: every field with time in front: (T,), or (T, wheels).
-        seconds: computing time, compilation included.
-    """
-
-    time_s: np.ndarray
-    estimates: E
-    seconds: float
+    time_s: np.ndarray  #: (T,) the log's
+    estimates: E  #: every field with time in front: (T,), or (T, wheels)
+    seconds: float  #: computing time, compilation included
 
     #: Meaning of the flags.
     flag_type: ClassVar[type[IntFlag]]

@@ -19,16 +19,11 @@ from ohmward.trace.expression import Condition, Scalar
 
 
 class CleanStep(NamedTuple):
-    """Time between two samples.
+    """Time between two samples."""
 
-    dt_s: step [s], >= 0; 0 where it is not credible.
-    credible: the condition that the clock can have shown it.
-    gap: the condition that it is longer than a gap: nothing is known of that time.
-    """
-
-    dt_s: Scalar
-    credible: Condition
-    gap: Condition
+    dt_s: Scalar  #: step [s], >= 0; 0 where it is not credible
+    credible: Condition  #: the condition that the clock can have shown it
+    gap: Condition  #: the condition that it is longer than a gap: nothing is known of that time
 
 
 def sanitize_step(dt_s: Scalar, longest_s: float, gap_s: float) -> CleanStep:

@@ -28,23 +28,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.filters.belief import Belief, Correction, Function, Innovation
+from ohmward.filters.belief import Belief, Correction, Function, Innovation, require_shape
 from ohmward.filters.kalman import gain
 from ohmward.filters.linear_algebra import cholesky, mirror_lower
-from ohmward.filters.shapes import require_shape
 
 
 class Scaling(NamedTuple):
-    """Shape of the set of sigma points; the defaults are those of [T].
+    """Shape of the set of sigma points; the defaults are those of [T]."""
 
-    alpha: spread of the points, > 0.
-    beta: knowledge of the distribution; 2 for a Gaussian.
-    kappa: second spread, > -N.
-    """
-
-    alpha: float = 0.85
-    beta: float = 2.0
-    kappa: float = 0.0
+    alpha: float = 0.85  #: spread of the points, > 0
+    beta: float = 2.0  #: knowledge of the distribution; 2 for a Gaussian
+    kappa: float = 0.0  #: second spread, > -N
 
 
 DEFAULT = Scaling()
@@ -107,51 +101,34 @@ def textbook_step(
 
 
 class PairWeights(NamedTuple):
-    """Weights of 2 N + 1 sigma points.
+    """Weights of 2 N + 1 sigma points."""
 
-    spread: c = N + chi = alpha^2 (N + kappa), the squared distance of the points in standard deviations.
-    central_mean, central_cov: of the central point, chi / c and chi / c + 1 - alpha^2 + beta.
-    side: of every other point, 1 / (2 c).
-    pair: of a product of differences or of sums of a pair, 1 / (4 c).
-    """
-
-    spread: float
+    spread: float  #: c = N + chi = alpha^2 (N + kappa), the squared distance of the points in standard deviations
+    #: of the central point, chi / c and chi / c + 1 - alpha^2 + beta
     central_mean: float
     central_cov: float
-    side: float
-    pair: float
+    side: float  #: of every other point, 1 / (2 c)
+    pair: float  #: of a product of differences or of sums of a pair, 1 / (4 c)
 
 
 class SigmaPairs(NamedTuple):
-    """Sigma points of a belief about n states.
+    """Sigma points of a belief about n states."""
 
-    points: (2 n + 1, n), as `sigma_points`.
-    offsets: (n, n), lower triangle; column k is sqrt(c) l_k.
-    weights: of the points.
-    """
-
-    points: np.ndarray
-    offsets: np.ndarray
-    weights: PairWeights
+    points: np.ndarray  #: (2 n + 1, n), as `sigma_points`
+    offsets: np.ndarray  #: (n, n), lower triangle; column k is sqrt(c) l_k
+    weights: PairWeights  #: of the points
 
 
 class PropagatedPairs(NamedTuple):
-    """Sigma points after a function.
+    """Sigma points after a function."""
 
-    mean: (m,), y_hat.
-    differences: (m, n), d_k of the pairs; half of them for an element that repeats a state, its offsets.
-    difference_unit: (m,), factor of these, 2 for an element that repeats a state, else 1.
-    sums: (m, n + 1), s_k of the pairs and s_0 of the central point.
-    repeated_state: for each of m elements the index of the state that it is at every sigma point, or None.
-    weights: of the points.
-    """
-
-    mean: np.ndarray
-    differences: np.ndarray
-    difference_unit: np.ndarray
-    sums: np.ndarray
+    mean: np.ndarray  #: (m,), y_hat
+    differences: np.ndarray  #: (m, n), d_k of the pairs; half of them for an element that repeats a state, its offsets
+    difference_unit: np.ndarray  #: (m,), factor of these, 2 for an element that repeats a state, else 1
+    sums: np.ndarray  #: (m, n + 1), s_k of the pairs and s_0 of the central point
+    #: for each of m elements the index of the state that it is at every sigma point, or None
     repeated_state: tuple[int | None, ...]
-    weights: PairWeights
+    weights: PairWeights  #: of the points
 
 
 def predict(belief: Belief, f: Function, Q: np.ndarray, scaling: Scaling = DEFAULT) -> Belief:

@@ -25,40 +25,26 @@ from ohmward.logs.hints import FileHints
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """Options of `read_log`, the same for every log.
+    """Options of `read_log`, the same for every log."""
 
-    Attributes:
-        current_sign: "auto", "charge" or "discharge".
-        columns, units: quantity and column, quantity and unit.
-        sort_time: sort rows that are out of order.
-        hints: what the files do not tell of themselves.
-    """
-
-    current_sign: str = "auto"
+    current_sign: str = "auto"  #: "auto", "charge" or "discharge"
+    #: quantity and column, quantity and unit
     columns: tuple[tuple[str, str], ...] = ()
     units: tuple[tuple[str, str], ...] = ()
-    sort_time: bool = False
-    hints: FileHints = field(default_factory=FileHints)
+    sort_time: bool = False  #: sort rows that are out of order
+    hints: FileHints = field(default_factory=FileHints)  #: what the files do not tell of themselves
 
 
 @dataclass(frozen=True)
 class Job:
-    """An estimator and its settings, the same for every log.
+    """An estimator and its settings, the same for every log."""
 
-    Attributes:
-        battery: text of the battery file, which travels with the job to where the file is not.
-        filter: name of the estimator.
-        initial_soc, initial_soc_std: at the start of every log; None takes it from the first voltage.
-        reading: options of the reader.
-        estimates: folder for the estimates of every log, one Parquet file each; None writes none.
-    """
-
-    battery: str
-    filter: str = DEFAULT
-    initial_soc: float | None = None
-    initial_soc_std: float = 0.03
-    reading: ReadOptions = field(default_factory=ReadOptions)
-    estimates: str | None = None
+    battery: str  #: text of the battery file, which travels with the job to where the file is not
+    filter: str = DEFAULT  #: name of the estimator
+    initial_soc: float | None = None  #: at the start of every log; None takes it from the first voltage
+    initial_soc_std: float = 0.03  #: its standard deviation
+    reading: ReadOptions = field(default_factory=ReadOptions)  #: options of the reader
+    estimates: str | None = None  #: folder for the estimates of every log, one Parquet file each; None writes none
 
     @property
     def digest(self) -> str:

@@ -53,16 +53,11 @@ Executor = Callable[[Any, list[list[str]]], Iterator[list[dict[str, Any]]]]
 
 
 class Finished(NamedTuple):
-    """Result of a fleet.
+    """Result of a fleet."""
 
-    rows: one for each log that was asked for, sorted by path.
-    resumed: how many of them were done before.
-    summary: the file with the rows.
-    """
-
-    rows: list[dict[str, Any]]
-    resumed: int
-    summary: Path
+    rows: list[dict[str, Any]]  #: one for each log that was asked for, sorted by path
+    resumed: int  #: how many of them were done before
+    summary: Path  #: the file with the rows
 
     @property
     def failed(self) -> list[dict[str, Any]]:

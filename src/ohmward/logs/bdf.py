@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ohmward.errors import InputError
 from ohmward.logs.columns import listed
+from ohmward.logs.units import split_unit
 
 SUFFIXES = (".bdf.csv", ".bdf.parquet")
 # Log field -> preferred label, machine name, and for the wall clock ohmward's own name.
@@ -26,7 +27,7 @@ def is_bdf(file: str) -> bool:
 
 def has_columns(names: Sequence[str]) -> bool:
     """True where the three required columns have their BDF names."""
-    return not _lacking(names)
+    return all(set(NAMES[field]) & set(names) for field in REQUIRED)
 
 
 def check_names(file: str, names: Sequence[str]) -> None:
@@ -43,4 +44,16 @@ def check_names(file: str, names: Sequence[str]) -> None:
 
 
 def _lacking(names: Sequence[str]) -> list[str]:
-    return [NAMES[field][0] for field in REQUIRED if not set(NAMES[field]) & set(names)]
+    return [NAMES[field][0] for field in REQUIRED if not _has(names, field)]
+
+
+def _has(names: Sequence[str], field: str) -> bool:
+    """True where a name is one of those of the field, in whatever unit of its dimension."""
+    wanted = {_quantity(name) for name in NAMES[field]}
+    return any(_quantity(name) in wanted for name in names)
+
+
+def _quantity(name: str) -> tuple[str, str]:
+    """What a name calls its quantity, and the dimension of its unit, "" for none."""
+    stem, unit = next(split_unit(name))
+    return stem, unit.dimension if unit else ""

@@ -29,16 +29,11 @@ _OTHER_THAN_VOLTAGE = word_set(
 
 
 class CellVoltages(NamedTuple):
-    """Voltages of the cells of a pack.
+    """Voltages of the cells of a pack."""
 
-    names: (n,) of the columns, in the order of their numbers.
-    voltage_V: (T, n); nan where one was not measured.
-    note: where they come from.
-    """
-
-    names: tuple[str, ...]
-    voltage_V: np.ndarray
-    note: Note
+    names: tuple[str, ...]  #: (n,) of the columns, in the order of their numbers
+    voltage_V: np.ndarray  #: (T, n); nan where one was not measured
+    note: Note  #: where they come from
 
 
 def find_cells(

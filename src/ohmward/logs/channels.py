@@ -39,26 +39,19 @@ def robot_words(stem: str) -> list[str]:
 
 
 class Channel(NamedTuple):
-    """A quantity that a column may hold.
+    """A quantity that a column may hold."""
 
-    name: as in `columns={"current": "I_batt"}`; a channel of wheels stands behind a wheel's name.
-    dimensions: of its units; default: the unit where a column names none; example: units for a message.
-    words: each a set of words that names it, in any order.
-    beside: words that may stand beside those, the best fit first.
-    split: the words in a column's name.
-    required: without it a recording is refused.
-    first_of_many: of several columns that fit equally well the first is taken, not refused.
-    """
-
-    name: str
+    name: str  #: as in `columns={"current": "I_batt"}`; a channel of wheels stands behind a wheel's name
+    #: of its units; default: the unit where a column names none; example: units for a message
     dimensions: tuple[str, ...]
+
     default: Unit
     example: str
-    words: frozenset[frozenset[str]]
-    beside: tuple[frozenset[str], ...]
-    split: Callable[[str], list[str]] = robot_words
-    required: bool = False
-    first_of_many: bool = False
+    words: frozenset[frozenset[str]]  #: each a set of words that names it, in any order
+    beside: tuple[frozenset[str], ...]  #: words that may stand beside those, the best fit first
+    split: Callable[[str], list[str]] = robot_words  #: the words in a column's name
+    required: bool = False  #: without it a recording is refused
+    first_of_many: bool = False  #: of several columns that fit equally well the first is taken, not refused
 
 
 def word_set(text: str) -> frozenset[str]:

@@ -16,6 +16,9 @@ from ohmward.logs.table import Table, numbers
 _GAP_FACTOR = 10.0
 #: No instrument shows a larger number, in whatever unit; squares of it are finite.
 LARGEST = 1e18
+#: A voltage of no battery stands alone, for less than half of so many samples, and so far from those around it, as a
+#: share of the usual one: pulses of a cold cell move it less.
+_AROUND, _FAR = 7, 1 / 3
 # Where fewer than this fraction of the currents have a voltage in their row, each has a rate of its own.
 _TOGETHER_FRACTION = 0.5
 
@@ -46,6 +49,33 @@ def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]
     infinite = np.abs(values) > LARGEST
     note = Note(f"{counted(infinite.sum(), 'infinite value')} of {name!r} taken as missing", "warning")
     return np.where(infinite, np.nan, values), (note,)
+
+
+def without_spikes(voltage_V: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The voltages (T,) [V] with NaN in single rows that no battery shows, as 0 or 65.535 V, and a note on them."""
+    known = np.flatnonzero(np.isfinite(voltage_V))
+    if known.size < _AROUND:
+        return voltage_V, ()
+    values = voltage_V[known]
+    usual_V = float(np.median(values))
+    apart = np.flatnonzero(np.abs(values - usual_V) > _FAR * abs(usual_V))
+    first = np.clip(apart - _AROUND // 2, 0, known.size - _AROUND)
+    around_V = np.median(values[first[:, None] + np.arange(_AROUND)], axis=1)
+    spike = apart[np.abs(values[apart] - around_V) > _FAR * abs(usual_V)]
+    return without_rows(voltage_V, known[spike], "voltage", "V", "no measurement, far from the rows around")
+
+
+def without_rows(
+    values: np.ndarray, rows: np.ndarray, quantity: str, unit: str, fault: str
+) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The values (T,) with NaN in the rows, and a note with their number, range and fault."""
+    if not rows.size:
+        return values, ()
+    low, high = values[rows].min(), values[rows].max()
+    seen = f"{low:g} {unit}" if low == high else f"{low:g} to {high:g} {unit}"
+    rest = values.copy()
+    rest[rows] = np.nan
+    return rest, (Note(f"{counted(rows.size, quantity)} of {seen} left out: {fault}", "warning"),)
 
 
 def drop_untimed(table: Table, time: str) -> Table:

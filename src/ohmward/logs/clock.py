@@ -42,18 +42,14 @@ _SERIAL_STEP = 100.0 / _DAY_S
 
 
 class Clock(NamedTuple):
-    """Seconds of each row.
+    """Seconds of each row."""
 
-    time_s: (T,) float64 [s], NaN where the row has none.  start_unix_s: Unix time of its zero, None if elapsed.
-    guessed_unit: the column names no unit, and is no Unix time.
-    time_zone: of a wall clock's dates, "" where they name none and were taken as UTC.
-    """
-
+    #: (T,) float64 [s], NaN where the row has none
     time_s: np.ndarray
-    start_unix_s: float | None
+    start_unix_s: float | None  #: Unix time of its zero, None if elapsed
     notes: tuple[Note, ...] = ()
-    guessed_unit: bool = False
-    time_zone: str = "UTC"
+    guessed_unit: bool = False  #: the column names no unit, and is no Unix time
+    time_zone: str = "UTC"  #: of a wall clock's dates, "" where they name none and were taken as UTC
 
 
 def nanosecond_column(names: Sequence[str], name: str) -> str | None:

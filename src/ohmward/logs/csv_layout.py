@@ -6,7 +6,7 @@ import csv
 import gzip
 import io
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TextIO
@@ -16,8 +16,50 @@ from ohmward.logs.cells import Marks, find_marks, unit_in_cells
 from ohmward.logs.encoding import CODE_PAGES, find_encoding, is_wide
 from ohmward.logs.header import Header, ValueBlock, find_block, find_header
 from ohmward.logs.hints import FileHints
-from ohmward.logs.known_tables import names_without_header
 from ohmward.logs.units import Unit, split_unit
+
+#: Fields of sensor_msgs/BatteryState up to the cells, as `ros2 topic echo --csv` writes them in a row without names.
+_BATTERY_STATE = (
+    "header.stamp.sec", "header.stamp.nanosec", "header.frame_id", "voltage [V]", "temperature [degC]", "current [A]",
+    "charge", "capacity", "design_capacity", "percentage", "power_supply_status", "power_supply_health",
+    "power_supply_technology", "present",
+)  # fmt: skip
+_PRESENT = _BATTERY_STATE.index("present")
+
+
+class KnownTable(NamedTuple):
+    """A table that its columns give away."""
+
+    columns: frozenset[str]  #: all of which it has
+    time: str  #: the column of its time
+    units: Mapping[str, str]  #: quantity -> unit
+    positive_current: str | None = None  #: "charge" or "discharge"
+
+
+_KNOWN = (
+    # battery_status of PX4, as `ulog2csv` writes it: time since it was switched on
+    KnownTable(
+        frozenset(("timestamp", "voltage_v", "current_a", "discharged_mah")), "timestamp", {"time": "us"}, "discharge"
+    ),
+)
+
+
+def known_table(names: Collection[str]) -> KnownTable | None:
+    """The known table that has these columns, or None."""
+    return next((table for table in _KNOWN if table.columns <= set(names)), None)
+
+
+def names_without_header(row: Sequence[str]) -> list[str] | None:
+    """Names of the columns of a row as `ros2 topic echo --csv` writes a BatteryState; None for any other."""
+    cells = [cell.strip() for cell in row]
+    if len(cells) <= _PRESENT or cells[_PRESENT] not in ("True", "False"):
+        return None
+    whole = [cells[k] for k in (0, 1, 10, 11, 12)]
+    if not all(re.fullmatch(r"\d+", cell) for cell in whole):
+        return None
+    rest = len(cells) - len(_BATTERY_STATE)
+    return [*_BATTERY_STATE, *(f"field_{k}" for k in range(rest))]
+
 
 _HEAD_LINES = 400
 _HEAD_CHARACTERS = 1 << 20
@@ -39,26 +81,22 @@ _HEAD_ROWS = 200
 
 
 class CsvLayout(NamedTuple):
-    """Column names and the rows of a text table.
-
-    delimiter: one character.  split: makes a line one of cells between delimiters, where it is not so.
-    marks: notation of the numbers.  units: column -> unit that stands in its cells.
-    skip_lines: lines before the first row.  encoding: of the text.
-    head: column -> its first cells.  timezone, interval_s: that the text names, or None.
-    leading: empty cells before each row, by which rows of steps and cycles between them are told.
-    """
+    """Column names and the rows of a text table."""
 
     names: tuple[str, ...]
-    delimiter: str
-    marks: Marks
-    skip_lines: int
-    encoding: str = "utf-8-sig"
-    split: Callable[[str], str] | None = None
-    units: Mapping[str, Unit] = {}
+    delimiter: str  #: one character
+    marks: Marks  #: notation of the numbers
+    skip_lines: int  #: lines before the first row
+    encoding: str = "utf-8-sig"  #: of the text
+    split: Callable[[str], str] | None = None  #: makes a line one of cells between delimiters, where it is not so
+    units: Mapping[str, Unit] = {}  #: column -> unit that stands in its cells
+    #: column -> its first cells
     head: Mapping[str, tuple[str, ...]] = {}
+
+    #: that the text names, or None
     timezone: str | None = None
     interval_s: float | None = None
-    leading: int = 0
+    leading: int = 0  #: empty cells before each row, by which rows of steps and cycles between them are told
 
     @property
     def plain(self) -> bool:

@@ -47,15 +47,11 @@ class Moment(NamedTuple):
 
 
 class Dates(NamedTuple):
-    """Dates as seconds.
+    """Dates as seconds."""
 
-    seconds: (T,) since 1970, of UTC or of local clocks; nan for an empty cell.
-    is_utc: they name their zone.  day_known: it is certain which number is the day and which the month.
-    """
-
-    seconds: np.ndarray
-    is_utc: bool
-    day_known: bool = True
+    seconds: np.ndarray  #: (T,) since 1970, of UTC or of local clocks; nan for an empty cell
+    is_utc: bool  #: they name their zone
+    day_known: bool = True  #: it is certain which number is the day and which the month
 
 
 def from_excel(days: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from ohmward.logs.log import LogSource, as_log
+from ohmward.logs.log import COLDEST_DEGC, HOTTEST_DEGC, LogSource, as_log
 from ohmward.logs.note import counted
 from ohmward.logs.survey import Survey, survey
 
@@ -165,7 +165,7 @@ def _check_resolution(s: Survey) -> Iterator[Finding]:
 def _check_temperature(s: Survey) -> Iterator[Finding]:
     if s.temperature is None:
         yield Finding("info", "no temperature", "resistance and capacity depend on it; record it if you can")
-    elif s.temperature.maximum > 100.0 or s.temperature.minimum < -60.0:
+    elif s.temperature.maximum > HOTTEST_DEGC or s.temperature.minimum < COLDEST_DEGC:
         yield Finding(
             "error",
             f"temperatures from {s.temperature.minimum:g} to {s.temperature.maximum:g} degC",

@@ -23,21 +23,14 @@ _TURNED_RAD, _CLOCKWISE = 0.3, 0.5
 
 
 class DriveChannels(NamedTuple):
-    """Everything that the robot measured, in SI units; NaN where there is nothing new.
+    """Everything that the robot measured, in SI units; NaN where there is nothing new."""
 
-    time_s: (T,) [s].
-    wheel_speed_rad_s: (T, wheels).  motor_current_A: (T, driven).
-    body: channel -> (T,), those that were measured.
-    notes: everything that was assumed, converted or mended.
-    absent: notes on driven wheels that lack a channel.
-    """
-
-    time_s: np.ndarray
-    wheel_speed_rad_s: np.ndarray
-    motor_current_A: np.ndarray
-    body: dict[str, np.ndarray]
-    notes: tuple[Note, ...]
-    absent: tuple[Note, ...]
+    time_s: np.ndarray  #: (T,) [s]
+    wheel_speed_rad_s: np.ndarray  #: (T, wheels)
+    motor_current_A: np.ndarray  #: (T, driven)
+    body: dict[str, np.ndarray]  #: channel -> (T,), those that were measured
+    notes: tuple[Note, ...]  #: everything that was assumed, converted or mended
+    absent: tuple[Note, ...]  #: notes on driven wheels that lack a channel
 
     @property
     def measured(self) -> np.ndarray:

@@ -49,39 +49,30 @@ class DriveLog(TimeSeries):
 
     Any array-like of numbers will do; None and NaN are missing. Dates and durations as time become seconds.
 
-    name: usually the file's stem.
-    time_s: (T,) [s], finite and strictly increasing.
-    wheel_speed_rad_s: (T, wheels) of every wheel, driven ones first, > 0 forward; all NaN for a wheel without encoder.
-    motor_current_A: (T, driven), > 0 drives forward.
-    yaw_rate_rad_s: of a gyro, > 0 to the left.
-    acceleration_m_s2: of an accelerometer along x, gravity included: at rest g sin(pitch).
-    pitch_rad: of an attitude filter, > 0 with the nose up.
-    speed_m_s, speed_std_m_s, speed_age_s: forward, from GNSS, visual or lidar odometry or optical flow; its standard
-        deviation; the time before `time_s` at which it was true.
-    heading_rad, heading_std_rad: of a compass or two GNSS antennas, > 0 to the left, from any zero; its standard
-        deviation.
-    extra: further numeric columns by their name in the file, (T,) each: truths, for example.
-    notes: everything that was assumed, converted or dropped on the way.
-    start_unix_s, time_zone: Unix time [s] of time_s = 0 and the zone of its dates, as in `Log`.
-
     Raises:
         InputError: no samples, shapes that differ, time that is not finite or does not increase, no numbers.
     """
 
-    name: str
-    time_s: np.ndarray
+    name: str  #: usually the file's stem
+    time_s: np.ndarray  #: (T,) [s], finite and strictly increasing
+    #: (T, wheels) of every wheel, driven ones first, > 0 forward; all NaN for a wheel without encoder
     wheel_speed_rad_s: np.ndarray
-    motor_current_A: np.ndarray
-    yaw_rate_rad_s: np.ndarray | None = None
-    acceleration_m_s2: np.ndarray | None = None
-    pitch_rad: np.ndarray | None = None
+    motor_current_A: np.ndarray  #: (T, driven), > 0 drives forward
+    yaw_rate_rad_s: np.ndarray | None = None  #: of a gyro, > 0 to the left
+    acceleration_m_s2: np.ndarray | None = None  #: of an accelerometer along x, gravity included: at rest g sin(pitch)
+    pitch_rad: np.ndarray | None = None  #: of an attitude filter, > 0 with the nose up
+    #: forward, from GNSS, visual or lidar odometry or optical flow; its standard deviation; the time before `time_s` at
+    #: which it was true
     speed_m_s: np.ndarray | None = None
     speed_std_m_s: np.ndarray | None = None
     speed_age_s: np.ndarray | None = None
+    #: of a compass or two GNSS antennas, > 0 to the left, from any zero; its standard deviation
     heading_rad: np.ndarray | None = None
     heading_std_rad: np.ndarray | None = None
+    #: further numeric columns by their name in the file, (T,) each: truths, for example
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
-    notes: tuple[Note, ...] = ()
+    notes: tuple[Note, ...] = ()  #: everything that was assumed, converted or dropped on the way
+    #: Unix time [s] of time_s = 0 and the zone of its dates, as in `Log`
     start_unix_s: float | None = None
     time_zone: str = "UTC"
 

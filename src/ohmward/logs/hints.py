@@ -14,25 +14,17 @@ EXCEL = "excel"
 
 
 class FileHints(NamedTuple):
-    """Facts about a file, each None where it is left to the reader.
+    """Facts about a file, each None where it is left to the reader."""
 
-    names: of the columns, of a table without a header.
-    encoding: of a text, as Python names it: "cp1251".
-    time_format: of dates as text, in the notation of `strptime`: "%d/%m/%Y %H:%M:%S"; or "excel".
-    timezone: of dates that name none: "Europe/Berlin".
-    start, stop: the part that is wanted, from `start` until before `stop`: seconds of the log, h:mm:ss, or a date.
-    sample_time_s: interval [s] between the rows of a table without a time.
-    temperature_degC: of the battery, where the log has none.
-    """
-
-    names: Sequence[str] | None = None
-    encoding: str | None = None
-    time_format: str | None = None
-    timezone: str | None = None
+    names: Sequence[str] | None = None  #: of the columns, of a table without a header
+    encoding: str | None = None  #: of a text, as Python names it: "cp1251"
+    time_format: str | None = None  #: of dates as text, in the notation of `strptime`: "%d/%m/%Y %H:%M:%S"; or "excel"
+    timezone: str | None = None  #: of dates that name none: "Europe/Berlin"
+    #: the part that is wanted, from `start` until before `stop`: seconds of the log, h:mm:ss, or a date
     start: str | None = None
     stop: str | None = None
-    sample_time_s: float | None = None
-    temperature_degC: float | None = None
+    sample_time_s: float | None = None  #: interval [s] between the rows of a table without a time
+    temperature_degC: float | None = None  #: of the battery, where the log has none
 
     def checked(self) -> FileHints:
         """The same hints.

@@ -10,23 +10,34 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from ohmward.logs import bdf
+from ohmward.logs.both_ways import with_both_ways
 from ohmward.logs.cell_columns import with_pack_voltage
 from ohmward.logs.charger_flag import full_charges
-from ohmward.logs.clean import gap_notes, merge_rates, missing_notes, to_si
+from ohmward.logs.clean import (
+    gap_notes,
+    merge_rates,
+    missing_notes,
+    to_si,
+    without_rows,
+    without_spikes,
+)
 from ohmward.logs.columns import Column, find_columns
 from ohmward.logs.frame import is_frame, to_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.note import Note, counted
-from ohmward.logs.plausible import guess_notes, require_plausible
+from ohmward.logs.plausible import guess_notes, milliampere_notes, require_plausible
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.sign import CurrentSign, charging_current
 from ohmward.logs.state_column import state_column, with_direction
 from ohmward.logs.table import Progress, Table, TableFile, with_sample_time
 from ohmward.logs.time_series import TimeSeries
 from ohmward.logs.window import window_s
+from ohmward.logs.wrapped import require_not_wrapped
 
 SECONDS_PER_HOUR = 3600.0
 
+#: No battery is used beyond these; sensors say -127 or -273 when their wire is off.
+COLDEST_DEGC, HOTTEST_DEGC = -60.0, 120.0
 #: A temperature [degC] that never changes and lies outside of these comes from no sensor: -127, -40, 85, 127.
 COLDEST_CHAMBER_DEGC, HOTTEST_CHAMBER_DEGC = -35.0, 80.0
 #: So many samples at least tell that it never changes.
@@ -43,29 +54,21 @@ class Log(TimeSeries):
 
     Any array-like of numbers will do; None and NaN are missing. Dates and durations as time become seconds.
 
-    name: usually the file's stem.
-    time_s: (T,) [s], finite and strictly increasing; the zero is the file's own, or the first sample of a wall clock.
-    current_A: (T,) [A], > 0 charges; NaN where it was not measured.
-    voltage_V: (T,) [V] of the whole pack; NaN where it was not measured.
-    temperature_degC: (T,) [degC], or None when the file has no temperature.
-    extra: further numeric columns by their name in the file, (T,) each, in the file's own units.
-    notes: everything that was assumed, converted or dropped on the way.
-    start_unix_s: Unix time [s] of time_s = 0, or None when the file has no wall clock.
-    time_zone: of the wall clock in the file; "" where its dates name none and were taken as UTC.
-
     Raises:
         InputError: no samples, shapes that differ, time that is not finite or does not increase, no numbers.
     """
 
-    name: str
+    name: str  #: usually the file's stem
+    #: (T,) [s], finite and strictly increasing; the zero is the file's own, or the first sample of a wall clock
     time_s: np.ndarray
-    current_A: np.ndarray
-    voltage_V: np.ndarray
-    temperature_degC: np.ndarray | None = None
+    current_A: np.ndarray  #: (T,) [A], > 0 charges; NaN where it was not measured
+    voltage_V: np.ndarray  #: (T,) [V] of the whole pack; NaN where it was not measured
+    temperature_degC: np.ndarray | None = None  #: (T,) [degC], or None when the file has no temperature
+    #: further numeric columns by their name in the file, (T,) each, in the file's own units
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
-    notes: tuple[Note, ...] = ()
-    start_unix_s: float | None = None
-    time_zone: str = "UTC"
+    notes: tuple[Note, ...] = ()  #: everything that was assumed, converted or dropped on the way
+    start_unix_s: float | None = None  #: Unix time [s] of time_s = 0, or None when the file has no wall clock
+    time_zone: str = "UTC"  #: of the wall clock in the file; "" where its dates name none and were taken as UTC
 
     def __post_init__(self) -> None:
         columns = ("current_A", "voltage_V", "temperature_degC")
@@ -150,13 +153,15 @@ def read_log(
     progress: called now and then with the amounts read and to read.
     hints: names, encoding, notation of dates, time zone and the like, where the file does not tell.
 
-    Where a file has voltages of cells (`cell_voltage_1_V`, ...) and none of the pack, their sum is the voltage.
+    Where a file has voltages of cells (`cell_voltage_1_V`, ...) and none of the pack, their sum is the voltage. Where
+    it has `charge_current` and `discharge_current` and no other, the current is the one less the other.
 
     Raises:
         InputError: the file cannot be read as a log; the message names the file, the place and the fix.
         OhmwardError: Parquet without pyarrow, a recording of ROS without rosbags.
     """
-    file = with_sample_time(with_pack_voltage(open_table(source, hints).part("battery", where), columns))
+    file = open_table(source, hints).part("battery", where)
+    file = with_sample_time(with_both_ways(with_pack_voltage(file, columns), columns))
     bdf.check_names(file.source, file.names)
     chosen = find_columns(file.source, file.names, file.given(columns), {**file.units, **(units or {})})
     state = state_column(file) if current_sign != "discharge" else None
@@ -194,18 +199,21 @@ def _as_log(
     time_s, start_unix_s = _since_start(measured["time"], rows.start_unix_s, table.columns)
     clock = chosen["time"], time_s
     require_plausible(file.source, *clock, measured["current"], rows.guessed_unit)
+    voltage_V, spikes = without_spikes(measured["voltage"])
     doubts = guess_notes(*clock, rows.guessed_unit)
-    current_A, sign_note = charging_current(file, current_sign, time_s, measured["current"], measured["voltage"])
+    doubts += milliampere_notes(chosen["current"], measured["current"], voltage_V)
+    require_not_wrapped(file.source, measured["current"], voltage_V)
+    current_A, sign_note = charging_current(file, current_sign, time_s, measured["current"], voltage_V)
     own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
     temperature, told = _temperature(file, chosen.get("temperature"), measured.get("temperature"), time_s.size)
     return Log(
         name=file.stem,
         time_s=time_s,
         current_A=current_A,
-        voltage_V=measured["voltage"],
+        voltage_V=voltage_V,
         temperature_degC=temperature,
         extra={name: column for name, column in table.columns.items() if name not in own},
-        notes=(*table.notes, *doubts, *told, *missing_notes(table, chosen), *gap_notes(time_s), sign_note),
+        notes=(*table.notes, *doubts, *spikes, *told, *missing_notes(table, chosen), *gap_notes(time_s), sign_note),
         start_unix_s=start_unix_s,
         time_zone=rows.time_zone,
     )
@@ -234,15 +242,32 @@ def _temperature(
         says = "" if told is not None else "; if it is right, or to give another, say --temperature 25"
         text = f"temperature {np.nanmax(measured):g} degC throughout, without any change: no sensor, left out{says}"
         measured, notes = None, (Note(text, "warning"),)
+    elif measured is not None:
+        measured, notes = without_impossible_temperatures(measured)
     if told is None:
         return measured, notes
     if measured is not None:
-        return measured, (Note(f"temperature of {told:g} degC not used: the log has its own", "warning"),)
+        return measured, (
+            *notes,
+            Note(f"temperature of {told:g} degC not used: the log has its own", "warning"),
+        )
     return np.full(samples, told), (*notes, Note(f"temperature of {told:g} degC throughout, as told"))
 
 
+def without_impossible_temperatures(temperature_degC: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The temperatures (T,) [degC] with NaN in place of those that no battery has, and a note on them.
+
+    Where they are most, the unit is wrong, and all stay.
+    """
+    with np.errstate(invalid="ignore"):
+        wrong = (temperature_degC < COLDEST_DEGC) | (temperature_degC > HOTTEST_DEGC)
+    if 2 * np.count_nonzero(wrong) > np.count_nonzero(np.isfinite(temperature_degC)):
+        return temperature_degC, ()
+    return without_rows(temperature_degC, np.flatnonzero(wrong), "temperature", "degC", "no battery has them")
+
+
 def _is_of_no_sensor(column: Column, measured: np.ndarray) -> bool:
-    """True for a temperature (T,) [degC] that never changes and is the column's zero, or no chamber's.
+    """True for a temperature (T,) [degC] that never changes and is zero, in degC or the column's unit, or no chamber's.
 
     A constant 25 degC may be the set point of a chamber.
     """
@@ -250,7 +275,9 @@ def _is_of_no_sensor(column: Column, measured: np.ndarray) -> bool:
     if known.size < _SAMPLES_OF_A_CONSTANT or known.min() < known.max():
         return False
     zero_degC = column.unit.in_si(np.zeros(1))[0] if column.unit else 0.0
-    return bool(np.isclose(known[0], zero_degC)) or not COLDEST_CHAMBER_DEGC < known[0] < HOTTEST_CHAMBER_DEGC
+    return (
+        bool(np.isclose(known[0], (zero_degC, 0.0)).any()) or not COLDEST_CHAMBER_DEGC < known[0] < HOTTEST_CHAMBER_DEGC
+    )
 
 
 def _since_start(

@@ -20,15 +20,12 @@ _TIME = "time"
 
 
 class LongColumns(NamedTuple):
-    """Columns of a long table: names of the quantities, their values, their times.
-
-    holds: a value is written where it changes, and holds until then.
-    """
+    """Columns of a long table: names of the quantities, their values, their times."""
 
     name: str
     value: str
     time: str
-    holds: bool = False
+    holds: bool = False  #: a value is written where it changes, and holds until then
 
 
 _NAMES = ("name", "variable", "metric", "sensor", "field", "signal", "channel", "parameter", "key", "quantity", "tag")

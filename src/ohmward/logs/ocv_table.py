@@ -21,21 +21,18 @@ _MOST_V_PER_K = 0.02
 
 
 class OcvTable(NamedTuple):
-    """Columns of a table of open-circuit voltage in SI units, in the order of the file; None where there is none.
+    """Columns of a table of open-circuit voltage in SI units, in the order of the file; None where there is none."""
 
-    source: the file's name; soc: (K,) in shares; ocv_V, charge_V, discharge_V: (K,) mean curve and branches;
-    hysteresis_V: (K,) half the distance of the branches; slope_V_per_K: (K,) change with temperature.
-    reference_degC: temperature of the table; notes: what was assumed.
-    """
-
-    source: str
+    source: str  #: the file's name; soc: (K,) in shares; ocv_V, charge_V, discharge_V: (K,) mean curve and branches;
     soc: np.ndarray
     ocv_V: np.ndarray | None
     charge_V: np.ndarray | None
     discharge_V: np.ndarray | None
+    #: (K,) half the distance of the branches; slope_V_per_K: (K,) change with temperature
     hysteresis_V: np.ndarray | None
+
     slope_V_per_K: np.ndarray | None
-    reference_degC: float | None
+    reference_degC: float | None  #: temperature of the table; notes: what was assumed
     notes: tuple[Note, ...]
 
 

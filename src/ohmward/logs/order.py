@@ -9,7 +9,13 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.note import Note, counted
-from ohmward.logs.selection import explain_instances, explain_recordings, find_instances
+from ohmward.logs.selection import (
+    count_unnamed_instances,
+    explain_instances,
+    explain_recordings,
+    explain_unnamed_instances,
+    find_instances,
+)
 from ohmward.logs.table import Table
 
 
@@ -69,6 +75,8 @@ def require_one_instance(table: Table, time: str, channels: Collection[str]) -> 
     """
     if name := find_instances(table, time, channels):
         raise SeveralRecordingsError(explain_instances(table, name))
+    if (count := count_unnamed_instances(table, time, channels)) > 1:
+        raise SeveralRecordingsError(explain_unnamed_instances(table, count))
 
 
 def settle_equal_times(table: Table, time: str, channels: Collection[str]) -> Table:
@@ -88,14 +96,10 @@ def settle_equal_times(table: Table, time: str, channels: Collection[str]) -> Ta
 
 
 class Repeats(NamedTuple):
-    """Rows of a table that share their time.
+    """Rows of a table that share their time."""
 
-    again: (T,) a channel of the row is measured once more by a later row of the same time.
-    differ: two such measurements have different values.
-    """
-
-    again: np.ndarray
-    differ: bool
+    again: np.ndarray  #: (T,) a channel of the row is measured once more by a later row of the same time
+    differ: bool  #: two such measurements have different values
 
 
 def find_repeats(table: Table, time: str, channels: Collection[str]) -> Repeats:

@@ -1,4 +1,4 @@
-"""Durations, intervals and charges that no log has, by which a unit that was guessed shows itself."""
+"""Durations, intervals, charges and resistances that no log has, by which a unit that was guessed shows itself."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.columns import Column
 from ohmward.logs.note import Note
+from ohmward.logs.sign import edge_test
 
 YEAR_S = 365.25 * 86400.0
 _HOUR_S = 3600.0
@@ -25,6 +26,10 @@ CHOSEN_FROM_S, HALF_MINUTE_S = 90.0, 30.0
 SLOWEST_DRIVE_S = 5.0
 #: From this interval on a guessed unit is worth a warning: twenty milliseconds read as seconds look like a slow logger.
 DOUBTFUL_FROM_S = 10.0
+#: A cell has more than this resistance [ohm], but for those of hundreds of ampere-hours, and at most this voltage.
+LEAST_CELL_OHM, HIGHEST_CELL_V = 3e-4, 4.3
+#: A resistance is below that where it is with so many standard errors, and currents from this on [A] are doubtful.
+_CERTAIN, _DOUBTFUL_FROM_A = 3.0, 20.0
 #: Share of an interval by which loggers are late.
 _JITTER = 0.1
 #: So many intervals tell the usual one.
@@ -85,6 +90,30 @@ def guess_notes(time: Column, time_s: np.ndarray, guessed: bool) -> tuple[Note, 
             "warning",
         ),
     )
+
+
+def milliampere_notes(current: Column, current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[Note, ...]:
+    """A warning where amperes are a guess and give a resistance by a thousand too small.
+
+    current: its column.  current_A, voltage_V: (T,), nan where not known.
+    """
+    known = np.isfinite(current_A) & np.isfinite(voltage_V)
+    if current.unit is not None or not known.any():
+        return ()
+    largest_A = float(np.abs(current_A[known]).max())
+    edges = edge_test(current_A[known], voltage_V[known])
+    cells = max(float(np.median(voltage_V[known])) / HIGHEST_CELL_V, 1.0)
+    if largest_A < _DOUBTFUL_FROM_A or edges.t_value == 0.0:
+        return ()
+    most_ohm = abs(edges.resistance_ohm) * (1.0 + _CERTAIN / abs(edges.t_value))
+    if most_ohm > LEAST_CELL_OHM * cells:
+        return ()
+    text = (
+        f"column {current.name!r} names no unit; as amperes it goes to {largest_A:.3g} A at dV/dI = "
+        f"{1e3 * abs(edges.resistance_ohm):.2g} mohm, less than cells have: if these are milliamperes, say "
+        "--unit current=mA"
+    )
+    return (Note(text, "warning"),)
 
 
 def usual_interval_s(time_s: np.ndarray) -> float:

@@ -55,20 +55,13 @@ class Wanted(NamedTuple):
 
 
 class RecordedTable(NamedTuple):
-    """The rows of one recording in order of time, no time twice; only numbers.
+    """The rows of one recording in order of time, no time twice; only numbers."""
 
-    table: its time in seconds; its notes say what was done.
-    start_unix_s: Unix time of the clock's zero, None where it is not a wall clock.
-    own: the columns that are channels, labels or parts of the clock; all others are extra.
-    guessed_unit: nothing told the unit of the time.
-    time_zone: of the dates, see `Clock`.
-    """
-
-    table: Table
-    start_unix_s: float | None
-    own: frozenset[str]
-    guessed_unit: bool = False
-    time_zone: str = "UTC"
+    table: Table  #: its time in seconds; its notes say what was done
+    start_unix_s: float | None  #: Unix time of the clock's zero, None where it is not a wall clock
+    own: frozenset[str]  #: the columns that are channels, labels or parts of the clock; all others are extra
+    guessed_unit: bool = False  #: nothing told the unit of the time
+    time_zone: str = "UTC"  #: of the dates, see `Clock`
 
 
 def open_table(source: Any, hints: FileHints | None = None) -> TableFile:

@@ -25,6 +25,8 @@ _STAMP = frozenset(("s", "sec", "secs", "second", "seconds", "ms", "msec", "mill
 _MOST_INSTANCES, _HEAD_ROWS = 16, 1000
 #: Fraction of the rows that take turns, or of the rarer instances that have the time of another row.
 _SIDE_BY_SIDE = 0.5
+#: Fraction of the stamps that have a row of each instance.
+_MOST_STAMPS = 0.9
 #: Between rows of different instances a channel changes by this many times its change within one.
 _MORE_CHANGE = 1.5
 
@@ -100,7 +102,8 @@ def find_instances(table: Table, time: str, channels: Collection[str]) -> str | 
 
     The rows of the instances take turns, or those of the rarer ones share their stamps with others, and none has a
     stamp twice. A flag of one battery may do the same: the name of the column must be that of instances, or a channel
-    changes more from instance to instance than within each.
+    changes more from instance to instance than within each. Under the name of instances, those that take turns may have
+    a stamp twice: the stamps are coarse.
 
     time: the column with the time [s], which does not fall; channels: the columns that were measured.
     """
@@ -119,12 +122,37 @@ def find_instances(table: Table, time: str, channels: Collection[str]) -> str | 
         order = np.argsort(code, kind="stable")
         within = np.diff(code[order]) == 0
         before, later = order[:-1][within], order[1:][within]
-        if counts.size > _MOST_INSTANCES or counts.min() < 2 or (time_s[later] == time_s[before]).any():
+        if counts.size > _MOST_INSTANCES or counts.min() < 2:
+            continue
+        named = names_instances(name)
+        if (time_s[later] == time_s[before]).any() and not (named and often):
             continue
         beside = often or shared[code != np.argmax(counts)].mean() >= _SIDE_BY_SIDE
-        if beside and (names_instances(name) or _differ(table, channels, turns, (before, later))):
+        if beside and (named or _differ(table, channels, turns, (before, later))):
             return name
     return None
+
+
+def count_unnamed_instances(table: Table, time: str, channels: Collection[str]) -> int:
+    """Number of batteries or robots whose rows share each stamp without a column that tells them apart; 1 for none.
+
+    Every stamp, a few aside, has as many rows, and from one of these to the next a channel changes more than from
+    stamp to stamp. Rows of one battery under coarse stamps change less, but for a load that keeps time with them; the
+    rest of the stamp in a column of its own says that they are of one.
+
+    time: the column with the time [s], which does not fall; channels: the columns that were measured.
+    """
+    if any(name != time and _STAMP & set(letters(name)) for name in table.columns):
+        return 1
+    time_s = table.columns[time]
+    first = np.flatnonzero(np.diff(time_s, prepend=-np.inf) > 0)
+    rows_of_stamp = np.diff(first, append=time_s.size)
+    count = int(np.median(rows_of_stamp))
+    whole = first[rows_of_stamp == count]
+    if not 1 < count <= _MOST_INSTANCES or whole.size < max(2, _MOST_STAMPS * first.size):
+        return 1
+    rows = whole[:, None] + np.arange(count)
+    return count if _differ(table, channels, rows[:, 1:].ravel(), (rows[:-1].ravel(), rows[1:].ravel())) else 1
 
 
 def names_instances(name: str) -> bool:
@@ -161,6 +189,14 @@ def _median_change(before: np.ndarray, later: np.ndarray) -> float:
     change = np.abs(later - before)
     known = np.isfinite(change)
     return float(np.median(change[known])) if known.any() else 0.0
+
+
+def explain_unnamed_instances(table: Table, count: int) -> str:
+    """The message on the rows of so many batteries or robots side by side, which no column tells apart."""
+    return (
+        f"{table.source}: {count} rows stand at each time and differ as those of {count} batteries or robots, and no "
+        "column tells them apart; write each into a file of its own, or add a column with its name"
+    )
 
 
 def explain_instances(table: Table, name: str) -> str:

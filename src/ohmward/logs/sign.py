@@ -37,18 +37,12 @@ _TREND_LEAST_S = 300.0
 
 
 class EdgeTest(NamedTuple):
-    """Regression of dV on dI over the edges of the current.
+    """Regression of dV on dI over the edges of the current."""
 
-    resistance_ohm: slope [ohm], > 0 when positive current charges; NaN without edges.
-    edges: their number.
-    t_value: slope over its standard error, from the noise of the voltage between edges.
-    agreement: in [-1, 1], sum(dI dV) / sum(|dI dV|): 1 or -1 when every edge says the same.
-    """
-
-    resistance_ohm: float
-    edges: int
-    t_value: float
-    agreement: float
+    resistance_ohm: float  #: slope [ohm], > 0 when positive current charges; NaN without edges
+    edges: int  #: their number
+    t_value: float  #: slope over its standard error, from the noise of the voltage between edges
+    agreement: float  #: in [-1, 1], sum(dI dV) / sum(|dI dV|): 1 or -1 when every edge says the same
 
     @property
     def sign(self) -> int:
@@ -59,13 +53,10 @@ class EdgeTest(NamedTuple):
 
 
 class SignEvidence(NamedTuple):
-    """Effect of a positive current according to the data: verdict "charge", "discharge" or "undecidable".
-
-    edges: the fast test. trend: the slow test; 1 charge, -1 discharge, 0 unclear.
-    """
+    """Effect of a positive current according to the data: verdict "charge", "discharge" or "undecidable"."""
 
     verdict: str
-    edges: EdgeTest
+    edges: EdgeTest  #: the fast test. trend: the slow test; 1 charge, -1 discharge, 0 unclear.
     trend: int
 
     def __str__(self) -> str:

@@ -27,20 +27,13 @@ _ENDINGS = (
 
 
 class Table(NamedTuple):
-    """Columns of one file and where each row stands in it.
+    """Columns of one file and where each row stands in it."""
 
-    source: the file's name, for messages.
-    columns: name -> (T,); numbers, datetime64, timedelta64, or text (dtype object).
-    line: (T,) int, the row's line in a text file or its number (from 1) elsewhere.
-    place: "line" or "row", for messages.
-    notes: of the reader, on what it dropped.
-    """
-
-    source: str
-    columns: Mapping[str, np.ndarray]
-    line: np.ndarray
-    place: str
-    notes: tuple[Note, ...] = ()
+    source: str  #: the file's name, for messages
+    columns: Mapping[str, np.ndarray]  #: name -> (T,); numbers, datetime64, timedelta64, or text (dtype object)
+    line: np.ndarray  #: (T,) int, the row's line in a text file or its number (from 1) elsewhere
+    place: str  #: "line" or "row", for messages
+    notes: tuple[Note, ...] = ()  #: of the reader, on what it dropped
 
     def pick(self, rows: np.ndarray) -> Table:
         """The rows that a mask or indices pick."""
@@ -65,28 +58,19 @@ class ColumnLoader(Protocol):
 
 
 class TableFile(NamedTuple):
-    """A file or DataFrame whose column names are known and whose columns are read on demand.
+    """A file or DataFrame whose column names are known and whose columns are read on demand."""
 
-    source: its name, for messages.
-    names: the columns in the file's order.
-    load: reads columns.
-    time: the column that is the time whatever its name, or None.
-    choose: of a recording of ROS, the same with the topics of a battery or of a drive alone; see `part`.
-    positive_current: "charge" or "discharge" where the format defines the effect of a positive current.
-    head: column -> its first cells, of a text.
-    hints: facts that the user or the file's preamble told.
-    units: quantity -> unit that the format defines.
-    """
-
-    source: str
-    names: tuple[str, ...]
-    load: ColumnLoader
-    time: str | None = None
+    source: str  #: its name, for messages
+    names: tuple[str, ...]  #: the columns in the file's order
+    load: ColumnLoader  #: reads columns
+    time: str | None = None  #: the column that is the time whatever its name, or None
+    #: of a recording of ROS, the same with the topics of a battery or of a drive alone; see `part`
     choose: Callable[[str, Mapping[str, float | str]], TableFile] | None = None
+    #: "charge" or "discharge" where the format defines the effect of a positive current
     positive_current: str | None = None
-    head: Mapping[str, Sequence[str]] = {}
-    hints: FileHints = FileHints()
-    units: Mapping[str, str] = {}
+    head: Mapping[str, Sequence[str]] = {}  #: column -> its first cells, of a text
+    hints: FileHints = FileHints()  #: facts that the user or the file's preamble told
+    units: Mapping[str, str] = {}  #: quantity -> unit that the format defines
 
     def part(self, kind: str, where: Mapping[str, float | str] | None = None) -> TableFile:
         """The columns of a "battery" or of a "drive", where the file keeps them apart; otherwise the file as it is.

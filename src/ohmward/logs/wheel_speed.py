@@ -28,19 +28,14 @@ WIDTHS = (8, 16, 32)
 class Mechanics:
     """The way from the shaft that is measured to the rim of the wheel.
 
-    radius_m: of the wheels, for speeds in m/s.
-    gear_ratio: turns of the motor for one of the wheel.
-    at_motor_shaft: speeds and counts are of the motor, before the gear.
-    counts_per_turn: of an encoder, for one turn of the shaft that it sits on.
-
     Raises:
         InputError: one of the numbers is not > 0.
     """
 
-    radius_m: float | None = None
-    gear_ratio: float = 1.0
-    at_motor_shaft: bool = False
-    counts_per_turn: float | None = None
+    radius_m: float | None = None  #: of the wheels, for speeds in m/s
+    gear_ratio: float = 1.0  #: turns of the motor for one of the wheel
+    at_motor_shaft: bool = False  #: speeds and counts are of the motor, before the gear
+    counts_per_turn: float | None = None  #: of an encoder, for one turn of the shaft that it sits on
 
     def __post_init__(self) -> None:
         for name in ("radius_m", "gear_ratio", "counts_per_turn"):
@@ -49,16 +44,11 @@ class Mechanics:
 
 
 class EncoderSpeed(NamedTuple):
-    """The speed that an encoder shows.
+    """The speed that an encoder shows."""
 
-    speed_rad_s: (T,) mean since the count before, NaN in rows without a new count and after gaps.
-    bits: of the counter, None where it never rolled over.
-    rollovers: their number.
-    """
-
-    speed_rad_s: np.ndarray
-    bits: int | None
-    rollovers: int
+    speed_rad_s: np.ndarray  #: (T,) mean since the count before, NaN in rows without a new count and after gaps
+    bits: int | None  #: of the counter, None where it never rolled over
+    rollovers: int  #: their number
 
 
 def unit_of_channel(quantity: str, column: Column, mechanics: Mechanics) -> Unit:

@@ -30,19 +30,12 @@ _LOOK_S = 0.2
 
 @dataclass(frozen=True)
 class CanPort:
-    """A bus as python-can names it.
+    """A bus as python-can names it."""
 
-    Attributes:
-        interface: "socketcan", "slcan", "pcan", "virtual", ...
-        channel: of the interface, "can0".
-        bitrate: of adapters that are told; socketcan has it from `ip link`.
-        fd: frames of CAN FD as well.
-    """
-
-    interface: str = "socketcan"
-    channel: str = "can0"
-    bitrate: int | None = None
-    fd: bool = False
+    interface: str = "socketcan"  #: "socketcan", "slcan", "pcan", "virtual", ...
+    channel: str = "can0"  #: of the interface, "can0"
+    bitrate: int | None = None  #: of adapters that are told; socketcan has it from `ip link`
+    fd: bool = False  #: frames of CAN FD as well
 
     def open(self, filters: list[dict[str, Any]] | None = None) -> Any:
         """The bus.

@@ -13,17 +13,12 @@ from ohmward.onboard.quantities import quantity_of
 
 
 class Message(NamedTuple):
-    """Values that a source measured at one time.
+    """Values that a source measured at one time."""
 
-    stamp_s: time of the measurement on the source's own clock; nan where it has none.
-    received_s: monotonic time at which it came.
-    source: name of the source.
-    values: signal -> value in the unit of its name; nan and signals that are left out were not measured.
-    """
-
-    stamp_s: float
-    received_s: float
-    source: str
+    stamp_s: float  #: time of the measurement on the source's own clock; nan where it has none
+    received_s: float  #: monotonic time at which it came
+    source: str  #: name of the source
+    #: signal -> value in the unit of its name; nan and signals that are left out were not measured
     values: Mapping[str, float]
 
 
@@ -33,14 +28,10 @@ Put = Callable[[Message], None]
 
 @dataclass(frozen=True)
 class ScaledSignal:
-    """A number of a source that becomes a quantity: value = scale * number + offset.
+    """A number of a source that becomes a quantity: value = scale * number + offset."""
 
-    Attributes:
-        name: as the source calls it: "BMS.Current" of a DBC, "/battery/current" of a topic, "I" of a JSON object.
-        scale, offset: to the unit of the quantity.
-    """
-
-    name: str
+    name: str  #: as the source calls it: "BMS.Current" of a DBC, "/battery/current" of a topic, "I" of a JSON object
+    #: to the unit of the quantity
     scale: float = 1.0
     offset: float = 0.0
 

@@ -22,18 +22,13 @@ MOST_KINDS = 256
 
 
 class MessageParts(NamedTuple):
-    """Signals of one kind of message.
+    """Signals of one kind of message."""
 
-    battery: has any of the battery.
-    wheels: argument of `SensorInbox.put`, and the signal of each wheel or motor, "" where there is none.
-    body: signals of the body, which are arguments themselves.
-    reported: estimates of a microcontroller.
-    """
-
-    battery: bool
+    battery: bool  #: has any of the battery
+    #: argument of `SensorInbox.put`, and the signal of each wheel or motor, "" where there is none
     wheels: tuple[tuple[str, tuple[str, ...]], ...]
-    body: tuple[str, ...]
-    reported: tuple[str, ...]
+    body: tuple[str, ...]  #: signals of the body, which are arguments themselves
+    reported: tuple[str, ...]  #: estimates of a microcontroller
 
     @property
     def drive(self) -> bool:

@@ -45,22 +45,15 @@ class Will(NamedTuple):
 
 @dataclass(frozen=True)
 class MqttBroker:
-    """A broker.
+    """A broker."""
 
-    Attributes:
-        host, port: of the broker.
-        username: where the broker demands one.
-        password: where the password is: name of an environment variable, or "file:PATH" of mode 600.
-        tls: encrypt; the broker's certificate is checked.
-        ca_file: path of the authority's certificate, where it is not one of the system's.
-    """
-
+    #: of the broker
     host: str = "localhost"
     port: int = 1883
-    username: str | None = None
-    password: str | None = None
-    tls: bool = False
-    ca_file: str | None = None
+    username: str | None = None  #: where the broker demands one
+    password: str | None = None  #: where the password is: name of an environment variable, or "file:PATH" of mode 600
+    tls: bool = False  #: encrypt; the broker's certificate is checked
+    ca_file: str | None = None  #: path of the authority's certificate, where it is not one of the system's
 
     def __post_init__(self) -> None:
         require_between("port", self.port, 1, 65535)

@@ -14,19 +14,14 @@ from ohmward.errors import InputError
 
 
 class Quantity(NamedTuple):
-    """A quantity that sensors measure.
+    """A quantity that sensors measure."""
 
-    name: with its unit; signs as in docs/conventions.md.
-    meaning: in a few words.
-    lowest, highest: no sensor that works shows less or more; nan and infinity are not measured.
-    each: "wheel", "motor" or "cell" where there are several; "" where there is one.
-    """
-
-    name: str
-    meaning: str
+    name: str  #: with its unit; signs as in docs/conventions.md
+    meaning: str  #: in a few words
+    #: no sensor that works shows less or more; nan and infinity are not measured
     lowest: float = -math.inf
     highest: float = math.inf
-    each: str = ""
+    each: str = ""  #: "wheel", "motor" or "cell" where there are several; "" where there is one
 
 
 #: Of the battery: what `SocEstimator` and `PackEstimator` take.

@@ -19,31 +19,22 @@ from ohmward.toml_file import TomlFile
 
 @dataclass(frozen=True)
 class Setup:
-    """Everything that the process on the robot needs.
+    """Everything that the process on the robot needs."""
 
-    Attributes:
-        name: of the robot: in topics, rows of the store, the page.
-        battery: path of the battery file; without it no charge and no range.
-        robot: path of the robot file or the name of a packaged robot; without it no speed, slip and pose.
-        consumption: path of the consumption table, which learns; by default in the state's folder.
-        state: folder of what survives a loss of power: snapshots and tables; `ohmward-state` unless given. Where all
-            sources are replays and simulations, nothing is kept unless it is given.
-        learn: let the battery file learn from day to day, in that folder.
-        strict: refuse to start while a source or sink cannot; by default the process starts with what it has.
-        delay_s: messages wait so long for others with an earlier time, >= 0.
-        counts_per_turn: of the encoders, where they send counts.
-        source, sink: where measurements come from and where estimates go, each with its `kind`.
-    """
-
-    name: str = "robot"
-    battery: str | None = None
+    name: str = "robot"  #: of the robot: in topics, rows of the store, the page
+    battery: str | None = None  #: path of the battery file; without it no charge and no range
+    #: path of the robot file or the name of a packaged robot; without it no speed, slip and pose
     robot: str | None = None
-    consumption: str | None = None
+    consumption: str | None = None  #: path of the consumption table, which learns; by default in the state's folder
+    #: folder of what survives a loss of power: snapshots and tables; `ohmward-state` unless given. Where all sources
+    #: are replays and simulations, nothing is kept unless it is given.
     state: str | None = None
-    learn: bool = False
+    learn: bool = False  #: let the battery file learn from day to day, in that folder
+    #: refuse to start while a source or sink cannot; by default the process starts with what it has
     strict: bool = False
-    delay_s: float = 0.0
-    counts_per_turn: float | None = None
+    delay_s: float = 0.0  #: messages wait so long for others with an earlier time, >= 0
+    counts_per_turn: float | None = None  #: of the encoders, where they send counts
+    #: where measurements come from and where estimates go, each with its `kind`
     source: tuple[AnySource, ...] = ()
     sink: tuple[AnySink, ...] = ()
 

@@ -24,17 +24,12 @@ class Level(IntEnum):
 
 
 class Diagnostic(NamedTuple):
-    """Condition of a sensor, a source, a sink or an estimate.
+    """Condition of a sensor, a source, a sink or an estimate."""
 
-    name: of the thing, "source can0", "battery_voltage_V", "charge".
-    level: how bad it is.  message: a sentence for people, with the fix where there is one.
-    values: figures beside it.
-    """
-
-    name: str
-    level: Level
-    message: str
-    values: Mapping[str, str | float] = {}
+    name: str  #: of the thing, "source can0", "battery_voltage_V", "charge"
+    level: Level  #: how bad it is
+    message: str  #: a sentence for people, with the fix where there is one
+    values: Mapping[str, str | float] = {}  #: figures beside it
 
 
 #: Estimates of a state, and the quantities that are their evidence: without any of them lately they are guesses.
@@ -46,32 +41,26 @@ EVIDENCE: dict[tuple[str, ...], frozenset[str]] = {
 
 
 class RobotState(NamedTuple):
-    """Everything that is known at an instant. What is not estimated, or not yet, is None.
+    """Everything that is known at an instant. What is not estimated, or not yet, is None."""
 
-    time_s: of the sample, on the monotonic clock of the process.
-    unix_s: the same on the wall clock.
-    sample: measured values that made this state, by signal.
-    battery: charge; cells: of the pack; slip: speed and slip; pose: odometry; range: how far the rest reaches.
-    diagnostics: conditions of sensors, sources, sinks and estimates, the latest of each.
-    battery_time_s, drive_time_s, cells_time_s: of the samples behind the estimates of battery, drive and cells, nan
-        before the first. While no sensor reports, states with new diagnostics go on, and these stand still; estimates
-        whose sensors are silent are None (`SensorWatch.supported`).
-    wheels: names of the driven wheels of the robot file, in the order of the arrays of `slip`.
-    """
-
-    time_s: float
-    unix_s: float
-    sample: Mapping[str, float] = {}
+    time_s: float  #: of the sample, on the monotonic clock of the process
+    unix_s: float  #: the same on the wall clock
+    sample: Mapping[str, float] = {}  #: measured values that made this state, by signal
+    #: charge; cells: of the pack; slip: speed and slip; pose: odometry; range: how far the rest reaches
     battery: SocEstimate | None = None
+
     cells: PackEstimate | None = None
     slip: SlipEstimate | None = None
     pose: OdometryEstimate | None = None
     range: RangeEstimate | None = None
-    diagnostics: tuple[Diagnostic, ...] = ()
+    diagnostics: tuple[Diagnostic, ...] = ()  #: conditions of sensors, sources, sinks and estimates, the latest of each
+    #: of the samples behind the estimates of battery, drive and cells, nan before the first. While no sensor reports,
+    #: states with new diagnostics go on, and these stand still; estimates whose sensors are silent are None
+    #: (`SensorWatch.supported`).
     battery_time_s: float = math.nan
     drive_time_s: float = math.nan
     cells_time_s: float = math.nan
-    wheels: tuple[str, ...] = ()
+    wheels: tuple[str, ...] = ()  #: names of the driven wheels of the robot file, in the order of the arrays of `slip`
 
 
 def stale(state: RobotState) -> str:

@@ -179,18 +179,14 @@ class Delivery:
 
 @dataclass
 class SensorWatch:
-    """The watch over all sensors of a robot.
+    """The watch over all sensors of a robot."""
 
-    Attributes:
-        battery, robot: that the sensors are on.
-        promised: names of the sources, and of the signals that each says it sends.
-        began_s: time from which on they are expected.
-    """
-
+    #: that the sensors are on
     battery: Battery | None = None
     robot: Robot | None = None
+    #: names of the sources, and of the signals that each says it sends
     promised: Mapping[str, Iterable[str]] = field(default_factory=dict)
-    began_s: float = 0.0
+    began_s: float = 0.0  #: time from which on they are expected
 
     def __post_init__(self) -> None:
         self.sensors: dict[str, WatchedSensor] = {}

@@ -4,17 +4,28 @@ snapshot.json            every few seconds, the one before beside it
 consumption.toml         every minute and at the end
 battery.toml             with `learn`: the battery file in use, as learnt up to the last day
 battery-learnt.toml      with `learn`: as learnt up to now; in use from the next day on
+
+Snapshot file: the newest state of the estimators on the disk, and the one before it.
+
+Power may be lost at any instant. The text goes to a temporary file, which is synced to the disk and takes the name in
+one step; the one before keeps a name of its own, for a disk that tears its last write in spite of that. A checksum
+tells which files are whole.
 """
 
 from __future__ import annotations
 
 import asyncio
+import json
 import math
-from collections.abc import Awaitable, Callable
+import os
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
+from ohmward.atomic import write_text
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import load_battery, save_battery
 from ohmward.battery.learning.on_board import learnt_on_board
@@ -26,8 +37,52 @@ from ohmward.onboard.clock import SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.part import LOG
 from ohmward.onboard.resume import DRIVE_S, is_another, label_of, remember, resume
-from ohmward.onboard.snapshot_file import read_snapshot, write_snapshot
-from ohmward.trace.snapshot import typed
+from ohmward.trace.snapshot import require_seal, require_version, sealed, typed
+
+NAME, PREVIOUS = "snapshot.json", "snapshot-previous.json"
+
+
+class FoundSnapshot(NamedTuple):
+    """Content of the newest snapshot that is whole, None without one; note: what is wrong with a newer one."""
+
+    content: dict[str, Any] | None
+    note: str = ""
+
+
+def write_snapshot(folder: Path, content: Mapping[str, Any]) -> None:
+    """Write a snapshot; the one before stays beside it.
+
+    Raises:
+        OhmwardError: the operating system refused; the snapshots are as they were.
+    """
+    newest, previous = folder / NAME, folder / PREVIOUS
+    link = folder / f".{PREVIOUS}.link"
+    with suppress(OSError):  # some file systems know no links; the newest alone is written in one step too
+        link.unlink(missing_ok=True)
+        os.link(newest, link)
+        link.replace(previous)
+    write_text(newest, json.dumps(sealed(content), allow_nan=False))
+
+
+def read_snapshot(folder: Path) -> FoundSnapshot:
+    """The newest snapshot that is whole."""
+    notes: list[str] = []
+    for name in (NAME, PREVIOUS):
+        try:
+            return FoundSnapshot(_read(folder / name), "; ".join(notes))
+        except FileNotFoundError:
+            continue
+        except (InputError, OSError, ValueError, RecursionError) as error:
+            notes.append(f"{folder / name} cannot be used ({error})")
+    return FoundSnapshot(None, "; ".join(notes))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    found = json.loads(path.read_text(encoding="utf-8"))
+    require_version(found)
+    require_seal(found)
+    return found
+
 
 #: Between two snapshots: what is lost with the power, and what an SD card can bear for years.
 SNAPSHOT_S = 5.0

@@ -20,15 +20,10 @@ from ohmward.traction.robot.file import load_robot
 
 @dataclass
 class Trial:
-    """Result of a trial.
+    """Result of a trial."""
 
-    Attributes:
-        signals: as they came.
-        findings: of parts and signals, what is wrong first.
-    """
-
-    signals: dict[str, SignalRecord] = field(default_factory=dict)
-    findings: list[WiringFinding] = field(default_factory=list)
+    signals: dict[str, SignalRecord] = field(default_factory=dict)  #: as they came
+    findings: list[WiringFinding] = field(default_factory=list)  #: of parts and signals, what is wrong first
 
     @property
     def passed(self) -> bool:

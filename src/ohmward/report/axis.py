@@ -20,28 +20,23 @@ class AxisUnit(NamedTuple):
 
 
 class WallClock(NamedTuple):
-    """Clock of a log with dates.
+    """Clock of a log with dates."""
 
-    start_unix_s: Unix time [s] of x = 0.
-    time_zone: name in the IANA database, to show the time in; "" where the log names none: its dates are shown.
-    """
-
-    start_unix_s: float
+    start_unix_s: float  #: Unix time [s] of x = 0
+    #: name in the IANA database, to show the time in; "" where the log names none: its dates are shown
     time_zone: str = "UTC"
 
 
 class XAxis(NamedTuple):
-    """X axis: its label, its extent in its own unit, and that unit in the unit of the data.
-
-    start: added to the data in the unit of the axis.  time_zone: of a wall clock, None for every other axis.
-    """
+    """X axis: its label, its extent in its own unit, and that unit in the unit of the data."""
 
     label: str
     low: float
     high: float
     unit: float
+    #: added to the data in the unit of the axis
     start: float = 0.0
-    time_zone: str | None = None
+    time_zone: str | None = None  #: of a wall clock, None for every other axis
 
     def place(self, x: float) -> float:
         """A place of the data on the axis."""

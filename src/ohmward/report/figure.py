@@ -72,16 +72,16 @@ class Series:
 class Band:
     """Shaded region low_i <= y <= high_i on the left axis, as of an uncertainty.
 
-    x: (n,) ascending; low, high: (n,), NaN in either is a gap. A long band becomes its `decimate.envelope`.
-    role: as in `Series`, but not "auto".
     Raises: InputError for lengths that differ, descending x, low above high, an unknown role.
     """
 
+    #: (n,) ascending; low, high: (n,), NaN in either is a gap. A long band becomes its `decimate.envelope`.
     x: np.ndarray
+
     low: np.ndarray
     high: np.ndarray
     label: str
-    role: Meaning = "estimate"
+    role: Meaning = "estimate"  #: as in `Series`, but not "auto"
 
     def __post_init__(self) -> None:
         _check_choice("role", self.role, tuple(MEANING))
@@ -120,23 +120,24 @@ class Span(NamedTuple):
 class Figure:
     """One plot.
 
-    x_label: `TIME`, or a name and unit such as "Slip ratio [-]".  y_label, right_label: the same for both y axes.
-    log_y: logarithmic left axis; its values must be positive.  y_limits: ends of the left axis; None fits the data.
-    height_px: of the drawing without legend and title.
     Raises: InputError for a right series without right_label, values <= 0 on a log axis, limits that do not ascend.
     """
 
     title: str
+    #: `TIME`, or a name and unit such as "Slip ratio [-]"
     x_label: str
+
+    #: the same for both y axes
     y_label: str
     series: Sequence[Series] = ()
     bands: Sequence[Band] = ()
     markers: Sequence[Marker] = ()
     spans: Sequence[Span] = ()
     right_label: str = ""
+    #: logarithmic left axis; its values must be positive
     log_y: bool = False
-    y_limits: tuple[float, float] | None = None
-    height_px: int = field(default=260, kw_only=True)
+    y_limits: tuple[float, float] | None = None  #: ends of the left axis; None fits the data
+    height_px: int = field(default=260, kw_only=True)  #: of the drawing without legend and title
 
     def __post_init__(self) -> None:
         for name in ("series", "bands", "markers", "spans"):

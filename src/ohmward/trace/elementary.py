@@ -25,24 +25,20 @@ from ohmward.trace.program import Program, schedule
 
 @dataclass(frozen=True)
 class Precision:
-    """Constants of the elementary functions in double or single precision.
+    """Constants of the elementary functions in double or single precision."""
 
-    name:     "f64" or "f32".
-    rounder:  adding it and taking it away rounds to a whole number.
-    overflow, underflow: exp of more is inf, of less is 0.
-    tiny, lift: the smallest normal number, and a power of two, with its exponent, that makes subnormals normal.
-    ln2, half_pi: in parts of few bits, so that products with small whole numbers are exact.
-    exp, log, sin, cos, arctan: coefficients of the polynomials, the lowest first.
-    """
-
-    name: str
-    rounder: float
+    name: str  #:     "f64" or "f32"
+    rounder: float  #:  adding it and taking it away rounds to a whole number
+    #: exp of more is inf, of less is 0
     overflow: float
     underflow: float
+    #: the smallest normal number, and a power of two, with its exponent, that makes subnormals normal
     tiny: float
     lift: tuple[float, float]
+    #: in parts of few bits, so that products with small whole numbers are exact
     ln2: tuple[float, float]
     half_pi: tuple[float, float, float]
+    #: coefficients of the polynomials, the lowest first
     exp: tuple[float, ...]
     log: tuple[float, ...]
     sin: tuple[float, ...]

@@ -18,28 +18,18 @@ CHOICE, OR, AND, NOT, COMPARE, SUM, PRODUCT, SIGN, ATOM = range(9)
 
 @dataclass(frozen=True, eq=False)
 class Operation:
-    """Kind of node.
+    """Kind of node."""
 
-    name:        NumPy's name of the function, where NumPy has it.
-    arity:       number of arguments.
-    compute:     value on Python floats, with IEEE 754 results: the definition of the operation.
-    python:      template of the fast Python spelling, `{0}` the first argument.
-    binding:     binding strength of that spelling.
-    derivative:  (result, arguments, their tangents) -> tangent of the result: the chain rule in one direction.
-    risky:       the Python spelling raises where `compute` has a result (1/0, exp(1000)).
-    commutative: exchanging the arguments changes no bit of the result.
-    boolean:     the result is True or False.
-    """
-
-    name: str
-    arity: int
-    compute: Callable[..., Any]
-    python: str
-    binding: int
+    name: str  #:        NumPy's name of the function, where NumPy has it
+    arity: int  #:       number of arguments
+    compute: Callable[..., Any]  #:     value on Python floats, with IEEE 754 results: the definition of the operation
+    python: str  #:      template of the fast Python spelling, `{0}` the first argument
+    binding: int  #:     binding strength of that spelling
+    #:  (result, arguments, their tangents) -> tangent of the result: the chain rule in one direction
     derivative: Callable[[Any, tuple[Any, ...], tuple[Any, ...]], Any]
-    risky: bool = False
-    commutative: bool = False
-    boolean: bool = False
+    risky: bool = False  #:       the Python spelling raises where `compute` has a result (1/0, exp(1000))
+    commutative: bool = False  #: exchanging the arguments changes no bit of the result
+    boolean: bool = False  #:     the result is True or False
 
 
 def _flat(r: Any, a: tuple[Any, ...], d: tuple[Any, ...]) -> float:

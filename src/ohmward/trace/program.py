@@ -25,21 +25,16 @@ class StepStructure(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Program:
-    """A traced function.
+    """A traced function."""
 
-    inputs:   one symbol per scalar of the arguments.
-    nodes:    every operation that an output needs, arguments first, depth first from the outputs (short live ranges).
-    outputs:  one scalar per scalar of the result: a node, an input, or a constant.
-    argument_structure, result_structure: how inputs and outputs are nested.
-    name:     name of the traced function.
-    """
-
-    inputs: tuple[Expression, ...]
+    inputs: tuple[Expression, ...]  #:   one symbol per scalar of the arguments
+    #:    every operation that an output needs, arguments first, depth first from the outputs (short live ranges)
     nodes: tuple[Expression, ...]
-    outputs: tuple[Scalar, ...]
+    outputs: tuple[Scalar, ...]  #:  one scalar per scalar of the result: a node, an input, or a constant
+    #: how inputs and outputs are nested
     argument_structure: Branch
     result_structure: Structure
-    name: str
+    name: str  #:     name of the traced function
 
     @property
     def operations(self) -> Counter[str]:

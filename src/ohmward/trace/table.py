@@ -83,13 +83,10 @@ def _ends(values: tuple[float, ...]) -> tuple[float, ...]:
 
 
 class _Lines(NamedTuple):
-    """Straight lines over several segments each.
+    """Straight lines over several segments each."""
 
-    numbers: number of the line of each segment.
-    offsets, slopes: value at u = 0 and slope of each line.
-    """
-
-    numbers: tuple[float, ...]
+    numbers: tuple[float, ...]  #: number of the line of each segment
+    #: value at u = 0 and slope of each line
     offsets: tuple[float, ...]
     slopes: tuple[float, ...]
 

@@ -19,8 +19,8 @@ from ohmward.runs import runs
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.estimator import require_wheels
+from ohmward.traction.speed_observer.make_observer import yaw_rate_of_wheels
 from ohmward.traction.speed_observer.sensor_noise import speed_and_wheels_m_s
-from ohmward.traction.speed_observer.turning import yaw_rate_of_wheels
 
 #: Sizes from which on a wheel turns, a robot moves and turns, a motor works [rad/s, m/s, rad/s, A].
 TURNS_RAD_S, MOVES_M_S, YAWS_RAD_S, WORKS_A = 0.2, 0.1, 0.1, 1.0
@@ -46,6 +46,10 @@ SPIKE = 10.0
 #: no less than this share of the wheels' speed in the median.
 FEWEST_BACK, SIZE_SHARE = 3, 0.5
 
+#: A robot is stuck where the speed from outside is below this share of the wheels', for so long [s] and in so many
+#: samples in a row; one that starts is not, however late that speed comes.
+STUCK_SHARE, STUCK_S, FEWEST_STUCK = 0.2, 3.0, 3
+
 #: The speed from outside over that of the wheels: beyond these it is another unit.
 RATIO_DOUBTFUL, RATIO_MEANINGLESS = 2.0, 5.0
 
@@ -66,6 +70,7 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
         _wrong_current_signs,
         _blocked_wheels,
         _dead_currents,
+        _stuck_robot,
         _wrong_units,
     )
     return tuple(Note(text, "warning") for check in checks for text in check(robot, log))
@@ -236,6 +241,24 @@ def _dead_currents(robot: Robot, log: DriveLog) -> list[str]:
                 "sensor; leave its column out, and the motor counts as unknown"
             )
     return found
+
+
+def _stuck_robot(robot: Robot, log: DriveLog) -> list[str]:
+    """Wheels that turn under a robot that stands, by a speed from outside which may come seldom."""
+    speed, wheels = speed_and_wheels_m_s(robot, log)
+    if not speed.size:
+        return []
+    assert log.speed_m_s is not None
+    turn = np.abs(wheels) > MOVES_M_S  # wheels that stand tell nothing of it
+    time_s = log.time_s[np.isfinite(log.speed_m_s)][turn]
+    stands = np.abs(speed[turn]) < STUCK_SHARE * np.abs(wheels[turn])
+    found = [(first, stop - 1) for first, stop in runs(stands) if stop - first >= FEWEST_STUCK]
+    return [
+        f"the robot stands by the speed from outside {_from_to(time_s, first, last)} while its wheels turn: stuck, or "
+        "that speed is dead; between two of its samples way and slip are those of the wheels, do not count on them here"
+        for first, last in found
+        if time_s[last] - time_s[first] >= STUCK_S
+    ]
 
 
 def _wrong_units(robot: Robot, log: DriveLog) -> list[str]:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.traction.speed_observer.conclusions import SlipAlarm
 from ohmward.traction.speed_observer.estimator import SlipRun
-from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 from ohmward.traction.terrain.demand import travel_speed
 from ohmward.traction.terrain.slip_on_floors import FloorRun
 
@@ -19,18 +19,14 @@ ONE_SIDED_95 = 1.645
 
 
 class SlipEpisode(NamedTuple):
-    """A time in which a wheel, or the robot as a whole, slipped more than is allowed.
+    """A time in which a wheel, or the robot as a whole, slipped more than is allowed."""
 
-    wheel: its name, or "robot".  start_s, end_s: of the alarm, on the log's clock.
-    greatest_slip_m_s: slip speed r omega - v of the largest size in it.
-    greatest_slip: slip ratio of the largest size, nan below the floor of speed.
-    """
-
-    wheel: str
+    wheel: str  #: its name, or "robot"
+    #: of the alarm, on the log's clock
     start_s: float
     end_s: float
-    greatest_slip_m_s: float
-    greatest_slip: float
+    greatest_slip_m_s: float  #: slip speed r omega - v of the largest size in it
+    greatest_slip: float  #: slip ratio of the largest size, nan below the floor of speed
 
 
 class ImmobilisedEpisode(NamedTuple):

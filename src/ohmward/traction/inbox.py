@@ -19,7 +19,7 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.estimator import CLOCK_SET_S, PerWheel, number, numbers
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.encoder import differences
+from ohmward.traction.speed_observer.encoders import differences
 
 #: Sensors of the body that the odometry takes and the speed observer does not.
 HEADING = ("heading_rad", "heading_std_rad")

@@ -23,110 +23,133 @@ from ohmward.traction.episodes import (
     robot_episodes,
     slip_episodes,
 )
-from ohmward.traction.fit_checks import fit_notes, misfits
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.odometry.estimator import Odometry, OdometryRun
 from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.conclusions import SlipAlarm
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipRun, motion_of, observe
 from ohmward.traction.speed_observer.make_observer import make_observer
-from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 from ohmward.traction.terrain.crossing import Crossing
 from ohmward.traction.terrain.demand import travel_speed
 from ohmward.traction.terrain.file import Floors
 from ohmward.traction.terrain.slip_on_floors import FloorRun, slip_on_floors
+
+#: A sensor contradicts the model where it is refused in more than this share of the samples; a robot that slips now and
+#: then has a hundredth of that.
+CONTRADICTS = 0.1
+
+#: Flags of a sensor that the model contradicts, and the advice.
+CONTRADICTIONS = {
+    SlipFlag.ENCODER_DOUBTED: "encoders do not move as motors and ground allow: check their signs, their order, "
+    "--motor-shaft and the mass and torque constant of the robot file",
+    SlipFlag.GYRO_REJECTED: "the gyro turns otherwise than the wheels: check its sign and unit, left and right, and "
+    "the track; wheels that scrub in turns need the chassis skid-steer in the robot file",
+    SlipFlag.SPEED_REJECTED: "the speed from outside contradicts wheels and motors: check its unit, its delay "
+    "(speed_age_s) and its standard deviation",
+}
+
+
+def fit_notes(run: SlipRun) -> tuple[Note, ...]:
+    """Warnings of what the observer met on the way."""
+    spikes = int(np.count_nonzero(run.flags & SlipFlag.ENCODER_SPIKE))
+    text = (
+        f"{spikes} of {len(run.flags)} samples in which an encoder jumps as no wheel can: "
+        "not used; check its cable and counter"
+    )
+    return (*([Note(text, "warning")] if spikes else []), *misfits(run))
+
+
+def misfits(run: SlipRun) -> tuple[Note, ...]:
+    """Warnings that the model does not fit the log, whose estimates are not to be trusted then; none where it fits."""
+    shares = {flag: float(np.mean(run.flags & flag != 0)) for flag in CONTRADICTIONS}
+    found = [
+        f"the model does not fit {_percent(share)} of the log: {CONTRADICTIONS[flag]}"
+        for flag, share in shares.items()
+        if share > CONTRADICTS
+    ]
+    restarts = int(np.count_nonzero(run.flags & SlipFlag.RESTARTED))
+    if restarts:
+        found.append(
+            f"the observer started again {restarts} times, because its state was none that this robot can "
+            "have: robot file, units or sensors are wrong"
+        )
+    return tuple(Note(text, "warning") for text in found)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %"
+
 
 #: Flags of learnt floors that mean a fault of the log.
 FAULTS = ("bad_time", "gap", "no_current", "no_encoder", "encoder_stopped", "speed_refused")
 
 
 class OnFloors(NamedTuple):
-    """Slip of a drive on learnt floors.
+    """Slip of a drive on learnt floors."""
 
-    track: of the floors' own estimator.
-    floors: their names, in the order of `track.floor_probability`.
-    """
-
-    track: FloorRun
-    floors: tuple[str, ...]
+    track: FloorRun  #: of the floors' own estimator
+    floors: tuple[str, ...]  #: their names, in the order of `track.floor_probability`
 
 
 class ObservedDrive(NamedTuple):
-    """Estimates along a recorded drive.
+    """Estimates along a recorded drive."""
 
-    robot: the robot that drove.
-    track: speed and slip.
-    path: pose and twist.
-    notes: faults of the log, and everything that was assumed.
-    fits: the model fits the log, so that the estimates can be trusted.
-    on_floors: None without learnt floors.
-    """
-
-    robot: Robot
-    track: SlipRun
-    path: OdometryRun
-    notes: tuple[Note, ...]
-    fits: bool = True
-    on_floors: OnFloors | None = None
+    robot: Robot  #: the robot that drove
+    track: SlipRun  #: speed and slip
+    path: OdometryRun  #: pose and twist
+    notes: tuple[Note, ...]  #: faults of the log, and everything that was assumed
+    fits: bool = True  #: the model fits the log, so that the estimates can be trusted
+    on_floors: OnFloors | None = None  #: None without learnt floors
 
 
 class DriveFigures(NamedTuple):
-    """A drive in figures; None where nothing was estimated.
+    """A drive in figures; None where nothing was estimated."""
 
-    distance_m: along the ground, forward or backward.
-    speed_min_m_s, speed_max_m_s, speed_final_m_s, speed_std_final_m_s: of the body.
-    slip_episodes, immobilised_episodes: in order of time.
-    unobserved_share: of the samples in which the speed was not observable.
-    friction_ratio, friction_std: at the end, of the first wheel, to the ground that was believed; the std is relative.
-    grade_rad, grade_std_rad: at the end.
-    radius_ratio, radius_std: at the end, to the robot's radius.
-    """
-
-    distance_m: float
+    distance_m: float  #: along the ground, forward or backward
+    #: of the body
     speed_min_m_s: float
     speed_max_m_s: float
     speed_final_m_s: float
     speed_std_final_m_s: float
+    #: in order of time
     slip_episodes: list[SlipEpisode]
     immobilised_episodes: list[ImmobilisedEpisode]
-    unobserved_share: float
+    unobserved_share: float  #: of the samples in which the speed was not observable
+    #: at the end, of the first wheel, to the ground that was believed; the std is relative
     friction_ratio: float | None
     friction_std: float | None
+    #: at the end
     grade_rad: float | None
     grade_std_rad: float | None
+    #: at the end, to the robot's radius
     radius_ratio: float | None
     radius_std: float | None
 
 
 class PoseFigures(NamedTuple):
-    """Pose at the end of a drive, in the frame of its start, and the gyro's offset.
+    """Pose at the end of a drive, in the frame of its start, and the gyro's offset."""
 
-    x_m, y_m, yaw_rad: forward, to the left, and the turn.
-    position_std_m, yaw_std_rad: standard deviations, the first in the direction in which it is largest.
-    gyro_offset_rad_s, gyro_offset_std_rad_s: None without a gyro.
-    """
-
+    #: forward, to the left, and the turn
     x_m: float
     y_m: float
     yaw_rad: float
+    #: standard deviations, the first in the direction in which it is largest
     position_std_m: float
     yaw_std_rad: float
+    #: None without a gyro
     gyro_offset_rad_s: float | None
     gyro_offset_std_rad_s: float | None
 
 
 class FloorFigures(NamedTuple):
-    """A drive on learnt floors in figures.
+    """A drive on learnt floors in figures."""
 
-    travel_slip_mean, travel_slip_std: slip of the robot and its std, mean over the drive; None where it stood.
-    floor_share: mean probability of each floor under the wheels, by name.
-    floor_crossings: times at which another floor was met.
-    """
-
+    #: slip of the robot and its std, mean over the drive; None where it stood
     travel_slip_mean: float | None
     travel_slip_std: float | None
-    floor_share: dict[str, float]
-    floor_crossings: tuple[Crossing, ...]
+    floor_share: dict[str, float]  #: mean probability of each floor under the wheels, by name
+    floor_crossings: tuple[Crossing, ...]  #: times at which another floor was met
 
 
 def observe_drive(

@@ -10,8 +10,8 @@ from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.conclusions import SlipAlarm
 from ohmward.traction.speed_observer.estimate import SlipEstimate
-from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 
 #: Below this speed [m/s] of rim and travel a slip ratio is not compared: it would be noise over noise.
 SLIP_FLOOR_M_S = 0.05
@@ -21,40 +21,28 @@ CLEARLY = 2.0
 
 
 class DriveTruth(NamedTuple):
-    """True motion, each (T,) or (T, driven), nan where it is not known; None where it was not measured.
+    """True motion, each (T,) or (T, driven), nan where it is not known; None where it was not measured."""
 
-    speed_m_s: of the body, forward.
-    yaw_rate_rad_s: > 0 to the left; without it the observer's own serves to find the speed of each wheel's centre.
-    lateral_speed_m_s: to the left; without it a robot that moves sideways has no true slip.
-    slip_ratio: (T, driven) of the wheels; without it their slip follows from the motion of the body.
-    """
-
-    speed_m_s: np.ndarray
+    speed_m_s: np.ndarray  #: of the body, forward
+    #: > 0 to the left; without it the observer's own serves to find the speed of each wheel's centre
     yaw_rate_rad_s: np.ndarray | None = None
-    lateral_speed_m_s: np.ndarray | None = None
+    lateral_speed_m_s: np.ndarray | None = None  #: to the left; without it a robot that moves sideways has no true slip
+    #: (T, driven) of the wheels; without it their slip follows from the motion of the body
     slip_ratio: np.ndarray | None = None
 
 
 class DriveScore(NamedTuple):
-    """Figures of one drive; nan where nothing could be compared.
+    """Figures of one drive; nan where nothing could be compared."""
 
-    speed_rmse_m_s, speed_max_error_m_s: estimate minus truth.
-    speed_coverage_95: share of the samples whose true speed is within the estimate's own 95 % band.
-    slip_rmse: of the slip ratio, all wheels together, where rim or travel are faster than `SLIP_FLOOR_M_S`.
-    coverage_95: share of the samples and wheels whose true slip speed is within the estimate's own 95 % band.
-    false_alarm_rate: share of the samples and wheels with no more than the allowed slip that raise the alarm.
-    detection_rate: share of those with `CLEARLY` more than it that raise it.
-    samples: number of samples with a true speed.
-    """
-
+    #: estimate minus truth
     speed_rmse_m_s: float
     speed_max_error_m_s: float
-    speed_coverage_95: float
-    slip_rmse: float
-    coverage_95: float
-    false_alarm_rate: float
-    detection_rate: float
-    samples: int
+    speed_coverage_95: float  #: share of the samples whose true speed is within the estimate's own 95 % band
+    slip_rmse: float  #: of the slip ratio, all wheels together, where rim or travel are faster than `SLIP_FLOOR_M_S`
+    coverage_95: float  #: share of the samples and wheels whose true slip speed is within the estimate's own 95 % band
+    false_alarm_rate: float  #: share of the samples and wheels with no more than the allowed slip that raise the alarm
+    detection_rate: float  #: share of those with `CLEARLY` more than it that raise it
+    samples: int  #: number of samples with a true speed
 
 
 class TrueSlip(NamedTuple):

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from ohmward.battery.cells.spread import CellSpread
-from ohmward.battery.cells.unseen import largest_of, unseen_weakest
+from ohmward.battery.cells.cell_sample import CellSpread
+from ohmward.battery.cells.weakest import largest_of, unseen_weakest
 
 
 def test_the_largest_of_few_is_that_of_the_tables():

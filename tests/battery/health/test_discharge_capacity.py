@@ -5,7 +5,7 @@ import math
 import pytest
 
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.health.discharge_capacity import used_capacities
+from ohmward.battery.health.history import used_capacities
 from ohmward.battery.learning.lesson import Lesson
 
 NOTHING = Normal(math.nan, math.inf)

@@ -7,11 +7,11 @@ import pytest
 
 from battery.identification.examples import cell, pulse_log
 from battery.identification.test_circuit import problem_of
-from ohmward.battery.identification.charge_transfer import cells_transfer_V, try_bent
 from ohmward.battery.identification.circuit import circuit_of
 from ohmward.battery.identification.circuit_design import Rates
 from ohmward.battery.identification.circuit_fit import fit_circuit
 from ohmward.battery.identification.circuit_solve import solve
+from ohmward.battery.identification.identify import cells_transfer_V, try_bent
 
 TRANSFER_V = cells_transfer_V(25.0, 1)
 #: Half a volt at 1 C, as a lead-acid cell with little charge left: ten times the bend.

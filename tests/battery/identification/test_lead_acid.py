@@ -13,10 +13,9 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import make_estimator
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.score import score
-from ohmward_lab.simulate.bench_profiles import bench_times, low_rate_test
 from ohmward_lab.simulate.cells import BATTERIES
 from ohmward_lab.simulate.plant import resting_state, simulate
-from ohmward_lab.simulate.profile import steps
+from ohmward_lab.simulate.profile import bench_times, low_rate_test, steps
 from ohmward_lab.simulate.robot_day import make_robot_day, record, run_pulse_test
 from ohmward_lab.simulate.sensors import low_cost_sensors, on_the_bench
 

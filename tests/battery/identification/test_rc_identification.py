@@ -8,8 +8,7 @@ import pytest
 from battery.rc_examples import CAPACITY_AH, EVEN, UNEVEN, log_of, model_of, simulate
 from ohmward.battery.identification.rc_fit import filtered, fit_voltage
 from ohmward.battery.identification.rc_identification import identify_rc
-from ohmward.battery.identification.rc_rule import FIRST_S, find_response, find_time_constant
-from ohmward.battery.identification.rc_samples import outside_long_charges
+from ohmward.battery.identification.rc_rule import FIRST_S, find_response, find_time_constant, outside_long_charges
 from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.errors import InputError

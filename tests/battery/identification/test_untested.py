@@ -12,11 +12,11 @@ from ohmward.battery.identification import identify
 from ohmward.battery.identification.circuit import circuit_of
 from ohmward.battery.identification.circuit_fit import fit_circuit
 from ohmward.battery.identification.confidence import confidence_intervals
-from ohmward.battery.identification.load_temperature import load_temperature
 from ohmward.battery.identification.open_loop import simulate
 from ohmward.battery.identification.untested import (
     activation_std_K,
     hysteresis_std,
+    load_temperature,
     ocv_std_V_per_K,
     unknown_hysteresis_V,
     untested_sentences,

@@ -12,9 +12,9 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import load_battery, save_battery
 from ohmward.battery.learning import learn
 from ohmward.battery.learning.capacity_marginal import moments
-from ohmward.battery.learning.curve_place import CurvePlace, file_charge, true_soc
 from ohmward.battery.learning.fold import fold
 from ohmward.battery.learning.nuisances import nuisance_covariance
+from ohmward.battery.learning.open_circuit import CurvePlace, file_charge, true_soc
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.samples import samples_of
 from ohmward.battery.learning.solve import Normals, SocAnchor, solve

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cli.examples import MODEL
-from ohmward.battery.learning.pulse_resistance import pulse_ohm
+from ohmward.battery.learning.fold import pulse_ohm
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs import Log
 from ohmward_lab.simulate.voltage import simulate_voltage

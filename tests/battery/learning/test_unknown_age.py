@@ -9,8 +9,8 @@ from battery.learning.test_another_battery import day, worn
 from battery.learning.test_learn import TESTED, problem
 from cli.examples import MODEL
 from ohmward.battery.learning import learn
-from ohmward.battery.learning.pulse_resistance import pulse_ohm
-from ohmward.battery.learning.unknown_age import prior_of_age
+from ohmward.battery.learning.fold import pulse_ohm
+from ohmward.battery.learning.start import prior_of_age
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,7 @@ from battery.examples import LFP
 from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.augmented_thevenin import VoltageError
-from ohmward.battery.soc.evidence import log_likelihood
-from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
+from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, log_likelihood
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import Innovation, unpack

@@ -13,7 +13,7 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.anchor_rule import NO_EVENT, AnchorEvent
 from ohmward.battery.soc.anchors import find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.evidence import log_likelihood
+from ohmward.battery.soc.gaussian_sum import log_likelihood
 from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter

@@ -13,8 +13,8 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.estimator import samples_of
 from ohmward.battery.soc.sample import SocSample
-from ohmward.battery.tuning.likelihood import Likelihood
 from ohmward.battery.tuning.noise_model import NoiseModel, with_factors
+from ohmward.battery.tuning.search import Likelihood
 from ohmward.battery.tuning.tune import tune_noise, voltage_step_V
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, unpack

@@ -21,10 +21,9 @@ from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.control.drive_control import DriveControl
 from ohmward.onboard.control.limits import SAFE_STOP_S, DriveLimits
 from ohmward.onboard.control.loop import ControlLoop
-from ohmward.onboard.control.operator_command import OperatorCommand
+from ohmward.onboard.control.operator_command import OperatorCommand, Signing
 from ohmward.onboard.control.operator_link import OperatorLink
 from ohmward.onboard.control.outputs import CanOutput, MqttOutput, RosOutput
-from ohmward.onboard.control.signing import Signing
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.line_reader import MOST_STRANGERS
 from ohmward.onboard.message import Signals
@@ -33,8 +32,8 @@ from ohmward.onboard.ros import types
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.ros.transport import RosNetwork
 from ohmward.onboard.sinks.control import ControlSink
-from ohmward.onboard.sinks.influxdb import InfluxSink
 from ohmward.onboard.sinks.mqtt import MqttSink
+from ohmward.onboard.sinks.server import InfluxSink
 from ohmward.onboard.sources.mqtt import MqttSource
 from ohmward.onboard.sources.simulation import SimulationSource
 from ohmward.onboard.store.rows import Row

@@ -2,7 +2,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward_lab.simulate.closed_loop.records import Records
+from ohmward_lab.simulate.closed_loop.loop import Records
 
 
 class Inner(NamedTuple):

@@ -13,9 +13,8 @@ from every_operation import Memory, Seen
 
 from ohmward.errors import InputError
 from ohmward.trace import clip, exp, maximum, minimum, single_precision, table, trace, where
-from ohmward.trace.lower.c_operations import literal
+from ohmward.trace.lower.c_operations import constant_arrays, literal
 from ohmward.trace.lower.c_source import c_source, members
-from ohmward.trace.lower.constant_arrays import constant_arrays
 from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.structure import size, structure_of
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ohmward.traction.control.surface import surface
+from ohmward.traction.control.slip_law import surface
 from ohmward.traction.dynamics.slip import slip_ratio
 
 speeds = st.floats(-3.0, 3.0)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from ohmward.errors import InputError
 from ohmward.traction.control import ControlFlag, Limits, Measurement, SlipCommand, WheelSpeedCascade, WheelSpeedDrive
-from ohmward.traction.control.surface import surface
+from ohmward.traction.control.slip_law import surface
 from ohmward.traction.control.wheel_speed_cascade import rim_speed_m_s
 from traction.control.examples import DRY, LIMITS, SLIPPERY, WHEEL, Truth, measured, turn
 

@@ -9,9 +9,8 @@ from kernels import kernel_of
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
 from ohmward.traction import RLMA, scene
-from ohmward_lab.traction.momentum_observer.angle import count_angle, edge_angle
-from ohmward_lab.traction.momentum_observer.noise import MomentumNoise, count_std_rad
-from ohmward_lab.traction.momentum_observer.observer import MomentumObserver
+from ohmward_lab.traction.momentum_observer.model import MomentumNoise, count_std_rad
+from ohmward_lab.traction.momentum_observer.observer import MomentumObserver, count_angle, edge_angle
 from traction.speed_observer.examples import FLOOR
 
 DT, COUNTS = 1e-3, 4096

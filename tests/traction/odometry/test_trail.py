@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from ohmward.traction.odometry.trail import empty_trail, extend, way
+from ohmward.traction.odometry.corrections import empty_trail, extend, way
 from traction.odometry.examples import DT_S, integrate
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from kernels import kernel_of
 from ohmward.traction import RLMA, RollingResistance, Terrain, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
-from ohmward.traction.speed_observer.encoder import wheel_speeds
+from ohmward.traction.speed_observer.encoders import wheel_speeds
 from ohmward.traction.speed_observer.estimate import SlipSample
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver

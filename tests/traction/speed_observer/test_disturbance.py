@@ -9,9 +9,8 @@ import pytest
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, Motor, hard_terrain
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward.traction.speed_observer.disturbance import disturbance_m_s2
 from ohmward.traction.speed_observer.estimator import observe
-from ohmward.traction.speed_observer.make_observer import make_observer
+from ohmward.traction.speed_observer.make_observer import disturbance_m_s2, make_observer
 
 TIME = 0.01 * np.arange(1000)
 

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ohmward.traction.speed_observer.encoder import wheel_speeds
+from ohmward.traction.speed_observer.encoders import wheel_speeds
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver

@@ -8,8 +8,7 @@ import pytest
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, SkidSteer, hard_terrain
 from ohmward.traction.speed_observer.estimator import observe
-from ohmward.traction.speed_observer.make_observer import make_observer
-from ohmward.traction.speed_observer.turning import with_effective_track, yaw_rate_of_wheels
+from ohmward.traction.speed_observer.make_observer import make_observer, with_effective_track, yaw_rate_of_wheels
 
 SKID = replace(RLMA, chassis=SkidSteer(0.314, 0.314, 0.30))
 GROUND = hard_terrain("dry asphalt")

@@ -8,7 +8,7 @@ import pytest
 from ohmward.trace import Kernel
 from ohmward.traction.terrain.demand import travel_speed, wheel_motion
 from ohmward.traction.terrain.floor import slip_belief, slip_scale, unseen_floor
-from ohmward.traction.terrain.slip_curves import MOST, SlipCurves
+from ohmward.traction.terrain.slip_on_floors import MOST, SlipCurves
 from traction.terrain.drives import OMNI, SMOOTH, SOFT
 
 FLOORS = {"smooth": SMOOTH, "soft": SOFT, "unseen": unseen_floor((SMOOTH, SOFT))}

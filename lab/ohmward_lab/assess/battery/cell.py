@@ -30,26 +30,19 @@ _MOST_SAMPLES = 1 << 20
 
 
 class SocFigures(NamedTuple):
-    """Figures of one method under one condition.
-
-    rmse, largest: of the state of charge after the first hour, over all runs; nan where it was no number once.
-    covered: share of these samples with the truth in the 95 % band; nan without a band.
-    found_min: minutes until the error stays within 5 points, the median of the runs; inf where it never does.
-    lost: share of the runs that end more than 5 points off.
-    operations: in a step.
-    ns: time of a sample, with many runs side by side; of this machine, and no part of the results' equality.
-    """
+    """Figures of one method under one condition."""
 
     chemistry: str
     condition: str
     method: str
+    #: of the state of charge after the first hour, over all runs; nan where it was no number once
     rmse: float
     largest: float
-    covered: float
-    found_min: float
-    lost: float
-    operations: int
-    ns: float
+    covered: float  #: share of these samples with the truth in the 95 % band; nan without a band
+    found_min: float  #: minutes until the error stays within 5 points, the median of the runs; inf where it never does
+    lost: float  #: share of the runs that end more than 5 points off
+    operations: int  #: in a step
+    ns: float  #: time of a sample, with many runs side by side; of this machine, and no part of the results' equality
 
     @property
     def subject(self) -> str:

@@ -8,45 +8,33 @@ from ohmward_lab.assess.recommendation import Remedy, Situation
 
 
 class Truth(NamedTuple):
-    """State of the battery and of its surroundings, beside those of its test.
+    """State of the battery and of its surroundings, beside those of its test."""
 
-    temperature_degC: of the air.
-    capacity_ratio, resistance_ratio: of the battery over those when it was tested.
-    step_s: between the instants of the simulation.
-    """
-
-    temperature_degC: float = 25.0
+    temperature_degC: float = 25.0  #: of the air
+    #: of the battery over those when it was tested
     capacity_ratio: float = 1.0
     resistance_ratio: float = 1.0
-    step_s: float = 1.0
+    step_s: float = 1.0  #: between the instants of the simulation
 
 
 class Condition(NamedTuple):
-    """One condition. Shares are of the capacity in an hour (0.01 is 0.01 C), voltages of one cell.
+    """One condition. Shares are of the capacity in an hour (0.01 is 0.01 C), voltages of one cell."""
 
-    factor, level: in words.
-    truth: of the battery.
-    start_error: of the initial value; None where it is unknown.
-    offset_C, gain: of the current sensor. The signs of these three alternate from run to run.
-    current_noise_C, voltage_noise_V: standard deviations.
-    voltage_step_V: of the converter.
-    interval_s: between samples.
-    missing: share of the currents and of the voltages that are lost.
-    delay_s: by which the voltage comes later than the current of the same row.
-    """
-
+    #: in words
     factor: str
     level: str
-    truth: Truth = Truth()
-    start_error: float | None = 0.05
+    truth: Truth = Truth()  #: of the battery
+    start_error: float | None = 0.05  #: of the initial value; None where it is unknown
+    #: of the current sensor. The signs of these three alternate from run to run.
     offset_C: float = 0.005
     gain: float = 0.002
+    #: standard deviations
     current_noise_C: float = 0.002
     voltage_noise_V: float = 0.001
-    voltage_step_V: float = 0.0005
-    interval_s: float = 1.0
-    missing: float = 0.0
-    delay_s: float = 0.0
+    voltage_step_V: float = 0.0005  #: of the converter
+    interval_s: float = 1.0  #: between samples
+    missing: float = 0.0  #: share of the currents and of the voltages that are lost
+    delay_s: float = 0.0  #: by which the voltage comes later than the current of the same row
 
     @property
     def name(self) -> str:

@@ -11,8 +11,8 @@ from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator, title_of
 from ohmward.battery.soc.sample import SocSample
 from ohmward_lab.assess.recommendation import Processor
-from ohmward_lab.published.given_start import GivenStart
 from ohmward_lab.published.rc_three_states import RcThreeState, RcThreeStates
+from ohmward_lab.published.registry import GivenStart
 from ohmward_lab.published.scheme_by_method import SchemeByMethod
 from ohmward_lab.published.scheme_soc import SchemeSoc
 

@@ -20,9 +20,9 @@ from ohmward.trace.structure import side_by_side
 from ohmward_lab.assess.battery.conditions import Condition, Truth
 from ohmward_lab.assess.draws import generator, signs
 from ohmward_lab.simulate import plant
-from ohmward_lab.simulate.bench_profiles import bench_times, pulse_test
 from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery
 from ohmward_lab.simulate.mission import MissionRobot, drive
+from ohmward_lab.simulate.profile import bench_times, pulse_test
 from ohmward_lab.simulate.robot_day import record
 from ohmward_lab.simulate.sensors import BatterySensors, Sensor
 
@@ -40,13 +40,10 @@ _RANGE_C, _RANGE_V = 4.0, 1.5
 
 
 class Shifts(NamedTuple):
-    """The truth of many shifts.
+    """The truth of many shifts."""
 
-    time_s: (T,).
-    current_A, voltage_V, temperature_degC, soc: (T, B).
-    """
-
-    time_s: np.ndarray
+    time_s: np.ndarray  #: (T,)
+    #: (T, B)
     current_A: np.ndarray
     voltage_V: np.ndarray
     temperature_degC: np.ndarray

@@ -22,31 +22,25 @@ from ohmward_lab.assess.traction.sensors import measured
 
 
 class SlipFigures(NamedTuple):
-    """Figures of one observer of one robot under one condition.
-
-    rmse, largest: of the speed [m/s], over all drives; nan where it was no number once.
-    speed_covered, slip_covered: share of the samples with the true speed, and slip speed of each driven wheel, in the
-        95 % band; nan without a band.
-    slip_rmse: of the slip ratio.
-    way: error of the distance driven, over it; the mean of the drives.
-    detected, false_alarms: share of the samples with far more than the allowed slip, and with no more, that are told.
-    operations: in a step.
-    ns: time of a sample, with many drives side by side; of this machine, and no part of the results' equality.
-    """
+    """Figures of one observer of one robot under one condition."""
 
     robot: str
     condition: str
     method: str
+    #: of the speed [m/s], over all drives; nan where it was no number once
     rmse: float
     largest: float
+    #: share of the samples with the true speed, and slip speed of each driven wheel, in the 95 % band; nan without a
+    #: band
     speed_covered: float
     slip_covered: float
-    slip_rmse: float
-    way: float
+    slip_rmse: float  #: of the slip ratio
+    way: float  #: error of the distance driven, over it; the mean of the drives
+    #: share of the samples with far more than the allowed slip, and with no more, that are told
     detected: float
     false_alarms: float
-    operations: int
-    ns: float
+    operations: int  #: in a step
+    ns: float  #: time of a sample, with many drives side by side; of this machine, and no part of the results' equality
 
     @property
     def subject(self) -> str:

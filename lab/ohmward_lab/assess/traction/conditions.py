@@ -9,59 +9,40 @@ from ohmward_lab.assess.recommendation import Remedy, Situation
 
 
 class World(NamedTuple):
-    """Ground and robot, beside what the robot's file says.
+    """Ground and robot, beside what the robot's file says."""
 
-    ground: name of the terrain.
-    patch: of the one that takes its place for a while, again and again; None where there is none.
-    one_side: the patch lies under the wheels of the left side alone.
-    grade_rad: of the slopes, up and down.
-    radius_ratio, mass_ratio: of wheels and robot over those of the file.
-    """
-
-    ground: str = DEFAULT_TERRAIN
-    patch: str | None = None
-    one_side: bool = False
-    grade_rad: float = 0.0
+    ground: str = DEFAULT_TERRAIN  #: name of the terrain
+    patch: str | None = None  #: of the one that takes its place for a while, again and again; None where there is none
+    one_side: bool = False  #: the patch lies under the wheels of the left side alone
+    grade_rad: float = 0.0  #: of the slopes, up and down
+    #: of wheels and robot over those of the file
     radius_ratio: float = 1.0
     mass_ratio: float = 1.0
 
 
 class DriveCondition(NamedTuple):
-    """One condition.
+    """One condition."""
 
-    factor, level: in words.
-    world: ground and robot.
-    told: name of the ground that the observer is told.
-    interval_s: between samples.
-    all_encoders: of free wheels too.
-    counts_per_turn: of each encoder.
-    glitches: share of an encoder's speeds that are wrong by 20 rad/s.
-    has_currents: the motor currents are measured.
-    current_gain, gyro_offset_rad_s: of these sensors; their signs alternate from run to run.
-    current_noise_A: standard deviation.
-    has_gyro, has_pitch: there is one, of a MEMS sensor and of an attitude filter.
-    speed_interval_s: between speeds from outside, as of GNSS; 0 where there are none.
-    speed_delay_s: by which they come late, with their age.
-    missing: share of the encoders' and of the motors' samples that are lost.
-    """
-
+    #: in words
     factor: str
     level: str
-    world: World = World()
-    told: str = DEFAULT_TERRAIN
-    interval_s: float = 0.02
-    all_encoders: bool = False
-    counts_per_turn: int = 4096
-    glitches: float = 0.0
-    has_currents: bool = True
+    world: World = World()  #: ground and robot
+    told: str = DEFAULT_TERRAIN  #: name of the ground that the observer is told
+    interval_s: float = 0.02  #: between samples
+    all_encoders: bool = False  #: of free wheels too
+    counts_per_turn: int = 4096  #: of each encoder
+    glitches: float = 0.0  #: share of an encoder's speeds that are wrong by 20 rad/s
+    has_currents: bool = True  #: the motor currents are measured
+    #: of these sensors; their signs alternate from run to run
     current_gain: float = 0.03
     gyro_offset_rad_s: float = 0.002
-    current_noise_A: float = 0.1
+    current_noise_A: float = 0.1  #: standard deviation
+    #: there is one, of a MEMS sensor and of an attitude filter
     has_gyro: bool = True
     has_pitch: bool = False
-    speed_interval_s: float = 0.0
-    speed_delay_s: float = 0.0
-    missing: float = 0.0
+    speed_interval_s: float = 0.0  #: between speeds from outside, as of GNSS; 0 where there are none
+    speed_delay_s: float = 0.0  #: by which they come late, with their age
+    missing: float = 0.0  #: share of the encoders' and of the motors' samples that are lost
 
     @property
     def name(self) -> str:

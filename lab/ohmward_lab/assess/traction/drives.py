@@ -50,47 +50,32 @@ _SLOPE_PERIOD_S = 20.0
 
 
 class Driving(NamedTuple):
-    """State of a drive.
+    """State of a drive."""
 
-    x: (n,) of the robot.
-    angle_rad: (wheels,) turned.
-    impulse_Nms: (driven,) of the motors' torque.
-    drives: of each driven wheel.
-    """
-
-    x: np.ndarray
-    angle_rad: np.ndarray
-    impulse_Nms: np.ndarray
-    drives: tuple
+    x: np.ndarray  #: (n,) of the robot
+    angle_rad: np.ndarray  #: (wheels,) turned
+    impulse_Nms: np.ndarray  #: (driven,) of the motors' torque
+    drives: tuple  #: of each driven wheel
 
 
 class Road(NamedTuple):
-    """Inputs of a step of a drive.
+    """Inputs of a step of a drive."""
 
-    reference_rad_s: (driven,) speeds of the wheels that are asked for.
-    shares: (wheels, grounds) of each ground under each wheel.
-    grade_rad: along the robot.
-    dt_s: of the step.
-    """
-
-    reference_rad_s: np.ndarray
-    shares: np.ndarray
-    grade_rad: Any
-    dt_s: Any
+    reference_rad_s: np.ndarray  #: (driven,) speeds of the wheels that are asked for
+    shares: np.ndarray  #: (wheels, grounds) of each ground under each wheel
+    grade_rad: Any  #: along the robot
+    dt_s: Any  #: of the step
 
 
 class Drives(NamedTuple):
-    """The truth of many drives, every `INTERVAL_S`: motion of the body (T, B), of the wheels (T, wheels or driven, B).
-
-    impulse_Nms: (T, driven, B) of the motors' torque since the start.
-    """
+    """Truth of many drives, every `INTERVAL_S`: motion of the body (T, B), of the wheels (T, wheels or driven, B)."""
 
     speed_m_s: Any
     lateral_speed_m_s: Any
     yaw_rate_rad_s: Any
     slip_ratio: Any
     angle_rad: Any
-    impulse_Nms: Any
+    impulse_Nms: Any  #: (T, driven, B) of the motors' torque since the start
     specific_force_m_s2: Any
     grade_rad: Any
 

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any, NamedTuple
 
+from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import progress
-from ohmward_lab.assess.study import STUDIES, assess
-from ohmward_lab.cli.assess.report import make_page
-from ohmward_lab.cli.assess.result import Assessed, describe, summary
+from ohmward.cli.wording import FOOTER
+from ohmward.fleet.run import SUMMARY
+from ohmward.report import Page
+from ohmward.report.blocks import HeatCell
+from ohmward_lab.assess import LARGEST_RMSE
+from ohmward_lab.assess.recommendation import COVERS, Recommendation, Worse
+from ohmward_lab.assess.study import STUDIES, Study, assess
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -30,3 +38,218 @@ def run(args: argparse.Namespace) -> Outcome:
         )
     assessed = Assessed(study, args.runs, args.seed, folder, found, args.largest_error / 100.0)
     return Outcome(summary(assessed), describe(assessed), page=partial(make_page, assessed))
+
+
+class Assessed(NamedTuple):
+    """A study that was run: its settings, its folder, the figures of each cell, the largest RMSE to recommend."""
+
+    study: Study
+    runs: int
+    seed: int
+    folder: Path
+    found: Sequence[Any]
+    largest_rmse: float = LARGEST_RMSE
+
+    @property
+    def headline(self) -> str:
+        """The number of runs, in words."""
+        return f"{len(self.found) * self.runs:,} {self.study.run}"
+
+
+def summary(assessed: Assessed) -> dict[str, Any]:
+    """The object of --json."""
+    return {
+        "command": "assess",
+        "study": assessed.study.name,
+        "runs": assessed.runs,
+        "seed": assessed.seed,
+        "summary": str(assessed.folder / SUMMARY),
+        "cells": [row._asdict() for row in assessed.found],
+        "rule": rule(assessed),
+        "recommended": [row._asdict() for row in assessed.study.recommended(assessed.found, assessed.largest_rmse)],
+        "worse": worse(assessed),
+    }
+
+
+def describe(assessed: Assessed) -> str:
+    """Text for people: RMSE of each method under each condition, then the recommendation."""
+    study, found = assessed.study, assessed.found
+    rmse, *_ = HEATS[study.name]
+    parts = [f"{assessed.headline}; {rmse.caption}"]
+    for subject in dict.fromkeys(row.subject for row in found):
+        header, *rows = grid([row for row in found if row.subject == subject], rmse.text)
+        parts += [subject, wording.table(header, [[cell or "-" for cell in row] for row in rows])]
+    parts += [rule(assessed), wording.table(*recommended(assessed)), "\n".join(worse(assessed))]
+    return wording.paragraphs(*parts, f"all figures: {assessed.folder / SUMMARY}")
+
+
+def rule(assessed: Assessed) -> str:
+    """The rule of the recommendation."""
+    study = assessed.study
+    bar = f"{100.0 * assessed.largest_rmse:g} {UNITS[study.name]}"
+    plain = "none where there is no such method"
+    among = f"whose band covers {COVERS:.0%} there and whose RMSE is {bar} at most"
+    if study.plain:
+        among += f", and no larger than that of {study.plain} alone"
+        plain = f"else {study.plain} alone, without a band, up to {bar}; else none"
+    return (
+        "Recommended, of the methods whose step the processor holds: the smallest RMSE in the worst condition of the "
+        f"situation, among those {among}; {plain}. Beside none stand what helps, by the other rows, and the smallest "
+        "RMSE of all"
+    )
+
+
+def recommended(assessed: Assessed) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of the recommendation."""
+    study = assessed.study
+    header = [study.subject, "situation", "processor", "method", "worst RMSE", "least covered"]
+    rows = study.recommended(assessed.found, assessed.largest_rmse)
+    return header, [_cells(row, UNITS[study.name]) for row in rows]
+
+
+def worse(assessed: Assessed) -> list[str]:
+    """Sentences on the methods that are worse than the plain one, or worse with the truth than without."""
+    return [_sentence(row, UNITS[assessed.study.name]) for row in assessed.study.worse(assessed.found)]
+
+
+def _cells(row: Recommendation, unit: str) -> list[str]:
+    rmse = f"{hundredths(row.worst_rmse)} {unit}"
+    covered = "no band" if math.isnan(row.least_covered) else f"{hundredths(row.least_covered, 0)} %"
+    if row.method is None:
+        helps = f"what helps: {' or '.join(row.helps)}" if row.helps else "no row of this table helps"
+        return [row.subject, row.situation, row.processor, f"none; {helps}", f"{rmse} ({row.closest})", covered]
+    return [row.subject, row.situation, row.processor, row.method, rmse, covered]
+
+
+def _sentence(row: Worse, unit: str) -> str:
+    methods = (
+        "every filter" if row.every else " and ".join(filter(None, [", ".join(row.methods[:-1]), row.methods[-1]]))
+    )
+    verb = "is" if row.every or len(row.methods) == 1 else "are"
+    sizes = f"{_range(row.rmse)} {unit} against {_range(row.than_rmse)}"
+    return f"{row.subject}, {row.where}: {methods} {verb} worse than {row.than} ({sizes})"
+
+
+def _range(values: Sequence[float]) -> str:
+    """Smallest and largest, or the one there is."""
+    return " to ".join(dict.fromkeys(map(hundredths, (min(values), max(values)))))
+
+
+class Heat(NamedTuple):
+    """One figure of every method under every condition."""
+
+    caption: str  #: in words, with its unit
+    text: Callable[[Any], str]  #: of a cell; an empty one where there is no such figure
+    value: Callable[[Any], float]  #: of a row; nan is the worst
+    edges: tuple[float, ...]  #: values at which the shade becomes darker, from the lightest on
+
+    def level(self, row: Any) -> int:
+        """Number of the edges that the row is at or beyond."""
+        value = self.value(row)
+        return len(self.edges) if math.isnan(value) else sum(value >= edge for edge in self.edges)
+
+
+def hundredths(value: float, digits: int = 1) -> str:
+    """A share in points of percent, a speed [m/s] in cm/s."""
+    return f"{100.0 * value:.{digits}f}" if math.isfinite(value) else "nan"
+
+
+def _covered(row: Any) -> str:
+    return "" if math.isnan(row.covered) else hundredths(row.covered, 0)
+
+
+def _minutes(row: Any) -> str:
+    return "never" if math.isinf(row.found_min) else f"{row.found_min:.0f}"
+
+
+_COVERED = Heat(
+    "Samples with the truth in the 95 % band, %", _covered, lambda row: 1.0 - row.covered, (0.05, 0.1, 0.2, 0.4)
+)
+
+#: Of each study; the first one is that of the text, and of the recommendation.
+HEATS: Mapping[str, tuple[Heat, ...]] = {
+    "battery": (
+        Heat(
+            "RMSE of the charge after the first hour, points of percent",
+            lambda row: hundredths(row.rmse),
+            lambda row: row.rmse,
+            (0.01, 0.02, 0.04, 0.08),
+        ),
+        _COVERED,
+        Heat(
+            "Minutes until the error stays within 5 points, the median of the shifts",
+            _minutes,
+            lambda row: row.found_min,
+            (10.0, 60.0, 180.0, 480.0),
+        ),
+    ),
+    "traction": (
+        Heat(
+            "RMSE of the speed, cm/s", lambda row: hundredths(row.rmse), lambda row: row.rmse, (0.01, 0.02, 0.05, 0.1)
+        ),
+        _COVERED._replace(caption="Samples with the truth in the 95 % band, %, the lesser of speed and slip"),
+        Heat(
+            "RMSE of the slip ratio, points of percent",
+            lambda row: hundredths(row.slip_rmse),
+            lambda row: row.slip_rmse,
+            (0.02, 0.05, 0.1, 0.2),
+        ),
+        Heat(
+            "Error of the distance, %", lambda row: hundredths(row.way), lambda row: row.way, (0.005, 0.01, 0.02, 0.05)
+        ),
+    ),
+}
+
+#: Unit of the RMSE, a hundredth of what the figures hold.
+UNITS: Mapping[str, str] = {"battery": "points", "traction": "cm/s"}
+
+
+def grid(found: Sequence[Any], text: Callable[[Any], str]) -> Iterator[list[str]]:
+    """Header, then a row for each condition with a cell for each method; an empty one where there are no figures."""
+    methods = list(dict.fromkeys(row.method for row in found))
+    by_place = {(row.condition, row.method): row for row in found}
+    yield ["condition", *methods]
+    for condition in dict.fromkeys(row.condition for row in found):
+        here = [by_place.get((condition, method)) for method in methods]
+        yield [condition, *(text(row) if row else "" for row in here)]
+
+
+def make_page(assessed: Assessed) -> Page:
+    """Recommendation, then the heat maps of each subject, and the cost."""
+    study, found = assessed.study, assessed.found
+    page = Page(f"Limits of the methods: {study.name}", f"{assessed.headline}, seed {assessed.seed}", FOOTER)
+    page = page.heading("Recommendation")
+    page = page.text(rule(assessed)).table(*recommended(assessed))
+    for sentence in worse(assessed):
+        page = page.text(sentence)
+    for subject in dict.fromkeys(row.subject for row in found):
+        page = page.heading(subject)
+        for heat in HEATS[study.name]:
+            page = _map(page, [row for row in found if row.subject == subject], heat)
+    return page.heading("Cost").table(["method", "in words", "operations", "ns a sample"], cost(assessed))
+
+
+def _map(page: Page, found: Sequence[Any], heat: Heat) -> Page:
+    """A table whose cells are darker the worse they are."""
+    by_place = {(row.condition, row.method): row for row in found}
+    (_, *methods), *rows = grid(found, heat.text)
+    shaded = []
+    for condition, *cells in rows:
+        here = [by_place.get((condition, method)) for method in methods]
+        shaded.append([condition, *(_shade(cell, row, heat) for cell, row in zip(cells, here, strict=True))])
+    return page.table(["condition", *methods], shaded, heat.caption)
+
+
+def _shade(text: str, row: Any, heat: Heat) -> HeatCell | None:
+    return HeatCell(text, heat.level(row)) if row and text else None
+
+
+def cost(assessed: Assessed) -> list[list[str]]:
+    """Operations of a step, the most of all subjects, and the time of a sample, many runs side by side, here."""
+    rows = []
+    for method in assessed.study.methods:
+        of = [row for row in assessed.found if row.method == method.name]
+        if of:
+            operations, ns = max(row.operations for row in of), min(row.ns for row in of)
+            rows.append([method.name, method.title, f"{operations:,}", f"{ns:.0f}"])
+    return rows

@@ -10,26 +10,27 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from ohmward.cli import compare as compare_arguments
+from ohmward.cli import doctor as doctor_arguments
+from ohmward.cli import identify as identify_arguments
+from ohmward.cli import mission as mission_arguments
+from ohmward.cli import slip as slip_arguments
+from ohmward.cli import soc as soc_arguments
 from ohmward.cli import wording
-from ohmward.cli.compare import arguments as compare_arguments
 from ohmward.cli.compare import command as compare
-from ohmward.cli.doctor import arguments as doctor_arguments
 from ohmward.cli.doctor import command as doctor
-from ohmward.cli.identify import arguments as identify_arguments
 from ohmward.cli.identify import command as identify
-from ohmward.cli.mission import arguments as mission_arguments
 from ohmward.cli.mission import command as mission
 from ohmward.cli.outcome import Outcome, carry_out
 from ohmward.cli.parser import Parser
-from ohmward.cli.slip import arguments as slip_arguments
 from ohmward.cli.slip import command as slip
-from ohmward.cli.soc import arguments as soc_arguments
 from ohmward.cli.soc import command as soc
+from ohmward.cli.wording import FOOTER
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
+from ohmward.report import Page
 from ohmward.traction import save_robot
-from ohmward_lab.cli.demo.report import make_page
-from ohmward_lab.cli.simulate import arguments as simulate_arguments
+from ohmward_lab.cli import simulate as simulate_arguments
 from ohmward_lab.cli.simulate import command as simulate
 from ohmward_lab.simulate import RobotDay, make_robot_day, write_robot_day
 from ohmward_lab.simulate.closed_loop import save_scenario
@@ -214,3 +215,25 @@ def _prepare(folder: Path) -> Path:
     except OSError as error:
         raise InputError(f"--out {folder}: cannot be made ({error.strerror}); name another folder") from error
     return folder
+
+
+_SUBTITLE = "Everything here is simulated: a robot with a 12 V battery, its day, and its drive home"
+
+#: Steps of the demo in the order of the story: the title of each, and how many sections of its own report are shown.
+CHAPTERS = {
+    "identify": ("The battery, from its pulse test", 0),
+    "soc": ("Charge over the day", 0),
+    "simulate": ("The drive home as it was", 0),
+    "slip": ("Speed and slip as the robot knows them", 0),
+    "mission": ("Where the energy went, and whether it gets home", 3),
+}
+
+
+def make_page(outcomes: Mapping[str, Outcome], figures: Mapping[str, str]) -> Page:
+    """A chapter for every step; outcomes: by the name of the step.  figures: what is to be seen first."""
+    page = Page("A robot, from its battery test to the way home", _SUBTITLE, FOOTER)
+    page = page.numbers({label.capitalize(): value for label, value in figures.items()})
+    for name, (title, sections) in CHAPTERS.items():
+        if make := outcomes[name].page:
+            page = page.chapter(title, make(), sections)
+    return page

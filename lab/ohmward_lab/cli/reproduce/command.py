@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from ohmward.battery.file import load_battery
 from ohmward.battery.log_check import check_log, with_contradictions
+from ohmward.cli import wording
 from ohmward.cli.battery_inputs import read_battery_log
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
+from ohmward.cli.wording import FOOTER
 from ohmward.errors import InputError
-from ohmward_lab.cli.reproduce.report import errata_page, make_page
-from ohmward_lab.cli.reproduce.result import describe, describe_errata, errata_summary, summary
+from ohmward.report import Page
 from ohmward_lab.reproduce.errata import ERRATA, check
 from ohmward_lab.reproduce.measured import measured_item
 from ohmward_lab.reproduce.nmc_cell import nmc_item
-from ohmward_lab.reproduce.publications import PUBLICATIONS, Publication, Reproduced, select
+from ohmward_lab.reproduce.publications import PUBLICATIONS, Publication, Reproduced, label, select
+from ohmward_lab.reproduce.row import ResultRow
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -88,3 +92,90 @@ def compute(publication: Publication, only: list[str] | tuple[str, ...], report:
             report(item.title, done / len(items))
         found.append(Reproduced(item, item.make()))
     return found
+
+
+HEADER = ["quantity", "unit", "printed", "as printed", "corrected", "default"]
+
+
+def summary(publication: Publication, results: Sequence[Reproduced]) -> dict[str, Any]:
+    """The object of --json: one row for each number, with its item."""
+    return {
+        "command": "reproduce",
+        "publication": publication.title,
+        "rows": [{"item": label(r.item), **row._asdict()} for r in results for row in r.result.rows],
+    }
+
+
+def describe(publication: Publication, results: Sequence[Reproduced]) -> str:
+    """Text for people: a table for each item, and why its numbers differ."""
+    parts = [publication.title]
+    for item, result in results:
+        parts.append(f"{label(item)}: {item.title}")
+        parts.append(wording.table(HEADER, [cells(row) for row in result.rows]))
+        if reasons := [row.why for row in result.rows if row.why]:
+            parts.append(wording.bullets("Why they differ", list(dict.fromkeys(reasons))))
+    return wording.paragraphs(*parts)
+
+
+def cells(row: ResultRow) -> list[str]:
+    """The row as texts; a dash where there is no number, "nan" where a method ended in none."""
+    numbers = (row.printed, row.as_printed, row.corrected, row.default)
+    return [row.quantity, row.unit, *("-" if n is None else f"{n:.3g}" for n in numbers)]
+
+
+def errata_summary(found: Sequence[bool]) -> dict[str, Any]:
+    """The object of --json for the errata."""
+    rows = [e._asdict() | {"holds": ok} for e, ok in zip(ERRATA, found, strict=True)]
+    return {"command": "reproduce", "errata": [{k: v for k, v in row.items() if k != "check"} for row in rows]}
+
+
+def describe_errata(found: Sequence[bool]) -> str:
+    """Text for people: place, what is printed, what it must be, result of the check."""
+    lines = [
+        f"{text} {place}: {printed} -> {correct} (the check {check})"
+        for text, place, printed, correct, check in errata_rows(found)
+    ]
+    title = f"{len(ERRATA)} errors in the texts we worked from, {sum(found)} of their checks pass"
+    return wording.bullets(f"{title}; printed -> must be", lines)
+
+
+def errata_rows(found: Sequence[bool]) -> list[list[str]]:
+    """Rows of the table of errata."""
+    return [
+        [e.text, e.place, e.printed, e.correct, "holds" if ok else "fails"] for e, ok in zip(ERRATA, found, strict=True)
+    ]
+
+
+_COLUMNS = (
+    "Printed is the publication's number; as printed its method with its equations as they are printed; corrected the "
+    "same with the corrected equations; default the method that ohmward chooses. Batteries and robots are simulated, "
+    "but for a log that you name."
+)
+
+
+def make_page(publication: Publication, results: Sequence[Reproduced]) -> Page:
+    """Table and figures of each item, then the errata of the publication."""
+    page = Page(f"{publication.title}, made again", f"{len(results)} tables and figures", FOOTER).text(_COLUMNS)
+    for item, result in results:
+        page = page.heading(f"{label(item)}: {item.title}")
+        page = page.table(HEADER, [[None if c == "-" else c for c in cells(row)] for row in result.rows])
+        for why in dict.fromkeys(row.why for row in result.rows if row.why):
+            page = page.text(f"Why they differ: {why}.")
+        for figure in result.figures:
+            page = page.plot(figure)
+    return with_errata(page, [e.text == publication.short for e in ERRATA])
+
+
+def errata_page(found: Sequence[bool]) -> Page:
+    """The errata of both publications."""
+    page = Page("Errors in [T] and [P]", "each with a check that runs", FOOTER)
+    return page.table(_HEADER, errata_rows(found))
+
+
+_HEADER = ["Text", "Place", "In the text we worked from", "Must be", "Check"]
+
+
+def with_errata(page: Page, chosen: Sequence[bool]) -> Page:
+    """The page with the chosen errata, checked."""
+    rows = errata_rows(check(ERRATA))
+    return page.heading("Errors in the text").table(_HEADER, [r for r, c in zip(rows, chosen, strict=True) if c])

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.cli import wording
 from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.report_parts import FOOTER
+from ohmward.cli.wording import FOOTER
 from ohmward.errors import InputError
 from ohmward.figures.battery import current_figure, temperature_figure, voltage_figure
 from ohmward.logs import Log, write_log

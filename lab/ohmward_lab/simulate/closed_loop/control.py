@@ -57,25 +57,15 @@ NO_RAMP_M_S2 = 1e6
 
 @dataclass(frozen=True)
 class Command:
-    """Command from a time on; its mode says which keys it takes.
+    """Command from a time on; its mode says which keys it takes."""
 
-    Attributes:
-        from_s: time at which it begins, >= 0.
-        mode: of the controller from then on; none is that of the controller's settings.
-        speed_m_s: forward, < 0 in reverse; 0 stops.
-        yaw_rate_rad_s: > 0 to the left.
-        slip_ratio: in (-1, 1), < 0 brakes; in mode "seek" the one to start from, > 0.
-        reverse: drive backwards with that slip.
-        torque_Nm: of each driven wheel.
-    """
-
-    from_s: float = 0.0
-    speed_m_s: float | None = None
-    yaw_rate_rad_s: float | None = None
-    slip_ratio: float | None = None
-    reverse: bool | None = None
-    torque_Nm: float | None = None
-    mode: str | None = None
+    from_s: float = 0.0  #: time at which it begins, >= 0
+    speed_m_s: float | None = None  #: forward, < 0 in reverse; 0 stops
+    yaw_rate_rad_s: float | None = None  #: > 0 to the left
+    slip_ratio: float | None = None  #: in (-1, 1), < 0 brakes; in mode "seek" the one to start from, > 0
+    reverse: bool | None = None  #: drive backwards with that slip
+    torque_Nm: float | None = None  #: of each driven wheel
+    mode: str | None = None  #: of the controller from then on; none is that of the controller's settings
 
     def __post_init__(self) -> None:
         require_between("commands.from_s", self.from_s, 0.0, math.inf)
@@ -90,29 +80,22 @@ class Command:
 
 @dataclass(frozen=True)
 class Control:
-    """The controller and its limits.
+    """The controller and its limits."""
 
-    Attributes:
-        mode: of commands that name none: "speed" within slip bounds, "slip", "seek" the slip of `objective`, "torque"
-            without feedback, or a wheel-speed PI that knows no slip, "wheel-speed" at once or "ramp".
-        objective: in mode "seek": "traction" or "energy", which assumes the terrain's usual `RESISTANCE`.
-        law: in modes "slip" and "seek": "sliding-mode", "fuzzy", "slip-ratio" ([T] 5.3), "pid", or "cascade", which
-            asks a wheel-speed PI for speeds at 50 Hz.
-        slip_bound: in mode "speed", >= 0.001 and < 1.
-        acceleration_m_s2: of the ramps, > 0.
-        torque_limit_Nm, torque_rate_Nm_per_s: of each driven wheel, > 0.
-        friction: that the laws assume, with an error of up to as much, > 0.
-        interval_s: between steps, > 0 and at most 0.02.
-    """
-
+    #: of commands that name none: "speed" within slip bounds, "slip", "seek" the slip of `objective`, "torque" without
+    #: feedback, or a wheel-speed PI that knows no slip, "wheel-speed" at once or "ramp"
     mode: str = "speed"
+    #: in modes "slip" and "seek": "sliding-mode", "fuzzy", "slip-ratio" ([T] 5.3), "pid", or "cascade", which asks a
+    #: wheel-speed PI for speeds at 50 Hz
     law: str = "sliding-mode"
-    slip_bound: float = 0.12
-    acceleration_m_s2: float = 0.5
+    slip_bound: float = 0.12  #: in mode "speed", >= 0.001 and < 1
+    acceleration_m_s2: float = 0.5  #: of the ramps, > 0
+    #: of each driven wheel, > 0
     torque_limit_Nm: float = 12.0
     torque_rate_Nm_per_s: float = 5000.0
-    friction: float = 0.5
-    interval_s: float = 0.001
+    friction: float = 0.5  #: that the laws assume, with an error of up to as much, > 0
+    interval_s: float = 0.001  #: between steps, > 0 and at most 0.02
+    #: in mode "seek": "traction" or "energy", which assumes the terrain's usual `RESISTANCE`
     objective: str = "traction"
 
     def __post_init__(self) -> None:
@@ -163,17 +146,13 @@ class Control:
 
 
 class WheelCommand(NamedTuple):
-    """Command for the wheels.
+    """Command for the wheels."""
 
-    travel_m_s: (driven,) of the wheels' centres.
-    slip_ratio, direction: numbers, the same for all wheels.
-    torque_Nm: (driven,) of the wheels.
-    """
-
-    travel_m_s: Any
+    travel_m_s: Any  #: (driven,) of the wheels' centres
+    #: numbers, the same for all wheels
     slip_ratio: Any
     direction: Any
-    torque_Nm: Any
+    torque_Nm: Any  #: (driven,) of the wheels
 
 
 class InitialState(Protocol):

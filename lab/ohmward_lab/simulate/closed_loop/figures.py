@@ -22,40 +22,29 @@ _SHORTEST_M = 0.01
 
 
 class SlipTracking(NamedTuple):
-    """Tracking of one command of slip by the worst of the driven wheels.
+    """Tracking of one command of slip by the worst of the driven wheels."""
 
-    from_s, to_s: time for which it held; a braking robot's ends where it is slower than `SLOWEST_M_S`.
-    slip_ratio: commanded.
-    settle_s: from its beginning until the slip stayed within `TOLERANCE`; nan where it never did.
-    rms_error: of the true slip, in the second half of that time.
-    """
-
+    #: time for which it held; a braking robot's ends where it is slower than `SLOWEST_M_S`
     from_s: float
     to_s: float
-    slip_ratio: float
-    settle_s: float
-    rms_error: float
+    slip_ratio: float  #: commanded
+    settle_s: float  #: from its beginning until the slip stayed within `TOLERANCE`; nan where it never did
+    rms_error: float  #: of the true slip, in the second half of that time
 
 
 class Figures(NamedTuple):
-    """Figures of a whole drive; nan where one is not defined.
+    """Figures of a whole drive; nan where one is not defined."""
 
-    duration_s, distance_m: time, and length of the way of the robot's centre, forward and back.
-    slip: each command of slip.
-    slip_settle_s, slip_rms_error: of the first command of slip, and the root mean square over all of them.
-    energy_J: balance of the drive.
-    energy_J_per_m: out of the battery, idle power included.
-    score: of the observer, against the truth; None without one.
-    """
-
+    #: time, and length of the way of the robot's centre, forward and back
     duration_s: float
     distance_m: float
-    slip: tuple[SlipTracking, ...]
+    slip: tuple[SlipTracking, ...]  #: each command of slip
+    #: of the first command of slip, and the root mean square over all of them
     slip_settle_s: float
     slip_rms_error: float
-    energy_J: EnergyBalance
-    energy_J_per_m: float
-    score: DriveScore | None
+    energy_J: EnergyBalance  #: balance of the drive
+    energy_J_per_m: float  #: out of the battery, idle power included
+    score: DriveScore | None  #: of the observer, against the truth; None without one
 
 
 def figures(run: ClosedLoopRun) -> Figures:

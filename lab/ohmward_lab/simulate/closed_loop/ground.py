@@ -28,28 +28,22 @@ _EDGES = ("from_m", "to_m", "from_s", "to_s")
 class Patch:
     """A piece of ground: a terrain by name, or a friction that sets in with slip speed (`CoulombCreep`).
 
-    Attributes:
-        terrain: a name; "dry asphalt" where no friction is given either.
-        friction: adhesion, in (0, 3].
-        slip_stiffness_s_per_m: with friction: adhesion per slip speed while a wheel grips, > 0.
-        rolling: rolling resistance over load, in place of the terrain's, >= 0.
-        from_m, to_m: where along x, from_m included; none is endless.
-        from_s, to_s: when, likewise.
-        wheels: under which, by name; none is all.
-
     Raises:
         InputError: a value out of its range, both terrain and friction, an unknown terrain, edges that do not ascend.
     """
 
-    terrain: str | None = None
-    friction: float | None = None
+    terrain: str | None = None  #: a name; "dry asphalt" where no friction is given either
+    friction: float | None = None  #: adhesion, in (0, 3]
+    #: with friction: adhesion per slip speed while a wheel grips, > 0
     slip_stiffness_s_per_m: float = SLIP_STIFFNESS_S_PER_M
-    rolling: float | None = None
+    rolling: float | None = None  #: rolling resistance over load, in place of the terrain's, >= 0
+    #: where along x, from_m included; none is endless
     from_m: float | None = None
     to_m: float | None = None
+    #: when, likewise
     from_s: float | None = None
     to_s: float | None = None
-    wheels: tuple[str, ...] = ()
+    wheels: tuple[str, ...] = ()  #: under which, by name; none is all
 
     def __post_init__(self) -> None:
         if self.terrain is not None and self.friction is not None:
@@ -111,15 +105,10 @@ class Patch:
 
 @dataclass(frozen=True)
 class Grade:
-    """Slope of the ground along x: straight lines between the points, level beyond neither end but as there.
+    """Slope of the ground along x: straight lines between the points, level beyond neither end but as there."""
 
-    Attributes:
-        position_m: (K,) [m], increasing.
-        grade_rad: (K,) > 0 where x leads uphill, within +-0.7.
-    """
-
-    position_m: tuple[float, ...] = (0.0,)
-    grade_rad: tuple[float, ...] = (0.0,)
+    position_m: tuple[float, ...] = (0.0,)  #: (K,) [m], increasing
+    grade_rad: tuple[float, ...] = (0.0,)  #: (K,) > 0 where x leads uphill, within +-0.7
 
     def __post_init__(self) -> None:
         require_finite("grade.position_m", self.position_m)
@@ -138,14 +127,10 @@ class Grade:
 
 
 class GroundSurface(NamedTuple):
-    """All patches under a robot.
+    """All patches under a robot."""
 
-    patches: the one that lies under all others last.
-    wheels: names of the robot's wheels.
-    """
-
-    patches: tuple[Patch, ...]
-    wheels: tuple[str, ...]
+    patches: tuple[Patch, ...]  #: the one that lies under all others last
+    wheels: tuple[str, ...]  #: names of the robot's wheels
 
     def under(self, x_m: Sequence[float], time_s: float) -> tuple[int, ...]:
         """Number of the patch under each wheel, whose places along x are (wheels,)."""

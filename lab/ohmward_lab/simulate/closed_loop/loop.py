@@ -10,30 +10,136 @@ battery feeds the motors and the electronics
 from __future__ import annotations
 
 import time
+from array import array
 from bisect import bisect_left
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from enum import IntFlag
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.trace import Kernel
-from ohmward.traction.control import Measurement, Report
+from ohmward.traction.control import ControlFlag, Measurement, Report
+from ohmward.traction.control.signals import SAME_TORQUE
 from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.closed_loop.control import Controller, WheelCommand, make_controller, wheel_command
-from ohmward_lab.simulate.closed_loop.drive_warnings import DriveWarnings
 from ohmward_lab.simulate.closed_loop.mujoco_robot import MujocoRobot
 from ohmward_lab.simulate.closed_loop.observing import Observation, make_momentum_observer, make_observer
-from ohmward_lab.simulate.closed_loop.records import Records
 from ohmward_lab.simulate.closed_loop.run import ClosedLoopRun, Instant, RunRow
 from ohmward_lab.simulate.closed_loop.scenario import Scenario
 from ohmward_lab.simulate.closed_loop.sensing import SensorSuite
 from ohmward_lab.simulate.closed_loop.supply import PackSensors, Supplied, Supply, available_torque
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
-from ohmward_lab.simulate.robot_truth import RobotTruth
+from ohmward_lab.simulate.robot_sensors import RobotTruth
 from ohmward_lab.traction.momentum_observer.observer import MomentumObserver
+
+T = TypeVar("T")
+
+
+class Records(Generic[T]):
+    """Records of one structure; a field that is None in the first one is None in all."""
+
+    def __init__(self) -> None:
+        self._first: Any = None
+        self._numbers = array("d")
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, record: T) -> None:
+        """Add one record."""
+        if self._first is None:
+            self._first = record
+        self._numbers.extend(numbers(record))
+        self._count += 1
+
+    def stacked(self) -> T:
+        """All records as one, with time (T,) in front of every leaf; there must be at least one."""
+        table = np.array(self._numbers).reshape(self._count, -1)
+        return _with_columns(self._first, iter(table.T))
+
+
+def numbers(record: Any) -> Iterator[float]:
+    """Numbers of a record, leaf by leaf."""
+    if isinstance(record, tuple):
+        for field in record:
+            yield from numbers(field)
+    elif isinstance(record, np.ndarray):
+        yield from record.ravel().tolist()
+    elif record is not None:
+        yield float(record)
+
+
+def _with_columns(like: Any, columns: Iterator[np.ndarray]) -> Any:
+    """The structure of `like` with the columns (T,) in place of its numbers."""
+    if isinstance(like, tuple):
+        return type(like)(*(_with_columns(field, columns) for field in like))
+    if isinstance(like, np.ndarray):
+        taken = [next(columns) for _ in range(like.size)]
+        return np.stack(taken, axis=1).reshape(-1, *like.shape)
+    return None if like is None else next(columns).copy()
+
+
+_SENTENCES: dict[IntFlag, str] = {
+    ControlFlag.STALE: "the speed was too old or too uncertain to act on, and the torque went to zero; give the robot "
+    "another sensor (sensors.speed, sensors.encoders, sensors.pitch) or a faster link",
+    ControlFlag.UNREACHABLE: "the slip asked for did not come about although the torque was at its limit: friction or "
+    "torque cannot give it; ask for another slip or raise controller.torque_limit_Nm",
+    ControlFlag.BAD_COMMAND: "the command was not understood, and the torque went to zero",
+}
+
+
+class DriveWarnings:
+    """Time spent under each deviation, wheel by wheel.
+
+    Args:
+        scenario: that is driven.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._places = [p.name for p in scenario.model.places]
+        self._duration_s = 0.0
+        self._flagged_s = {flag: np.zeros(scenario.model.driven) for flag in _SENTENCES}
+        self._short_s = 0.0
+        self._empty = False
+
+    def add_step(self, report: Report, demanded_Nm: np.ndarray, torque_Nm: np.ndarray, dt_s: float) -> None:
+        """Count one step of the controller; torque_Nm: what the battery left of the demanded torque."""
+        self._duration_s += dt_s
+        flags = np.asarray(report.flags).astype(int)
+        for flag, seconds in self._flagged_s.items():
+            seconds += np.where(flags & flag, dt_s, 0.0)
+        if np.abs(demanded_Nm - torque_Nm).max() > SAME_TORQUE:
+            self._short_s += dt_s
+
+    def battery_empty(self) -> None:
+        """Note that the battery can no longer feed the electronics."""
+        self._empty = True
+
+    def sentences(self) -> tuple[str, ...]:
+        """One sentence for each kind of deviation."""
+        found = [
+            f"{self._shares(seconds)} of the time: {_SENTENCES[flag]}"
+            for flag, seconds in self._flagged_s.items()
+            if seconds.any()
+        ]
+        if self._short_s:
+            share = 100 * self._short_s / self._duration_s
+            found.append(f"{share:.1f} % of the time: the battery's voltage or power limited the torque")
+        if self._empty:
+            found.append(
+                f"the battery is empty after {self._duration_s:.3g} s and the drive ends there; raise battery.start_soc"
+            )
+        return tuple(found)
+
+    def _shares(self, seconds: np.ndarray) -> str:
+        shares = 100 * seconds / self._duration_s
+        return ", ".join(f"{self._places[k]} {shares[k]:.1f} %" for k in np.flatnonzero(seconds))
+
 
 #: Largest number of instants of the history.
 _INSTANTS = 25_000

@@ -16,7 +16,7 @@ from ohmward.traction.robot.motor import copper_loss, friction_torque
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward_lab.simulate.closed_loop.ground import Grade, GroundSurface, Patch, adhesion, surface
 from ohmward_lab.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant
-from ohmward_lab.simulate.robot_truth import RobotTruth
+from ohmward_lab.simulate.robot_sensors import RobotTruth
 
 #: Height of the centre of gravity [m] of a robot that has none.
 HEIGHT_M = 0.17

@@ -22,10 +22,9 @@ from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_st
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.closed_loop.ground import Patch
 from ohmward_lab.simulate.closed_loop.sensing import Arrival, Sensing
-from ohmward_lab.simulate.robot_sensors import ACCELEROMETER, GYRO, PITCH
-from ohmward_lab.simulate.robot_truth import RobotTruth
+from ohmward_lab.simulate.robot_sensors import ACCELEROMETER, GYRO, PITCH, RobotTruth
 from ohmward_lab.traction.momentum_observer.estimate import AngleSample, MomentumEstimate
-from ohmward_lab.traction.momentum_observer.noise import MomentumNoise, count_std_rad
+from ohmward_lab.traction.momentum_observer.model import MomentumNoise, count_std_rad
 from ohmward_lab.traction.momentum_observer.observer import MomentumObserver
 
 METHODS = ("ekf", "aekf", "ukf", "aukf", "momentum", "true")
@@ -39,16 +38,13 @@ _TORQUE_STD_NM = 0.05
 
 @dataclass(frozen=True)
 class Observing:
-    """Method of the observer, and the ground that it assumes.
+    """Method of the observer, and the ground that it assumes."""
 
-    Attributes:
-        method: "ekf", "ukf", with learnt noise "aekf", "aukf"; "momentum", which asks the ground nothing; "true" gives
-            the controller the true speed.
-        terrain, friction, slip_stiffness_s_per_m: the assumed ground, as in `Patch`; where neither terrain nor friction
-            is given, the ground that lies under all others.
-    """
-
+    #: "ekf", "ukf", with learnt noise "aekf", "aukf"; "momentum", which asks the ground nothing; "true" gives the
+    #: controller the true speed
     method: str = "ukf"
+    #: the assumed ground, as in `Patch`; where neither terrain nor friction is given, the ground that lies under all
+    #: others
     terrain: str | None = None
     friction: float | None = None
     slip_stiffness_s_per_m: float | None = None

@@ -12,63 +12,47 @@ from ohmward.traction.control import Report
 from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample
 from ohmward_lab.simulate.closed_loop.scenario import Scenario
-from ohmward_lab.simulate.robot_truth import RobotTruth
+from ohmward_lab.simulate.robot_sensors import RobotTruth
 
 #: Decimals of a time [s] in a log: nanoseconds.
 _TIME_DIGITS = 9
 
 
 class Instant(NamedTuple):
-    """One instant of the truth; stacked over time every field has (K,) in front.
+    """One instant of the truth; stacked over time every field has (K,) in front."""
 
-    truth: of the robot.
-    report: of the controller.
-    current_A, voltage_V, soc, temperature_degC: of the battery, current > 0 charges.
-    energy_J: balance since the start.
-    """
-
-    truth: RobotTruth
-    report: Report
+    truth: RobotTruth  #: of the robot
+    report: Report  #: of the controller
+    #: of the battery, current > 0 charges
     current_A: Any
     voltage_V: Any
     soc: Any
     temperature_degC: Any
-    energy_J: EnergyBalance
+    energy_J: EnergyBalance  #: balance since the start
 
 
 class RunRow(NamedTuple):
-    """One row of the log: sample, estimate and truth at the time at which the sample was taken.
-
-    heading_rad: of a compass; nan without one.
-    estimate: None without an observer.
-    current_A, voltage_V: of the battery as measured, means since the row before.
-    soc: true state of charge.
-    """
+    """One row of the log: sample, estimate and truth at the time at which the sample was taken."""
 
     time_s: Any
     sample: SlipSample
-    heading_rad: Any
-    estimate: SlipEstimate | None
+    heading_rad: Any  #: of a compass; nan without one
+    estimate: SlipEstimate | None  #: None without an observer
     truth: RobotTruth
+    #: of the battery as measured, means since the row before
     current_A: Any
     voltage_V: Any
-    soc: Any
+    soc: Any  #: true state of charge
 
 
 class ClosedLoopRun(NamedTuple):
-    """A whole drive.
-
-    history: the truth over time, (K, ...).
-    rows: the log, (T, ...).
-    warnings: deviations from the commands, in sentences.
-    seconds: computing time, compilation included.
-    """
+    """A whole drive."""
 
     scenario: Scenario
-    history: Instant
-    rows: RunRow
-    warnings: tuple[str, ...]
-    seconds: float
+    history: Instant  #: the truth over time, (K, ...)
+    rows: RunRow  #: the log, (T, ...)
+    warnings: tuple[str, ...]  #: deviations from the commands, in sentences
+    seconds: float  #: computing time, compilation included
 
 
 def columns(run: ClosedLoopRun) -> dict[str, np.ndarray]:

@@ -30,40 +30,24 @@ ROBOTS: Mapping[str, Robot] = {**PACKAGED, "rlma": replace(RLMA, idle_W=10.0)}
 class Scenario:
     """Everything that a run depends on: the same scenario gives the same run.
 
-    Attributes:
-        duration_s: at least 0.01 and one interval of the sensors, at most a day.
-        commands: over time, the first from 0 s on.
-        robot: one of `ROBOTS`, or a robot file.
-        plant: "own", our equations with load transfer, or "mujoco", contacts and bodies that are not ours.
-        battery: its kind or file, and start.
-        ground: patches; the one without an edge lies under all others.
-        grade: of the ground along x.
-        sensors: of the robot.
-        observer: of its speed and slip.
-        controller: of its torque.
-        start_speed_m_s: speed along x at which the robot rolls at the start; an observer is told of it.
-        drag_N_s2_per_m2: drag over the square of the speed, >= 0.
-        seed: draws what is random in the sensors.
-        name: in words.
-
     Raises:
         InputError: a value out of its range, or parts that do not fit each other.
     """
 
-    duration_s: float
-    commands: tuple[Command, ...]
-    robot: str = "rlma"
-    plant: str = "own"
-    battery: Pack = field(default_factory=Pack)
-    ground: tuple[Patch, ...] = ()
-    grade: Grade = field(default_factory=Grade)
-    sensors: Sensing = field(default_factory=Sensing)
-    observer: Observing = field(default_factory=Observing)
-    controller: Control = field(default_factory=Control)
-    start_speed_m_s: float = 0.0
-    drag_N_s2_per_m2: float = 0.0
-    seed: int = 1
-    name: str = ""
+    duration_s: float  #: at least 0.01 and one interval of the sensors, at most a day
+    commands: tuple[Command, ...]  #: over time, the first from 0 s on
+    robot: str = "rlma"  #: one of `ROBOTS`, or a robot file
+    plant: str = "own"  #: "own", our equations with load transfer, or "mujoco", contacts and bodies that are not ours
+    battery: Pack = field(default_factory=Pack)  #: its kind or file, and start
+    ground: tuple[Patch, ...] = ()  #: patches; the one without an edge lies under all others
+    grade: Grade = field(default_factory=Grade)  #: of the ground along x
+    sensors: Sensing = field(default_factory=Sensing)  #: of the robot
+    observer: Observing = field(default_factory=Observing)  #: of its speed and slip
+    controller: Control = field(default_factory=Control)  #: of its torque
+    start_speed_m_s: float = 0.0  #: speed along x at which the robot rolls at the start; an observer is told of it
+    drag_N_s2_per_m2: float = 0.0  #: drag over the square of the speed, >= 0
+    seed: int = 1  #: draws what is random in the sensors
+    name: str = ""  #: in words
 
     def __post_init__(self) -> None:
         require_between("duration_s", self.duration_s, max(SHORTEST_S, self.sensors.interval_s), LONGEST_S)

@@ -23,31 +23,25 @@ from ohmward_lab.simulate.robot_sensors import (
     PITCH,
     Board,
     RobotSensors,
+    RobotTruth,
     SensorFrame,
     sample_board,
     wheel_speed,
 )
-from ohmward_lab.simulate.robot_truth import RobotTruth
 
 _SAME_TIME_S = 1e-9
 
 
 @dataclass(frozen=True)
 class ExternalSpeed:
-    """External measurement of speed.
+    """External measurement of speed."""
 
-    Attributes:
-        interval_s: between measurements; 0 where there is none.
-        std_m_s: white noise, > 0.
-        delay_s, jitter_s: under way for delay_s plus an even share of jitter_s.
-        drop_share: share that never arrives.
-    """
-
-    interval_s: float = 0.0
-    std_m_s: float = 0.03
+    interval_s: float = 0.0  #: between measurements; 0 where there is none
+    std_m_s: float = 0.03  #: white noise, > 0
+    #: under way for delay_s plus an even share of jitter_s
     delay_s: float = 0.0
     jitter_s: float = 0.0
-    drop_share: float = 0.0
+    drop_share: float = 0.0  #: share that never arrives
 
     def __post_init__(self) -> None:
         require_positive("sensors.speed.std_m_s", self.std_m_s)
@@ -57,36 +51,25 @@ class ExternalSpeed:
 
 @dataclass(frozen=True)
 class Sensing:
-    """The sensors of a robot.
+    """The sensors of a robot."""
 
-    Attributes:
-        interval_s: between samples of the board, > 0.
-        encoders: "driven", "all", or names of wheels.
-        counts_per_turn: of each encoder, > 0.
-        encoder_spike_share, encoder_spike_rad_s: share of each encoder's speeds that a glitch changes, and by how much.
-        drive_speed_std_rad_s: noise of the wheel speed that each motor's drive gives to the controller, > 0.
-        current_noise_A: of each motor's current, >= 0.
-        gyro: True with a gyro.
-        pitch: True with an attitude filter that gives pitch.
-        compass: True with a compass, whose heading goes into the log; the observer has no use for it.
-        delay_s, jitter_s, drop_share: of the board's link, as in `RobotSensors`.
-        speed: external speed.
-    """
-
-    interval_s: float = 0.01
-    encoders: str | tuple[str, ...] = "driven"
-    counts_per_turn: int = 4096
+    interval_s: float = 0.01  #: between samples of the board, > 0
+    encoders: str | tuple[str, ...] = "driven"  #: "driven", "all", or names of wheels
+    counts_per_turn: int = 4096  #: of each encoder, > 0
+    #: share of each encoder's speeds that a glitch changes, and by how much
     encoder_spike_share: float = 0.0
     encoder_spike_rad_s: float = 20.0
+    #: noise of the wheel speed that each motor's drive gives to the controller, > 0
     drive_speed_std_rad_s: float = 0.02
-    current_noise_A: float = 0.1
-    gyro: bool = True
-    pitch: bool = False
-    compass: bool = False
+    current_noise_A: float = 0.1  #: of each motor's current, >= 0
+    gyro: bool = True  #: True with a gyro
+    pitch: bool = False  #: True with an attitude filter that gives pitch
+    compass: bool = False  #: True with a compass, whose heading goes into the log; the observer has no use for it
+    #: of the board's link, as in `RobotSensors`
     delay_s: float = 0.0
     jitter_s: float = 0.0
     drop_share: float = 0.0
-    speed: ExternalSpeed = field(default_factory=ExternalSpeed)
+    speed: ExternalSpeed = field(default_factory=ExternalSpeed)  #: external speed
 
     def __post_init__(self) -> None:
         require_each_positive("sensors.", self, "interval_s", "counts_per_turn", "drive_speed_std_rad_s")

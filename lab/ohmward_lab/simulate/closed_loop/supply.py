@@ -60,19 +60,12 @@ PACK_VOLTAGE = Sensor(low=0.0, high=1000.0, resolution=0.004, noise_std=0.004)
 
 @dataclass(frozen=True)
 class Pack:
-    """Battery of a scenario, and its state at the start.
+    """Battery of a scenario, and its state at the start."""
 
-    Attributes:
-        kind: one of `KINDS`; None is "lfp", or the battery of `file`.
-        start_soc: in (0, 1].
-        temperature_degC: of the battery at first, and of the air.
-        file: battery file (.toml) instead of a kind.
-    """
-
-    kind: str | None = None
-    start_soc: float = 0.8
-    temperature_degC: float = ROOM_DEGC
-    file: str | None = None
+    kind: str | None = None  #: one of `KINDS`; None is "lfp", or the battery of `file`
+    start_soc: float = 0.8  #: in (0, 1]
+    temperature_degC: float = ROOM_DEGC  #: of the battery at first, and of the air
+    file: str | None = None  #: battery file (.toml) instead of a kind
 
     def __post_init__(self) -> None:
         if self.kind is not None:
@@ -109,22 +102,14 @@ class ElectricalLoad(NamedTuple):
 
 
 class Supplied(NamedTuple):
-    """Current, voltage and power of the battery in a step, and its state after it.
+    """Current, voltage and power of the battery in a step, and its state after it."""
 
-    current_A: > 0 charges.
-    voltage_V: at the terminals.
-    power_W: drawn; more than the load where the battery does not take all of the braking power.
-    soc: state of charge after the step.
-    temperature_degC: after it.
-    available_W: largest power that can be drawn next without going below the lowest voltage.
-    """
-
-    current_A: Any
-    voltage_V: Any
-    power_W: Any
-    soc: Any
-    temperature_degC: Any
-    available_W: Any
+    current_A: Any  #: > 0 charges
+    voltage_V: Any  #: at the terminals
+    power_W: Any  #: drawn; more than the load where the battery does not take all of the braking power
+    soc: Any  #: state of charge after the step
+    temperature_degC: Any  #: after it
+    available_W: Any  #: largest power that can be drawn next without going below the lowest voltage
 
 
 class Supply:

@@ -1,12 +1,17 @@
 """Our own equations as a plant: any robot, any terrain under each wheel, load transfer; torques in, truth out.
 
 It has the interface of `mujoco_plant.RlmaPlant`, so loops and sensors work with either.
+
+Several terrains as one, weighted by their shares, so that one compiled step serves a wheel on any ground.
+
+F = sum_k w_k F_k,   w_k the share of the contact that lies on terrain k
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -18,44 +23,73 @@ from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.dynamics.forces import Forces, RobotInput, Scene, forces, momentum_rates, scene
 from ohmward.traction.dynamics.implicit_step import Step, step
 from ohmward.traction.dynamics.slip import slip_ratio
+from ohmward.traction.friction.law import Contact, TractionLaw
+from ohmward.traction.friction.rolling import RollingLaw
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward_lab.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
-from ohmward_lab.simulate.closed_loop.terrain_mixture import terrain_mixture
-from ohmward_lab.simulate.robot_truth import RobotTruth, driven_torques
+from ohmward_lab.simulate.robot_sensors import RobotTruth, driven_torques
+
+
+@dataclass(frozen=True)
+class MixedTraction:
+    """Weighted mean of traction laws."""
+
+    laws: tuple[TractionLaw, ...]  #: (K,) of them
+    shares: np.ndarray  #: (K,) weights, adding up to 1; may be traced
+
+    def force_N(self, contact: Contact) -> Any:
+        """Force [N] of the ground on the wheel."""
+        return sum(w * law.force_N(contact) for w, law in zip(self.shares, self.laws, strict=True))
+
+
+@dataclass(frozen=True)
+class MixedRolling:
+    """Weighted mean of laws of rolling resistance; attributes as of `MixedTraction`."""
+
+    laws: tuple[RollingLaw, ...]
+    shares: np.ndarray
+
+    def force_N(self, travel_speed_m_s: Any, load_N: Any) -> Any:
+        """Force [N] of the ground on the body along x."""
+        return sum(w * law.force_N(travel_speed_m_s, load_N) for w, law in zip(self.shares, self.laws, strict=True))
+
+
+def terrain_mixture(terrains: Sequence[Terrain], shares: np.ndarray) -> Terrain:
+    """Mixture of terrains with these shares (K,); a law that they have in common is evaluated once."""
+    traction = [t.traction for t in terrains]
+    rolling = [t.rolling for t in terrains]
+    return Terrain(
+        "terrain_mixture",
+        traction[0] if _all_equal(traction) else MixedTraction(tuple(traction), shares),
+        rolling[0] if _all_equal(rolling) else MixedRolling(tuple(rolling), shares),
+        "scenario",
+    )
+
+
+def _all_equal(laws: Sequence[Any]) -> bool:
+    return all(law == laws[0] for law in laws)
 
 
 class PlantInput(NamedTuple):
-    """Torques and ground of one step.
+    """Torques and ground of one step."""
 
-    torque_Nm: (driven,) of the motors at the wheels, losses of the drive not yet taken.
-    grade_rad, bank_rad: of the ground, along the robot and to its left.
-    drag_N: against the robot.
-    shares: (wheels, grounds) of each ground under each wheel.
-    dt_s: length of the step.
-    """
-
-    torque_Nm: Any
+    torque_Nm: Any  #: (driven,) of the motors at the wheels, losses of the drive not yet taken
+    #: of the ground, along the robot and to its left
     grade_rad: Any
     bank_rad: Any
-    drag_N: Any
-    shares: Any
-    dt_s: Any
+    drag_N: Any  #: against the robot
+    shares: Any  #: (wheels, grounds) of each ground under each wheel
+    dt_s: Any  #: length of the step
 
 
 class PlantView(NamedTuple):
-    """Motion at the end of a step that the truth and the sensors show.
+    """Motion at the end of a step that the truth and the sensors show."""
 
-    travel_m_s: (wheels,) of the wheels' centres along their rolling direction.
-    rim_m_s: (wheels,) of the rims.
-    slip_ratio: (wheels,).
-    specific_force_m_s2: (3,) forward, left, up.
-    """
-
-    travel_m_s: Any
-    rim_m_s: Any
-    slip_ratio: Any
-    specific_force_m_s2: Any
+    travel_m_s: Any  #: (wheels,) of the wheels' centres along their rolling direction
+    rim_m_s: Any  #: (wheels,) of the rims
+    slip_ratio: Any  #: (wheels,)
+    specific_force_m_s2: Any  #: (3,) forward, left, up
 
 
 class TractionPlant:

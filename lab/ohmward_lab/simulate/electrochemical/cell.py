@@ -33,29 +33,22 @@ LOW_RATE = 1 / 20
 class ElectrochemicalCell:
     """Cells in series, all alike, as PyBaMM describes one.
 
-    Attributes:
-        parameter_set: its name in PyBaMM: "Prada2013", "ORegan2022", "Sulzer2019".
-        model: "SPMe" (single particle with electrolyte), "DFN" (Doyle, Fuller, Newman) or "lead-acid" (the full porous
-            electrode model).
-        n_series: cells in series.
-        voltage_min_V, voltage_max_V: limits of one cell; those of the parameter set by default.
-        lost_lithium: share of the cyclable lithium that is lost; 0 for a new cell.
-        lost_material: share of the active material that is lost, in both electrodes; of a lead-acid cell the share of
-            its plates.
-        resistance_ratio: of charge transfer and electrolyte, over that of a new cell.
-
     Raises:
         InputError: an unknown model or a value out of its range.
     """
 
-    parameter_set: str
+    parameter_set: str  #: its name in PyBaMM: "Prada2013", "ORegan2022", "Sulzer2019"
+    #: "SPMe" (single particle with electrolyte), "DFN" (Doyle, Fuller, Newman) or "lead-acid" (the full porous
+    #: electrode model)
     model: str = "SPMe"
-    n_series: int = 1
+    n_series: int = 1  #: cells in series
+    #: limits of one cell; those of the parameter set by default
     voltage_min_V: float | None = None
     voltage_max_V: float | None = None
-    lost_lithium: float = 0.0
+    lost_lithium: float = 0.0  #: share of the cyclable lithium that is lost; 0 for a new cell
+    #: share of the active material that is lost, in both electrodes; of a lead-acid cell the share of its plates
     lost_material: float = 0.0
-    resistance_ratio: float = 1.0
+    resistance_ratio: float = 1.0  #: of charge transfer and electrolyte, over that of a new cell
 
     def __post_init__(self) -> None:
         require_one_of("cell.model", self.model, MODELS)

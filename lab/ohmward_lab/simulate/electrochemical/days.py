@@ -22,20 +22,15 @@ _CHARGING_DEGC, _CHARGING_SHARE = (-10.0, 15.0), (0.3, 1.0)
 
 
 class DayPlan(NamedTuple):
-    """Temperatures and charges of a working day.
+    """Temperatures and charges of a working day."""
 
-    ambient_degC: mean over the day.
-    swing_K: half the distance from the coldest hour, 04:00, to the warmest, 16:00; 0 for a constant temperature.
-    load: factor on the currents of driving.
-    opportunity_charges: after the second and the fourth drive, a quarter of the capacity each; slower in the cold.
-    charged_fully: in the night after, for four hours.
-    """
-
-    ambient_degC: float = ROOM_DEGC
+    ambient_degC: float = ROOM_DEGC  #: mean over the day
+    #: half the distance from the coldest hour, 04:00, to the warmest, 16:00; 0 for a constant temperature
     swing_K: float = 0.0
-    load: float = 1.0
+    load: float = 1.0  #: factor on the currents of driving
+    #: after the second and the fourth drive, a quarter of the capacity each; slower in the cold
     opportunity_charges: bool = True
-    charged_fully: bool = False
+    charged_fully: bool = False  #: in the night after, for four hours
 
 
 def working_day(rng: np.random.Generator, capacity_Ah: float, plan: DayPlan | None = None) -> Profile:

@@ -7,11 +7,10 @@ import numpy as np
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.checks import require_one_of
 from ohmward.logs import Log, Note
-from ohmward_lab.simulate.bench_profiles import bench_times, low_rate_profile, pulse_profile
 from ohmward_lab.simulate.electrochemical.cell import ElectrochemicalCell
 from ohmward_lab.simulate.electrochemical.days import DayPlan, first_discharged, working_day
 from ohmward_lab.simulate.electrochemical.run import CellTruth, capacity_Ah, simulate_cell
-from ohmward_lab.simulate.profile import Profile
+from ohmward_lab.simulate.profile import Profile, bench_times, low_rate_profile, pulse_profile
 from ohmward_lab.simulate.sensors import BatterySensors, Sensor
 
 #: What `record_cell` knows to record, and what each is.

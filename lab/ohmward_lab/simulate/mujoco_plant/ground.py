@@ -20,13 +20,11 @@ ROUGHEST = 3.0
 
 @dataclass(frozen=True)
 class Ground:
-    """Adhesion and grade by functions of one's own; `uniform`, `switching` and `zones` make the usual ones.
+    """Adhesion and grade by functions of one's own; `uniform`, `switching` and `zones` make the usual ones."""
 
-    friction: (time_s, position_m (4, 2) of the wheels [m]) -> adhesion, a number or (4,), in (0, 3].
-    grade_rad: (time_s, position_m (2,) of the robot [m]) -> slope, > 0 where x leads uphill, within +-0.7.
-    """
-
+    #: (time_s, position_m (4, 2) of the wheels [m]) -> adhesion, a number or (4,), in (0, 3]
     friction: Callable[[float, np.ndarray], Any]
+    #: (time_s, position_m (2,) of the robot [m]) -> slope, > 0 where x leads uphill, within +-0.7
     grade_rad: Callable[[float, np.ndarray], float]
 
 

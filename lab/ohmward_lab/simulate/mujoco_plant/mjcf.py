@@ -16,7 +16,7 @@ import numpy as np
 
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.simulate.mujoco_plant.parameters import RlmaParameters
-from ohmward_lab.simulate.robot_truth import WHEELS
+from ohmward_lab.simulate.robot_sensors import WHEELS
 
 #: d, the smallest impedance that MuJoCo takes; see the module.
 IMPEDANCE = 1e-4

@@ -25,39 +25,27 @@ class RlmaParameters:
     Mass, axles, track, radius, outer size and driven wheels are those of [T], the other values are assumed. All four
     wheels are fixed to the body: to turn, it must slide sideways, unlike the planar model of [T].
 
-    Attributes:
-        mass_kg: with the wheels.
-        wheel_mass_kg: of each wheel, a solid disc of `wheel_width_m`.
-        rotor_inertia_kg_m2: of each motor, as felt at the wheel (n^2 J_rotor).
-        wheel_radius_m: rolling radius under the static load.
-        front_m, rear_m: from the centre of gravity to the axles (L_f, L_r).
-        track_m: between left and right wheels (b).
-        body_m: length, width, height of the body, which gives its moments of inertia.
-        centre_height_m: of the centre of gravity, wheels included.
-        driven: wheels with a motor, numbered as `WHEELS`: `FRONT` or `FRONT_AND_REAR`.
-        rolling_resistance: moment against the turning of each wheel, over static load times radius.
-        drag_N_s2_per_m2: drag over the square of the speed, at the centre of the body.
-        slip_stiffness_s_per_m: traction over static load and slip speed, below the friction limit.
-        contact_stiffness_N_per_m, contact_damping_N_s_per_m: of each wheel against the ground.
-
     Raises:
         InputError: a value out of its range.
     """
 
-    mass_kg: float = RLMA.mass_kg
-    wheel_mass_kg: float = 1.5
-    rotor_inertia_kg_m2: float = 0.0
-    wheel_radius_m: float = RLMA.wheel.radius_m
+    mass_kg: float = RLMA.mass_kg  #: with the wheels
+    wheel_mass_kg: float = 1.5  #: of each wheel, a solid disc of `wheel_width_m`
+    rotor_inertia_kg_m2: float = 0.0  #: of each motor, as felt at the wheel (n^2 J_rotor)
+    wheel_radius_m: float = RLMA.wheel.radius_m  #: rolling radius under the static load
     wheel_width_m: float = RLMA.wheel.width_m
+    #: from the centre of gravity to the axles (L_f, L_r)
     front_m: float = _CHASSIS.front_m
     rear_m: float = _CHASSIS.rear_m
-    track_m: float = _CHASSIS.track_m
+    track_m: float = _CHASSIS.track_m  #: between left and right wheels (b)
+    #: length, width, height of the body, which gives its moments of inertia
     body_m: tuple[float, float, float] = (0.68, 0.38, 0.20)
-    centre_height_m: float = RLMA.height_m
-    driven: tuple[int, ...] = FRONT
-    rolling_resistance: float = 0.01
-    drag_N_s2_per_m2: float = 0.0
-    slip_stiffness_s_per_m: float = 6.25
+    centre_height_m: float = RLMA.height_m  #: of the centre of gravity, wheels included
+    driven: tuple[int, ...] = FRONT  #: wheels with a motor, numbered as `WHEELS`: `FRONT` or `FRONT_AND_REAR`
+    rolling_resistance: float = 0.01  #: moment against the turning of each wheel, over static load times radius
+    drag_N_s2_per_m2: float = 0.0  #: drag over the square of the speed, at the centre of the body
+    slip_stiffness_s_per_m: float = 6.25  #: traction over static load and slip speed, below the friction limit
+    #: of each wheel against the ground
     contact_stiffness_N_per_m: float = 60e3
     contact_damping_N_s_per_m: float = 1000.0
 

@@ -20,7 +20,7 @@ from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.simulate.mujoco_plant.ground import ROUGHEST, STEEPEST_RAD, Ground, uniform
 from ohmward_lab.simulate.mujoco_plant.mjcf import contact_stiffness, robot_xml, stable_step_s
 from ohmward_lab.simulate.mujoco_plant.parameters import RlmaParameters
-from ohmward_lab.simulate.robot_truth import RobotTruth, driven_torques, stack
+from ohmward_lab.simulate.robot_sensors import RobotTruth, driven_torques, stack
 
 _BODY = 1
 _WHEELS = slice(2, 6)

@@ -20,50 +20,33 @@ class MomentumFlag(SampleFlag):
 
 
 class AngleSample(NamedTuple):
-    """One sample of the sensors; nan where there is nothing new.
+    """One sample of the sensors; nan where there is nothing new."""
 
-    dt_s: time since the sample before [s].
-    turned_rad: (wheels,) counts since the sample before, as an angle; driven wheels first.
-    current_A: (driven,) of the motors over the step that ends now.
-    edge_age_s: (wheels,) time since the last edge of a count, >= 0, where a timer captures it.
-    acceleration_m_s2: from an accelerometer along x, gravity included.
-    pitch_rad: of the body, > 0 with the nose up; nan counts as level.
-    yaw_rate_rad_s: from a gyro.
-    speed_m_s: forward, external, of now.
-    """
-
-    dt_s: Any
-    turned_rad: np.ndarray
-    current_A: np.ndarray
-    edge_age_s: np.ndarray
-    acceleration_m_s2: Any = math.nan
-    pitch_rad: Any = math.nan
-    yaw_rate_rad_s: Any = math.nan
-    speed_m_s: Any = math.nan
+    dt_s: Any  #: time since the sample before [s]
+    turned_rad: np.ndarray  #: (wheels,) counts since the sample before, as an angle; driven wheels first
+    current_A: np.ndarray  #: (driven,) of the motors over the step that ends now
+    edge_age_s: np.ndarray  #: (wheels,) time since the last edge of a count, >= 0, where a timer captures it
+    acceleration_m_s2: Any = math.nan  #: from an accelerometer along x, gravity included
+    pitch_rad: Any = math.nan  #: of the body, > 0 with the nose up; nan counts as level
+    yaw_rate_rad_s: Any = math.nan  #: from a gyro
+    speed_m_s: Any = math.nan  #: forward, external, of now
 
 
 class MomentumEstimate(NamedTuple):
-    """Estimate after a sample; arrays are (driven,).
+    """Estimate after a sample; arrays are (driven,)."""
 
-    speed_m_s, speed_std_m_s: of the body.
-    yaw_rate_rad_s: > 0 to the left.
-    wheel_speed_rad_s, travel_speed_m_s: of each driven wheel, and of its centre along it.
-    slip_speed_m_s, slip_speed_std_m_s, slip_ratio: the ratio is nan below a floor of speed.
-    force_N: of the ground on the wheel.
-    acceleration_m_s2: of the wheel's centre.
-    disturbance_m_s2: unmodelled acceleration against the robot.
-    flags: sum of `MomentumFlag`.
-    """
-
+    #: of the body
     speed_m_s: Any
     speed_std_m_s: Any
-    yaw_rate_rad_s: Any
+    yaw_rate_rad_s: Any  #: > 0 to the left
+    #: of each driven wheel, and of its centre along it
     wheel_speed_rad_s: np.ndarray
     travel_speed_m_s: np.ndarray
+    #: the ratio is nan below a floor of speed
     slip_speed_m_s: np.ndarray
     slip_speed_std_m_s: np.ndarray
     slip_ratio: np.ndarray
-    force_N: np.ndarray
-    acceleration_m_s2: np.ndarray
-    disturbance_m_s2: Any
-    flags: Any
+    force_N: np.ndarray  #: of the ground on the wheel
+    acceleration_m_s2: np.ndarray  #: of the wheel's centre
+    disturbance_m_s2: Any  #: unmodelled acceleration against the robot
+    flags: Any  #: sum of `MomentumFlag`

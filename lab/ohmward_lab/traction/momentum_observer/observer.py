@@ -14,6 +14,16 @@ standard deviation that covers its error.
 
 Nothing ties the speed to the wheels, so it drifts on long drives: 2 mm/s over the root of each second with an
 accelerometer of 0.05 m/s^2. `speed_observer` knows when wheels grip; its speed may be given as the external one.
+
+Encoder of the momentum observer: the angle of a wheel as one row of a linear measurement.
+
+count   y = ahead                                   0, to within a count
+edge    y = ahead(t - age),  x(t - age) = exp(-A age) x(t) + added(-age)     half a count from the middle, to within the
+                                                                             uncertainty of edges
+none    |ahead| <= half a count                     informative only where more is believed
+
+`ahead` is the angle beyond the middle of the count that is shown. An edge that lies within 0.02 of a count tells the
+angle 14 times as well as the count does, but only when it comes: in between, a slow wheel is within its count.
 """
 
 from __future__ import annotations
@@ -33,18 +43,102 @@ from ohmward.filters.belief import Belief, Correction, PackedBelief, pack, unpac
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, correct_gated, inflate
 from ohmward.filters.linear_algebra import std
-from ohmward.filters.sanitize import every, some, within
-from ohmward.trace import exp, isfinite, logical_not, sin, sqrt, where
+from ohmward.filters.sanitize import between, every, hold, is_step, some, within
+from ohmward.trace import clip, exp, isfinite, logical_not, sign, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.dynamics.slip import slip_ratio
+from ohmward.traction.robot.motor import Motor, wheel_torque
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.encoders import with_part_of_gain
-from ohmward_lab.traction.momentum_observer.angle import Angle, count_angle, edge_angle
-from ohmward_lab.traction.momentum_observer.clean_sample import CleanAngleSample, sanitize
 from ohmward_lab.traction.momentum_observer.estimate import AngleSample, MomentumEstimate, MomentumFlag
-from ohmward_lab.traction.momentum_observer.model import FOLLOWING, FOLLOWING_STD, MomentumModel
-from ohmward_lab.traction.momentum_observer.noise import MomentumNoise
+from ohmward_lab.traction.momentum_observer.model import FOLLOWING, FOLLOWING_STD, MomentumModel, MomentumNoise
+
+
+class CleanAngleSample(NamedTuple):
+    """A sample for the prediction, with every number finite."""
+
+    dt_s: Scalar  #: step [s], >= 0
+    time_credible: Scalar  #: the condition that the clock can have shown the step
+    pitch_rad: Scalar  #: 0 where it is not measured
+    pitch_measured: Scalar  #: the condition that it is
+    torque_Nm: np.ndarray  #: (driven,) at the wheels over the step, the last one where no current came
+    currents_measured: Scalar  #: the condition that all currents came
+    rest_s: Scalar = 0.0  #: time for which counts and motors have been still
+    resting: Scalar = False  #: the condition that this has lasted long enough for a standstill
+
+
+def sanitize(
+    sample: AngleSample,
+    motor: Motor,
+    wheel_speed_rad_s: np.ndarray,
+    last_Nm: np.ndarray,
+    gap_s: float,
+    current_limit_A: float,
+) -> CleanAngleSample:
+    """The sample with what no sensor and no clock can have shown replaced.
+
+    wheel_speed_rad_s: (driven,) believed ones.
+    last_Nm: (driven,) torques of the sample before.
+    gap_s: after a longer step nothing is known of the speed.
+    current_limit_A: beyond it a sensor is at fault.
+    """
+    time_credible = is_step(sample.dt_s, gap_s)
+    measured = [within(current, current_limit_A) for current in sample.current_A]
+    currents = [where(good, current, 0.0) for good, current in zip(measured, sample.current_A, strict=True)]
+    given = [wheel_torque(motor, i, w) for i, w in zip(currents, wheel_speed_rad_s, strict=True)]
+    torque_Nm = [hold(now, good, last) for now, good, last in zip(given, measured, last_Nm, strict=True)]
+    return CleanAngleSample(
+        dt_s=where(time_credible, sample.dt_s, 0.0),
+        time_credible=time_credible,
+        pitch_rad=where(isfinite(sample.pitch_rad), sample.pitch_rad, 0.0),
+        pitch_measured=isfinite(sample.pitch_rad),
+        torque_Nm=np.array(torque_Nm),
+        currents_measured=every(measured),
+    )
+
+
+class Angle(NamedTuple):
+    """y = row @ x + v, v ~ N(0, variance)."""
+
+    row: np.ndarray  #: (n,)
+    angle_rad: Scalar  #: y; nan where there is nothing to learn
+    variance: Scalar  #: rad^2
+
+
+def count_angle(model: MomentumModel, k: int) -> Angle:
+    """Measurement by the count of wheel k alone: its middle, give or take."""
+    std = model.noise.encoder_std_rad if k < model.scene.robot.driven else model.noise.passive_std_rad or 0.0
+    row = np.zeros(len(model.names))
+    row[model.ahead(k)] = 1.0
+    return Angle(row, 0.0, std**2)
+
+
+def edge_angle(model: MomentumModel, k: int, belief: Belief, sample: AngleSample, b: np.ndarray) -> Angle:
+    """Measurement by the time of the last edge of wheel k; by the count where it moved and no time was captured.
+
+    Args:
+        model: of the robot, with `noise.edge_std_counts`.
+        k: number of the wheel.
+        belief: at the time of the sample, its angle beyond the middle of the new count.
+        sample: with `turned_rad` and `edge_age_s`.
+        b: (n,) drive of the model over the step.
+    """
+    count, ahead = count_angle(model, k), belief.mean[model.ahead(k)]
+    turned, age_s = sample.turned_rad[k], sample.edge_age_s[k]
+    half = math.sqrt(3.0 * count.variance)
+    moved = turned != 0.0
+    timed = moved & between(age_s, 0.0, sample.dt_s)
+    back_s = where(timed, -age_s, 0.0)
+    at_edge = -half * sign(turned) - model.added(belief.mean, b, back_s)[model.ahead(k)]
+    nearest_in_count = where(abs(ahead) > half, clip(ahead, -half, half), math.nan)
+    edge_variance = (2.0 * half * (model.noise.edge_std_counts or 0.0)) ** 2
+    return Angle(
+        row=model.transition(belief.mean, back_s)[model.ahead(k)],
+        angle_rad=where(timed, at_edge, where(moved, 0.0, nearest_in_count)),
+        variance=where(timed, edge_variance, count.variance),
+    )
+
 
 #: Time [s] after which a change of force is seen in the counts.
 SEEN_LATE_S = 0.003
@@ -64,18 +158,12 @@ GAP_STD = 1.0
 
 
 class MomentumState(NamedTuple):
-    """State of the observer from sample to sample: plain numbers.
+    """State of the observer from sample to sample: plain numbers."""
 
-    belief: mean (n,) and lower triangle of the covariance.
-    torque_Nm: (driven,) last torques.
-    rest_s: time for which counts and motors have been still.
-    shaken_Nm: changes of the motors' torque, fading out as the body comes to rest on its tyres.
-    """
-
-    belief: PackedBelief
-    torque_Nm: np.ndarray
-    rest_s: Scalar
-    shaken_Nm: Scalar = 0.0
+    belief: PackedBelief  #: mean (n,) and lower triangle of the covariance
+    torque_Nm: np.ndarray  #: (driven,) last torques
+    rest_s: Scalar  #: time for which counts and motors have been still
+    shaken_Nm: Scalar = 0.0  #: changes of the motors' torque, fading out as the body comes to rest on its tyres
 
 
 class CountCorrection(NamedTuple):
@@ -87,29 +175,18 @@ class CountCorrection(NamedTuple):
 
 @dataclass(frozen=True)
 class MomentumObserver:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        scene: robot, and the terrain, of which only the rolling resistance counts.
-        noise: of sensors and model; says which sensors there are.
-        count_gate: NIS of a count beyond which the ground under its wheel has changed, > 0.
-        edge_gate: the same of an edge, whose time shows even how gradually the ground takes up a torque, > 0.
-        gate: NIS beyond which any other measurement is not used, > 0.
-        gap_s: after a longer step nothing is known of the speed, > 0.
-        rest_hold_s: time for which counts and motors must be still before the robot counts as standing.
-        rest_current_A: below it a motor is still, > 0.
-        current_limit_A: beyond it a sensor is at fault, > 0.
-    """
-
-    scene: Scene
-    noise: MomentumNoise
-    count_gate: float = 25.0
+    scene: Scene  #: robot, and the terrain, of which only the rolling resistance counts
+    noise: MomentumNoise  #: of sensors and model; says which sensors there are
+    count_gate: float = 25.0  #: NIS of a count beyond which the ground under its wheel has changed, > 0
+    #: the same of an edge, whose time shows even how gradually the ground takes up a torque, > 0
     edge_gate: float = 400.0
-    gate: float = 25.0
-    gap_s: float = 0.05
-    rest_hold_s: float = 0.1
-    rest_current_A: float = 0.5
-    current_limit_A: float = 200.0
+    gate: float = 25.0  #: NIS beyond which any other measurement is not used, > 0
+    gap_s: float = 0.05  #: after a longer step nothing is known of the speed, > 0
+    rest_hold_s: float = 0.1  #: time for which counts and motors must be still before the robot counts as standing
+    rest_current_A: float = 0.5  #: below it a motor is still, > 0
+    current_limit_A: float = 200.0  #: beyond it a sensor is at fault, > 0
 
     def __post_init__(self) -> None:
         if self.scene.robot.chassis.scrubs:

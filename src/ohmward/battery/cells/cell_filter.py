@@ -30,11 +30,11 @@ from ohmward.battery.cells.cell_sample import (
     SOC,
     CellEstimate,
     CellSample,
+    CellSpread,
     Differences,
     TypicalCell,
 )
 from ohmward.battery.cells.cell_voltage import LEAST_VARIANCE, CellVoltage
-from ohmward.battery.cells.spread import CellSpread
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.thevenin import (
     CircuitInput,
@@ -64,48 +64,30 @@ _LEAST_OHM = 1e-9
 
 
 class CellState(NamedTuple):
-    """State of the filter between two samples: plain numbers.
+    """State of the filter between two samples: plain numbers."""
 
-    belief: mean as `Differences`, and lower triangle of the covariance.
-    pair_V: (n,) RC voltages of a pack of typical cells with the resistances of the battery file.
-    soc: of the typical cell.
-    current_A, temperature_degC: last credible ones.
-    rejected_s: time for which the voltage has contradicted the belief.
-    unknown_s: time for which the current has not been known.
-    """
-
-    belief: PackedBelief
-    pair_V: np.ndarray
-    soc: Scalar
+    belief: PackedBelief  #: mean as `Differences`, and lower triangle of the covariance
+    pair_V: np.ndarray  #: (n,) RC voltages of a pack of typical cells with the resistances of the battery file
+    soc: Scalar  #: of the typical cell
+    #: last credible ones
     current_A: Scalar
     temperature_degC: Scalar
-    rejected_s: Scalar
-    unknown_s: Scalar
+    rejected_s: Scalar  #: time for which the voltage has contradicted the belief
+    unknown_s: Scalar  #: time for which the current has not been known
 
 
 @dataclass(frozen=True)
 class CellFilter:
-    """Settings; `init` and `step` are pure functions of them. Voltages are those of a pack of equal cells.
+    """Settings; `init` and `step` are pure functions of them. Voltages are those of a pack of equal cells."""
 
-    Attributes:
-        model: the circuit of the pack.
-        noise: of the model, for its walks and the error of its aged curve.
-        n_series: cells in series.
-        spread: differences to expect.
-        gap_s: a longer step between two samples says nothing about the current in between.
-        gate: largest NIS of a voltage that is used.
-        reset_after_s: time of contradiction after which the differences are declared unknown.
-        current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
-    """
-
-    model: Thevenin
-    noise: BatteryNoise
-    n_series: int
-    spread: CellSpread = field(default_factory=CellSpread)
-    gap_s: float = 600.0
-    gate: float = 25.0
-    reset_after_s: float = 600.0
-    current_limit_C: float = 20.0
+    model: Thevenin  #: the circuit of the pack
+    noise: BatteryNoise  #: of the model, for its walks and the error of its aged curve
+    n_series: int  #: cells in series
+    spread: CellSpread = field(default_factory=CellSpread)  #: differences to expect
+    gap_s: float = 600.0  #: a longer step between two samples says nothing about the current in between
+    gate: float = 25.0  #: largest NIS of a voltage that is used
+    reset_after_s: float = 600.0  #: time of contradiction after which the differences are declared unknown
+    current_limit_C: float = 20.0  #: a larger current, in multiples of the capacity per hour, is a fault of its sensor
 
     def __post_init__(self) -> None:
         require_positive("n_series", self.n_series)

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.cells.cell_sample import COMMON, GAIN, SOC, Differences, TypicalCell
-from ohmward.battery.cells.spread import CellSpread
+from ohmward.battery.cells.cell_sample import COMMON, GAIN, SOC, CellSpread, Differences, TypicalCell
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.slip import slip_shape
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop
@@ -23,44 +22,29 @@ _HYSTERESIS_SHARE = 0.2
 
 
 class LinearCurve(NamedTuple):
-    """Open-circuit voltage over a belief of the state of charge.
+    """Open-circuit voltage over a belief of the state of charge."""
 
-    voltage_V: mean [V].  slope: [V] for each unit of SoC.  variance: of what the straight line leaves [V^2].
-    """
-
-    voltage_V: Scalar
-    slope: Scalar
-    variance: Scalar
+    voltage_V: Scalar  #: mean [V]
+    slope: Scalar  #: [V] for each unit of SoC
+    variance: Scalar  #: of what the straight line leaves [V^2]
 
 
 class Expected(NamedTuple):
-    """Expected voltage of a cell minus that of the typical one.
+    """Expected voltage of a cell minus that of the typical one."""
 
-    voltage_V: mean [V].
-    slopes: its derivatives by the state.
-    variance: of what the states do not describe [V^2].
-    """
-
-    voltage_V: Scalar
-    slopes: Differences
-    variance: Scalar
+    voltage_V: Scalar  #: mean [V]
+    slopes: Differences  #: its derivatives by the state
+    variance: Scalar  #: of what the states do not describe [V^2]
 
 
 @dataclass(frozen=True)
 class CellVoltage:
-    """Difference of the voltages of a cell and of the typical one, both as of a pack of such cells.
+    """Difference of the voltages of a cell and of the typical one, both as of a pack of such cells."""
 
-    Attributes:
-        model: the circuit of the pack.
-        noise: of the model.
-        n_series: cells in series.
-        spread: differences to expect.
-    """
-
-    model: Thevenin
-    noise: BatteryNoise
-    n_series: int
-    spread: CellSpread = field(default_factory=CellSpread)
+    model: Thevenin  #: the circuit of the pack
+    noise: BatteryNoise  #: of the model
+    n_series: int  #: cells in series
+    spread: CellSpread = field(default_factory=CellSpread)  #: differences to expect
 
     def expect(
         self, prior: Belief, typical: TypicalCell, charge_gain: Scalar, now: tuple[CircuitInput, np.ndarray]

@@ -19,19 +19,14 @@ CERTAIN = 3.0
 
 
 class CellWarning(NamedTuple):
-    """A cell that differs from the typical one of its pack beyond what a healthy pack does.
+    """A cell that differs from the typical one of its pack beyond what a healthy pack does."""
 
-    cell: its index.
-    quantity: "state of charge", "capacity" or "resistance".
-    difference, std: to the typical cell, of capacity and resistance as a share.
-    text: a sentence with the name of the cell.
-    """
-
-    cell: int
-    quantity: str
+    cell: int  #: its index
+    quantity: str  #: "state of charge", "capacity" or "resistance"
+    #: to the typical cell, of capacity and resistance as a share
     difference: float
     std: float
-    text: str
+    text: str  #: a sentence with the name of the cell
 
 
 def drifted(cells: CellEstimate) -> dict[str, np.ndarray]:

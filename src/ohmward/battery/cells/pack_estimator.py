@@ -11,11 +11,10 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery, require_battery, require_thevenin
 from ohmward.battery.cells.cell_filter import CellFilter, CellState
-from ohmward.battery.cells.cell_sample import CellEstimate, CellSample, TypicalCell
+from ohmward.battery.cells.cell_sample import CellEstimate, CellSample, CellSpread, TypicalCell
 from ohmward.battery.cells.drift import CellWarning, cell_warnings, drifted
-from ohmward.battery.cells.spread import CellSpread
 from ohmward.battery.cells.weakest import PackState, pack_state
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import DEFAULT, chosen_name
@@ -35,33 +34,21 @@ FILTERS = ("ekf", "ukf", "gsf")
 
 
 class PackEstimate(NamedTuple):
-    """Estimate after a sample.
+    """Estimate after a sample."""
 
-    pack: SoC, charge and weakest cell of the pack.
-    typical: estimate of the typical cell, as of a pack of equal cells.
-    cells: estimates of all cells, every field (n,).
-    flags: of the typical cell.
-    """
-
-    pack: PackState
-    typical: SocEstimate
-    cells: CellEstimate
-    flags: Any
+    pack: PackState  #: SoC, charge and weakest cell of the pack
+    typical: SocEstimate  #: estimate of the typical cell, as of a pack of equal cells
+    cells: CellEstimate  #: estimates of all cells, every field (n,)
+    flags: Any  #: of the typical cell
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PackRun(Run[PackEstimate]):
-    """Estimates for a whole log; the fields of the cells are (T, n), all others (T,).
+    """Estimates for a whole log; the fields of the cells are (T, n), all others (T,)."""
 
-    Attributes:
-        names: (n,) of the cells.
-        soc_run: that of the typical cell.
-        log: with the voltage of a pack of typical cells, which that run has seen.
-    """
-
-    names: tuple[str, ...]
-    soc_run: SocRun
-    log: Log
+    names: tuple[str, ...]  #: (n,) of the cells
+    soc_run: SocRun  #: that of the typical cell
+    log: Log  #: with the voltage of a pack of typical cells, which that run has seen
 
     flag_type = SocFlag
 
@@ -104,6 +91,7 @@ class PackEstimator:
         filter: str = DEFAULT,
         spread: CellSpread | None = None,
     ):
+        require_battery(battery)
         if battery.n_series < 2:
             raise InputError(f"battery {battery.name!r} has n_series = 1; an estimate of cells needs a pack of them")
         if chosen_name(filter.lower(), battery) not in FILTERS:

@@ -32,16 +32,11 @@ _THOUSAND_HOURS_S = 1000 * HOUR_S
 
 
 class CapacityDoubt(NamedTuple):
-    """Standard deviations of ln(capacity) that hold for a battery and its sensor.
+    """Standard deviations of ln(capacity) that hold for a battery and its sensor."""
 
-    new: of the capacity when new against the reference.
-    common: of an error that all logs share.
-    walk: of a random walk in 1000 hours.
-    """
-
-    new: float
-    common: float
-    walk: float
+    new: float  #: of the capacity when new against the reference
+    common: float  #: of an error that all logs share
+    walk: float  #: of a random walk in 1000 hours
 
     def covariance(self, days: np.ndarray, other_days: np.ndarray) -> np.ndarray:
         """(n, m) covariance of u at these times since the first log."""
@@ -61,19 +56,14 @@ class CapacityBand(NamedTuple):
 
 
 class AgeingFit(NamedTuple):
-    """Laws that fit a track, and what each makes of the capacity.
+    """Laws that fit a track, and what each makes of the capacity."""
 
-    laws, weight: (H,) those that are not negligible; the weights add up to 1.
-    doubt: as assumed.
-    track: with the standard deviations as used, those of logs that are off by more than usual enlarged.
-    residual: (n,) y_k less the mean of the mixture, in standard deviations of that log alone.
-    """
-
+    #: (H,) those that are not negligible; the weights add up to 1
     laws: AgeingLaws
     weight: np.ndarray
-    doubt: CapacityDoubt
-    track: Track
-    residual: np.ndarray
+    doubt: CapacityDoubt  #: as assumed
+    track: Track  #: with the standard deviations as used, those of logs that are off by more than usual enlarged
+    residual: np.ndarray  #: (n,) y_k less the mean of the mixture, in standard deviations of that log alone
 
     def level(self, days: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean (H, m) and covariance (m, m) of u at these times, given all logs."""

@@ -51,19 +51,14 @@ _POINTS, _REACH = 25, 4.0
 
 
 class AgeingLaws(NamedTuple):
-    """Laws side by side, each field (H,).
+    """Laws side by side, each field (H,)."""
 
-    years, cycles: life by the calendar alone and by use alone.
-    shape: exponent p.
-    first_age: age at the first log.
-    log_prior: logarithm of their probability, up to a constant.
-    """
-
+    #: life by the calendar alone and by use alone
     years: np.ndarray
     cycles: np.ndarray
-    shape: np.ndarray
-    first_age: np.ndarray
-    log_prior: np.ndarray
+    shape: np.ndarray  #: exponent p
+    first_age: np.ndarray  #: age at the first log
+    log_prior: np.ndarray  #: logarithm of their probability, up to a constant
 
     def age(self, days: np.ndarray, cycles: np.ndarray) -> np.ndarray:
         """(H, n) ages after days (n,) and full cycles (n,) since the first log."""

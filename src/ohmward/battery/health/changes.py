@@ -39,20 +39,16 @@ Cause = Literal["counter", "cold", "not full", "battery", "unknown"]
 
 
 class SuddenChange(NamedTuple):
-    """A sudden change of the capacity.
+    """A sudden change of the capacity."""
 
-    before, after: names of the logs between which it lies.
-    days: of the first log after it.
-    capacity, resistance: change of their logarithms.
-    cause: most likely.
-    """
-
+    #: names of the logs between which it lies
     before: str
     after: str
-    days: float
+    days: float  #: of the first log after it
+    #: change of their logarithms
     capacity: Normal
     resistance: Normal
-    cause: Cause
+    cause: Cause  #: most likely
 
     @property
     def is_of_battery(self) -> bool:

@@ -28,18 +28,12 @@ _KNEE_STEEPER = 2.0
 
 
 class LifeAhead(NamedTuple):
-    """Capacity from now on, as a distribution.
+    """Capacity from now on, as a distribution."""
 
-    share: of the capacity when new, at which the battery is worn out.
-    days: (m,) from now.
-    probability: (m,) that it will be worn out by then.
-    log_capacity: (3, m) 2.5, 50 and 97.5 % quantiles of ln(capacity over that when new).
-    """
-
-    share: float
-    days: np.ndarray
-    probability: np.ndarray
-    log_capacity: np.ndarray
+    share: float  #: of the capacity when new, at which the battery is worn out
+    days: np.ndarray  #: (m,) from now
+    probability: np.ndarray  #: (m,) that it will be worn out by then
+    log_capacity: np.ndarray  #: (3, m) 2.5, 50 and 97.5 % quantiles of ln(capacity over that when new)
 
     def quantile(self, probability: float) -> float:
         """Days from now after which it will be worn out with this probability; inf beyond the horizon."""

@@ -25,20 +25,16 @@ _RESISTANCE_REVERSIBLE_STD = 0.05
 
 
 class Health(NamedTuple):
-    """Health of a battery over its logs.
+    """Health of a battery over its logs."""
 
-    points: every log in order of time.
-    capacity, resistance: trends of ln(capacity) and ln(resistance) over those when new.
-    changes, outliers: what is no ageing, or may not be.
-    ahead: what may become of the capacity, and when the battery will be worn out.
-    """
-
-    points: tuple[HealthPoint, ...]
+    points: tuple[HealthPoint, ...]  #: every log in order of time
+    #: trends of ln(capacity) and ln(resistance) over those when new
     capacity: AgeingFit
     resistance: AgeingFit
+    #: what is no ageing, or may not be
     changes: tuple[SuddenChange, ...]
     outliers: tuple[Outlier, ...]
-    ahead: LifeAhead
+    ahead: LifeAhead  #: what may become of the capacity, and when the battery will be worn out
 
     @property
     def now(self) -> tuple[float, float]:

@@ -17,26 +17,17 @@ _UNKNOWN = Normal(math.nan, math.inf)
 
 
 class HealthPoint(NamedTuple):
-    """State of health as one log shows it.
+    """State of health as one log shows it."""
 
-    log: its name.
-    time_s: Unix time of the middle of the log [s].
-    hours: its length.
-    cycles: full cycles' worth of charge that it moved.
-    log_capacity: ln of the capacity over that when new, from this log alone; std inf where it says nothing.
-    log_resistance: ln of the resistance at 25 degC over that when new, likewise.
-    temperature_degC: mean, nan where not measured.
-    full: True where the battery was full in it.
-    """
-
-    log: str
-    time_s: float
-    hours: float
-    cycles: float
+    log: str  #: its name
+    time_s: float  #: Unix time of the middle of the log [s]
+    hours: float  #: its length
+    cycles: float  #: full cycles' worth of charge that it moved
+    #: ln of the capacity over that when new, from this log alone; std inf where it says nothing
     log_capacity: Normal = _UNKNOWN
-    log_resistance: Normal = _UNKNOWN
-    temperature_degC: float = math.nan
-    full: bool = False
+    log_resistance: Normal = _UNKNOWN  #: ln of the resistance at 25 degC over that when new, likewise
+    temperature_degC: float = math.nan  #: mean, nan where not measured
+    full: bool = False  #: True where the battery was full in it
 
     @property
     def shows_capacity(self) -> bool:
@@ -57,15 +48,11 @@ def logarithm(quantity: Normal, reference: float) -> Normal:
 
 
 class Track(NamedTuple):
-    """A quantity of several logs in the order of time.
+    """A quantity of several logs in the order of time."""
 
-    days: (n,) since the first log of all.
-    cycles: (n,) full cycles since then, up to the middle of the log.
-    value, std: (n,) natural logarithm over the value when new.
-    """
-
-    days: np.ndarray
-    cycles: np.ndarray
+    days: np.ndarray  #: (n,) since the first log of all
+    cycles: np.ndarray  #: (n,) full cycles since then, up to the middle of the log
+    #: (n,) natural logarithm over the value when new
     value: np.ndarray
     std: np.ndarray
 

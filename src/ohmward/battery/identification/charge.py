@@ -26,16 +26,11 @@ _GAIN_ERROR = 1e-3
 
 
 class ChargeIntegral(NamedTuple):
-    """Charge of each interval between two samples; every array belongs to the interval that ends at the sample.
+    """Charge of each interval between two samples; every array belongs to the interval that ends at the sample."""
 
-    moved_Ah: (T,) [Ah], > 0 when charge went in; the first is 0.
-    unknown: (T,) bool, a gap during which an unknown charge may have flowed; moved_Ah is 0 there.
-    notes: on intervals whose charge the current does not tell.
-    """
-
-    moved_Ah: np.ndarray
-    unknown: np.ndarray
-    notes: tuple[Note, ...] = ()
+    moved_Ah: np.ndarray  #: (T,) [Ah], > 0 when charge went in; the first is 0
+    unknown: np.ndarray  #: (T,) bool, a gap during which an unknown charge may have flowed; moved_Ah is 0 there
+    notes: tuple[Note, ...] = ()  #: on intervals whose charge the current does not tell
 
     @property
     def total_Ah(self) -> np.ndarray:
@@ -49,16 +44,11 @@ class ChargeIntegral(NamedTuple):
 
 
 class Counter(NamedTuple):
-    """A charge counter among the log's columns.
+    """A charge counter among the log's columns."""
 
-    name: of the column, or "a - b".
-    step_Ah: (T,) its change over each interval, resets taken out, > 0 when charge went in.
-    resolution_Ah: the smallest change that it shows.
-    """
-
-    name: str
-    step_Ah: np.ndarray
-    resolution_Ah: float
+    name: str  #: of the column, or "a - b"
+    step_Ah: np.ndarray  #: (T,) its change over each interval, resets taken out, > 0 when charge went in
+    resolution_Ah: float  #: the smallest change that it shows
 
 
 def count_charge(log: Log) -> ChargeIntegral:

@@ -31,25 +31,19 @@ ENTROPY_KNOTS = np.linspace(0.0, 1.0, 11)
 
 
 class Rates(NamedTuple):
-    """Parameters that the voltage is not linear in.
+    """Parameters that the voltage is not linear in."""
 
-    tau_s: (n,) time constants; hysteresis_rate: gamma.
-    activation_K, pair_activation_K, tau_activation_K: of r0, of r_1 ... r_n and of the time constants.
-    transfer_V: the drop beyond which r0 i grows as its logarithm; None for one in proportion to the current.
-    empty_activation_K: of r_1 ... r_n at empty beyond that, the chemistry's.
-    net_charge_hysteresis: True where the hysteresis follows the net charge.
-    hysteresis_activation_K: of the hysteresis voltage, the chemistry's.
-    """
-
-    tau_s: tuple[float, ...]
+    tau_s: tuple[float, ...]  #: (n,) time constants; hysteresis_rate: gamma
     hysteresis_rate: float
+    #: of r0, of r_1 ... r_n and of the time constants.
     activation_K: float = 0.0
     pair_activation_K: float = 0.0
     tau_activation_K: float = 0.0
+    #: the drop beyond which r0 i grows as its logarithm; None for one in proportion to the current
     transfer_V: float | None = None
-    empty_activation_K: float = 0.0
-    net_charge_hysteresis: bool = False
-    hysteresis_activation_K: float = 0.0
+    empty_activation_K: float = 0.0  #: of r_1 ... r_n at empty beyond that, the chemistry's.
+    net_charge_hysteresis: bool = False  #: True where the hysteresis follows the net charge
+    hysteresis_activation_K: float = 0.0  #: of the hysteresis voltage, the chemistry's
 
     @property
     def activations_K(self) -> tuple[float, float, float]:

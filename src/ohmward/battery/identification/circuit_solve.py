@@ -56,27 +56,22 @@ TRANSFER_V, _TRANSFER_LOG_STD = 0.4, 0.8
 
 
 class CircuitProblem(NamedTuple):
-    """Data and prior of a fit.
+    """Data and prior of a fit."""
 
-    samples: the thinned records; ocv: the curve to correct; capacity_Ah; prior: of circuit and curve.
-    slow_shape: (21,) expected course of the slowest resistance along SoC, about 1.
-    reference_degC: temperature at which the resistances hold.
-    fit_activation: True where currents flowed at temperatures that differ enough.
-    longest_tau_s: slowest time constant that the records can show; one that is usual for the chemistry is taken too.
-    transfer_V: that of the ohmic drop where it is not sought; None for one in proportion to the current.
-    branches: low-rate branches, fitted like the records.
-    """
-
+    #: the thinned records; ocv: the curve to correct; capacity_Ah; prior: of circuit and curve
     samples: tuple[FitSamples, ...]
+
     ocv: OcvCurve
     capacity_Ah: float
     prior: CircuitPrior
-    slow_shape: np.ndarray
-    reference_degC: float
-    fit_activation: bool
+    slow_shape: np.ndarray  #: (21,) expected course of the slowest resistance along SoC, about 1
+    reference_degC: float  #: temperature at which the resistances hold
+    fit_activation: bool  #: True where currents flowed at temperatures that differ enough
+    #: slowest time constant that the records can show; one that is usual for the chemistry is taken too
     longest_tau_s: float = np.inf
+    #: that of the ohmic drop where it is not sought; None for one in proportion to the current
     transfer_V: float | None = None
-    branches: tuple[FitSamples, ...] = ()
+    branches: tuple[FitSamples, ...] = ()  #: low-rate branches, fitted like the records
 
     @property
     def seeks_transfer(self) -> bool:
@@ -96,24 +91,17 @@ class CircuitProblem(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CircuitSolution:
-    """Solution for the linear unknowns at given rates.
-
-    x: (K,); precision, prior_precision: (K, K) with and without the data;
-    residual_V: for each record (N,), nan without a voltage.
-    weighted: (M,) residuals and prior over their standard deviations, the sum of squares being the cost.
-    robust: for each record (N,) weights of outlying samples, 1 for none.
-    misfit: sum of squares of the residuals over their standard deviations, outlying samples counting in full.
-    """
+    """Solution for the linear unknowns at given rates."""
 
     layout: ParameterLayout
     rates: Rates
-    x: np.ndarray
+    x: np.ndarray  #: (K,); precision, prior_precision: (K, K) with and without the data;
     precision: np.ndarray
     prior_precision: np.ndarray
-    residual_V: tuple[np.ndarray, ...]
-    weighted: np.ndarray
-    robust: tuple[np.ndarray, ...]
-    misfit: float
+    residual_V: tuple[np.ndarray, ...]  #: for each record (N,), nan without a voltage
+    weighted: np.ndarray  #: (M,) residuals and prior over their standard deviations, the sum of squares being the cost
+    robust: tuple[np.ndarray, ...]  #: for each record (N,) weights of outlying samples, 1 for none
+    misfit: float  #: sum of squares of the residuals over their standard deviations, outlying samples counting in full
 
     @property
     def cost(self) -> float:
@@ -133,12 +121,11 @@ class CircuitSolution:
 
 
 class LinearSystem(NamedTuple):
-    """Voltage less OCV curve of every record as y = A x.
+    """Voltage less OCV curve of every record as y = A x."""
 
-    columns: A (N, K) of each record; targets: y (N,); weights: (N,) one over the standard deviation of each sample.
-    """
-
+    #: A (N, K) of each record; targets: y (N,); weights: (N,) one over the standard deviation of each sample
     columns: list[np.ndarray]
+
     targets: list[np.ndarray]
     weights: list[np.ndarray]
 

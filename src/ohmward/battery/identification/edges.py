@@ -20,18 +20,14 @@ _FEWEST = 3
 
 
 class Edge(NamedTuple):
-    """One jump of the current from one sample to the next.
-
-    sample: the one after the jump; dt_s: interval across it; soc there; step_A: change of the current;
-    current_A: the larger of both in magnitude, whose sign is the direction; resistance_ohm: dV / dI.
-    """
+    """One jump of the current from one sample to the next."""
 
     log_name: str
-    sample: int
+    sample: int  #: the one after the jump; dt_s: interval across it; soc there; step_A: change of the current;
     dt_s: float
     soc: float
     step_A: float
-    current_A: float
+    current_A: float  #: the larger of both in magnitude, whose sign is the direction; resistance_ohm: dV / dI
     resistance_ohm: float
 
 

@@ -5,9 +5,10 @@ In order: the curve that the user gives; low-rate tests; rests at several states
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -29,12 +30,29 @@ from ohmward.battery.identification.ocv_from_low_rate import (
 )
 from ohmward.battery.identification.ocv_from_rests import RestPoint, ocv_from_rests, rest_points
 from ohmward.battery.identification.record import Record, reference_degC
-from ohmward.battery.identification.settings import IdentificationSettings
 from ohmward.battery.identification.soc_axis import anchor_soc, find_anchors
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.ocv_file import given_ocv
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
+
+#: "thevenin" chooses the number of RC pairs by evidence.
+MODELS = ("thevenin", "thevenin-0rc", "thevenin-1rc", "thevenin-2rc", "thevenin-3rc", "rc")
+DEFAULT_MODEL = "thevenin"
+
+
+class IdentificationSettings(NamedTuple):
+    """Knowledge of the user about the battery and its logs; see `identify`."""
+
+    capacity_Ah: float
+    model: str = DEFAULT_MODEL
+    chemistry: str = ""
+    n_series: int = 1
+    name: str = ""
+    initial_soc: Mapping[str, float] = MappingProxyType({})
+    idle_current_A: float | None = None
+    ocv: Any = None
+
 
 #: Error of the chemistry's usual curve for a cell of 3.7 V, of its SoC axis, and the SoC over which they hold on: cells
 #: of one chemistry differ by a shift, a stretch and a bend.
@@ -42,19 +60,14 @@ _USUAL_V, _USUAL_SOC, _USUAL_LENGTH = 0.03, 0.03, 0.3
 
 
 class FirstOcv(NamedTuple):
-    """The first curve and what is known of it.
-
-    source: where it comes from, "line" a straight line through a drive.
-    fitted: the records that the circuit is fitted to.
-    branches: low-rate discharges and charges, none for another source.
-    axis_std: error of its SoC axis in the middle beyond the usual; notes: how it was found.
-    """
+    """The first curve and what is known of it."""
 
     curve: OcvCurve
+    #: where it comes from, "line" a straight line through a drive
     source: Literal["given", "low-rate", "rests", "chemistry", "line"]
-    fitted: tuple[Record, ...]
-    branches: tuple[OcvBranch, ...] = ()
-    axis_std: float = 0.0
+    fitted: tuple[Record, ...]  #: the records that the circuit is fitted to
+    branches: tuple[OcvBranch, ...] = ()  #: low-rate discharges and charges, none for another source
+    axis_std: float = 0.0  #: error of its SoC axis in the middle beyond the usual; notes: how it was found
     notes: tuple[Note, ...] = ()
 
     @property

@@ -25,26 +25,19 @@ _BRANCH_SOC = np.linspace(0.02, 0.98, 97)
 
 
 class FitSamples(NamedTuple):
-    """Samples of one record, (N,) each; values of an interval are those of the one that ends at the sample.
-
-    dt_s: length of the interval, 0 for the first; moved_Ah: its charge; mean_current_A: its mean current.
-    current_A: current at the sample; soc: state of charge there; soc_before: at the sample before.
-    voltage_V: measured, nan where it was not.
-    starts_at_rest: True where the record starts with a long rest, its overpotentials gone.
-    sample: index of each in the log.
-    """
+    """Samples of one record, (N,) each; values of an interval are those of the one that ends at the sample."""
 
     name: str
     time_s: np.ndarray
-    dt_s: np.ndarray
-    current_A: np.ndarray
+    dt_s: np.ndarray  #: length of the interval, 0 for the first; moved_Ah: its charge; mean_current_A: its mean current
+    current_A: np.ndarray  #: current at the sample; soc: state of charge there; soc_before: at the sample before
     mean_current_A: np.ndarray
     soc: np.ndarray
     soc_before: np.ndarray
     temperature_degC: np.ndarray
-    voltage_V: np.ndarray
-    starts_at_rest: bool
-    sample: np.ndarray
+    voltage_V: np.ndarray  #: measured, nan where it was not
+    starts_at_rest: bool  #: True where the record starts with a long rest, its overpotentials gone
+    sample: np.ndarray  #: index of each in the log
 
 
 def thin(record: Record, soc: np.ndarray, otherwise_degC: float = ROOM_DEGC) -> tuple[FitSamples, ...]:

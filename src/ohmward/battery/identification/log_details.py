@@ -20,21 +20,19 @@ from ohmward.battery.models.thevenin import Thevenin
 
 
 class LogDetails(NamedTuple):
-    """Stages of the identification on one log that the circuit was fitted to.
-
-    axis: its state of charge and the anchors of that; pulses; edges; relaxations; rests: ends of long rests.
-    parts: samples used by the fit, (N,) each, divided at gaps; simulated_V: voltage of the circuit along each.
-    gassing_V: from this voltage on the battery gases, which no circuit models; None where it never does.
-    """
+    """Stages of the identification on one log that the circuit was fitted to."""
 
     record: Record
-    axis: SocAxis
+    axis: SocAxis  #: its state of charge and the anchors of that; pulses; edges; relaxations; rests: ends of long rests
     pulses: tuple[Phase, ...]
     edges: tuple[Edge, ...]
     relaxations: tuple[Relaxation, ...]
     rests: tuple[RestPoint, ...]
+    #: samples used by the fit, (N,) each, divided at gaps; simulated_V: voltage of the circuit along each
     parts: tuple[FitSamples, ...]
+
     simulated_V: tuple[np.ndarray, ...]
+    #: from this voltage on the battery gases, which no circuit models; None where it never does
     gassing_V: float | None
 
     @property

@@ -35,23 +35,16 @@ _SMOOTHING_POINTS = 21
 
 
 class OcvBranch(NamedTuple):
-    """One low-rate discharge or charge on its own axis of SoC.
-
-    soc: (N,) state of charge, voltage_V: (N,) at it, both in order of time.
-    current_A: mean current, > 0 charges.
-    moved_Ah: charge of the whole branch, >= 0.
-    temperature_degC: median during the branch, or None.
-    complete: True where it runs from full to empty or back, and so defines the axis by itself.
-    """
+    """One low-rate discharge or charge on its own axis of SoC."""
 
     log_name: str
     direction: Literal["discharge", "charge"]
-    soc: np.ndarray
+    soc: np.ndarray  #: (N,) state of charge, voltage_V: (N,) at it, both in order of time
     voltage_V: np.ndarray
-    current_A: float
-    moved_Ah: float
-    temperature_degC: float | None
-    complete: bool
+    current_A: float  #: mean current, > 0 charges
+    moved_Ah: float  #: charge of the whole branch, >= 0
+    temperature_degC: float | None  #: median during the branch, or None
+    complete: bool  #: True where it runs from full to empty or back, and so defines the axis by itself
 
 
 def find_branches(record: Record, capacity_Ah: float, initial_soc: float | None = None) -> tuple[OcvBranch, ...]:

@@ -28,13 +28,10 @@ _LARGEST_DROP = 0.1
 
 
 class RestPoint(NamedTuple):
-    """Voltage at the end of a rest.
-
-    sample: index of the last sample of the rest; soc at it; voltage_V there; duration_s of the rest.
-    """
+    """Voltage at the end of a rest."""
 
     log_name: str
-    sample: int
+    sample: int  #: index of the last sample of the rest; soc at it; voltage_V there; duration_s of the rest
     soc: float
     voltage_V: float
     duration_s: float

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.open_loop import scan
-from ohmward.battery.identification.rc_samples import RcSamples
+from ohmward.battery.identification.rc_rule import RcSamples
 from ohmward.optional import require
 
 #: Samples further apart weigh no more: the model is wrong for as long as the current lasts.
@@ -37,19 +37,15 @@ _RATES = 40
 
 
 class VoltageFit(NamedTuple):
-    """The four numbers that the voltage of an RC model depends on, see the top of the file.
+    """The four numbers that the voltage of an RC model depends on, see the top of the file."""
 
-    start_V: (parts,) open-circuit voltage at the first sample of each part of the log.
-    capacitance_F: C_b + C_s.  r0_ohm, r1_ohm: R_0, R_1.  tau_s: 1 / w.
-    residual_V: (T,) measured minus fitted voltage; where a curve is known, the curve's is the fitted one.
-    """
-
-    start_V: np.ndarray
-    capacitance_F: float
+    start_V: np.ndarray  #: (parts,) open-circuit voltage at the first sample of each part of the log
+    capacitance_F: float  #: C_b + C_s
+    #: R_0, R_1
     r0_ohm: float
     r1_ohm: float
-    tau_s: float
-    residual_V: np.ndarray
+    tau_s: float  #: 1 / w
+    residual_V: np.ndarray  #: (T,) measured minus fitted voltage; where a curve is known, the curve's is the fitted one
 
     @property
     def numbers(self) -> tuple[float, float, float, float]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.battery.chemistries import CELL_V, chemistry_prior
 from ohmward.battery.identification.rc_fit import (
     LONGEST_TAU_S,
     VoltageFit,
@@ -18,11 +20,12 @@ from ohmward.battery.identification.rc_fit import (
 from ohmward.battery.identification.rc_rule import (
     FIRST_S,
     EdgeResponse,
+    RcSamples,
     TimeConstant,
     find_response,
     find_time_constant,
+    outside_long_charges,
 )
-from ohmward.battery.identification.rc_samples import RcSamples, outside_long_charges
 from ohmward.battery.identification.record import Record
 from ohmward.battery.identification.soc_axis import SocAxis
 from ohmward.battery.models import rc
@@ -30,9 +33,40 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.rc_elements import circuit_by_rule, circuit_of
-from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.battery.models.temperature import ROOM_DEGC, arrhenius_factor
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
+
+
+def with_activation(
+    found: RcIdentification, activation_K: float, noise: BatteryNoise, record_degC: float | None
+) -> RcIdentification:
+    """The RC model with an activation and the noise that belongs to it; its resistances at the curve's temperature.
+
+    noise: with the doubts of activation and open-circuit voltage.
+    record_degC: temperature of the record that it was identified from; None where that is unknown.
+    """
+    reference_degC = found.model.ocv.reference_degC
+    factor = 1.0 if record_degC is None else arrhenius_factor(record_degC, activation_K, reference_degC)
+    names = ("r_bulk_ohm", "r_surface_ohm", "r_terminal_ohm")
+    resistances = {name: getattr(found.model, name) / factor for name in names}
+    model = replace(found.model, activation_K=activation_K, **resistances)
+    own = replace(found.noise, activation_std_K=noise.activation_std_K, ocv_std_V_per_K=noise.ocv_std_V_per_K)
+    return found._replace(model=model, noise=own)
+
+
+def with_usual_activation(found: RcIdentification, chemistry: str, record_degC: float | None) -> RcIdentification:
+    """As `with_activation`, with what is usual for the chemistry, "" where that is unknown; half ohmic, half pairs."""
+    prior, volts = chemistry_prior(chemistry), float(np.mean(found.model.ocv.voltage_V)) / CELL_V
+    activation_K = 0.5 * (prior.activation_K.mean + prior.pair_activation_K.mean)
+    noise = BatteryNoise(activation_std_K=prior.activation_std_K, ocv_std_V_per_K=volts * prior.ocv_std_V_per_K)
+    sentence = (
+        f"activation of the resistances: {activation_K:.0f} ± {prior.activation_std_K:.0f} K was taken, as usual for "
+        f"{chemistry or 'batteries'}"
+    )
+    usual = with_activation(found, activation_K, noise, record_degC)
+    return usual._replace(not_identified=(*usual.not_identified, sentence))
+
 
 #: A log that moves SoC by less does not show the slope of its open-circuit voltage.
 _LEAST_SOC_RANGE = 0.05
@@ -59,28 +93,17 @@ _MEDIAN_OF_NORMAL = 0.6745
 
 
 class RcIdentification(NamedTuple):
-    """The RC model, the way to it, and the parameters that the log does not show.
+    """The RC model, the way to it, and the parameters that the log does not show."""
 
-    model: the result; `fit` turned into elements, or `rule` where the fit was not possible.
-    noise: what a filter on this model should assume: voltage noise, and model error along SoC.
-    rule: by [P]'s rule alone.
-    rule_rms_V: root mean square of the error that the rule's circuit leaves on the whole log.
-    response: of the voltage to the edges of the current.
-    tau: time constant by the rule.
-    fit: least squares on the whole log; None where it was not possible.
-    notes: what was done.
-    not_identified: what could not be identified, and why.
-    """
-
-    model: RcModel
-    noise: BatteryNoise
-    rule: RcModel
-    rule_rms_V: float
-    response: EdgeResponse
-    tau: TimeConstant
-    fit: VoltageFit | None
-    notes: tuple[str, ...]
-    not_identified: tuple[str, ...]
+    model: RcModel  #: the result; `fit` turned into elements, or `rule` where the fit was not possible
+    noise: BatteryNoise  #: what a filter on this model should assume: voltage noise, and model error along SoC
+    rule: RcModel  #: by [P]'s rule alone
+    rule_rms_V: float  #: root mean square of the error that the rule's circuit leaves on the whole log
+    response: EdgeResponse  #: of the voltage to the edges of the current
+    tau: TimeConstant  #: time constant by the rule
+    fit: VoltageFit | None  #: least squares on the whole log; None where it was not possible
+    notes: tuple[str, ...]  #: what was done
+    not_identified: tuple[str, ...]  #: what could not be identified, and why
 
 
 def rc_of_records(

@@ -21,15 +21,13 @@ _SETTLED_S = 600.0
 
 
 class Record(NamedTuple):
-    """A log with the charge of each interval, its phases and the kind of test.
-
-    came_from: direction of the charge that flowed unseen before the record, -1 discharge, 1 charge, 0 unknown.
-    """
+    """A log with the charge of each interval, its phases and the kind of test."""
 
     log: Log
     charge: ChargeIntegral
     phases: tuple[Phase, ...]
     test: Test
+    #: direction of the charge that flowed unseen before the record, -1 discharge, 1 charge, 0 unknown
     came_from: int = 0
 
     @property

@@ -27,33 +27,26 @@ _RIDGE = 1e-12
 
 
 class ExponentialFit(NamedTuple):
-    """Sum of exponentials through one rest.
+    """Sum of exponentials through one rest."""
 
-    v_inf_V: voltage [V] that it tends to; amplitude_V, tau_s: (n,) of each; rms_V: of the residual;
-    aic: Akaike's criterion, smaller is better; voltage_V: (N,) along the rest.
-    """
-
-    v_inf_V: float
+    v_inf_V: float  #: voltage [V] that it tends to; amplitude_V, tau_s: (n,) of each; rms_V: of the residual;
     amplitude_V: tuple[float, ...]
     tau_s: tuple[float, ...]
     rms_V: float
-    aic: float
+    aic: float  #: Akaike's criterion, smaller is better; voltage_V: (N,) along the rest
     voltage_V: np.ndarray
 
 
 class Relaxation(NamedTuple):
-    """A rest after a current, and its fits.
-
-    time_s: (N,) since the start of the rest, voltage_V: (N,) measured; before_A: the current before;
-    single, double: fits with one and with two time constants.
-    """
+    """A rest after a current, and its fits."""
 
     log_name: str
     first: int
     soc: float
     before_A: float
-    time_s: np.ndarray
+    time_s: np.ndarray  #: (N,) since the start of the rest, voltage_V: (N,) measured; before_A: the current before;
     voltage_V: np.ndarray
+    #: fits with one and with two time constants
     single: ExponentialFit
     double: ExponentialFit
 

@@ -35,18 +35,13 @@ Test = Literal["low-rate", "pulses", "dynamic"]
 
 
 class Phase(NamedTuple):
-    """Samples first ... last (both included) of one kind of current.
+    """Samples first ... last (both included) of one kind of current."""
 
-    kind: "rest", "constant" or "varying" current.
-    current_A: its mean, > 0 charges.
-    duration_s: from the first to the last sample.
-    """
-
-    kind: Literal["rest", "constant", "varying"]
+    kind: Literal["rest", "constant", "varying"]  #: "rest", "constant" or "varying" current
     first: int
     last: int
-    current_A: float
-    duration_s: float
+    current_A: float  #: its mean, > 0 charges
+    duration_s: float  #: from the first to the last sample
 
 
 def find_phases(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> tuple[Phase, ...]:

@@ -63,16 +63,12 @@ class AxisAnchor(NamedTuple):
 
 
 class SocAxis(NamedTuple):
-    """State of charge along a record.
+    """State of charge along a record."""
 
-    soc: (T,); anchors: those it is tied to; efficiency: share of the charging current that is stored;
-    notes: for the user.
-    """
-
-    soc: np.ndarray
+    soc: np.ndarray  #: (T,); anchors: those it is tied to; efficiency: share of the charging current that is stored;
     anchors: tuple[AxisAnchor, ...]
     efficiency: float
-    notes: tuple[Note, ...]
+    notes: tuple[Note, ...]  #: for the user
 
     @property
     def std(self) -> float:

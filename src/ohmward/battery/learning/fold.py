@@ -1,6 +1,15 @@
 """Fold what was learnt into a battery file: means into the model, widths into the noise, with floors.
 
 A log cannot make a file surer than the model is good: no width falls below a floor, however many logs agree.
+
+Resistance to a pulse, as testers of batteries measure it and people quote it.
+
+After a rest a current I of one capacity per hour flows for t = 10 s:
+
+    R = (f(R_0 I) R_0 I + sum R_j (1 - exp(-t / tau_j)) I + (I t / Q) dOCV/ds) / I
+
+f is the share of the ohmic drop that the transfer of charge leaves at this current (`models.thevenin`). The last term
+is what the charge drawn moves the open-circuit voltage: a tester's voltage falls by it as well.
 """
 
 from __future__ import annotations
@@ -17,8 +26,7 @@ from ohmward.battery.identification.circuit_prior import LFP_WITHOUT_LOW_RATE_V
 from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD, beyond_axis_V
 from ohmward.battery.identification.ocv_from_low_rate import monotone
 from ohmward.battery.knowledge import Knowledge, SeenLog
-from ohmward.battery.learning.curve_place import CurvePlace, file_charge, true_soc
-from ohmward.battery.learning.open_circuit import OpenCircuit
+from ohmward.battery.learning.open_circuit import CurvePlace, OpenCircuit, file_charge, true_soc
 from ohmward.battery.learning.parameters import (
     ENTROPY_KNOTS,
     OCV_KNOTS,
@@ -27,12 +35,32 @@ from ohmward.battery.learning.parameters import (
     mean_slope_V,
     parameters_of,
 )
-from ohmward.battery.learning.pulse_resistance import pulse_ohm
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import BatteryNoise, on_soc_grid
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc_elements import rc_of_thevenin
 from ohmward.battery.models.slip import slip_shape
-from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.models.thevenin import Thevenin, transfer_share
+from ohmward.logs.log import SECONDS_PER_HOUR
+
+#: Duration of the pulse [s], and the state of charge before the one that is quoted.
+PULSE_S, _HALF = 10.0, 0.5
+
+
+def pulse_ohm(model: Thevenin) -> float:
+    """Resistance [ohm] to ten seconds of 1 C at half charge and the temperature of the file."""
+    return float(pulse_ohm_along(model, np.array([_HALF]))[0])
+
+
+def pulse_ohm_along(model: Thevenin, soc: np.ndarray) -> np.ndarray:
+    """Resistance [ohm] to ten seconds of 1 C at these states of charge and the temperature of the file."""
+    current_A = model.capacity_Ah
+    ohm = np.asarray(on_soc_grid(model.r0_discharge_ohm, soc))
+    if model.transfer_V is not None:
+        ohm = ohm * np.asarray(transfer_share(ohm * current_A / model.transfer_V))
+    for row, tau_s in zip(model.r_ohm, model.tau_s, strict=True):
+        ohm = ohm + np.asarray(on_soc_grid(row, soc)) * (1.0 - np.exp(-PULSE_S / tau_s))
+    return ohm + mean_slope_V(model.ocv, soc) * PULSE_S / SECONDS_PER_HOUR / current_A
+
 
 #: The error of the model that stays with SoC is this at least [V], for each CELL_V of the battery, and its length.
 MODEL_STD_V, _MODEL_LENGTH = 0.005, 0.1

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.knowledge import Knowledge, SeenLog
 from ohmward.battery.learning.capacity_marginal import with_capacity
@@ -31,8 +31,8 @@ from ohmward.battery.learning.fold import (
     resistance_normal,
     slip_direction,
 )
+from ohmward.battery.learning.known import untaught_sentences
 from ohmward.battery.learning.lesson import Lesson, narrowed, taught
-from ohmward.battery.learning.new_parts import new_parts
 from ohmward.battery.learning.nuisances import nuisance_covariance
 from ohmward.battery.learning.own_share import OwnShares, combined, own_shares
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
@@ -50,10 +50,8 @@ from ohmward.battery.learning.same_battery import (
 )
 from ohmward.battery.learning.samples import Samples, samples_of
 from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve
-from ohmward.battery.learning.start import likely_starts
+from ohmward.battery.learning.start import likely_starts, new_parts, prior_of_age
 from ohmward.battery.learning.told_soc import full_at_start, soc_anchors, span_of, told_at_start
-from ohmward.battery.learning.unknown_age import prior_of_age
-from ohmward.battery.learning.untaught import untaught_sentences
 from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD
 from ohmward.battery.soc.anchors import Anchor, find_anchors
@@ -106,8 +104,9 @@ def learn(
     progress: called with the name of each log and the share of them that is done.
 
     Raises:
-        InputError: the battery has no Thevenin model.
+        InputError: the battery has no Thevenin model, or is none.
     """
+    require_battery(battery)
     logs = as_logs(logs)
     lessons = []
     for k, log in enumerate(logs):

@@ -13,45 +13,33 @@ from ohmward.battery.soc.anchors import Anchor
 
 
 class Lesson(NamedTuple):
-    """Lesson of one log.
+    """Lesson of one log."""
 
-    log: its name.
-    verdict: "learnt", "set aside" or "seen".
-    reason: why it was set aside, or what it taught, in a sentence.
-    hours: its length.
-    soc_min, soc_max: range of SoC in it.
-    capacity_Ah, resistance_ohm, offset_A: what is known after this log; the resistance to ten seconds of 1 C at half
-        charge and the temperature of the file.
-    information: by what factor the standard deviation of each group of parameters narrowed, by its name.
-    residual_rms_V: measured minus expected voltage.
-    misfit: factor by which the squares of these errors exceed what the file expects of them, at least 1.
-    soc_start, soc_end: SoC at the first and the last sample.
-    own_capacity_Ah, own_resistance_ohm: what this log alone says of them, all other parameters as they are known after
-        it; the standard deviation is inf where it says nothing.
-    given_Ah: charge from full down to the lowest SoC of the log.
-    anchors: what told SoC beside the voltage.
-    left_out: stretches and samples of the log that were not used, and why.
-    """
-
-    log: str
-    verdict: str
-    reason: str
-    hours: float
+    log: str  #: its name
+    verdict: str  #: "learnt", "set aside" or "seen"
+    reason: str  #: why it was set aside, or what it taught, in a sentence
+    hours: float  #: its length
+    #: range of SoC in it
     soc_min: float
     soc_max: float
+    #: what is known after this log; the resistance to ten seconds of 1 C at half charge and the temperature of the file
     capacity_Ah: Normal
     resistance_ohm: Normal
     offset_A: Normal
+    #: by what factor the standard deviation of each group of parameters narrowed, by its name
     information: Mapping[str, float]
-    residual_rms_V: float
-    misfit: float
+    residual_rms_V: float  #: measured minus expected voltage
+    misfit: float  #: factor by which the squares of these errors exceed what the file expects of them, at least 1
+    #: SoC at the first and the last sample
     soc_start: Normal
     soc_end: Normal
+    #: what this log alone says of them, all other parameters as they are known after it; the standard deviation is inf
+    #: where it says nothing
     own_capacity_Ah: Normal
     own_resistance_ohm: Normal
-    given_Ah: Normal
-    anchors: tuple[Anchor, ...] = ()
-    left_out: tuple[str, ...] = ()
+    given_Ah: Normal  #: charge from full down to the lowest SoC of the log
+    anchors: tuple[Anchor, ...] = ()  #: what told SoC beside the voltage
+    left_out: tuple[str, ...] = ()  #: stretches and samples of the log that were not used, and why
 
 
 def narrowed(p: Parameters, before: np.ndarray, after: np.ndarray) -> dict[str, float]:

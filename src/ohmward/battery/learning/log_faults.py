@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.learning.pulse_resistance import pulse_ohm
+from ohmward.battery.learning.fold import pulse_ohm
 from ohmward.battery.log_check import (
     MEDIAN_OF,
     REST_C,
@@ -17,9 +17,8 @@ from ohmward.battery.log_check import (
     moving_rests,
     other_cells,
 )
-from ohmward.battery.soc.clean_sample import COLDEST_DEGC, HOTTEST_DEGC
 from ohmward.errors import InputError
-from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
+from ohmward.logs.log import COLDEST_DEGC, HOTTEST_DEGC, SECONDS_PER_HOUR, Log, Note
 from ohmward.logs.sign import resolution, sign_evidence
 from ohmward.runs import runs
 

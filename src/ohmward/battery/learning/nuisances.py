@@ -31,13 +31,12 @@ class Nuisances(NamedTuple):
     soc: the SoC at the start; jumps: changes of SoC that no current shows; offsets: changes of the sensor's offset.
     pairs: (n, segments) voltages of the RC pairs at the start and after every gap; hysteresis: its state there.
     misfit: error of the voltage [V] of this log on MISFIT_KNOTS.
-    offset_from_s: times at which the offset changes.
     """
 
     segments: int
     n_pairs: int
     n_jumps: int
-    offset_from_s: np.ndarray
+    offset_from_s: np.ndarray  #: times at which the offset changes
     has_hysteresis: bool
 
     @property

@@ -30,17 +30,13 @@ _SAYS_NOTHING = Normal(float("nan"), float("inf"))
 
 
 class OwnShares(NamedTuple):
-    """Statements of a part of a log by itself.
+    """Statements of a part of a log by itself."""
 
-    capacity_Ah, resistance_ohm: with std inf where it says nothing.
-    lowest_soc: of the part.
-    given_Ah: charge D = Q (1 - s) from full down to it, in which errors of Q and s cancel.
-    """
-
+    #: with std inf where it says nothing
     capacity_Ah: Normal
     resistance_ohm: Normal
-    lowest_soc: float
-    given_Ah: Normal
+    lowest_soc: float  #: of the part
+    given_Ah: Normal  #: charge D = Q (1 - s) from full down to it, in which errors of Q and s cancel
 
 
 def own_shares(model: VoltageModel, prior: Normals, found: Solution, after: Battery) -> OwnShares:

@@ -75,14 +75,10 @@ class Group(NamedTuple):
 
 
 class Parameters(NamedTuple):
-    """The parameters of a battery in their order.
+    """The parameters of a battery in their order."""
 
-    sizes: number of each group, by its name; 0 for one that the file does not doubt.
-    names: (K,) of the parameters.
-    """
-
-    sizes: Mapping[str, int]
-    names: tuple[str, ...]
+    sizes: Mapping[str, int]  #: number of each group, by its name; 0 for one that the file does not doubt
+    names: tuple[str, ...]  #: (K,) of the parameters
 
     @property
     def size(self) -> int:

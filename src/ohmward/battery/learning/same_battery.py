@@ -48,18 +48,15 @@ _UNEXPLAINED, _MISFITS = 12.0, 3.0
 
 
 class LogFindings(NamedTuple):
-    """LogFindings of a file or of a log about the battery.
+    """LogFindings of a file or of a log about the battery."""
 
-    capacity_Ah, resistance_ohm: the resistance to ten seconds of 1 C.
-    offset_A: of the current sensor.
-    rms_V: of the errors of the voltage.  misfit: factor by which their squares exceed what was expected.
-    """
-
+    #: the resistance to ten seconds of 1 C
     capacity_Ah: Normal
     resistance_ohm: Normal
-    offset_A: Normal
+    offset_A: Normal  #: of the current sensor
+    #: of the errors of the voltage
     rms_V: float = 0.0
-    misfit: float = 1.0
+    misfit: float = 1.0  #: factor by which their squares exceed what was expected
 
     @property
     def of_battery(self) -> tuple[Normal, Normal]:

@@ -61,32 +61,22 @@ class DeclaredRest(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Samples of a part of a log, (T,) each; values of an interval are those of the one that ends at the sample.
-
-    dt_s: length of the interval, 0 for the first and after a gap.
-    moved_Ah: its charge by the sensor, > 0 charges; mean_current_A: its mean current.
-    current_A, temperature_degC: at the sample.
-    voltage_V: measured, nan where it was not, or where the battery gases.
-    gaps: indices of the first samples after a gap.
-    jumps: changes of SoC that the current does not show, gaps among them.
-    rests: rests whose true current the battery file declares.
-    rows: (N,) indices of the samples whose voltage is compared.
-    row_s: time for which each of them stands [s].
-    """
+    """Samples of a part of a log, (T,) each; values of an interval are those of the one that ends at the sample."""
 
     name: str
     time_s: np.ndarray
-    dt_s: np.ndarray
-    moved_Ah: np.ndarray
+    dt_s: np.ndarray  #: length of the interval, 0 for the first and after a gap
+    moved_Ah: np.ndarray  #: its charge by the sensor, > 0 charges; mean_current_A: its mean current
     mean_current_A: np.ndarray
+    #: at the sample
     current_A: np.ndarray
     temperature_degC: np.ndarray
-    voltage_V: np.ndarray
-    gaps: np.ndarray
-    jumps: tuple[Jump, ...]
-    rests: tuple[DeclaredRest, ...]
-    rows: np.ndarray
-    row_s: float
+    voltage_V: np.ndarray  #: measured, nan where it was not, or where the battery gases
+    gaps: np.ndarray  #: indices of the first samples after a gap
+    jumps: tuple[Jump, ...]  #: changes of SoC that the current does not show, gaps among them
+    rests: tuple[DeclaredRest, ...]  #: rests whose true current the battery file declares
+    rows: np.ndarray  #: (N,) indices of the samples whose voltage is compared
+    row_s: float  #: time for which each of them stands [s]
 
     @property
     def hours(self) -> float:

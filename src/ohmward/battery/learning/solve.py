@@ -74,15 +74,12 @@ class Solution(NamedTuple):
 
 
 class _Rows(NamedTuple):
-    """A linear least-squares problem about a point: weighted residuals (R,), derivatives (R, n) and their cost.
-
-    prediction: at the point.
-    """
+    """A linear least-squares problem about a point: weighted residuals (R,), derivatives (R, n) and their cost."""
 
     residual: np.ndarray
     columns: np.ndarray
     cost: float
-    prediction: VoltagePrediction
+    prediction: VoltagePrediction  #: at the point
 
 
 def solve(

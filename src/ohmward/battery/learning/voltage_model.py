@@ -22,9 +22,8 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.identification.open_loop import scan
-from ohmward.battery.learning.curve_place import true_soc
 from ohmward.battery.learning.nuisances import MISFIT_KNOTS, Nuisances, hours_since, nuisances_of
-from ohmward.battery.learning.open_circuit import OpenCircuit
+from ohmward.battery.learning.open_circuit import OpenCircuit, true_soc
 from ohmward.battery.learning.parameters import (
     RESISTANCE_KNOTS,
     Parameters,
@@ -48,31 +47,21 @@ _HYSTERESIS_STEP = 0.5
 
 
 class VoltagePrediction(NamedTuple):
-    """Voltage and SoC in the rows of a part.
+    """Voltage and SoC in the rows of a part."""
 
-    soc: (N,) charge c, SoC by the capacity of the file.
-    voltage_V: (N,); over_V2: (N,) sum of the squares of the overpotentials [V^2].
-    voltage_columns: (N, K + M) derivatives by the parameters, then by the nuisances.
-    soc_anywhere: (T,) SoC at every sample.
-    """
-
-    soc: np.ndarray
-    voltage_V: np.ndarray
+    soc: np.ndarray  #: (N,) charge c, SoC by the capacity of the file
+    voltage_V: np.ndarray  #: (N,); over_V2: (N,) sum of the squares of the overpotentials [V^2]
     over_V2: np.ndarray
-    voltage_columns: np.ndarray
-    soc_anywhere: np.ndarray
+    voltage_columns: np.ndarray  #: (N, K + M) derivatives by the parameters, then by the nuisances
+    soc_anywhere: np.ndarray  #: (T,) SoC at every sample
 
 
 class CircuitVoltage(NamedTuple):
-    """Overpotentials and hysteresis in the rows.
+    """Overpotentials and hysteresis in the rows."""
 
-    voltage_V: (N,) their sum; over_V2: (N,) sum of the squares of the overpotentials [V^2].
-    columns: (N, K + M) derivatives.
-    """
-
-    voltage_V: np.ndarray
+    voltage_V: np.ndarray  #: (N,) their sum; over_V2: (N,) sum of the squares of the overpotentials [V^2]
     over_V2: np.ndarray
-    columns: np.ndarray
+    columns: np.ndarray  #: (N, K + M) derivatives
 
 
 class LinearCircuit(NamedTuple):
@@ -88,15 +77,12 @@ class LinearCircuit(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class VoltageModel:
-    """The voltage along a part of a log as a function of the unknowns.
+    """The voltage along a part of a log as a function of the unknowns."""
 
-    battery: as its file has it; samples: of the part; rows: (N,) indices of the samples that are looked at.
-    about: overpotentials and hysteresis, linear about a point; None computes them anew for all unknowns.
-    """
-
-    battery: Battery
+    battery: Battery  #: as its file has it; samples: of the part; rows: (N,) indices of the samples that are looked at
     samples: Samples
     rows: np.ndarray
+    #: overpotentials and hysteresis, linear about a point; None computes them anew for all unknowns
     about: LinearCircuit | None = None
 
     @cached_property

@@ -50,41 +50,30 @@ def walk_variance(std: Scalar, period_s: float, dt_s: Scalar) -> Scalar:
 
 @dataclass(frozen=True)
 class BatteryNoise:
-    """Standard deviations, never variances. The error of a battery model is not white: it stays as long as SoC does.
+    """Standard deviations, never variances. The error of a battery model is not white: it stays as long as SoC does."""
 
-    Attributes:
-        voltage_std_V: white noise of the voltage sensor and of what the model leaves unexplained from sample to sample.
-        model_std_V: (M,) standard deviation of the model's voltage error on a uniform grid of SoC from 0 to 1; it is
-            large where the identification had no data.
-        model_soc_length: correlation length of that error, as a change of SoC.
-        overpotential_share: relative error of the overpotential; one number, or (M,) on a uniform grid of SoC.
-        soc_axis_std: error of the SoC axis of the OCV curve.
-        correlation_s: correlation time of the errors that depend on current; samples further apart are independent.
-        capacity_std: relative error of the capacity.
-        capacity_walk: random walk of that error in 1000 hours.
-        resistance_std: relative error of all resistances together.
-        resistance_walk: random walk of that error in 100 hours.
-        activation_std_K: error of all activation temperatures together: R grows by exp(error (1/T - 1/T_reference)).
-        empty_activation_std_K: error of the activation of the RC pairs towards empty, see `thevenin.emptiness`.
-        hysteresis_std: relative error of the hysteresis of the OCV curve.
-        ocv_std_V_per_K: error of the OCV curve for every degree from its reference temperature.
-        ocv_slip_std: error of the share of a loss of capacity by which the electrodes slip, `ocv_slip` of the model.
-    """
-
+    #: white noise of the voltage sensor and of what the model leaves unexplained from sample to sample
     voltage_std_V: float = 0.005
+    #: (M,) standard deviation of the model's voltage error on a uniform grid of SoC from 0 to 1; it is large where the
+    #: identification had no data
     model_std_V: tuple[float, ...] = (0.008, 0.008)
-    model_soc_length: float = 0.1
+    model_soc_length: float = 0.1  #: correlation length of that error, as a change of SoC
+    #: relative error of the overpotential; one number, or (M,) on a uniform grid of SoC
     overpotential_share: float | tuple[float, ...] = 0.05
-    soc_axis_std: float = 0.01
+    soc_axis_std: float = 0.01  #: error of the SoC axis of the OCV curve
+    #: correlation time of the errors that depend on current; samples further apart are independent
     correlation_s: float = 200.0
-    capacity_std: float = 0.01
-    capacity_walk: float = 0.01
-    resistance_std: float = 0.05
-    resistance_walk: float = 0.05
+    capacity_std: float = 0.01  #: relative error of the capacity
+    capacity_walk: float = 0.01  #: random walk of that error in 1000 hours
+    resistance_std: float = 0.05  #: relative error of all resistances together
+    resistance_walk: float = 0.05  #: random walk of that error in 100 hours
+    #: error of all activation temperatures together: R grows by exp(error (1/T - 1/T_reference))
     activation_std_K: float = 0.0
+    #: error of the activation of the RC pairs towards empty, see `thevenin.emptiness`
     empty_activation_std_K: float = 0.0
-    hysteresis_std: float = 0.0
-    ocv_std_V_per_K: float = 0.0
+    hysteresis_std: float = 0.0  #: relative error of the hysteresis of the OCV curve
+    ocv_std_V_per_K: float = 0.0  #: error of the OCV curve for every degree from its reference temperature
+    #: error of the share of a loss of capacity by which the electrodes slip, `ocv_slip` of the model
     ocv_slip_std: float = 0.5
 
     def __post_init__(self) -> None:

@@ -18,19 +18,15 @@ class OcvCurve:
     """Open-circuit voltage on a uniform grid of SoC from 0 to 1, ends included.
 
     Between the points it is a monotone cubic or straight, beyond the ends a straight line with the end slope.
-
-    Attributes:
-        voltage_V: (K,) mean of the charge and the discharge branch at the reference temperature, non-decreasing.
-        hysteresis_V: (K,) half the distance of the fully developed charge and discharge branches, >= 0.
-        temperature_V_per_K: (K,) change of voltage_V with temperature.
-        reference_degC: temperature at which voltage_V holds.
-        interpolation: between the points; None is "hermite", the monotone cubic, "linear" a straight line.
     """
 
+    #: (K,) mean of the charge and the discharge branch at the reference temperature, non-decreasing
     voltage_V: tuple[float, ...]
+    #: (K,) half the distance of the fully developed charge and discharge branches, >= 0
     hysteresis_V: tuple[float, ...] = ()
-    temperature_V_per_K: tuple[float, ...] = ()
-    reference_degC: float = ROOM_DEGC
+    temperature_V_per_K: tuple[float, ...] = ()  #: (K,) change of voltage_V with temperature
+    reference_degC: float = ROOM_DEGC  #: temperature at which voltage_V holds
+    #: between the points; None is "hermite", the monotone cubic, "linear" a straight line
     interpolation: Literal["hermite", "linear"] | None = None
 
     def __post_init__(self) -> None:

@@ -22,16 +22,11 @@ _WITHIN = 16
 
 
 class OnLines(NamedTuple):
-    """A curve on lines.
+    """A curve on lines."""
 
-    ocv: the curve.
-    error_V: largest difference of its mean to the original, from SoC 0 to 1.
-    lines: their number; 0 where the original takes less memory.
-    """
-
-    ocv: OcvCurve
-    error_V: float
-    lines: int
+    ocv: OcvCurve  #: the curve
+    error_V: float  #: largest difference of its mean to the original, from SoC 0 to 1
+    lines: int  #: their number; 0 where the original takes less memory
 
 
 def on_lines(ocv: OcvCurve, error_V: float) -> OnLines:

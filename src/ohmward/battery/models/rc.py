@@ -43,41 +43,32 @@ STATE_NAMES_WITH_VOLTAGE = (*STATE_NAMES, "terminal_V")
 
 
 class Circuit(NamedTuple):
-    """The five elements of the circuit, floats or traced scalars; the parameters `p` of every function here.
+    """The five elements of the circuit, floats or traced scalars; the parameters `p` of every function here."""
 
-    c_bulk_F, c_surface_F: capacitances C_b, C_s [F].
-    r_bulk_ohm, r_surface_ohm: resistances R_b, R_s in front of them [ohm].
-    r_terminal_ohm: resistance R_t in front of both [ohm].
-    """
-
+    #: capacitances C_b, C_s [F]
     c_bulk_F: Any
     c_surface_F: Any
+    #: resistances R_b, R_s in front of them [ohm]
     r_bulk_ohm: Any
     r_surface_ohm: Any
-    r_terminal_ohm: Any
+    r_terminal_ohm: Any  #: resistance R_t in front of both [ohm]
 
 
 @dataclass(frozen=True)
 class RcModel:
-    """Parameters of the RC model of one cell or pack, and the curve that links it to state of charge.
+    """Parameters of the RC model of one cell or pack, and the curve that links it to state of charge."""
 
-    Attributes:
-        c_bulk_F, c_surface_F: capacitances [F], > 0.
-        r_bulk_ohm, r_surface_ohm: resistances in front of the capacitors [ohm], > 0.
-        r_terminal_ohm: resistance in front of both [ohm], > 0.
-        ocv: open-circuit voltage of the same cell or pack.
-        capacity_Ah: charge between full and empty, > 0.
-        activation_K: the resistances grow with exp(activation_K (1/T - 1/T_reference)), the reference being that of the
-            curve; with the capacitances the time constant grows as much.
-    """
-
+    #: capacitances [F], > 0
     c_bulk_F: float
     c_surface_F: float
+    #: resistances in front of the capacitors [ohm], > 0
     r_bulk_ohm: float
     r_surface_ohm: float
-    r_terminal_ohm: float
-    ocv: OcvCurve
-    capacity_Ah: float
+    r_terminal_ohm: float  #: resistance in front of both [ohm], > 0
+    ocv: OcvCurve  #: open-circuit voltage of the same cell or pack
+    capacity_Ah: float  #: charge between full and empty, > 0
+    #: the resistances grow with exp(activation_K (1/T - 1/T_reference)), the reference being that of the curve; with
+    #: the capacitances the time constant grows as much
     activation_K: float = 0.0
 
     def __post_init__(self) -> None:

@@ -21,21 +21,13 @@ MOST_OFFSET = 3.0
 
 @dataclass(frozen=True)
 class CurrentSensor:
-    """Standard deviations of a current sensor, from its data sheet where there is one, and its offset as logs show it.
+    """Standard deviations of a current sensor, from its data sheet if it has one, and its offset as logs show it."""
 
-    Attributes:
-        noise_std_A: white noise, of samples 1 s apart.
-        offset_std_A: error of `offset_A`.
-        offset_walk_A: random walk of the offset in one hour.
-        gain_std: relative error of the gain.
-        offset_A: reading at zero current; 0 where nothing is known of it.
-    """
-
-    noise_std_A: float = 0.05
-    offset_std_A: float = 0.05
-    offset_walk_A: float = 0.002
-    gain_std: float = 0.01
-    offset_A: float = 0.0
+    noise_std_A: float = 0.05  #: white noise, of samples 1 s apart
+    offset_std_A: float = 0.05  #: error of `offset_A`
+    offset_walk_A: float = 0.002  #: random walk of the offset in one hour
+    gain_std: float = 0.01  #: relative error of the gain
+    offset_A: float = 0.0  #: reading at zero current; 0 where nothing is known of it
 
     def __post_init__(self) -> None:
         require_each_not_negative("sensor.", self, "noise_std_A", "offset_std_A", "offset_walk_A", "gain_std")

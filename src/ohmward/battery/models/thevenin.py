@@ -51,48 +51,33 @@ AS_IDENTIFIED = StateOfHealth()
 
 @dataclass(frozen=True)
 class Thevenin:
-    """Parameters of the Thevenin model. Resistances stand on a uniform grid of SoC from 0 to 1, ends included.
+    """Parameters of the Thevenin model. Resistances stand on a uniform grid of SoC from 0 to 1, ends included."""
 
-    Attributes:
-        capacity_Ah: charge between full and empty, > 0.
-        ocv: the open-circuit voltage of the same cell or pack.
-        r0_discharge_ohm, r0_charge_ohm: (M,) ohmic resistance by direction of the current.
-        r_ohm: (n, M) resistance of each RC pair.
-        tau_s: (n,) time constant of each RC pair, increasing.
-        hysteresis_rate: gamma; the hysteresis state follows a full change of SoC with 1/gamma.
-        coulombic_efficiency: share of the charging current that is stored.
-        activation_K: the ohmic resistance grows with exp(activation_K (1/T - 1/T_reference)).
-        reference_degC: temperature at which resistances and time constants hold.
-        pair_activation_K: the same of the resistances of the RC pairs; None is as activation_K.
-        tau_activation_K: the same of the time constants.
-        empty_activation_K: activation of the RC pairs at empty beyond pair_activation_K, see `emptiness`.
-        gassing_V: terminal voltage above which part of a charge makes gas, so that the voltage, then and until the
-            surface charge is gone, tells nothing about SoC; None for a battery that makes none.
-        transfer_V: an ohmic drop beyond this grows only as its logarithm, as charge transfer does; None for a drop in
-            proportion to the current.
-        ocv_slip: share of a loss of capacity by which the electrodes slip, see `slip`; 0 keeps the curve as it is.
-        net_charge_hysteresis: True where the hysteresis follows the net charge, False where it follows the throughput.
-        hysteresis_activation_K: the hysteresis voltage grows with the same factor; 0 for none.
-    """
-
-    capacity_Ah: float
-    ocv: OcvCurve
+    capacity_Ah: float  #: charge between full and empty, > 0
+    ocv: OcvCurve  #: the open-circuit voltage of the same cell or pack
+    #: (M,) ohmic resistance by direction of the current
     r0_discharge_ohm: tuple[float, ...]
     r0_charge_ohm: tuple[float, ...]
-    r_ohm: tuple[tuple[float, ...], ...]
-    tau_s: tuple[float, ...]
-    hysteresis_rate: float = 20.0
-    coulombic_efficiency: float = 1.0
-    activation_K: float = 0.0
-    reference_degC: float = ROOM_DEGC
-    pair_activation_K: float | None = None
-    tau_activation_K: float = 0.0
-    empty_activation_K: float = 0.0
+    r_ohm: tuple[tuple[float, ...], ...]  #: (n, M) resistance of each RC pair
+    tau_s: tuple[float, ...]  #: (n,) time constant of each RC pair, increasing
+    hysteresis_rate: float = 20.0  #: gamma; the hysteresis state follows a full change of SoC with 1/gamma
+    coulombic_efficiency: float = 1.0  #: share of the charging current that is stored
+    activation_K: float = 0.0  #: the ohmic resistance grows with exp(activation_K (1/T - 1/T_reference))
+    reference_degC: float = ROOM_DEGC  #: temperature at which resistances and time constants hold
+    pair_activation_K: float | None = None  #: the same of the resistances of the RC pairs; None is as activation_K
+    tau_activation_K: float = 0.0  #: the same of the time constants
+    empty_activation_K: float = 0.0  #: activation of the RC pairs at empty beyond pair_activation_K, see `emptiness`
+    #: terminal voltage above which part of a charge makes gas, so that the voltage, then and until the surface charge
+    #: is gone, tells nothing about SoC; None for a battery that makes none
     gassing_V: float | None = None
+    #: an ohmic drop beyond this grows only as its logarithm, as charge transfer does; None for a drop in proportion to
+    #: the current
     transfer_V: float | None = None
+    #: share of a loss of capacity by which the electrodes slip, see `slip`; 0 keeps the curve as it is
     ocv_slip: float = 0.0
+    #: True where the hysteresis follows the net charge, False where it follows the throughput
     net_charge_hysteresis: bool = False
-    hysteresis_activation_K: float = 0.0
+    hysteresis_activation_K: float = 0.0  #: the hysteresis voltage grows with the same factor; 0 for none
 
     def __post_init__(self) -> None:
         require_positive("thevenin.capacity_Ah", self.capacity_Ah)

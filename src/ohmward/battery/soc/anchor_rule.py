@@ -77,26 +77,19 @@ _POINTS = 257
 
 
 class AnchorMemory(NamedTuple):
-    """Memory between two samples, plain numbers.
+    """Memory between two samples, plain numbers."""
 
-    limit_V: voltage at which it began to stand still; held_s: time since then.
-    peak_A: largest charging current since then.
-    discharged, charged: charge taken out since the last full charge, put in since the last cut-off, over the capacity,
-        at most 1.
-    load_A: current of the sample before where it was a load, else 0.
-    peak_load_A: strongest load, fading with the slowest RC pair, so that what it left in the pairs is no empty battery.
-    low_s: time for which its voltage has been that of a cut-off, less that for which it has not.
-    low_soc, low_std: state of charge of that cut-off.
-    """
-
-    limit_V: Any = 0.0
+    limit_V: Any = 0.0  #: voltage at which it began to stand still; held_s: time since then
     held_s: Any = 0.0
-    peak_A: Any = 0.0
+    peak_A: Any = 0.0  #: largest charging current since then
+    #: charge taken out since the last full charge, put in since the last cut-off, over the capacity, at most 1
     discharged: Any = 1.0
     charged: Any = 1.0
-    load_A: Any = 0.0
+    load_A: Any = 0.0  #: current of the sample before where it was a load, else 0
+    #: strongest load, fading with the slowest RC pair, so that what it left in the pairs is no empty battery
     peak_load_A: Any = 0.0
-    low_s: Any = 0.0
+    low_s: Any = 0.0  #: time for which its voltage has been that of a cut-off, less that for which it has not
+    #: state of charge of that cut-off
     low_soc: Any = 0.0
     low_std: Any = 1.0
 
@@ -128,12 +121,9 @@ class SocNormal(NamedTuple):
 
 @dataclass(frozen=True)
 class AnchorRule:
-    """Settings; `step` is a pure function of them.
+    """Settings; `step` is a pure function of them."""
 
-    Attributes:
-        model, noise, sensor: of the battery.
-    """
-
+    #: of the battery
     model: Thevenin
     noise: BatteryNoise
     sensor: CurrentSensor

@@ -31,25 +31,20 @@ _CURRENT_LIMIT_C = 20.0
 
 
 class Anchor(NamedTuple):
-    """Event that tells the state of charge.
+    """Event that tells the state of charge."""
 
-    kind: a full charge, the cut-off of a load at empty, or a long rest. The first two are what charger and protection
-        define, beyond what the voltage says; a rest says through the curve what its voltage says, and no more.
-    time_s: in the log [s]; sample: the index there.
-    soc, soc_std: state of charge and its standard deviation.
-    voltage_V, current_A, temperature_degC: of that sample; nan where there is none.
-    told_by: `VOLTAGE`, or the name of the column that says so.
-    """
-
+    #: a full charge, the cut-off of a load at empty, or a long rest. The first two are what charger and protection
+    #: define, beyond what the voltage says; a rest says through the curve what its voltage says, and no more.
     kind: AnchorKind
-    time_s: float
+    time_s: float  #: in the log [s]; sample: the index there
     sample: int
-    soc: float
-    soc_std: float
+    soc: float  #: state of charge and its standard deviation
+    soc_std: float  #: its standard deviation
+    #: of that sample; nan where there is none
     voltage_V: float
     current_A: float
     temperature_degC: float
-    told_by: str = VOLTAGE
+    told_by: str = VOLTAGE  #: `VOLTAGE`, or the name of the column that says so
 
 
 class _Event(NamedTuple):
@@ -71,29 +66,20 @@ class FinderState(NamedTuple):
 
 
 class FinderOutput(NamedTuple):
-    """State and event after a sample; conditions are 1 and 0.
-
-    long_rest: its rest has become a long one.
-    below_full: a charger has tapered below the voltage of a full battery.
-    """
+    """State and event after a sample; conditions are 1 and 0."""
 
     state: FinderState
     event: AnchorEvent
-    long_rest: Any
-    below_full: Any
+    long_rest: Any  #: its rest has become a long one
+    below_full: Any  #: a charger has tapered below the voltage of a full battery
 
 
 @dataclass(frozen=True)
 class AnchorFinder:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        rule: of the battery.
-        gap_s: a longer step between two samples says nothing about the current in between.
-    """
-
-    rule: AnchorRule
-    gap_s: float = 600.0
+    rule: AnchorRule  #: of the battery
+    gap_s: float = 600.0  #: a longer step between two samples says nothing about the current in between
 
     @property
     def limits(self) -> SampleLimits:

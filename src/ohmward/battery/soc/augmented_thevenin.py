@@ -120,36 +120,24 @@ class AugmentedState(NamedTuple):
 
 
 class VoltageError(NamedTuple):
-    """Difference between the measured voltage and the model's.
+    """Difference between the measured voltage and the model's."""
 
-    model_std_V: standard deviation of the error that stays with SoC, the unit of the state `model_error`.
-    variance: of all else [V^2].
-    weight: factor of that variance in R, because errors hold on from sample to sample.
-    uncertain_V2: part of both by the errors of axis and overpotential [V^2].
-    tangent_V, tangent_V2: mean [V] of what the tangent of the curve leaves out, and its part of the variance [V^2].
-    """
-
-    model_std_V: Scalar
-    variance: Scalar
-    weight: Scalar
-    uncertain_V2: Scalar = 0.0
+    model_std_V: Scalar  #: standard deviation of the error that stays with SoC, the unit of the state `model_error`
+    variance: Scalar  #: of all else [V^2]
+    weight: Scalar  #: factor of that variance in R, because errors hold on from sample to sample
+    uncertain_V2: Scalar = 0.0  #: part of both by the errors of axis and overpotential [V^2]
+    #: mean [V] of what the tangent of the curve leaves out, and its part of the variance [V^2]
     tangent_V: Scalar = 0.0
     tangent_V2: Scalar = 0.0
 
 
 @dataclass(frozen=True)
 class AugmentedThevenin:
-    """Model functions of the filter: next state, voltage, and their noise.
+    """Model functions of the filter: next state, voltage, and their noise."""
 
-    Attributes:
-        model: the circuit.
-        noise: of voltage and model.
-        sensor: of the current.
-    """
-
-    model: Thevenin
-    noise: BatteryNoise
-    sensor: CurrentSensor
+    model: Thevenin  #: the circuit
+    noise: BatteryNoise  #: of voltage and model
+    sensor: CurrentSensor  #: of the current
 
     @property
     def state_names(self) -> tuple[str, ...]:

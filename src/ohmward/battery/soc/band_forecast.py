@@ -39,30 +39,19 @@ TEMPERATURES_DEGC = (25.0, 0.0, -10.0)
 
 @dataclass(frozen=True)
 class BandForecast:
-    """Half width of the 95 % band, root mean square along the day, in points.
+    """Half width of the 95 % band, root mean square along the day, in points."""
 
-    Attributes:
-        temperature_degC: of the day.
-        known_start: where the day begins with a SoC known within 3 % (1 sigma).
-        unknown_start: where it begins with the first voltage.
-    """
-
-    temperature_degC: float
-    known_start: float
-    unknown_start: float
+    temperature_degC: float  #: of the day
+    known_start: float  #: where the day begins with a SoC known within 3 % (1 sigma)
+    unknown_start: float  #: where it begins with the first voltage
 
 
 @dataclass(frozen=True)
 class BandsAfterTest:
-    """Bands at the usual temperatures if one test left no doubt about what it shows.
+    """Bands at the usual temperatures if one test left no doubt about what it shows."""
 
-    Attributes:
-        test: in words, "after ..." or "with ...".
-        bands: one for each temperature, unchanged where the test says nothing.
-    """
-
-    test: str
-    bands: tuple[BandForecast, ...]
+    test: str  #: in words, "after ..." or "with ..."
+    bands: tuple[BandForecast, ...]  #: one for each temperature, unchanged where the test says nothing
 
 
 def forecast(battery: Battery, temperatures_degC: Sequence[float] = TEMPERATURES_DEGC) -> tuple[BandForecast, ...]:

@@ -35,46 +35,35 @@ _MAIN_SHARE, _MOST_REASONS = 0.2, 3
 
 
 class Cause(NamedTuple):
-    """A cause of the band's width.
+    """A cause of the band's width."""
 
-    name: for programs.
-    text: in words, as a part of a sentence.
-    points: its part of the half width of the 95 % band, in points; the squares of all parts add up to that of the half
-        width, as in every uncertainty budget.
-    points_without: half width in points if this alone were known.
-    remedy: in words, as the subject of "would narrow it".
-    """
-
-    name: str
-    text: str
+    name: str  #: for programs
+    text: str  #: in words, as a part of a sentence
+    #: its part of the half width of the 95 % band, in points; the squares of all parts add up to that of the half
+    #: width, as in every uncertainty budget
     points: float
-    points_without: float
-    remedy: str
+    points_without: float  #: half width in points if this alone were known
+    remedy: str  #: in words, as the subject of "would narrow it"
 
 
 class Conditions(NamedTuple):
-    """Present state of the battery in the quantities that the sentences need.
-
-    std: largest standard deviation of the states of each cause; of capacity and resistance as the estimate has them.
-    temperature_degC: of the battery.
-    slope_V: change of the open-circuit voltage per unit of SoC.
-    error_V: standard deviation of each part of the model's voltage error [V], by cause; usual_error_V: the same under
-        a usual load.
-    overpotential_share: relative error of the overpotential at the present SoC, at the temperature of the test.
-    unsettled_V: standard deviation that even a long rest leaves in the voltage.
-    unknown_s: time for which the current has been missing.
-    """
+    """Present state of the battery in the quantities that the sentences need."""
 
     settings: TheveninFilter
     history: ChargeHistory
+    #: largest standard deviation of the states of each cause; of capacity and resistance as the estimate has them
     std: Mapping[str, float]
-    temperature_degC: float
-    slope_V: float
+    temperature_degC: float  #: of the battery
+    slope_V: float  #: change of the open-circuit voltage per unit of SoC
+    #: standard deviation of each part of the model's voltage error [V], by cause; usual_error_V: the same under a usual
+    #: load
     error_V: Mapping[str, float]
+
     usual_error_V: Mapping[str, float]
+    #: relative error of the overpotential at the present SoC, at the temperature of the test
     overpotential_share: float
-    unsettled_V: float
-    unknown_s: float
+    unsettled_V: float  #: standard deviation that even a long rest leaves in the voltage
+    unknown_s: float  #: time for which the current has been missing
 
 
 class Wording(NamedTuple):

@@ -26,18 +26,13 @@ class CountingStart(NamedTuple):
 
 
 class ChargeHistory(NamedTuple):
-    """Time since events that anchor SoC [s]; None where there was none.
+    """Time since events that anchor SoC [s]; None where there was none."""
 
-    since_full_s: since the battery was certainly full.
-    since_start_s: since the estimate began.
-    since_diverged_s: since the voltage contradicted the estimate for so long that SoC was declared unknown.
-    anchor: the last of these.
-    """
-
-    since_full_s: float | None = None
-    since_start_s: float | None = None
+    since_full_s: float | None = None  #: since the battery was certainly full
+    since_start_s: float | None = None  #: since the estimate began
+    #: since the voltage contradicted the estimate for so long that SoC was declared unknown
     since_diverged_s: float | None = None
-    anchor: CountingStart | None = None
+    anchor: CountingStart | None = None  #: the last of these
 
 
 class ChargeMemory(NamedTuple):

@@ -10,11 +10,9 @@ from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.filters.flags import flags_of
 from ohmward.filters.sanitize import between, hold, is_step, sanitize_step, within
+from ohmward.logs.log import COLDEST_DEGC, HOTTEST_DEGC
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
-
-#: No battery is used beyond these; sensors say -127 or -273 when their wire is off.
-COLDEST_DEGC, HOTTEST_DEGC = -60.0, 120.0
 
 #: Without a sensor the last current is believed for about this time, then less and less.
 HOLD_S = 30.0
@@ -30,71 +28,45 @@ HIGHEST_CURRENT_A = 1e9
 
 
 class SampleLimits(NamedTuple):
-    """Limits of what is believed of a sample.
+    """Limits of what is believed of a sample."""
 
-    gap_s: a longer step says nothing about the current between its two samples.
-    current_A: largest current; more is a fault of the sensor: one sample of it would move SoC for good.
-    highest_ocv_V: of the battery; no such battery shows more than `HIGHEST_VOLTAGE_RATIO` times as much.
-    """
-
-    gap_s: float
+    gap_s: float  #: a longer step says nothing about the current between its two samples
+    #: largest current; more is a fault of the sensor: one sample of it would move SoC for good
     current_A: float = math.inf
+    #: of the battery; no such battery shows more than `HIGHEST_VOLTAGE_RATIO` times as much
     highest_ocv_V: float = math.inf
 
 
 class CleanSocSample(NamedTuple):
-    """A sample whose every number is finite, with flags of what was replaced.
+    """A sample whose every number is finite, with flags of what was replaced."""
 
-    dt_s: step [s], >= 0.
-    mean: mean current over the step and temperature.
-    now: current of this instant and temperature.
-    change_A: current now minus current before.
-    current_measured: the condition that the current of this instant is measured.
-    current_known: the condition that it is, and close enough in time to the one before.
-    unknown_s: time for which the current has not been known, this step included; 0 where it is.
-    voltage_V: measured terminal voltage; 0 where it is not.
-    voltage_measured: the condition that it is measured.
-    flags: sum of `SocFlag`.
-    """
-
-    dt_s: Scalar
-    mean: CircuitInput
-    now: CircuitInput
-    change_A: Scalar
-    current_measured: Any
-    current_known: Any
-    unknown_s: Scalar
-    voltage_V: Scalar
-    voltage_measured: Any
-    flags: Scalar
+    dt_s: Scalar  #: step [s], >= 0
+    mean: CircuitInput  #: mean current over the step and temperature
+    now: CircuitInput  #: current of this instant and temperature
+    change_A: Scalar  #: current now minus current before
+    current_measured: Any  #: the condition that the current of this instant is measured
+    current_known: Any  #: the condition that it is, and close enough in time to the one before
+    unknown_s: Scalar  #: time for which the current has not been known, this step included; 0 where it is
+    voltage_V: Scalar  #: measured terminal voltage; 0 where it is not
+    voltage_measured: Any  #: the condition that it is measured
+    flags: Scalar  #: sum of `SocFlag`
 
 
 class CleanBareSample(NamedTuple):
-    """A sample sanitised for filters that must fit into a small microcontroller: no flags, no fading, no gaps.
+    """A sample sanitised for filters that must fit into a small microcontroller: no flags, no fading, no gaps."""
 
-    dt_s: step [s], >= 0.
-    current_A: of this instant; that of the sample before where it is not measured.
-    mean_A: mean current over the step.
-    voltage_V: measured terminal voltage; 0 where it is not.
-    measured: the condition that it is measured.
-    """
-
-    dt_s: Scalar
-    current_A: Scalar
-    mean_A: Scalar
-    voltage_V: Scalar
-    measured: Any
+    dt_s: Scalar  #: step [s], >= 0
+    current_A: Scalar  #: of this instant; that of the sample before where it is not measured
+    mean_A: Scalar  #: mean current over the step
+    voltage_V: Scalar  #: measured terminal voltage; 0 where it is not
+    measured: Any  #: the condition that it is measured
 
 
 class Rest(NamedTuple):
-    """A rest of the battery.
+    """A rest of the battery."""
 
-    rest_s: time for which the current has been below the rest threshold.
-    used: 1 once the voltage of this rest has been used: it would say the same again and again.
-    """
-
-    rest_s: Any = 0.0
-    used: Any = 0.0
+    rest_s: Any = 0.0  #: time for which the current has been below the rest threshold
+    used: Any = 0.0  #: 1 once the voltage of this rest has been used: it would say the same again and again
 
 
 def sanitize(

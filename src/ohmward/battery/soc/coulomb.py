@@ -23,42 +23,28 @@ from ohmward.trace.expression import Scalar
 
 
 class CoulombState(NamedTuple):
-    """State of coulomb counting.
+    """State of coulomb counting."""
 
-    soc: state of charge.
-    white_variance: variance of the errors that accumulate at random: start, sensor noise, gaps.
-    moved: net change of SoC since the start; a gain error multiplies it.
-    elapsed_s: time since the start; an offset multiplies it.
-    current_A, temperature_degC: last credible ones.
-    unknown_s: time for which the current has not been known.
-    """
-
-    soc: Any
-    white_variance: Any
-    moved: Any
-    elapsed_s: Any
+    soc: Any  #: state of charge
+    white_variance: Any  #: variance of the errors that accumulate at random: start, sensor noise, gaps
+    moved: Any  #: net change of SoC since the start; a gain error multiplies it
+    elapsed_s: Any  #: time since the start; an offset multiplies it
+    #: last credible ones
     current_A: Any
     temperature_degC: Any
-    unknown_s: Any
+    unknown_s: Any  #: time for which the current has not been known
 
 
 @dataclass(frozen=True)
 class CoulombCounting:
-    """Settings; the voltage is looked at once, to find or check the initial SoC.
+    """Settings; the voltage is looked at once, to find or check the initial SoC."""
 
-    Attributes:
-        model: gives capacity and coulombic efficiency, and the OCV for the start.
-        noise: of the model; its capacity, and its voltage for the start.
-        sensor: of the current.
-        gap_s: a longer step between two samples says nothing about the current in between.
-        current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
-    """
-
-    model: Thevenin
+    model: Thevenin  #: gives capacity and coulombic efficiency, and the OCV for the start
+    #: of the model; its capacity, and its voltage for the start
     noise: BatteryNoise = field(default_factory=BatteryNoise)
-    sensor: CurrentSensor = field(default_factory=CurrentSensor)
-    gap_s: float = 600.0
-    current_limit_C: float = 20.0
+    sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: of the current
+    gap_s: float = 600.0  #: a longer step between two samples says nothing about the current in between
+    current_limit_C: float = 20.0  #: a larger current, in multiples of the capacity per hour, is a fault of its sensor
 
     def __post_init__(self) -> None:
         require_each_positive("", self, "gap_s", "current_limit_C")

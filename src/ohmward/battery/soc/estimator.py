@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.charge_history import FULL_WITHIN, ChargeHistory, ChargeMemory
 from ohmward.battery.soc.clean_sample import LONGEST_STEP_S
@@ -31,17 +31,13 @@ _NO_MEMORY = ChargeMemory()
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SocRun(Run[SocEstimate]):
-    """Estimates for a whole log, every field an array (T,).
+    """Estimates for a whole log, every field an array (T,)."""
 
-    Attributes:
-        settings, kernel, end: the estimator, its compiled step, and its state after the log.
-        history: time since events that anchor SoC, before the log too where the estimator went on.
-    """
-
+    #: the estimator, its compiled step, and its state after the log
     settings: Any
     kernel: Kernel
     end: Any
-    history: ChargeHistory
+    history: ChargeHistory  #: time since events that anchor SoC, before the log too where the estimator went on
 
     flag_type = SocFlag
 
@@ -222,14 +218,9 @@ def estimator_of(battery: Battery | Estimator, filter: str) -> Estimator:
     Raises:
         InputError: neither a battery nor an estimator, or no estimator of that name.
     """
-    if isinstance(battery, Battery):
-        return make_estimator(filter, battery)
-    if hasattr(battery, "step") and hasattr(battery, "init"):
+    if not isinstance(battery, Battery) and hasattr(battery, "step") and hasattr(battery, "init"):
         return battery
-    raise InputError(
-        f"battery must be a Battery or an estimator, got {type(battery).__name__}; "
-        "load_battery(path) reads one, identify(logs, capacity_Ah=...) makes one"
-    )
+    return make_estimator(filter, require_battery(battery, " or an estimator"))
 
 
 def _from(begin: int, steps: int, progress: Progress | None) -> Progress | None:

@@ -43,21 +43,16 @@ class Remedy(NamedTuple):
 
 
 class Explanation(NamedTuple):
-    """State of charge as people say it; `str()` is the sentence.
-
-    low, high: ends of the 95 % band, in [0, 1].
-    known: True where the half width is at most `KNOWN_HALF_WIDTH`.
-    sentence: SoC with its band, or its bounds with the reasons and the remedy.
-    causes: of the width, the largest first; () where the filter does not say.
-    remedies: rest and full charge, rehearsed; () where SoC is known or the filter cannot be rehearsed.
-    """
+    """State of charge as people say it; `str()` is the sentence."""
 
     soc: float
+    #: ends of the 95 % band, in [0, 1]
     low: float
     high: float
-    known: bool
-    sentence: str
-    causes: tuple[Cause, ...] = ()
+    known: bool  #: True where the half width is at most `KNOWN_HALF_WIDTH`
+    sentence: str  #: SoC with its band, or its bounds with the reasons and the remedy
+    causes: tuple[Cause, ...] = ()  #: of the width, the largest first; () where the filter does not say
+    #: rest and full charge, rehearsed; () where SoC is known or the filter cannot be rehearsed
     remedies: tuple[Remedy, ...] = ()
 
     def __str__(self) -> str:

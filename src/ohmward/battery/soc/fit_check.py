@@ -19,10 +19,9 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.log_check import contradictions
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
-from ohmward.battery.soc.misfit import implausible_capacity
 from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.sample import SocEstimate
-from ohmward.battery.soc.thevenin_filter import TheveninFilter
+from ohmward.battery.soc.thevenin_filter import TheveninFilter, implausible_capacity
 from ohmward.logs.log import Log, Note
 
 #: Root mean square of innovations over their standard deviations. It is 1 for single samples where the model holds, and

@@ -23,19 +23,45 @@ import numpy as np
 
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import pair_decays
-from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin
+from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
 from ohmward.battery.soc.clean_sample import CleanSocSample
-from ohmward.battery.soc.evidence import log_likelihood
 from ohmward.battery.soc.initial_soc import VoltageStart
-from ohmward.battery.soc.misfit import with_misfit
 from ohmward.battery.soc.sample import STD_OF, SocEstimate, SocSample
 from ohmward.battery.soc.start_density import WRONG_SHARE, Hypothesis
-from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, TheveninUpdate, forget_soc
+from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, TheveninUpdate, forget_soc, with_misfit
 from ohmward.checks import require_between
-from ohmward.filters.belief import Belief, pack, unpack
+from ohmward.filters.belief import Belief, Innovation, pack, unpack
 from ohmward.filters.gate import choose
-from ohmward.trace import exp, log, maximum, sqrt, where
+from ohmward.trace import clip, exp, log, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
+
+
+def log_likelihood(
+    innovation: Innovation, R: Scalar, error: VoltageError, renewed_V2: Scalar, largest_nis: float
+) -> Scalar:
+    """Log density of a voltage before it was used, up to a constant that is the same for every belief.
+
+    With A = S - R the variance of the voltage by the state, f the part of it that the process noise brings back
+    whenever it was learnt, v the variance of one sample and w its weight:
+
+        -(nu^2 / S' + ln(S' / R') + ln(v + f) / w) / 2,    R' = R + w f,    S' = R' + A - f
+
+    The density of one sample to the power of 1/w, averaged over the part of the state that stays: one observation in
+    every w samples, as in the update. As a part of the state f would be charged for with every sample, and prefer
+    whichever hypothesis has the least resistance. With w = 1 it is ln N(nu; 0, S).
+
+    Args:
+        innovation: nu (1,) and S (1, 1), [V] and [V^2].
+        R: of the update [V^2], w v or more.
+        error: v and w.
+        renewed_V2: f [V^2]; at most A of it is taken.
+        largest_nis: of one sample: an outlier counts no more.
+    """
+    nu, S, w = innovation.value[0], innovation.cov[0, 0], error.weight
+    f = clip(renewed_V2, 0.0, S - R)
+    S, R = S + (w - 1.0) * f, R + w * f
+    return -0.5 * (minimum(nu * nu / S, largest_nis) + log(S / R) + log(error.variance + f) / w)
+
 
 #: Hypotheses of the default: told right, and two cells of "told wrong", or three cells of an unknown start. With two
 #: the interval score of wrong starts on measured LFP doubles, with four nothing is gained.
@@ -47,29 +73,19 @@ LEAST_LOG_WEIGHT = -12.0
 
 
 class GaussianSumState(NamedTuple):
-    """State between two samples: plain numbers.
+    """State between two samples: plain numbers."""
 
-    members: state of the filter of each hypothesis.
-    log_weights: (K,), ln of the weights over that of the most likely hypothesis, at most 0.
-    wander_A2: (n,), variance of the current [A^2] as if by which each RC voltage has wandered.
-    """
-
-    members: tuple[FilterState, ...]
-    log_weights: np.ndarray
-    wander_A2: np.ndarray
+    members: tuple[FilterState, ...]  #: state of the filter of each hypothesis
+    log_weights: np.ndarray  #: (K,), ln of the weights over that of the most likely hypothesis, at most 0
+    wander_A2: np.ndarray  #: (n,), variance of the current [A^2] as if by which each RC voltage has wandered
 
 
 @dataclass(frozen=True)
 class GaussianSumFilter:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        member: the filter of every hypothesis.
-        count: number of hypotheses; one is the filter itself.
-    """
-
-    member: TheveninFilter
-    count: int = HYPOTHESES
+    member: TheveninFilter  #: the filter of every hypothesis
+    count: int = HYPOTHESES  #: number of hypotheses; one is the filter itself
 
     def __post_init__(self) -> None:
         require_between("count", self.count, 1, math.inf)

@@ -39,19 +39,14 @@ PAST_SHARE = 0.5
 
 @dataclass(frozen=True)
 class VoltageStart:
-    """Start of an estimator from the first voltage.
+    """Start of an estimator from the first voltage."""
 
-    Attributes:
-        model, noise, sensor: of the battery.
-        current_limit_A: a larger first current is a fault of its sensor.
-        count: number of hypotheses.
-    """
-
+    #: of the battery
     model: Thevenin
     noise: BatteryNoise
     sensor: CurrentSensor
-    current_limit_A: float = math.inf
-    count: int = 1
+    current_limit_A: float = math.inf  #: a larger first current is a fault of its sensor
+    count: int = 1  #: number of hypotheses
 
     def hypotheses(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> tuple[Hypothesis, ...]:
         """The density of SoC given the first sample and, where there is one, a value; see `hypotheses`."""

@@ -51,72 +51,48 @@ LINKS: dict[str, type[SocLink]] = {"state": SocAsState, "curve": SocByCurve}
 
 
 class RcFilterState(NamedTuple):
-    """State of the filter between two samples: plain numbers.
+    """State of the filter between two samples: plain numbers."""
 
-    belief: mean (n,) and lower triangle of the covariance.
-    current_A: of the sample before.
-    rejected_s: time for which the voltage has been outside its gate.
-    unknown_s: time for which the current has not been known.
-    """
-
-    belief: PackedBelief
-    current_A: Scalar
-    rejected_s: Scalar
-    unknown_s: Scalar
+    belief: PackedBelief  #: mean (n,) and lower triangle of the covariance
+    current_A: Scalar  #: of the sample before
+    rejected_s: Scalar  #: time for which the voltage has been outside its gate
+    unknown_s: Scalar  #: time for which the current has not been known
 
 
 class RcParameters(NamedTuple):
-    """Circuit that is estimated elsewhere, sample by sample, and relative errors of it.
-
-    capacitance_std: adds up over a full charge.  resistance_std: of the overpotential.
-    """
+    """Circuit that is estimated elsewhere, sample by sample, and relative errors of it."""
 
     circuit: rc.Circuit
-    capacitance_std: Any = 0.0
-    resistance_std: Any = 0.0
+    capacitance_std: Any = 0.0  #: adds up over a full charge
+    resistance_std: Any = 0.0  #: of the overpotential
 
 
 class RcUpdate(NamedTuple):
-    """The belief after a voltage, or the prior where it was not used.
-
-    voltage_V, voltage_std_V: terminal voltage expected before the measurement, and its standard deviation.
-    innovation_V: measured minus expected; nan where there is no measurement.
-    rejected_s: time for which the voltage has been outside its gate.
-    flags: sum of `SocFlag`.
-    """
+    """The belief after a voltage, or the prior where it was not used."""
 
     belief: Belief
+    #: terminal voltage expected before the measurement, and its standard deviation
     voltage_V: Scalar
     voltage_std_V: Scalar
-    innovation_V: Scalar
-    rejected_s: Scalar
-    flags: Scalar
+    innovation_V: Scalar  #: measured minus expected; nan where there is no measurement
+    rejected_s: Scalar  #: time for which the voltage has been outside its gate
+    flags: Scalar  #: sum of `SocFlag`
 
 
 @dataclass(frozen=True)
 class RcFilter:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        model: the circuit and its OCV curve.
-        noise: of voltage and model.
-        sensor: of the current.
-        soc_as: "state", a state that counts charge, with a straight line through the OCV curve; or "curve", the inverse
-            OCV curve at the mean voltage of the capacitors.
-        gap_s: a longer step between two samples says nothing about the current in between.
-        gate: largest NIS of a voltage that is used.
-        reset_after_s: time of rejection after which the filter has diverged and inflates its covariance.
-        current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
-    """
-
-    model: rc.RcModel
-    noise: BatteryNoise = field(default_factory=BatteryNoise)
-    sensor: CurrentSensor = field(default_factory=CurrentSensor)
+    model: rc.RcModel  #: the circuit and its OCV curve
+    noise: BatteryNoise = field(default_factory=BatteryNoise)  #: of voltage and model
+    sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: of the current
+    #: "state", a state that counts charge, with a straight line through the OCV curve; or "curve", the inverse OCV
+    #: curve at the mean voltage of the capacitors
     soc_as: str = "state"
-    gap_s: float = 600.0
-    gate: float = 25.0
-    reset_after_s: float = 60.0
-    current_limit_C: float = 20.0
+    gap_s: float = 600.0  #: a longer step between two samples says nothing about the current in between
+    gate: float = 25.0  #: largest NIS of a voltage that is used
+    reset_after_s: float = 60.0  #: time of rejection after which the filter has diverged and inflates its covariance
+    current_limit_C: float = 20.0  #: a larger current, in multiples of the capacity per hour, is a fault of its sensor
 
     def __post_init__(self) -> None:
         require_one_of("soc_as", self.soc_as, LINKS)

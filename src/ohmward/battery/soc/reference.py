@@ -19,14 +19,10 @@ _PERCENT = re.compile(r"%|pct|percent", re.IGNORECASE)
 
 
 class SocReference(NamedTuple):
-    """Reference state of charge and its origin.
+    """Reference state of charge and its origin."""
 
-    soc: (T,) in [0, 1], nan where the column has no value.
-    note: one sentence.
-    """
-
-    soc: np.ndarray
-    note: str
+    soc: np.ndarray  #: (T,) in [0, 1], nan where the column has no value
+    note: str  #: one sentence
 
 
 def soc_reference(
@@ -83,16 +79,11 @@ def _from_counter(
 
 
 class _CountedCharge(NamedTuple):
-    """Charge of a counter.
+    """Charge of a counter."""
 
-    total_Ah: (T,) since the first sample, > 0 when it went in.
-    way: "charging" or "discharging", in which the counter counts up.
-    resets: True where the counter was reset on the way.
-    """
-
-    total_Ah: np.ndarray
-    way: str
-    resets: bool
+    total_Ah: np.ndarray  #: (T,) since the first sample, > 0 when it went in
+    way: str  #: "charging" or "discharging", in which the counter counts up
+    resets: bool  #: True where the counter was reset on the way
 
 
 def _counted_charge(log: Log, counter_Ah: np.ndarray) -> _CountedCharge:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from ohmward.battery.battery import Battery, require_rc, require_thevenin
+from ohmward.battery.battery import Battery, require_battery, require_rc, require_thevenin
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.protocol import Estimator
@@ -50,8 +50,9 @@ def make_estimator(name: str, battery: Battery, settings: EstimatorSettings | No
     """The estimator called `name` for a battery, in capitals or not.
 
     Raises:
-        InputError: there is none of that name, or the battery file lacks the model it needs.
+        InputError: there is none of that name, the battery is none, or its file lacks the model it needs.
     """
+    require_battery(battery)
     choice = _find(chosen_name(name.lower(), battery)) if isinstance(name, str) else None
     if choice is None:
         raise InputError(f"filter must be one of {', '.join((DEFAULT, *ESTIMATORS, *published()))}, got {name!r}")

@@ -35,13 +35,10 @@ class RestOcvState(NamedTuple):
 
 
 class OcvUpdate(NamedTuple):
-    """Coulomb counting started anew from the voltage of a rest, a scalar Kalman update.
+    """Coulomb counting started anew from the voltage of a rest, a scalar Kalman update."""
 
-    counting: after it.
-    voltage_V, voltage_std_V: open-circuit voltage expected before it, and the standard deviation of the innovation.
-    """
-
-    counting: CoulombState
+    counting: CoulombState  #: after it
+    #: open-circuit voltage expected before it, and the standard deviation of the innovation
     voltage_V: Scalar
     voltage_std_V: Scalar
 

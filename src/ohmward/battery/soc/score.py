@@ -30,29 +30,22 @@ _SOC_FIGURES = {
 
 
 class Score(NamedTuple):
-    """Errors are estimate minus truth, in the unit of both.
+    """Errors are estimate minus truth, in the unit of both."""
 
-    rmse, mae: root mean square and mean absolute error.
-    mean, std: of the error.
-    max_error: largest absolute error.
-    coverage_95: share of the samples whose truth is inside the estimate's own 95 % band; nan without a sigma.
-    interval_95: mean interval score of that band, in the unit of the estimate: its width, and 40 times the distance of
-        each truth outside it (Gneiting and Raftery 2007, J. Am. Stat. Assoc. 102, equation 43); small is good.
-    error_over_std: root mean square of error over sigma; 1 where the band is as wide as the errors are.
-    confidently_wrong: share of the samples with an error of more than 4 sigma.
-    samples: number of samples with a truth.
-    """
-
+    #: root mean square and mean absolute error
     rmse: float
     mae: float
+    #: of the error
     mean: float
     std: float
-    max_error: float
-    coverage_95: float
+    max_error: float  #: largest absolute error
+    coverage_95: float  #: share of the samples whose truth is inside the estimate's own 95 % band; nan without a sigma
+    #: mean interval score of that band, in the unit of the estimate: its width, and 40 times the distance of each truth
+    #: outside it (Gneiting and Raftery 2007, J. Am. Stat. Assoc. 102, equation 43); small is good.
     interval_95: float
-    error_over_std: float
-    confidently_wrong: float
-    samples: int
+    error_over_std: float  #: root mean square of error over sigma; 1 where the band is as wide as the errors are
+    confidently_wrong: float  #: share of the samples with an error of more than 4 sigma
+    samples: int  #: number of samples with a truth
 
 
 def score(estimate: np.ndarray, truth: np.ndarray, std: np.ndarray | None = None) -> Score | None:

@@ -27,44 +27,32 @@ LEAST_STD = 1e-3
 
 
 class ExpectedVoltage(NamedTuple):
-    """First voltage that each SoC would have, with what can be wrong about it; numbers or arrays (G,) along the grid.
+    """First voltage that each SoC would have, and what can be wrong about it; numbers or arrays (G,) along the grid."""
 
-    mean_V: expected voltage.
-    std_V: standard deviation of the measured voltage about it.
-    model_error_std_V: standard deviation of the part that stays with SoC.
-    """
-
-    mean_V: np.ndarray
-    std_V: np.ndarray
-    model_error_std_V: np.ndarray
+    mean_V: np.ndarray  #: expected voltage
+    std_V: np.ndarray  #: standard deviation of the measured voltage about it
+    model_error_std_V: np.ndarray  #: standard deviation of the part that stays with SoC
 
 
 class FirstVoltage(NamedTuple):
-    """The first voltage on the grid of SoC, (G,) each.
+    """The first voltage on the grid of SoC, (G,) each."""
 
-    likelihood: up to a factor.
-    model_error_std_V: standard deviation of the model's error that stays with SoC.
-    error_V, error_std_V: of that error, given the voltage and SoC.
-    """
-
-    likelihood: np.ndarray
-    model_error_std_V: np.ndarray
+    likelihood: np.ndarray  #: up to a factor
+    model_error_std_V: np.ndarray  #: standard deviation of the model's error that stays with SoC
+    #: of that error, given the voltage and SoC
     error_V: np.ndarray
     error_std_V: np.ndarray
 
 
 class InitialSoc(NamedTuple):
-    """State of charge and its standard deviation, before the first step.
-
-    model_error, model_error_std: of the model's voltage where it stays with SoC, in its own standard deviations.
-    covariance: of SoC with it. The first voltage tells their sum: a curve that is too low comes with a SoC that is too
-        high, and the same voltage once more is no news.
-    """
+    """State of charge and its standard deviation, before the first step."""
 
     soc: float
     std: float
-    model_error: float = 0.0
-    model_error_std: float = 1.0
+    model_error: float = 0.0  #: of the model's voltage where it stays with SoC, in its own standard deviations
+    model_error_std: float = 1.0  #: its standard deviation
+    #: of SoC with it. The first voltage tells their sum: a curve that is too low comes with a SoC that is too high, and
+    #: the same voltage once more is no news.
     covariance: float = 0.0
 
 

@@ -43,44 +43,29 @@ LEAST_START_STD_V = 1e-3
 
 
 class TextbookState(NamedTuple):
-    """State of the filter.
+    """State of the filter."""
 
-    belief: mean (n + 1,) and lower triangle of the covariance.
-    current_A: of the sample before.
-    """
-
-    belief: PackedBelief
-    current_A: Any
+    belief: PackedBelief  #: mean (n + 1,) and lower triangle of the covariance
+    current_A: Any  #: of the sample before
 
 
 class VoltageSample(NamedTuple):
-    """Voltage of a sample.
+    """Voltage of a sample."""
 
-    voltage_V: measured; 0 where it is not.
-    drop_V: across the ohmic resistance.
-    measured: the condition that it is measured.
-    """
-
-    voltage_V: Scalar
-    drop_V: Scalar
-    measured: Any
+    voltage_V: Scalar  #: measured; 0 where it is not
+    drop_V: Scalar  #: across the ohmic resistance
+    measured: Any  #: the condition that it is measured
 
 
 @dataclass(frozen=True)
 class TextbookFilter:
-    """Settings; `init`, `start` and `step` are pure functions of them. Temperature and hysteresis are not looked at.
+    """Settings; `init`, `start` and `step` are pure functions of them. Temperature and hysteresis are not looked at."""
 
-    Attributes:
-        model: the circuit, at its reference temperature.
-        noise: of the voltage, and the model's error; this filter does not use the rest of it.
-        sensor: of the current; likewise its noise only.
-        method: "ekf" or "ukf".
-    """
-
-    model: Thevenin
+    model: Thevenin  #: the circuit, at its reference temperature
+    #: of the voltage, and the model's error; this filter does not use the rest of it
     noise: BatteryNoise = field(default_factory=BatteryNoise)
-    sensor: CurrentSensor = field(default_factory=CurrentSensor)
-    method: str = "ukf"
+    sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: of the current; likewise its noise only
+    method: str = "ukf"  #: "ekf" or "ukf"
 
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)

@@ -25,7 +25,6 @@ from ohmward.battery.soc.anchor_rule import NO_EVENT, AnchorEvent, AnchorMemory,
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.initial_soc import VoltageStart
-from ohmward.battery.soc.misfit import with_misfit
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.checks import require_between, require_each_positive, require_finite, require_one_of
@@ -38,29 +37,37 @@ from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 
+#: Capacity over the file's that a battery of the file can have: one that has lost half is at the end of its second
+#: life, and none has gained half.
+LEAST_CAPACITY, MOST_CAPACITY = 0.5, 1.5
+
+
+def implausible_capacity(soh_capacity: Scalar) -> Any:
+    """True where no battery of the file has this capacity, over the file's."""
+    return (soh_capacity < LEAST_CAPACITY) | (soh_capacity > MOST_CAPACITY)
+
+
+def with_misfit(estimate: SocEstimate, sensor: CurrentSensor) -> SocEstimate:
+    """The estimate, flagged where it asks for an offset or a capacity that sensor and battery cannot have."""
+    misfit = sensor.contradicts(estimate.current_offset_A) | implausible_capacity(estimate.soh_capacity)
+    return estimate._replace(flags=estimate.flags + flags_of({SocFlag.MISFIT: misfit}))
+
+
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
 
 
 class FilterState(NamedTuple):
-    """State of the filter between two samples: plain numbers.
+    """State of the filter between two samples: plain numbers."""
 
-    belief: mean, as `TheveninFilter.state_names`, and lower triangle of the covariance.
-    noise: moments for covariance matching [V^2].
-    current_A, temperature_degC: last credible ones.
-    rest_s: time for which the current has looked like rest.
-    rejected_s: time for which the voltage has contradicted the belief.
-    unknown_s: time for which the current has not been known.
-    anchors: memory for the events that tell SoC.
-    """
-
-    belief: PackedBelief
-    noise: adaptive.NoiseEstimate
+    belief: PackedBelief  #: mean, as `TheveninFilter.state_names`, and lower triangle of the covariance
+    noise: adaptive.NoiseEstimate  #: moments for covariance matching [V^2]
+    #: last credible ones
     current_A: Scalar
     temperature_degC: Scalar
-    rest_s: Scalar
-    rejected_s: Scalar
-    unknown_s: Scalar
-    anchors: AnchorMemory
+    rest_s: Scalar  #: time for which the current has looked like rest
+    rejected_s: Scalar  #: time for which the voltage has contradicted the belief
+    unknown_s: Scalar  #: time for which the current has not been known
+    anchors: AnchorMemory  #: memory for the events that tell SoC
 
 
 class CleanInput(NamedTuple):
@@ -72,27 +79,18 @@ class CleanInput(NamedTuple):
 
 
 class TheveninUpdate(NamedTuple):
-    """The belief after a voltage, or the prior where it was not used.
-
-    correction: by the voltage, whether it was used or not, or by the SoC that an event told.
-    voltage_V, voltage_std_V: expected before it, and the standard deviation of the innovation as a single sample, nan
-        where an event told SoC.
-    noise: moments for covariance matching.
-    accepted: the condition that the voltage was used.
-    contradicts: the condition that the voltage contradicts the belief.
-    R: by which the voltage was weighed [V^2].
-    error: of the voltage.
-    """
+    """The belief after a voltage, or the prior where it was not used."""
 
     belief: Belief
-    correction: Correction
+    correction: Correction  #: by the voltage, whether it was used or not, or by the SoC that an event told
+    #: expected before it, and the standard deviation of the innovation as a single sample, nan where an event told SoC
     voltage_V: Scalar
     voltage_std_V: Scalar
-    noise: adaptive.NoiseEstimate
-    accepted: Any
-    contradicts: Any
-    R: Scalar
-    error: VoltageError
+    noise: adaptive.NoiseEstimate  #: moments for covariance matching
+    accepted: Any  #: the condition that the voltage was used
+    contradicts: Any  #: the condition that the voltage contradicts the belief
+    R: Scalar  #: by which the voltage was weighed [V^2]
+    error: VoltageError  #: of the voltage
 
 
 class TheveninStep(NamedTuple):
@@ -110,38 +108,24 @@ def forget_soc(belief: Belief) -> Belief:
 
 @dataclass(frozen=True)
 class TheveninFilter:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        model: the circuit.
-        noise: of voltage and model.
-        sensor: of the current.
-        method: "ekf" or "ukf" (redrawn sigma points).
-        matching: learn R from the residuals (AEKF, AUKF), `noise` being the floor.
-        window: effective samples of that; [T] takes 100.
-        idle_current_A: true current of a rest (0 in a laboratory, minus the idle draw on a robot); None when unknown,
-            then a rest teaches nothing about the current sensor.
-        rest_hold_s: time for which the current must look like rest first.
-        gap_s: a longer step between two samples says nothing about the current in between.
-        gate: largest NIS of a voltage that is used, and largest square of an error that holds on, in its variance.
-        reset_after_s: time of contradiction after which the filter has diverged: SoC is declared unknown.
-        current_limit_C: a larger current, in multiples of the capacity per hour, is a fault of its sensor.
-        anchors: let a full charge and a cut-off tell SoC.
-    """
-
-    model: Thevenin
-    noise: BatteryNoise = field(default_factory=BatteryNoise)
-    sensor: CurrentSensor = field(default_factory=CurrentSensor)
-    method: str = "ekf"
-    matching: bool = False
-    window: float = 100.0
+    model: Thevenin  #: the circuit
+    noise: BatteryNoise = field(default_factory=BatteryNoise)  #: of voltage and model
+    sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: of the current
+    method: str = "ekf"  #: "ekf" or "ukf" (redrawn sigma points)
+    matching: bool = False  #: learn R from the residuals (AEKF, AUKF), `noise` being the floor
+    window: float = 100.0  #: effective samples of that; [T] takes 100
+    #: true current of a rest (0 in a laboratory, minus the idle draw on a robot); None when unknown, then a rest
+    #: teaches nothing about the current sensor
     idle_current_A: float | None = None
-    rest_hold_s: float = 30.0
-    gap_s: float = 600.0
+    rest_hold_s: float = 30.0  #: time for which the current must look like rest first
+    gap_s: float = 600.0  #: a longer step between two samples says nothing about the current in between
+    #: largest NIS of a voltage that is used, and largest square of an error that holds on, in its variance
     gate: float = 25.0
-    reset_after_s: float = 60.0
-    current_limit_C: float = 20.0
-    anchors: bool = False
+    reset_after_s: float = 60.0  #: time of contradiction after which the filter has diverged: SoC is declared unknown
+    current_limit_C: float = 20.0  #: a larger current, in multiples of the capacity per hour, is a fault of its sensor
+    anchors: bool = False  #: let a full charge and a cut-off tell SoC
 
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)

@@ -21,14 +21,10 @@ _LEAST_EIGENVALUE = 1e-9
 
 
 class VariancePart(NamedTuple):
-    """One line of the budget.
+    """One line of the budget."""
 
-    variance: part of the whole; all parts together with `VarianceBudget.rest` are the whole.
-    removable: variance that would vanish if this cause alone were known.
-    """
-
-    variance: float
-    removable: float
+    variance: float  #: part of the whole; all parts together with `VarianceBudget.rest` are the whole
+    removable: float  #: variance that would vanish if this cause alone were known
 
 
 class VarianceBudget(NamedTuple):

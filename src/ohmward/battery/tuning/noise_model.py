@@ -38,33 +38,23 @@ FACTORS = ("voltage", "model", "correlation")
 
 
 class TuningState(NamedTuple):
-    """State between two samples.
+    """State between two samples."""
 
-    belief: of the states of `AugmentedThevenin`, and e.
-    log_factors: (3,) ln of c_v, c and c_t; they stay.
-    current_A, temperature_degC, unknown_s: as in `thevenin_filter.FilterState`.
-    """
-
-    belief: PackedBelief
-    log_factors: np.ndarray
+    belief: PackedBelief  #: of the states of `AugmentedThevenin`, and e
+    log_factors: np.ndarray  #: (3,) ln of c_v, c and c_t; they stay
+    #: as in `thevenin_filter.FilterState`
     current_A: Scalar
     temperature_degC: Scalar
     unknown_s: Scalar
 
 
 class ScoredSample(NamedTuple):
-    """Score of a sample for given factors.
+    """Score of a sample for given factors."""
 
-    log_density: of its voltage before it was used; 0 where there was none.
-    innovation: in its own standard deviations; nan where there was none.
-    innovation_V: the same in volts.
-    soc: state of charge after it.
-    """
-
-    log_density: Any
-    innovation: Any
-    innovation_V: Any
-    soc: Any
+    log_density: Any  #: of its voltage before it was used; 0 where there was none
+    innovation: Any  #: in its own standard deviations; nan where there was none
+    innovation_V: Any  #: the same in volts
+    soc: Any  #: state of charge after it
 
 
 def with_factors(noise: BatteryNoise, factors: np.ndarray) -> BatteryNoise:

@@ -11,9 +11,8 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.tuning.likelihood import Likelihood
 from ohmward.battery.tuning.noise_model import FACTORS, NoiseModel, with_factors
-from ohmward.battery.tuning.search import WIDEST, Maximum, Progress, maximum
+from ohmward.battery.tuning.search import WIDEST, Likelihood, Maximum, Progress, maximum
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Log
@@ -34,41 +33,30 @@ _MOST_OVER_LAST = 1.0
 
 
 class TunedFactor(NamedTuple):
-    """A factor of the file's noise.
+    """A factor of the file's noise."""
 
-    quantity: one of `FACTORS`.
-    factor, low, high: most likely, and its 95 % interval; nan where there is none.
-    refused: the reason for which the file keeps its own; "" where the factor is taken.
-    """
-
-    quantity: str
+    quantity: str  #: one of `FACTORS`
+    #: most likely, and its 95 % interval; nan where there is none
     factor: float
     low: float
     high: float
-    refused: str = ""
+    refused: str = ""  #: the reason for which the file keeps its own; "" where the factor is taken
 
 
 class Tuning(NamedTuple):
-    """Result of `tune_noise`.
+    """Result of `tune_noise`."""
 
-    battery: with the noise that was told.
-    factors: of the noise.
-    voltages: number of voltages.
-    excess_before, excess: root mean square of the innovations of the noise model over what they should be, with the
-        file's noise and with the tuned.
-    over_last: root mean square of the innovations over that of the steps from one voltage to the next.
-    gain: of ln of the likelihood.
-    innovations: of each log, (T, 2) in their standard deviations with the file's noise and with the tuned; nan where
-        there was no voltage.
-    """
-
-    battery: Battery
-    factors: tuple[TunedFactor, ...]
-    voltages: int
+    battery: Battery  #: with the noise that was told
+    factors: tuple[TunedFactor, ...]  #: of the noise
+    voltages: int  #: number of voltages
+    #: root mean square of the innovations of the noise model over what they should be, with the file's noise and with
+    #: the tuned
     excess_before: float
     excess: float
-    over_last: float
-    gain: float
+    over_last: float  #: root mean square of the innovations over that of the steps from one voltage to the next
+    gain: float  #: of ln of the likelihood
+    #: of each log, (T, 2) in their standard deviations with the file's noise and with the tuned; nan where there was no
+    #: voltage
     innovations: tuple[np.ndarray, ...]
 
     @property

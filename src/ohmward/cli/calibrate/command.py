@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ohmward.cli.calibrate.report import make_page
-from ohmward.cli.calibrate.result import describe, summary
+from ohmward.cli import wording
 from ohmward.cli.drive_inputs import read_drive_log, read_drive_truth, truth_names
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import split_selection
 from ohmward.cli.progress import Report, progress
+from ohmward.cli.wording import FOOTER, duration, with_assumptions
 from ohmward.errors import InputError
+from ohmward.figures.parts import band_95
+from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog
 from ohmward.logs.read import open_table
+from ohmward.report import Figure, Page, Series
 from ohmward.traction import Robot, load_robot, save_robot
 from ohmward.traction.calibration import (
     Calibration,
@@ -28,10 +33,13 @@ from ohmward.traction.calibration import (
     with_wheel_loads,
 )
 from ohmward.traction.calibration.calibrate import PARTS, usual_parts
+from ohmward.traction.calibration.floor import points
 from ohmward.traction.calibration.motor import ROLLING
+from ohmward.traction.calibration.stretches import cut, travel_speed
 from ohmward.traction.calibration.truth import without_lateral
 from ohmward.traction.drive_checks import with_signed_speed
 from ohmward.traction.terrain.file import Floors, load_floors, save_floors
+from ohmward.traction.terrain.floor import Floor, slip_belief, slip_scale
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -152,3 +160,112 @@ def write(found: Calibration, args: argparse.Namespace) -> None:
     if args.floors and found.floor:
         known = load_floors(args.floors) if Path(args.floors).exists() else Floors(found.robot.name)
         save_floors(known.with_floor(found.floor), args.floors)
+
+
+PARAMETERS = ["parameter", "value", "95 % interval", ""]
+
+
+def summary(found: Calibration) -> dict[str, Any]:
+    """The object of --json, but for the files."""
+    notes = [str(note) for drive in found.drives for note in drive.log.notes if note.level != "info"]
+    notes += [str(note) for note in found.notes]
+    return {
+        "command": "calibrate",
+        "robot": found.robot.name,
+        "drives": len(found.drives),
+        "duration_s": sum(drive.log.duration_s for drive in found.drives),
+        "parameters": [{**p._asdict(), "identified": p.identified} for p in found.parameters],
+        "floor": asdict(found.floor) if found.floor else None,
+        "notes": list(dict.fromkeys(notes)),
+    }
+
+
+def describe(found: Calibration, figures: Mapping[str, Any]) -> str:
+    """Text for people."""
+    title = (
+        f"robot {found.robot.name!r}: {figures['drives']} drive{'s' if figures['drives'] > 1 else ''}, "
+        f"{wording.duration(figures['duration_s'])}"
+    )
+    files = {"robot file": figures["output"], "floors": figures["floors"] if found.floor else None}
+    written = [f"{name}: {path}" for name, path in files.items() if path]
+    return wording.paragraphs(
+        title,
+        wording.table(PARAMETERS, parameter_rows(found)) if found.parameters else "",
+        wording.fields(floor_fields(found.floor)) if found.floor else "",
+        wording.bullets("Not identified", [f"{p.name}: {p.reason}" for p in found.parameters if not p.identified]),
+        wording.assumptions(figures["notes"]),
+        "\n".join(written) or "No robot file written; name one with -o.",
+    )
+
+
+def parameter_rows(found: Calibration) -> list[list[str]]:
+    """Each parameter with its interval."""
+    return [
+        [
+            p.name,
+            f"{p.value:.4g}",
+            f"{p.value - BAND_95 * p.std:.4g} to {p.value + BAND_95 * p.std:.4g}" if p.identified else "-",
+            "" if p.identified else "kept",
+        ]
+        for p in found.parameters
+    ]
+
+
+def floor_fields(floor: Floor) -> dict[str, str]:
+    """A learnt floor with its 95 % bands, by name."""
+    return {
+        "floor": floor.name,
+        "stiffness": f"{floor.stiffness:.3g} ± {wording.percent(BAND_95 * floor.stiffness_std, 0)} (95 %)",
+        "friction": f"{floor.friction:.3g} ± {wording.percent(BAND_95 * floor.friction_std, 0)} (95 %)",
+        "across, side, speed power": f"{floor.across:.2f}, {floor.side:.2f}, {floor.speed_power:.2f}",
+        "slip left unexplained": f"{floor.slip_std:.3f} of each wheel from drive to drive",
+        "rolling, rollers": f"{floor.rolling:.3f}, {floor.roller:.3f} of the load",
+    }
+
+
+def make_page(found: Calibration, figures: Mapping[str, Any]) -> Page:
+    """Calibrated parameters, the speeds behind them, and the floor's law among the stretches it was learnt from."""
+    what = f"{figures['drives']} drives, {duration(figures['duration_s'])}"
+    page = Page(f"Robot {found.robot.name!r}", what, FOOTER)
+    for p in found.parameters:
+        if not p.identified:
+            page = page.callout("warning", f"{p.name} was not identified: {p.reason}. The robot's own value is kept.")
+    if found.parameters:
+        page = page.heading("Parameters").table(PARAMETERS, parameter_rows(found)).plot(_speeds(found))
+    if found.floor:
+        rows = list(floor_fields(found.floor).items())
+        page = page.heading(f"Floor {found.floor.name!r}").plot(_law(found, found.floor)).table(["What", "Value"], rows)
+    return with_assumptions(page, figures["notes"])
+
+
+def _speeds(found: Calibration) -> Figure:
+    """Speed of the body over that of the rims, which a good radius puts on the diagonal."""
+    stretches = cut(found.drives, found.robot)
+    rim, body = travel_speed(stretches.rim), travel_speed(stretches.motion)
+    ends = np.array([0.0, float(max(rim.max(), body.max()))])
+    return Figure(
+        "Speed of the body and of the rims",
+        "Rims [m/s]",
+        "Body [m/s]",
+        series=[Series(rim, body, "stretches of 1 s", "points"), Series(ends, ends, "no slip", "dashed", "reference")],
+    )
+
+
+def _law(found: Calibration, floor: Floor) -> Figure:
+    """Slip over force of the wheels, as at the middle speed in their rolling direction, and the law with its band."""
+    p = points(cut(found.drives, found.robot), found.robot)
+    slip = p.slip_ratio / slip_scale(floor, p.along, p.across, p.travel_m_s).factor
+    most = float(np.abs(p.force_share).max())
+    force = np.linspace(0.0, most, 60)
+    law = slip_belief(floor, force[:, None], np.zeros((60, 1)))
+    mean, std = law.mean[:, 0], np.sqrt(law.cov[:, 0, 0])
+    return Figure(
+        "Slip of the wheels under their force",
+        "Traction over load [-]",
+        "Slip [-]",
+        series=[
+            Series(np.abs(p.force_share).ravel(), (np.sign(p.force_share) * slip).ravel(), "stretches", "points"),
+            Series(force, mean, "learnt", role="estimate"),
+        ],
+        bands=[band_95(force, mean, std, label="95 %")],
+    )

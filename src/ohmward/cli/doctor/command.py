@@ -3,22 +3,39 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Any, NamedTuple
 
+from ohmward.battery.battery import Battery, LogFit
 from ohmward.battery.file import load_battery
+from ohmward.battery.soc.band_forecast import (
+    TEMPERATURES_DEGC,
+    BandForecast,
+    BandsAfterTest,
+    forecast,
+    forecasts_after_tests,
+)
+from ohmward.cli import wording
 from ohmward.cli.battery_inputs import read_battery_log
-from ohmward.cli.doctor.battery import battery_summary, describe_battery, examine_battery
-from ohmward.cli.doctor.report import make_page
-from ohmward.cli.doctor.result import describe, summary
 from ohmward.cli.options import file_hints
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.parser import split_selection
+from ohmward.cli.wording import FOOTER, duration, grouped, sentence, with_assumptions
 from ohmward.errors import InputError
+from ohmward.figures import battery as pictures
+from ohmward.figures.parts import wall_clock
+from ohmward.filters.consistency import BAND_95
 from ohmward.logs import Log, examine
 from ohmward.logs.columns import listed
+from ohmward.logs.doctor import Finding, Findings
+from ohmward.logs.note import counted
 from ohmward.logs.read import open_table
+from ohmward.logs.survey import Signal
 from ohmward.logs.wheel_columns import wheel_names
+from ohmward.report import Figure, Page
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -53,3 +70,204 @@ def _read(path: str, args: argparse.Namespace) -> Log:
             f"{file.source} looks like a drive, with {listed(wheels, 4)}; see it with `ohmward slip {path} --robot "
             f"robot.toml`. As the log of a battery: {error}"
         ) from error
+
+
+def summary(paths: Sequence[str], found: Sequence[Findings]) -> dict[str, Any]:
+    """The object of --json."""
+    logs = [{"path": path} | asdict(one) | {"worst": one.worst} for path, one in zip(paths, found, strict=True)]
+    return {"command": "doctor", "logs": logs}
+
+
+def describe(log: Log, found: Findings) -> str:
+    """Figures and findings of a log, for people."""
+    return wording.paragraphs(
+        f"{log.name}: {wording.grouped(len(log))} samples in {wording.duration(log.duration_s)}",
+        wording.fields(contents(log, found)),
+        wording.assumptions(found.notes),
+        wording.bullets("Found", [f"{finding.severity}: {advised(finding)}" for finding in found.findings])
+        or "Found: nothing suspicious.",
+    )
+
+
+def contents(log: Log, found: Findings) -> dict[str, str]:
+    """The figures of a log with their units, by name."""
+    s = found.survey
+    rows = {
+        "sampling": f"every {s.sampling.median_s:.3g} s, {s.sampling.shortest_s:.3g} to {s.sampling.longest_s:.4g} s; "
+        f"gaps: {s.sampling.gaps}",
+        "current": f"{_range(s.current)} A; > 0 charges",
+        "voltage": f"{_range(s.voltage)} V",
+        "temperature": f"{_range(s.temperature)} degC" if s.temperature else "not recorded",
+        "noise": f"{1e3 * s.current.noise_std:.3g} mA, {1e3 * s.voltage.noise_std:.3g} mV",
+        "resolution": f"{1e3 * s.current.resolution:.3g} mA, {1e3 * s.voltage.resolution:.3g} mV",
+        "charge": f"{s.activity.charge_in_Ah:.4g} Ah in, {s.activity.charge_out_Ah:.4g} Ah out",
+        "activity": f"{s.activity.rests} rests, {s.activity.pulses} pulses between rests",
+        "at rest": wording.quantity(s.activity.rest_current_A, "mA", 1e3),
+        "edges": f"{s.sign.edges} of the current; dV/dI = {wording.quantity(s.sign.resistance_ohm, 'mohm', 1e3)}",
+    }
+    return rows | ({"also": ", ".join(log.extra)} if log.extra else {})
+
+
+def advised(finding: Finding) -> str:
+    """A finding with its advice, in one line."""
+    return f"{finding.text} -> {finding.advice}"
+
+
+def _range(signal: Signal) -> str:
+    return f"{signal.minimum:.5g} to {signal.maximum:.5g}"
+
+
+#: A test that narrows the bands by less than this share is not listed.
+WORTH_A_TEST = 0.05
+#: How to read the bands.
+READING = "half width of the 95 % band in points, start known / start unknown"
+
+
+class BatteryFindings(NamedTuple):
+    """Findings on a battery file."""
+
+    path: str  #: of the file; bands: of the file; tests: those worth their time, the best first
+    battery: Battery
+    bands: tuple[BandForecast, ...]
+    tests: tuple[BandsAfterTest, ...]
+
+
+def examine_battery(path: str, battery: Battery) -> BatteryFindings:
+    """Forecast the bands of a battery file as it is, and after each test."""
+    bands = forecast(battery)
+    if not bands:
+        return BatteryFindings(path, battery, (), ())
+    tests = forecasts_after_tests(battery)
+    return BatteryFindings(path, battery, bands, tuple(t for t in tests if _gain(bands, t.bands) >= WORTH_A_TEST))
+
+
+def battery_summary(found: BatteryFindings) -> dict[str, Any]:
+    """The entry of --json."""
+    battery = found.battery
+    return {
+        "path": found.path,
+        "name": battery.name,
+        "chemistry": battery.chemistry,
+        "capacity_Ah": battery.capacity_Ah,
+        "not_identified": list(battery.not_identified),
+        "bands": [asdict(band) for band in found.bands],
+        "tests": [asdict(test) for test in found.tests],
+    }
+
+
+def describe_battery(found: BatteryFindings) -> str:
+    """Findings on a battery file, for people."""
+    battery = found.battery
+    return wording.paragraphs(
+        f"{found.path}: battery {battery.name!r}, {wording.quantity(battery.capacity_Ah, 'Ah')}, "
+        f"{battery.chemistry or 'chemistry not said'}, {battery.n_series} in series",
+        wording.fields(sources(battery)),
+        wording.bullets("Not known", battery.not_identified),
+        f"{wording.table(band_header(), band_rows(found))}\n({READING})" if found.bands else "",
+        "" if found.bands else "No band: this file has no Thevenin model.",
+    )
+
+
+def add_battery(page: Page, found: BatteryFindings) -> Page:
+    """The page with the findings on a battery file."""
+    page = page.table(["Quantity", "Found"], list(sources(found.battery).items()))
+    page = page.table(["Not known"], [[text] for text in found.battery.not_identified])
+    if not found.bands:
+        return page.text("No band: this file has no Thevenin model.")
+    return page.table(band_header(), band_rows(found), wording.sentence(READING))
+
+
+def sources(battery: Battery) -> dict[str, str]:
+    """Provenance of the numbers of a battery."""
+    known = battery.identification
+    logs = [f"{fit.log} ({fit.test}, SoC {_soc_range(fit)})" for fit in known.logs] if known else []
+    models = [name for name in ("thevenin", "rc") if getattr(battery, name) is not None]
+    idle = battery.idle_current_A
+    exact = taken_as_exact(battery)
+    learnt = battery.knowledge.logs if battery.knowledge else ()
+    rows = {
+        "tests": "; ".join(logs) or "none",
+        "learnt from": f"{counted(len(learnt), 'log')}, {sum(log.hours for log in learnt):.1f} h" if learnt else "none",
+        "models": ", ".join(models),
+        "rest current": "not declared" if idle is None else f"{idle:g} A",
+        "current sensor": f"offset ± {BAND_95 * battery.sensor.offset_std_A:.2g} A, "
+        f"gain ± {100 * BAND_95 * battery.sensor.gain_std:.2g} % (95 %)",
+    }
+    return rows | ({"taken as exact": f"{', '.join(exact)}: 0 in [noise]"} if exact else {})
+
+
+def taken_as_exact(battery: Battery) -> list[str]:
+    """Keys of [noise] by which the file takes as exact what no test knows exactly."""
+    keys = ["capacity_std", "resistance_std"]
+    if battery.thevenin is not None:
+        keys += ["activation_std_K", "ocv_std_V_per_K"]
+        keys += ["hysteresis_std"] if any(battery.thevenin.ocv.hysteresis_V) else []
+    return [key for key in keys if getattr(battery.noise, key) == 0.0]
+
+
+def _soc_range(fit: LogFit) -> str:
+    low, high = (round(100 * min(max(soc, 0.0), 1.0)) for soc in (fit.soc_min, fit.soc_max))
+    return f"{low} to {high} %"
+
+
+def band_header() -> list[str]:
+    """Columns of the bands."""
+    return ["95 % band on a working day", *(f"{T:g} degC" for T in TEMPERATURES_DEGC)]
+
+
+def band_rows(found: BatteryFindings) -> list[list[str]]:
+    """The bands as the file is, then after each test that is worth its time."""
+    rows = [["as the file is", *map(_cell, found.bands)]]
+    return rows + [[f"at best, {test.test}", *map(_cell, test.bands)] for test in found.tests]
+
+
+def _cell(band: BandForecast) -> str:
+    return f"± {band.known_start:.1f} / {band.unknown_start:.1f}"
+
+
+def _gain(before: Sequence[BandForecast], after: Sequence[BandForecast]) -> float:
+    """Share by which the bands are narrower."""
+    return 1.0 - sum(map(_both, after)) / sum(map(_both, before))
+
+
+def _both(band: BandForecast) -> float:
+    return band.known_start + band.unknown_start
+
+
+def make_page(logs: Sequence[Log], found: Sequence[Findings], batteries: Sequence[BatteryFindings]) -> Page:
+    """One section for each log and battery file: figures, findings, plots, assumptions."""
+    names = [log.name for log in logs] + [one.battery.name for one in batteries]
+    title = names[0] if len(names) == 1 else f"{len(names)} {'files' if batteries else 'logs'}"
+    page = Page(title, "What is in it, what is wrong, what was assumed", FOOTER)
+    for log, findings in zip(logs, found, strict=True):
+        page = _section(page if len(names) == 1 else page.heading(log.name), log, findings)
+    for one in batteries:
+        page = add_battery(page if len(names) == 1 else page.heading(one.battery.name), one)
+    return page
+
+
+def _section(page: Page, log: Log, found: Findings) -> Page:
+    s = found.survey
+    figures = {
+        "Samples": grouped(len(log)),
+        "Duration": duration(log.duration_s),
+        "Interval": f"{s.sampling.median_s:.3g} s",
+        "Charge in": f"{s.activity.charge_in_Ah:.4g} Ah",
+        "Charge out": f"{s.activity.charge_out_Ah:.4g} Ah",
+        "Rests": str(s.activity.rests),
+        "Pulses": str(s.activity.pulses),
+    }
+    page = page.numbers(figures)
+    for finding in found.findings:
+        page = page.callout(finding.severity, f"{sentence(finding.text)}\n\n{sentence(finding.advice)}")
+    page = page.plot(*_plots(log), clock=wall_clock(log)).table(
+        ["Quantity", "Found"], list(contents(log, found).items())
+    )
+    return with_assumptions(page, found.notes)
+
+
+def _plots(log: Log) -> list[Figure]:
+    plots = [pictures.current_figure(log), pictures.voltage_figure(log)]
+    if log.temperature_degC is not None:
+        plots.append(pictures.temperature_figure(log))
+    return [*plots, pictures.interval_figure(log)] if len(log) > 1 else plots

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from ohmward.battery.soc.registry import DEFAULT
 from ohmward.cli import wording
+from ohmward.cli.battery_inputs import load_battery_with_sensor
 from ohmward.cli.drive_inputs import make_terrain
 from ohmward.cli.options import BUILT_IN
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.errors import InputError
 from ohmward.export.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
 from ohmward.export.c_library import Export, check_fits, library, size, write_library

@@ -12,11 +12,11 @@ from typing import Any
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.registry import chosen_name, make_estimator
 from ohmward.cli import wording
+from ohmward.cli.battery_inputs import load_battery_with_sensor
 from ohmward.cli.log_files import log_files
 from ohmward.cli.options import file_hints
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
-from ohmward.cli.sensor import load_battery_with_sensor
 from ohmward.errors import InputError
 from ohmward.fleet import Finished, Job, ReadOptions, in_processes, on_dask, run_fleet
 from ohmward.fleet.run import Executor

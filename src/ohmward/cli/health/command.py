@@ -3,25 +3,44 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.health.health import health_of
-from ohmward.battery.health.history import common_error, in_order_of_time, newness, points_of, unlearnt
+from ohmward.battery.battery import Battery
+from ohmward.battery.chemistries import Normal
+from ohmward.battery.health.ageing_laws import DAYS_PER_YEAR
+from ohmward.battery.health.changes import Cause, Outlier, SuddenChange
+from ohmward.battery.health.health import Health, health_of
+from ohmward.battery.health.history import (
+    DatedLogs,
+    Newness,
+    UsedCapacity,
+    common_error,
+    in_order_of_time,
+    newness,
+    points_of,
+    unlearnt,
+    used_capacities,
+)
+from ohmward.battery.health.point import DAY_S, HealthPoint
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.lesson import Lesson
-from ohmward.cli.battery_inputs import read_battery_log
-from ohmward.cli.health.report import make_page
-from ohmward.cli.health.result import HealthTask, describe, summary
+from ohmward.cli import wording
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
 from ohmward.cli.log_files import log_files
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
-from ohmward.cli.sensor import load_battery_with_sensor
+from ohmward.cli.wording import FOOTER, lognormal, normal, sentence, with_assumptions
 from ohmward.errors import InputError
+from ohmward.figures.health import capacity_figure, life_figure, resistance_figure
 from ohmward.logs import Log
 from ohmward.logs.note import counted
+from ohmward.report import Page
 
 #: Seed of the batteries that are drawn for the time left: equal logs give equal pages.
 _SEED = 1
@@ -72,3 +91,232 @@ def _require_lesson(lessons: Sequence[Lesson]) -> None:
 def _reading_notes(logs: tuple[Log, ...]) -> list[str]:
     """Warnings of reading, with the name of the log."""
     return [f"warning: {log.name}: {note.text}" for log in logs for note in log.notes if note.level == "warning"]
+
+
+#: Probabilities of the time left, and times within which the battery may be worn out [days].
+QUANTILES = {"p05": 0.05, "p25": 0.25, "p50": 0.5, "p75": 0.75, "p95": 0.95}
+WITHIN = {"month": DAYS_PER_YEAR / 12, "half_year": DAYS_PER_YEAR / 2, "year": DAYS_PER_YEAR, "five_years": 5 * 365.25}
+
+#: Likely cause of a sudden change, in words, and its meaning for the trend.
+CAUSES: Mapping[Cause, str] = {
+    "counter": "the current reads differently from here on: the resistance changed by as much the other way; "
+    "this is a counter, no ageing",
+    "cold": "these logs are much colder; cold, not ageing, as far as they tell",
+    "not full": "no full charge shows the capacity here: charges that were broken off look the same; not counted as "
+    "ageing",
+    "battery": "the resistance rose with it, faster than any ageing: damage, a bad contact, or another battery",
+    "unknown": "the logs do not tell whether it is the battery, its counter or how it was used",
+}
+LOGS = ["log", "begins", "cycles", "mean °C", "capacity", "resistance", "remark"]
+
+
+class HealthTask(NamedTuple):
+    """Logs of a battery, what each taught, and the health that follows."""
+
+    battery: Battery
+    new: Newness
+    dated: DatedLogs
+    lessons: Sequence[Lesson]
+    health: Health
+    notes: list[str]
+
+
+def summary(task: HealthTask) -> dict[str, Any]:
+    """The object of --json."""
+    health, lessons = task.health, task.lessons
+    used = used_capacities(lessons)
+    days, cycles = health.now
+    return {
+        "command": "health",
+        "battery": task.battery.name,
+        "logs": [_log(task, k, used[k]) for k in range(len(lessons))],
+        "days": days,
+        "cycles": cycles,
+        "capacity_new_Ah": task.new.capacity_Ah,
+        "resistance_new_ohm": task.new.resistance_ohm,
+        "capacity_Ah": _plain(lessons[-1].capacity_Ah),
+        "discharge_Ah": _plain(used[-1].capacity_Ah),
+        "emptied": used[-1].latest is not None,
+        "soh_capacity": _ratio(health.capacity_now),
+        "resistance_ratio": _ratio(health.resistance_now),
+        "worn_share": health.ahead.share,
+        "worn_in_days": {name: health.ahead.quantile(q) for name, q in QUANTILES.items()},
+        "worn_within": {name: health.ahead.within(of_days) for name, of_days in WITHIN.items()},
+        "sudden_changes": [_step(step) for step in health.changes],
+        "off_trend": [_outlier(outlier) for outlier in health.outliers],
+        "notes": task.notes,
+    }
+
+
+def _log(task: HealthTask, k: int, used: UsedCapacity) -> dict[str, Any]:
+    lesson, point, log = task.lessons[k], task.health.points[k], task.dated.logs[k]
+    return {
+        "log": lesson.log,
+        "begins": date(task, k),
+        "days": (float(task.dated.start_s[k]) - float(task.dated.start_s[0])) / DAY_S,
+        "hours": log.duration_s / 3600.0,
+        "cycles": point.cycles,
+        "temperature_degC": point.temperature_degC,
+        "verdict": lesson.verdict,
+        "reason": lesson.reason,
+        "soc_min": lesson.soc_min,
+        "soc_max": lesson.soc_max,
+        "capacity_Ah": _plain(lesson.capacity_Ah),
+        "discharge_Ah": _plain(used.capacity_Ah),
+        "resistance_ohm": _plain(lesson.resistance_ohm),
+        "own_soh_capacity": _ratio(point.log_capacity) if point.shows_capacity else None,
+        "own_resistance_ratio": _ratio(point.log_resistance) if point.shows_resistance else None,
+        "remark": remark(task, k),
+    }
+
+
+def date(task: HealthTask, k: int) -> str | None:
+    """Begin of a log as a date and time in UTC, None without a clock."""
+    if not task.dated.has_clock:
+        return None
+    return datetime.fromtimestamp(float(task.dated.start_s[k]), UTC).strftime("%Y-%m-%d %H:%M")
+
+
+def remark(task: HealthTask, k: int) -> str:
+    """Remark on a log beside its numbers."""
+    lesson, point = task.lessons[k], task.health.points[k]
+    if lesson.verdict != "learnt":
+        return f"{lesson.verdict}: {lesson.reason}" if lesson.reason else lesson.verdict
+    own = next((outlier for outlier in task.health.outliers if outlier.log == lesson.log), None)
+    if own is not None:
+        return f"{own.deviation:+.1f} sigma off the trend: {CAUSES[own.cause]}"
+    return "" if point.shows_capacity else "says nothing of the capacity by itself"
+
+
+def _plain(value: Normal) -> dict[str, float]:
+    return {"mean": float(value.mean), "std": float(value.std)}
+
+
+def _ratio(value: Normal) -> dict[str, float]:
+    """A ratio from its logarithm."""
+    mean = math.exp(value.mean)
+    return {"mean": mean, "std": mean * float(value.std)}
+
+
+def _step(step: SuddenChange) -> dict[str, Any]:
+    return {
+        "before": step.before,
+        "after": step.after,
+        "days": step.days,
+        "capacity_ratio": _ratio(step.capacity),
+        "resistance_ratio": _ratio(step.resistance) if math.isfinite(step.resistance.std) else None,
+        "cause": step.cause,
+        "text": CAUSES[step.cause],
+    }
+
+
+def _outlier(outlier: Outlier) -> dict[str, Any]:
+    return {"log": outlier.log, "sigma": outlier.deviation, "cause": outlier.cause, "text": CAUSES[outlier.cause]}
+
+
+def describe(figures: dict[str, Any]) -> str:
+    """Text for people."""
+    title = f"health of battery {figures['battery']!r} over {span(figures)}"
+    changes = [change_text(step) for step in figures["sudden_changes"]]
+    return wording.paragraphs(
+        title,
+        wording.fields(result(figures)),
+        wording.bullets("Sudden changes, which no ageing makes", changes),
+        wording.bullets("Logs off the trend", [off_text(outlier) for outlier in figures["off_trend"]]),
+        wording.bullets("Set aside", [f"{log['log']}: {log['reason']}" for log in figures["logs"] if not _used(log)]),
+        wording.assumptions(figures["notes"]),
+    )
+
+
+def _used(log: dict[str, Any]) -> bool:
+    return log["verdict"] != "set aside"
+
+
+def span(figures: dict[str, Any]) -> str:
+    """Number of logs, and the days and cycles between the first and the last."""
+    of_logs, days = counted(len(figures["logs"]), "log"), counted(round(figures["days"]), "day")
+    return f"{of_logs}, {days}, {figures['cycles']:.3g} full cycles"
+
+
+def result(figures: dict[str, Any]) -> dict[str, str]:
+    """The key figures with their units, by name."""
+    rows = {
+        "capacity": f"{normal(figures['soh_capacity'], '%', 100)} of that when new",
+        "resistance": f"{lognormal(figures['resistance_ratio'], '%', 100)} of that when new, at 25 degC",
+        "from full to empty": normal(figures["capacity_Ah"], "Ah"),
+    }
+    if figures["emptied"]:
+        rows["a discharge gives"] = f"{normal(figures['discharge_Ah'], 'Ah')}, from full to where they have ended"
+    return rows | {f"down to {figures['worn_share']:.0%} in": life_text(figures)}
+
+
+def life_text(figures: dict[str, Any]) -> str:
+    """The time left in words: its median and where it lies with nine in ten."""
+    left = figures["worn_in_days"]
+    if left["p95"] == 0.0:
+        return "it is there already"
+    return f"{time_text(left['p50'])}; nine in ten: {time_text(left['p05'])} to {time_text(left['p95'])}"
+
+
+def time_text(days: float) -> str:
+    """A time in days, months or years, whichever is near."""
+    if not math.isfinite(days):
+        return "more than 30 years"
+    if days < 1.0:
+        return "now"
+    if days < 60.0:
+        return f"{days:.0f} days"
+    months = days / (DAYS_PER_YEAR / 12)
+    return f"{months:.0f} months" if months < 24.0 else f"{days / DAYS_PER_YEAR:.1f} years"
+
+
+def change_text(step: dict[str, Any]) -> str:
+    """A sudden change in a sentence."""
+    changes = [f"capacity {100 * (step['capacity_ratio']['mean'] - 1):+.0f} %"]
+    if step["resistance_ratio"]:
+        changes.append(f"resistance {100 * (step['resistance_ratio']['mean'] - 1):+.0f} %")
+    return f"between {step['before']} and {step['after']}: {', '.join(changes)}; {step['text']}"
+
+
+def off_text(outlier: dict[str, Any]) -> str:
+    """A log off the trend in a sentence."""
+    return f"{outlier['log']}, by {outlier['sigma']:+.1f} sigma: {outlier['text']}"
+
+
+def log_rows(figures: dict[str, Any], points: Sequence[HealthPoint]) -> list[list[str]]:
+    """The table of the logs: each by itself."""
+    rows = []
+    for log, point in zip(figures["logs"], points, strict=True):
+        warm = f"{point.temperature_degC:.0f}" if math.isfinite(point.temperature_degC) else "-"
+        capacity = normal(log["own_soh_capacity"], "%", 100) if log["own_soh_capacity"] else "-"
+        resistance = lognormal(log["own_resistance_ratio"], "%", 100) if log["own_resistance_ratio"] else "-"
+        begins = log["begins"] or f"day {log['days']:.1f}"
+        rows.append([log["log"], begins, f"{log['cycles']:.2f}", warm, capacity, resistance, log["remark"]])
+    return rows
+
+
+def make_page(task: HealthTask, figures: dict[str, Any]) -> Page:
+    """Key figures, trends, the time left, and the logs.
+
+    figures: the summary of the run.
+    """
+    page = Page(f"Health of battery {figures['battery']!r}", span(figures), FOOTER).numbers(_numbers(figures))
+    for step in figures["sudden_changes"]:
+        page = page.callout("warning", sentence(f"sudden change {change_text(step)}"))
+    for outlier in figures["off_trend"]:
+        page = page.callout("info", sentence(off_text(outlier)))
+    page = page.heading("Trend").plot(capacity_figure(task.health), resistance_figure(task.health))
+    page = page.heading("Time left").text(sentence(f"Down to {figures['worn_share']:.0%}: {life_text(figures)}"))
+    page = page.plot(life_figure(task.health.ahead))
+    page = page.heading("Result").table(["Quantity", "Value, 95 %"], list(result(figures).items()))
+    page = page.heading("Logs").table(LOGS, log_rows(figures, task.health.points), "What each log shows by itself")
+    return with_assumptions(page, task.notes)
+
+
+def _numbers(figures: dict[str, Any]) -> dict[str, str]:
+    numbers = {
+        "Capacity": normal(figures["soh_capacity"], "%", 100),
+        "Resistance": lognormal(figures["resistance_ratio"], "%", 100),
+        f"Down to {figures['worn_share']:.0%} within a year": f"{figures['worn_within']['year']:.0%}",
+    }
+    return {name: value for name, value in numbers.items() if value != "-"}

@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 import asyncio
 import logging
+from collections.abc import Mapping
 from importlib.resources import files
+from typing import Any
 
 from ohmward.checks import require_positive
-from ohmward.cli.log_format import TEXT, begin_log
+from ohmward.cli import wording
+from ohmward.cli.log_files import TEXT, begin_log
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.run.result import describe, summary
 from ohmward.errors import InputError, OhmwardError
 from ohmward.lab import lab
 from ohmward.onboard.assembly import assemble
@@ -18,7 +20,8 @@ from ohmward.onboard.notify import notifying, service_manager
 from ohmward.onboard.part import LOG
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_setup import SETUP_FILE
-from ohmward.onboard.trial import try_setup
+from ohmward.onboard.robot_state import Level
+from ohmward.onboard.trial import Trial, try_setup
 
 #: Exit status of what is refused, where the log says why.
 REFUSED = 2
@@ -82,3 +85,44 @@ async def _run(process: Process, seconds: float | None) -> None:
     if seconds is not None:
         asyncio.get_running_loop().call_later(seconds, process.stop)
     await process.run()
+
+
+_TITLES = {
+    Level.ERROR: "Wrong, with the fix",
+    Level.WARN: "Not told yet",
+    Level.OK: "In order",
+}
+
+
+def summary(trial: Trial) -> dict[str, Any]:
+    """The object of --json."""
+    return {"command": "run --check", "passed": trial.passed, "findings": _findings(trial), "signals": _signals(trial)}
+
+
+def describe(trial: Trial, setup: str) -> str:
+    """The findings by severity, and the verdict."""
+    parts = [
+        wording.bullets(title, [f"{f.subject}: {f.text}" for f in trial.findings if f.level == level])
+        for level, title in _TITLES.items()
+        if any(f.level == level for f in trial.findings)
+    ]
+    wrong = sum(f.level == Level.ERROR for f in trial.findings)
+    things = "thing is" if wrong == 1 else "things are"
+    verdict = f"{setup}: {wrong} {things} wrong" if wrong else f"{setup}: nothing is wrong; ohmward run {setup}"
+    return wording.paragraphs(*parts, verdict)
+
+
+def _findings(trial: Trial) -> list[dict[str, str]]:
+    return [{"subject": f.subject, "level": f.level.name, "text": f.text} for f in trial.findings]
+
+
+def _signals(trial: Trial) -> Mapping[str, Any]:
+    return {
+        signal: {
+            "sources": record.sources,
+            "rate_hz": record.rate_hz,
+            "median": record.median,
+            "largest": record.largest,
+        }
+        for signal, record in trial.signals.items()
+    }

@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from functools import partial
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from ohmward.battery.battery import Battery
 from ohmward.battery.file import replace_battery
-from ohmward.battery.tuning.tune import tune_noise
-from ohmward.cli.battery_inputs import read_battery_log
+from ohmward.battery.tuning.tune import TunedFactor, Tuning, tune_noise
+from ohmward.cli import wording
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
 from ohmward.cli.log_files import log_files
-from ohmward.cli.outcome import Outcome, check_output
+from ohmward.cli.outcome import Outcome, check_output, plain
 from ohmward.cli.progress import counting, progress
-from ohmward.cli.sensor import load_battery_with_sensor
-from ohmward.cli.tune.report import make_page
-from ohmward.cli.tune.result import TuneTask, describe, summary
+from ohmward.cli.wording import FOOTER, with_assumptions
+from ohmward.figures.parts import wall_clock
+from ohmward.filters.consistency import BAND_95
+from ohmward.logs import Log
+from ohmward.logs.note import counted
+from ohmward.report import TIME, Band, Figure, Page, Series
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -31,3 +40,149 @@ def run(args: argparse.Namespace) -> Outcome:
     figures = summary(task) | written | {"report": args.report}
     page = partial(make_page, task, figures)
     return Outcome(figures, describe(task, figures), task.notes, page, status=int(not tuning.explains))
+
+
+#: Columns of the factors.
+HEADER = ["noise", "in the file", "tuned", "95 % from", "to", ""]
+#: Names of the factors, the value of the file that each stands for, its unit and scale.
+_QUANTITIES = {
+    "voltage": ("white noise of the voltage", "voltage_std_V", "mV", 1e3),
+    "model": ("error of the model, over the file's", "", "", 1.0),
+    "correlation": ("time for which it holds on", "correlation_s", "s", 1.0),
+}
+NOT_TOLD = (
+    "Noise of the current sensor, walks of its offset, of capacity and resistance leave no trace in the voltage that "
+    "could be told from these: the file keeps its own."
+)
+
+
+class TuneTask(NamedTuple):
+    """The battery file, its logs and what they tell of its noise."""
+
+    path: str
+    battery: Battery
+    logs: tuple[Log, ...]
+    tuning: Tuning
+    contradictions: tuple[str, ...]
+
+    @property
+    def notes(self) -> list[str]:
+        """Everything that was assumed while reading."""
+        read = [f"{note.level}: {log.name}: {note.text}" for log in self.logs for note in log.notes]
+        return [f"warning: {text}" for text in self.contradictions] + read
+
+
+def summary(task: TuneTask) -> dict[str, Any]:
+    """The object of --json."""
+    tuning = task.tuning
+    return plain(
+        {
+            "command": "tune",
+            "battery": task.path,
+            "logs": [log.name for log in task.logs],
+            "voltages": tuning.voltages,
+            "noise": {one.quantity: _row(task.battery, one) for one in tuning.factors},
+            "innovations_before": tuning.excess_before,
+            "innovations": tuning.excess,
+            "innovations_over_steps": tuning.over_last,
+            "log_likelihood_gain": tuning.gain,
+            "explains": tuning.explains,
+        }
+    )
+
+
+def _row(battery: Battery, one: TunedFactor) -> dict[str, Any]:
+    """A factor with the file's value and the tuned one."""
+    _, key, _, _ = _QUANTITIES[one.quantity]
+    value = getattr(battery.noise, key) if key else 1.0
+    return {
+        "key": key or None,
+        "before": value,
+        "after": value if one.refused else value * one.factor,
+        "low": value * one.low,
+        "high": value * one.high,
+        "factor": one.factor,
+        "refused": one.refused or None,
+    }
+
+
+def describe(task: TuneTask, figures: Mapping[str, Any]) -> str:
+    """Text for people."""
+    return wording.paragraphs(
+        title(task),
+        wording.table(HEADER, factor_rows(figures)),
+        innovations(figures),
+        NOT_TOLD,
+        wording.assumptions(task.notes),
+        ending(figures),
+    )
+
+
+def title(task: TuneTask) -> str:
+    """Battery and logs in a line."""
+    hours = sum(float(log.time_s[-1] - log.time_s[0]) for log in task.logs) / 3600.0
+    return (
+        f"battery {task.battery.name!r}: {counted(len(task.logs), 'log')}, {hours:.1f} h, "
+        f"{wording.grouped(task.tuning.voltages)} voltages"
+    )
+
+
+def factor_rows(figures: Mapping[str, Any]) -> list[list[str]]:
+    """A row for each factor."""
+    rows = []
+    for quantity, row in figures["noise"].items():
+        name, _, unit, scale = _QUANTITIES[quantity]
+        numbers = [wording.quantity(row[key], unit, scale) for key in ("before", "after", "low", "high")]
+        rows.append([name, *numbers, f"not told: {row['refused']}" if row["refused"] else ""])
+    return rows
+
+
+def innovations(figures: Mapping[str, Any]) -> str:
+    """The size of the innovations in a sentence."""
+    before, after = figures["innovations_before"], figures["innovations"]
+    found = f"Innovations are {after:.2f} times as large as this noise makes them; with the file's it was {before:.2f}."
+    if figures["explains"]:
+        return found
+    return (
+        f"{found} No noise explains these logs: is the battery file of this battery, and are sign and unit of the "
+        "current right?"
+    )
+
+
+def ending(figures: Mapping[str, Any]) -> str:
+    """The file that was written, or the reason why none was."""
+    if figures["output"]:
+        return wording.written_battery(figures)
+    if not figures["explains"]:
+        return "No battery file written: no noise explains the logs."
+    return "No battery file written; name one with -o."
+
+
+def make_page(task: TuneTask, figures: Mapping[str, Any]) -> Page:
+    """The noise before and after, and the innovations of each log with both."""
+    page = Page(f"Noise of battery {task.battery.name!r}", title(task), FOOTER)
+    page = page.callout("info" if figures["explains"] else "warning", innovations(figures))
+    page = page.table(HEADER, factor_rows(figures), "With 95 % intervals")
+    page = page.callout("info", f"{NOT_TOLD}\n\n{ending(figures)}")
+    for log, found in zip(task.logs, task.tuning.innovations, strict=True):
+        page = page.heading(log.name).plot(
+            _innovations(log.time_s, found[:, 0], "With the noise of the file"),
+            _innovations(log.time_s, found[:, 1], "With the tuned noise"),
+            clock=wall_clock(log),
+        )
+    return with_assumptions(page, task.notes) if task.notes else page
+
+
+def _innovations(time_s: np.ndarray, innovation: np.ndarray, name: str) -> Figure:
+    """Innovations in their standard deviations, and the band in which 95 % of them should lie."""
+    ends = time_s[[0, -1]]
+    limit = np.full(2, BAND_95)
+    return Figure(
+        name,
+        TIME,
+        "Innovation [σ]",
+        [Series(time_s, innovation, "innovation", "points", "estimate")],
+        [Band(ends, -limit, limit, "95 % of them", "reference")],
+        y_limits=(-6.0, 6.0),
+        height_px=200,
+    )

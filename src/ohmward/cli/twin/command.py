@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from ohmward.battery.soc.estimator import samples_of as battery_samples_of
-from ohmward.cli.battery_inputs import read_battery_log
+from ohmward.cli import wording
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
 from ohmward.cli.drive_inputs import make_terrain, read_drive_log
 from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.sensor import load_battery_with_sensor
-from ohmward.cli.twin.result import describe, summary
 from ohmward.errors import InputError
 from ohmward.export.battery import battery_export, curve_error_of_pack_V
 from ohmward.export.c_library import Export
@@ -123,3 +123,42 @@ def start_arguments(twin: Twin, given: dict[str, float]) -> dict[str, float]:
             "which says what it was exported with; export it anew"
         )
     return {word: known[word] for word in twin.arguments}
+
+
+def summary(
+    twin: Twin, log: Log | DriveLog, outputs: Any, seconds: float, compared: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The object of --json.
+
+    compared: `compared_with` and `differences`.
+    """
+    return {
+        "command": "twin",
+        "name": twin.name,
+        "log": log.name,
+        "steps": len(log),
+        "seconds": seconds,
+        "final": {name: float(column[-1]) for name, column in output_columns(outputs).items()},
+        "flags": twin.flag_counts(outputs),
+        **compared,
+        "notes": [str(note) for note in log.notes],
+    }
+
+
+def describe(figures: dict[str, Any]) -> str:
+    """Text for people."""
+    rows = {name: f"{value:.6g}" for name, value in figures["final"].items()}
+    step_s = figures["seconds"] / max(figures["steps"], 1)
+    rows |= {
+        "flagged samples": wording.flagged(figures["flags"]),
+        "steps": f"{figures['steps']:,}, {1e9 * step_s:.0f} ns each",
+    }
+    differences = figures["differences"] or {}
+    table = [[name, f"{value:.2g}"] for name, value in differences.items()]
+    return wording.paragraphs(
+        f"{figures['log']} through {figures['name']!r} of {figures['library']}, after the last sample",
+        wording.fields(rows),
+        f"Compared with double precision. {figures['compared_with']}:" if table else "",
+        wording.table(["", "largest difference"], table) if table else "",
+        wording.assumptions(figures["notes"]),
+    )

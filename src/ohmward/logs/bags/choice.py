@@ -14,16 +14,11 @@ TOPIC = "topic"
 
 
 class KnownType(NamedTuple):
-    """A type that is found without being named.
+    """A type that is found without being named."""
 
-    part: of what it tells, `battery`, `drive` or `both`.
-    columns: path of a field -> name of its column.
-    by_name_only: it is read where a topic of it is named.
-    """
-
-    part: str
-    columns: Mapping[str, str]
-    by_name_only: bool = False
+    part: str  #: of what it tells, `battery`, `drive` or `both`
+    columns: Mapping[str, str]  #: path of a field -> name of its column
+    by_name_only: bool = False  #: it is read where a topic of it is named
 
 
 def choose_topics(

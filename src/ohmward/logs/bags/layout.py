@@ -33,16 +33,11 @@ class Number(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """Places in messages that are laid out alike.
+    """Places in messages that are laid out alike."""
 
-    numbers: by their paths, `header.stamp.sec`, `cell_voltage[0]`.
-    texts: by their paths.
-    marks: (K,) places of the bytes that are the same in all such messages: lengths, and names in arrays.
-    """
-
-    numbers: dict[str, Number]
-    texts: dict[str, str]
-    marks: np.ndarray
+    numbers: dict[str, Number]  #: by their paths, `header.stamp.sec`, `cell_voltage[0]`
+    texts: dict[str, str]  #: by their paths
+    marks: np.ndarray  #: (K,) places of the bytes that are the same in all such messages: lengths, and names in arrays
 
 
 def layout_of(payload: bytes, type_: str, definitions: Definitions, encoding: str) -> Layout:

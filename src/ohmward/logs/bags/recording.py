@@ -13,18 +13,12 @@ CDR, ROS1 = "cdr", "ros1"
 
 
 class Topic(NamedTuple):
-    """A topic of a recording.
+    """A topic of a recording."""
 
-    name: `/battery_state`.
-    type: `sensor_msgs/msg/BatteryState`, of ROS 1 as well.
-    encoding: of the messages, `cdr` or `ros1`; another one cannot be read.
-    definition: text of the message's definition and of those that it uses, "" where the recording has none.
-    """
-
-    name: str
-    type: str
-    encoding: str
-    definition: str = ""
+    name: str  #: `/battery_state`
+    type: str  #: `sensor_msgs/msg/BatteryState`, of ROS 1 as well
+    encoding: str  #: of the messages, `cdr` or `ros1`; another one cannot be read
+    definition: str = ""  #: text of the message's definition and of those that it uses, "" where the recording has none
 
 
 class Recorded(NamedTuple):
@@ -37,21 +31,15 @@ class Recorded(NamedTuple):
 
 @dataclass
 class Recording:
-    """Messages of a file or of several.
+    """Messages of a file or of several."""
 
-    Attributes:
-        source: name for messages.
-        read: yields the messages of these topics, of all where None, in the order of the file, and adds to `notes`.
-        topics: all topics by name; None before the recording was looked through.
-        notes: what could not be read.
-        all_known: `topics` has every topic before any message is read.
-    """
-
-    source: str
+    source: str  #: name for messages
+    #: yields the messages of these topics, of all where None, in the order of the file, and adds to `notes`
     read: Callable[[Recording, Collection[str] | None], Iterator[Recorded]]
+    #: all topics by name; None before the recording was looked through
     topics: dict[str, Topic] = field(default_factory=dict)
-    notes: dict[str, Note] = field(default_factory=dict)
-    all_known: bool = False
+    notes: dict[str, Note] = field(default_factory=dict)  #: what could not be read
+    all_known: bool = False  #: `topics` has every topic before any message is read
 
     def messages(self, names: Collection[str] | None = None) -> Iterator[Recorded]:
         """The messages of the topics of these names, in the order of the file."""

@@ -33,14 +33,11 @@ class DrivePhase(StrEnum):
 
 
 class DriveOutput(NamedTuple):
-    """Commands of a step.
+    """Commands of a step."""
 
-    phase: enable is 1 in `ARMED` only.  reason: of the phase, a few words for the operator.
-    torque_Nm, wheel_speed_rad_s: (driven,).
-    """
-
-    phase: DrivePhase
-    reason: str
+    phase: DrivePhase  #: enable is 1 in `ARMED` only
+    reason: str  #: of the phase, a few words for the operator
+    #: (driven,)
     torque_Nm: np.ndarray
     wheel_speed_rad_s: np.ndarray
 

@@ -12,26 +12,19 @@ SAFE_STOP_S = 0.1
 
 @dataclass(frozen=True)
 class DriveLimits:
-    """Limits that no operator can exceed.
+    """Limits that no operator can exceed."""
 
-    Attributes:
-        speed_m_s, yaw_rate_rad_s: largest set-points, > 0.
-        acceleration_m_s2: of the ramps, > 0.
-        torque_Nm, torque_rate_Nm_per_s: of each driven wheel, > 0.
-        slip: largest slip ratio, as a bound and as a set-point, in [0.001, 0.999].
-        friction: that the law assumes, with an error of up to as much, > 0.
-        estimate_timeout_s, operator_timeout_s: age of the last estimate and of the operator's last word that stop the
-            robot; up to 0.08 s it stops within 0.1 s. Longer ones, for slow sensors and radios, let it drive on for as
-            long.
-    """
-
+    #: largest set-points, > 0
     speed_m_s: float = 0.5
     yaw_rate_rad_s: float = 1.0
-    acceleration_m_s2: float = 0.5
+    acceleration_m_s2: float = 0.5  #: of the ramps, > 0
+    #: of each driven wheel, > 0
     torque_Nm: float = 5.0
     torque_rate_Nm_per_s: float = 500.0
-    slip: float = 0.3
-    friction: float = 0.5
+    slip: float = 0.3  #: largest slip ratio, as a bound and as a set-point, in [0.001, 0.999]
+    friction: float = 0.5  #: that the law assumes, with an error of up to as much, > 0
+    #: age of the last estimate and of the operator's last word that stop the robot; up to 0.08 s it stops within 0.1 s.
+    #: Longer ones, for slow sensors and radios, let it drive on for as long.
     estimate_timeout_s: float = 0.08
     operator_timeout_s: float = 0.08
 

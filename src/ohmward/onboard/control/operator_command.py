@@ -2,33 +2,71 @@
 
 from __future__ import annotations
 
+import hashlib
+import hmac
+import json
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ohmward.onboard.control.limits import DriveLimits
 from ohmward.onboard.message import as_number
+
+#: Longest line [bytes].
+LONGEST = 4096
+_CODE = 32
+
+
+class Signing:
+    """Codes of one direction of one connection.
+
+    Args:
+        token: shared secret; empty on a connection that never leaves the machine.
+        nonce: of the connection, made by the robot, so that no line of another connection is good in this one.
+        sender: "robot" or "operator".
+    """
+
+    def __init__(self, token: str, nonce: str, sender: str):
+        self._key, self._salt = token.encode(), f"{nonce} {sender} ".encode()
+        self._sequence = 0
+
+    def line(self, found: dict[str, Any]) -> bytes:
+        """A line with its code; the sequence goes along."""
+        self._sequence += 1
+        text = json.dumps(found | {"n": self._sequence}, allow_nan=False).encode()
+        return self._code(text) + b" " + text + b"\n"
+
+    def read(self, line: bytes) -> dict[str, Any] | None:
+        """The object of a line; None where its code is wrong, or it is no newer than one before."""
+        code, _, text = line.rstrip(b"\r\n").partition(b" ")
+        if not hmac.compare_digest(code, self._code(text)):
+            return None
+        try:
+            found = json.loads(text)
+        except (ValueError, RecursionError):
+            return None
+        if not isinstance(found, dict) or not isinstance(found.get("n"), int) or found["n"] <= self._sequence:
+            return None
+        self._sequence = found["n"]
+        return found
+
+    def _code(self, text: bytes) -> bytes:
+        return hmac.new(self._key, self._salt + text, hashlib.sha256).hexdigest()[:_CODE].encode()
+
 
 #: Smaller set-points are none: a stick has play, and a robot is armed at rest only.
 NOTHING = 1e-3
 
 
 class OperatorCommand(NamedTuple):
-    """An operator's set-points.
+    """An operator's set-points."""
 
-    armed: the robot may drive.
-    speed_m_s: forward; yaw_rate_rad_s: > 0 to the left.
-    slip_bound: largest slip ratio while the speed is held.
-    slip_ratio: to hold instead of a speed; 0 holds the speed. Its direction is that of the speed.
-    said_s: time on the robot's clock after which the operator has said this.
-    """
-
-    armed: bool = False
-    speed_m_s: float = 0.0
+    armed: bool = False  #: the robot may drive
+    speed_m_s: float = 0.0  #: forward; yaw_rate_rad_s: > 0 to the left
     yaw_rate_rad_s: float = 0.0
-    slip_bound: float = 0.12
-    slip_ratio: float = 0.0
-    said_s: float = -math.inf
+    slip_bound: float = 0.12  #: largest slip ratio while the speed is held
+    slip_ratio: float = 0.0  #: to hold instead of a speed; 0 holds the speed. Its direction is that of the speed.
+    said_s: float = -math.inf  #: time on the robot's clock after which the operator has said this
 
     @property
     def at_rest(self) -> bool:

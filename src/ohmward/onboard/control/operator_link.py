@@ -7,8 +7,7 @@ from collections.abc import AsyncGenerator, Callable
 from typing import Any
 
 from ohmward.errors import OhmwardError
-from ohmward.onboard.control.operator_command import OperatorCommand
-from ohmward.onboard.control.signing import LONGEST, Signing
+from ohmward.onboard.control.operator_command import LONGEST, OperatorCommand, Signing
 
 #: The robot has so long to answer [s].
 _ANSWER_S = 3.0

@@ -18,8 +18,7 @@ from typing import Any
 
 from ohmward.errors import OhmwardError
 from ohmward.onboard.control.loop import ControlLoop
-from ohmward.onboard.control.operator_command import OperatorCommand, command_of
-from ohmward.onboard.control.signing import LONGEST, Signing
+from ohmward.onboard.control.operator_command import LONGEST, OperatorCommand, Signing, command_of
 from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.line_reader import BACKLOG, Visitors
 from ohmward.onboard.message import as_number

@@ -32,11 +32,10 @@ class CanOutput(CanPort):
 
     Attributes:
         interface, channel, bitrate, fd: of the bus.
-        dbc: path of the database.
-        signals: "torque_Nm.WHEEL" or "wheel_speed_rad_s.WHEEL", "enable", "counter" -> "MESSAGE.SIGNAL".
     """
 
-    dbc: str = ""
+    dbc: str = ""  #: path of the database
+    #: "torque_Nm.WHEEL" or "wheel_speed_rad_s.WHEEL", "enable", "counter" -> "MESSAGE.SIGNAL"
     signals: dict[str, str | ScaledSignal] = field(default_factory=dict)
 
     @asynccontextmanager
@@ -82,10 +81,9 @@ class MqttOutput(MqttBroker):
 
     Attributes:
         host, port, username, password, tls, ca_file: of the broker.
-        topic: of the commands.
     """
 
-    topic: str = "ohmward/robot/drives"
+    topic: str = "ohmward/robot/drives"  #: of the commands
 
     @asynccontextmanager
     async def opened(self, names: list[str]) -> AsyncIterator[Send]:
@@ -101,13 +99,9 @@ class MqttOutput(MqttBroker):
 
 @dataclass(frozen=True)
 class SimulatedOutput:
-    """The drives of a simulated robot in the same process, for tries.
+    """The drives of a simulated robot in the same process, for tries."""
 
-    Attributes:
-        source: name of the [[source]] of kind "simulation".
-    """
-
-    source: str = "simulation"
+    source: str = "simulation"  #: name of the [[source]] of kind "simulation"
 
     @asynccontextmanager
     async def opened(self, names: list[str]) -> AsyncIterator[Send]:

@@ -43,13 +43,9 @@ class SimulatedDrives:
 
 @dataclass(frozen=True)
 class ConnectedOutput(SimulatedOutput):
-    """The way to the drives of a simulated robot.
+    """The way to the drives of a simulated robot."""
 
-    Attributes:
-        drives: that take the commands.
-    """
-
-    drives: SimulatedDrives = field(default_factory=SimulatedDrives)
+    drives: SimulatedDrives = field(default_factory=SimulatedDrives)  #: that take the commands
 
     @asynccontextmanager
     async def opened(self, names: list[str]) -> AsyncIterator[Send]:
@@ -59,16 +55,11 @@ class ConnectedOutput(SimulatedOutput):
 
 @dataclass(frozen=True)
 class DrivenSimulation:
-    """The simulated robot under commands.
-
-    Attributes:
-        simulation: its settings.
-        drives: that take the commands.
-    """
+    """The simulated robot under commands."""
 
     live: ClassVar[bool] = False
-    simulation: SimulationSource
-    drives: SimulatedDrives = field(default_factory=SimulatedDrives)
+    simulation: SimulationSource  #: its settings
+    drives: SimulatedDrives = field(default_factory=SimulatedDrives)  #: that take the commands
 
     @property
     def name(self) -> str:

@@ -32,15 +32,12 @@ _CREEP_M_S = 0.06
 
 
 class WheelCommands(NamedTuple):
-    """Commands for the driven wheels; a drive takes one of them.
+    """Commands for the driven wheels; a drive takes one of them."""
 
-    torque_Nm, wheel_speed_rad_s: (driven,).
-    report: of the controller of the torque.
-    """
-
+    #: (driven,)
     torque_Nm: np.ndarray
     wheel_speed_rad_s: np.ndarray
-    report: Report
+    report: Report  #: of the controller of the torque
 
 
 class _EachWheel:

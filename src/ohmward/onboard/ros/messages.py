@@ -28,13 +28,10 @@ _TECHNOLOGY = {"lfp": _LIFE, "lipo": _LIPO, "lead-acid": _VRLA, "": _UNKNOWN}
 
 @dataclass(frozen=True)
 class Frames:
-    """Names of coordinate frames, REP-105.
+    """Names of coordinate frames, REP-105."""
 
-    odom: in which the pose is continuous.  base: of the robot, at its centre of gravity.
-    """
-
-    odom: str = "odom"
-    base: str = "base_link"
+    odom: str = "odom"  #: in which the pose is continuous
+    base: str = "base_link"  #: of the robot, at its centre of gravity
 
 
 def header(state: RobotState, frame: str) -> Message:

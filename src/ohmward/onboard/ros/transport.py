@@ -44,21 +44,13 @@ class Transport(Protocol):
 
 @dataclass(frozen=True)
 class RosNetwork:
-    """Node of ROS 2, and its way to the others.
+    """Node of ROS 2, and its way to the others."""
 
-    Attributes:
-        transport: "auto" takes rclpy where it is installed, else zenoh; or "rclpy" or "zenoh".
-        node: name of the node.
-        namespace: of node and topics, "/robot1"; topics with a slash in front are outside of it.
-        domain: as ROS_DOMAIN_ID, 0 to 232; that of the environment, or 0, unless given.
-        router: of zenoh, that `ros2 run rmw_zenoh_cpp rmw_zenohd` starts.
-    """
-
-    transport: str = "auto"
-    node: str = "ohmward"
-    namespace: str = ""
-    domain: int | None = None
-    router: str = "tcp/localhost:7447"
+    transport: str = "auto"  #: "auto" takes rclpy where it is installed, else zenoh; or "rclpy" or "zenoh"
+    node: str = "ohmward"  #: name of the node
+    namespace: str = ""  #: of node and topics, "/robot1"; topics with a slash in front are outside of it
+    domain: int | None = None  #: as ROS_DOMAIN_ID, 0 to 232; that of the environment, or 0, unless given
+    router: str = "tcp/localhost:7447"  #: of zenoh, that `ros2 run rmw_zenoh_cpp rmw_zenohd` starts
 
     def __post_init__(self) -> None:
         require_one_of("transport", self.transport, ("auto", "rclpy", "zenoh"))

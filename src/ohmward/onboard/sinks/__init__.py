@@ -3,12 +3,11 @@
 from ohmward.onboard.sinks.can import CanSink
 from ohmward.onboard.sinks.control import ControlSink
 from ohmward.onboard.sinks.foxglove import FoxgloveSink
-from ohmward.onboard.sinks.influxdb import InfluxSink
 from ohmward.onboard.sinks.json_lines import JsonLinesSink
 from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.page import PageSink
-from ohmward.onboard.sinks.postgresql import PostgresqlSink
 from ohmward.onboard.sinks.ros2 import Ros2Sink
+from ohmward.onboard.sinks.server import InfluxSink, PostgresqlSink
 from ohmward.onboard.sinks.store import StoreSink
 from ohmward.onboard.sinks.terminal import TerminalSink
 

@@ -20,17 +20,14 @@ class CanSink(CanPort):
 
     Attributes:
         interface, channel, bitrate, fd: of the bus.
-        dbc: path of the database: DBC, KCD, SYM or ARXML.
-        signals: number of the state -> "MESSAGE.SIGNAL", `"battery.soc" = "State.SoC"`. A message goes out when all of
-            its numbers are known.
-        interval_s: least time between two states that are sent, >= 0.
-        name: in diagnostics.
     """
 
-    dbc: str = ""
+    dbc: str = ""  #: path of the database: DBC, KCD, SYM or ARXML
+    #: number of the state -> "MESSAGE.SIGNAL", `"battery.soc" = "State.SoC"`. A message goes out when all of its
+    #: numbers are known.
     signals: dict[str, str | ScaledSignal] = field(default_factory=dict)
-    interval_s: float = 0.1
-    name: str = "can"
+    interval_s: float = 0.1  #: least time between two states that are sent, >= 0
+    name: str = "can"  #: in diagnostics
 
     def __post_init__(self) -> None:
         require_between("interval_s", self.interval_s, 0.0, 3600.0)

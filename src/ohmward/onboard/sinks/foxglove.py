@@ -18,22 +18,15 @@ from ohmward.optional import require
 
 @dataclass(frozen=True)
 class FoxgloveSink:
-    """A server for viewers, who connect to ws://HOST:PORT and cannot send anything.
+    """A server for viewers, who connect to ws://HOST:PORT and cannot send anything."""
 
-    Attributes:
-        host: address that is listened on; loopback only, because the protocol knows no token: forward the port with
-            `ssh -L 8765:localhost:8765 robot`.
-        port: of TCP.
-        battery: path of the battery file, for capacity, technology, number of cells and serial number.
-        interval_s: least time between two messages of odometry and twist, >= 0.
-        name: in diagnostics.
-    """
-
+    #: address that is listened on; loopback only, because the protocol knows no token: forward the port with `ssh -L
+    #: 8765:localhost:8765 robot`
     host: str = "127.0.0.1"
-    port: int = 8765
-    battery: str | None = None
-    interval_s: float = 0.05
-    name: str = "foxglove"
+    port: int = 8765  #: of TCP
+    battery: str | None = None  #: path of the battery file, for capacity, technology, number of cells and serial number
+    interval_s: float = 0.05  #: least time between two messages of odometry and twist, >= 0
+    name: str = "foxglove"  #: in diagnostics
 
     def __post_init__(self) -> None:
         require_between("port", self.port, 0, 65535)

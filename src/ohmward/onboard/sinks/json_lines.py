@@ -17,17 +17,11 @@ from ohmward.onboard.plain import plain_state
 
 @dataclass(frozen=True)
 class JsonLinesSink:
-    """States by lines.
+    """States by lines."""
 
-    Attributes:
-        path: "-" for standard output, else a file that is appended to.
-        interval_s: least time between two lines, >= 0.
-        name: in diagnostics.
-    """
-
-    path: str = "-"
-    interval_s: float = 0.0
-    name: str = "json-lines"
+    path: str = "-"  #: "-" for standard output, else a file that is appended to
+    interval_s: float = 0.0  #: least time between two lines, >= 0
+    name: str = "json-lines"  #: in diagnostics
 
     def __post_init__(self) -> None:
         require_between("interval_s", self.interval_s, 0.0, 1e9)

@@ -30,16 +30,14 @@ class MqttSink(MqttBroker):
 
     Attributes:
         host, port, username, password, tls, ca_file: of the broker.
-        topic: TOPIC/state is the state, TOPIC/status is "online", and "offline" once the connection is lost.
-        numbers: numbers of the state that get a topic of their own: "battery.soc" is TOPIC/battery/soc.
-        interval_s: least time between two states, >= 0.
-        name: in diagnostics.
     """
 
+    #: TOPIC/state is the state, TOPIC/status is "online", and "offline" once the connection is lost
     topic: str = "ohmward/robot"
+    #: numbers of the state that get a topic of their own: "battery.soc" is TOPIC/battery/soc
     numbers: tuple[str, ...] = ()
-    interval_s: float = 1.0
-    name: str = "mqtt"
+    interval_s: float = 1.0  #: least time between two states, >= 0
+    name: str = "mqtt"  #: in diagnostics
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -29,29 +29,22 @@ _END_S = 1.0
 
 @dataclass(frozen=True)
 class PageSink:
-    """A page on loopback; elsewhere only for those who have the token.
+    """A page on loopback; elsewhere only for those who have the token."""
 
-    Attributes:
-        host: address that it listens on: "127.0.0.1" for this machine alone, "0.0.0.0" for the network.
-        port: 0 takes any that is free.
-        token: where the token is: the name of an environment variable, or file:PATH of a file of mode 600. Needed
-            for any host but loopback.
-        certificate, key: paths of the files for TLS; both or none.
-        robot: title of the page.
-        store: folder of the store whose history it shows; by default that of the sink `store` of the same setup.
-        interval_s: least time between two states that are looked at, >= 0.
-        name: in diagnostics.
-    """
-
+    #: address that it listens on: "127.0.0.1" for this machine alone, "0.0.0.0" for the network
     host: str = "127.0.0.1"
-    port: int = 8080
+    port: int = 8080  #: 0 takes any that is free
+    #: where the token is: the name of an environment variable, or file:PATH of a file of mode 600. Needed for any host
+    #: but loopback.
     token: str | None = None
+    #: paths of the files for TLS; both or none
     certificate: str | None = None
     key: str | None = None
-    robot: str = "robot"
+    robot: str = "robot"  #: title of the page
+    #: folder of the store whose history it shows; by default that of the sink `store` of the same setup
     store: str | None = None
-    interval_s: float = 0.1
-    name: str = "page"
+    interval_s: float = 0.1  #: least time between two states that are looked at, >= 0
+    name: str = "page"  #: in diagnostics
 
     def __post_init__(self) -> None:
         require_between("port", self.port, 0, 65535)

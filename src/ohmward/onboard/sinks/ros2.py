@@ -27,29 +27,22 @@ KEPT = 10
 
 @dataclass(frozen=True)
 class Ros2Sink(RosNetwork):
-    """States as messages; an empty topic leaves its message out.
+    """States as messages; an empty topic leaves its message out."""
 
-    Attributes:
-        battery_state, odometry, twist, diagnostics: topics.
-        odom_frame, base_frame: of REP-105; the base is the robot's centre of gravity.
-        battery: path of the battery file, for capacity, technology, number of cells and serial number.
-        interval_s: least time between two messages of odometry and twist, >= 0.
-        slow_s: the same of the state of the battery and of diagnostics, which are for people and behaviour trees.
-        robot: name of the robot, as the hardware in diagnostics.
-        name: in diagnostics.
-    """
-
+    #: topics
     battery_state: str = "battery_state"
     odometry: str = "ohmward/odometry"
     twist: str = "ohmward/twist"
     diagnostics: str = "/diagnostics"
+    #: of REP-105; the base is the robot's centre of gravity
     odom_frame: str = "odom"
     base_frame: str = "base_link"
-    battery: str | None = None
-    interval_s: float = 0.02
+    battery: str | None = None  #: path of the battery file, for capacity, technology, number of cells and serial number
+    interval_s: float = 0.02  #: least time between two messages of odometry and twist, >= 0
+    #: the same of the state of the battery and of diagnostics, which are for people and behaviour trees
     slow_s: float = 0.5
-    robot: str = "robot"
-    name: str = "ros2"
+    robot: str = "robot"  #: name of the robot, as the hardware in diagnostics
+    name: str = "ros2"  #: in diagnostics
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,10 +1,12 @@
-"""Rows to a server from a spool on the disk: what the sinks of all servers share."""
+"""Rows to a server from a spool on the disk: InfluxDB and what takes its lines, PostgreSQL."""
 
 from __future__ import annotations
 
 import asyncio
+import re
+import urllib.parse
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
@@ -13,27 +15,23 @@ from ohmward.errors import InputError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.secrets import check_secret_name, secret
 from ohmward.onboard.store.delivery import deliver
+from ohmward.onboard.store.influx import lines, post
+from ohmward.onboard.store.postgresql import write
 from ohmward.onboard.store.rows import Row
 
 
 @dataclass(frozen=True, kw_only=True)
 class ServerSink:
-    """Delivery to a server; a subclass has its address, its secret, and writes rows to it.
-
-    Attributes:
-        robot: by which the server knows the rows.
-        spool: file of rows that wait for the server; by default one in `ohmward-state` that is called as the sink.
-        interval_s: least time between two states, >= 0.
-        name: in diagnostics.
-    """
+    """Delivery to a server; a subclass has its address, its secret, and writes rows to it."""
 
     #: Name of the attribute that says where the secret is, see `secrets`.
     secret_key: ClassVar[str]
 
-    robot: str = "robot"
+    robot: str = "robot"  #: by which the server knows the rows
+    #: file of rows that wait for the server; by default one in `ohmward-state` that is called as the sink
     spool: str | None = None
-    interval_s: float = 1.0
-    name: str
+    interval_s: float = 1.0  #: least time between two states, >= 0
+    name: str  #: in diagnostics
 
     def __post_init__(self) -> None:
         require_between("interval_s", self.interval_s, 0.0, 1e9)
@@ -78,3 +76,44 @@ class ServerSink:
             self._write(rows, password)
 
         await deliver(feed, send, Path(self.spool or f"ohmward-state/{self.name}.spool"))
+
+
+@dataclass(frozen=True)
+class InfluxSink(ServerSink):
+    """Lines over HTTP; `robot` is a tag of the rows."""
+
+    secret_key: ClassVar[str] = "token"
+
+    #: of the write API, `http://HOST:8086/write?db=robots` or `http://HOST:8086/api/v2/write?org=ORG&bucket=robots`
+    url: str
+    token: str | None = None  #: where the token is, see `secrets`; None for none
+    name: str = field(default="influxdb", kw_only=True)
+
+    def _address(self) -> tuple[str, bool]:
+        parts = urllib.parse.urlsplit(self.url)
+        if parts.scheme not in ("http", "https") or not parts.netloc:
+            raise InputError(
+                f"url must be http://HOST:PORT/write?db=NAME or that of another write API, got {self.url!r}"
+            )
+        return "url", bool(parts.username or parts.password or "p" in urllib.parse.parse_qs(parts.query))
+
+    def _write(self, rows: Sequence[Row], password: str) -> None:
+        post(self.url, lines(rows, self.robot), password)
+
+
+@dataclass(frozen=True)
+class PostgresqlSink(ServerSink):
+    """Rows in the tables `ohmward_battery` and `ohmward_drive`, which are made where there are none."""
+
+    secret_key: ClassVar[str] = "password"
+
+    address: str  #: `host=db.local port=5432 dbname=robots user=rover` or `postgresql://rover@db.local/robots`
+    password: str | None = None  #: where the password is, see `secrets`; None for none
+    name: str = field(default="postgresql", kw_only=True)
+
+    def _address(self) -> tuple[str, bool]:
+        in_url = urllib.parse.urlsplit(self.address).password is not None
+        return "address", in_url or re.search(r"password\s*=", self.address) is not None
+
+    def _write(self, rows: Sequence[Row], password: str) -> None:
+        write(rows, self.robot, self.address, password)

@@ -25,23 +25,15 @@ DATABASE_SHARE = 0.5
 
 @dataclass(frozen=True)
 class StoreSink:
-    """Rows in a folder.
+    """Rows in a folder."""
 
-    Attributes:
-        folder: made where there is none.
-        commit_s: between two commits [s]: what a loss of power may cost, >= 0.
-        keep_days: whole days in the database; older ones go to the archive, > 0. At most half of `most_MB` stays there.
-        most_MB: size of database and archive; beyond it the oldest files of the archive are removed, > 0.
-        interval_s: least time between two states that are stored, >= 0; 0 stores every one.
-        name: in diagnostics.
-    """
-
-    folder: str = "ohmward-store"
-    commit_s: float = 1.0
+    folder: str = "ohmward-store"  #: made where there is none
+    commit_s: float = 1.0  #: between two commits [s]: what a loss of power may cost, >= 0
+    #: whole days in the database; older ones go to the archive, > 0. At most half of `most_MB` stays there.
     keep_days: float = 2.0
-    most_MB: float = 4000.0
-    interval_s: float = 0.0
-    name: str = "store"
+    most_MB: float = 4000.0  #: size of database and archive; beyond it the oldest files of the archive are removed, > 0
+    interval_s: float = 0.0  #: least time between two states that are stored, >= 0; 0 stores every one
+    name: str = "store"  #: in diagnostics
 
     def __post_init__(self) -> None:
         require_between("commit_s", self.commit_s, 0.0, 60.0)

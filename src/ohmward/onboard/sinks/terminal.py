@@ -18,15 +18,10 @@ _SECONDS_PER_HOUR = 3600.0
 
 @dataclass(frozen=True)
 class TerminalSink:
-    """The newest state, on a terminal in one line that is written over, else line by line.
+    """The newest state, on a terminal in one line that is written over, else line by line."""
 
-    Attributes:
-        interval_s: least time between two lines, >= 0.
-        name: in diagnostics.
-    """
-
-    interval_s: float = 1.0
-    name: str = "terminal"
+    interval_s: float = 1.0  #: least time between two lines, >= 0
+    name: str = "terminal"  #: in diagnostics
 
     def __post_init__(self) -> None:
         require_between("interval_s", self.interval_s, 0.0, 1e9)

@@ -18,14 +18,11 @@ class CanSource(CanPort):
 
     Attributes:
         interface, channel, bitrate, fd: of the bus.
-        dbc: path of the database: DBC, KCD, SYM or ARXML.
-        signals: quantity -> "MESSAGE.SIGNAL".
-        name: in diagnostics.
     """
 
-    dbc: str = ""
-    signals: Signals = field(default_factory=dict)
-    name: str = "can"
+    dbc: str = ""  #: path of the database: DBC, KCD, SYM or ARXML
+    signals: Signals = field(default_factory=dict)  #: quantity -> "MESSAGE.SIGNAL"
+    name: str = "can"  #: in diagnostics
 
     def __post_init__(self) -> None:
         Wiring(self.signals)

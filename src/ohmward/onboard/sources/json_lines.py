@@ -29,22 +29,16 @@ _NEARLY = 0.8
 
 @dataclass(frozen=True)
 class JsonLinesSource:
-    """Objects by lines.
+    """Objects by lines."""
 
-    Attributes:
-        address: "-" for standard input, else HOST:PORT or the path of a Unix socket.
-        listen: wait at the address for whoever connects, instead of connecting to it. Whoever reaches the address can
-            send: listen at 127.0.0.1, at a socket, or in a network that is the robot's own.
-        time: key of the time stamp [s]; without it the time is that of the receipt.
-        signals: quantity -> key; without any, keys are quantities themselves, arrays one for each wheel or cell.
-        name: in diagnostics.
-    """
-
-    address: str = "-"
-    time: str = "time_s"
+    address: str = "-"  #: "-" for standard input, else HOST:PORT or the path of a Unix socket
+    time: str = "time_s"  #: key of the time stamp [s]; without it the time is that of the receipt
+    #: quantity -> key; without any, keys are quantities themselves, arrays one for each wheel or cell
     signals: Signals = field(default_factory=dict)
+    #: wait at the address for whoever connects, instead of connecting to it. Whoever reaches the address can send:
+    #: listen at 127.0.0.1, at a socket, or in a network that is the robot's own.
     listen: bool = False
-    name: str = "json-lines"
+    name: str = "json-lines"  #: in diagnostics
 
     def __post_init__(self) -> None:
         Wiring(self.signals)

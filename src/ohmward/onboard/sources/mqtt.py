@@ -22,16 +22,14 @@ class MqttSource(MqttBroker):
 
     Attributes:
         host, port, username, password, tls, ca_file: of the broker.
-        signals: quantity -> "TOPIC" whose payload is a number, or "TOPIC#KEY" of a JSON object.
-        topics: topics of JSON objects whose keys are quantities themselves; + and # stand for any words.
-        time: key of the time stamp in objects [s]; without it the time is that of the receipt.
-        name: in diagnostics.
     """
 
+    #: quantity -> "TOPIC" whose payload is a number, or "TOPIC#KEY" of a JSON object
     signals: Signals = field(default_factory=dict)
+    #: topics of JSON objects whose keys are quantities themselves; + and # stand for any words
     topics: tuple[str, ...] = ()
-    time: str = "time_s"
-    name: str = "mqtt"
+    time: str = "time_s"  #: key of the time stamp in objects [s]; without it the time is that of the receipt
+    name: str = "mqtt"  #: in diagnostics
 
     def __post_init__(self) -> None:
         super().__post_init__()

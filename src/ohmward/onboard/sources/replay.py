@@ -30,23 +30,15 @@ _OF_BATTERY = {
 
 @dataclass(frozen=True)
 class ReplaySource:
-    """Samples of a log, as they came.
-
-    Attributes:
-        path: of the log: of a battery, or with `robot` of a drive.
-        robot: path of a robot file or name of a packaged robot, for logs of drives.
-        current_sign: what a positive current of a log of a battery does, "charge" or "discharge"; "auto" lets the data
-            tell.
-        rate: seconds of the log in a second, > 0; inf replays as fast as it can.
-        name: in diagnostics.
-    """
+    """Samples of a log, as they came."""
 
     live: ClassVar[bool] = False
-    path: str
-    robot: str | None = None
+    path: str  #: of the log: of a battery, or with `robot` of a drive
+    robot: str | None = None  #: path of a robot file or name of a packaged robot, for logs of drives
+    #: what a positive current of a log of a battery does, "charge" or "discharge"; "auto" lets the data tell
     current_sign: str = "auto"
-    rate: float = 1.0
-    name: str = "replay"
+    rate: float = 1.0  #: seconds of the log in a second, > 0; inf replays as fast as it can
+    name: str = "replay"  #: in diagnostics
 
     def __post_init__(self) -> None:
         require_one_of("current_sign", self.current_sign, get_args(CurrentSign))

@@ -28,25 +28,18 @@ _FULL = 4.0
 
 @dataclass(frozen=True)
 class Ros2Source(RosNetwork):
-    """Messages of sensors; an empty topic is not subscribed to.
+    """Messages of sensors; an empty topic is not subscribed to."""
 
-    Attributes:
-        node: name of the node.
-        battery_state: topic of `sensor_msgs/BatteryState`.
-        joint_states: topic of `sensor_msgs/JointState`, whose velocities are those of wheels.
-        joints: wheel -> joint, where `front_left_wheel_joint` is not the wheel `front_left`.
-        imu: topic of `sensor_msgs/Imu`, with x forward as the robot's; its attitude, where it has one, is the pitch.
-        odometry: topic of `nav_msgs/Odometry` that does not come from the wheels: visual, lidar, GNSS.
-        name: in diagnostics.
-    """
-
-    node: str = "ohmward_sensors"
-    battery_state: str = ""
-    joint_states: str = ""
+    node: str = "ohmward_sensors"  #: name of the node
+    battery_state: str = ""  #: topic of `sensor_msgs/BatteryState`
+    joint_states: str = ""  #: topic of `sensor_msgs/JointState`, whose velocities are those of wheels
+    #: wheel -> joint, where `front_left_wheel_joint` is not the wheel `front_left`
     joints: dict[str, str] = field(default_factory=dict)
+    #: topic of `sensor_msgs/Imu`, with x forward as the robot's; its attitude, where it has one, is the pitch
     imu: str = ""
-    odometry: str = ""
-    name: str = "ros2"
+    odometry: str = ""  #: topic of `nav_msgs/Odometry` that does not come from the wheels: visual, lidar, GNSS
+    live: bool = True  #: false where a bag is played: nothing of it is kept for the robot
+    name: str = "ros2"  #: in diagnostics
 
     def __post_init__(self) -> None:
         super().__post_init__()

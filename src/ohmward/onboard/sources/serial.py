@@ -25,21 +25,15 @@ _LOOK_S = 0.1
 
 @dataclass(frozen=True)
 class SerialSource:
-    """Frames of a line.
+    """Frames of a line."""
 
-    Attributes:
-        port: device of the line, "/dev/ttyACM0", or a URL of pyserial, "socket://192.168.1.7:4000".
-        baud: of the line; USB takes no notice.
-        messages: number of a message -> names of its values in order, "" for one that is not wanted.
-        signals: quantity -> one of these names; without any, the names are quantities themselves.
-        name: in diagnostics.
-    """
-
-    port: str
+    port: str  #: device of the line, "/dev/ttyACM0", or a URL of pyserial, "socket://192.168.1.7:4000"
+    #: number of a message -> names of its values in order, "" for one that is not wanted
     messages: dict[str, tuple[str, ...]]
-    baud: int = 921_600
+    baud: int = 921_600  #: of the line; USB takes no notice
+    #: quantity -> one of these names; without any, the names are quantities themselves
     signals: Signals = field(default_factory=dict)
-    name: str = "serial"
+    name: str = "serial"  #: in diagnostics
 
     def __post_init__(self) -> None:
         require_between("baud", self.baud, 50, 1e8)

@@ -15,21 +15,15 @@ from ohmward.onboard.message import Put
 
 @dataclass(frozen=True)
 class SimulationSource:
-    """Samples of a simulated drive.
-
-    Attributes:
-        scenario: path of a scenario file or the name of a packaged one, see `ohmward simulate --list`; without it a
-            robot that goes round and round for some hours.
-        rate: seconds of the drive in a second, > 0; more than the machine can simulate is as fast as it can.
-        seed: draws the noise of the sensors.
-        name: in diagnostics.
-    """
+    """Samples of a simulated drive."""
 
     live: ClassVar[bool] = False
+    #: path of a scenario file or the name of a packaged one, see `ohmward simulate --list`; without it a robot that
+    #: goes round and round for some hours
     scenario: str | None = None
-    rate: float = 1.0
-    seed: int = 1
-    name: str = "simulation"
+    rate: float = 1.0  #: seconds of the drive in a second, > 0; more than the machine can simulate is as fast as it can
+    seed: int = 1  #: draws the noise of the sensors
+    name: str = "simulation"  #: in diagnostics
 
     def __post_init__(self) -> None:
         require_positive("rate", self.rate)

@@ -16,16 +16,11 @@ KINDS = ("battery", "drive")
 
 
 class Row(NamedTuple):
-    """Measurements and estimates of one time.
+    """Measurements and estimates of one time."""
 
-    kind: "battery" or "drive".
-    unix_ns: time on the wall clock, no two of a kind are equal while the clock goes on.
-    values: column -> number; what is not known is left out.
-    """
-
-    kind: str
-    unix_ns: int
-    values: Mapping[str, float]
+    kind: str  #: "battery" or "drive"
+    unix_ns: int  #: time on the wall clock, no two of a kind are equal while the clock goes on
+    values: Mapping[str, float]  #: column -> number; what is not known is left out
 
 
 class ConditionRow(NamedTuple):

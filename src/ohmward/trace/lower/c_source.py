@@ -18,8 +18,7 @@ from ohmward.errors import InputError
 from ohmward.trace.bounds import within
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.expression import Expression
-from ohmward.trace.lower.c_operations import HELPERS, is_whole, literal, template
-from ohmward.trace.lower.constant_arrays import are_bytes, constant_arrays, position
+from ohmward.trace.lower.c_operations import HELPERS, are_bytes, constant_arrays, is_whole, literal, position, template
 from ohmward.trace.program import Program, StepStructure, serials
 from ohmward.trace.structure import Leaf, Structure, leaves
 
@@ -36,14 +35,10 @@ _END_OF_C_LINKAGE = ("#ifdef __cplusplus", "}", "#endif")
 
 
 class CSource(NamedTuple):
-    """A library of a step and its start.
+    """A library of a step and its start."""
 
-    header: types and prototypes.
-    source: the functions.
-    """
-
-    header: str
-    source: str
+    header: str  #: types and prototypes
+    source: str  #: the functions
 
 
 class Member(NamedTuple):
@@ -93,36 +88,25 @@ def c_source(
 
 
 class Function(NamedTuple):
-    """A C function.
+    """A C function."""
 
-    comment:   its purpose, for the header.
-    prototype: its first line, without the semicolon.
-    program:   its body.
-    inputs, outputs: the places in C of the program's inputs and outputs; `return` is the value that it returns.
-    fills:     pointer to the struct whose members are all among the outputs; memset sets it where most are zero.
-    """
-
-    comment: str
-    prototype: str
-    program: Program
+    comment: str  #:   its purpose, for the header
+    prototype: str  #: its first line, without the semicolon
+    program: Program  #:   its body
+    #: the places in C of the program's inputs and outputs; `return` is the value that it returns
     inputs: list[str]
     outputs: list[str]
+    #:     pointer to the struct whose members are all among the outputs; memset sets it where most are zero
     fills: str = ""
 
 
 class Loops(NamedTuple):
-    """A step with loops.
+    """A step with loops."""
 
-    structs:    structs of its functions, by their name without the prefix.
-    functions:  straight lines that it calls.
-    source:     C of the step itself.
-    code_bytes: size of that in Thumb-2 code.
-    """
-
-    structs: Mapping[str, Structure]
-    functions: list[Function]
-    source: str
-    code_bytes: int
+    structs: Mapping[str, Structure]  #:    structs of its functions, by their name without the prefix
+    functions: list[Function]  #:  straight lines that it calls
+    source: str  #:     C of the step itself
+    code_bytes: int  #: size of that in Thumb-2 code
 
 
 def _step(program: Program, name: str, structs: dict[str, list[Member]]) -> Function:

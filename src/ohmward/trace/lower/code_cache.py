@@ -40,14 +40,10 @@ class UnsafeFolderError(OSError):
 
 
 class OpenFolder(NamedTuple):
-    """A folder that was checked.
+    """A folder that was checked."""
 
-    path: its name.
-    handle: descriptor of the open folder, so that it cannot be exchanged; None where the system has none.
-    """
-
-    path: Path
-    handle: int | None
+    path: Path  #: its name
+    handle: int | None  #: descriptor of the open folder, so that it cannot be exchanged; None where the system has none
 
     def place(self, name: str) -> str:
         """Path of an entry for calls that take `dir_fd`."""

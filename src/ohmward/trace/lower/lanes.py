@@ -39,19 +39,13 @@ def run(
 
 
 class Batch(NamedTuple):
-    """Many logs as rows and columns of scalars.
+    """Many logs as rows and columns of scalars."""
 
-    rows:    (B,) for each scalar of the state.
-    columns: (T, B), or (T,) for all lanes, for each scalar of a sample.
-    outputs: (T, ..., B) for each leaf of the output, to be filled.
-    views:   (T, B) for each scalar of the outputs.
-    steps, width: T and B.
-    """
-
-    rows: list[np.ndarray]
-    columns: list[np.ndarray]
-    outputs: list[np.ndarray]
-    views: list[np.ndarray]
+    rows: list[np.ndarray]  #:    (B,) for each scalar of the state
+    columns: list[np.ndarray]  #: (T, B), or (T,) for all lanes, for each scalar of a sample
+    outputs: list[np.ndarray]  #: (T, ..., B) for each leaf of the output, to be filled
+    views: list[np.ndarray]  #:   (T, B) for each scalar of the outputs
+    #: T and B
     steps: int
     width: int
 

@@ -14,15 +14,11 @@ from ohmward.trace.expression import Expression, is_condition
 
 @dataclass(frozen=True)
 class Target:
-    """Arithmetic and vector width that the code is made for.
+    """Arithmetic and vector width that the code is made for."""
 
-    precision: of the arithmetic.
-    width:     lanes in a vector; 1 is scalar code.
-    contract:  products and sums may become fused multiply-adds: faster, and other last bits on other machines.
-    """
-
-    precision: Precision
-    width: int = 1
+    precision: Precision  #: of the arithmetic
+    width: int = 1  #:     lanes in a vector; 1 is scalar code
+    #:  products and sums may become fused multiply-adds: faster, and other last bits on other machines
     contract: bool = True
 
     @property

@@ -43,18 +43,12 @@ Columns = Sequence[np.ndarray]
 
 @dataclass(frozen=True)
 class MachineStep:
-    """A program `step(state, sample) -> (state, output)` in machine code, compiled when it is first run.
+    """A program `step(state, sample) -> (state, output)` in machine code, compiled when it is first run."""
 
-    program:    as traced.
-    state_size: number of its first inputs and outputs that are the state.
-    precision:  "f64" or "f32", of the arithmetic.
-    contract:   see `Target`.
-    """
-
-    program: Program
-    state_size: int
-    precision: str = "f64"
-    contract: bool = True
+    program: Program  #:    as traced
+    state_size: int  #: number of its first inputs and outputs that are the state
+    precision: str = "f64"  #:  "f64" or "f32", of the arithmetic
+    contract: bool = True  #:   see `Target`
 
     @classmethod
     def of_code(cls, program: Program, state_size: int, code: tuple[Callable[..., None], Any]) -> MachineStep:

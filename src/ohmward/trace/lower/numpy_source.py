@@ -17,16 +17,12 @@ from ohmward.trace.program import Program
 
 @dataclass(frozen=True)
 class Lanes:
-    """A compiled loop over time for one block of lanes.
+    """A compiled loop over time for one block of lanes."""
 
-    scan:      (states, registers, samples, outputs, index, first, last) -> (states, registers)
-    source:    its text.
-    registers: dtype of every scratch register.
-    """
-
+    #:      (states, registers, samples, outputs, index, first, last) -> (states, registers)
     scan: Callable[..., tuple[list[np.ndarray], list[np.ndarray]]]
-    source: str
-    registers: tuple[type, ...]
+    source: str  #:    its text
+    registers: tuple[type, ...]  #: dtype of every scratch register
 
 
 @dataclass
@@ -52,17 +48,14 @@ class _Allocator:
 
 @dataclass
 class _LaneLoop:
-    """Text of one step while it is written.
-
-    place:     name of the array of every value, by serial.
-    constants: name and value of constants and tables, by their text.
-    """
+    """Text of one step while it is written."""
 
     program: Program
     state_size: int
     arrays: _Allocator = field(default_factory=_Allocator)
-    place: dict[int, str] = field(default_factory=dict)
+    place: dict[int, str] = field(default_factory=dict)  #:     name of the array of every value, by serial
     lines: list[str] = field(default_factory=list)
+    #: name and value of constants and tables, by their text
     constants: dict[str, tuple[str, Any]] = field(default_factory=dict)
 
     def word(self, arg: Any) -> str:

@@ -41,20 +41,13 @@ Table = tuple[float, ...]
 
 
 class Body(NamedTuple):
-    """The straight line of a program.
+    """The straight line of a program."""
 
-    inputs:  name of every input.
-    lines:   assignments.
-    results: names that the lines assign and outputs need.
-    outputs: name or literal of every output.
-    tables:  values of the gathers, by name.
-    """
-
-    inputs: list[str]
-    lines: list[str]
-    results: list[str]
-    outputs: list[str]
-    tables: dict[str, Table]
+    inputs: list[str]  #:  name of every input
+    lines: list[str]  #:   assignments
+    results: list[str]  #: names that the lines assign and outputs need
+    outputs: list[str]  #: name or literal of every output
+    tables: dict[str, Table]  #:  values of the gathers, by name
 
 
 def body(program: Program, safe: bool = False) -> Body:

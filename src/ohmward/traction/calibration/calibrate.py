@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from os import PathLike
+from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.logs.log import Note
 from ohmward.traction.calibration.floor import learn_floor
 from ohmward.traction.calibration.motor import ROLLING, calibrate_motor
-from ohmward.traction.calibration.parameter import Parameter, untold_floor, with_parameters
-from ohmward.traction.calibration.radius import calibrate_radius
+from ohmward.traction.calibration.radius import calibrate_radius, calibrate_track
+from ohmward.traction.calibration.regression import Parameter, untold_floor, with_parameters
 from ohmward.traction.calibration.stretches import LENGTH_S, cut, stuck
-from ohmward.traction.calibration.track import calibrate_track
 from ohmward.traction.calibration.truth import CalibrationDrive, motion_from_speed
 from ohmward.traction.drive_checks import with_signed_speed
+from ohmward.traction.robot.file import load_robot
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.terrain.floor import Floor
 
@@ -37,16 +38,17 @@ class Calibration(NamedTuple):
 
 
 def calibrate(
-    drives: Sequence[CalibrationDrive | DriveSource],
-    robot: Robot,
+    drives: CalibrationDrive | DriveSource | Sequence[CalibrationDrive | DriveSource],
+    robot: Robot | str | PathLike[str],
     parts: Collection[str] | None = None,
     floor: str | None = None,
     rolling: tuple[float, float] = ROLLING,
 ) -> Calibration:
     """Calibrate a robot from drives on one floor.
 
-    drives: with the motion of the body; a DriveLog, path or DataFrame whose speed from outside was measured will do.
-    robot: its mass and geometry are believed.
+    drives: one or several, with the motion of the body; a DriveLog, path or DataFrame whose speed from outside was
+        measured will do.
+    robot: its mass and geometry are believed; or the path of its file, or the name of a packaged one.
     parts: of `PARTS`; None for `usual_parts`.
     floor: name under which the floor is learnt; None learns none.
     rolling: rolling resistance of the floor, share of the load, and its standard deviation.
@@ -54,11 +56,11 @@ def calibrate(
     Raises:
         InputError: the drives have no stretch to calibrate from.
     """
+    robot = robot if isinstance(robot, Robot) else load_robot(robot)
     parts = usual_parts(robot) if parts is None else parts
-    known = [
-        drive if isinstance(drive, CalibrationDrive) else with_measured_speed(robot, as_drive(drive, robot))
-        for drive in drives
-    ]
+    one = isinstance(drives, str | CalibrationDrive) or not isinstance(drives, Sequence)
+    each: Any = [drives] if one else drives
+    known = [_known(drive, robot) for drive in each]
     found: list[Parameter] = []
     if "radius" in parts:
         found.append(calibrate_radius(known, robot))
@@ -74,6 +76,11 @@ def calibrate(
     if learnt and (reason := untold_floor(learnt)):
         notes, learnt = (*notes, Note(f"floor {floor!r} was not identified: {reason}", "warning")), None
     return Calibration(robot, tuple(found), learnt, tuple(known), notes)
+
+
+def _known(drive: CalibrationDrive | DriveSource, robot: Robot) -> CalibrationDrive:
+    """A drive with the motion of the body, from the speed that was measured from outside where it has none."""
+    return drive if isinstance(drive, CalibrationDrive) else with_measured_speed(robot, as_drive(drive, robot))
 
 
 def stuck_notes(drives: Sequence[CalibrationDrive], robot: Robot) -> tuple[Note, ...]:

@@ -55,20 +55,16 @@ _HELD_STD = 1e-6
 
 
 class Points(NamedTuple):
-    """Stretches and driven wheels, (K, driven).
+    """Stretches and driven wheels, (K, driven)."""
 
-    slip_ratio, force_share: lambda, and force over load.
-    along, across: motion in the rolling direction and across it [m/s].
-    travel_m_s: (K, 1) speed of the rims.
-    drive: (K,) number of the recording.
-    """
-
+    #: lambda, and force over load
     slip_ratio: np.ndarray
     force_share: np.ndarray
+    #: motion in the rolling direction and across it [m/s]
     along: np.ndarray
     across: np.ndarray
-    travel_m_s: np.ndarray
-    drive: np.ndarray
+    travel_m_s: np.ndarray  #: (K, 1) speed of the rims
+    drive: np.ndarray  #: (K,) number of the recording
 
 
 class FloorFit(NamedTuple):
@@ -80,17 +76,13 @@ class FloorFit(NamedTuple):
 
 
 class DragFit(NamedTuple):
-    """Drag of a floor.
+    """Drag of a floor."""
 
-    rolling, roller: shares of the load.
-    std: of both, relative.
-    force_std: unexplained part of a force over its load.
-    """
-
+    #: shares of the load
     rolling: float
     roller: float
-    std: float
-    force_std: float
+    std: float  #: of both, relative
+    force_std: float  #: unexplained part of a force over its load
 
 
 def learn_floor(name: str, drives: Sequence[CalibrationDrive], robot: Robot) -> Floor:

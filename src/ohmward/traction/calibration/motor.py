@@ -17,8 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.traction.calibration.parameter import Parameter, is_told
-from ohmward.traction.calibration.regression import Regression, regress
+from ohmward.traction.calibration.regression import Parameter, Regression, is_told, regress
 from ohmward.traction.calibration.stretches import Stretches, cut
 from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.chassis import Omni

@@ -23,22 +23,14 @@ STUCK_SHARE = 0.2
 
 
 class Stretches(NamedTuple):
-    """K stretches, means over each with the weights of `parabola`.
+    """K stretches, means over each with the weights of `parabola`."""
 
-    drive: (K,) number of the recording.
-    wheel_speed_rad_s: (K, wheels), nan for a wheel without encoder.
-    current_A: (K, driven), nan where no current was measured.
-    rim: (K, freedoms) motion that the driven wheels make, for the robot's radius.
-    motion: (K, freedoms) of the body.
-    acceleration: (K, freedoms) of the body.
-    """
-
-    drive: np.ndarray
-    wheel_speed_rad_s: np.ndarray
-    current_A: np.ndarray
-    rim: np.ndarray
-    motion: np.ndarray
-    acceleration: np.ndarray
+    drive: np.ndarray  #: (K,) number of the recording
+    wheel_speed_rad_s: np.ndarray  #: (K, wheels), nan for a wheel without encoder
+    current_A: np.ndarray  #: (K, driven), nan where no current was measured
+    rim: np.ndarray  #: (K, freedoms) motion that the driven wheels make, for the robot's radius
+    motion: np.ndarray  #: (K, freedoms) of the body
+    acceleration: np.ndarray  #: (K, freedoms) of the body
 
 
 def cut(

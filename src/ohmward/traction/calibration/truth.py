@@ -17,14 +17,10 @@ HALF_WINDOW_S = 0.3
 
 
 class CalibrationDrive(NamedTuple):
-    """A recording and the true motion of the body in it.
+    """A recording and the true motion of the body in it."""
 
-    log: in the robot's wheel order.
-    motion: (T, freedoms), nan where it is not known.
-    """
-
-    log: DriveLog
-    motion: np.ndarray
+    log: DriveLog  #: in the robot's wheel order
+    motion: np.ndarray  #: (T, freedoms), nan where it is not known
 
 
 def motion_from_pose(time_s: np.ndarray, x_m: np.ndarray, y_m: np.ndarray, heading_rad: np.ndarray) -> np.ndarray:

@@ -1,9 +1,15 @@
 """Slip control: laws, the shell around them, speed within slip bounds, set-points; see docs/slip-control.md."""
 
-from ohmward.traction.control.driven_wheel import driven_wheel
 from ohmward.traction.control.force_filter import ForceFilter
-from ohmward.traction.control.limits import Limits
-from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SlipCommand, SpeedCommand
+from ohmward.traction.control.signals import (
+    ControlFlag,
+    Limits,
+    Measurement,
+    Report,
+    SlipCommand,
+    SpeedCommand,
+    driven_wheel,
+)
 from ohmward.traction.control.sliding_mode import SlidingMode, Uncertainty
 from ohmward.traction.control.slip_controller import SlipController
 from ohmward.traction.control.speed_controller import SpeedController

@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 
 from ohmward.checks import require_each_positive
 from ohmward.trace import where
-from ohmward.traction.control.driven_wheel import DrivenWheel
-from ohmward.traction.control.signals import Measurement
+from ohmward.traction.control.signals import DrivenWheel, Measurement
 
 #: Larger values [rad/s, m/s, N, m/s^2] are faults, as nan is: no wheel or robot has them.
 FASTEST_RAD_S = 1e5
@@ -32,36 +31,24 @@ SHORTEST_STEP_S = 1e-9
 
 
 class WheelEstimate(NamedTuple):
-    """Estimate of a wheel: its last usable speeds, and the force and acceleration that follow from their change.
+    """Estimate of a wheel: its last usable speeds, and the force and acceleration that follow from their change."""
 
-    wheel_speed_rad_s, travel_speed_m_s: last usable ones, the latter brought up to now.
-    force_N:          of the ground along x.
-    acceleration_m_s2: of the wheel's centre.
-    known:            1 where the last measurement was usable, else 0.
-    """
-
+    #: last usable ones, the latter brought up to now
     wheel_speed_rad_s: Any
     travel_speed_m_s: Any
-    force_N: Any
-    acceleration_m_s2: Any
-    known: Any
+    force_N: Any  #:          of the ground along x
+    acceleration_m_s2: Any  #: of the wheel's centre
+    known: Any  #:            1 where the last measurement was usable, else 0
 
 
 @dataclass(frozen=True)
 class ForceFilter:
-    """Lags, and limits of a usable measurement.
+    """Lags, and limits of a usable measurement."""
 
-    Attributes:
-        force_lag_s: of the force, > 0; a few steps of the controller.
-        acceleration_lag_s: of the acceleration, > 0.
-        oldest_s: an older travel speed is stale.
-        largest_std_m_s: a travel speed with a larger standard deviation is not used.
-    """
-
-    force_lag_s: float = 0.005
-    acceleration_lag_s: float = 0.05
-    oldest_s: float = 0.1
-    largest_std_m_s: float = 0.1
+    force_lag_s: float = 0.005  #: of the force, > 0; a few steps of the controller
+    acceleration_lag_s: float = 0.05  #: of the acceleration, > 0
+    oldest_s: float = 0.1  #: an older travel speed is stale
+    largest_std_m_s: float = 0.1  #: a travel speed with a larger standard deviation is not used
 
     def __post_init__(self) -> None:
         require_each_positive("force_filter.", self, "force_lag_s", "acceleration_lag_s", "oldest_s", "largest_std_m_s")

@@ -26,11 +26,9 @@ from typing import Any, NamedTuple
 
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.trace import clip, maximum, minimum, sqrt, where
-from ohmward.traction.control.driven_wheel import DrivenWheel
-from ohmward.traction.control.limits import limited
-from ohmward.traction.control.slip_law import Motion
-from ohmward.traction.control.surface import SlidingSurface, surface
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.control.signals import DrivenWheel, limited
+from ohmward.traction.control.slip_law import Motion, SlidingSurface, surface
+from ohmward.traction.friction.law import direction_and_size
 
 #: Steps in the shortest time constant of a sampled loop (Slotine and Li).
 STEPS_PER_TIME_CONSTANT = 5.0
@@ -44,17 +42,11 @@ GROWTH_TIME_CONSTANTS = 2.0
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Bounds of the errors of a law's model.
+    """Bounds of the errors of a law's model."""
 
-    Attributes:
-        force_N: dF, of the ground's force, >= 0.
-        acceleration_m_s2: da, of the wheel's centre, >= 0.
-        inertia_factor: beta, the true inertia is within J/beta and J beta, >= 1.
-    """
-
-    force_N: float
-    acceleration_m_s2: float = 1.0
-    inertia_factor: float = 1.2
+    force_N: float  #: dF, of the ground's force, >= 0
+    acceleration_m_s2: float = 1.0  #: da, of the wheel's centre, >= 0
+    inertia_factor: float = 1.2  #: beta, the true inertia is within J/beta and J beta, >= 1
 
     def __post_init__(self) -> None:
         require_each_not_negative("uncertainty.", self, "force_N", "acceleration_m_s2")
@@ -69,19 +61,12 @@ class SlidingMemory(NamedTuple):
 
 @dataclass(frozen=True)
 class SlidingMode:
-    """Settings of the law.
+    """Settings of the law."""
 
-    Attributes:
-        uncertainty: that the gain has to outweigh.
-        reaching_m_s2: eta, least rate at which sigma comes down outside the layer, > 0.
-        time_constant_s: T, of sigma inside the layer, > 0.
-        integral_per_s: k_i, >= 0.
-    """
-
-    uncertainty: Uncertainty
-    reaching_m_s2: float = 1.0
-    time_constant_s: float = 0.005
-    integral_per_s: float = 0.0
+    uncertainty: Uncertainty  #: that the gain has to outweigh
+    reaching_m_s2: float = 1.0  #: eta, least rate at which sigma comes down outside the layer, > 0
+    time_constant_s: float = 0.005  #: T, of sigma inside the layer, > 0
+    integral_per_s: float = 0.0  #: k_i, >= 0
 
     def __post_init__(self) -> None:
         require_each_positive("sliding_mode.", self, "reaching_m_s2", "time_constant_s")

@@ -15,61 +15,37 @@ from ohmward.checks import require_between, require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.trace import clip, logical_not, maximum, where
-from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.force_filter import SHORTEST_STEP_S, ForceFilter, WheelEstimate, plausible_step_s
-from ohmward.traction.control.limits import Limits, limited
-from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SlipCommand
-from ohmward.traction.control.slip_law import Motion, SlipLaw
-from ohmward.traction.control.surface import surface
+from ohmward.traction.control.signals import ControlFlag, DrivenWheel, Limits, Measurement, Report, SlipCommand, limited
+from ohmward.traction.control.slip_law import Motion, SlipLaw, surface
 from ohmward.traction.dynamics.slip import driving_slip_ratio, travel_direction
 
 
 class SlipState(NamedTuple):
-    """State of the slip controller.
+    """State of the slip controller."""
 
-    estimate:    of the wheel.
-    memory:      of the law.
-    torque_Nm:   given in the last step.
-    slip_target: slip ratio reached by the ramp.
-    direction:   1 forward, -1 reverse, 0 before the first step.
-    limited_s:   time for which the limit of the torque has held the slip away from its target.
-    """
-
-    estimate: WheelEstimate
-    memory: Any
-    torque_Nm: Any
-    slip_target: Any
-    direction: Any
-    limited_s: Any
+    estimate: WheelEstimate  #:    of the wheel
+    memory: Any  #:      of the law
+    torque_Nm: Any  #:   given in the last step
+    slip_target: Any  #: slip ratio reached by the ramp
+    direction: Any  #:   1 forward, -1 reverse, 0 before the first step
+    limited_s: Any  #:   time for which the limit of the torque has held the slip away from its target
 
 
 @dataclass(frozen=True)
 class SlipController:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        wheel: parameters of each driven wheel.
-        law: `SlidingMode`, `FuzzySlidingMode`, `SlipRatioSlidingMode` or `SlipPid`.
-        limits: of the torque.
-        force_filter: estimates force and acceleration.
-        target_rate_per_s: rate at which the slip that is held follows the command, > 0.
-        floor_m_s: v_0, below which a slip speed is held instead of a slip ratio, > 0.
-        launch: slip speed with which a driving wheel starts from rest, over that slip speed, >= 1.
-        stop_m_s: below this speed braking has come to its end, > 0.
-        tolerance: deviation of the slip ratio that counts as reached, > 0.
-        unreachable_after_s: a slip that stays out of reach for longer is reported, > 0.
-    """
-
-    wheel: DrivenWheel
-    law: SlipLaw
-    limits: Limits
-    force_filter: ForceFilter = field(default_factory=ForceFilter)
-    target_rate_per_s: float = 5.0
-    floor_m_s: float = 0.22
-    launch: float = 5.0
-    stop_m_s: float = 0.05
-    tolerance: float = 0.02
-    unreachable_after_s: float = 0.2
+    wheel: DrivenWheel  #: parameters of each driven wheel
+    law: SlipLaw  #: `SlidingMode`, `FuzzySlidingMode`, `SlipRatioSlidingMode` or `SlipPid`
+    limits: Limits  #: of the torque
+    force_filter: ForceFilter = field(default_factory=ForceFilter)  #: estimates force and acceleration
+    target_rate_per_s: float = 5.0  #: rate at which the slip that is held follows the command, > 0
+    floor_m_s: float = 0.22  #: v_0, below which a slip speed is held instead of a slip ratio, > 0
+    launch: float = 5.0  #: slip speed with which a driving wheel starts from rest, over that slip speed, >= 1
+    stop_m_s: float = 0.05  #: below this speed braking has come to its end, > 0
+    tolerance: float = 0.02  #: deviation of the slip ratio that counts as reached, > 0
+    unreachable_after_s: float = 0.2  #: a slip that stays out of reach for longer is reported, > 0
 
     def __post_init__(self) -> None:
         require_each_positive(

@@ -26,10 +26,16 @@ from typing import Any, NamedTuple
 from ohmward.checks import require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.trace import clip, logical_not, maximum, minimum, sqrt, where
-from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.force_filter import SHORTEST_STEP_S, ForceFilter, WheelEstimate, plausible_step_s
-from ohmward.traction.control.limits import Limits, limited
-from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SpeedCommand
+from ohmward.traction.control.signals import (
+    ControlFlag,
+    DrivenWheel,
+    Limits,
+    Measurement,
+    Report,
+    SpeedCommand,
+    limited,
+)
 from ohmward.traction.control.sliding_mode import SlidingMode
 from ohmward.traction.control.slip_law import Motion
 from ohmward.traction.dynamics.slip import driving_slip_ratio
@@ -39,18 +45,12 @@ _LEAST_BOUND = 1e-3
 
 
 class SpeedState(NamedTuple):
-    """State of the speed controller.
+    """State of the speed controller."""
 
-    estimate:      of the wheel.
-    torque_Nm:     given in the last step.
-    reference_m_s: speed reached by the ramp.
-    integral_m:    of the speed error.
-    """
-
-    estimate: WheelEstimate
-    torque_Nm: Any
-    reference_m_s: Any
-    integral_m: Any
+    estimate: WheelEstimate  #:      of the wheel
+    torque_Nm: Any  #:     given in the last step
+    reference_m_s: Any  #: speed reached by the ramp
+    integral_m: Any  #:    of the speed error
 
 
 class Bounds(NamedTuple):
@@ -64,29 +64,17 @@ class Bounds(NamedTuple):
 
 @dataclass(frozen=True)
 class SpeedController:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        wheel: parameters of each driven wheel.
-        law: that holds the slip at its bounds.
-        limits: of the torque.
-        force_filter: estimates force and acceleration.
-        acceleration_m_s2: a, most of the ramp, > 0.
-        easing_m_s: v_e, the last part of a change of speed, over which it eases off, > 0.
-        bandwidth_rad_s: w, of the speed loop, > 0.
-        creep_m_s: slip speed that is always allowed, so that a robot can start and climb, > 0.
-        stop_m_s: below this speed a robot that shall stop has stopped, > 0.
-    """
-
-    wheel: DrivenWheel
-    law: SlidingMode
-    limits: Limits
-    force_filter: ForceFilter = field(default_factory=ForceFilter)
-    acceleration_m_s2: float = 0.5
-    easing_m_s: float = 0.25
-    bandwidth_rad_s: float = 3.0
-    creep_m_s: float = 0.06
-    stop_m_s: float = 0.05
+    wheel: DrivenWheel  #: parameters of each driven wheel
+    law: SlidingMode  #: that holds the slip at its bounds
+    limits: Limits  #: of the torque
+    force_filter: ForceFilter = field(default_factory=ForceFilter)  #: estimates force and acceleration
+    acceleration_m_s2: float = 0.5  #: a, most of the ramp, > 0
+    easing_m_s: float = 0.25  #: v_e, the last part of a change of speed, over which it eases off, > 0
+    bandwidth_rad_s: float = 3.0  #: w, of the speed loop, > 0
+    creep_m_s: float = 0.06  #: slip speed that is always allowed, so that a robot can start and climb, > 0
+    stop_m_s: float = 0.05  #: below this speed a robot that shall stop has stopped, > 0
 
     def __post_init__(self) -> None:
         require_each_positive(

@@ -15,12 +15,10 @@ from typing import Any, NamedTuple
 from ohmward.checks import require_between, require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.trace import clip, logical_not, maximum, where
-from ohmward.traction.control.driven_wheel import DrivenWheel
 from ohmward.traction.control.force_filter import ForceFilter, WheelEstimate
-from ohmward.traction.control.limits import limited
-from ohmward.traction.control.signals import ControlFlag, Measurement, Report, SlipCommand
+from ohmward.traction.control.signals import ControlFlag, DrivenWheel, Measurement, Report, SlipCommand, limited
 from ohmward.traction.control.slip_controller import is_slip_ratio
-from ohmward.traction.control.surface import surface
+from ohmward.traction.control.slip_law import surface
 from ohmward.traction.dynamics.slip import driving_slip_ratio, travel_direction
 
 
@@ -33,23 +31,14 @@ class CascadeState(NamedTuple):
 
 @dataclass(frozen=True)
 class WheelSpeedCascade:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        wheel: parameters of each driven wheel.
-        force_filter: estimates the acceleration.
-        floor_m_s: v_0, > 0.
-        lead_s: time by which the travel speed is predicted ahead, >= 0.
-        wheel_acceleration_rad_s2: largest change of the reference, > 0.
-        stop_m_s: below this speed braking has come to its end, > 0.
-    """
-
-    wheel: DrivenWheel
-    force_filter: ForceFilter = field(default_factory=ForceFilter)
-    floor_m_s: float = 0.2
-    lead_s: float = 0.01
-    wheel_acceleration_rad_s2: float = 200.0
-    stop_m_s: float = 0.05
+    wheel: DrivenWheel  #: parameters of each driven wheel
+    force_filter: ForceFilter = field(default_factory=ForceFilter)  #: estimates the acceleration
+    floor_m_s: float = 0.2  #: v_0, > 0
+    lead_s: float = 0.01  #: time by which the travel speed is predicted ahead, >= 0
+    wheel_acceleration_rad_s2: float = 200.0  #: largest change of the reference, > 0
+    stop_m_s: float = 0.05  #: below this speed braking has come to its end, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("wheel_speed_cascade.", self, "floor_m_s", "wheel_acceleration_rad_s2", "stop_m_s")

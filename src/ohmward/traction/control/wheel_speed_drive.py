@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from ohmward.checks import require_each_positive
 from ohmward.trace import where
-from ohmward.traction.control.limits import Limits, limited
+from ohmward.traction.control.signals import Limits, limited
 
 
 class DriveState(NamedTuple):
@@ -24,17 +24,11 @@ class DriveState(NamedTuple):
 
 @dataclass(frozen=True)
 class WheelSpeedDrive:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        limits: of the torque.
-        proportional_Nm_s: K_p, torque per rad/s, > 0.
-        integral_Nm: K_i, torque per rad, > 0.
-    """
-
-    limits: Limits
-    proportional_Nm_s: float = 2.0
-    integral_Nm: float = 40.0
+    limits: Limits  #: of the torque
+    proportional_Nm_s: float = 2.0  #: K_p, torque per rad/s, > 0
+    integral_Nm: float = 40.0  #: K_i, torque per rad, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("wheel_speed_drive.", self, "proportional_Nm_s", "integral_Nm")

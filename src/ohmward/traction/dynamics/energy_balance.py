@@ -20,33 +20,20 @@ class EnergyBalance(NamedTuple):
     """Terms of the energy balance: power [W], or energy [J] where integrated over time; numbers or (T,) arrays.
 
     battery = idle + resistor + copper + drive + slip + rolling + climb + drawbar + kinetic + numerical + residual
-
-    battery:    out of the battery; < 0 where it is charged.
-    electrical: into the motors, part of `battery`; < 0 where braking gives back.
-    idle:       electronics.
-    resistor:   braking power that the battery does not take, burned in a resistor.
-    copper:     heats the windings.
-    drive:      lost in gears and bearings.
-    slip:       lost between wheel and ground, along and across.
-    rolling:    lost to rolling resistance.
-    climb:      lifts the robot; < 0 downhill.
-    drawbar:    pulls the load behind it.
-    kinetic:    accelerates body and wheels; < 0 where they slow down.
-    numerical:  lost by the method of integration.
     """
 
-    battery: Any = 0.0
-    electrical: Any = 0.0
-    idle: Any = 0.0
-    resistor: Any = 0.0
-    copper: Any = 0.0
-    drive: Any = 0.0
-    slip: Any = 0.0
-    rolling: Any = 0.0
-    climb: Any = 0.0
-    drawbar: Any = 0.0
-    kinetic: Any = 0.0
-    numerical: Any = 0.0
+    battery: Any = 0.0  #:    out of the battery; < 0 where it is charged
+    electrical: Any = 0.0  #: into the motors, part of `battery`; < 0 where braking gives back
+    idle: Any = 0.0  #:       electronics
+    resistor: Any = 0.0  #:   braking power that the battery does not take, burned in a resistor
+    copper: Any = 0.0  #:     heats the windings
+    drive: Any = 0.0  #:      lost in gears and bearings
+    slip: Any = 0.0  #:       lost between wheel and ground, along and across
+    rolling: Any = 0.0  #:    lost to rolling resistance
+    climb: Any = 0.0  #:      lifts the robot; < 0 downhill
+    drawbar: Any = 0.0  #:    pulls the load behind it
+    kinetic: Any = 0.0  #:    accelerates body and wheels; < 0 where they slow down
+    numerical: Any = 0.0  #:  lost by the method of integration
 
     @property
     def losses(self) -> Any:

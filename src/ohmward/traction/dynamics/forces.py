@@ -18,8 +18,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.trace import cos, maximum, sin, sqrt, where
-from ohmward.traction.friction.law import Contact, TractionLaw, contact
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import Contact, TractionLaw, contact, direction_and_size
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.motor import friction_torque, ideal_torque
 from ohmward.traction.robot.robot import GRAVITY, Robot
@@ -31,54 +30,33 @@ _STILL = 1e-6
 
 
 class Scene(NamedTuple):
-    """Robot and ground, which do not change from step to step.
+    """Robot and ground, which do not change from step to step."""
 
-    robot:    the robot.
-    terrains: one for each wheel, in the order of `Robot.places`, see `scene`.
-    """
-
-    robot: Robot
-    terrains: tuple[Terrain, ...]
+    robot: Robot  #:    the robot
+    terrains: tuple[Terrain, ...]  #: one for each wheel, in the order of `Robot.places`, see `scene`
 
 
 class RobotInput(NamedTuple):
-    """Input of the robot during a step.
+    """Input of the robot during a step."""
 
-    current_A:      (driven,) of each motor, > 0 drives forward.
-    grade_rad:      > 0 uphill along x.
-    bank_rad:       > 0 where the ground rises to the left.
-    drawbar_N:      pull of a load behind the robot, > 0 backward.
-    adhesion_share: (wheels,) or one for all: factor of the traction of the named terrain.
-    """
-
-    current_A: Any
-    grade_rad: Any = 0.0
-    bank_rad: Any = 0.0
-    drawbar_N: Any = 0.0
-    adhesion_share: Any = 1.0
+    current_A: Any  #:      (driven,) of each motor, > 0 drives forward
+    grade_rad: Any = 0.0  #:      > 0 uphill along x
+    bank_rad: Any = 0.0  #:       > 0 where the ground rises to the left
+    drawbar_N: Any = 0.0  #:      pull of a load behind the robot, > 0 backward
+    adhesion_share: Any = 1.0  #: (wheels,) or one for all: factor of the traction of the named terrain
 
 
 class Forces(NamedTuple):
-    """Forces at the wheels, each (wheels,) but the torques, which are (driven,).
+    """Forces at the wheels, each (wheels,) but the torques, which are (driven,)."""
 
-    load_N:         normal load.
-    slip_speed_m_s: r omega - v along the wheel, 0 where it is not driven.
-    sideways_m_s:   travel speed of the wheel's centre to its left, 0 where the chassis does not scrub.
-    traction_N:     of the ground along the wheel, without rolling resistance.
-    scrub_N:        of the ground to the left of the wheel.
-    rolling_N:      rolling resistance along the wheel.
-    torque_Nm:      of the motor at the wheel, without losses.
-    friction_Nm:    friction of the drive.
-    """
-
-    load_N: np.ndarray
-    slip_speed_m_s: np.ndarray
-    sideways_m_s: np.ndarray
-    traction_N: np.ndarray
-    scrub_N: np.ndarray
-    rolling_N: np.ndarray
-    torque_Nm: np.ndarray
-    friction_Nm: np.ndarray
+    load_N: np.ndarray  #:         normal load
+    slip_speed_m_s: np.ndarray  #: r omega - v along the wheel, 0 where it is not driven
+    sideways_m_s: np.ndarray  #:   travel speed of the wheel's centre to its left, 0 where the chassis does not scrub
+    traction_N: np.ndarray  #:     of the ground along the wheel, without rolling resistance
+    scrub_N: np.ndarray  #:        of the ground to the left of the wheel
+    rolling_N: np.ndarray  #:      rolling resistance along the wheel
+    torque_Nm: np.ndarray  #:      of the motor at the wheel, without losses
+    friction_Nm: np.ndarray  #:    friction of the drive
 
 
 def scene(robot: Robot, *terrains: Terrain) -> Scene:

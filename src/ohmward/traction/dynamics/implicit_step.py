@@ -45,14 +45,10 @@ NEWTON_STEPS = 5
 
 
 class Method(NamedTuple):
-    """A diagonally implicit Runge-Kutta method whose last stage is the result.
+    """A diagonally implicit Runge-Kutta method whose last stage is the result."""
 
-    order: of convergence.
-    rows:  of the coefficients, lower triangle.
-    """
-
-    order: int
-    rows: tuple[tuple[float, ...], ...]
+    order: int  #: of convergence
+    rows: tuple[tuple[float, ...], ...]  #:  of the coefficients, lower triangle
 
 
 _GAMMA = 1 - 1 / math.sqrt(2)
@@ -61,17 +57,14 @@ ALEXANDER = Method(2, ((_GAMMA,), (1 - _GAMMA, _GAMMA)))
 
 
 class Step(NamedTuple):
-    """End of a step.
+    """End of a step."""
 
-    state:      (n,) as `Robot.state_names`.
-    energy:     balance [J] of the step. Losses are integrated over the stages, so that none is negative; `numerical`,
-        the loss of the method itself, is of the order of the step to the power of the order of the method.
-    defect_m_s: largest error that Newton left in a stage, as a speed at the rim; large only if the ground's law falls
-        so steeply that the step must be shorter.
-    """
-
-    state: np.ndarray
+    state: np.ndarray  #:      (n,) as `Robot.state_names`
+    #:     balance [J] of the step. Losses are integrated over the stages, so that none is negative; `numerical`, the
+    #: loss of the method itself, is of the order of the step to the power of the order of the method.
     energy: EnergyBalance
+    #: largest error that Newton left in a stage, as a speed at the rim; large only if the ground's law falls so steeply
+    #: that the step must be shorter
     defect_m_s: Any
 
 

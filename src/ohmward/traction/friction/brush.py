@@ -20,29 +20,20 @@ from typing import Any
 
 from ohmward.checks import require_between, require_each_positive
 from ohmward.trace import maximum, where
-from ohmward.traction.friction.law import SPEED_FLOOR, Contact, creepage
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import SPEED_FLOOR, Contact, creepage, direction_and_size
 
 _TINY = 1e-12
 
 
 @dataclass(frozen=True)
 class Brush:
-    """A tyre with uniform pressure on its patch; it has one coefficient of friction and so no falling branch.
+    """A tyre with uniform pressure on its patch; it has one coefficient of friction and so no falling branch."""
 
-    Attributes:
-        adhesion: mu, of a bristle on the ground, > 0.
-        patch_length_m: l, > 0.
-        tread_stiffness_N_per_m2: k, force on a metre of patch for a metre of deformation, > 0.
-        lead_length_m: lambda_a, >= 0.
-        speed_floor_m_s: below this rim speed the creepage is taken against it, > 0.
-    """
-
-    adhesion: float
-    patch_length_m: float
-    tread_stiffness_N_per_m2: float
-    lead_length_m: float = 0.0
-    speed_floor_m_s: float = SPEED_FLOOR
+    adhesion: float  #: mu, of a bristle on the ground, > 0
+    patch_length_m: float  #: l, > 0
+    tread_stiffness_N_per_m2: float  #: k, force on a metre of patch for a metre of deformation, > 0
+    lead_length_m: float = 0.0  #: lambda_a, >= 0
+    speed_floor_m_s: float = SPEED_FLOOR  #: below this rim speed the creepage is taken against it, > 0
 
     def __post_init__(self) -> None:
         require_each_positive(

@@ -14,26 +14,18 @@ import numpy as np
 from ohmward.checks import require_between, require_each_positive, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import minimum
-from ohmward.traction.friction.law import SPEED_FLOOR, Contact, bounded_slip_ratio
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import SPEED_FLOOR, Contact, bounded_slip_ratio, direction_and_size
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 
 
 @dataclass(frozen=True)
 class Burckhardt:
-    """Adhesion as a function of the slip ratio; beyond 1 (rim and travel opposed) it stays what it is at 1.
+    """Adhesion as a function of the slip ratio; beyond 1 (rim and travel opposed) it stays what it is at 1."""
 
-    Attributes:
-        c1: adhesion to which the exponential rises, > 0.
-        c2: rate of it, > 0.
-        c3: adhesion that a sliding wheel has lost, >= 0, with the adhesion at slip ratio 1 not below 0.
-        speed_floor_m_s: below this speed the slip ratio is taken against it, > 0.
-    """
-
-    c1: float
-    c2: float
-    c3: float
-    speed_floor_m_s: float = SPEED_FLOOR
+    c1: float  #: adhesion to which the exponential rises, > 0
+    c2: float  #: rate of it, > 0
+    c3: float  #: adhesion that a sliding wheel has lost, >= 0, with the adhesion at slip ratio 1 not below 0
+    speed_floor_m_s: float = SPEED_FLOOR  #: below this speed the slip ratio is taken against it, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("burckhardt.", self, "c1", "c2", "speed_floor_m_s")

@@ -17,15 +17,10 @@ from ohmward.traction.friction.law import Contact
 
 @dataclass(frozen=True)
 class CoulombCreep:
-    """Adhesion as a function of slip speed.
+    """Adhesion as a function of slip speed."""
 
-    Attributes:
-        adhesion: mu, > 0.
-        slope_s_per_m: c, adhesion per slip speed while the wheel grips, > 0.
-    """
-
-    adhesion: float
-    slope_s_per_m: float
+    adhesion: float  #: mu, > 0
+    slope_s_per_m: float  #: c, adhesion per slip speed while the wheel grips, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("coulomb_creep.", self, "adhesion", "slope_s_per_m")

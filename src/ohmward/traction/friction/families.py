@@ -20,35 +20,26 @@ from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 
 
 class Free(NamedTuple):
-    """A parameter of a fit.
+    """A parameter of a fit."""
 
-    name: with its unit.
-    low, high: limits; a positive `low` means that it is searched on a logarithmic scale.
-    starts: values to start from.
-    """
-
-    name: str
+    name: str  #: with its unit
+    #: limits; a positive `low` means that it is searched on a logarithmic scale
     low: float
     high: float
-    starts: tuple[float, ...]
+    starts: tuple[float, ...]  #: values to start from
 
 
 @dataclass(frozen=True)
 class Family:
     """All laws of one form.
 
-    Attributes:
-        name: of the form.
-        free: its parameters.
-        make: the law with these values of the parameters, in their order.
-
     Raises:
         InputError: limits or starts that contradict each other.
     """
 
-    name: str
-    free: tuple[Free, ...]
-    make: Callable[..., TractionLaw]
+    name: str  #: of the form
+    free: tuple[Free, ...]  #: its parameters
+    make: Callable[..., TractionLaw]  #: the law with these values of the parameters, in their order
 
     def __post_init__(self) -> None:
         for f in self.free:

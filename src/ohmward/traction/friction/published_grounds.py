@@ -63,14 +63,10 @@ _RESISTANCES = 0.01, 0.4
 
 
 class UsualTraction(NamedTuple):
-    """Distribution of log(F/N) at the slip ratios, at one load.
+    """Distribution of log(F/N) at the slip ratios, at one load."""
 
-    mean: (K,).
-    whitening: (K, K) L^-1.
-    """
-
-    mean: np.ndarray
-    whitening: np.ndarray
+    mean: np.ndarray  #: (K,)
+    whitening: np.ndarray  #: (K, K) L^-1
 
 
 def departures(law: TractionLaw, resistance_coefficient: float, typical: Contact) -> np.ndarray:

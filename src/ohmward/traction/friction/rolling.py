@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ohmward.checks import require_between, require_positive
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import direction_and_size
 from ohmward.traction.friction.soft_ground import SoftGround
 from ohmward.traction.friction.ward_iagnemma import adhesion
 
@@ -30,17 +30,11 @@ class RollingLaw(Protocol):
 
 @dataclass(frozen=True)
 class RollingResistance:
-    """Rolling resistance on hard ground; the values are the published ones of Ward and Iagnemma.
+    """Rolling resistance on hard ground; the values are the published ones of Ward and Iagnemma."""
 
-    Attributes:
-        a1: share of the load, >= 0.
-        a2_s_per_m: rate at which it sets in with speed, > 0.
-        a3_s_per_m: growth with speed, >= 0.
-    """
-
-    a1: float = 0.0075
-    a2_s_per_m: float = 50.0
-    a3_s_per_m: float = 0.02
+    a1: float = 0.0075  #: share of the load, >= 0
+    a2_s_per_m: float = 50.0  #: rate at which it sets in with speed, > 0
+    a3_s_per_m: float = 0.02  #: growth with speed, >= 0
 
     def __post_init__(self) -> None:
         require_between("rolling.a1", self.a1, 0.0, math.inf)
@@ -54,15 +48,10 @@ class RollingResistance:
 
 @dataclass(frozen=True)
 class CompactionResistance:
-    """Force that presses a rut into soil; it sets in with speed like rolling resistance.
+    """Force that presses a rut into soil; it sets in with speed like rolling resistance."""
 
-    Attributes:
-        ground: soil and wheel.
-        a2_s_per_m: rate at which it sets in with speed, > 0.
-    """
-
-    ground: SoftGround
-    a2_s_per_m: float = 50.0
+    ground: SoftGround  #: soil and wheel
+    a2_s_per_m: float = 50.0  #: rate at which it sets in with speed, > 0
 
     def __post_init__(self) -> None:
         require_positive("compaction.a2_s_per_m", self.a2_s_per_m)

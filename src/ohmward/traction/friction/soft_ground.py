@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.errors import InputError
 from ohmward.trace import exp, maximum, minimum, where
-from ohmward.traction.friction.law import SPEED_FLOOR, Contact, creepage
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import SPEED_FLOOR, Contact, creepage, direction_and_size
 
 _LEAST_LOAD_N = 1e-6
 _SERIES_BELOW = 1e-3
@@ -27,25 +26,15 @@ _SERIES_BELOW = 1e-3
 
 @dataclass(frozen=True)
 class Soil:
-    """Properties of a soil.
+    """Properties of a soil."""
 
-    Attributes:
-        name: in words.
-        frictional_modulus: k_phi [N/m^(n + 2)], > 0.
-        cohesive_modulus: k_c [N/m^(n + 1)], >= 0.
-        exponent: n, in (0, 3).
-        cohesion_Pa: c, >= 0.
-        friction_deg: phi, in (0, 60].
-        shear_length_m: K, > 0.
-    """
-
-    name: str
-    frictional_modulus: float
-    cohesive_modulus: float
-    exponent: float
-    cohesion_Pa: float
-    friction_deg: float
-    shear_length_m: float
+    name: str  #: in words
+    frictional_modulus: float  #: k_phi [N/m^(n + 2)], > 0
+    cohesive_modulus: float  #: k_c [N/m^(n + 1)], >= 0
+    exponent: float  #: n, in (0, 3)
+    cohesion_Pa: float  #: c, >= 0
+    friction_deg: float  #: phi, in (0, 60]
+    shear_length_m: float  #: K, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("soil.", self, "frictional_modulus", "exponent", "friction_deg", "shear_length_m")
@@ -64,18 +53,13 @@ class Footprint(NamedTuple):
 
 @dataclass(frozen=True)
 class SoftGround:
-    """Soil under one size of wheel.
+    """Soil under one size of wheel."""
 
-    Attributes:
-        soil: what is rolled on.
-        radius_m, width_m: of the wheel, > 0.
-        speed_floor_m_s: below this rim speed the creepage is taken against it, > 0.
-    """
-
-    soil: Soil
+    soil: Soil  #: what is rolled on
+    #: of the wheel, > 0
     radius_m: float
     width_m: float
-    speed_floor_m_s: float = SPEED_FLOOR
+    speed_floor_m_s: float = SPEED_FLOOR  #: below this rim speed the creepage is taken against it, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("soft_ground.", self, "radius_m", "width_m", "speed_floor_m_s")

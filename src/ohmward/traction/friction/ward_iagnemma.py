@@ -17,8 +17,7 @@ import numpy as np
 from ohmward.checks import require_between, require_each_positive, require_finite, require_positive
 from ohmward.errors import InputError
 from ohmward.trace import maximum, where
-from ohmward.traction.friction.law import Contact
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import Contact, direction_and_size
 
 #: C2 times the slip speed at the peak: 4.0 and 4.1 on Burckhardt's dry roads, 4.4 on wet asphalt.
 SHARPNESS = 4.0
@@ -26,18 +25,12 @@ SHARPNESS = 4.0
 
 @dataclass(frozen=True)
 class WardIagnemma:
-    """Adhesion as a function of slip speed.
+    """Adhesion as a function of slip speed."""
 
-    Attributes:
-        c1: adhesion to which the exponential rises, > 0.
-        c2_s_per_m: rate of it, > 0.
-        c3_s_per_m: slope at high slip; < 0 for ground with a peak, and then > -c1 * c2.
-        sliding: adhesion that remains beyond the peak, from 0 to the peak; without meaning where there is no peak.
-    """
-
-    c1: float
-    c2_s_per_m: float
-    c3_s_per_m: float = 0.0
+    c1: float  #: adhesion to which the exponential rises, > 0
+    c2_s_per_m: float  #: rate of it, > 0
+    c3_s_per_m: float = 0.0  #: slope at high slip; < 0 for ground with a peak, and then > -c1 * c2
+    #: adhesion that remains beyond the peak, from 0 to the peak; without meaning where there is no peak
     sliding: float = 0.0
 
     def __post_init__(self) -> None:

@@ -15,7 +15,7 @@ from ohmward.filters.belief import Belief, Function
 from ohmward.filters.gate import choose, inflate, time_rejected
 from ohmward.filters.linear_algebra import TINY, mirror_lower
 from ohmward.filters.sanitize import between, every, some, within
-from ohmward.trace import clip, exp, isfinite, linearize, logical_not, maximum, sqrt, where
+from ohmward.trace import clip, cos, exp, isfinite, linearize, logical_not, maximum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.odometry.model import (
     CURVATURE,
@@ -33,9 +33,67 @@ from ohmward.traction.odometry.model import (
 )
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import OdometrySample
-from ohmward.traction.odometry.trail import Trail, way
 from ohmward.traction.speed_observer.body_sensors import FASTEST_M_S, OLDEST_S, SPEED_STD_M_S
-from ohmward.traction.speed_observer.late import History, change_since
+from ohmward.traction.speed_observer.intervals import History, change_since
+
+#: Keeps a step of no length from dividing by zero [s].
+_TINY_S = 1e-9
+
+
+class Trail(NamedTuple):
+    """Dead reckoning that no measurement corrects."""
+
+    dt_s: np.ndarray  #: (steps,) length of each of the last steps, newest first
+    moved: np.ndarray  #: (3, steps) change of x, y and yaw in each, in the frame of its own start
+    yaw_rad: Scalar  #: at its end
+
+
+class SeenWay(NamedTuple):
+    """The way between two instants."""
+
+    increment: np.ndarray  #: (3,) forward, left and turn, in the frame of its start
+    known_s: Scalar  #: time of it that is remembered
+
+
+def empty_trail(steps: int) -> Trail:
+    """Trail of a filter that starts."""
+    return Trail(np.zeros(steps), np.zeros((3, steps)), 0.0)
+
+
+def extend(trail: Trail, twist: np.ndarray, dt_s: Scalar) -> Trail:
+    """The trail with one more step of this twist (3,), the oldest forgotten."""
+    if len(trail.dt_s) == 0:
+        return trail
+    turn = twist[2] * dt_s
+    middle = trail.yaw_rad + turn / 2.0
+    forward, left = twist[0] * dt_s, twist[1] * dt_s
+    step = [forward * cos(middle) - left * sin(middle), forward * sin(middle) + left * cos(middle), turn]
+    moved = np.array([[new, *row[:-1]] for new, row in zip(step, trail.moved, strict=True)])
+    return Trail(np.array([dt_s, *trail.dt_s[:-1]]), moved, trail.yaw_rad + turn)
+
+
+def way(trail: Trail, length_s: Scalar, age_s: Scalar) -> SeenWay:
+    """The way of `length_s` that ended `age_s` ago; a step that begins or ends within is counted in part."""
+    end, end_s = moved_since(trail, age_s)
+    start, start_s = moved_since(trail, age_s + length_s)
+    dx, dy, turn = start - end
+    yaw = trail.yaw_rad - start[2]
+    c, s = cos(yaw), sin(yaw)
+    return SeenWay(np.array([c * dx + s * dy, c * dy - s * dx, turn]), start_s - end_s)
+
+
+def moved_since(trail: Trail, age_s: Scalar) -> tuple[np.ndarray, Scalar]:
+    """Change (3,) of x, y and yaw in the last `age_s`, and how much of that time is remembered [s]."""
+    moved: np.ndarray = np.zeros(3)
+    left_s = maximum(age_s, 0.0)
+    known_s: Scalar = 0.0
+    for dt_s, step in zip(trail.dt_s, trail.moved.T, strict=True):
+        share = clip(left_s / maximum(dt_s, _TINY_S), 0.0, 1.0)
+        moved = moved + step * share
+        known_s = known_s + dt_s * share
+        left_s = left_s - dt_s
+    return moved, known_s
+
 
 #: Gyro and wheels are compared by the angles that they turned in so long [s]: a count is wrong once in an angle.
 COMPARED_S = 0.5
@@ -76,27 +134,21 @@ LEAST_STD = 1e-4
 
 
 class TurnSums(NamedTuple):
-    """Sums over the time in which gyro and wheels have turned since they were last compared.
+    """Sums over the time in which gyro and wheels have turned since they were last compared."""
 
-    time_s: time.
-    wheels_rad, gyro_rad: angles that they show.
-    path_m, rim_m: signed way of the rims forward, and the way of the wheels whatever its direction.
-    gyro_variance: of the gyro's angle by its noise [rad2].
-    slip_rad: angle of one standard deviation of the wheels' correlated error.
-    start_rad_s, end_rad_s: yaw rate of the gyro at the start and at the end.
-    rejected_s: time for which the comparison has been outside its gate.
-    """
-
-    time_s: Any = 0.0
+    time_s: Any = 0.0  #: time
+    #: angles that they show
     wheels_rad: Any = 0.0
     gyro_rad: Any = 0.0
+    #: signed way of the rims forward, and the way of the wheels whatever its direction
     path_m: Any = 0.0
     rim_m: Any = 0.0
-    gyro_variance: Any = 0.0
-    slip_rad: Any = 0.0
+    gyro_variance: Any = 0.0  #: of the gyro's angle by its noise [rad2]
+    slip_rad: Any = 0.0  #: angle of one standard deviation of the wheels' correlated error
+    #: yaw rate of the gyro at the start and at the end
     start_rad_s: Any = 0.0
     end_rad_s: Any = 0.0
-    rejected_s: Any = 0.0
+    rejected_s: Any = 0.0  #: time for which the comparison has been outside its gate
 
 
 class HeadingTimes(NamedTuple):
@@ -107,15 +159,11 @@ class HeadingTimes(NamedTuple):
 
 
 class PoseCorrection(NamedTuple):
-    """Belief after measurements, and conditions on them.
+    """Belief after measurements, and conditions on them."""
 
-    belief: after them.
-    turn_apart_rad_s: yaw rate by which gyro and wheels differ.
-    turn_rejected, speed_rejected, heading_rejected, increment_rejected, increment_too_old: see `OdometryFlag`.
-    """
-
-    belief: Belief
-    turn_apart_rad_s: Any = 0.0
+    belief: Belief  #: after them
+    turn_apart_rad_s: Any = 0.0  #: yaw rate by which gyro and wheels differ
+    #: see `OdometryFlag`
     turn_rejected: Any = False
     speed_rejected: Any = False
     heading_rejected: Any = False

@@ -30,18 +30,12 @@ LOOSE_M_S, LOOSE_SHARE, LOOSE_SIGMAS = 0.2, 0.1, 4.0
 
 
 class GripSpeed(NamedTuple):
-    """Forward speed as the wheels show it.
+    """Forward speed as the wheels show it."""
 
-    forward_m_s: of those that grip.
-    followed_m_s: the same, changed no faster than friction can.
-    beyond_m_s: speed of the rims beyond the one that was followed.
-    loose_m_s: largest slip of a wheel that counts as one that grips.
-    """
-
-    forward_m_s: Scalar
-    followed_m_s: Scalar
-    beyond_m_s: Scalar
-    loose_m_s: Scalar
+    forward_m_s: Scalar  #: of those that grip
+    followed_m_s: Scalar  #: the same, changed no faster than friction can
+    beyond_m_s: Scalar  #: speed of the rims beyond the one that was followed
+    loose_m_s: Scalar  #: largest slip of a wheel that counts as one that grips
 
 
 def speed_by_grip(

@@ -34,20 +34,13 @@ MOST_VARIANCES = 25.0
 
 
 class GyroNoise(NamedTuple):
-    """Noise of a gyro as its samples have shown it so far.
+    """Noise of a gyro as its samples have shown it so far."""
 
-    variance: of the angle over time [rad2/s].
-    samples: how many it rests upon.
-    last_rad_s: (3,) samples before, newest first.
-    since_s: time since the newest.
-    in_row: how many of them came without a pause.
-    """
-
-    variance: Any
-    samples: Any
-    last_rad_s: np.ndarray
-    since_s: Any
-    in_row: Any
+    variance: Any  #: of the angle over time [rad2/s]
+    samples: Any  #: how many it rests upon
+    last_rad_s: np.ndarray  #: (3,) samples before, newest first
+    since_s: Any  #: time since the newest
+    in_row: Any  #: how many of them came without a pause
 
 
 def of_sheet(gyro_walk: float) -> GyroNoise:

@@ -53,26 +53,16 @@ UNSEEN = np.array([0.5, 0.1, 0.5])
 
 
 class MotionInput(NamedTuple):
-    """Motion over a step as the sensors show it.
+    """Motion over a step as the sensors show it."""
 
-    dt_s: step [s].
-    motion: (3,) forward, left [m/s] and turning [rad/s], of the wheels or of an observer.
-    motion_std: (3,) standard deviations of its correlated errors.
-    scale: share of the radius's standard deviation that is in its speed.
-    gyro_rad_s: yaw rate of the gyro.
-    gyro_variance: of its angle over time [rad2/s].
-    by_gyro: the condition that it tells the turn.
-    unseen_s: (3,) time for which nothing has shown each motion.
-    """
-
-    dt_s: Scalar
-    motion: np.ndarray
-    motion_std: np.ndarray
-    scale: Scalar
-    gyro_rad_s: Scalar
-    gyro_variance: Scalar
-    by_gyro: Any
-    unseen_s: np.ndarray
+    dt_s: Scalar  #: step [s]
+    motion: np.ndarray  #: (3,) forward, left [m/s] and turning [rad/s], of the wheels or of an observer
+    motion_std: np.ndarray  #: (3,) standard deviations of its correlated errors
+    scale: Scalar  #: share of the radius's standard deviation that is in its speed
+    gyro_rad_s: Scalar  #: yaw rate of the gyro
+    gyro_variance: Scalar  #: of its angle over time [rad2/s]
+    by_gyro: Any  #: the condition that it tells the turn
+    unseen_s: np.ndarray  #: (3,) time for which nothing has shown each motion
 
 
 def first_belief(noise: OdometryNoise, turn_per_slip: float) -> Belief:

@@ -16,51 +16,38 @@ class OdometryNoise:
     """Standard deviations, all >= 0; shares and scales are relative.
 
     The first group are errors that last, the second change within `correlation_s`, the third are white.
-
-    Attributes:
-        gyro_offset_std_rad_s: of a gyro at rest; 1 degree a second is a usual data sheet.
-        gyro_scale_std: of its sensitivity; 1 % is a usual data sheet.
-        radius_std: of the effective radius of all wheels: half a millimetre of a radius of 120, and half of the creep
-            of wheels that drive; 0.003 and less where it was calibrated on the ground that the robot drives on.
-        turn_scale_std: of the yaw rate that the wheels show: of the effective track.
-        wheel_difference_std: of a wheel's radius about the mean of all; 0.06 % is 0.1 mm of a diameter of 160.
-        creep: slip ratio of the driven wheels of a robot that keeps its speed; 0 where its radius contains it, because
-            it was calibrated by driving.
-        gyro_offset_walk: of the offset [rad/s over the root of a second]; a tenth of a degree a second in an hour.
-        slip_share: slip of the wheels over their speed, where no observer tells it.
-        slip_difference_share: slip of one wheel beyond that of the others, over their speed.
-        turn_share: error of the yaw rate that the wheels show, over it, by their slip in turns.
-        turn_lag_s: angle by which the wheels turn more than the robot while its yaw rate changes, by the slip that
-            turns it, over that change: I B^2 v / (k N), 0.04 s for [T]'s robot at 0.6 m/s on a hard floor.
-        side_slip_share: sideways speed over the speed.
-        side_arm_std_m: sideways speed over the yaw rate, by a centre of rotation beside that of the robot file [m].
-        correlation_s: time constant of these [s], > 0.
-        gyro_walk: angle random walk of the gyro [rad over the root of a second]; that of MEMS gyros is 0.2 to 1 degree
-            over the root of an hour.
-        encoder_std_rad: of the angle of a wheel between two instants: 4096 counts a turn have 6e-4 rad.
-        speed_std_m_s: of an external speed without a standard deviation of its own.
-        heading_std_rad: of a heading without one; that of a compass away from iron is 2 to 5 degrees.
-        increment_walk: of a pose increment without one [m, m, rad, over the root of a second].
     """
 
-    gyro_offset_std_rad_s: float = 0.02
-    gyro_scale_std: float = 0.01
+    gyro_offset_std_rad_s: float = 0.02  #: of a gyro at rest; 1 degree a second is a usual data sheet
+    gyro_scale_std: float = 0.01  #: of its sensitivity; 1 % is a usual data sheet
+    #: of the effective radius of all wheels: half a millimetre of a radius of 120, and half of the creep of wheels that
+    #: drive; 0.003 and less where it was calibrated on the ground that the robot drives on
     radius_std: float = 0.006
-    turn_scale_std: float = 0.01
+    turn_scale_std: float = 0.01  #: of the yaw rate that the wheels show: of the effective track
+    #: of a wheel's radius about the mean of all; 0.06 % is 0.1 mm of a diameter of 160
     wheel_difference_std: float = 0.0006
+    #: slip ratio of the driven wheels of a robot that keeps its speed; 0 where its radius contains it, because it was
+    #: calibrated by driving
     creep: float = 0.0
+    #: of the offset [rad/s over the root of a second]; a tenth of a degree a second in an hour
     gyro_offset_walk: float = 3e-5
-    slip_share: float = 0.005
-    slip_difference_share: float = 3e-4
-    turn_share: float = 0.06
+    slip_share: float = 0.005  #: slip of the wheels over their speed, where no observer tells it
+    slip_difference_share: float = 3e-4  #: slip of one wheel beyond that of the others, over their speed
+    turn_share: float = 0.06  #: error of the yaw rate that the wheels show, over it, by their slip in turns
+    #: angle by which the wheels turn more than the robot while its yaw rate changes, by the slip that turns it, over
+    #: that change: I B^2 v / (k N), 0.04 s for [T]'s robot at 0.6 m/s on a hard floor
     turn_lag_s: float = 0.05
-    side_slip_share: float = 0.003
+    side_slip_share: float = 0.003  #: sideways speed over the speed
+    #: sideways speed over the yaw rate, by a centre of rotation beside that of the robot file [m]
     side_arm_std_m: float = 0.005
-    correlation_s: float = 2.0
+    correlation_s: float = 2.0  #: time constant of these [s], > 0
+    #: angle random walk of the gyro [rad over the root of a second]; that of MEMS gyros is 0.2 to 1 degree over the
+    #: root of an hour
     gyro_walk: float = 3e-4
-    encoder_std_rad: float = 6e-4
-    speed_std_m_s: float = 0.05
-    heading_std_rad: float = 0.05
+    encoder_std_rad: float = 6e-4  #: of the angle of a wheel between two instants: 4096 counts a turn have 6e-4 rad
+    speed_std_m_s: float = 0.05  #: of an external speed without a standard deviation of its own
+    heading_std_rad: float = 0.05  #: of a heading without one; that of a compass away from iron is 2 to 5 degrees
+    #: of a pose increment without one [m, m, rad, over the root of a second]
     increment_walk: tuple[float, float, float] = (0.02, 0.02, 0.005)
 
     def __post_init__(self) -> None:

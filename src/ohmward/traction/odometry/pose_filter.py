@@ -23,8 +23,11 @@ from ohmward.traction.odometry.corrections import (
     MOST_OPENED,
     HeadingTimes,
     PoseCorrection,
+    Trail,
     TurnSums,
     add_turn,
+    empty_trail,
+    extend,
     use_heading,
     use_increment,
     use_speeds,
@@ -59,57 +62,38 @@ from ohmward.traction.odometry.shown_motion import (
     sense,
     show,
 )
-from ohmward.traction.odometry.trail import Trail, empty_trail, extend
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
-from ohmward.traction.speed_observer.late import History, empty_history, remember
+from ohmward.traction.speed_observer.intervals import History, empty_history, remember
 
 
 class PoseState(NamedTuple):
-    """State from sample to sample: plain numbers.
+    """State from sample to sample: plain numbers."""
 
-    belief: packed, of `model.NAMES`.
-    motion: last values of the sensors.
-    gyro: its noise as learnt so far.
-    sums: angles of gyro and wheels since they were last compared.
-    history: changes of the speed, for speeds that come late.
-    trail: the last steps, for pose increments.
-    heading: times of headings.
-    speed_m_s: after the last step.
-    distance_m: length of the path.
-    """
-
-    belief: PackedBelief
-    motion: MotionState
-    gyro: GyroNoise
-    sums: TurnSums
-    history: History
-    trail: Trail
-    heading: HeadingTimes
-    speed_m_s: Any = 0.0
-    distance_m: Any = 0.0
+    belief: PackedBelief  #: packed, of `model.NAMES`
+    motion: MotionState  #: last values of the sensors
+    gyro: GyroNoise  #: its noise as learnt so far
+    sums: TurnSums  #: angles of gyro and wheels since they were last compared
+    history: History  #: changes of the speed, for speeds that come late
+    trail: Trail  #: the last steps, for pose increments
+    heading: HeadingTimes  #: times of headings
+    speed_m_s: Any = 0.0  #: after the last step
+    distance_m: Any = 0.0  #: length of the path
 
 
 @dataclass(frozen=True)
 class PoseFilter:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        robot: whose wheels these are.
-        noise: of sensors and wheels.
-        gate: NIS beyond which a measurement is not used; 10.8 is 99.9 %.
-        reset_after_s: time for which gyro and wheels disagree after which the gyro's offset may have changed, and for
-            which headings disagree with the yaw after which their zero may have.
-        gap_s: a longer step is flagged.
-        late_steps: number of samples by which a speed from outside may be late, and within which a pose increment must
-            have begun; 0 leaves increments out.
-    """
-
-    robot: Robot
-    noise: OdometryNoise
-    gate: float = 10.8
+    robot: Robot  #: whose wheels these are
+    noise: OdometryNoise  #: of sensors and wheels
+    gate: float = 10.8  #: NIS beyond which a measurement is not used; 10.8 is 99.9 %
+    #: time for which gyro and wheels disagree after which the gyro's offset may have changed, and for which headings
+    #: disagree with the yaw after which their zero may have
     reset_after_s: float = 5.0
-    gap_s: float = 0.5
+    gap_s: float = 0.5  #: a longer step is flagged
+    #: number of samples by which a speed from outside may be late, and within which a pose increment must have begun; 0
+    #: leaves increments out
     late_steps: int = 20
 
     def __post_init__(self) -> None:

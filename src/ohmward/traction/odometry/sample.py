@@ -11,83 +11,64 @@ from ohmward.filters.flags import SampleFlag
 
 
 class OdometrySample(NamedTuple):
-    """One sample of the sensors; nan where there is nothing new.
+    """One sample of the sensors; nan where there is nothing new."""
 
-    dt_s: time since the sample before [s]; 0 for the first.
-    wheel_speed_rad_s: (driven,) from encoders, the mean over the step.
-    passive_rad_s: (passive,) the same of the wheels that are not driven; empty where the robot has none that count.
-    yaw_rate_rad_s: from a gyro, the mean over the step, > 0 to the left.
-    speed_m_s, speed_std_m_s: forward, from outside, and its standard deviation where the source gives one.
-    speed_left_m_s, speed_left_std_m_s: to the left, the same.
-    speed_age_s: age of both.
-    heading_rad, heading_std_rad: from a compass or two GNSS antennas, > 0 to the left, from any zero, which is learnt;
-        full turns may be counted or not; and its standard deviation where the source gives one.
-    increment: (3,) change of the pose [m, m, rad] that visual or lidar odometry has seen: forward and left in the frame
-        of its start, and the turn.
-    increment_std: (3,) standard deviations where the source gives them.
-    increment_s: time between its start and its end.
-    increment_age_s: time since its end.
-    observed_speed_m_s, observed_speed_std_m_s: of a speed observer, which knows the slip of the wheels.
-    observed_left_m_s: the same to the left.
-    observed_yaw_rate_rad_s, observed_yaw_rate_std_rad_s: of a speed observer; used where there is no gyro.
-    observed_scale: share of `OdometryNoise.radius_std` that it does not know either; 1 where it does not estimate it.
-    observed_grip: least grip of the driven wheels, 0 to 1; wheels that spin do not show a turn.
-    """
-
-    dt_s: Any
-    wheel_speed_rad_s: np.ndarray
+    dt_s: Any  #: time since the sample before [s]; 0 for the first
+    wheel_speed_rad_s: np.ndarray  #: (driven,) from encoders, the mean over the step
+    #: (passive,) the same of the wheels that are not driven; empty where the robot has none that count
     passive_rad_s: np.ndarray = np.zeros(0)
-    yaw_rate_rad_s: Any = math.nan
+    yaw_rate_rad_s: Any = math.nan  #: from a gyro, the mean over the step, > 0 to the left
+    #: forward, from outside, and its standard deviation where the source gives one
     speed_m_s: Any = math.nan
     speed_std_m_s: Any = math.nan
+    #: to the left, the same
     speed_left_m_s: Any = math.nan
     speed_left_std_m_s: Any = math.nan
-    speed_age_s: Any = 0.0
+    speed_age_s: Any = 0.0  #: age of both
+    #: from a compass or two GNSS antennas, > 0 to the left, from any zero, which is learnt; full turns may be counted
+    #: or not; and its standard deviation where the source gives one
     heading_rad: Any = math.nan
     heading_std_rad: Any = math.nan
+    #: (3,) change of the pose [m, m, rad] that visual or lidar odometry has seen: forward and left in the frame of its
+    #: start, and the turn
     increment: np.ndarray = np.full(3, math.nan)
-    increment_std: np.ndarray = np.full(3, math.nan)
-    increment_s: Any = math.nan
-    increment_age_s: Any = 0.0
+    increment_std: np.ndarray = np.full(3, math.nan)  #: (3,) standard deviations where the source gives them
+    increment_s: Any = math.nan  #: time between its start and its end
+    increment_age_s: Any = 0.0  #: time since its end
+    #: of a speed observer, which knows the slip of the wheels
     observed_speed_m_s: Any = math.nan
     observed_speed_std_m_s: Any = math.nan
-    observed_left_m_s: Any = math.nan
+    observed_left_m_s: Any = math.nan  #: the same to the left
+    #: of a speed observer; used where there is no gyro
     observed_yaw_rate_rad_s: Any = math.nan
     observed_yaw_rate_std_rad_s: Any = math.nan
+    #: share of `OdometryNoise.radius_std` that it does not know either; 1 where it does not estimate it
     observed_scale: Any = 1.0
-    observed_grip: Any = 1.0
+    observed_grip: Any = 1.0  #: least grip of the driven wheels, 0 to 1; wheels that spin do not show a turn
 
 
 class OdometryEstimate(NamedTuple):
-    """Estimate after a sample.
+    """Estimate after a sample."""
 
-    x_m, y_m: of the robot's centre of gravity in the frame `odom`: where it was at first, x forward, y to the left.
-    yaw_rad: > 0 to the left; full turns are counted.
-    pose_cov: (3, 3) covariance of x, y and yaw in that frame [m2, m rad, rad2].
-    position_std_m: largest standard deviation of the position in any direction.
-    speed_m_s, speed_left_m_s, yaw_rate_rad_s: twist in the frame of the robot, forward and to the left.
-    twist_cov: (3, 3) covariance of the twist.
-    distance_m: length of the path.
-    gyro_offset_rad_s, gyro_offset_std_rad_s: of the gyro at rest.
-    radius_ratio, radius_std: effective radius of the wheels over the robot's; the std is relative.
-    flags: sum of `OdometryFlag` values; 0 is a sample without incident.
-    """
-
+    #: of the robot's centre of gravity in the frame `odom`: where it was at first, x forward, y to the left
     x_m: Any
     y_m: Any
-    yaw_rad: Any
-    pose_cov: np.ndarray
-    position_std_m: Any
+    yaw_rad: Any  #: > 0 to the left; full turns are counted
+    pose_cov: np.ndarray  #: (3, 3) covariance of x, y and yaw in that frame [m2, m rad, rad2]
+    position_std_m: Any  #: largest standard deviation of the position in any direction
+    #: twist in the frame of the robot, forward and to the left
     speed_m_s: Any
     speed_left_m_s: Any
     yaw_rate_rad_s: Any
-    twist_cov: np.ndarray
-    distance_m: Any
+    twist_cov: np.ndarray  #: (3, 3) covariance of the twist
+    distance_m: Any  #: length of the path
+    #: of the gyro at rest
     gyro_offset_rad_s: Any
     gyro_offset_std_rad_s: Any
+    #: effective radius of the wheels over the robot's; the std is relative
     radius_ratio: Any
     radius_std: Any
-    flags: Any
+    flags: Any  #: sum of `OdometryFlag` values; 0 is a sample without incident
 
 
 class OdometryFlag(SampleFlag):

@@ -54,43 +54,28 @@ CREDIBLE = Observed(FASTEST_M_S, FASTEST_M_S, FASTEST_M_S, MOST_YAW_RAD_S, MOST_
 
 
 class MotionState(NamedTuple):
-    """The last values of the sensors and their clocks.
+    """The last values of the sensors and their clocks."""
 
-    wheel_speed_rad_s, wheel_age_s: (driven,), and how old each is.
-    passive_rad_s: (passive,).
-    gyro_rad_s: yaw rate of the gyro.
-    followed_m_s: forward speed of the rims, changed no faster than friction can.
-    observed: of the speed observer.
-    intervals: of `WHEELS`, `GYRO`, `OBSERVER` and `PASSIVE`.
-    """
-
+    #: (driven,), and how old each is
     wheel_speed_rad_s: np.ndarray
     wheel_age_s: np.ndarray
-    passive_rad_s: np.ndarray
-    gyro_rad_s: Any
-    followed_m_s: Any
-    observed: Observed
-    intervals: Intervals
+    passive_rad_s: np.ndarray  #: (passive,)
+    gyro_rad_s: Any  #: yaw rate of the gyro
+    followed_m_s: Any  #: forward speed of the rims, changed no faster than friction can
+    observed: Observed  #: of the speed observer
+    intervals: Intervals  #: of `WHEELS`, `GYRO`, `OBSERVER` and `PASSIVE`
 
 
 class ShownMotion(NamedTuple):
-    """Motion over a step, and conditions on its sensors.
+    """Motion over a step, and conditions on its sensors."""
 
-    input: of the model.
-    white_variance: (3,) of the twist, by counting and by the gyro's noise over one step.
-    rim_m_s: speed of the rims whatever its direction.
-    grip: forward speed of the rims.
-    by_driven: the condition that the driven ones tell it, no observer and no wheel that rolls freely.
-    comparable: gyro and wheels both show the turn.
-    no_wheels, no_gyro, jump: see `OdometryFlag`.
-    """
-
-    input: MotionInput
-    white_variance: np.ndarray
-    rim_m_s: Scalar
-    grip: GripSpeed
-    by_driven: Scalar
-    comparable: Scalar
+    input: MotionInput  #: of the model
+    white_variance: np.ndarray  #: (3,) of the twist, by counting and by the gyro's noise over one step
+    rim_m_s: Scalar  #: speed of the rims whatever its direction
+    grip: GripSpeed  #: forward speed of the rims
+    by_driven: Scalar  #: the condition that the driven ones tell it, no observer and no wheel that rolls freely
+    comparable: Scalar  #: gyro and wheels both show the turn
+    #: see `OdometryFlag`
     no_wheels: Scalar
     no_gyro: Scalar
     jump: Scalar

@@ -50,18 +50,13 @@ class Chassis(Protocol):
 
 @dataclass(frozen=True)
 class Differential:
-    """Four wheels of which the front or all are driven, as in [T]: no sideways motion, no resistance to turning.
+    """Four wheels of which the front or all are driven, as in [T]: no sideways motion, no resistance to turning."""
 
-    Attributes:
-        front_m, rear_m: L_f and L_r, from the centre of gravity to the axles, > 0.
-        track_m: b, between left and right wheels, > 0.
-        driven: "front" or "all".
-    """
-
+    #: L_f and L_r, from the centre of gravity to the axles, > 0
     front_m: float
     rear_m: float
-    track_m: float
-    driven: str = "front"
+    track_m: float  #: b, between left and right wheels, > 0
+    driven: str = "front"  #: "front" or "all"
 
     freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])
     scrubs: ClassVar[bool] = False
@@ -84,19 +79,15 @@ class Differential:
 
 @dataclass(frozen=True)
 class SkidSteer:
-    """Four driven wheels, fixed: to turn, it drags them sideways.
+    """Four driven wheels, fixed: to turn, it drags them sideways."""
 
-    Attributes:
-        front_m, rear_m: from the centre of gravity to the axles, > 0.
-        track_m: between left and right wheels, > 0.
-        effective_track_m: difference of the sides' speeds over the yaw rate that it gives: the distance between the
-            instantaneous centres of rotation of the left and the right wheels (Mandow et al. 2007), > 0, as `calibrate`
-            finds it; over `track_m` it is ROS's `wheel_separation_multiplier`. None: not known, `track_m`.
-    """
-
+    #: from the centre of gravity to the axles, > 0
     front_m: float
     rear_m: float
-    track_m: float
+    track_m: float  #: between left and right wheels, > 0
+    #: difference of the sides' speeds over the yaw rate that it gives: the distance between the instantaneous centres
+    #: of rotation of the left and the right wheels (Mandow et al. 2007), > 0, as `calibrate` finds it; over `track_m`
+    #: it is ROS's `wheel_separation_multiplier`. None: not known, `track_m`.
     effective_track_m: float | None = None
 
     freedoms: ClassVar[tuple[str, ...]] = PLANAR
@@ -125,16 +116,11 @@ class SkidSteer:
 
 @dataclass(frozen=True)
 class TwoWheeled:
-    """Two driven wheels and casters, which swivel: they carry and roll, and neither steer nor count.
+    """Two driven wheels and casters, which swivel: they carry and roll, and neither steer nor count."""
 
-    Attributes:
-        axle_m: of the driven wheels, ahead of the centre of gravity; < 0 behind it.
-        track_m: between left and right wheel, > 0.
-        casters_m: of each caster on the centre line, ahead of the centre of gravity; a pair side by side counts as one.
-    """
-
-    axle_m: float
-    track_m: float
+    axle_m: float  #: of the driven wheels, ahead of the centre of gravity; < 0 behind it
+    track_m: float  #: between left and right wheel, > 0
+    #: of each caster on the centre line, ahead of the centre of gravity; a pair side by side counts as one
     casters_m: tuple[float, ...]
 
     freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])
@@ -161,14 +147,10 @@ class TwoWheeled:
 
 @dataclass(frozen=True)
 class Omni:
-    """Omni-wheels on a circle around the centre of gravity, each rolling along the circle, free sideways.
+    """Omni-wheels on a circle around the centre of gravity, each rolling along the circle, free sideways."""
 
-    Attributes:
-        arm_m: radius of the circle, > 0.
-        bearings_deg: of the wheels, counter-clockwise from forward; at least three, not all on one line.
-    """
-
-    arm_m: float
+    arm_m: float  #: radius of the circle, > 0
+    #: of the wheels, counter-clockwise from forward; at least three, not all on one line
     bearings_deg: tuple[float, ...] = (60.0, 180.0, 300.0)
 
     freedoms: ClassVar[tuple[str, ...]] = PLANAR

@@ -17,32 +17,21 @@ from typing import Any
 from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.errors import InputError
 from ohmward.trace import tanh
-from ohmward.traction.friction.odd_functions import direction_and_size
+from ohmward.traction.friction.law import direction_and_size
 
 
 @dataclass(frozen=True)
 class Motor:
-    """One motor and its gear; torque and speed are those of the wheel.
+    """One motor and its gear; torque and speed are those of the wheel."""
 
-    Attributes:
-        torque_constant_Nm_per_A: K_m of the bare motor, which is its V s/rad too, > 0.
-        resistance_ohm: R of the winding, > 0.
-        gear_ratio: n, turns of the motor per turn of the wheel, > 0.
-        gear_efficiency: eta, in (0, 1].
-        friction_Nm: tau_c, dry friction at the wheel, >= 0.
-        damping_Nms_per_rad: b, at the wheel, >= 0.
-        friction_speed_rad_s: omega_0, wheel speed over which friction changes its direction, > 0.
-        rotor_inertia_kg_m2: of the rotor about its own axis, >= 0.
-    """
-
-    torque_constant_Nm_per_A: float
-    resistance_ohm: float
-    gear_ratio: float = 1.0
-    gear_efficiency: float = 1.0
-    friction_Nm: float = 0.0
-    damping_Nms_per_rad: float = 0.0
-    friction_speed_rad_s: float = 0.5
-    rotor_inertia_kg_m2: float = 0.0
+    torque_constant_Nm_per_A: float  #: K_m of the bare motor, which is its V s/rad too, > 0
+    resistance_ohm: float  #: R of the winding, > 0
+    gear_ratio: float = 1.0  #: n, turns of the motor per turn of the wheel, > 0
+    gear_efficiency: float = 1.0  #: eta, in (0, 1]
+    friction_Nm: float = 0.0  #: tau_c, dry friction at the wheel, >= 0
+    damping_Nms_per_rad: float = 0.0  #: b, at the wheel, >= 0
+    friction_speed_rad_s: float = 0.5  #: omega_0, wheel speed over which friction changes its direction, > 0
+    rotor_inertia_kg_m2: float = 0.0  #: of the rotor about its own axis, >= 0
 
     def __post_init__(self) -> None:
         require_each_positive(

@@ -30,17 +30,11 @@ _WEIGHING = 0.05
 
 @dataclass(frozen=True)
 class Wheel:
-    """All wheels of a robot are alike.
+    """All wheels of a robot are alike."""
 
-    Attributes:
-        radius_m: effective rolling radius, > 0.
-        width_m: > 0.
-        inertia_kg_m2: of one wheel about its axle, without the motor, > 0.
-    """
-
-    radius_m: float
-    width_m: float
-    inertia_kg_m2: float
+    radius_m: float  #: effective rolling radius, > 0
+    width_m: float  #: > 0
+    inertia_kg_m2: float  #: of one wheel about its axle, without the motor, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("wheel.", self, "radius_m", "width_m", "inertia_kg_m2")

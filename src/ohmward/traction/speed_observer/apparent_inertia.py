@@ -82,53 +82,31 @@ LEAST_GRIP = 0.2
 
 
 class ApparentInertia(NamedTuple):
-    """Test from sample to sample.
+    """Test from sample to sample."""
 
-    rim_m_s: speed of the rims along x when the encoders last showed it.
-    rim_age_s: time since then.
-    passed_m_s: (2,) that after one and after two high passes; the last is U.
-    force_N: of the motors, through a low pass.
-    impulse_Ns: I.
-    evidence_s: of grip, its sum over time, and fading.
-    unexplained_m_s: change of the speed of late that neither force nor pitch explains, and fading.
-    jump_m_s: the same of the last moments, by the wheels.
-    uncertain_m_s: standard deviation of the speed, through a low pass.
-    pitch_rad: last one measured.
-    no_pitch_s: time since then.
-    unseen_s: time since a sensor of the body has shown the speed.
-    peak_N: greatest force since the wheels have been sliding in the belief.
-    pushed_m_s: change of the speed by traction since then, while nothing else has shown the speed.
-    open_m_s: standard deviation of the speed by a slide that cannot be told from grip.
-    """
-
-    rim_m_s: Scalar
-    rim_age_s: Scalar
-    passed_m_s: np.ndarray
-    force_N: Scalar
-    impulse_Ns: Scalar
-    evidence_s: Scalar
-    unexplained_m_s: Scalar
-    jump_m_s: Scalar
-    uncertain_m_s: Scalar
-    pitch_rad: Scalar
-    no_pitch_s: Scalar
-    unseen_s: Scalar
-    peak_N: Scalar
-    pushed_m_s: Scalar
-    open_m_s: Scalar
+    rim_m_s: Scalar  #: speed of the rims along x when the encoders last showed it
+    rim_age_s: Scalar  #: time since then
+    passed_m_s: np.ndarray  #: (2,) that after one and after two high passes; the last is U
+    force_N: Scalar  #: of the motors, through a low pass
+    impulse_Ns: Scalar  #: I
+    evidence_s: Scalar  #: of grip, its sum over time, and fading
+    unexplained_m_s: Scalar  #: change of the speed of late that neither force nor pitch explains, and fading
+    jump_m_s: Scalar  #: the same of the last moments, by the wheels
+    uncertain_m_s: Scalar  #: standard deviation of the speed, through a low pass
+    pitch_rad: Scalar  #: last one measured
+    no_pitch_s: Scalar  #: time since then
+    unseen_s: Scalar  #: time since a sensor of the body has shown the speed
+    peak_N: Scalar  #: greatest force since the wheels have been sliding in the belief
+    pushed_m_s: Scalar  #: change of the speed by traction since then, while nothing else has shown the speed
+    open_m_s: Scalar  #: standard deviation of the speed by a slide that cannot be told from grip
 
 
 class InertiaTest(NamedTuple):
-    """Outcome of a step.
+    """Outcome of a step."""
 
-    test: after it.
-    belief: after it.
-    started: the condition that the belief started again.
-    """
-
-    test: ApparentInertia
-    belief: Belief
-    started: Scalar
+    test: ApparentInertia  #: after it
+    belief: Belief  #: after it
+    started: Scalar  #: the condition that the belief started again
 
 
 def untested() -> ApparentInertia:

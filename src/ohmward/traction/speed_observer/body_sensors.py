@@ -38,45 +38,29 @@ SPEED_STD_M_S = (1e-4, 10.0)
 
 
 class BodyTimers(NamedTuple):
-    """Time [s] for which a sensor of the body has been outside its gate, and by how much.
+    """Time [s] for which a sensor of the body has been outside its gate, and by how much."""
 
-    speed_s: external speed.
-    disputed_m_s: innovation of the last external speed where it was outside; 0 where it was used.
-    innovation_sum: of external speeds that were used, over their standard deviations, and fading.
-    gyro_s: gyro.
-    pitch_s: pitch.
-    passive_s: (wheels - driven,) encoders of the wheels that are not driven.
-    passive_sum: of the innovations that these have in common, over their standard deviations, and fading.
-    """
-
-    speed_s: Any
-    disputed_m_s: Any
-    innovation_sum: Any
-    gyro_s: Any
-    pitch_s: Any
-    passive_s: np.ndarray
-    passive_sum: Any
+    speed_s: Any  #: external speed
+    disputed_m_s: Any  #: innovation of the last external speed where it was outside; 0 where it was used
+    innovation_sum: Any  #: of external speeds that were used, over their standard deviations, and fading
+    gyro_s: Any  #: gyro
+    pitch_s: Any  #: pitch
+    passive_s: np.ndarray  #: (wheels - driven,) encoders of the wheels that are not driven
+    passive_sum: Any  #: of the innovations that these have in common, over their standard deviations, and fading
 
 
 class BodyCorrection(NamedTuple):
-    """Belief after measurements of the body, and conditions on them.
+    """Belief after measurements of the body, and conditions on them."""
 
-    belief: after them.
-    rejected: after the step, of the sensors that have been used.
-    observable: one of them shows the speed of the body.
-    gyro_rejected, speed_rejected, passive_rejected: outside its gate.
-    passive_doubted: one of the passive wheels has been so for too long.
-    speed_reset: the estimate was opened for an external speed that contradicted it again.
-    """
-
-    belief: Belief
-    rejected: BodyTimers
-    observable: Scalar = False
+    belief: Belief  #: after them
+    rejected: BodyTimers  #: after the step, of the sensors that have been used
+    observable: Scalar = False  #: one of them shows the speed of the body
+    #: outside its gate
     gyro_rejected: Scalar = False
     speed_rejected: Scalar = False
     passive_rejected: Scalar = False
-    passive_doubted: Scalar = False
-    speed_reset: Scalar = False
+    passive_doubted: Scalar = False  #: one of the passive wheels has been so for too long
+    speed_reset: Scalar = False  #: the estimate was opened for an external speed that contradicted it again
 
 
 class SensorGate(NamedTuple):

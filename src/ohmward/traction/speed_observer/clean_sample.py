@@ -21,40 +21,23 @@ HOLD_S = 0.5
 
 
 class CleanSlipSample(NamedTuple):
-    """A sample with every number finite that is used.
+    """A sample with every number finite that is used."""
 
-    dt_s: step [s], >= 0.
-    modelled_s: part of the step that the model describes; 0 while the robot stands.
-    unmodelled_s: the rest, in which the speed may have changed by anything; 0 while the robot stands.
-    current_A: (driven,) over the step, held where it is not measured.
-    current_measured: (driven,) conditions, true too where the last one still holds.
-    wheel_speed_rad_s: (wheels,), 0 where it is not measured.
-    wheel_measured: (wheels,) conditions.
-    pitch_rad: as measured.
-    time_credible: the condition that the clock can have shown the step.
-    gap: the condition that the step is longer than the last current is believed.
-    current_refused: the condition that a current was measured which no wheel can have taken.
-    lag_share: (wheels,) share of the time since each encoder's last value over which its speed is a mean.
-    rest_s: time for which wheels and motors have been at rest.
-    resting: the condition that this has lasted long enough for a standstill.
-    stds: matched standard deviations of the sensors; None where the given ones hold.
-    """
-
-    dt_s: Scalar
-    modelled_s: Scalar
-    unmodelled_s: Scalar
-    current_A: np.ndarray
-    current_measured: np.ndarray
-    wheel_speed_rad_s: np.ndarray
-    wheel_measured: np.ndarray
-    pitch_rad: Scalar
-    time_credible: Scalar
-    gap: Scalar
-    current_refused: Scalar = False
-    lag_share: Any = 1.0
-    rest_s: Scalar = 0.0
-    resting: Scalar = False
-    stds: SensorStds | None = None
+    dt_s: Scalar  #: step [s], >= 0
+    modelled_s: Scalar  #: part of the step that the model describes; 0 while the robot stands
+    unmodelled_s: Scalar  #: the rest, in which the speed may have changed by anything; 0 while the robot stands
+    current_A: np.ndarray  #: (driven,) over the step, held where it is not measured
+    current_measured: np.ndarray  #: (driven,) conditions, true too where the last one still holds
+    wheel_speed_rad_s: np.ndarray  #: (wheels,), 0 where it is not measured
+    wheel_measured: np.ndarray  #: (wheels,) conditions
+    pitch_rad: Scalar  #: as measured
+    time_credible: Scalar  #: the condition that the clock can have shown the step
+    gap: Scalar  #: the condition that the step is longer than the last current is believed
+    current_refused: Scalar = False  #: the condition that a current was measured which no wheel can have taken
+    lag_share: Any = 1.0  #: (wheels,) share of the time since each encoder's last value over which its speed is a mean
+    rest_s: Scalar = 0.0  #: time for which wheels and motors have been at rest
+    resting: Scalar = False  #: the condition that this has lasted long enough for a standstill
+    stds: SensorStds | None = None  #: matched standard deviations of the sensors; None where the given ones hold
 
 
 class CredibleLimits(NamedTuple):

@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.checks import require_positive
+from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose, inflate, time_rejected
 from ohmward.filters.kalman import correct_state
@@ -24,6 +26,36 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.slip_step import SlipStep
+
+
+def wheel_speeds(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float, bits: int = 32) -> np.ndarray:
+    """Mean speed (T, wheels) [rad/s] of each wheel since the count before; nan in the first row and where dt <= 0.
+
+    counts: (T, wheels) whole numbers, of a counter that starts again after `bits` bits, signed or not.
+    time_s: (T,) of each row.
+
+    Raises:
+        InputError: counts that are not (T, wheels), or impossible settings.
+    """
+    counts, time_s = np.asarray(counts), np.asarray(time_s, dtype=float)
+    if counts.ndim != 2 or len(counts) != len(time_s):
+        raise InputError(f"counts must be (T, wheels) with T = {len(time_s)} times, got shape {counts.shape}")
+    require_positive("counts_per_turn", counts_per_turn)
+    if not 8 <= bits <= 63:
+        raise InputError(f"bits must be between 8 and 63, got {bits}")
+    speeds = np.full(counts.shape, np.nan)
+    dt_s = np.diff(time_s)
+    good = dt_s > 0
+    turns = differences(counts, bits)[good] / counts_per_turn
+    speeds[1:][good] = 2 * np.pi * turns / dt_s[good, None]
+    return speeds
+
+
+def differences(counts: np.ndarray, bits: int) -> np.ndarray:
+    """Counts (T - 1, wheels) since the row before, taken the short way round the counter."""
+    half = 1 << (bits - 1)
+    return np.mod(np.diff(counts.astype(np.int64), axis=0) + half, 2 * half) - half
+
 
 #: Least error [m/s^2] of the acceleration by a wheel whose encoder is not believed.
 DOUBT_M_S2 = 0.1
@@ -37,72 +69,45 @@ POSSIBLE_SIGMAS, TORQUE_SHARE = 5.0, 0.5
 
 
 class EncoderGate(NamedTuple):
-    """Settings of the gate of an encoder.
+    """Settings of the gate of an encoder."""
 
-    nis: NIS beyond which its wheel has met other ground.
-    reset_after_s: time outside the gate after which the encoder is at fault.
-    jumps_teach: the prior tells what a jump says of the friction: sigma points do, a slope at grip does not.
-    """
-
-    nis: float
-    reset_after_s: float
-    jumps_teach: bool
+    nis: float  #: NIS beyond which its wheel has met other ground
+    reset_after_s: float  #: time outside the gate after which the encoder is at fault
+    jumps_teach: bool  #: the prior tells what a jump says of the friction: sigma points do, a slope at grip does not
 
 
 class FreeWheels(NamedTuple):
-    """Wheels that only their motors turn, each (driven,) [rad/s].
+    """Wheels that only their motors turn, each (driven,) [rad/s]."""
 
-    start_rad_s: speed at the last value of the encoder.
-    motor_rad_s: change since then, the sum of dt tau / J_w.
-    """
-
-    start_rad_s: np.ndarray
-    motor_rad_s: np.ndarray
+    start_rad_s: np.ndarray  #: speed at the last value of the encoder
+    motor_rad_s: np.ndarray  #: change since then, the sum of dt tau / J_w
 
 
 class RejectedFor(NamedTuple):
-    """Time [s] for which an encoder, or each one (driven,), has shown what the model excludes.
+    """Time [s] for which an encoder, or each one (driven,), has shown what the model excludes."""
 
-    gate_s: outside its gate, spikes left out.
-    impossible_s: beyond the possible speeds of its wheel.
-    """
-
-    gate_s: Any
-    impossible_s: Any
+    gate_s: Any  #: outside its gate, spikes left out
+    impossible_s: Any  #: beyond the possible speeds of its wheel
 
 
 class WheelCorrection(NamedTuple):
-    """Update by one encoder.
+    """Update by one encoder."""
 
-    belief: after it.
-    used: the condition that the encoder is measured, believed and inside its gate.
-    ground_changed: the condition that the wheel moved as the model excludes.
-    spike: the condition that the encoder jumped as no wheel can, and was not used.
-    rejected: how long it has been outside its gate.
-    """
-
-    belief: Belief
-    used: Scalar
-    ground_changed: Scalar
-    spike: Scalar
-    rejected: RejectedFor
+    belief: Belief  #: after it
+    used: Scalar  #: the condition that the encoder is measured, believed and inside its gate
+    ground_changed: Scalar  #: the condition that the wheel moved as the model excludes
+    spike: Scalar  #: the condition that the encoder jumped as no wheel can, and was not used
+    rejected: RejectedFor  #: how long it has been outside its gate
 
 
 class EncoderCorrection(NamedTuple):
-    """Update by all encoders.
+    """Update by all encoders."""
 
-    belief: after it.
-    wheels: each driven wheel's.
-    ground_changed: the condition that one of them moved as the model excludes.
-    spike: the condition that one of the encoders jumped as no wheel can.
-    doubted: the condition that one of the encoders is at fault.
-    """
-
-    belief: Belief
-    wheels: list[WheelCorrection]
-    ground_changed: Scalar
-    spike: Scalar
-    doubted: Scalar
+    belief: Belief  #: after it
+    wheels: list[WheelCorrection]  #: each driven wheel's
+    ground_changed: Scalar  #: the condition that one of them moved as the model excludes
+    spike: Scalar  #: the condition that one of the encoders jumped as no wheel can
+    doubted: Scalar  #: the condition that one of the encoders is at fault
 
 
 class PossibleSpeeds(NamedTuple):

@@ -34,7 +34,7 @@ from ohmward.traction.speed_observer.body_sensors import (
 )
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.estimate import SlipSample
-from ohmward.traction.speed_observer.late import History, change_since
+from ohmward.traction.speed_observer.intervals import History, change_since
 from ohmward.traction.speed_observer.model import Model
 
 #: A disturbance that the model lacks may have made an innovation of the speed within this time [s].
@@ -56,31 +56,20 @@ AGREES = 0.5
 
 
 class ReceivedSpeed(NamedTuple):
-    """An external speed against the belief.
+    """An external speed against the belief."""
 
-    credible: the condition that there is one.
-    speed_m_s: what it says of now; nan where there is none.
-    variance: of that.
-    innovation_m_s: against the belief; 0 where there is none.
-    """
-
-    credible: Scalar
-    speed_m_s: Scalar
-    variance: Scalar
-    innovation_m_s: Scalar
+    credible: Scalar  #: the condition that there is one
+    speed_m_s: Scalar  #: what it says of now; nan where there is none
+    variance: Scalar  #: of that
+    innovation_m_s: Scalar  #: against the belief; 0 where there is none
 
 
 class Dispute(NamedTuple):
-    """Disagreement of wheels and external speeds.
+    """Disagreement of wheels and external speeds."""
 
-    innovation_sum: as in `BodyTimers`, with this speed.
-    reset: the condition that the speed is used although it contradicts.
-    open_m_s: standard deviation that the speed keeps at least until the next one comes.
-    """
-
-    innovation_sum: Scalar
-    reset: Scalar
-    open_m_s: Scalar
+    innovation_sum: Scalar  #: as in `BodyTimers`, with this speed
+    reset: Scalar  #: the condition that the speed is used although it contradicts
+    open_m_s: Scalar  #: standard deviation that the speed keeps at least until the next one comes
 
 
 def use_speed(

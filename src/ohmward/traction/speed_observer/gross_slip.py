@@ -48,16 +48,11 @@ _TINY_N2 = 1e-12
 
 
 class SlipTest(NamedTuple):
-    """Outcome of the test.
+    """Outcome of the test."""
 
-    belief: after it.
-    gross_slip: the condition that the wheels slide and the filter started again.
-    unexplained_m_s: change of the speed of late that no force explains.
-    """
-
-    belief: Belief
-    gross_slip: Scalar
-    unexplained_m_s: Scalar
+    belief: Belief  #: after it
+    gross_slip: Scalar  #: the condition that the wheels slide and the filter started again
+    unexplained_m_s: Scalar  #: change of the speed of late that no force explains
 
 
 def is_ambiguous(model: Model) -> bool:

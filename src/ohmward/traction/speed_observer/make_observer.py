@@ -2,6 +2,20 @@
 
 The noise that a log shows is measured there (`sensor_noise`). What it does not show (offsets, the torque constant, the
 ground) keeps the values of `ObserverNoise`. Every choice is a note.
+
+Disturbance acceleration of a drive: what neither the robot file nor a level ground explains.
+
+    d = | G' (tau - J_w d omega/dt) / r | / m - | dv/dt |      as vectors, of the body
+
+tau is the motors' torque, and v the motion that the wheels show while they grip. A slope is in d, rolling resistance,
+and every friction that the robot file lacks. Its median is robust against slip, which is rare.
+
+Effective track of a skid-steered robot, where its file has none and its log has wheels and a gyro.
+
+    b_eff = sum (v_right - v_left) psi_dot / sum psi_dot^2
+
+The sides of a robot that scrubs differ by more than its yaw rate times its track; with the track alone, left wheels,
+right wheels and gyro contradict each other in every turn, and the observer calls the difference slip.
 """
 
 from __future__ import annotations
@@ -20,8 +34,8 @@ from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.friction.law import contact
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.chassis import SkidSteer
+from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import GRAVITY, Robot, free_sideways
-from ohmward.traction.speed_observer.disturbance import disturbance_m_s2
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.sensor_noise import (
     encoder_std_rad_s,
@@ -32,7 +46,73 @@ from ohmward.traction.speed_observer.sensor_noise import (
 )
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import States
-from ohmward.traction.speed_observer.turning import with_effective_track
+
+#: The track is found where the yaw rate is at least so large [rad/s, root of its mean square], and the sides differ by
+#: it with this correlation: the wheels of a robot that slides sideways say little of its turns.
+TURNING_RAD_S, ALIKE = 0.1, 0.9
+
+
+def with_effective_track(robot: Robot, log: DriveLog) -> Robot:
+    """The robot with the effective track that wheels and gyro of the log show; unchanged where none or one is known."""
+    chassis = robot.chassis
+    if not isinstance(chassis, SkidSteer) or chassis.effective_track_m is not None or log.yaw_rate_rad_s is None:
+        return robot
+    by_wheels = yaw_rate_of_wheels(robot, log.wheel_speed_rad_s)
+    known = np.isfinite(by_wheels) & np.isfinite(log.yaw_rate_rad_s)
+    sides_m_s, gyro = chassis.track_m * by_wheels[known], log.yaw_rate_rad_s[known]
+    power = float(gyro @ gyro)
+    if power <= TURNING_RAD_S**2 * max(known.sum(), 1):
+        return robot
+    together = float(sides_m_s @ gyro)
+    if together < ALIKE * np.sqrt(power * float(sides_m_s @ sides_m_s)):
+        return robot
+    return replace(robot, chassis=replace(chassis, effective_track_m=together / power))
+
+
+def yaw_rate_of_wheels(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
+    """Yaw rate (T,) [rad/s] by the driven wheels of a log (T, wheels) and the track, as if no wheel scrubbed."""
+    n = robot.driven
+    return robot.wheel.radius_m * wheel_speed_rad_s[:, :n] @ np.linalg.pinv(robot.rolling[:n])[-1]
+
+
+#: Window [s] over which speeds change by more than the noise of encoders.
+WINDOW_S = 0.3
+
+#: Speed [rad/s] from which on a wheel turns.
+TURNS_RAD_S = 0.2
+
+#: Fewer samples than this tell no disturbance.
+_FEWEST = 20
+
+
+def disturbance_m_s2(robot: Robot, log: DriveLog) -> float:
+    """Median of d [m/s^2] over the samples in which the robot moves; 0 where the log cannot tell."""
+    n = robot.driven
+    speed, current = log.wheel_speed_rad_s[:, :n], log.motor_current_A
+    rows = np.isfinite(speed).all(axis=1) & np.isfinite(current).all(axis=1)
+    time_s, speed, torque = log.time_s[rows], speed[rows], wheel_torque(robot.motor, current[rows], speed[rows])
+    half = max(1, round(0.5 * WINDOW_S / float(np.median(np.diff(time_s))))) if time_s.size > 1 else 1
+    moving = np.abs(speed[half:-half]).max(axis=1, initial=0.0) > TURNS_RAD_S
+    if time_s.size < _FEWEST + 2 * half or moving.sum() < _FEWEST:
+        return 0.0
+    wheel_rate = window_slope(speed, time_s, half)
+    force_N = (window_mean(torque, half) - robot.inertia[robot.freedoms :] * wheel_rate) / robot.wheel.radius_m
+    linear = slice(0, robot.freedoms - 1)
+    forced = (force_N @ robot.rolling[:n])[:, linear] / robot.mass_kg
+    measured = (wheel_rate @ np.linalg.pinv(robot.rolling[:n]).T * robot.wheel.radius_m)[:, linear]
+    return float(np.median(np.linalg.norm(forced - measured, axis=1)[moving]))
+
+
+def window_slope(values: np.ndarray, time_s: np.ndarray, half: int) -> np.ndarray:
+    """Change (T - 2 half, N) of each column over the window, by its length."""
+    return (values[2 * half :] - values[: -2 * half]) / (time_s[2 * half :] - time_s[: -2 * half])[:, None]
+
+
+def window_mean(values: np.ndarray, half: int) -> np.ndarray:
+    """Mean (T - 2 half, N) of each column over the window."""
+    sums = np.cumsum(np.vstack([np.zeros(values.shape[1]), values]), axis=0)
+    return (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
+
 
 #: Filters by name: method, and whether R of the encoders is matched.
 FILTERS = {"ekf": ("ekf", False), "aekf": ("ekf", True), "ukf": ("ukf", False), "aukf": ("ukf", True)}

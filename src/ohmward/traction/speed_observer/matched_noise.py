@@ -52,20 +52,16 @@ SLOWEST_S = 0.25
 
 
 class WhiteNoise(NamedTuple):
-    """White noise of the channels of a sensor, each (channels,).
+    """White noise of the channels of a sensor, each (channels,)."""
 
-    earlier, last: the last two values.
-    between_s, age_s: time between these, and since the last one; `NEVER_S` before there are any.
-    variance: of the noise.
-    samples: number of deviations in it.
-    """
-
+    #: the last two values
     earlier: np.ndarray
     last: np.ndarray
+    #: time between these, and since the last one; `NEVER_S` before there are any
     between_s: np.ndarray
     age_s: np.ndarray
-    variance: np.ndarray
-    samples: np.ndarray
+    variance: np.ndarray  #: of the noise
+    samples: np.ndarray  #: number of deviations in it
 
 
 class MatchedNoise(NamedTuple):

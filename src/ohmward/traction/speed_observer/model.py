@@ -49,17 +49,11 @@ class GaussMarkov(NamedTuple):
 
 @dataclass(frozen=True)
 class Model:
-    """Robot, ground, states and noise.
+    """Robot, ground, states and noise."""
 
-    Attributes:
-        scene: robot, and the terrain that it is believed to drive on.
-        states: what is estimated besides the robot's own state.
-        noise: of sensors and model.
-    """
-
-    scene: Scene
-    states: States
-    noise: ObserverNoise
+    scene: Scene  #: robot, and the terrain that it is believed to drive on
+    states: States  #: what is estimated besides the robot's own state
+    noise: ObserverNoise  #: of sensors and model
 
     @cached_property
     def layout(self) -> StateLayout:

@@ -27,58 +27,48 @@ class ObserverNoise:
     """Standard deviations of sensors, random walks of states, and standard deviations before the first sample.
 
     A sensor with None does not exist: nothing is compiled for it.
-
-    Attributes:
-        encoder_std_rad_s: of a driven wheel's speed; 2 pi / (counts sqrt(6) dt) from quantisation alone.
-        encoder_lag_share: age of an encoder speed in steps: 0.5 for counts over the step, 0 for an instantaneous speed.
-        torque_std_Nm: of the torque at a wheel: current sensor, ripple, friction of the gear.
-        curve_shape_std: relative error of the nonlinear part of the slip, by the unknown curvature of the friction
-            curve. Without effect where the ground is known.
-        curve_shape_correlation_s: correlation time of that error [s]: about as long as a slip is held. With less
-            the filter averages away an error that lasts: of 0.1, 0.2, 0.3, 0.5 and 0.8 s, on grounds with a corner and
-            with encoders on the driven wheels alone, 0.1 and 0.2 are too sure, and 0.8 is wider without need.
-        gyro_std_rad_s, passive_std_rad_s, speed_std_m_s, pitch_std_rad, accelerometer_std_m_s2: of a gyro (offset
-            included), of encoders on wheels that are not driven, of an external speed without a std of its own, of a
-            measured pitch, of an accelerometer.
-        speed_walk, yaw_rate_walk: of unknown accelerations [m/s, rad/s, over the root of a second].
-        friction_walk, stiffness_walk: relative, over the root of a second.
-        grade_walk: [rad] over the root of a second.
-        rolling_walk: relative, over the root of a second.
-        initial_speed_std_m_s, initial_yaw_rate_std_rad_s: about the first motion by the encoders.
-        friction_std, stiffness_std: relative, of the terrain's values.
-        grade_std_rad: about level; 1 degree is a disturbance of 0.17 m/s^2, of whatever origin.
-        mass_std: relative, of the robot's mass with its load; None where the mass is known. An error of it acts like a
-            slope while wheels drive or brake, so the grade is at least as uncertain as it makes it.
-        rolling_std: relative, of the terrain's rolling resistance.
-        radius_std: relative, of the effective radius.
-        accelerometer_offset_std_m_s2: of the state of that name.
     """
 
-    encoder_std_rad_s: float = 0.07
+    encoder_std_rad_s: float = 0.07  #: of a driven wheel's speed; 2 pi / (counts sqrt(6) dt) from quantisation alone
+    #: age of an encoder speed in steps: 0.5 for counts over the step, 0 for an instantaneous speed
     encoder_lag_share: float = 0.5
-    torque_std_Nm: float = 0.1
+    torque_std_Nm: float = 0.1  #: of the torque at a wheel: current sensor, ripple, friction of the gear
+    #: relative error of the nonlinear part of the slip, by the unknown curvature of the friction curve. Without effect
+    #: where the ground is known.
     curve_shape_std: float = 0.7
+    #: correlation time of that error [s]: about as long as a slip is held. With less the filter averages away an error
+    #: that lasts: of 0.1, 0.2, 0.3, 0.5 and 0.8 s, on grounds with a corner and with encoders on the driven wheels
+    #: alone, 0.1 and 0.2 are too sure, and 0.8 is wider without need.
     curve_shape_correlation_s: float = 0.5
+    #: of a gyro (offset included), of encoders on wheels that are not driven, of an external speed without a std of its
+    #: own, of a measured pitch, of an accelerometer
     gyro_std_rad_s: float | None = None
     passive_std_rad_s: float | None = None
     speed_std_m_s: float | None = None
     pitch_std_rad: float | None = None
     accelerometer_std_m_s2: float | None = None
+    #: of unknown accelerations [m/s, rad/s, over the root of a second]
     speed_walk: float = 0.015
     yaw_rate_walk: float = 0.3
+    #: relative, over the root of a second
     friction_walk: float = 0.3
     stiffness_walk: float = 0.3
-    grade_walk: float = 0.006
-    rolling_walk: float = 0.05
+    grade_walk: float = 0.006  #: [rad] over the root of a second
+    rolling_walk: float = 0.05  #: relative, over the root of a second
+    #: about the first motion by the encoders
     initial_speed_std_m_s: float = 0.05
     initial_yaw_rate_std_rad_s: float = 0.3
+    #: relative, of the terrain's values
     friction_std: float = 0.7
     stiffness_std: float = 0.7
+    #: about level; 1 degree is a disturbance of 0.17 m/s^2, of whatever origin
     grade_std_rad: float = math.radians(1.0)
+    #: relative, of the robot's mass with its load; None where the mass is known. An error of it acts like a slope while
+    #: wheels drive or brake, so the grade is at least as uncertain as it makes it.
     mass_std: float | None = None
-    rolling_std: float = 0.7
-    radius_std: float = 0.005
-    accelerometer_offset_std_m_s2: float = 0.1
+    rolling_std: float = 0.7  #: relative, of the terrain's rolling resistance
+    radius_std: float = 0.005  #: relative, of the effective radius
+    accelerometer_offset_std_m_s2: float = 0.1  #: of the state of that name
 
     def __post_init__(self) -> None:
         stds = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -87,16 +77,11 @@ class ObserverNoise:
 
 
 class SensorStds(NamedTuple):
-    """Standard deviations of sensors in a sample, given or matched.
+    """Standard deviations of sensors in a sample, given or matched."""
 
-    encoder_rad_s: (encoders,), driven wheels first, then passive ones where their encoders are used.
-    torque_Nm: (driven,) of the torque by each motor's current.
-    gyro_rad_s: (1,), or empty without a gyro.
-    """
-
-    encoder_rad_s: np.ndarray
-    torque_Nm: np.ndarray
-    gyro_rad_s: np.ndarray
+    encoder_rad_s: np.ndarray  #: (encoders,), driven wheels first, then passive ones where their encoders are used
+    torque_Nm: np.ndarray  #: (driven,) of the torque by each motor's current
+    gyro_rad_s: np.ndarray  #: (1,), or empty without a gyro
 
 
 def require_stds(prefix: str, values: Mapping[str, float | None], optional: Collection[str]) -> None:

@@ -11,49 +11,32 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.speed_observer.apparent_inertia import ApparentInertia, untested
 from ohmward.traction.speed_observer.body_sensors import BodyTimers
 from ohmward.traction.speed_observer.encoders import FreeWheels, RejectedFor
-from ohmward.traction.speed_observer.intervals import Intervals, never
-from ohmward.traction.speed_observer.late import History, empty_history
+from ohmward.traction.speed_observer.intervals import History, Intervals, empty_history, never
 from ohmward.traction.speed_observer.matched_noise import MatchedNoise, fixed, unmatched
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.restart import Reach
 
 
 class ObserverState(NamedTuple):
-    """State of the observer from sample to sample: plain numbers.
+    """State of the observer from sample to sample: plain numbers."""
 
-    belief: mean (n,) and lower triangle of the covariance.
-    matched: noise of the sensors; empty without matching.
-    current_A: (driven,) last credible ones.
-    current_intervals: of the motor currents, each (driven,).
-    encoder_intervals: of the encoders, each (wheels,).
-    lag_rad_s: (wheels,) `Model.encoder_lag` since each encoder's last value.
-    free: the wheels as their motors alone would turn them.
-    history: predicted changes of the speed of late, for speeds that come late.
-    rest_s: time for which wheels and motors have been at rest.
-    rejected: for how long each encoder has been outside its gate, (driven,).
-    body_rejected: the same of the sensors of the body.
-    unexplained_m_s: change of the speed of late without a force, see `gross_slip`.
-    inertia: test whether the wheels carry the robot.
-    unobserved_s, stuck_s: as in `MotionTimers`.
-    reach: speeds that the body can have reached.
-    """
-
-    belief: PackedBelief
-    matched: MatchedNoise
-    current_A: np.ndarray
-    current_intervals: Intervals
-    encoder_intervals: Intervals
-    lag_rad_s: np.ndarray
-    free: FreeWheels
-    history: History
-    rest_s: Scalar
-    rejected: RejectedFor
-    body_rejected: BodyTimers
-    unexplained_m_s: Scalar
-    inertia: ApparentInertia
+    belief: PackedBelief  #: mean (n,) and lower triangle of the covariance
+    matched: MatchedNoise  #: noise of the sensors; empty without matching
+    current_A: np.ndarray  #: (driven,) last credible ones
+    current_intervals: Intervals  #: of the motor currents, each (driven,)
+    encoder_intervals: Intervals  #: of the encoders, each (wheels,)
+    lag_rad_s: np.ndarray  #: (wheels,) `Model.encoder_lag` since each encoder's last value
+    free: FreeWheels  #: the wheels as their motors alone would turn them
+    history: History  #: predicted changes of the speed of late, for speeds that come late
+    rest_s: Scalar  #: time for which wheels and motors have been at rest
+    rejected: RejectedFor  #: for how long each encoder has been outside its gate, (driven,)
+    body_rejected: BodyTimers  #: the same of the sensors of the body
+    unexplained_m_s: Scalar  #: change of the speed of late without a force, see `gross_slip`
+    inertia: ApparentInertia  #: test whether the wheels carry the robot
+    #: as in `MotionTimers`
     unobserved_s: Scalar
     stuck_s: Scalar
-    reach: Reach
+    reach: Reach  #: speeds that the body can have reached
 
 
 def started(

@@ -28,16 +28,11 @@ LASTS_S = 0.2
 
 
 class CommonInnovation(NamedTuple):
-    """Innovation that all passive wheels have in common: the smallest one where all lean to the same side, else 0.
+    """Innovation that all passive wheels have in common: the smallest one where all lean to the same side, else 0."""
 
-    speed_m_s: of the speed of the body.
-    normalised: over its standard deviation; 0 where a wheel is outside its gate or not measured.
-    confirmed: the condition that all of several wheels say about the same.
-    """
-
-    speed_m_s: Scalar
-    normalised: Scalar
-    confirmed: Scalar
+    speed_m_s: Scalar  #: of the speed of the body
+    normalised: Scalar  #: over its standard deviation; 0 where a wheel is outside its gate or not measured
+    confirmed: Scalar  #: the condition that all of several wheels say about the same
 
 
 def use_passive_wheels(

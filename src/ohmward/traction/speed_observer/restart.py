@@ -40,14 +40,10 @@ RESTART_SHARE = 0.5
 
 
 class Reach(NamedTuple):
-    """Speeds that the body can have reached [m/s].
+    """Speeds that the body can have reached [m/s]."""
 
-    wheels_m_s: greatest speed that wheels or sensors of the body have shown of late.
-    sliding_m_s: speed that sliding can have added since something last showed the speed.
-    """
-
-    wheels_m_s: Scalar
-    sliding_m_s: Scalar
+    wheels_m_s: Scalar  #: greatest speed that wheels or sensors of the body have shown of late
+    sliding_m_s: Scalar  #: speed that sliding can have added since something last showed the speed
 
 
 def advance_reach(

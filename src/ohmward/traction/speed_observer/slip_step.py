@@ -40,39 +40,26 @@ NEWTON_STEPS, FINISHING_STEPS = 3, 2
 
 
 class SlipStep(NamedTuple):
-    """End of a step, and its response to unknown torque and traction.
+    """End of a step, and its response to unknown torque and traction."""
 
-    motion: v (freedoms,) of the body.
-    omega: (driven,) [rad/s].
-    slip_m_s: s (driven,).
-    torque_response: dv/dtau, domega/dtau (freedoms + driven, driven) [1/(N m)].
-    force_response: dv/df, domega/df (freedoms + driven, driven) [1/N].
-    nonlinear_N: (driven,) traction due to the part of the slip that exceeds F / k0, with the slope k0 at rest.
-    damping: D (driven,), by which the ground divides what else would change the slip; 1 where a wheel spins.
-    """
-
-    motion: np.ndarray
-    omega: np.ndarray
-    slip_m_s: np.ndarray
-    torque_response: np.ndarray
-    force_response: np.ndarray
+    motion: np.ndarray  #: v (freedoms,) of the body
+    omega: np.ndarray  #: (driven,) [rad/s]
+    slip_m_s: np.ndarray  #: s (driven,)
+    torque_response: np.ndarray  #: dv/dtau, domega/dtau (freedoms + driven, driven) [1/(N m)]
+    force_response: np.ndarray  #: dv/df, domega/df (freedoms + driven, driven) [1/N]
+    #: (driven,) traction due to the part of the slip that exceeds F / k0, with the slope k0 at rest
     nonlinear_N: np.ndarray
+    #: D (driven,), by which the ground divides what else would change the slip; 1 where a wheel spins
     damping: np.ndarray
 
 
 class Balance(NamedTuple):
-    """Slip that balances, each (driven,).
+    """Slip that balances, each (driven,)."""
 
-    slip_m_s: s at the end of the step.
-    traction_N: F(s).
-    slope: k = dF/ds there [N s/m], >= 0.
-    rest_slope: k0 = dF/ds without slip.
-    """
-
-    slip_m_s: np.ndarray
-    traction_N: np.ndarray
-    slope: np.ndarray
-    rest_slope: np.ndarray
+    slip_m_s: np.ndarray  #: s at the end of the step
+    traction_N: np.ndarray  #: F(s)
+    slope: np.ndarray  #: k = dF/ds there [N s/m], >= 0
+    rest_slope: np.ndarray  #: k0 = dF/ds without slip
 
 
 def slip_step(parts: Parts, u: RobotInput, p: Scene, dt_s: Any, start_m_s: np.ndarray | None = None) -> SlipStep:

@@ -33,8 +33,9 @@ from ohmward.filters import extended, unscented
 from ohmward.filters.belief import Belief, is_healthy, pack, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
+from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some, within
-from ohmward.trace import logical_not, where
+from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.speed_observer.apparent_inertia import ApparentInertia, advance_inertia, by_mass_m_s, reconsidered
@@ -57,12 +58,14 @@ from ohmward.traction.speed_observer.conclusions import (
     LEAST_GRIP,
     UNOBSERVED_S,
     MotionTimers,
+    SlipAlarm,
     advance_timers,
     conclude,
     driven_wheels,
     with_unknown_mass,
 )
 from ohmward.traction.speed_observer.encoders import (
+    POSSIBLE_SIGMAS,
     EncoderCorrection,
     EncoderGate,
     FreeWheels,
@@ -74,18 +77,59 @@ from ohmward.traction.speed_observer.encoders import (
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
 from ohmward.traction.speed_observer.external_speed import use_speed
 from ohmward.traction.speed_observer.gross_slip import SlipTest, compare_hypotheses, is_ambiguous, unexplained_change
-from ohmward.traction.speed_observer.intervals import advance, holds, share_measured
-from ohmward.traction.speed_observer.late import History, remember
+from ohmward.traction.speed_observer.intervals import (
+    TINY_S,
+    History,
+    Intervals,
+    advance,
+    holds,
+    remember,
+    share_measured,
+    was_seen,
+)
 from ohmward.traction.speed_observer.matched_noise import match, matched_stds
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.observer_state import ObserverState, started
 from ohmward.traction.speed_observer.passive_wheels import use_passive_wheels
-from ohmward.traction.speed_observer.plausible import first_sight, without_impossible_currents
 from ohmward.traction.speed_observer.restart import advance_reach, fastest_m_s, is_lost, restarted
-from ohmward.traction.speed_observer.slip_alarm import SlipAlarm
 from ohmward.traction.speed_observer.slip_step import SlipStep
 from ohmward.traction.speed_observer.states import States
+
+#: No ground takes more than so many times the load.
+MOST_ADHESION = 2.0
+
+
+def first_sight(belief: Belief, clean: CleanSlipSample, encoders: Intervals, model: Model) -> Belief:
+    """The belief, or where an encoder shows its first value one of a body that moves as the wheels do.
+
+    encoders: clocks before the step.
+    """
+    n, layout = model.driven, model.layout
+    measured = clean.wheel_measured[:n]
+    believed = belief.mean[layout.wheel(0) : layout.robot_states]
+    first = measured & logical_not(was_seen(encoders)[:n])
+    speeds = where(measured, clean.wheel_speed_rad_s[:n], believed)
+    return choose(some(first), model.first_belief(speeds), belief)
+
+
+def without_impossible_currents(clean: CleanSlipSample, before: Belief, model: Model) -> CleanSlipSample:
+    """The sample without currents whose torque neither the ground nor the wheel can have taken.
+
+    K_m n |I| <= MOST_ADHESION r N + J_w (|change of the wheel's speed| + its uncertainty) / dt
+    """
+    robot, layout, n = model.scene.robot, model.layout, model.driven
+    wheels = slice(layout.wheel(0), layout.robot_states)
+    room = [POSSIBLE_SIGMAS * std(P + model.noise.encoder_std_rad_s**2) for P in np.diag(before.cov)[wheels]]
+    change = abs(clean.wheel_speed_rad_s[:n] - before.mean[wheels]) + np.array(room)
+    wheel_Nm = robot.inertia[robot.freedoms :] * change / maximum(clean.dt_s, TINY_S)
+    taken_Nm = MOST_ADHESION * robot.wheel.radius_m * model.static_load_N[:n] + wheel_Nm
+    given_Nm = robot.motor.wheel_constant_Nm_per_A * abs(clean.current_A)
+    possible = np.array([given <= taken for given, taken in zip(given_Nm, taken_Nm, strict=True)])
+    untold = logical_not(clean.wheel_measured[:n])
+    refused = clean.current_measured & logical_not(possible | untold)
+    return clean._replace(current_measured=clean.current_measured & logical_not(refused), current_refused=some(refused))
+
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
 
@@ -94,61 +138,41 @@ LOCKED_OUT = 2.0
 
 
 class Prediction(NamedTuple):
-    """Belief at the end of a step, before its measurements.
+    """Belief at the end of a step, before its measurements."""
 
-    belief: of the model alone.
-    step: of the mean.
-    lag_rad_s: (wheels,) `Model.encoder_lag` of a value that comes now.
-    lag_since_rad_s: (wheels,) that of all steps since the last value.
-    """
-
-    belief: Belief
-    step: SlipStep
-    lag_rad_s: np.ndarray
-    lag_since_rad_s: np.ndarray
+    belief: Belief  #: of the model alone
+    step: SlipStep  #: of the mean
+    lag_rad_s: np.ndarray  #: (wheels,) `Model.encoder_lag` of a value that comes now
+    lag_since_rad_s: np.ndarray  #: (wheels,) that of all steps since the last value
 
 
 @dataclass(frozen=True)
 class SpeedObserver:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        scene: robot, and the terrain that it is believed to drive on.
-        states: what is estimated besides the robot's own state.
-        noise: of sensors and model; says which sensors there are.
-        method: "ekf" or "ukf".
-        matching: learn the noise of encoders, currents and gyro (AEKF, AUKF).
-        uses_currents: the motor currents tell the force that drives the robot; those of wheels that scrub do not.
-        window: effective samples of that; [T] takes 100.
-        alarm: tests for slip and for a robot that is stuck.
-        gate: NIS beyond which a measurement of the body is not used; 10.8 is 99.9 %.
-        encoder_gate: NIS of an encoder beyond which its wheel has met other ground.
-        reset_after_s: time outside its gate after which an encoder is doubted, and an external speed is believed.
-        gap_s: a longer step says nothing about the current in between.
-        rest_hold_s: time for which wheels and motors must be at rest before the speed counts as zero; inf never does.
-        rest_wheel_rad_s, rest_current_A: below both a wheel and a motor are at rest.
-        wheel_speed_limit_rad_s, current_limit_A: beyond these a sensor is at fault.
-        late_steps: number of samples by which an external speed may be late.
-    """
-
-    scene: Scene
-    states: States = field(default_factory=States)
-    noise: ObserverNoise = field(default_factory=ObserverNoise)
-    method: str = "ukf"
-    matching: bool = False
+    scene: Scene  #: robot, and the terrain that it is believed to drive on
+    states: States = field(default_factory=States)  #: what is estimated besides the robot's own state
+    noise: ObserverNoise = field(default_factory=ObserverNoise)  #: of sensors and model; says which sensors there are
+    method: str = "ukf"  #: "ekf" or "ukf"
+    matching: bool = False  #: learn the noise of encoders, currents and gyro (AEKF, AUKF)
+    #: the motor currents tell the force that drives the robot; those of wheels that scrub do not
     uses_currents: bool = True
-    window: float = 100.0
-    alarm: SlipAlarm = field(default_factory=SlipAlarm)
-    gate: float = 10.8
-    encoder_gate: float = 25.0
+    window: float = 100.0  #: effective samples of that; [T] takes 100
+    alarm: SlipAlarm = field(default_factory=SlipAlarm)  #: tests for slip and for a robot that is stuck
+    gate: float = 10.8  #: NIS beyond which a measurement of the body is not used; 10.8 is 99.9 %
+    encoder_gate: float = 25.0  #: NIS of an encoder beyond which its wheel has met other ground
+    #: time outside its gate after which an encoder is doubted, and an external speed is believed
     reset_after_s: float = 1.0
-    gap_s: float = 0.1
+    gap_s: float = 0.1  #: a longer step says nothing about the current in between
+    #: time for which wheels and motors must be at rest before the speed counts as zero; inf never does
     rest_hold_s: float = 0.5
+    #: below both a wheel and a motor are at rest
     rest_wheel_rad_s: float = 0.05
     rest_current_A: float = 0.5
+    #: beyond these a sensor is at fault
     wheel_speed_limit_rad_s: float = 500.0
     current_limit_A: float = 200.0
-    late_steps: int = 20
+    late_steps: int = 20  #: number of samples by which an external speed may be late
 
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)

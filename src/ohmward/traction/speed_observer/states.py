@@ -42,23 +42,14 @@ BOUNDS: dict[str, tuple[float, float]] = {
 
 @dataclass(frozen=True)
 class States:
-    """Optional states.
+    """Optional states."""
 
-    Attributes:
-        friction: "known", "one" for all driven wheels, or "each".
-        stiffness: the slope of traction over slip is a state.
-        grade: the slope of the ground is a state; without it, it is the measured pitch, or level.
-        rolling: the rolling resistance is a state.
-        radius: the effective radius is a state.
-        accelerometer_offset: of the accelerometer along x.
-    """
-
-    friction: str = "one"
-    stiffness: bool = True
-    grade: bool = True
-    rolling: bool = True
-    radius: bool = True
-    accelerometer_offset: bool = False
+    friction: str = "one"  #: "known", "one" for all driven wheels, or "each"
+    stiffness: bool = True  #: the slope of traction over slip is a state
+    grade: bool = True  #: the slope of the ground is a state; without it, it is the measured pitch, or level
+    rolling: bool = True  #: the rolling resistance is a state
+    radius: bool = True  #: the effective radius is a state
+    accelerometer_offset: bool = False  #: of the accelerometer along x
 
     def __post_init__(self) -> None:
         require_one_of("states.friction", self.friction, FRICTION)
@@ -69,22 +60,16 @@ KNOWN_GROUND = States(friction="known", stiffness=False, grade=False, rolling=Fa
 
 
 class Parts(NamedTuple):
-    """Parts of the state vector; a quantity that is not a state has the value that the model assumes.
+    """Parts of the state vector; a quantity that is not a state has the value that the model assumes."""
 
-    motion: (freedoms,) of the body.
-    omega: (driven,) [rad/s].
-    friction, stiffness: over the terrain's, friction (driven,).
-    grade_rad: > 0 uphill; None where it is not a state.
-    rolling_ratio: rolling resistance over the terrain's.
-    radius_ratio, accelerometer_offset: as their states.
-    """
-
-    motion: np.ndarray
-    omega: np.ndarray
+    motion: np.ndarray  #: (freedoms,) of the body
+    omega: np.ndarray  #: (driven,) [rad/s]
+    #: over the terrain's, friction (driven,)
     friction: np.ndarray
     stiffness: Any
-    grade_rad: Any
-    rolling_ratio: Any
+    grade_rad: Any  #: > 0 uphill; None where it is not a state
+    rolling_ratio: Any  #: rolling resistance over the terrain's
+    #: as their states
     radius_ratio: Any
     accelerometer_offset: Any
 

@@ -58,84 +58,55 @@ class Crossing(NamedTuple):
 
 
 class CrossingSample(NamedTuple):
-    """Sample of the test.
+    """Sample of the test."""
 
-    force_share: f (driven,) forces over the mean load.
-    change: e (driven, wheels) change of f when the floor under each wheel changes by as much as counts.
-    motion: (freedoms,) of the rims.
-    moving: the condition that the wheels turn.
-    dt_s: since the sample before.
-    """
-
-    force_share: np.ndarray
-    change: np.ndarray
-    motion: np.ndarray
-    moving: Scalar
-    dt_s: Scalar
+    force_share: np.ndarray  #: f (driven,) forces over the mean load
+    change: np.ndarray  #: e (driven, wheels) change of f when the floor under each wheel changes by as much as counts
+    motion: np.ndarray  #: (freedoms,) of the rims
+    moving: Scalar  #: the condition that the wheels turn
+    dt_s: Scalar  #: since the sample before
 
 
 class CrossingState(NamedTuple):
-    """State of the test.
+    """State of the test."""
 
-    sums: (2, wheels) g+, g-.
-    mean: mu (driven,).
-    tested_s: since the test began, < 0 while it waits.
-    motion: (freedoms - 1,) then, without the rotation.
-    """
-
-    sums: np.ndarray
-    mean: np.ndarray
-    tested_s: Scalar
-    motion: np.ndarray
+    sums: np.ndarray  #: (2, wheels) g+, g-
+    mean: np.ndarray  #: mu (driven,)
+    tested_s: Scalar  #: since the test began, < 0 while it waits
+    motion: np.ndarray  #: (freedoms - 1,) then, without the rotation
 
 
 class CrossingResult(NamedTuple):
-    """Result of the test for a sample.
+    """Result of the test for a sample."""
 
-    alarm: the condition that a wheel has come to another floor.
-    restart: the condition that the test starts anew, since the robot moves otherwise, or stands.
-    delay_s: (wheels,) mean time from the crossing of each wheel to its alarm, as the robot moves now; inf while the
-        test waits, and for a wheel whose floor hardly shows in the forces.
-    """
-
-    alarm: Scalar
-    restart: Scalar
+    alarm: Scalar  #: the condition that a wheel has come to another floor
+    restart: Scalar  #: the condition that the test starts anew, since the robot moves otherwise, or stands
+    #: (wheels,) mean time from the crossing of each wheel to its alarm, as the robot moves now; inf while the test
+    #: waits, and for a wheel whose floor hardly shows in the forces
     delay_s: np.ndarray
 
 
 class Evidence(NamedTuple):
-    """Evidence of a sample.
+    """Evidence of a sample."""
 
-    increment: (2, wheels) of g+ and g-.
-    k2: k^2 (wheels,), square of the signal over the ripple.
-    tau_s: correlation time of the ripple.
-    """
-
-    increment: np.ndarray
-    k2: np.ndarray
-    tau_s: Scalar
+    increment: np.ndarray  #: (2, wheels) of g+ and g-
+    k2: np.ndarray  #: k^2 (wheels,), square of the signal over the ripple
+    tau_s: Scalar  #: correlation time of the ripple
 
 
 @dataclass(frozen=True)
 class CrossingTest:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        rolling_step, roller_step: smallest change of the floor under a wheel that counts, share of its load, > 0.
-        ripple_share: of a wheel's force without drag, share of the mean load, > 0.
-        ripple_growth: of the ripple with the forces, >= 0.
-        ripple_m: way that a ripple lasts, about the passage of a roller, > 0.
-        false_alarms_per_hour: of driving, all wheels and both ways together, > 0, if the ripple were as assumed.
-        settling_s: time after a start in which nothing is tested, >= 0: the robot accelerates.
-    """
-
+    #: smallest change of the floor under a wheel that counts, share of its load, > 0
     rolling_step: float = 0.07
     roller_step: float = 0.13
-    ripple_share: float = 0.018
-    ripple_growth: float = 0.05
-    ripple_m: float = 0.03
+    ripple_share: float = 0.018  #: of a wheel's force without drag, share of the mean load, > 0
+    ripple_growth: float = 0.05  #: of the ripple with the forces, >= 0
+    ripple_m: float = 0.03  #: way that a ripple lasts, about the passage of a roller, > 0
+    #: of driving, all wheels and both ways together, > 0, if the ripple were as assumed
     false_alarms_per_hour: float = 1.0
-    settling_s: float = 1.2
+    settling_s: float = 1.2  #: time after a start in which nothing is tested, >= 0: the robot accelerates
 
     def __post_init__(self) -> None:
         require_each_positive(

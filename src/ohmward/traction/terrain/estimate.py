@@ -10,38 +10,28 @@ from ohmward.filters.flags import SampleFlag
 
 
 class FloorEstimate(NamedTuple):
-    """Estimate after a sample.
+    """Estimate after a sample."""
 
-    rim: (freedoms,) motion of the rims, as if no wheel slipped.
-    motion, motion_std: (freedoms,) of the body.
-    speed_m_s, speed_std_m_s: over ground.
-    travel_slip, travel_slip_std: share of the rims' travel speed that is lost; nan while the wheels hardly turn.
-    slip_ratio, slip_ratio_std: (driven,) of each wheel, slip speed over the rims' travel speed; likewise nan.
-    force_N: (driven,) of the ground.
-    floor_probability: (wheels, floors), floors as in `Recognition.names`.
-    crossing: 1 where a wheel has come to another floor, else 0.
-    drag_before, drag_after: share of the weight that the ground takes, before the last change and now.
-    crossing_delay_s: (wheels,) mean time until a crossing of each wheel is known, as the robot moves now; inf while
-        none is looked for, and for a wheel whose floor hardly shows in the forces.
-    flags: sum of `FloorFlag` values; 0 is a sample without incident.
-    """
-
-    rim: np.ndarray
-    motion: np.ndarray
-    motion_std: np.ndarray
+    rim: np.ndarray  #: (freedoms,) motion of the rims, as if no wheel slipped
+    motion: np.ndarray  #: (freedoms,) of the body
+    motion_std: np.ndarray  #: its standard deviation
+    #: over ground
     speed_m_s: Any
     speed_std_m_s: Any
-    travel_slip: Any
-    travel_slip_std: Any
-    slip_ratio: np.ndarray
-    slip_ratio_std: np.ndarray
-    force_N: np.ndarray
-    floor_probability: np.ndarray
-    crossing: Any
+    travel_slip: Any  #: share of the rims' travel speed that is lost; nan while the wheels hardly turn
+    travel_slip_std: Any  #: its standard deviation
+    slip_ratio: np.ndarray  #: (driven,) of each wheel, slip speed over the rims' travel speed; likewise nan
+    slip_ratio_std: np.ndarray  #: its standard deviation
+    force_N: np.ndarray  #: (driven,) of the ground
+    floor_probability: np.ndarray  #: (wheels, floors), floors as in `Recognition.names`
+    crossing: Any  #: 1 where a wheel has come to another floor, else 0
+    #: share of the weight that the ground takes, before the last change and now
     drag_before: Any
     drag_after: Any
+    #: (wheels,) mean time until a crossing of each wheel is known, as the robot moves now; inf while none is looked
+    #: for, and for a wheel whose floor hardly shows in the forces
     crossing_delay_s: np.ndarray
-    flags: Any
+    flags: Any  #: sum of `FloorFlag` values; 0 is a sample without incident
 
 
 class FloorFlag(SampleFlag):

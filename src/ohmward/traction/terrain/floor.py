@@ -51,42 +51,30 @@ _SPARE_SHARE, _LEAST_WEIGHT = 0.2, 1e-6
 
 @dataclass(frozen=True)
 class Floor:
-    """One floor. Standard deviations of positive quantities are relative.
+    """One floor. Standard deviations of positive quantities are relative."""
 
-    Attributes:
-        name: in words.
-        friction, friction_std: mu, traction over load of a wheel that spins, > 0.
-        stiffness, stiffness_std: C, traction over load and slip where the slip is small, > 0.
-        correlation: between the errors of the two, in (-1, 1).
-        slip_std: standard deviation of a wheel's slip from drive to drive that the law leaves unexplained, >= 0.
-        rolling, roller: share of the load, >= 0.
-        drag_std: of both, relative, >= 0.
-        force_std: standard deviation of a wheel's force that these leave unexplained, share of the load, > 0.
-        drives: number of recordings that it was learnt from; 0 for a floor that was never met.
-        across, across_std: kappa, share of the motion along a wheel's axle that its slip relates to, in (0, 1].
-        side, side_std: k, in (-1, 1), absolute.
-        speed_power, speed_power_std: p, by which the stiffness grows with the speed, absolute.
-        slowest_m_s, fastest_m_s: speeds between which it does, learnt; U_0 is their geometric mean. > 0.
-    """
-
-    name: str
-    friction: float
-    stiffness: float
+    name: str  #: in words
+    friction: float  #: mu, traction over load of a wheel that spins, > 0
+    stiffness: float  #: C, traction over load and slip where the slip is small, > 0
+    #: share of the load, >= 0
     rolling: float
     roller: float = 0.0
-    friction_std: float = FRICTION_STD
-    stiffness_std: float = STIFFNESS_STD
-    correlation: float = 0.0
+    friction_std: float = FRICTION_STD  #: its standard deviation
+    stiffness_std: float = STIFFNESS_STD  #: its standard deviation
+    correlation: float = 0.0  #: between the errors of the two, in (-1, 1)
+    #: standard deviation of a wheel's slip from drive to drive that the law leaves unexplained, >= 0
     slip_std: float = 0.02
-    drag_std: float = ROLLING_STD
+    drag_std: float = ROLLING_STD  #: of both, relative, >= 0
+    #: standard deviation of a wheel's force that these leave unexplained, share of the load, > 0
     force_std: float = 0.03
-    drives: int = 0
-    across: float = 1.0
-    across_std: float = 0.0
-    side: float = 0.0
-    side_std: float = 0.0
-    speed_power: float = 0.0
-    speed_power_std: float = 0.0
+    drives: int = 0  #: number of recordings that it was learnt from; 0 for a floor that was never met
+    across: float = 1.0  #: kappa, share of the motion along a wheel's axle that its slip relates to, in (0, 1]
+    across_std: float = 0.0  #: its standard deviation
+    side: float = 0.0  #: k, in (-1, 1), absolute
+    side_std: float = 0.0  #: its standard deviation
+    speed_power: float = 0.0  #: p, by which the stiffness grows with the speed, absolute
+    speed_power_std: float = 0.0  #: its standard deviation
+    #: speeds between which it does, learnt; U_0 is their geometric mean. > 0.
     slowest_m_s: float = 0.1
     fastest_m_s: float = 0.1
 
@@ -131,24 +119,17 @@ class Floor:
 
 
 class SlipBelief(NamedTuple):
-    """The slip ratio of wheels.
+    """The slip ratio of wheels."""
 
-    mean: (..., n).
-    cov: (..., n, n): wheels on one floor err together.
-    """
-
-    mean: np.ndarray
-    cov: np.ndarray
+    mean: np.ndarray  #: (..., n)
+    cov: np.ndarray  #: (..., n, n): wheels on one floor err together
 
 
 class SlipScale(NamedTuple):
-    """Slip of wheels over that of the law at their force, for how they move.
+    """Slip of wheels over that of the law at their force, for how they move."""
 
-    factor: h (..., n).
-    std: its relative standard deviations, (..., n) each, of causes that all wheels have in common.
-    """
-
-    factor: Any = 1.0
+    factor: Any = 1.0  #: h (..., n)
+    #: its relative standard deviations, (..., n) each, of causes that all wheels have in common
     std: tuple[Any, ...] = ()
 
 

@@ -56,51 +56,33 @@ _TINY = 1e-9
 
 
 class FloorForces(NamedTuple):
-    """Forces of the wheels at a sample.
+    """Forces of the wheels at a sample."""
 
-    motion: (freedoms,) of the rims.
-    drag_N: (driven,) without the inertial forces.
-    noise_N: (driven,) standard deviation of the filter.
-    friction_N: (driven,) that of what the friction of standing motors may hold.
-    """
-
-    motion: np.ndarray
-    drag_N: np.ndarray
-    noise_N: np.ndarray
-    friction_N: np.ndarray
+    motion: np.ndarray  #: (freedoms,) of the rims
+    drag_N: np.ndarray  #: (driven,) without the inertial forces
+    noise_N: np.ndarray  #: (driven,) standard deviation of the filter
+    friction_N: np.ndarray  #: (driven,) that of what the friction of standing motors may hold
 
 
 class RecognitionState(NamedTuple):
-    """State from sample to sample.
+    """State from sample to sample."""
 
-    prior, combinations: (C,) probability of the combinations, before and after the forces since the last event.
-    mean_N: (driven,) mean of these forces.
-    averaged_s: time that the mean covers, < 0 while the forces settle after a start.
-    """
-
+    #: (C,) probability of the combinations, before and after the forces since the last event
     prior: np.ndarray
     combinations: np.ndarray
-    mean_N: np.ndarray
-    averaged_s: Scalar
+    mean_N: np.ndarray  #: (driven,) mean of these forces
+    averaged_s: Scalar  #: time that the mean covers, < 0 while the forces settle after a start
 
 
 @dataclass(frozen=True, eq=False)
 class Recognition:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        robot: calibrated.
-        floors: that it has learnt, each with its own name.
-        told: the robot is told that it drives on these floors and on no other one.
-        crossing_rate: rate at which a wheel meets another floor [1/s].
-        correlation_s: tau, correlation time of the part of the unexplained forces that does not last.
-    """
-
-    robot: Robot
-    floors: Sequence[Floor] = ()
-    told: bool = False
-    crossing_rate: float = 0.1
-    correlation_s: float = 0.3
+    robot: Robot  #: calibrated
+    floors: Sequence[Floor] = ()  #: that it has learnt, each with its own name
+    told: bool = False  #: the robot is told that it drives on these floors and on no other one
+    crossing_rate: float = 0.1  #: rate at which a wheel meets another floor [1/s]
+    correlation_s: float = 0.3  #: tau, correlation time of the part of the unexplained forces that does not last
 
     def __post_init__(self) -> None:
         require_each_positive("", self, "crossing_rate", "correlation_s")

@@ -8,6 +8,14 @@ floors the slip is their terrain mixture, and wide on a floor that was never met
 
 All of it is one recursive step: a robot runs it live (`estimator`), a log is a scan of it. The acceleration of the
 body, which is in the forces besides the drag, is that of the rims, filtered.
+
+Belief in the slip of wheels on a floor, as curves over their force: `floor.slip_belief` for a traced step.
+
+    mean m(F/N),   variance v(F/N),   covariance of two wheels  c(F_i/N_i, F_j/N_j) = sum over k of phi_k phi_k
+
+Friction and stiffness of a floor are common to all wheels, so their slips err together. The phi_k are the first
+functions of Karhunen and Loeve's expansion of the slip over all floors that this one may be. The variance is exact;
+the part of the left-out functions counts as each wheel's own.
 """
 
 from __future__ import annotations
@@ -17,7 +25,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,8 +35,9 @@ from ohmward.filters.linear_algebra import std
 from ohmward.filters.run import Run
 from ohmward.filters.sanitize import every, some
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
-from ohmward.trace import Kernel, exp, logical_not, maximum, sqrt, where
+from ohmward.trace import Kernel, exp, logical_not, maximum, minimum, sqrt, table, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.friction.law import direction_and_size
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.clean_sample import EncoderWatch, new_watch, sanitize
 from ohmward.traction.terrain.crossing import Crossing, CrossingResult, CrossingState, CrossingTest, crossing_test
@@ -42,7 +51,7 @@ from ohmward.traction.terrain.demand import (
     wheel_motion,
 )
 from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
-from ohmward.traction.terrain.floor import Floor, SlipBelief, slip_scale
+from ohmward.traction.terrain.floor import AS_LEARNT, Floor, SlipBelief, SlipScale, scaled, slip_scale, slips_of_floors
 from ohmward.traction.terrain.outside_speed import (
     LossState,
     averaged,
@@ -53,8 +62,59 @@ from ohmward.traction.terrain.outside_speed import (
     seen,
 )
 from ohmward.traction.terrain.recognition import FloorForces, Recognition, RecognitionState
-from ohmward.traction.terrain.slip_curves import SlipCurves
 from ohmward.traction.terrain.wheel_filter import WheelBelief, WheelFilter, WheelSample, WheelState
+
+#: Largest force over load of the curves, more than any floor gives, and the distance of their points.
+MOST, SPACING = 2.0, 0.01
+#: Functions of the expansion.
+MODES = 5
+
+
+@dataclass(frozen=True)
+class SlipCurves:
+    """The curves of a floor."""
+
+    floor: Floor
+
+    @cached_property
+    def values(self) -> np.ndarray:
+        """Mean, variance, and the functions of the expansion, (2 + MODES, points)."""
+        slip, weights = slips_of_floors(self.floor, np.arange(0.0, MOST + SPACING / 2, SPACING))
+        mean = (weights * slip).sum(axis=0)
+        off = np.sqrt(weights) * (slip - mean)
+        cov = off.T @ off
+        size, functions = np.linalg.eigh(cov)
+        strongest = functions[:, : -MODES - 1 : -1] * np.sqrt(np.maximum(size[: -MODES - 1 : -1], 0.0))
+        return np.vstack([mean, np.diag(cov), strongest.T])
+
+    def belief(self, force_share: np.ndarray, force_std: np.ndarray, scale: SlipScale = AS_LEARNT) -> SlipBelief:
+        """The slip of n wheels; force_share, force_std: (n,) traction over load, and its standard deviation."""
+        mean = np.array([self.mean(share) for share in force_share])
+        modes = np.array([self.modes(share) for share in force_share])
+        cov = modes @ modes.T
+        for i, (share, share_std) in enumerate(zip(force_share, force_std, strict=True)):
+            by_force = (self.mean(share + share_std) - self.mean(share - share_std)) / 2
+            cov[i, i] = self.variance(share) + by_force * by_force
+        return scaled(SlipBelief(mean, cov), scale, self.floor)
+
+    def mean(self, force_share: Any) -> Any:
+        """Mean slip ratio of a wheel at a force over its load."""
+        sign, size = direction_and_size(force_share)
+        return sign * self._at(0, size)
+
+    def variance(self, force_share: Any) -> Any:
+        """Variance of the slip ratio over the floors that this one may be."""
+        _, size = direction_and_size(force_share)
+        return self._at(1, size)
+
+    def modes(self, force_share: Any) -> np.ndarray:
+        """Functions (MODES,) of the expansion."""
+        sign, size = direction_and_size(force_share)
+        return np.array([sign * self._at(2 + k, size) for k in range(MODES)])
+
+    def _at(self, row: int, size: Any) -> Any:
+        return table(self.values[row], 0.0, SPACING, minimum(size, MOST))
+
 
 #: Speed [m/s] below which no slip ratio is given and no floor is recognised, and the standard deviation of the rims'
 #: motion, as a share of it, above which neither is.
@@ -68,22 +128,14 @@ _TINY = 1e-6
 
 
 class FloorState(NamedTuple):
-    """State from sample to sample: plain numbers.
+    """State from sample to sample: plain numbers."""
 
-    wheels: of the filter.
-    slow_rim: (2, freedoms) motion of the rims after one and two first-order low-pass filters.
-    recognised: belief in the floors.
-    crossing: of the test.
-    encoders: as watched.
-    loss: of the forward motion, as outside speeds have shown it since the last event.
-    """
-
-    wheels: WheelState
-    slow_rim: np.ndarray
-    recognised: RecognitionState
-    crossing: CrossingState
-    encoders: EncoderWatch
-    loss: LossState
+    wheels: WheelState  #: of the filter
+    slow_rim: np.ndarray  #: (2, freedoms) motion of the rims after one and two first-order low-pass filters
+    recognised: RecognitionState  #: belief in the floors
+    crossing: CrossingState  #: of the test
+    encoders: EncoderWatch  #: as watched
+    loss: LossState  #: of the forward motion, as outside speeds have shown it since the last event
 
 
 class FloorRun(Run[FloorEstimate]):
@@ -101,17 +153,11 @@ class FloorRun(Run[FloorEstimate]):
 
 @dataclass(frozen=True, eq=False)
 class SlipOnFloors:
-    """Settings: a filter of the wheels, and the floors that the robot may meet; `init` and `step` are pure.
+    """Settings: a filter of the wheels, and the floors that the robot may meet; `init` and `step` are pure."""
 
-    Attributes:
-        recognition: robot and floors.
-        wheels: the filter; its robot must be the same.
-        crossing: the test for other floors.
-    """
-
-    recognition: Recognition
-    wheels: WheelFilter
-    crossing: CrossingTest
+    recognition: Recognition  #: robot and floors
+    wheels: WheelFilter  #: the filter; its robot must be the same
+    crossing: CrossingTest  #: the test for other floors
 
     def __post_init__(self) -> None:
         if self.wheels.robot != self.recognition.robot:

@@ -54,33 +54,24 @@ _UNKNOWN_M_S = 1.0
 
 
 class WheelSample(NamedTuple):
-    """Numbers of the sensors, nan where nothing new was measured.
+    """Numbers of the sensors, nan where nothing new was measured."""
 
-    dt_s: since the sample before.
-    wheel_speed_rad_s, current_A: (driven,).
-    speed_m_s, speed_std_m_s, speed_age_s: outside speed, forward, its standard deviation, and the time for which it is
-        late.
-    """
-
-    dt_s: Any
+    dt_s: Any  #: since the sample before
+    #: (driven,)
     wheel_speed_rad_s: np.ndarray
     current_A: np.ndarray
+    #: outside speed, forward, its standard deviation, and the time for which it is late
     speed_m_s: Any = math.nan
     speed_std_m_s: Any = math.nan
     speed_age_s: Any = math.nan
 
 
 class WheelState(NamedTuple):
-    """State of the filter from sample to sample.
+    """State of the filter from sample to sample."""
 
-    belief: mean (freedoms + driven,) and triangle of the covariance.
-    variance: (2 driven,) of encoders and currents.
-    samples: number of samples in these, with those that the given ones count for.
-    """
-
-    belief: PackedBelief
-    variance: np.ndarray
-    samples: Any
+    belief: PackedBelief  #: mean (freedoms + driven,) and triangle of the covariance
+    variance: np.ndarray  #: (2 driven,) of encoders and currents
+    samples: Any  #: number of samples in these, with those that the given ones count for
 
 
 class WheelBelief(NamedTuple):
@@ -94,26 +85,18 @@ class WheelBelief(NamedTuple):
 
 @dataclass(frozen=True)
 class WheelFilter:
-    """Settings; `init` and `step` are pure functions of them.
+    """Settings; `init` and `step` are pure functions of them."""
 
-    Attributes:
-        robot: its wheels and motors.
-        method: one of `METHODS`.
-        encoder_std_rad_s, current_std_A: of one sample.
-        speed_walk: of each motion of the rims, m/s over the root of a second; rotations take it over the arm.
-        force_walk: of each force, share of the mean load over the root of a second.
-        window: samples over which a matched variance is the mean; then it forgets exponentially.
-        given_samples: number of samples that the given variances count for.
-    """
-
-    robot: Robot
-    method: str = "ukf"
+    robot: Robot  #: its wheels and motors
+    method: str = "ukf"  #: one of `METHODS`
+    #: of one sample
     encoder_std_rad_s: float = 0.1
     current_std_A: float = 0.2
+    #: of each motion of the rims, m/s over the root of a second; rotations take it over the arm
     speed_walk: float = 0.03
-    force_walk: float = 0.15
-    window: float = 1000.0
-    given_samples: float = 100.0
+    force_walk: float = 0.15  #: of each force, share of the mean load over the root of a second
+    window: float = 1000.0  #: samples over which a matched variance is the mean; then it forgets exponentially
+    given_samples: float = 100.0  #: number of samples that the given variances count for
 
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)

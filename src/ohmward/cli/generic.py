@@ -1,0 +1,51 @@
+"""`ohmward generic`: a battery file for a battery that nobody has tested, to start with."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+
+from ohmward.cli.options import add_sensor_options
+from ohmward.cli.outcome import Outcome, check_output
+from ohmward.cli.parser import count, positive
+
+EXAMPLES = """\
+  ohmward generic --chemistry lfp --capacity-ah 12 --n-series 4 -o battery.toml
+  ohmward generic --chemistry nmc --capacity-ah 2.0 --name cell -o cell.toml --json
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    parser.add_argument("--chemistry", required=True, metavar="NAME", help="lfp, nmc, nca, lipo or lead-acid")
+    parser.add_argument("--capacity-ah", type=positive, required=True, metavar="Q", help="as on the label [Ah]")
+    parser.add_argument("--n-series", type=count, default=1, metavar="N", help="cells in series (default 1)")
+    parser.add_argument("--name", default="", help="what to call the battery; default: generic and the chemistry")
+    add_sensor_options(parser, "2.5 %% of 1 C", "1 %%")
+    parser.add_argument("-o", "--output", required=True, metavar="FILE.toml", help="write the battery file")
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    """Write the battery file."""
+    from ohmward.battery.chemistries import generic_battery
+    from ohmward.battery.file import replace_battery
+    from ohmward.cli.battery_inputs import with_sensor
+    from ohmward.cli.wording import written_battery
+
+    check_output("--output", args.output, (".toml",))
+    battery, _ = with_sensor(generic_battery(args.chemistry, args.capacity_ah, args.n_series, args.name), args)
+    backup = replace_battery(battery, args.output)
+    summary = {
+        "command": "generic",
+        "name": battery.name,
+        "chemistry": battery.chemistry,
+        "capacity_Ah": battery.capacity_Ah,
+        "n_series": battery.n_series,
+        "sensor": asdict(battery.sensor),
+        "not_identified": list(battery.not_identified),
+        "output": args.output,
+        "backup": str(backup) if backup else None,
+    }
+    text = f"{written_battery(summary)}\n\n" + "\n".join(f"  - {sentence}" for sentence in battery.not_identified)
+    return Outcome(summary, text)

@@ -1,0 +1,52 @@
+"""A current that stands in two columns, one of charge and one of discharge."""
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.logs import read_log
+
+
+def two_columns(pulses, charge, discharge, sign=1.0):
+    """The pulses with their charging and discharging currents apart, `sign` of the second one."""
+    time_s, current_A, voltage_V = pulses
+    rows = zip(time_s, voltage_V, np.maximum(current_A, 0.0), sign * np.maximum(-current_A, 0.0), strict=True)
+    return "\n".join([f"time_s,voltage_V,{charge},{discharge}", *(",".join(map(str, row)) for row in rows)])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("charge", "discharge"),
+    [
+        ("charge_current", "discharge_current"),
+        ("Charge Current (A)", "Discharge Current (A)"),
+        ("I_chg", "I_dsg"),
+        ("charging_A", "discharging_A"),
+        ("Ladestrom", "Entladestrom"),
+    ],
+)
+def test_the_current_is_the_charging_less_the_discharging(write_text, pulses, charge, discharge, sign):
+    log = read_log(write_text(two_columns(pulses, charge, discharge, sign)), extra=())
+    np.testing.assert_allclose(log.current_A, pulses[1], atol=1e-12)
+    assert any(f"current: {charge!r} less {discharge!r}" in note.text for note in log.notes)
+
+
+def test_units_may_differ_and_an_empty_cell_is_no_current_that_way(write_text):
+    rows = ["0,13.0,2000,", "1,13.0,,3", "2,13.0,,", "3,12.9,0,4.5"]
+    text = "\n".join(["time_s,voltage_V,charge_current_mA,discharge_current_A", *rows])
+    log = read_log(write_text(text), current_sign="charge")
+    np.testing.assert_array_equal(log.current_A, [2.0, -3.0, np.nan, -4.5])
+
+
+def test_another_current_and_one_that_is_named_come_first(write_text, pulses):
+    text = two_columns(pulses, "charge_current", "discharge_current")
+    named = read_log(write_text(text), columns={"current": "discharge_current"}, current_sign="discharge")
+    np.testing.assert_allclose(named.current_A, np.minimum(pulses[1], 0.0))
+    lines = text.splitlines()
+    wider = "\n".join([f"{lines[0]},current", *(f"{line},{i}" for line, i in zip(lines[1:], pulses[1], strict=True))])
+    assert any("current from 'current'" in note.text for note in read_log(write_text(wider)).notes)
+
+
+def test_a_limit_of_a_current_is_none(write_text, pulses):
+    with pytest.raises(InputError, match="current"):
+        read_log(write_text(two_columns(pulses, "max charge current", "max discharge current")))

@@ -1,0 +1,37 @@
+"""Currents of 16 bits that wrapped, and those that did not."""
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.logs.wrapped import require_not_wrapped
+
+
+def drive(largest_A, seed=0):
+    """Loads and charges of a battery up to a current, with rests; 1 C of it is a fifth of that."""
+    rng = np.random.default_rng(seed)
+    current_A = np.repeat(rng.uniform(-1.0, 0.6, 120) * (rng.random(120) < 0.7), 10) * largest_A
+    slow = np.convolve(current_A, np.exp(-np.arange(200) / 20.0) / 20.0)[: current_A.size]
+    volts = 26.0 + (2.0 * current_A + slow) / largest_A + 0.003 * rng.standard_normal(current_A.size)
+    return current_A, volts
+
+
+def wrapped(current_A, digit_A):
+    """The current as a 16-bit number of its last digit."""
+    return np.rint(current_A / digit_A).astype(int).astype(np.int16) * digit_A
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("digit_A", "range_A"), [(1e-3, "65.536"), (1e-2, "655.36"), (1e-1, "6553.6")])
+def test_a_current_that_wrapped_is_refused_with_its_range(sign, digit_A, range_A):
+    current_A, voltage_V = drive(45e3 * digit_A)
+    with pytest.raises(InputError, match=rf"unless {range_A} A are added: a 16-bit number of {1e3 * digit_A:g} mA"):
+        require_not_wrapped("a.csv", wrapped(sign * current_A, digit_A), voltage_V)
+
+
+@pytest.mark.parametrize("largest_A", [2.0, 20.0, 31.0, 45.0, 300.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_current_that_did_not_wrap_is_read(largest_A, seed):
+    current_A, voltage_V = drive(largest_A, seed)
+    require_not_wrapped("a.csv", current_A, voltage_V)
+    require_not_wrapped("a.csv", current_A, np.random.default_rng(seed).permutation(voltage_V))

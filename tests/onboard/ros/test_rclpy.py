@@ -1,0 +1,172 @@
+"""The node of ROS 2 and its transport on rclpy itself, between nodes of this computer."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+import ohmward
+from ohmward import generic_battery, save_battery
+from ohmward.onboard.ros import types
+from ohmward.onboard.ros.transport import RosNetwork, message_class
+
+rclpy = pytest.importorskip("rclpy", reason="rclpy is not installed: pip install 'ohmward[rclpy]', or source a ROS 2")
+
+PACKAGE = Path(__file__).parents[3] / "ros" / "ohmward_ros"
+#: A domain for each process of the tests, so that nodes of two tests never meet.
+DOMAIN = 100 + os.getpid() % 100
+WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+#: What is waited for comes within this time, also on a busy computer [s].
+PATIENCE_S = 60.0
+
+
+class Robot:
+    """A node with the topics of a robot's drivers, which hears what ohmward sends."""
+
+    def __init__(self) -> None:
+        self.context = rclpy.context.Context()
+        rclpy.init(args=None, context=self.context, domain_id=DOMAIN)
+        self.node = rclpy.create_node("robot", context=self.context)
+        self.executor = rclpy.executors.SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        threading.Thread(target=self.executor.spin, daemon=True).start()
+        self.heard: dict[str, list] = {}
+        best_effort = rclpy.qos.qos_profile_sensor_data
+        self.battery, self.joints, self.imu = (
+            self.node.create_publisher(message_class(type_), topic, best_effort)
+            for type_, topic in (
+                (types.BATTERY_STATE, "bms"),
+                (types.JOINT_STATE, "joint_states"),
+                (types.IMU, "imu/data"),
+            )
+        )
+
+    def hear(self, type_: str, topic: str) -> list:
+        """Messages of a topic from now on."""
+        heard = self.heard[topic] = []
+        self.node.create_subscription(message_class(type_), topic, heard.append, 50)
+        return heard
+
+    def until(self, done, battery: bool = False, wheels: bool = False) -> None:
+        """Let sensors report at 50 Hz until it is done."""
+        end_s = time.monotonic() + PATIENCE_S
+        while not done():
+            assert time.monotonic() < end_s, f"nothing within {PATIENCE_S} s; heard {self.heard}"
+            if battery:
+                self.battery.publish(self.battery_state())
+            if wheels:
+                self.joints.publish(self.joint_states())
+                self.imu.publish(self.stamped(types.IMU))
+            time.sleep(0.02)
+
+    def stamped(self, type_: str):
+        """A message with the time of now."""
+        message = message_class(type_)()  # type: ignore[operator]
+        message.header.stamp = self.node.get_clock().now().to_msg()
+        return message
+
+    def battery_state(self):
+        """A battery of four cells that gives 3 A."""
+        message = self.stamped(types.BATTERY_STATE)
+        message.voltage, message.current, message.temperature = 13.2, -3.0 - 0.1 * (time.monotonic() % 1.0), 24.0
+        return message
+
+    def joint_states(self):
+        """Wheels that turn at 4 rad/s."""
+        message = self.stamped(types.JOINT_STATE)
+        message.name = [f"{wheel}_wheel_joint" for wheel in WHEELS]
+        message.velocity = [4.0 + 1e-3 * (time.monotonic() % 1.0)] * len(WHEELS)
+        return message
+
+    def close(self) -> None:
+        """End the node."""
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.shutdown()
+
+
+@pytest.fixture
+def robot(tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(DOMAIN))
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
+    monkeypatch.chdir(tmp_path)
+    found = Robot()
+    yield found
+    found.close()
+
+
+@pytest.fixture
+def start(tmp_path):
+    """The function that starts the node with arguments behind `--ros-args`."""
+    save_battery(generic_battery("lfp", 12.0, 4), tmp_path / "battery.toml")
+    paths = [str(PACKAGE), str(Path(ohmward.__file__).parents[1]), *sys.path]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    program = [sys.executable, "-c", "from ohmward_ros.node import main; main()", "--ros-args"]
+    started = []
+
+    def begin(arguments: str) -> subprocess.Popen:
+        process = subprocess.Popen([*program, *arguments.split()], env=environment, stderr=subprocess.PIPE, text=True)
+        started.append(process)
+        return process
+
+    yield begin
+    for process in started:
+        process.kill()
+
+
+def test_the_transport_carries_messages_both_ways(robot):
+    transport = RosNetwork(transport="rclpy", namespace="/robot1").open()
+    sent, received = robot.hear(types.BATTERY_STATE, "/robot1/battery_state"), []
+    transport.subscribe("/bms", types.BATTERY_STATE, received.append)
+    robot.until(lambda: received, battery=True)
+    robot.until(lambda: sent or transport.publish("battery_state", types.BATTERY_STATE, received[0]))
+    transport.check()
+    transport.close()
+    assert (sent[0].voltage, sent[0].temperature) == (pytest.approx(13.2), 24.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_sensors_that_fall_silent_are_unknown_and_a_signal_ends_the_node(robot, start, tmp_path, number):
+    """Battery and wheels, then the wheels alone, then none; a bag is played, of which nothing is kept."""
+    battery = robot.hear(types.BATTERY_STATE, "battery_state")
+    odometry = robot.hear(types.ODOMETRY, "ohmward/odometry")
+    conditions = robot.hear(types.DIAGNOSTICS, "/diagnostics")
+    node = start("-p battery:=battery.toml -p robot:=rlma -p battery_state_in:=bms -p bagfile:=run.mcap")
+
+    def charge() -> float:
+        return battery[-1].percentage if battery else math.nan
+
+    def stale() -> set[str]:
+        return {status.name for status in conditions[-1].status if status.level == b"\x03"}
+
+    robot.until(lambda: charge() > 0.0 and odometry, battery=True, wheels=True)
+    assert battery[-1].present and battery[-1].voltage == pytest.approx(13.2)
+    assert odometry[-1].twist.twist.linear.x == pytest.approx(0.48, abs=0.02)
+    robot.until(lambda: math.isnan(charge()) and "ohmward: charge" in stale(), wheels=True)
+    assert not battery[-1].present and math.isnan(battery[-1].voltage)
+    assert odometry and "ohmward: drive" not in stale()
+    robot.until(lambda: {"ohmward: charge", "ohmward: drive"} <= stale())
+    odometry.clear()
+    count = len(conditions)
+    robot.until(lambda: len(conditions) >= count + 2)
+    assert odometry == []
+    node.send_signal(number)
+    _, error = node.communicate(timeout=PATIENCE_S)
+    assert node.returncode == 0 and "Traceback" not in error
+    assert not (tmp_path / "ohmward-state").exists()
+
+
+@pytest.mark.parametrize("remap", ["battery/raw:=/battery_state", "battery_state:=battery/raw"])
+def test_a_topic_that_is_heard_and_sent_is_refused(robot, start, remap):
+    node = start(f"-p battery:=battery.toml -r {remap}")
+    _, error = node.communicate(timeout=PATIENCE_S)
+    assert node.returncode == 1
+    assert "battery_state_in and battery_state are both /" in error
