@@ -239,19 +239,19 @@ def use_heading(
     wheels.
     """
 
-    def shown(x: np.ndarray) -> np.ndarray:
+    def heading(x: np.ndarray) -> np.ndarray:
         return np.array([x[YAW] + x[HEADING_ZERO]])
 
     own = sample.heading_std_rad
     std_rad = where(between(own, *HEADING_STD), own, noise.heading_std_rad)
     wait_s = maximum(times.wait_s - dt_s, 0.0)
     measured = within(sample.heading_rad, MOST_HEADING_RAD) & (wait_s <= 0.0)
-    expected_rad = shown(body.belief.mean)[0]
+    expected_rad = heading(body.belief.mean)[0]
     turned_rad = where(measured, sample.heading_rad, expected_rad) - expected_rad + math.pi
     nu = turned_rad % (2.0 * math.pi) - math.pi
     diverged = measured & (times.rejected_s > reset_after_s)
     prior = choose(diverged, inflate(body.belief, HEADING_ZERO, nu * nu), body.belief)
-    belief, accepted = correct_scalar(prior, where(measured, expected_rad + nu, np.nan), shown, std_rad**2, gate)
+    belief, accepted = correct_scalar(prior, where(measured, expected_rad + nu, np.nan), heading, std_rad**2, gate)
     rejected = measured & logical_not(accepted)
     rejected_s = time_rejected(times.rejected_s, dt_s, rejected, measured, sparse=True)
     body = body._replace(belief=belief, heading_rejected=rejected)
