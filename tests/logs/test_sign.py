@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from ohmward.logs.sign import edge_test, resolution, sign_evidence, trend_test
+from ohmward.logs import read_log
+from ohmward.logs.sign import UnknownSignError, change_test, edge_test, resolution, sign_evidence, trend_test
 
 
 @pytest.mark.parametrize(("sign", "verdict"), [(1.0, "charge"), (-1.0, "discharge")])
@@ -124,3 +125,68 @@ def test_windows_of_measured_recordings_tell_the_right_sign_or_none(measured, na
             if sign_evidence(*(x[window] for x in signals)).verdict not in (verdict, "undecidable"):
                 wrong.append((size, int(start)))
     assert wrong == []
+
+
+@pytest.mark.parametrize(("sign", "verdict"), [(1.0, "charge"), (-1.0, "discharge")])
+@pytest.mark.parametrize(("samples", "cells"), [(300, 1), (4000, 13)])
+def test_a_current_that_never_stands_still_tells_the_sign(sign, verdict, samples, cells):
+    """No change is an edge, because each is of the usual size."""
+    rng = np.random.default_rng(samples)
+    current_A = np.convolve(rng.normal(size=samples + 59), np.exp(-np.arange(60) / 20.0), "valid") - 3.0
+    voltage_V = cells * (3.7 + 0.02 * current_A + 0.005 * rng.normal(size=samples))
+    evidence = sign_evidence(np.arange(float(samples)), sign * current_A, voltage_V)
+    assert (evidence.edges.sign, evidence.trend, evidence.verdict) == (0, 0, verdict)
+    assert "over all changes" in str(evidence)
+
+
+def test_a_voltage_that_was_sampled_later_than_a_restless_current_is_undecidable():
+    rng = np.random.default_rng(1)
+    current_A = rng.normal(size=2001)
+    voltage_V = 12.0 + 0.05 * current_A[:-1] + 0.01 * rng.normal(size=2000)
+    assert sign_evidence(np.arange(2000.0), current_A[1:], voltage_V).verdict == "undecidable"
+
+
+def test_windows_of_a_car_never_tell_the_wrong_sign(measured):
+    import pandas as pd
+
+    table = pd.read_parquet(measured("bmw_i3_trips/trips_odd.parquet"))
+    verdicts = []
+    for _, trip in table.groupby("trip"):
+        current_A, voltage_V = trip["current_A"].to_numpy(float), trip["voltage_V"].to_numpy(float)
+        windows = range(0, current_A.size - 600, 600)
+        verdicts += [change_test(current_A[k : k + 600], voltage_V[k : k + 600]) for k in windows]
+    assert len(verdicts) > 600
+    assert verdicts.count(-1) == 0
+    assert verdicts.count(0) < 0.04 * len(verdicts)
+
+
+def _cycled(charge_A, discharge_A, seed=0):
+    """Times [s], current [A] and voltage [V] of discharges and charges of steady current between rests."""
+    rng = np.random.default_rng(seed)
+    current_A = np.concatenate([np.repeat([0.0, -discharge_A, 0.0, charge_A], 60) for _ in range(3)])
+    soc = 0.5 + np.cumsum(current_A) / 3600.0
+    voltage_V = 3.2 + soc + 0.02 * current_A + 0.0005 * rng.normal(size=current_A.size)
+    return np.arange(float(current_A.size)), current_A, voltage_V
+
+
+def _read(time_s, current_A, voltage_V, sign="auto"):
+    import pandas as pd
+
+    frame = pd.DataFrame({"time_s": time_s, "current_A": current_A, "voltage_V": voltage_V})
+    return read_log(frame, current_sign=sign)
+
+
+@pytest.mark.parametrize(("charge_A", "discharge_A"), [(2.0, 2.0), (1.0, 4.0), (4.0, 1.5)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_size_for_charge_and_discharge_has_lost_its_sign(charge_A, discharge_A, sign):
+    time_s, current_A, voltage_V = _cycled(charge_A, discharge_A)
+    assert _read(time_s, sign * current_A, voltage_V).current_A == pytest.approx(current_A)
+    with pytest.raises(UnknownSignError, match="has lost its sign"):
+        _read(time_s, sign * np.abs(current_A), voltage_V)
+    log = _read(time_s, sign * np.abs(current_A), voltage_V, "charge")
+    assert [note.level for note in log.notes if "has lost its sign" in note.text] == ["warning"]
+
+
+def test_one_direction_has_not_lost_its_sign():
+    time_s, current_A, voltage_V = _cycled(0.0, 2.0)
+    assert _read(time_s, -current_A, voltage_V).current_A == pytest.approx(current_A)

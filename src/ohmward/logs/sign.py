@@ -2,7 +2,8 @@
 
 With current > 0 charging, an edge of the current moves the voltage the same way at once, because the ohmic resistance
 is positive; and a long steady current that charges raises the voltage. Either may decide; where they contradict each
-other, or neither is clear, the answer is that the data do not tell.
+other the answer is that the data do not tell. Where neither is clear, as under a current that never stands still, the
+regression over all changes decides.
 """
 
 from __future__ import annotations
@@ -30,10 +31,22 @@ CLEAR_AGREEMENT = 0.8
 _EDGE = 0.2
 _EDGE_OF_LEVEL = 0.02
 _LEAST_EDGE_A = 1e-9
+# A current without a sign has no more than this share on its other side; a step of it lasts so many samples, in which
+# the voltage moves on by so many times its noise.
+_NO_SIGN, _LASTING, _GOES_ON = 0.02, 10, 3.0
 # A steady current stays within this fraction of its usual value, long enough for diffusion to raise the voltage.
 _STEADY = 0.1
 _TREND_PARTS = 5
 _TREND_LEAST_S = 300.0
+# Regression over all changes: so many parts of a log that hold equally much of the squares of the changes, as many
+# changes of equal size at least, and changes over so many samples: a voltage that was sampled later than the current
+# answers the longer ones only.
+_CHANGE_PARTS, _FEWEST_CHANGES = 10, 6
+_CHANGES_OVER = (1, 4)
+
+
+class UnknownSignError(InputError):
+    """The data do not tell whether a positive current charges the battery."""
 
 
 class EdgeTest(NamedTuple):
@@ -58,6 +71,7 @@ class SignEvidence(NamedTuple):
     verdict: str
     edges: EdgeTest  #: the fast test. trend: the slow test; 1 charge, -1 discharge, 0 unclear.
     trend: int
+    changes: int = 0  #: the regression over all changes; 1 charge, -1 discharge, 0 unclear
 
     def __str__(self) -> str:
         count = counted(self.edges.edges, "edge")
@@ -65,6 +79,8 @@ class SignEvidence(NamedTuple):
             return f"{count} with dV/dI = {1e3 * self.edges.resistance_ohm:.3g} mohm (t = {self.edges.t_value:.0f})"
         if self.trend:
             return "the trend of the voltage under a steady current"
+        if self.changes:
+            return "the regression of the voltage on the current over all changes"
         return f"{count} of the current, t = {self.edges.t_value:.1f}, no clear trend"
 
 
@@ -76,9 +92,10 @@ def sign_evidence(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarr
     known = np.isfinite(current_A) & np.isfinite(voltage_V)
     edges = edge_test(current_A[known], voltage_V[known])
     trend = trend_test(time_s[known], current_A[known], voltage_V[known])
-    signs = {edges.sign, trend}
-    verdict = "undecidable" if signs == {1, -1} or signs == {0} else "charge" if 1 in signs else "discharge"
-    return SignEvidence(verdict, edges, trend)
+    changes = change_test(current_A[known], voltage_V[known])
+    signs = {edges.sign, trend} - {0} or {changes}
+    verdict = {(1,): "charge", (-1,): "discharge"}.get(tuple(signs), "undecidable")
+    return SignEvidence(verdict, edges, trend, changes)
 
 
 def charging_current(
@@ -87,18 +104,22 @@ def charging_current(
     """The current (T,) [A] of a file, > 0 charging, and a note: as told, as the format defines it, or from the data.
 
     Raises:
-        InputError: `wanted` is none of the three, or nothing tells the sign.
+        UnknownSignError: nothing tells the sign, or the current has lost it.
+        InputError: `wanted` is none of the three.
     """
     if wanted not in get_args(CurrentSign):
         raise InputError(f"current_sign must be 'auto', 'charge' or 'discharge', not {wanted!r}")
     evidence = sign_evidence(time_s, current_A, voltage_V)
+    directions = _both_ways(current_A, voltage_V)
     sign: str
     if wanted != "auto":
         sign = wanted
-        note = _told_note(sign, "given", evidence)
+        note = _told_note(sign, "given", evidence, directions)
     elif bdf.is_bdf(file.source):
         sign = "charge"
-        note = _told_note(sign, "by definition of BDF", evidence)
+        note = _told_note(sign, "by definition of BDF", evidence, directions)
+    elif directions:
+        raise UnknownSignError(f"{file.stem}: {directions}")
     elif evidence.verdict != "undecidable":
         sign = evidence.verdict
         note = Note(f"positive current {sign}s the battery, told from the data: {evidence}")
@@ -112,19 +133,53 @@ def charging_current(
         sign = "charge"
         note = Note("the current is zero throughout: its sign does not matter", "warning")
     else:
-        raise InputError(
+        raise UnknownSignError(
             f"{file.stem}: the data do not tell whether a positive current charges or discharges the battery "
             f"({evidence}); say it with --current-sign charge or --current-sign discharge (current_sign='charge')"
         )
     return -current_A if sign == "discharge" else current_A, note
 
 
-def _told_note(told: str, by: str, evidence: SignEvidence) -> Note:
+def _told_note(told: str, by: str, evidence: SignEvidence, directions: str) -> Note:
     """A note on a sign that somebody told; a warning where the data say the opposite."""
     text = f"positive current {told}s the battery ({by})"
+    if directions:
+        return Note(f"{text}, but {directions}", "warning")
     if evidence.verdict in (told, "undecidable"):
         return Note(text)
     return Note(f"{text}, but the data say the opposite: {evidence}; check the sign", "warning")
+
+
+def _both_ways(current_A: np.ndarray, voltage_V: np.ndarray) -> str:
+    """A sentence for a current (T,) [A] without a sign, although the battery is charged and discharged; else "".
+
+    Where the current rises at once, the voltage steps up or down, and goes on that way while the current stays: the
+    direction that is seen less often must be seen like that once at least.
+    """
+    known = np.isfinite(current_A) & np.isfinite(voltage_V)
+    size_A, voltage_V = np.abs(current_A[known]), voltage_V[known]
+    largest_A = size_A.max(initial=0.0)
+    if size_A.size < 2 or min(-current_A[known].min(), current_A[known].max()) > _NO_SIGN * largest_A:
+        return ""
+    dI, dV = np.diff(size_A), np.diff(voltage_V)
+    noise_V = max(spread(dV), resolution(voltage_V))
+    rises = np.flatnonzero((dI >= _EDGE * largest_A) & (np.abs(dV) > CLEAR_T * noise_V))
+    lasting = [k for k in rises if _goes_on(size_A[k + 1 :], voltage_V[k + 1 :], float(np.sign(dV[k])), noise_V)]
+    counts = sorted((np.count_nonzero(way * dV[rises] > 0), np.count_nonzero(way * dV[lasting] > 0)) for way in (1, -1))
+    if counts[0][1] == 0:
+        return ""
+    return (
+        "the current has lost its sign: where it rises, the voltage steps up and goes on rising in one place, and "
+        "steps down in another, so charge and discharge are written alike; let the logger write the sign, or a column "
+        "beside it that says charge or discharge, or keep one direction with --start, --stop and its --current-sign"
+    )
+
+
+def _goes_on(size_A: np.ndarray, voltage_V: np.ndarray, way: float, noise_V: float) -> bool:
+    """True where the voltage (T,) moves on one way (1 up, -1 down) while the current (T,) stays as it begins."""
+    changed = np.abs(size_A - size_A[0]) > _STEADY * size_A[0]
+    stop = int(np.argmax(changed)) if changed.any() else size_A.size
+    return stop >= _LASTING and way * (voltage_V[stop - 1] - voltage_V[0]) > _GOES_ON * noise_V
 
 
 def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:
@@ -171,6 +226,34 @@ def trend_test(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray)
     if not one_way or abs(moves.sum()) < CLEAR_T * noise or abs(moves[-1]) < 0.5 * abs(moves[1]):
         return 0
     return int(np.sign(moves[0]) * np.sign(np.median(current_A[steady])))
+
+
+def change_test(current_A: np.ndarray, voltage_V: np.ndarray) -> int:
+    """1 if the voltage moves with all changes of the current, -1 if against them, 0 unclear.
+
+    dV = R dI over changes of the current between samples, and over several of them, must give the same clear sign of R.
+
+    current_A, voltage_V: (T,), no NaN.
+    """
+    signs = {_sign_of_changes(current_A[over:] - current_A[:-over], voltage_V[over:] - voltage_V[:-over])
+             for over in _CHANGES_OVER}  # fmt: skip
+    return signs.pop() if len(signs) == 1 else 0
+
+
+def _sign_of_changes(dI: np.ndarray, dV: np.ndarray) -> int:
+    """Sign of R in dV = R dI over changes (N,) where it is clear, else 0.
+
+    The error of R comes from how much the parts of the log disagree, which holds for samples that are not independent.
+    """
+    squares = np.cumsum(dI * dI)
+    if not squares.size or squares[-1] ** 2 < _FEWEST_CHANGES * np.sum(dI**4) or squares[-1] == 0.0:
+        return 0
+    part = np.minimum((_CHANGE_PARTS * squares / squares[-1]).astype(int), _CHANGE_PARTS - 1)
+    products = np.bincount(part, dI * dV, _CHANGE_PARTS)
+    slope = products.sum() / squares[-1]
+    left = products - slope * np.bincount(part, dI * dI, _CHANGE_PARTS)
+    error = np.sqrt(left @ left * _CHANGE_PARTS / (_CHANGE_PARTS - 1)) / squares[-1]
+    return int(np.sign(slope)) if abs(slope) > CLEAR_T_OF_MANY * error and slope != 0.0 else 0
 
 
 def spread(values: np.ndarray) -> float:
