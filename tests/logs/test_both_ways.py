@@ -50,3 +50,23 @@ def test_another_current_and_one_that_is_named_come_first(write_text, pulses):
 def test_a_limit_of_a_current_is_none(write_text, pulses):
     with pytest.raises(InputError, match="current"):
         read_log(write_text(two_columns(pulses, "max charge current", "max discharge current")))
+
+
+@pytest.mark.parametrize(
+    ("power", "voltage", "watts"),
+    [("power_W", "voltage_V", 1.0), ("Battery Power (kW)", "Battery Voltage (V)", 1e3), ("P [mW]", "U [mV]", 1e-3)],
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_power_over_the_voltage_is_the_current(write_text, pulses, power, voltage, watts, sign):
+    time_s, current_A, voltage_V = pulses
+    volts = 1e-3 if "mV" in voltage else 1.0
+    rows = zip(time_s, voltage_V / volts, sign * current_A * voltage_V / watts, strict=True)
+    log = read_log(write_text("\n".join([f"time_s,{voltage},{power}", *(",".join(map(str, row)) for row in rows)])))
+    np.testing.assert_allclose(log.current_A, current_A, atol=1e-12)
+    assert any(f"current: {power!r} over {voltage!r}" in note.text for note in log.notes)
+
+
+@pytest.mark.parametrize("name", ["motor_power_W", "solar power (W)", "p"])
+def test_another_power_is_not_the_battery_s(write_text, name):
+    with pytest.raises(InputError, match="no column for the current"):
+        read_log(write_text(f"time_s,voltage_V,{name}\n0,12,24\n1,12,24\n"))

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from ohmward.logs import bdf
-from ohmward.logs.both_ways import with_both_ways
+from ohmward.logs.both_ways import with_both_ways, with_power
 from ohmward.logs.cell_columns import with_pack_voltage
 from ohmward.logs.charger_flag import full_charges
 from ohmward.logs.clean import (
@@ -154,14 +154,16 @@ def read_log(
     hints: names, encoding, notation of dates, time zone and the like, where the file does not tell.
 
     Where a file has voltages of cells (`cell_voltage_1_V`, ...) and none of the pack, their sum is the voltage. Where
-    it has `charge_current` and `discharge_current` and no other, the current is the one less the other.
+    it has `charge_current` and `discharge_current` and no other, the current is the one less the other; where it has a
+    power and no current, the power over the voltage.
 
     Raises:
         InputError: the file cannot be read as a log; the message names the file, the place and the fix.
         OhmwardError: Parquet without pyarrow, a recording of ROS without rosbags.
     """
     file = open_table(source, hints).part("battery", where)
-    file = with_sample_time(with_both_ways(with_pack_voltage(file, columns), columns))
+    file = with_power(with_both_ways(with_pack_voltage(file, columns), columns), columns, units)
+    file = with_sample_time(file)
     bdf.check_names(file.source, file.names)
     chosen = find_columns(file.source, file.names, file.given(columns), {**file.units, **(units or {})})
     state = state_column(file) if current_sign != "discharge" else None
