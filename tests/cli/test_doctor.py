@@ -95,3 +95,36 @@ def test_a_drive_is_named_as_one(here, refused):
     Path("drive.csv").write_text("time_s,velL,velR\n0,1,1\n1,1,1\n2,1,1\n", encoding="utf-8")
     said = refused("doctor", "drive.csv")
     assert "looks like a drive, with 'velL', 'velR'" in said and "ohmward slip drive.csv" in said
+
+
+def _write_pack(path, header, sign=1.0):
+    """A drive of a pack of three cells, with the row of their voltages, as `header` calls them."""
+    log = drive()
+    rows = zip(log.time_s, *[log.voltage_V / 3.0] * 3, sign * log.current_A, log.voltage_V, strict=True)
+    path.write_text("\n".join([header, *(",".join(f"{value:.4f}" for value in row) for row in rows)]))
+
+
+@pytest.mark.parametrize("header", ["t_s,V1,V2,V3,Ibat,Vtot", "t_s,Speed1,Speed2,Speed3,I_pack [A],U_total [V]"])
+def test_a_battery_with_cells_or_speeds_is_no_drive(tmp_path, as_json, header):
+    _write_pack(tmp_path / "x.csv", header)
+    (log,) = as_json("doctor", str(tmp_path / "x.csv"))["logs"]
+    assert log["survey"]["activity"]["charge_out_Ah"] == pytest.approx(-min(drive().charge_Ah()), rel=0.05)
+
+
+def test_numbered_voltages_beside_a_current_are_cells(tmp_path, as_json):
+    _write_pack(tmp_path / "x.csv", "t_s,V1,V2,V3,Ibat,index")
+    (log,) = as_json("doctor", str(tmp_path / "x.csv"))["logs"]
+    assert log["survey"]["voltage"]["maximum"] == pytest.approx(drive().voltage_V.max(), rel=1e-3)
+
+
+def test_a_log_whose_sign_nobody_tells_is_examined_all_the_same(tmp_path, as_json):
+    (tmp_path / "x.csv").write_text("t_s,current_A,voltage_V\n" + "".join(f"{k},{k % 7},12.0\n" for k in range(300)))
+    (log,) = as_json("doctor", str(tmp_path / "x.csv"))["logs"]
+    assert log["survey"]["samples"] == 300
+    assert any("say it with --current-sign" in note and note.startswith("warning") for note in log["notes"])
+
+
+def test_what_is_said_of_a_battery_does_not_call_it_a_drive(tmp_path, capsys):
+    _write_pack(tmp_path / "x.csv", "t_s,V1,V2,V3,Ibat,Vtot")
+    assert main(["doctor", str(tmp_path / "x.csv"), "--unit", "current=mV"]) == 2
+    assert "looks like a drive" not in capsys.readouterr().err

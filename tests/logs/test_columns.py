@@ -119,3 +119,53 @@ def test_every_notation_of_a_unit_reads_alike():
         "Current.mA",
     ):
         assert next(split_unit(name)) == ("Current", UNITS["ma"]), name
+
+
+@pytest.mark.parametrize(
+    ("names", "time", "current", "voltage"),
+    [
+        (["Time(S)", "Cur(A)", "Vol(V)"], ("Time(S)", 1.0), ("Cur(A)", 1.0), ("Vol(V)", 1.0)),
+        (
+            ["ms_today", "input_voltage", "current_motor", "current_in", "d_axis_current", "q_axis_current"],
+            ("ms_today", 1e-3),
+            ("current_in", None),
+            ("input_voltage", None),
+        ),
+        (["time", "voltage_now", "current_now"], ("time", None), ("current_now", 1e-6), ("voltage_now", 1e-6)),
+        (
+            ["ms", "busVoltage", "shuntVoltage_mV", "current_mA"],
+            ("ms", 1e-3),
+            ("current_mA", 1e-3),
+            ("busVoltage", None),
+        ),
+        (
+            ["time (us)", "vbatLatest (V)", "amperageLatest (A)"],
+            ("time (us)", 1e-6),
+            ("amperageLatest (A)", 1.0),
+            ("vbatLatest (V)", 1.0),
+        ),
+        (["Time", "VFAS(V)", "Curr(A)", "RxBt(V)"], ("Time", None), ("Curr(A)", 1.0), ("VFAS(V)", 1.0)),
+        (["ts", "payload.pack.u", "payload.pack.i"], ("ts", None), ("payload.pack.i", None), ("payload.pack.u", None)),
+        (["Time", "V1", "V2", "Ibat", "Vtot"], ("Time", None), ("Ibat", None), ("Vtot", None)),
+        (
+            ["Time", "Cumulative Time", "Current(A)", "Voltage(V)"],
+            ("Cumulative Time", None),
+            ("Current(A)", 1.0),
+            ("Voltage(V)", 1.0),
+        ),
+    ],
+)
+def test_loggers_with_names_of_their_own_are_read(names, time, current, voltage):
+    found = find_columns("log.csv", names)
+    columns = [found[quantity] for quantity in ("time", "current", "voltage")]
+    assert [(column.name, column.unit and column.unit.scale) for column in columns] == [time, current, voltage]
+
+
+@pytest.mark.parametrize(
+    ("better", "worse"), [("battery.voltage", "input.voltage"), ("current", "current_now"), ("v_bat", "bus voltage")]
+)
+def test_a_choice_of_last_resort_stands_back(better, worse):
+    quantity = "current" if "current" in better else "voltage"
+    names = ["time", "voltage", "current"]
+    names = [name for name in names if name != quantity]
+    assert find_columns("log.csv", [*names, worse, better])[quantity].name == better

@@ -84,12 +84,18 @@ def is_named(row: Sequence[str]) -> bool:
     return any(word.endswith(("cell", "cells")) for word in letters(row[0]))
 
 
+def _are_cells(row: Sequence[str]) -> bool:
+    """True for `V1`, `V2`, `V3` and more, and `U1 (V)`: voltages that have nothing but a number."""
+    return len(row) > 2 and all(set(letters(next(_stems(name)))) <= {"v", "u"} for name in row)
+
+
 def with_pack_voltage(file: TableFile, columns: Mapping[str, str] | None = None) -> TableFile:
     """The file with the sum of its cell voltages as a column, where it has cells and no voltage of the pack.
 
     columns: those that the caller named.
     """
     rows = [row for row in numbered_rows(file.names) if is_named(row)]
+    rows = rows or [row for row in numbered_rows(file.names) if _are_cells(row)]
     if not rows or "voltage" in (columns or {}):
         return file
     optional = VOLTAGE._replace(required=False)

@@ -70,11 +70,14 @@ def _each(first: str, second: str) -> list[str]:
 
 # Words that say where the whole battery was measured; they do not make it another quantity.
 _OF_BATTERY = word_set(
-    "battery batt bat bms pack terminal total measured meas test state field data main header stamp surface"
+    "battery batt bat bms pack terminal total measured meas test state field data main header stamp surface payload"
 )
 # Words of columns that serve where there is nothing better.
 _SECOND_CHOICE = word_set("cell raw mean avg average")
-_BESIDE_BATTERY = (frozenset[str](), _OF_BATTERY, _OF_BATTERY | _SECOND_CHOICE)
+# And of those that serve where there is no such one either.
+_THIRD_CHOICE = word_set("now latest bus in input")
+_BESIDE_BATTERY = (frozenset[str](), _OF_BATTERY, _OF_BATTERY | _SECOND_CHOICE,
+                   _OF_BATTERY | _SECOND_CHOICE | _THIRD_CHOICE)  # fmt: skip
 _BESIDE_WHEELS = (
     word_set(
         "wheel wheels motor m joint joints state states drive angular ang rim encoder enc measured meas actual act "
@@ -90,18 +93,18 @@ TIME = Channel(
     _words("time", "t", "timestamp", "time stamp", "datetime", "date time", "date", "stamp", "elapsed", "elapsed time",
            "unix time", "unixtime", "relative time", "total time", "header stamp", "seconds", "epoch", "ts", "realtime",
            "run time", "prog time", "program time", "date and time", "last changed", "last updated", "test", "x value",
-           "zeit", "datum", "temps", "tiempo", "tempo", "czas", "время", "时间", "時間", "시간", "dpt time"),
+           "cumulative time", "absolute time", "record time", "system time", "zeit", "datum", "temps", "tiempo", "tempo", "czas", "время", "时间", "時間", "시간", "dpt time"),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip
 CURRENT = Channel(
     "current", ("current",), UNITS["a"], "A or mA",
-    _words("current", "i", "curr", "amps", "amperage", "ibat", "ibatt", "strom", "courant", "corriente", "corrente",
+    _words("current", "i", "cur", "curr", "ipack", "amps", "amperage", "ibat", "ibatt", "strom", "courant", "corriente", "corrente",
            "prąd", "ток", "电流", "電流", "전류"),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip
 VOLTAGE = Channel(
     "voltage", ("voltage",), UNITS["v"], "V or mV",
-    _words("voltage", "v", "u", "volts", "potential", "vbat", "vbatt", "ubat", "ubatt", "ecell", "ewe",
+    _words("voltage", "v", "u", "vol", "volt", "volts", "potential", "vtot", "vpack", "upack", "vfas", "vbat", "vbatt", "ubat", "ubatt", "ecell", "ewe",
            "spannung", "tension", "tensión", "voltaje", "tensione", "tensão", "napięcie", "напряжение", "电压", "電圧",
            "電壓", "전압"),
     _BESIDE_BATTERY, letters, required=True,

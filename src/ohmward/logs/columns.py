@@ -19,9 +19,10 @@ _OTHER_WORDS = word_set(
 # Words of clocks that may be set while a log runs.
 _WALL_CLOCK = ("stamp", "date", "unix", "epoch", "dpt", "realtime", "datum", "changed")
 # Words of the time since the start of a test, beside which `Time` is that of a step.
-_WHOLE_TIME = word_set("total test elapsed prog program run")
+_WHOLE_TIME = word_set("total test elapsed prog program run cumulative")
 # Ranks of the ways in which a name may fit a channel; 0 is best.
-_BARE_LETTER, _WALL_CLOCK_TIME, _LAST_WORD, _NEVER = 2, 3, 4, 99
+_BESIDE = (0, 1, 2, 4)
+_BARE_LETTER, _WALL_CLOCK_TIME, _LAST_WORD, _NEVER = 2, 3, 5, 99
 
 
 class Column(NamedTuple):
@@ -171,7 +172,7 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
     # `T1` is a temperature, a column `test` without a unit the number of one
     if channel is TIME and unit is None and (re.fullmatch(r"[tT]\d+", stem) or words == ["test"]):
         return _NEVER
-    for rank, beside in enumerate(channel.beside):
+    for rank, beside in zip(_BESIDE, channel.beside, strict=False):
         naming = [word for word in words if word not in beside]
         if frozenset(naming) in channel.words:
             # a letter without a unit may be another quantity: v is a speed beside `voltage`

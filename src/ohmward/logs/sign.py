@@ -46,7 +46,11 @@ _CHANGES_OVER = (1, 4)
 
 
 class UnknownSignError(InputError):
-    """The data do not tell whether a positive current charges the battery."""
+    """The data do not tell whether a positive current charges the battery; `likely` is what most of them say."""
+
+    def __init__(self, text: str, likely: str) -> None:
+        super().__init__(text)
+        self.likely = likely
 
 
 class EdgeTest(NamedTuple):
@@ -119,7 +123,7 @@ def charging_current(
         sign = "charge"
         note = _told_note(sign, "by definition of BDF", evidence, directions)
     elif directions:
-        raise UnknownSignError(f"{file.stem}: {directions}")
+        raise UnknownSignError(f"{file.stem}: {directions}", evidence.verdict)
     elif evidence.verdict != "undecidable":
         sign = evidence.verdict
         note = Note(f"positive current {sign}s the battery, told from the data: {evidence}")
@@ -135,7 +139,8 @@ def charging_current(
     else:
         raise UnknownSignError(
             f"{file.stem}: the data do not tell whether a positive current charges or discharges the battery "
-            f"({evidence}); say it with --current-sign charge or --current-sign discharge (current_sign='charge')"
+            f"({evidence}); say it with --current-sign charge or --current-sign discharge (current_sign='charge')",
+            evidence.verdict,
         )
     return -current_A if sign == "discharge" else current_A, note
 

@@ -87,6 +87,10 @@ _COMPOUND = re.compile(rf"^(?P<stem>.+?)[\s_.,-]+(?P<unit>{_PARTS})(?P<rest>)$",
 
 # `TimeUS` of ArduPilot
 _CAPITALS = re.compile(r"^(?P<stem>[Tt]ime)(?P<unit>US|MS|NS)(?P<rest>)$")
+# `ms`, `ms_today`: the time of a microcontroller
+_TIME_AS_UNIT = re.compile(r"^(?P<unit>[mµu]s)(?:_today)?$")
+# `voltage_now`, `current_now`: the files of a power supply under Linux, in millionths
+_POWER_SUPPLY = re.compile(r"^(?P<stem>voltage|current)_(now|avg)$")
 #: A name that is itself a unit names the quantity: `Volts`, `millis`.
 _SHORTEST_UNIT_AS_NAME = 4
 
@@ -101,6 +105,10 @@ def split_unit(name: str) -> Iterator[tuple[str, Unit | None]]:
     for notation in (_BRACKETS, _COMPOUND, _SLASH, _SUFFIX, _CAPITALS):
         if (found := notation.match(name.strip())) and (unit := unit_of(found["unit"])):
             yield f"{found['stem']} {found['rest']}".strip(), unit
+    if (found := _TIME_AS_UNIT.match(name)) and (unit := unit_of(found["unit"])):
+        yield "time", unit
+    if found := _POWER_SUPPLY.match(name):
+        yield name, UNITS["uv" if found["stem"] == "voltage" else "ua"]
     if len(name) >= _SHORTEST_UNIT_AS_NAME and (unit := unit_of(name)):
         yield unit.dimension, unit
     yield name, None

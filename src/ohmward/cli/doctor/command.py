@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,11 +29,15 @@ from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import Log, examine
-from ohmward.logs.columns import listed
+from ohmward.logs.cell_columns import cell_names
+from ohmward.logs.channels import CURRENT, VOLTAGE
+from ohmward.logs.columns import find_column, listed
 from ohmward.logs.doctor import Finding, Findings
-from ohmward.logs.note import counted
+from ohmward.logs.note import Note, counted
 from ohmward.logs.read import open_table
+from ohmward.logs.sign import UnknownSignError
 from ohmward.logs.survey import Signal
+from ohmward.logs.table import TableFile
 from ohmward.logs.wheel_columns import wheel_names
 from ohmward.report import Figure, Page
 
@@ -63,13 +67,33 @@ def _read(path: str, args: argparse.Namespace) -> Log:
     file = open_table(split_selection(path)[0], file_hints(args))
     try:
         return read_battery_log(path, args, file=file)
+    except UnknownSignError as error:
+        sign = "discharge" if error.likely == "discharge" else "charge"
+        log = read_battery_log(path, argparse.Namespace(**{**vars(args), "current_sign": sign}), file=file)
+        told = [note for note in log.notes if not note.text.startswith("positive current")]
+        return replace(
+            log, notes=(*told, Note(f"{error}; here a positive current is taken to {sign} the battery", "warning"))
+        )
     except InputError as error:
-        if not (wheels := wheel_names(file.names)):
+        if not (wheels := wheel_names(file.names)) or _is_of_battery(file, dict(args.column)):
             raise
         raise InputError(
             f"{file.source} looks like a drive, with {listed(wheels, 4)}; see it with `ohmward slip {path} --robot "
             f"robot.toml`. As the log of a battery: {error}"
         ) from error
+
+
+def _is_of_battery(file: TableFile, columns: dict[str, str]) -> bool:
+    """True for a file that has a current and a voltage of a battery."""
+    cells = cell_names(file.names)
+    for channel in (CURRENT, VOLTAGE):
+        optional = channel._replace(required=False)
+        try:
+            if find_column(file.source, file.names, optional, columns, {}, cells) is None:
+                return False
+        except InputError:  # several fit
+            continue
+    return True
 
 
 def summary(paths: Sequence[str], found: Sequence[Findings]) -> dict[str, Any]:
