@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
+from ohmward.logs import read_log
 from ohmward.logs.csv_file import open_csv
 
 
@@ -107,7 +108,6 @@ def test_a_last_line_cut_by_a_power_failure_is_dropped_and_noted(write_text, tai
         ("time_s,current_A,voltage_V\n", "no rows below it"),
         ("0,1,12\n1,1,12\n", r"no header line: the first row is numbers \('0,1,12'\)"),
         ("time_s\n1\n2\n", "only one column found"),
-        ("a,a,b\n1,2,3\n", "more than one column is named 'a'"),
         ("a,b\n1,2\n1,2,3\n4,5\n", r"line 3: 3 cells where the header has 2"),
         ("a,b\n1,2\n1\n4,5\n", r"line 3: 1 cells where the header has 2"),
         ("a,b\0\0\0\n1,2\n", "not a text table"),
@@ -123,3 +123,20 @@ def test_a_million_rows_take_seconds(tmp_path):
     path.write_text("time_s,current_A,voltage_V\n" + "".join(f"{i},-1.25,12.5\n" for i in range(100_000)))
     table = load(path)
     assert table.line.size == 100_000
+
+
+def test_a_name_that_stands_twice_is_in_nobody_s_way(write_text):
+    """A second temperature or note is kept under a number; the first temperature counts, and a note says so."""
+    rows = "".join(f"{k},12.1,-1.5,{20 + k},{30 + k},n\n" for k in range(4))
+    log = read_log(write_text(f"time_s,Voltage (V),Current (A),Temp,Temp,Units\n{rows}"), current_sign="charge")
+    np.testing.assert_array_equal(log.temperature_degC, [20.0, 21.0, 22.0, 23.0])
+    np.testing.assert_array_equal(log.extra["Temp 2"], [30.0, 31.0, 32.0, 33.0])
+    assert any("temperature from 'Temp'" in note.text for note in log.notes)
+
+
+def test_of_two_voltages_of_one_name_one_is_chosen_by_the_user(write_text):
+    path = write_text("time_s,U (V),U (V),I (A)\n0,12,24,1\n1,12,24,2\n")
+    with pytest.raises(InputError, match=r"both 'U \(V\)' and 'U 2 \[V\]' may be the voltage"):
+        read_log(path, current_sign="charge")
+    chosen = read_log(path, current_sign="charge", columns={"voltage": "U 2 [V]"})
+    np.testing.assert_array_equal(chosen.voltage_V, [24.0, 24.0])

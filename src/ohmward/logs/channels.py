@@ -93,18 +93,20 @@ TIME = Channel(
     _words("time", "t", "timestamp", "time stamp", "datetime", "date time", "date", "stamp", "elapsed", "elapsed time",
            "unix time", "unixtime", "relative time", "total time", "header stamp", "seconds", "epoch", "ts", "realtime",
            "run time", "prog time", "program time", "date and time", "last changed", "last updated", "test", "x value",
-           "cumulative time", "absolute time", "record time", "system time", "zeit", "datum", "temps", "tiempo", "tempo", "czas", "время", "时间", "時間", "시간", "dpt time"),
+           "cumulative time", "absolute time", "record time", "system time",
+           "zeit", "datum", "temps", "tiempo", "tempo", "czas", "время", "时间", "時間", "시간", "dpt time"),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip
 CURRENT = Channel(
     "current", ("current",), UNITS["a"], "A or mA",
-    _words("current", "i", "cur", "curr", "ipack", "amps", "amperage", "ibat", "ibatt", "strom", "courant", "corriente", "corrente",
-           "prąd", "ток", "电流", "電流", "전류"),
+    _words("current", "i", "cur", "curr", "ipack", "amps", "amperage", "ibat", "ibatt", "strom", "courant", "corriente",
+           "corrente", "prąd", "ток", "电流", "電流", "전류"),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip
 VOLTAGE = Channel(
     "voltage", ("voltage",), UNITS["v"], "V or mV",
-    _words("voltage", "v", "u", "vol", "volt", "volts", "potential", "vtot", "vpack", "upack", "vfas", "vbat", "vbatt", "ubat", "ubatt", "ecell", "ewe",
+    _words("voltage", "v", "u", "vol", "volt", "volts", "potential", "vtot", "vpack", "upack", "vfas",
+           "vbat", "vbatt", "ubat", "ubatt", "ecell", "ewe",
            "spannung", "tension", "tensión", "voltaje", "tensione", "tensão", "napięcie", "напряжение", "电压", "電圧",
            "電壓", "전압"),
     _BESIDE_BATTERY, letters, required=True,

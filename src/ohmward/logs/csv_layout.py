@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple, TextIO
 from ohmward.errors import InputError
 from ohmward.logs.cells import Marks, find_marks, unit_in_cells
 from ohmward.logs.encoding import CODE_PAGES, find_encoding, is_wide
-from ohmward.logs.header import Header, ValueBlock, find_block, find_header
+from ohmward.logs.header import Header, ValueBlock, find_block, find_header, unique_names
 from ohmward.logs.hints import FileHints
 from ohmward.logs.units import Unit, split_unit
 
@@ -177,7 +177,7 @@ def find_layout(path: Path, hints: FileHints | None = None) -> CsvLayout:
     below it. Where there is none, the last comment is the header, as `numpy.savetxt` and `rostopic echo -p` write it.
 
     Raises:
-        InputError: empty file, no header, one column only, a column name twice.
+        InputError: empty file, no header, one column only.
     """
     hints = hints or FileHints()
     with open_text(path, hints.encoding) as stream:
@@ -192,6 +192,7 @@ def find_layout(path: Path, hints: FileHints | None = None) -> CsvLayout:
     if found is None:
         return _without_rows(path, text, numbered, encoding, mark)
     header = _header(path, lines[: numbered[found.block.first]], found, hints)
+    header = header._replace(names=unique_names(header.names))
     _check_names(path, header.names, encoding)
     data = [row for row in found.rows[header.first :] if len(row) >= len(header.names)][:_HEAD_ROWS]
     skip = numbered[header.first] if header.first < len(numbered) else len(lines)
@@ -365,7 +366,7 @@ def _without_rows(path: Path, lines: Sequence[str], numbered: Sequence[int], enc
     """The layout of a file whose first lines hold no row of values: a header alone, or no table."""
     marks = [mark] if mark else [one for one in _DELIMITERS if len(split_cells(lines[0], one)) > 1]
     delimiter = max(marks, key=lambda one: len(split_cells(lines[0], one)), default=",")
-    names = tuple(name.strip() for name in split_cells(lines[0], delimiter))
+    names = unique_names([name.strip() for name in split_cells(lines[0], delimiter)])
     _check_names(path, names, encoding)
     return CsvLayout(names, delimiter, Marks(), numbered[0] + 1, encoding)
 
@@ -377,11 +378,6 @@ def _check_names(path: Path, names: Sequence[str], encoding: str) -> None:
         raise InputError(
             f"{path.name}: only one column found ({excerpt!r}); "
             f"columns must be separated by a comma, semicolon, tab or spaces and named in a line above the rows{other}"
-        )
-    if twice := sorted({name for name in names if name and names.count(name) > 1}):
-        raise InputError(
-            f"{path.name}: more than one column is named {twice[0]!r}; rename them so that each is unique, or name all "
-            "with --names (FileHints(names=[...]))"
         )
 
 

@@ -41,6 +41,20 @@ class Header(NamedTuple):
     timezone: str | None = None  #: that the header names, or None
 
 
+def unique_names(names: Sequence[str]) -> tuple[str, ...]:
+    """The names, those that stand a second time with a number before their unit: `Temp`, `Temp 2`; `I 2 [A]`."""
+    unique: list[str] = []
+    for name in names:
+        stem, unit = next(split_unit(name))
+        number = 2
+        free = name
+        while free and free in unique:
+            free = f"{stem} {number} [{unit.symbol}]" if unit else f"{name} {number}"
+            number += 1
+        unique.append(free)
+    return tuple(unique)
+
+
 def find_block(rows: Sequence[Row]) -> ValueBlock | None:
     """The longest run of rows of values; blank rows do not end one."""
     best: ValueBlock | None = None

@@ -17,7 +17,7 @@ from ohmward.errors import InputError
 from ohmward.logs.arrays import plain_array
 from ohmward.logs.cells import Marks, parse_cells
 from ohmward.logs.columns import find_columns
-from ohmward.logs.header import Header, find_block, find_header
+from ohmward.logs.header import Header, find_block, find_header, unique_names
 from ohmward.logs.hints import FileHints
 from ohmward.logs.note import Note
 from ohmward.logs.table import Progress, Table, TableFile, row_numbers
@@ -234,21 +234,17 @@ def _table_file(
     source: str, rows: Sequence[Sequence[str]], header: Header, hints: FileHints, notes: tuple[Note, ...]
 ) -> TableFile:
     """The table of rows of cells below a header."""
-    names = header.names
+    names = unique_names(header.names)
     if len([name for name in names if name]) < 2:
         raise InputError(
             f"{source}: no header above the rows; name the columns with --names time_s,current_A,voltage_V"
         )
-    if twice := sorted({name for name in names if name and names.count(name) > 1}):
-        raise InputError(
-            f"{source}: more than one column is named {twice[0]!r}; name all with --names (FileHints(names=[...]))"
-        )
     data = [row for row in rows[header.first :] if any(row)]
 
-    def load(names: Collection[str], progress: Progress | None = None) -> Table:
+    def load(wanted: Collection[str], progress: Progress | None = None) -> Table:
         columns = {}
-        for k, name in enumerate(header.names):
-            if name and name in names:
+        for k, name in enumerate(names):
+            if name and name in wanted:
                 cells = [row[k] if k < len(row) else "" for row in data]
                 values = parse_cells(cells, Marks(), None)
                 columns[name] = np.array(cells, dtype=object) if values is None else values
