@@ -34,3 +34,59 @@ def test_positions_without_a_unit_in_their_name(tmp_path):
     write_table({"time_s": T, **dict.fromkeys(names, ANGLE)}, tmp_path / "drive.csv")
     log = read_drive(tmp_path / "drive.csv", RLMA, units={"wheel_speed": "rad"})
     assert np.nanmax(np.abs(log.wheel_speed_rad_s[-399:, 0] - SPEED[1:])) < 1e-5
+
+
+@pytest.mark.parametrize(("names", "unit_m"), [("s_{}_m", 1.0), ("{} distance (mm)", 1e-3), ("way_{}_cm", 1e-2)])
+def test_the_way_of_each_wheel_tells_its_speed(names, unit_m, tmp_path):
+    way = ANGLE * RLMA.wheel.radius_m / unit_m
+    write_table({"time_s": T, **{names.format(side): way for side in ("left", "right")}}, tmp_path / "drive.csv")
+    log = read_drive(tmp_path / "drive.csv", RLMA)
+    np.testing.assert_allclose(log.wheel_speed_rad_s[-399:, :2], np.column_stack([SPEED, SPEED])[1:], rtol=1e-4)
+    assert any("the way of a rim" in note.text for note in log.notes)
+
+
+@pytest.mark.parametrize("per_turn", [60, 1440])
+@pytest.mark.parametrize("back", [False, True])
+def test_counts_since_the_last_row_are_added_up(per_turn, back, tmp_path):
+    angle = np.cumsum(np.where(T > 10.0, -1.0 if back else 1.0, 1.0) * 0.05 * SPEED)
+    counts = np.floor(angle / (2 * np.pi) * per_turn)
+    names = ("left_ticks", "right_ticks")
+    totals = []
+    for column in (counts, np.diff(counts, prepend=0.0)):
+        write_table({"time_s": T, **dict.fromkeys(names, column)}, tmp_path / "drive.csv")
+        log = read_drive(tmp_path / "drive.csv", RLMA, counts_per_turn=per_turn)
+        totals.append(log.wheel_speed_rad_s[-390:, 0])
+        added = [note for note in log.notes if "counts since the row before" in note.text]
+        assert bool(added) == (column is not counts)
+    np.testing.assert_allclose(*totals, atol=1e-6)
+
+
+def test_a_counter_that_rolls_over_within_a_turn_is_not_added_up(tmp_path):
+    counts = np.mod(np.floor(40.0 * ANGLE), 256)
+    write_table({"time_s": T, "left_ticks": counts, "right_ticks": counts}, tmp_path / "drive.csv")
+    log = read_drive(tmp_path / "drive.csv", RLMA, counts_per_turn=4096)
+    assert not any("since the row before" in note.text for note in log.notes)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("rpm", 30 / np.pi), ("rad_s", 1.0)])
+def test_wheels_that_report_in_turns_are_known_at_once(unit, scale, tmp_path):
+    speed = np.interp(T, T, SPEED)
+    turn = np.arange(T.size) % 3
+    columns = {f"{side}_{unit}": np.where(turn == k, scale * speed, np.nan) for k, side in enumerate(("left", "right"))}
+    yaw = {"gyro_z_rad_s": np.where(turn == 2, 0.0, np.nan)}
+    write_table({"time_s": T, **columns, **yaw}, tmp_path / "drive.csv")
+    log = read_drive(tmp_path / "drive.csv", RLMA)
+    both = np.isfinite(log.wheel_speed_rad_s[:, :2]).all(axis=1)
+    assert np.count_nonzero(both) > 130
+    expected = 4.0 + np.sin(log.time_s[both])
+    np.testing.assert_allclose(log.wheel_speed_rad_s[both, :2], np.column_stack([expected] * 2), atol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "warns"), [("vel_left", True), ("velL", True), ("left_rad_s", False), ("v_left", False)]
+)
+def test_a_speed_that_is_only_a_guess_is_a_warning(name, warns, tmp_path):
+    right = name.replace("left", "right").replace("velL", "velR")
+    write_table({"time_s": T, name: SPEED, right: SPEED}, tmp_path / "drive.csv")
+    notes = read_drive(tmp_path / "drive.csv", RLMA).notes
+    assert any(n.level == "warning" and "--unit wheel_speed=m/s" in n.text for n in notes) == warns

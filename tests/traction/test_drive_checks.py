@@ -226,3 +226,36 @@ def test_a_robot_that_is_stuck(every, forward):
 def test_a_robot_that_starts_late_by_its_speed_is_not_stuck():
     log = good(RLMA, gyro=False)
     assert texts(RLMA, replace(log, speed_m_s=np.where(TIME < 2.5, 0.0, log.speed_m_s))) == []
+
+
+def reversing(turn_rate=0.4):
+    """A drive that goes back for a third of the time, and turns about all along."""
+    log = good()
+    speed = 0.3 * np.sign(np.sin(2 * np.pi * TIME / 20.0) + 0.5)
+    yaw = turn_rate * np.sin(0.7 * TIME)
+    wheels = np.column_stack([speed, yaw]) @ RLMA.rolling.T / RLMA.wheel.radius_m
+    return replace(log, wheel_speed_rad_s=wheels, yaw_rate_rad_s=yaw, speed_m_s=None)
+
+
+@pytest.mark.parametrize("turn_rate", [0.4, 1.5])
+def test_wheels_without_a_sign_are_named(turn_rate):
+    log = reversing(turn_rate)
+    assert texts(RLMA, log) == []
+    sizes = replace(log, wheel_speed_rad_s=np.abs(log.wheel_speed_rad_s))
+    assert any("lost their sign" in text for text in texts(RLMA, sizes))
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_mirrored_side_is_named_without_a_gyro(side):
+    log = replace(good(gyro=False, speed_m_s=None), motor_current_A=np.full((TIME.size, 2), np.nan))
+    columns = [k for k, place in enumerate(RLMA.places) if ("left", "right")[side] in place.name]
+    wheels = np.array(log.wheel_speed_rad_s)
+    wheels[:, columns] *= -1.0
+    assert any("one side are mounted mirrored" in text for text in texts(RLMA, replace(log, wheel_speed_rad_s=wheels)))
+
+
+def test_a_robot_that_turns_on_the_spot_once_is_not_mirrored():
+    yaw = np.where(TIME < 8.0, 0.8, 0.0)
+    wheels = np.column_stack([0.0 * yaw, yaw]) @ RLMA.rolling.T / RLMA.wheel.radius_m
+    log = DriveLog("spot", TIME, wheels, np.full((TIME.size, 2), np.nan))
+    assert texts(RLMA, log) == []

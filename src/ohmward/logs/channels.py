@@ -118,13 +118,30 @@ TEMPERATURE = Channel(
     _BESIDE_BATTERY, letters, first_of_many=True,
 )  # fmt: skip
 WHEEL_SPEED = Channel(
-    "wheel_speed", ("rotation", "speed", "turn", "angle"), UNITS["rad/s"], "rad/s, rpm, m/s, counts or rad",
+    "wheel_speed", ("rotation", "speed", "turn", "angle", "length"), UNITS["rad/s"],
+    "rad/s, rpm, m/s, counts, rad or m",
     _words("speed", "vel", "velocity", "velocities", "v", "w", "omega", "rate", "angvel"), _BESIDE_WHEELS,
 )  # fmt: skip
 WHEEL_COUNTS = WHEEL_SPEED._replace(
-    dimensions=("turn", "angle"),
+    dimensions=("turn", "angle", "length"),
     default=UNITS["counts"],
-    words=_words("counts", "count", "ticks", "tick", "encoder", "enc", "position", "positions", "pos", "angle"),
+    words=_words(
+        "counts",
+        "count",
+        "ticks",
+        "tick",
+        "encoder",
+        "enc",
+        "position",
+        "positions",
+        "pos",
+        "angle",
+        "s",
+        "way",
+        "distance",
+        "dist",
+        "travel",
+    ),
 )
 MOTOR_CURRENT = Channel(
     "motor_current", ("current",), UNITS["a"], "A or mA",

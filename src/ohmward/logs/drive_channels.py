@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.logs.channels import BODY, MOTOR_CURRENT, WHEEL, WHEEL_SPEED, channel_of
-from ohmward.logs.clean import finite
+from ohmward.logs.clean import find_gaps, finite
 from ohmward.logs.columns import Column
 from ohmward.logs.motor_currents import mend_currents
 from ohmward.logs.note import Note
@@ -59,12 +59,12 @@ def drive_channels(table: Table, found: Found, wheels: Wheels, mechanics: Mechan
     measured = [q for q in wheels.quantities[1:] if q in found.columns and found.columns[q].name in table.columns]
     columns = {quantity: found.columns[quantity] for quantity in measured}
     channels, conversion_notes = _in_si(table, time_s, columns, mechanics)
-    speed_rad_s = _side_by_side(channels, wheels.of(WHEEL_SPEED), time_s)
+    speed_rad_s, turn_notes = _at_once(time_s, _side_by_side(channels, wheels.of(WHEEL_SPEED), time_s))
     current_A = _side_by_side(channels, wheels.of(MOTOR_CURRENT), time_s)
     names = [columns[q].name if q in columns else "" for q in wheels.of(MOTOR_CURRENT).values()]
     current_A, current_notes = mend_currents(time_s, current_A, speed_rad_s, names, wheels.driven_places)
     body = {channel.name: channels[channel.name] for channel in BODY if channel.name in channels}
-    notes = [*unit_notes(columns, mechanics), *conversion_notes]
+    notes = [*unit_notes(columns, mechanics), *conversion_notes, *turn_notes]
     notes += _use_angles(time_s, body)
     absent = _absent_notes(columns, wheels)
     return DriveChannels(time_s, speed_rad_s, current_A, body, (*notes, *current_notes), absent)
@@ -94,6 +94,28 @@ def _side_by_side(channels: Mapping[str, np.ndarray], quantities: Mapping[str, s
     for wheel, quantity in enumerate(quantities.values()):
         values[:, wheel] = channels.get(quantity, np.nan)
     return values
+
+
+def _at_once(time_s: np.ndarray, speed_rad_s: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """Speeds (T, wheels) of wheels that report in turns, at the times of the first one, and a note.
+
+    They are linear between two samples of a wheel, but not over gaps. Wheels of which some report together stay as
+    they are.
+    """
+    measured = np.flatnonzero(np.isfinite(speed_rad_s).any(axis=0))
+    known = np.isfinite(speed_rad_s[:, measured])
+    if measured.size < 2 or known.all(axis=1).any() or known.sum(axis=0).min() < 2:
+        return speed_rad_s, ()
+    first = known[:, 0]
+    together = np.full(speed_rad_s.shape, np.nan)
+    for wheel, rows in zip(measured, known.T, strict=True):
+        own_s = time_s[rows]
+        values = np.interp(time_s[first], own_s, speed_rad_s[rows, wheel], left=np.nan, right=np.nan)
+        after = np.clip(np.searchsorted(own_s, time_s[first]), 1, own_s.size - 1)
+        in_gap = np.isin(after - 1, find_gaps(own_s)) & ~rows[first]
+        together[first, wheel] = np.where(in_gap, np.nan, values)
+    text = "no two wheels report at the same time: their speeds are interpolated to the times of the first one"
+    return together, (Note(text),)
 
 
 def _use_angles(time_s: np.ndarray, body: dict[str, np.ndarray]) -> list[Note]:

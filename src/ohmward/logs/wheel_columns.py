@@ -165,7 +165,7 @@ def _of_wheel(name: str, channel: Channel) -> _OfWheel | None:
     """The name as a channel of a wheel, if all its words are known and one of them says so, or the unit of a speed."""
     naming = frozenset[str]().union(*channel.words)
     counts = channel is WHEEL_COUNTS
-    angles = [(stem, unit) for stem, unit in split_unit(name) if unit and unit.dimension == "angle"]
+    angles = [(stem, unit) for stem, unit in split_unit(name) if unit and unit.dimension in ("angle", "length")]
     for stem, unit in [*angles, (name, channel.default)] if counts else split_unit(name):
         if unit and (unit.dimension not in channel.dimensions or (unit.dimension in POSITIONS and not counts)):
             continue

@@ -18,7 +18,7 @@ from ohmward.logs.note import Note
 from ohmward.logs.units import UNITS, Unit
 
 #: Dimensions of a wheel's position, whose change is its speed.
-POSITIONS = ("turn", "angle")
+POSITIONS = ("turn", "angle", "length")
 
 #: Widths of counters that roll over within a drive.
 WIDTHS = (8, 16, 32)
@@ -67,6 +67,8 @@ def unit_of_channel(quantity: str, column: Column, mechanics: Mechanics) -> Unit
     return UNITS["m/s"] if "v" in words else channel.default
 
 
+#: So many rows, turns and counts at least show that counts go up and down, in this share of the steps.
+_FEWEST_ROWS, _FEWEST_TURNS, _FEWEST_COUNTS, _UP_AND_DOWN = 50, 3.0, 2.0, 0.2
 _POSITION_WORDS = frozenset(word for words in WHEEL_COUNTS.words for word in words)
 
 
@@ -81,10 +83,11 @@ def wheel_speed(
     Raises:
         InputError: the radius or the counts per turn are needed and not given.
     """
-    if unit.dimension == "speed":
+    if unit.dimension in ("speed", "length"):
         if mechanics.radius_m is None:
             raise InputError(f"{source}: {name!r} is in {unit.symbol}; give the radius of the wheels (radius_m)")
-        return unit.in_si(values) / mechanics.radius_m, ()
+        at_rim = unit.in_si(values) / mechanics.radius_m
+        return (at_rim if unit.dimension == "speed" else speed_from_angle(at_rim, time_s)), ()
     gear_ratio = mechanics.gear_ratio if mechanics.at_motor_shaft else 1.0
     if unit.dimension == "rotation":
         return unit.in_si(values) / gear_ratio, ()
@@ -93,11 +96,32 @@ def wheel_speed(
     if mechanics.counts_per_turn is None:
         raise InputError(
             f"{source}: {name!r} counts the turns of a wheel; say how far with --counts-per-turn 4096 "
-            "(counts_per_turn=4096), or of positions in rad --unit wheel_speed=rad"
+            "(counts_per_turn=4096), of positions in rad --unit wheel_speed=rad, or of a way at the rim --unit "
+            "wheel_speed=m"
         )
+    if are_since_last_row(values, mechanics.counts_per_turn):
+        text = f"{name!r} does not grow with the way: taken as the counts since the row before, and added up"
+        speed_rad_s = speed_from_counts(np.nancumsum(values), time_s, mechanics.counts_per_turn).speed_rad_s
+        return speed_rad_s / gear_ratio, (Note(text, "warning"),)
     encoder = speed_from_counts(values, time_s, mechanics.counts_per_turn)
     rolled = Note(f"{name!r}: a counter of {encoder.bits} bits rolled over {encoder.rollovers} times: undone")
     return encoder.speed_rad_s / gear_ratio, (rolled,) if encoder.rollovers else ()
+
+
+def are_since_last_row(counts: np.ndarray, counts_per_turn: float) -> bool:
+    """True for counts (T,) that are anew in each row: within a turn of zero, and up and down all the time.
+
+    A counter turns round as seldom as the wheel does. Where the counts come to no way, it does not matter.
+    """
+    values = counts[np.isfinite(counts)]
+    if values.size < _FEWEST_ROWS or counter_bits(values) is not None:
+        return False
+    if np.abs(values).max() > counts_per_turn or np.abs(values).sum() < _FEWEST_TURNS * counts_per_turn:
+        return False
+    ways = np.sign(np.diff(values))
+    ways = ways[ways != 0.0]
+    turns_round = np.count_nonzero(ways[1:] != ways[:-1])
+    return bool(np.ptp(values) >= _FEWEST_COUNTS and turns_round > _UP_AND_DOWN * ways.size)
 
 
 def speed_from_counts(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float) -> EncoderSpeed:
@@ -159,7 +183,10 @@ def unit_notes(columns: Mapping[str, Column], mechanics: Mechanics) -> list[Note
     notes = []
     for (kind, symbol, guessed), names in alike.items():
         unit = f"taken as {symbol}, which the name does not say" if guessed else f"in {symbol}"
-        notes.append(Note(f"{kind.replace('_', ' ')} from {listed(list(dict.fromkeys(names)))}, {unit}"))
+        doubtful = guessed and kind == WHEEL_SPEED.name and symbol == WHEEL_SPEED.default.symbol
+        advice = "; for another say --unit wheel_speed=m/s, rpm or deg/s" if doubtful else ""
+        text = f"{kind.replace('_', ' ')} from {listed(list(dict.fromkeys(names)))}, {unit}{advice}"
+        notes.append(Note(text, "warning" if doubtful else "info"))
         if kind == WHEEL_SPEED.name:
             notes += _shaft_notes(UNITS[symbol], names, mechanics)
     return notes
@@ -168,8 +195,9 @@ def unit_notes(columns: Mapping[str, Column], mechanics: Mechanics) -> list[Note
 def _shaft_notes(unit: Unit, names: list[str], mechanics: Mechanics) -> list[Note]:
     """A note on the shaft or rim that the speeds of wheels are taken to be of, where that is not plain."""
     gear = f"{mechanics.gear_ratio:g}"
-    if unit.dimension == "speed":
-        return [Note(f"that is the speed of a rim of radius {mechanics.radius_m:g} m")]
+    if unit.dimension in ("speed", "length"):
+        quantity = "speed" if unit.dimension == "speed" else "way"
+        return [Note(f"that is the {quantity} of a rim of radius {mechanics.radius_m:g} m")]
     if mechanics.at_motor_shaft:
         return [Note(f"that is the motor's, before a gear of {gear} (--motor-shaft)")]
     if mechanics.gear_ratio != 1.0 and any({"motor", "m"} & set(robot_words(name)) for name in names):

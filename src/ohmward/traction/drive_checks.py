@@ -32,6 +32,9 @@ LASTS_S, FEWEST = 1.0, 20
 #: less than a tenth of that once the sign is changed.
 CONTRADICTION, CURED = 0.1, 0.1
 
+#: Sides turn against each other in this share of the samples, for so many turns of the robot, where one is mirrored.
+SPINS_SHARE, FEWEST_SPINS = 0.9, 3.0
+
 #: A motor brakes all the way where its current in the direction of its wheel is below this share of its size.
 BRAKES = -0.3
 
@@ -67,6 +70,8 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
         _spikes,
         _wrong_wheel_signs,
         _wrong_yaw_sign,
+        _unsigned_wheels,
+        _mirrored_side,
         _wrong_current_signs,
         _blocked_wheels,
         _dead_currents,
@@ -186,6 +191,60 @@ def _wrong_yaw_sign(robot: Robot, log: DriveLog) -> list[str]:
     ]
 
 
+def _unsigned_wheels(robot: Robot, log: DriveLog) -> list[str]:
+    """Wheels that are never negative while the gyro turns as if one side, or both, turned back for a while."""
+    sides = _sides(robot)
+    speed = log.wheel_speed_rad_s
+    if log.yaw_rate_rad_s is None or sides is None or (np.nan_to_num(speed) < -TURNS_RAD_S).any():
+        return []
+    signs = [np.where(sides > 0, left, right) for left in (1, -1) for right in (1, -1)]
+    yaws = np.stack([yaw_rate_of_wheels(robot, speed * way) for way in signs])
+    rows = np.isfinite(yaws).all(axis=0) & np.isfinite(log.yaw_rate_rad_s) & (np.nan_to_num(speed).max(axis=1) > 0.0)
+    if rows.sum() < FEWEST:
+        return []
+    gyro = log.yaw_rate_rad_s[rows]
+    left = (yaws[:, rows] - gyro) ** 2
+    if left[0].sum() < CONTRADICTION * (gyro @ gyro) or left.min(axis=0).sum() > CURED * left[0].sum():
+        return []
+    against = np.count_nonzero(left[0] > YAWS_RAD_S**2)
+    if against < FEWEST:
+        return []
+    return [
+        f"the wheel speeds are never negative, but the gyro turns as if wheels turned back in {against} samples: they "
+        "have lost their sign, and way, pose and slip are wrong there; let the logger write the sign, or cut out with "
+        "--start and --stop a part in which the robot drives forward"
+    ]
+
+
+def _mirrored_side(robot: Robot, log: DriveLog) -> list[str]:
+    """Sides that turn against each other nearly always, so that a robot without a gyro only spins on the spot."""
+    sides = _sides(robot)
+    if log.yaw_rate_rad_s is not None or log.speed_m_s is not None or sides is None:
+        return []
+    with np.errstate(invalid="ignore"):
+        known = np.isfinite(log.wheel_speed_rad_s)
+        by_side = [np.where(known[:, sides == side], log.wheel_speed_rad_s[:, sides == side], 0.0) for side in (1, -1)]
+    left, right = (values.sum(axis=1) for values in by_side)
+    turn = np.minimum(np.abs(left), np.abs(right)) > TURNS_RAD_S
+    if turn.sum() < FEWEST or np.mean(left[turn] * right[turn] < 0) < SPINS_SHARE:
+        return []
+    yaw = np.nan_to_num(yaw_rate_of_wheels(robot, log.wheel_speed_rad_s))
+    turns = float(np.abs(yaw) @ np.diff(log.time_s, prepend=log.time_s[0])) / (2 * math.pi)
+    if turns < FEWEST_SPINS:
+        return []
+    return [
+        f"the wheels of both sides turn against each other nearly always, as if the robot turned {turns:.0f} times on "
+        "the spot: the encoders of one side are mounted mirrored; change the signs of that side in the file"
+    ]
+
+
+def _sides(robot: Robot) -> np.ndarray | None:
+    """(wheels,) 1 for a wheel on the left, -1 on the right; None where wheels have no side."""
+    names = [place.name for place in robot.places]
+    sides = np.array([("left" in name) - ("right" in name) for name in names])
+    return sides if sides.all() and not isinstance(robot.chassis, Omni) else None
+
+
 def _wrong_current_signs(robot: Robot, log: DriveLog) -> list[str]:
     """Motors that would brake all the way, and take energy that the robot does not give up: it does not slow down.
 
@@ -272,7 +331,7 @@ def _wrong_units(robot: Robot, log: DriveLog) -> list[str]:
         return []
     text = (
         f"the wheels say {ratio:.3g} times the speed that was measured from outside; is it another unit (--unit "
-        "wheel_speed=rpm), the motors' speed (--motor-shaft), or another radius in the robot file?"
+        "wheel_speed=rpm, or m/s), the motors' speed (--motor-shaft), or another radius in the robot file?"
     )
     if not 1 / RATIO_MEANINGLESS < ratio < RATIO_MEANINGLESS:
         raise InputError(f"{log.name}: {text}")
