@@ -106,3 +106,21 @@ def test_missing_times_are_nan():
 def test_unreadable_times_are_named(cells, message):
     with pytest.raises(InputError, match=message):
         clock(text(*cells))
+
+
+@pytest.mark.parametrize("epoch", ["1970-01-01T00:00:20", "2000-01-01T12:00:00"])
+@pytest.mark.parametrize("unit", ["dates", "s", "ms"])
+def test_a_clock_that_was_set_after_the_start_is_joined(epoch, unit):
+    scale = {"dates": 1.0, "s": 1.0, "ms": 1e3}[unit]
+    begin = (np.datetime64(epoch, "s") - np.datetime64(0, "s")) / np.timedelta64(1, "s")
+    seconds = np.concatenate([begin + 5.0 * np.arange(30), START - 0.5 + 5.0 * np.arange(100)])
+    values = seconds.astype("M8[s]") if unit == "dates" else scale * seconds
+    read = clock(values)
+    np.testing.assert_allclose(np.diff(read.time_s), 5.0, atol=1e-6)
+    assert read.start_unix_s + read.time_s[30] == pytest.approx(START - 0.5)
+    assert [note.level for note in read.notes if "set after the start" in note.text] == ["warning"]
+
+
+@pytest.mark.parametrize("seconds", [[START - 1e8, START - 1e8 + 5.0, START, START + 5.0], [0.0, 5.0, 4e7, 4e7 + 5.0]])
+def test_a_pause_of_years_is_no_clock_that_was_set(seconds):
+    assert np.diff(clock(np.array(seconds)).time_s).max() > 3e7

@@ -37,6 +37,8 @@ _COMPACT = (2.0e13, 2.1e13)
 _DAY_S = 86400.0
 #: A time of day that falls by more than this has gone over midnight.
 _OVER_MIDNIGHT_S = 0.9 * _DAY_S
+#: A clock that jumps by this was set.
+_SET_FROM_S = 365.0 * _DAY_S
 #: Serial dates a hundred seconds apart at most; as seconds they would be a hundred thousandth of that.
 _SERIAL_STEP = 100.0 / _DAY_S
 
@@ -86,7 +88,42 @@ def read_clock(table: Table, column: Column, hints: FileHints | None = None, dat
         InputError: a cell is neither a number nor a date; names the line. Serial dates, or a change of clocks, that
             the user must explain.
     """
-    hints = hints or FileHints()
+    return _set_at_boot(_read_clock(table, column, hints or FileHints(), date), column.name)
+
+
+def _set_at_boot(clock: Clock, name: str) -> Clock:
+    """The clock without the jump of one that began at a New Year and was set while it ran, within a day; with a note.
+
+    The rows before the jump end a usual interval before it.
+    """
+    known = np.flatnonzero(np.isfinite(clock.time_s))
+    steps = np.diff(clock.time_s[known])
+    if not steps.size or steps.max() < _SET_FROM_S:
+        return clock
+    last = int(np.argmax(steps))
+    begin_s, end_s = clock.time_s[known[0]], clock.time_s[known[last]]
+    begin = np.datetime64(0, "s") + int(begin_s + (clock.start_unix_s or 0.0))
+    since_new_year_s = (begin - begin.astype("M8[Y]").astype("M8[s]")) / np.timedelta64(1, "s")
+    jump_s = float(steps[last] - np.median(steps))
+    start_unix_s = (clock.start_unix_s or 0.0) + jump_s
+    if end_s - begin_s > _DAY_S or since_new_year_s > 2 * _DAY_S or not _is_unix(start_unix_s):
+        return clock
+    time_s = clock.time_s.copy()
+    time_s[known[last + 1] :] -= jump_s
+    text = (
+        f"column {name!r}: the clock jumps by {jump_s / (365.25 * _DAY_S):.1f} years after {end_s - begin_s:g} s: set "
+        f"after the start at {begin}; the rows before are joined to those after it"
+    )
+    return clock._replace(
+        time_s=time_s,
+        start_unix_s=start_unix_s,
+        notes=(*clock.notes, Note(text, "warning")),
+        guessed_unit=False,
+    )
+
+
+def _read_clock(table: Table, column: Column, hints: FileHints, date: str | None) -> Clock:
+    """The clock as it stands in the file; see `read_clock`."""
     values = table.columns[column.name]
     if date is not None and date in table.columns and values.dtype == object:
         values = _joined(values, table.columns[date])
@@ -133,7 +170,9 @@ def _from_numbers(table: Table, column: Column, values: np.ndarray, hints: FileH
         return _from_dates(table, column, Dates(from_excel(values), False), hints, "serial dates of Excel")
     if column.unit is None and _COMPACT[0] < first < _COMPACT[1] and (seconds := from_compact(values)) is not None:
         return _from_dates(table, column, Dates(seconds, False), hints, "dates")
-    unit = column.unit or next((UNITS[u] for u in ("s", "ms", "us", "ns") if _is_unix(first * UNITS[u].scale)), None)
+    last = values[known][-1] if known.any() else 0  # of a clock that was set while it ran
+    units = [UNITS[u] for value in (first, last) for u in ("s", "ms", "us", "ns") if _is_unix(value * UNITS[u].scale)]
+    unit = column.unit or next(iter(units), None)
     notes: tuple[Note, ...] = ()
     if unit is None:
         unit = UNITS["s"]
