@@ -39,7 +39,7 @@ from ohmward.logs.order import (
     sort_rows,
 )
 from ohmward.logs.parquet_file import open_parquet
-from ohmward.logs.rows_file import WORKBOOK_ENDINGS, is_json, open_json, open_workbook
+from ohmward.logs.rows_file import WORKBOOK_ENDINGS, is_echo, is_json, open_json, open_workbook
 from ohmward.logs.selection import RECORDING, names_instances, recording_numbers, select_rows
 from ohmward.logs.table import Progress, Table, TableFile
 from ohmward.logs.ulog_file import ULOG_MAGIC, open_ulog
@@ -108,7 +108,7 @@ def _open_file(path: Path, hints: FileHints) -> TableFile:
             return as_wide(opener(path, hints))
     if HDF5_MAGIC in head:
         return as_wide(open_hdf5(path, hints))
-    if is_json(head):
+    if is_json(head) or is_echo(head):
         return as_wide(open_json(path, hints))
     return as_wide(open_csv(path, hints))
 
@@ -138,7 +138,7 @@ OPENERS: tuple[tuple[bytes, Callable[[Path, FileHints], TableFile]], ...] = (
     (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", open_workbook),  # .xls
 )
 #: Enough to see that of HDF5 behind a block of the user, and the beginning of JSON.
-HEAD_BYTES = 1024
+HEAD_BYTES = 4096
 #: Endings of logs in a folder.
 LOG_ENDINGS = (
     *(".csv", ".csv.gz", ".tsv", ".txt", ".mpt", ".lvm"),

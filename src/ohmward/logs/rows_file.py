@@ -24,6 +24,10 @@ from ohmward.logs.table import Progress, Table, TableFile, row_numbers
 from ohmward.optional import require
 
 #: Beginnings of a file of JSON.
+#: The first message as `ros2 topic echo` writes it: keys and items of lists, a line each, and the end.
+_ECHO = re.compile(rb"(?:---\s*\n)?(?:[A-Za-z_]\w*:.*\n(?: *(?:- .*|[A-Za-z_]\w*:.*)\n)+)---\s*\n")
+_ECHOED = re.compile(r"^(?P<indent> *)(?:- |(?P<name>[A-Za-z_]\w*):)\s*(?P<value>.*?)\s*$")
+_ECHO_BYTES = 4096
 _JSON = re.compile(rb"^(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\]])")
 #: Cells of a workbook, empty ones between those that are filled among them, and bytes of its unpacked parts.
 MOST_CELLS, MOST_BYTES = 1 << 24, 1 << 30
@@ -38,6 +42,11 @@ WORKBOOK_ENDINGS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 def is_json(head: bytes) -> bool:
     """True where a file begins like objects of JSON."""
     return _JSON.match(head) is not None
+
+
+def is_echo(head: bytes) -> bool:
+    """True where a file begins like messages of ROS as `ros2 topic echo` writes them, the first one ended."""
+    return _ECHO.match(head) is not None
 
 
 def open_workbook(path: Path, hints: FileHints) -> TableFile:
@@ -268,13 +277,16 @@ def _text(cell: Any) -> str:
 
 
 def open_json(path: Path, hints: FileHints) -> TableFile:
-    """The columns of JSON: an object a line, an array of objects, or an object of columns; inner names after a point.
+    """The columns of echoed messages or of JSON: an object a line, an array of objects, or an object of columns.
+
+    Inner names stand after a point.
 
     Raises:
         InputError: no JSON, or no objects of one kind.
     """
     text = path.read_text(encoding=hints.encoding or "utf-8-sig", errors="replace")
-    columns = _columns(path.name, _content(path.name, text))
+    echoed = is_echo(text[:_ECHO_BYTES].encode())
+    columns = _columns(path.name, _echoed(text) if echoed else _content(path.name, text))
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
         chosen = {name: values for name, values in columns.items() if name in names}
@@ -315,6 +327,33 @@ def _columns(source: str, content: Any) -> dict[str, np.ndarray]:
     if not rows or len(names) < 2:
         raise InputError(f'{source}: no objects with two values and more; write one object a line: {{"t": 0, "I": 1}}')
     return {name: plain_array(_alike([row.get(name) for row in rows])) for name in names}
+
+
+def _echoed(text: str) -> list[dict[str, str]]:
+    """The values of each message that `ros2 topic echo` wrote, by names like `header.stamp.sec` and `velocity[0]`."""
+    messages = []
+    for document in re.split(r"^---\s*$", text, flags=re.MULTILINE):
+        message: dict[str, str] = {}
+        above: list[tuple[int, str]] = []
+        item = 0
+        for line in filter(None, map(_ECHOED.match, document.splitlines())):
+            indent, name, value = len(line["indent"]), line["name"], line["value"].strip("'\"")
+            while above and (above[-1][0] > indent or (name and above[-1][0] == indent)):
+                above.pop()
+            before = ".".join(key for _, key in above)
+            if name is None:
+                message[f"{before}[{item}]"] = value
+                item += 1
+                continue
+            item, path = 0, f"{before}.{name}" if before else name
+            if value.startswith("["):
+                message |= {f"{path}[{k}]": cell.strip() for k, cell in enumerate(value.strip("[]").split(","))}
+            elif value:
+                message[path] = value
+            else:
+                above.append((indent, name))
+        messages += [message] if message else []
+    return messages
 
 
 def _flat(lists: Mapping[str, list]) -> bool:
