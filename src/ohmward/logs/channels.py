@@ -125,24 +125,9 @@ WHEEL_SPEED = Channel(
 WHEEL_COUNTS = WHEEL_SPEED._replace(
     dimensions=("turn", "angle", "length"),
     default=UNITS["counts"],
-    words=_words(
-        "counts",
-        "count",
-        "ticks",
-        "tick",
-        "encoder",
-        "enc",
-        "position",
-        "positions",
-        "pos",
-        "angle",
-        "s",
-        "way",
-        "distance",
-        "dist",
-        "travel",
-    ),
-)
+    words=_words("counts", "count", "ticks", "tick", "encoder", "enc", "position", "positions", "pos", "angle",
+                 "s", "way", "distance", "dist", "travel"),
+)  # fmt: skip
 MOTOR_CURRENT = Channel(
     "motor_current", ("current",), UNITS["a"], "A or mA",
     _words("current", "currents", "cur", "curr", "i", "amps"), _BESIDE_WHEELS,

@@ -243,24 +243,24 @@ def _table_file(
     source: str, rows: Sequence[Sequence[str]], header: Header, hints: FileHints, notes: tuple[Note, ...]
 ) -> TableFile:
     """The table of rows of cells below a header."""
-    names = unique_names(header.names)
-    if len([name for name in names if name]) < 2:
+    unique = unique_names(header.names)
+    if len([name for name in unique if name]) < 2:
         raise InputError(
             f"{source}: no header above the rows; name the columns with --names time_s,current_A,voltage_V"
         )
     data = [row for row in rows[header.first :] if any(row)]
 
-    def load(wanted: Collection[str], progress: Progress | None = None) -> Table:
+    def load(names: Collection[str], progress: Progress | None = None) -> Table:
         columns = {}
-        for k, name in enumerate(names):
-            if name and name in wanted:
+        for k, name in enumerate(unique):
+            if name and name in names:
                 cells = [row[k] if k < len(row) else "" for row in data]
                 values = parse_cells(cells, Marks(), None)
                 columns[name] = np.array(cells, dtype=object) if values is None else values
         return Table(source, columns, row_numbers(header.first + 1, len(data)), "row", notes)
 
-    head = {name: tuple(row[k] for row in data[:100] if k < len(row)) for k, name in enumerate(names) if name}
-    return TableFile(source, tuple(name for name in names if name), load, head=head, hints=hints)
+    head = {name: tuple(row[k] for row in data[:100] if k < len(row)) for k, name in enumerate(unique) if name}
+    return TableFile(source, tuple(name for name in unique if name), load, head=head, hints=hints)
 
 
 def _text(cell: Any) -> str:

@@ -98,7 +98,7 @@ def sign_evidence(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarr
     trend = trend_test(time_s[known], current_A[known], voltage_V[known])
     changes = change_test(current_A[known], voltage_V[known])
     signs = {edges.sign, trend} - {0} or {changes}
-    verdict = {(1,): "charge", (-1,): "discharge"}.get(tuple(signs), "undecidable")
+    verdict = "charge" if signs == {1} else "discharge" if signs == {-1} else "undecidable"
     return SignEvidence(verdict, edges, trend, changes)
 
 
