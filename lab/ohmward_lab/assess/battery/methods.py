@@ -13,8 +13,7 @@ from ohmward.battery.soc.sample import SocSample
 from ohmward_lab.assess.recommendation import Processor
 from ohmward_lab.published.rc_three_states import RcThreeState, RcThreeStates
 from ohmward_lab.published.registry import GivenStart
-from ohmward_lab.published.scheme_by_method import SchemeByMethod
-from ohmward_lab.published.scheme_soc import SchemeSoc
+from ohmward_lab.published.scheme_by_method import SchemeByMethod, SchemeSoc
 
 
 class SocMethod(NamedTuple):

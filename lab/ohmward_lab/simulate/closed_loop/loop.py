@@ -34,7 +34,7 @@ from ohmward_lab.simulate.closed_loop.sensing import SensorSuite
 from ohmward_lab.simulate.closed_loop.supply import PackSensors, Supplied, Supply, available_torque
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
 from ohmward_lab.simulate.robot_sensors import RobotTruth
-from ohmward_lab.traction.momentum_observer.observer import MomentumObserver
+from ohmward_lab.traction.momentum_observer import MomentumObserver
 
 T = TypeVar("T")
 
