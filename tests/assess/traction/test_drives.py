@@ -5,9 +5,17 @@ import pytest
 
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.assess.draws import signs
-from ohmward_lab.assess.traction.conditions import BASE_DRIVE, World
-from ohmward_lab.assess.traction.drives import DURATION_S, INTERVAL_S, ROBOTS, STEP_S, drives, in_world
-from ohmward_lab.assess.traction.sensors import measured
+from ohmward_lab.assess.traction import (
+    BASE_DRIVE,
+    DURATION_S,
+    INTERVAL_S,
+    ROBOTS,
+    STEP_S,
+    World,
+    drives,
+    in_world,
+    measured,
+)
 from ohmward_lab.simulate.closed_loop import Patch
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
 

@@ -17,7 +17,7 @@ from ohmward.traction.friction.coulomb_creep import CoulombCreep
 from ohmward.traction.friction.rolling import RollingResistance
 from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, Terrain, hard_terrain, soft_terrain
 from ohmward.traction.robot.robot import Robot
-from ohmward_lab.simulate.mujoco_plant.ground import ROUGHEST, STEEPEST_RAD
+from ohmward_lab.simulate.mujoco_plant import ROUGHEST, STEEPEST_RAD
 
 #: Rubber on a hard floor, as in `mujoco_plant`.
 SLIP_STIFFNESS_S_PER_M = 6.25
