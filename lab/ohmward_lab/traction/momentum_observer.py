@@ -48,7 +48,7 @@ from ohmward.trace import clip, exp, isfinite, logical_not, sign, sin, sqrt, whe
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.dynamics.slip import slip_ratio
-from ohmward.traction.robot.motor import Motor, wheel_torque
+from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.encoders import with_part_of_gain
 from ohmward.traction.speed_observer.noise import require_stds
@@ -239,16 +239,6 @@ class MomentumModel:
         """Index of the angle of counted wheel k."""
         return self.scene.robot.freedoms + 3 * self.scene.robot.driven + k
 
-    @property
-    def disturbance(self) -> int:
-        """Index of the disturbance acceleration."""
-        return self.names.index("disturbance_m_s2")
-
-    @property
-    def offset(self) -> int:
-        """Index of the accelerometer's offset."""
-        return self.names.index("accelerometer_offset_m_s2")
-
     def rate(self, x: np.ndarray) -> np.ndarray:
         """A (n, n) of dx/dt = A x + b near the state x (n,)."""
         robot, r = self.scene.robot, self.scene.robot.wheel.radius_m
@@ -263,7 +253,7 @@ class MomentumModel:
             A[self.wheel(k)][self.force(k)] = -r / robot.inertia[free + k]
             A[self.ahead(k)][self.wheel(k)] = 1.0
         A[0][self.index("mass_excess")] = -self.thrust_m_s2(x) * lighter * lighter
-        A[0][self.disturbance] = -1.0
+        A[0][self.index("disturbance_m_s2")] = -1.0
         for k in range(n, self.counted):
             travel = robot.rolling[k] @ x[:free]
             for column in range(free):
@@ -360,38 +350,8 @@ class CleanAngleSample(NamedTuple):
     pitch_measured: Scalar  #: the condition that it is
     torque_Nm: np.ndarray  #: (driven,) at the wheels over the step, the last one where no current came
     currents_measured: Scalar  #: the condition that all currents came
-    rest_s: Scalar = 0.0  #: time for which counts and motors have been still
-    resting: Scalar = False  #: the condition that this has lasted long enough for a standstill
-
-
-def sanitize(
-    sample: AngleSample,
-    motor: Motor,
-    wheel_speed_rad_s: np.ndarray,
-    last_Nm: np.ndarray,
-    gap_s: float,
-    current_limit_A: float,
-) -> CleanAngleSample:
-    """The sample with what no sensor and no clock can have shown replaced.
-
-    wheel_speed_rad_s: (driven,) believed ones.
-    last_Nm: (driven,) torques of the sample before.
-    gap_s: after a longer step nothing is known of the speed.
-    current_limit_A: beyond it a sensor is at fault.
-    """
-    time_credible = is_step(sample.dt_s, gap_s)
-    measured = [within(current, current_limit_A) for current in sample.current_A]
-    currents = [where(good, current, 0.0) for good, current in zip(measured, sample.current_A, strict=True)]
-    given = [wheel_torque(motor, i, w) for i, w in zip(currents, wheel_speed_rad_s, strict=True)]
-    torque_Nm = [hold(now, good, last) for now, good, last in zip(given, measured, last_Nm, strict=True)]
-    return CleanAngleSample(
-        dt_s=where(time_credible, sample.dt_s, 0.0),
-        time_credible=time_credible,
-        pitch_rad=where(isfinite(sample.pitch_rad), sample.pitch_rad, 0.0),
-        pitch_measured=isfinite(sample.pitch_rad),
-        torque_Nm=np.array(torque_Nm),
-        currents_measured=every(measured),
-    )
+    rest_s: Scalar  #: time for which counts and motors have been still
+    resting: Scalar  #: the condition that this has lasted long enough for a standstill
 
 
 class Angle(NamedTuple):
@@ -462,13 +422,6 @@ class MomentumState(NamedTuple):
     shaken_Nm: Scalar = 0.0  #: changes of the motors' torque, fading out as the body comes to rest on its tyres
 
 
-class CountCorrection(NamedTuple):
-    """Belief after the encoders, and the condition that a driven wheel moved as its torque excludes."""
-
-    belief: Belief
-    ground_changed: Scalar
-
-
 @dataclass(frozen=True)
 class MomentumObserver:
     """Settings; `init` and `step` are pure functions of them."""
@@ -521,36 +474,52 @@ class MomentumObserver:
         before = unpack(state.belief)
         clean = self.sanitize(state, before, sample)
         prior = self.predict(before, state.torque_Nm, clean)
-        counts = self.correct_counts(prior, sample, clean)
+        belief, ground_changed = self.correct_counts(prior, sample, clean)
         changed_Nm = sum(abs(change) for change in clean.torque_Nm - state.torque_Nm)
         shaken_Nm = state.shaken_Nm * exp(-clean.dt_s / SHAKING_S) + changed_Nm
-        belief = self.correct_accelerometer(counts.belief, sample, clean, shaken_Nm)
+        belief = self.correct_accelerometer(belief, sample, clean, shaken_Nm)
         belief = self.correct_body(belief, sample)
         flags = flags_of({
             MomentumFlag.BAD_TIME: logical_not(clean.time_credible),
             MomentumFlag.NO_CURRENT: logical_not(clean.currents_measured),
-            MomentumFlag.GROUND_CHANGED: counts.ground_changed,
+            MomentumFlag.GROUND_CHANGED: ground_changed,
             MomentumFlag.STANDSTILL: clean.resting,
         })  # fmt: skip
         after = MomentumState(pack(belief), clean.torque_Nm, clean.rest_s, shaken_Nm)
         return after, self.conclude(belief, clean)._replace(flags=flags)
 
     def sanitize(self, state: MomentumState, before: Belief, sample: AngleSample) -> CleanAngleSample:
-        """The sample without what no sensor can have shown, and the time at rest."""
+        """The sample with what no sensor and no clock can have shown replaced, and the time at rest."""
         robot = self.scene.robot
+        time_credible = is_step(sample.dt_s, self.gap_s)
+        dt_s = where(time_credible, sample.dt_s, 0.0)
+        measured = [within(current, self.current_limit_A) for current in sample.current_A]
+        currents = [where(good, current, 0.0) for good, current in zip(measured, sample.current_A, strict=True)]
         wheel_speed_rad_s = before.mean[robot.freedoms : robot.freedoms + robot.driven]
-        limits = self.gap_s, self.current_limit_A
-        clean = sanitize(sample, robot.motor, wheel_speed_rad_s, state.torque_Nm, *limits)
+        given = [wheel_torque(robot.motor, i, w) for i, w in zip(currents, wheel_speed_rad_s, strict=True)]
+        torque_Nm = [hold(now, good, last) for now, good, last in zip(given, measured, state.torque_Nm, strict=True)]
         still = every(abs(turned) <= 0.0 for turned in sample.turned_rad[: robot.driven])
         idle = every(within(current, self.rest_current_A) for current in sample.current_A)
-        rest_s = where(still & idle, state.rest_s + clean.dt_s, 0.0)
-        return clean._replace(rest_s=rest_s, resting=rest_s > self.rest_hold_s)
+        rest_s = where(still & idle, state.rest_s + dt_s, 0.0)
+        return CleanAngleSample(
+            dt_s=dt_s,
+            time_credible=time_credible,
+            pitch_rad=where(isfinite(sample.pitch_rad), sample.pitch_rad, 0.0),
+            pitch_measured=isfinite(sample.pitch_rad),
+            torque_Nm=np.array(torque_Nm),
+            currents_measured=every(measured),
+            rest_s=rest_s,
+            resting=rest_s > self.rest_hold_s,
+        )
 
     def predict(self, before: Belief, last_Nm: np.ndarray, clean: CleanAngleSample) -> Belief:
         """Belief at the end of the step: of a robot that moves, that stands, or of which a gap hides the speed."""
         Q = self.model.process_noise(before.mean, clean.dt_s)
         moving = self.predict_motion(before, last_Nm, clean, Q)
-        belief = choose(clean.time_credible, moving, self.speed_unknown(moving))
+        after_gap = moving
+        for i in range(self.scene.robot.freedoms):
+            after_gap = inflate(after_gap, i, GAP_STD**2)
+        belief = choose(clean.time_credible, moving, after_gap)
         slope_m_s2 = where(clean.pitch_measured, 0.0, self.slope_unknown_m_s2)
         standing = self.standing(Belief(before.mean, before.cov + Q), slope_m_s2)
         return choose(clean.resting, standing, belief)
@@ -567,12 +536,6 @@ class MomentumObserver:
             Q = Q + np.outer(late, late)
         return Belief(Phi @ followed + added, kalman.predict(before, Phi @ S, Q).cov)
 
-    def speed_unknown(self, belief: Belief) -> Belief:
-        """Belief after a gap."""
-        for i in range(self.scene.robot.freedoms):
-            belief = inflate(belief, i, GAP_STD**2)
-        return belief
-
     @property
     def slope_unknown_m_s2(self) -> float:
         """Standard deviation [m/s^2] of gravity along the robot where no pitch is measured."""
@@ -587,13 +550,16 @@ class MomentumObserver:
         stds = [noise.standstill_std_m_s] * model.wheel(0)
         stds += [noise.standstill_std_m_s / self.scene.robot.wheel.radius_m] * n + [RESTING_FORCE_N] * n
         disturbance_m_s2 = sqrt(noise.disturbance_std_m_s2**2 + slope_m_s2**2)
-        started: dict[int, Any] = dict(enumerate(stds)) | {model.disturbance: disturbance_m_s2}
+        started: dict[int, Any] = dict(enumerate(stds)) | {model.index("disturbance_m_s2"): disturbance_m_s2}
         stays = np.diag([0.0 if i in started else 1.0 for i in range(len(model.names))])
         variances = vector(len(model.names), started) ** 2
         return Belief(stays @ belief.mean, stays @ belief.cov @ stays + np.diag(variances))
 
-    def correct_counts(self, prior: Belief, sample: AngleSample, clean: CleanAngleSample) -> CountCorrection:
-        """Correct with the encoders; the force on a driven wheel outside its gate is unknown."""
+    def correct_counts(self, prior: Belief, sample: AngleSample, clean: CleanAngleSample) -> tuple[Belief, Scalar]:
+        """Correct with the encoders; the force on a driven wheel outside its gate is unknown.
+
+        Returns: the belief, and the condition that a driven wheel moved as its torque excludes.
+        """
         model, robot = self.model, self.scene.robot
         b = model.drive(prior.mean, clean.torque_Nm, clean.pitch_rad)
         belief, changed = prior, []
@@ -608,7 +574,7 @@ class MomentumObserver:
                 belief = choose(changed[-1], self.force_unknown(belief, k), belief)
             y = where(measured, angle.angle_rad, math.nan)
             belief = consider_radius(belief, correct_row(belief, angle.row, y, angle.variance), model)
-        return CountCorrection(belief, some(changed))
+        return belief, some(changed)
 
     def angle(self, belief: Belief, k: int, sample: AngleSample, b: np.ndarray) -> Angle:
         """Measurement by the encoder of wheel k."""
@@ -640,19 +606,21 @@ class MomentumObserver:
             return belief
         model, x = self.model, belief.mean
         gain, tilt = model.index("accelerometer_gain"), model.index("accelerometer_tilt_m_s2_per_Nm")
+        offset = model.index("accelerometer_offset_m_s2")
         moving = where(clean.resting, 0.0, 1.0)
         gravity = GRAVITY * sin(clean.pitch_rad)
         rates = model.rate(x)[0]
         specific = gravity + moving * (rates @ x + model.drive(x, clean.torque_Nm, clean.pitch_rad)[0])
         reaction_Nm = sum(clean.torque_Nm)
         row = moving * (1.0 + x[gain]) * rates
-        row = row + vector(len(x), {gain: moving * specific, tilt: moving * reaction_Nm, model.offset: 1.0})
-        expected = (1.0 + moving * x[gain]) * specific + moving * x[tilt] * reaction_Nm + x[model.offset]
-        y = within_or_nan(sample.acceleration_m_s2, FASTEST_M_S2) - expected + row @ x
+        row = row + vector(len(x), {gain: moving * specific, tilt: moving * reaction_Nm, offset: 1.0})
+        expected = (1.0 + moving * x[gain]) * specific + moving * x[tilt] * reaction_Nm + x[offset]
+        measured = where(within(sample.acceleration_m_s2, FASTEST_M_S2), sample.acceleration_m_s2, math.nan)
+        y = measured - expected + row @ x
         nu = y - row @ x
         variance = accelerometer_std**2 + (SHAKING_M_S2_PER_NM * shaken_Nm) ** 2
         unlike = nu**2 > self.gate * (row @ belief.cov @ row + variance)
-        doubted = inflate(belief, model.disturbance, nu**2)
+        doubted = inflate(belief, model.index("disturbance_m_s2"), nu**2)
         corrected = consider_radius(belief, correct_row(belief, row, y, variance), model)
         return choose(unlike, doubted, corrected)
 
@@ -687,14 +655,9 @@ class MomentumObserver:
             slip_ratio=np.array([slip_ratio(s + v, v) for s, v in zip(slip, travel, strict=True)]),
             force_N=x[free + n : free + 2 * n],
             acceleration_m_s2=G @ rates,
-            disturbance_m_s2=x[model.disturbance],
+            disturbance_m_s2=x[model.index("disturbance_m_s2")],
             flags=0.0,
         )
-
-
-def within_or_nan(value: Scalar, limit: float) -> Scalar:
-    """The value, nan where it is none or larger than the limit."""
-    return where(within(value, limit), value, math.nan)
 
 
 def consider_radius(before: Belief, after: Belief, model: MomentumModel) -> Belief:
