@@ -311,14 +311,9 @@ _RANDOM_CASES = 2000
 def _wheel_speed() -> bool:
     """(4.4): forward speed of a wheel's centre, v + (omega x r)_x, with half the track as lever."""
     left, right = RLMA.rolling[:2] @ np.array([_SPEED_M_S, _YAW_RAD_S])
-    true = _SPEED_M_S - _YAW_RAD_S * 0.5 * _track_m()
+    track_m = RLMA.places[0].y_m - RLMA.places[1].y_m
+    true = _SPEED_M_S - _YAW_RAD_S * 0.5 * track_m
     return differs(_SPEED_M_S - _YAW_RAD_S, float(left), true, 1e-9) and bool(right > left)
-
-
-def _track_m() -> float:
-    """Distance [m] of the front wheels."""
-    y = [place.y_m for place in RLMA.places[:2]]
-    return abs(y[0] - y[1])
 
 
 def _yaw_signs() -> bool:

@@ -219,23 +219,17 @@ def pulse_test() -> Result:
         by_rule = circuit_by_rule(response.r_total_ohm, tau.tau_s, here.rule.c_bulk_F + here.rule.c_surface_F)
         shares = by_rule.r_bulk_ohm / response.r_total_ohm, by_rule.r_terminal_ohm / response.r_total_ohm
         name = NAMES[chemistry]
-        true_ohm = _true_step_ohm(here)
+        mohm, true_mohm = 1e3 * response.r_total_ohm, 1e3 * _true_step_ohm(here)
         rows += [
             ResultRow(f"{name}: R_b / R_total", "", _SHARES[0], shares[0], shares[0], None, _FAST_WHY),
             ResultRow(f"{name}: R_t / R_total", "", _SHARES[1], shares[1], shares[1]),
-            ResultRow(
-                f"{name}: R_total, at 100 Hz (default: true step)", "mohm", None, *_mohm(response.r_total_ohm, true_ohm)
-            ),
+            ResultRow(f"{name}: R_total, at 100 Hz (default: true step)", "mohm", None, mohm, mohm, true_mohm),
             ResultRow(f"{name}: tau of the first 500 ms", "s", None, tau.tau_s, tau.tau_s),
             ResultRow(f"{name}: C_s = tau / (2 R_s)", "F", None, by_rule.c_surface_F, by_rule.c_surface_F),
         ]
         log = here.recording.bench
         figures += [current_figure(log), voltage_figure(log), edge_response_figure(response, {"rule": here.rule})]
     return Result(tuple(rows), tuple(figures))
-
-
-def _mohm(found_ohm: float, true_ohm: float) -> tuple[float, float, float]:
-    return 1e3 * found_ohm, 1e3 * found_ohm, 1e3 * true_ohm
 
 
 def fast_pulse(here: PaperCase) -> Log:

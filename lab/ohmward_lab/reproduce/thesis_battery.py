@@ -247,7 +247,12 @@ def voltage_by_method() -> Result:
         )
     for when, of in (("before", _innovation), ("after", _residual)):
         rows += _order(of, f"voltage {when} the sample")
-    rows += _variance_rows("Standard deviation of the voltage", "mV", _voltage_std_mV, _VARIANCE)
+    rows += _variance_rows(
+        "Standard deviation of the voltage",
+        "mV",
+        lambda found, _: 1e3 * _root(found.joint.voltage_variance_V2),
+        _VARIANCE,
+    )
     return Result(tuple(rows), _method_figures())
 
 
