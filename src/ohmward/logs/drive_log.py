@@ -100,7 +100,11 @@ class DriveLog(TimeSeries):
         return read_drive(frame, robot, driven, **options)
 
     def to_pandas(self, places: Sequence[str] | None = None) -> Any:
-        """A DataFrame with a column for each channel and the extra columns, units in their names, over `time_s` [s].
+        """A DataFrame of `columns` over `time_s` [s]."""
+        return to_frame(self.columns(places), self.name)
+
+    def columns(self, places: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+        """A column (T,) for each channel, units in their names, and the extra columns.
 
         places: names of the wheels, driven ones first; wheel_1, wheel_2, ... unless given.
         """
@@ -112,7 +116,7 @@ class DriveLog(TimeSeries):
         columns |= {f"{p}_wheel_speed_rad_s": self.wheel_speed_rad_s[:, k] for k, p in enumerate(names)}
         columns |= {f"{p}_motor_current_A": v for p, v in zip(names, self.motor_current_A.T, strict=False)}
         body = {name: getattr(self, name) for name in BODY if getattr(self, name) is not None}
-        return to_frame({**columns, **body, **self.extra}, self.name)
+        return {**columns, **body, **self.extra}
 
 
 def read_drive(
