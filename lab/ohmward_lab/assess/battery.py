@@ -32,8 +32,8 @@ from ohmward_lab.published.scheme_by_method import SchemeByMethod, SchemeSoc
 from ohmward_lab.simulate import plant
 from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery
 from ohmward_lab.simulate.mission import MissionRobot, drive
-from ohmward_lab.simulate.profile import bench_times, pulse_test
-from ohmward_lab.simulate.robot_day import record
+from ohmward_lab.simulate.profile import pulse_test
+from ohmward_lab.simulate.robot_day import record, run_on_bench
 from ohmward_lab.simulate.sensors import BatterySensors, Sensor
 
 
@@ -146,9 +146,7 @@ class Shifts(NamedTuple):
 def identified(chemistry: str) -> Battery:
     """The battery file, from a pulse test in the workshop by a good sensor."""
     simulated = BATTERIES[chemistry]
-    profile = pulse_test(simulated)
-    start = plant.resting_state(simulated, 1.0, hysteresis=1.0)
-    bench = plant.simulate(simulated, profile, bench_times(profile), start)
+    bench = run_on_bench(simulated, pulse_test(simulated))
     log = record(simulated, "pulse test", bench, _bench_sensors(simulated), generator("test", chemistry))
     capacity_Ah = simulated.circuit.capacity_Ah
     return identify(log, capacity_Ah=capacity_Ah, chemistry=chemistry, n_series=simulated.n_series)
