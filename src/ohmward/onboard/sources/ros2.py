@@ -15,6 +15,7 @@ from ohmward.onboard.message import Message, Put
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.cdr import read
 from ohmward.onboard.ros.transport import RosNetwork
+from ohmward.quantities import QUANTITIES
 
 #: Time between two looks at the way to other nodes [s].
 _LOOK_S = 1.0
@@ -108,12 +109,18 @@ def wheel_of(joint: str) -> str:
     return "_".join(word for word in joint.split("_") if word not in _OF_JOINTS) or joint
 
 
-def _battery(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
-    values = {
-        "battery_current_A": numbers["current"],
-        "battery_voltage_V": numbers["voltage"],
-        "battery_temperature_degC": numbers["temperature"],
+def _of_table(type_: str, numbers: dict[str, float]) -> dict[str, float]:
+    """Quantities that the table finds in a message of this type; the first covariance of an absent sensor is -1."""
+    return {
+        quantity.name: numbers[quantity.ros_field]
+        for quantity in QUANTITIES.values()
+        if quantity.ros_type == type_
+        and numbers.get(f"{quantity.ros_field.partition('.')[0]}_covariance[0]", math.nan) != -1.0
     }
+
+
+def _battery(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
+    values = _of_table(types.BATTERY_STATE, numbers)
     cells = {path: v for path, v in numbers.items() if path.startswith("cell_voltage[")}
     values |= {f"cell_voltage_V.{path[len('cell_voltage[') : -1]}": v for path, v in cells.items()}
     if numbers["power_supply_status"]:
@@ -122,12 +129,8 @@ def _battery(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
 
 
 def _body(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
-    """Yaw rate, acceleration and pitch; the first covariance is -1 where the unit has no such sensor."""
-    values = {}
-    if numbers["angular_velocity_covariance[0]"] != -1.0:
-        values["yaw_rate_rad_s"] = numbers["angular_velocity.z"]
-    if numbers["linear_acceleration_covariance[0]"] != -1.0:
-        values["acceleration_m_s2"] = numbers["linear_acceleration.x"]
+    """Yaw rate, acceleration and pitch."""
+    values = _of_table(types.IMU, numbers)
     pitch_rad = pitch_of(*(numbers[f"orientation.{axis}"] for axis in "xyzw"))
     if numbers["orientation_covariance[0]"] != -1.0 and math.isfinite(pitch_rad):
         values["pitch_rad"] = pitch_rad
@@ -149,7 +152,7 @@ def pitch_of(x: float, y: float, z: float, w: float) -> float:
 
 def _speed(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
     """Speed and, where it is told, its standard deviation."""
-    values = {"speed_m_s": numbers["twist.twist.linear.x"]}
+    values = _of_table(types.ODOMETRY, numbers)
     if (variance := numbers["twist.covariance[0]"]) > 0.0:
         values["speed_std_m_s"] = math.sqrt(variance)
     return values
