@@ -25,6 +25,7 @@ from ohmward.checks import require_between, require_each_not_negative, require_e
 from ohmward.energy.balance import running_integral
 from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.errors import InputError
+from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 
 #: Points of the state of charge from 0 to 1.
 _GRID = 251
@@ -56,7 +57,7 @@ class BatteryState:
             require_between(name, getattr(self, name), 0.0, 1.0)
         require_each_not_negative("", self, "soc_std", "capacity_std", "resistance_std", "cutoff_V")
         require_each_positive("", self, "soh_capacity", "resistance_ratio")
-        require_between("temperature_degC", self.temperature_degC, -60.0, 120.0)
+        require_between("temperature_degC", self.temperature_degC, COLDEST_DEGC, HOTTEST_DEGC)
         if self.reserve_soc >= self.soc:
             raise InputError(
                 f"reserve_soc must be below soc = {self.soc:g}, got {self.reserve_soc:g}: nothing above the reserve is "

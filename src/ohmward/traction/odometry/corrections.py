@@ -33,7 +33,7 @@ from ohmward.traction.odometry.model import (
 )
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import OdometrySample
-from ohmward.traction.speed_observer.body_sensors import FASTEST_M_S, OLDEST_S, SPEED_STD_M_S
+from ohmward.traction.speed_observer.body_sensors import LOST_M_S, OLDEST_S, SPEED_STD_M_S
 from ohmward.traction.speed_observer.intervals import History, change_since
 
 #: Keeps a step of no length from dividing by zero [s].
@@ -268,7 +268,7 @@ def use_speeds(
     for axis, state, y, own_std in given:
         std_m_s = where(between(own_std, *SPEED_STD_M_S), own_std, noise.speed_std_m_s)
         since = u.motion_std[axis] ** 2 * forgotten(age_s, noise)
-        credible = within(y, FASTEST_M_S) & logical_not(too_old)
+        credible = within(y, LOST_M_S) & logical_not(too_old)
         y_used = where(credible, y, np.nan)
         belief, rejected = use_motion(body.belief, y_used, axis, state, 1.0, std_m_s**2 + since, u, gate)
         body = body._replace(belief=belief, speed_rejected=some([body.speed_rejected, rejected]))

@@ -19,6 +19,7 @@ from ohmward.filters.belief import Belief
 from ohmward.filters.sanitize import every, some, within
 from ohmward.trace import exp, isfinite, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.speed_observer.body_sensors import LOST_M_S
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.model import UNKNOWN_M_S, UNKNOWN_M_S2, Model
 
@@ -32,8 +33,8 @@ SHARE, REST_M_S = 1.25, 0.25
 #: Acceleration [m/s^2] that sliding down a slope of 0.2 rad gives.
 SLIDING_M_S2 = 2.0
 
-#: Speed, yaw rate and wheel speed that no belief of a robot reaches [m/s, rad/s, rad/s]; none is so uncertain either.
-MOST_M_S, MOST_YAW_RAD_S, MOST_WHEEL_RAD_S = 100.0, 50.0, 1e3
+#: Yaw rate and wheel speed that no belief of a robot reaches [rad/s]; none is so uncertain either.
+LOST_YAW_RAD_S, LOST_WHEEL_RAD_S = 50.0, 1e3
 
 #: Standard deviation of the speed after a restart, as a share of the rims' speed: wheels may be spinning then.
 RESTART_SHARE = 0.5
@@ -79,13 +80,13 @@ def is_lost(belief: Belief, reach: Reach, rejected_s: np.ndarray, locked_out_s: 
     x, P = belief
     layout = model.layout
     yaw, own = layout.index("yaw_rate_rad_s"), layout.robot_states
-    fastest = minimum(fastest_m_s(reach), MOST_M_S)
+    fastest = minimum(fastest_m_s(reach), LOST_M_S)
     sane = [
         isfinite(sum(x) + sum(P[i, j] for i in range(len(x)) for j in range(i + 1))),
         *[abs(x[i]) <= fastest for i in range(model.scene.robot.freedoms - 1)],
-        P[0, 0] <= MOST_M_S**2,
-        within(x[yaw], MOST_YAW_RAD_S),
-        *[within(x[i], MOST_WHEEL_RAD_S) & (P[i, i] <= MOST_WHEEL_RAD_S**2) for i in range(layout.wheel(0), own)],
+        P[0, 0] <= LOST_M_S**2,
+        within(x[yaw], LOST_YAW_RAD_S),
+        *[within(x[i], LOST_WHEEL_RAD_S) & (P[i, i] <= LOST_WHEEL_RAD_S**2) for i in range(layout.wheel(0), own)],
         some(time <= locked_out_s for time in rejected_s),
     ]
     return logical_not(every(sane))
@@ -97,7 +98,7 @@ def restarted(before: Belief, clean: CleanSlipSample, model: Model) -> Belief:
     before: belief before the step, for wheels that are not measured.
     """
     layout, n = model.layout, model.driven
-    usable = [where(within(value, MOST_WHEEL_RAD_S), value, 0.0) for value in before.mean[layout.wheel(0) :][:n]]
+    usable = [where(within(value, LOST_WHEEL_RAD_S), value, 0.0) for value in before.mean[layout.wheel(0) :][:n]]
     omega = where(clean.wheel_measured[:n], clean.wheel_speed_rad_s[:n], np.array(usable))
     rim_m_s = reduce(maximum, model.scene.robot.wheel.radius_m * abs(omega))
     mean, cov = model.first_belief(omega)

@@ -35,6 +35,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some, within
+from ohmward.quantities import MOST_MOTOR_A, MOST_WHEEL_RAD_S
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
@@ -170,8 +171,8 @@ class SpeedObserver:
     rest_wheel_rad_s: float = 0.05
     rest_current_A: float = 0.5
     #: beyond these a sensor is at fault
-    wheel_speed_limit_rad_s: float = 500.0
-    current_limit_A: float = 200.0
+    wheel_speed_limit_rad_s: float = MOST_WHEEL_RAD_S
+    current_limit_A: float = MOST_MOTOR_A
     late_steps: int = 20  #: number of samples by which an external speed may be late
 
     def __post_init__(self) -> None:

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.filters.sanitize import every, within
+from ohmward.quantities import FASTEST_M_S
 from ohmward.trace import exp, isfinite, log, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.terrain.floor import SlipBelief
@@ -27,8 +28,8 @@ from ohmward.traction.terrain.wheel_filter import WheelSample
 
 #: Standard deviation [m/s] of a speed without one of its own: GNSS, and odometry of cameras at a walking pace.
 SPEED_STD_M_S = 0.05
-#: A larger speed is of no robot with wheels [m/s]; an older one says nothing of now [s].
-FASTEST_M_S, OLDEST_S = 50.0, 1.0
+#: An older speed says nothing of now [s].
+OLDEST_S = 1.0
 #: s. Share of the variance of a speed that lasts: its scale and mounting are off by about a third of its noise.
 LASTING_SHARE = 0.1
 #: Time constant [s] with which earlier speeds are forgotten, that of the mean force.
