@@ -28,9 +28,9 @@ from ohmward.errors import InputError
 from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 
 #: Points of the state of charge from 0 to 1.
-_GRID = 251
+_DISCHARGE_POINTS = 251
 #: Batteries that are discharged side by side.
-_AT_ONCE = 512
+_BATTERIES_AT_ONCE = 512
 _SECONDS_PER_HOUR = 3600.0
 #: Margin of a voltage that does not exist: far below any cut-off.
 _NO_POWER_V = -1e9
@@ -85,7 +85,7 @@ def usable_at(battery: Battery, state: BatteryState, power_W: float, z: np.ndarr
 
     z: (3, N) standard normal points of state of charge, capacity and resistance.
     """
-    parts = [z[:, k : k + _AT_ONCE] for k in range(0, z.shape[1], _AT_ONCE)]
+    parts = [z[:, k : k + _BATTERIES_AT_ONCE] for k in range(0, z.shape[1], _BATTERIES_AT_ONCE)]
     return np.concatenate([usable_J(discharge(battery, state, power_W, part)) for part in parts])
 
 
@@ -95,7 +95,7 @@ def discharge(battery: Battery, state: BatteryState, power_W: float, z: np.ndarr
     z: (3, N) standard normal points of state of charge, capacity and resistance.
     """
     z_soc, z_capacity, z_resistance = z
-    soc = np.linspace(0.0, 1.0, _GRID)
+    soc = np.linspace(0.0, 1.0, _DISCHARGE_POINTS)
     ocv_V, r_ohm = discharge_curves(battery, soc, state.temperature_degC)
     start = np.clip(state.soc + state.soc_std * z_soc, 0.0, 1.0)
     capacity = np.maximum(state.soh_capacity + state.capacity_std * z_capacity, 0.0)

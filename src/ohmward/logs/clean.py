@@ -15,7 +15,7 @@ from ohmward.logs.table import Table, numbers
 # An interval that is longer than its neighbours and the median by this factor is a gap.
 _GAP_FACTOR = 10.0
 #: No instrument shows a larger number, in whatever unit; squares of it are finite.
-LARGEST = 1e18
+LARGEST_READING = 1e18
 #: A voltage of no battery stands alone, for less than half of so many samples, and so far from those around it, as a
 #: share of the usual one: pulses of a cold cell move it less.
 _AROUND, _FAR = 7, 1 / 3
@@ -44,9 +44,9 @@ def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
 
 def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
     """The values (T,) of a column with NaN in place of infinite and of huge ones, and a note on their number."""
-    if not ((values > LARGEST).any() or (values < -LARGEST).any()):
+    if not ((values > LARGEST_READING).any() or (values < -LARGEST_READING).any()):
         return values, ()
-    infinite = np.abs(values) > LARGEST
+    infinite = np.abs(values) > LARGEST_READING
     note = Note(f"{counted(infinite.sum(), 'infinite value')} of {name!r} taken as missing", "warning")
     return np.where(infinite, np.nan, values), (note,)
 

@@ -29,7 +29,7 @@ from ohmward.quantities import QUANTITIES
 from ohmward.trace.snapshot import to_json, typed
 
 #: An absence up to this is one in which the current went on as it was: a process that crashed, a computer that reboots.
-SHORT_S = 60.0
+SHORT_ABSENCE_S = 60.0
 
 #: An absence of which no clock tells is taken for a day.
 UNKNOWN_S = 86400.0
@@ -99,8 +99,8 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
         begin = min(max(known.soc, 0.0), 1.0), known.std
         estimation.soc = SocEstimator(estimation.battery, *begin)
         return ["the battery file has changed since: the charge goes on, what the filter had learnt begins anew"]
-    estimation.last_charge = known if away_s > SHORT_S else None
-    passed_s = away_s if away_s <= SHORT_S else max(away_s, _GAP_S)
+    estimation.last_charge = known if away_s > SHORT_ABSENCE_S else None
+    passed_s = away_s if away_s <= SHORT_ABSENCE_S else max(away_s, _GAP_S)
     estimation.shift_s = content["time_s"] + passed_s - now_s
     return [*_resume_cells(estimation, content), *_resume_range(estimation, content, away_s)]
 

@@ -13,7 +13,7 @@ from ohmward.checks import require_between, require_finite
 from ohmward.errors import InputError
 
 #: Steepest grade of a simulation: 40 degrees, beyond which a wheeled robot slides.
-STEEPEST_RAD = 0.7
+STEEPEST_GRADE_RAD = 0.7
 #: Largest adhesion of a simulation, above that of any tyre.
 ROUGHEST = 3.0
 
@@ -90,5 +90,5 @@ def _pieces(edges: np.ndarray, friction: ArrayLike, grade_rad: ArrayLike) -> tup
     if grade.shape not in ((), (count,)):
         raise InputError(f"grade_rad must be a number or ({count},), one piece more than edges, got {grade.shape}")
     require_between("friction", mu.ravel().tolist(), 1e-3, ROUGHEST)
-    require_between("grade_rad", grade.ravel().tolist(), -STEEPEST_RAD, STEEPEST_RAD)
+    require_between("grade_rad", grade.ravel().tolist(), -STEEPEST_GRADE_RAD, STEEPEST_GRADE_RAD)
     return np.broadcast_to(mu.reshape(count, -1), (count, 4)), np.broadcast_to(grade, count)

@@ -17,7 +17,7 @@ from ohmward.errors import InputError
 from ohmward.optional import require
 from ohmward.traction.dynamics.slip import slip_ratio, slip_speed
 from ohmward.traction.robot.robot import GRAVITY
-from ohmward_lab.simulate.mujoco_plant.ground import ROUGHEST, STEEPEST_RAD, Ground, uniform
+from ohmward_lab.simulate.mujoco_plant.ground import ROUGHEST, STEEPEST_GRADE_RAD, Ground, uniform
 from ohmward_lab.simulate.mujoco_plant.mjcf import contact_stiffness, robot_xml, stable_step_s
 from ohmward_lab.simulate.mujoco_plant.parameters import RlmaParameters
 from ohmward_lab.simulate.robot_sensors import RobotTruth, driven_torques, stack
@@ -173,8 +173,8 @@ def _heading(d: Any) -> tuple[float, float]:
 def _check_ground(friction: list[float], grade_rad: float) -> None:
     if not all(0 < mu <= ROUGHEST for mu in friction):
         raise InputError(f"ground.friction must return values in (0, {ROUGHEST:g}], got {friction}")
-    if not abs(grade_rad) <= STEEPEST_RAD:
-        raise InputError(f"ground.grade_rad must return a value within ± {STEEPEST_RAD:g}, got {grade_rad}")
+    if not abs(grade_rad) <= STEEPEST_GRADE_RAD:
+        raise InputError(f"ground.grade_rad must return a value within ± {STEEPEST_GRADE_RAD:g}, got {grade_rad}")
 
 
 def _model(p: RlmaParameters, mujoco: Any) -> Any:

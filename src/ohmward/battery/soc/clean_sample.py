@@ -21,7 +21,7 @@ HOLD_S = 30.0
 CURRENT_GAP_S = 600.0
 
 #: A longer step is a clock that was set, not a battery that waited.
-LONGEST_STEP_S = 365 * 86400.0
+LONGEST_PAUSE_S = 365 * 86400.0
 
 #: Largest voltage of a cell over its highest open-circuit voltage; a sensor without its wire shows 0.
 HIGHEST_VOLTAGE_RATIO = 2.0
@@ -83,7 +83,7 @@ def sanitize(
     before: last current and temperature.
     unknown_before_s: time for which the current had not been known before this step.
     """
-    step = sanitize_step(sample.dt_s, LONGEST_STEP_S, limits.gap_s)
+    step = sanitize_step(sample.dt_s, LONGEST_PAUSE_S, limits.gap_s)
     current_measured = is_current(sample.current_A, limits.current_A)
     current_known = current_measured & logical_not(step.gap)
     voltage_measured = is_voltage(sample.voltage_V, limits.highest_ocv_V)
@@ -112,7 +112,7 @@ def sanitize(
 
 
 def sanitize_bare(
-    sample: SocSample, before_A: Scalar, highest_ocv_V: float, longest_step_s: float = LONGEST_STEP_S
+    sample: SocSample, before_A: Scalar, highest_ocv_V: float, longest_step_s: float = LONGEST_PAUSE_S
 ) -> CleanBareSample:
     """The sample with a current, a step and a voltage that cannot be true replaced; before_A: last current."""
     current_A = hold(sample.current_A, is_current(sample.current_A), before_A)

@@ -14,6 +14,7 @@ from ohmward.logs.bags.layout import Layout
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.cdr import read
+from ohmward.onboard.ros.messages import FULL
 from ohmward.onboard.ros.transport import RosNetwork
 from ohmward.quantities import QUANTITIES
 
@@ -23,8 +24,6 @@ _LOOK_S = 1.0
 _OF_JOINTS = {"wheel", "joint", "drive", "motor", "link"}
 #: The square of a quaternion of single precision differs from 1 by less; one that differs more is none.
 _UNIT = 0.01
-#: `power_supply_status` of a full battery.
-_FULL = 4.0
 
 
 @dataclass(frozen=True)
@@ -124,7 +123,7 @@ def _battery(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
     cells = {path: v for path, v in numbers.items() if path.startswith("cell_voltage[")}
     values |= {f"cell_voltage_V.{path[len('cell_voltage[') : -1]}": v for path, v in cells.items()}
     if numbers["power_supply_status"]:
-        values["battery_full"] = float(numbers["power_supply_status"] == _FULL)
+        values["battery_full"] = float(numbers["power_supply_status"] == FULL)
     return {signal: value for signal, value in values.items() if math.isfinite(value)}
 
 

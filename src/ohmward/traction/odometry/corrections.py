@@ -130,7 +130,7 @@ HEADING_WAIT = 3.0
 MOST_OPENED = 1e4
 
 #: Least standard deviation [m/s, rad/s] by which a rejected measurement is divided.
-LEAST_STD = 1e-4
+LEAST_REJECTED_STD = 1e-4
 
 
 class TurnSums(NamedTuple):
@@ -356,7 +356,7 @@ def use_motion(
     nu = where(isfinite(y), y, 0.0) - moved(belief.mean)[0]
     after, accepted = correct_scalar(belief, y, moved, variance, gate)
     rejected = isfinite(y) & logical_not(accepted)
-    slip = clip(nu / (maximum(u.motion_std[axis], LEAST_STD) * length_s), -MOST_OPENED, MOST_OPENED)
+    slip = clip(nu / (maximum(u.motion_std[axis], LEAST_REJECTED_STD) * length_s), -MOST_OPENED, MOST_OPENED)
     return choose(rejected, inflate(belief, state, slip * slip), after), rejected
 
 

@@ -26,7 +26,7 @@ JUMP_M_S, JUMP_M_S2 = 0.2, 20.0
 LEAST_STEP_S = 1e-3
 
 #: Wheels with less grip than this show no turn.
-LEAST_GRIP = 0.5
+LEAST_TURN_GRIP = 0.5
 
 #: Share of the standard deviation of the radius that wheels have which do not drive: that of a ruler, without creep.
 FREE_SHARE = 0.7
@@ -186,7 +186,7 @@ def show(
         by_gyro=by_gyro,
         unseen_s=unseen(now.intervals, rolls | free | observed, by_gyro),
     )  # fmt: skip
-    comparable = by_gyro & (free | rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_GRIP)))
+    comparable = by_gyro & (free | rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_TURN_GRIP)))
     no_gyro = was_seen(now.intervals)[GYRO] & logical_not(by_gyro)
     white = white_variance(u, observed, robot, noise)
     by_driven, no_wheels = rolls & logical_not(observed | free), logical_not(rolls | free | observed)

@@ -24,7 +24,7 @@ from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.model import UNKNOWN_M_S, UNKNOWN_M_S2, Model
 
 #: Time constant [s] with which the greatest speed of the wheels is forgotten: sliding lasts for less.
-MEMORY_S = 10.0
+FASTEST_MEMORY_S = 10.0
 
 #: A body on omni wheels is faster than their rims by 2/sqrt(3), a tyre larger than its data sheet by some percent; a
 #: robot that rolls back on its own has no more than REST_M_S before its wheels show it.
@@ -61,7 +61,7 @@ def advance_reach(
     gap = minimum(UNKNOWN_M_S2 * clean.unmodelled_s, UNKNOWN_M_S)
     slid = reach.sliding_m_s + SLIDING_M_S2 * clean.dt_s
     return Reach(
-        wheels_m_s=maximum(reduce(maximum, [*rims, body]), exp(-clean.dt_s / MEMORY_S) * reach.wheels_m_s),
+        wheels_m_s=maximum(reduce(maximum, [*rims, body]), exp(-clean.dt_s / FASTEST_MEMORY_S) * reach.wheels_m_s),
         sliding_m_s=minimum(gap + where(unobserved_s > 0.0, slid, 0.0), UNKNOWN_M_S),
     )
 

@@ -39,7 +39,13 @@ from ohmward.quantities import MOST_MOTOR_A, MOST_WHEEL_RAD_S
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
-from ohmward.traction.speed_observer.apparent_inertia import ApparentInertia, advance_inertia, by_mass_m_s, reconsidered
+from ohmward.traction.speed_observer.apparent_inertia import (
+    LEAST_GRIP,
+    ApparentInertia,
+    advance_inertia,
+    by_mass_m_s,
+    reconsidered,
+)
 from ohmward.traction.speed_observer.body_sensors import (
     BodyCorrection,
     SensorGate,
@@ -56,7 +62,6 @@ from ohmward.traction.speed_observer.clean_sample import (
     sanitize,
 )
 from ohmward.traction.speed_observer.conclusions import (
-    LEAST_GRIP,
     UNOBSERVED_S,
     MotionTimers,
     SlipAlarm,

@@ -22,7 +22,7 @@ from ohmward.traction.terrain.estimate import FloorFlag
 from ohmward.traction.terrain.wheel_filter import WheelSample
 
 #: A longer step is a gap [s].
-GAP_S = 0.5
+FLOOR_GAP_S = 0.5
 #: An encoder has stopped when it has repeated itself for so long [s] while another one moved.
 STOPPED_AFTER_S = 2.0
 
@@ -49,7 +49,7 @@ def new_watch(driven: int) -> EncoderWatch:
 
 def sanitize(sample: WheelSample, before: EncoderWatch) -> CleanFloorSample:
     """The sample with nan in place of what no sensor can have shown."""
-    time = sanitize_step(sample.dt_s, LONGEST_STEP_S, GAP_S)
+    time = sanitize_step(sample.dt_s, LONGEST_STEP_S, FLOOR_GAP_S)
     speed_credible = [within(speed, MOST_WHEEL_RAD_S) for speed in sample.wheel_speed_rad_s]
     current_credible = [within(current, MOST_MOTOR_A) for current in sample.current_A]
     watch = watched(sample.wheel_speed_rad_s, speed_credible, before, time.dt_s)
