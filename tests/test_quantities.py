@@ -19,14 +19,14 @@ SOURCE = Path(ohmward.__file__).parent
 #: Adds rows before anything has read the table, as an edit of it would.
 ROWS = """
 import math
-from ohmward.quantities import QUANTITIES, Limits, Quantity, words_of
+from ohmward.quantities import QUANTITIES, ValueLimits, Quantity, words_of
 for row in (
-    Quantity("battery_humidity", "relative humidity beside the battery", "battery", "1", Limits(0.0, 1.0),
+    Quantity("battery_humidity", "relative humidity beside the battery", "battery", "1", ValueLimits(0.0, 1.0),
              words_of("humidity", "rh"), "1 or %", estimated_from=False, ros_type="sensor_msgs/msg/BatteryState",
              ros_field="humidity"),
-    Quantity("ground_temperature_degC", "temperature of the ground", "body", "degC", Limits(-60.0, 90.0),
+    Quantity("ground_temperature_degC", "temperature of the ground", "body", "degC", ValueLimits(-60.0, 90.0),
              words_of("ground temperature"), "degC or K", estimated_from=False),
-    Quantity("motor_temperature_degC", "temperature of each motor", "motor", "degC", Limits(-60.0, 200.0),
+    Quantity("motor_temperature_degC", "temperature of each motor", "motor", "degC", ValueLimits(-60.0, 200.0),
              estimated_from=False),
 ):
     QUANTITIES[row.name] = row

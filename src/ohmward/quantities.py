@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from ohmward.errors import InputError
 
 
-class Limits(NamedTuple):
+class ValueLimits(NamedTuple):
     """Lowest and highest value of a quantity."""
 
     lowest: float
@@ -32,7 +32,7 @@ class Quantity(NamedTuple):
     owner: str  #: "battery" or "body"; "cell", "wheel", "motor" or "estimate" where there are several
     unit: str = ""  #: symbol of `ohmward.logs.units`, which knows its dimension
     #: no sensor that works shows less or more; nan and infinity are not measured
-    limits: Limits = Limits(-math.inf, math.inf)
+    limits: ValueLimits = ValueLimits(-math.inf, math.inf)
     words: frozenset[frozenset[str]] = frozenset()  #: in the names of columns, each a set of words in any order
     example: str = ""  #: units for a message
     other_dimensions: tuple[str, ...] = ()  #: of units that a column may have besides that of `unit`
@@ -90,13 +90,13 @@ _BATTERY_STATE, _IMU, _ODOMETRY = "sensor_msgs/msg/BatteryState", "sensor_msgs/m
 
 _TABLE = (
     Quantity(
-        "battery_current_A", "current of the battery, > 0 charges", "battery", "A", Limits(-5000.0, 5000.0),
+        "battery_current_A", "current of the battery, > 0 charges", "battery", "A", ValueLimits(-5000.0, 5000.0),
         words_of("current", "i", "curr", "amps", "amperage", "ibat", "ibatt", "strom", "courant", "corriente",
                  "corrente", "prąd", "ток", "电流", "電流", "전류"),
         "A or mA", required=True, ros_type=_BATTERY_STATE, ros_field="current", axis_label="Current [A], > 0 charges",
     ),
     Quantity(
-        "battery_voltage_V", "voltage at the terminals of the pack", "battery", "V", Limits(0.0, 2000.0),
+        "battery_voltage_V", "voltage at the terminals of the pack", "battery", "V", ValueLimits(0.0, 2000.0),
         words_of("voltage", "v", "u", "volts", "potential", "vbat", "vbatt", "ubat", "ubatt", "ecell", "ewe",
                  "spannung", "tension", "tensión", "voltaje", "tensione", "tensão", "napięcie", "напряжение", "电压",
                  "電圧", "電壓", "전압"),
@@ -104,17 +104,17 @@ _TABLE = (
     ),
     Quantity(
         "battery_temperature_degC", "temperature of the battery", "battery", "degC",
-        Limits(-60.0, 120.0),  # sensors say -127 or -273 when their wire is off
+        ValueLimits(-60.0, 120.0),  # sensors say -127 or -273 when their wire is off
         words_of("temperature", "temp", "t", "tbat", "tbatt", "temperature t", "temperature a", "aux temperature",
                  "temperatur", "température", "temperatura", "температура", "温度", "溫度", "온도"),
         "degC, K or degF", ros_type=_BATTERY_STATE, ros_field="temperature", axis_label="Temperature [°C]",
     ),
     Quantity("battery_full", "1 while the charger says that the battery is full, else 0", "battery", "1",
-             Limits(0.0, 1.0)),
-    Quantity("cell_voltage_V", "voltage of each cell", "cell", "V", Limits(0.0, 20.0)),
+             ValueLimits(0.0, 1.0)),
+    Quantity("cell_voltage_V", "voltage of each cell", "cell", "V", ValueLimits(0.0, 20.0)),
     Quantity(
         "wheel_speed_rad_s", "speed of each wheel behind its gear, > 0 drives forward", "wheel", "rad/s",
-        Limits(-1e4, 1e4),
+        ValueLimits(-1e4, 1e4),
         words_of("speed", "vel", "velocity", "velocities", "v", "w", "omega", "rate", "angvel"),
         "rad/s, rpm, m/s, counts or rad", ("speed", "turn", "angle"),
     ),
@@ -124,35 +124,35 @@ _TABLE = (
         other_dimensions=("angle",),
     ),
     Quantity(
-        "motor_current_A", "current of each motor, > 0 drives forward", "motor", "A", Limits(-2000.0, 2000.0),
+        "motor_current_A", "current of each motor, > 0 drives forward", "motor", "A", ValueLimits(-2000.0, 2000.0),
         words_of("current", "currents", "cur", "curr", "i", "amps"), "A or mA",
     ),
     Quantity(
-        "yaw_rate_rad_s", "yaw rate from a gyro, > 0 to the left", "body", "rad/s", Limits(-50.0, 50.0),
+        "yaw_rate_rad_s", "yaw rate from a gyro, > 0 to the left", "body", "rad/s", ValueLimits(-50.0, 50.0),
         words_of(*each_with_each("yaw", "rate vel velocity speed gyro"), *each_with_each("gyro w omega", "z"),
                  "angular velocity z", "ang vel z"),
         "rad/s or deg/s", ros_type=_IMU, ros_field="angular_velocity.z",
     ),
     Quantity(
-        "acceleration_m_s2", "acceleration along x, gravity included", "body", "m/s2", Limits(-200.0, 200.0),
+        "acceleration_m_s2", "acceleration along x, gravity included", "body", "m/s2", ValueLimits(-200.0, 200.0),
         words_of(*each_with_each("acceleration accel acc", "- x forward"), "a x",
                  *(f"linear {name}" for name in each_with_each("acceleration accel acc", "x forward"))),
         "m/s2 or g", ros_type=_IMU, ros_field="linear_acceleration.x",
     ),
-    Quantity("pitch_rad", "pitch from an attitude filter, > 0 with the nose up", "body", "rad", Limits(-1.6, 1.6),
+    Quantity("pitch_rad", "pitch from an attitude filter, > 0 with the nose up", "body", "rad", ValueLimits(-1.6, 1.6),
              words_of("pitch", "pitch angle"), "rad or deg"),
     Quantity(
-        "speed_m_s", "speed of the body from GNSS, visual or lidar odometry", "body", "m/s", Limits(-50.0, 50.0),
+        "speed_m_s", "speed of the body from GNSS, visual or lidar odometry", "body", "m/s", ValueLimits(-50.0, 50.0),
         words_of(*each_with_each("speed velocity", _SPEEDOMETERS)),
         "m/s or km/h", ros_type=_ODOMETRY, ros_field="twist.twist.linear.x",
     ),
-    Quantity("speed_std_m_s", "standard deviation of that speed", "body", "m/s", Limits(0.0, 50.0),
+    Quantity("speed_std_m_s", "standard deviation of that speed", "body", "m/s", ValueLimits(0.0, 50.0),
              words_of(*(f"speed {name}" for name in each_with_each("std sigma", _SPEEDOMETERS))), "m/s"),
-    Quantity("speed_age_s", "age of that speed", "body", "s", Limits(0.0, 10.0),
+    Quantity("speed_age_s", "age of that speed", "body", "s", ValueLimits(0.0, 10.0),
              words_of(*(f"age {name}" for name in each_with_each("speed", _SPEEDOMETERS))), "s or ms"),
     Quantity("heading_rad", "heading from a compass or GNSS antennas, > 0 to the left, from any zero", "body", "rad",
-             Limits(-1e4, 1e4), words_of("compass", *each_with_each(_COMPASSES, "heading")), "rad or deg"),
-    Quantity("heading_std_rad", "standard deviation of that heading", "body", "rad", Limits(0.0, 3.2),
+             ValueLimits(-1e4, 1e4), words_of("compass", *each_with_each(_COMPASSES, "heading")), "rad or deg"),
+    Quantity("heading_std_rad", "standard deviation of that heading", "body", "rad", ValueLimits(0.0, 3.2),
              words_of(*each_with_each("heading", "std sigma")), "rad or deg"),
     #: Of a microcontroller that estimates itself: passed on with the states, and not used.
     Quantity("estimate", "estimate of a microcontroller, by its own name", "estimate", estimated_from=False),
@@ -205,18 +205,20 @@ _LOWEST_SHARE, _HIGHEST_SHARE = 0.7, 1.1
 _FASTEST_RIM_M_S = 10.0
 
 
-def limits_of(name: str, battery: Any = None, robot: Any = None) -> Limits:
-    """Limits of a quantity: on this robot where its battery file or robot file tells them, else of every sensor.
+def limits_of(name: str, battery: Any = None, robot: Any = None) -> ValueLimits:
+    """ValueLimits of a quantity: on this robot where its battery file or robot file tells them, else of every sensor.
 
     battery: a `Battery`, or None.  robot: a `Robot`, or None.
     """
     if battery and name in ("battery_voltage_V", "cell_voltage_V"):
         share = 1.0 if name == "battery_voltage_V" else 1.0 / battery.n_series
-        return Limits(_LOWEST_SHARE * share * battery.voltage_min_V, _HIGHEST_SHARE * share * battery.voltage_max_V)
+        return ValueLimits(
+            _LOWEST_SHARE * share * battery.voltage_min_V, _HIGHEST_SHARE * share * battery.voltage_max_V
+        )
     if battery and name == "battery_current_A":
-        return Limits(-MOST_C * battery.capacity_Ah, MOST_C * battery.capacity_Ah)
+        return ValueLimits(-MOST_C * battery.capacity_Ah, MOST_C * battery.capacity_Ah)
     if robot and name == "wheel_speed_rad_s":
-        return Limits(-_FASTEST_RIM_M_S / robot.wheel.radius_m, _FASTEST_RIM_M_S / robot.wheel.radius_m)
+        return ValueLimits(-_FASTEST_RIM_M_S / robot.wheel.radius_m, _FASTEST_RIM_M_S / robot.wheel.radius_m)
     return QUANTITIES[name].limits
 
 
