@@ -279,7 +279,7 @@ PROCESSORS = (
 
 
 #: Errors count from here on [s]; before, a wrong start is being found, which `converged_min` tells.
-SETTLED_S = 3600.0
+SCORED_FROM_S = 3600.0
 #: A start has been found when the error stays within this for good.
 FOUND = 0.05
 #: Given with a start that is wrong: `SocEstimator` assumes it too. Given with one that is right: the first voltage then
@@ -350,7 +350,7 @@ def _compiled(chemistry: str, name: str) -> tuple[Kernel, Any]:
 
 def figures(time_s: np.ndarray, error: np.ndarray, std: np.ndarray) -> tuple[float, float, float, float, float]:
     """rmse, largest, covered, found_min and lost of errors and their standard deviations (T, B)."""
-    late = time_s >= SETTLED_S
+    late = time_s >= SCORED_FROM_S
     size = np.abs(error)
     inside = np.where(np.isfinite(std), size <= BAND_95 * std, np.nan)[late]
     far = ~(size <= FOUND)

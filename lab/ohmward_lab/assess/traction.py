@@ -146,8 +146,8 @@ DRIVE_SITUATIONS = (
 )
 
 
-DURATION_S = 120.0
-STEP_S = 0.0025
+DRIVEN_S = 120.0
+SAMPLE_S = 0.0025
 #: Steps whose outcome is held at once, before it is thinned: bounds the memory.
 _STEPS_AT_ONCE = 12_000
 #: Between two instants of the truth [s].
@@ -219,10 +219,10 @@ def drives(name: str, world: World, runs: int, seed: int) -> Drives:
     example = Road(zero, np.zeros((len(robot.places), len(terrains))), 0.0, 0.0)
     kernel = Kernel(partial(drive_step, robot=robot, terrains=terrains), start, example)
     state, parts = side_by_side([start] * runs), []
-    every = round(INTERVAL_S / STEP_S)
+    every = round(INTERVAL_S / SAMPLE_S)
     for first in range(0, len(road.grade_rad), _STEPS_AT_ONCE):
         here = slice(first, first + _STEPS_AT_ONCE)
-        part = Road(road.reference_rad_s[here], road.shares[here], road.grade_rad[here], STEP_S)
+        part = Road(road.reference_rad_s[here], road.shares[here], road.grade_rad[here], SAMPLE_S)
         state, found = kernel.scan_lanes(state, part)
         parts.append(Drives(*(values[every - 1 :: every] for values in found)))
     return Drives(*(np.concatenate(values) for values in zip(*parts, strict=True)))
@@ -239,7 +239,7 @@ def motor_drive(robot: Robot) -> WheelSpeedDrive:
     """Speed loop of each driven wheel: as quick as a wheel without grip allows, and damped."""
     torque_Nm = _STRENGTH * robot.mass_kg * GRAVITY * robot.wheel.radius_m / robot.driven
     body_kg_m2, wheel_kg_m2 = robot.mass_kg * robot.wheel.radius_m**2 / robot.driven, robot.inertia[-1]
-    proportional = min(_BANDWIDTH_RAD_S * body_kg_m2, _DEADBEAT * wheel_kg_m2 / STEP_S)
+    proportional = min(_BANDWIDTH_RAD_S * body_kg_m2, _DEADBEAT * wheel_kg_m2 / SAMPLE_S)
     return WheelSpeedDrive(Limits(torque_Nm, 50.0 * torque_Nm), proportional, proportional**2 / (3.0 * body_kg_m2))
 
 
@@ -269,7 +269,7 @@ def drive_step(state: Driving, road: Road, robot: Robot, terrains: Sequence[Terr
 
 def roads(name: str, robot: Robot, world: World, runs: int, seed: int) -> Road:
     """Inputs of all steps of all drives (T, ..., B)."""
-    time_s = np.arange(0.0, DURATION_S, STEP_S)
+    time_s = np.arange(0.0, DRIVEN_S, SAMPLE_S)
     rngs = [generator("drive", name, seed, run) for run in range(runs)]
     motion = np.stack([commanded(rng, robot, time_s, *_FASTEST[name]) for rng in rngs], axis=2)
     reference = np.einsum("wm,tmb->twb", robot.rolling[: robot.driven], motion) / robot.wheel.radius_m
@@ -277,7 +277,7 @@ def roads(name: str, robot: Robot, world: World, runs: int, seed: int) -> Road:
     wave = 2 * np.pi * (time_s[:, None] + phases_s) / _SLOPE_PERIOD_S
     grade_rad = world.grade_rad * np.clip(2.0 * np.sin(wave), -1.0, 1.0)
     on_patch = np.mod(time_s[:, None] + phases_s, _PATCH_PERIOD_S) < _PATCH_S
-    return Road(reference, _shares(robot, world, on_patch), grade_rad, STEP_S)
+    return Road(reference, _shares(robot, world, on_patch), grade_rad, SAMPLE_S)
 
 
 def _shares(robot: Robot, world: World, on_patch: np.ndarray) -> np.ndarray:
@@ -301,7 +301,7 @@ def commanded(
         turn = rng.uniform(-1.0, 1.0) * yaw_rate_rad_s if turns and not stands else 0.0
         here = (time_s >= begin_s) & (time_s < end_s)
         motion[here, 0], motion[here, -1] = forward, turn
-    steepest = rng.uniform(0.5, 2.0) * STEP_S
+    steepest = rng.uniform(0.5, 2.0) * SAMPLE_S
     return np.stack([_ramp(motion[:, 0], steepest), *(_ramp(m, 2 * steepest) for m in motion.T[1:])], axis=1)
 
 

@@ -13,7 +13,8 @@ import numpy as np
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.part import LOG, EndedError
 from ohmward.onboard.sources.simulation import SimulationSource
-from ohmward.traction.inbox import BODY, HEADING
+from ohmward.quantities import BODY
+from ohmward.traction.inbox import HEADING
 from ohmward_lab.simulate.closed_loop import Command, Control, Grade, Pack, Patch, Scenario, Sensing, find_scenario
 from ohmward_lab.simulate.closed_loop.loop import ClosedLoopDrive, Records
 from ohmward_lab.simulate.closed_loop.run import RunRow

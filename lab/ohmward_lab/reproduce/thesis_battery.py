@@ -131,7 +131,7 @@ SOC_PERCENT = {
     "ekf": Errors(0.71, 0.18),
 }
 #: Time [s] after which the start of the parameters has been found.
-_SETTLED_S = 100.0
+_START_FOUND_S = 100.0
 
 _BEFORE = (
     "P0, Q0, R0, alpha, beta and L are those of (3.51). `as printed` has the circuit (3.6) as it is printed, with "
@@ -302,10 +302,10 @@ def _order(of: Callable[[SchemeByMethodEstimate, ThesisCase], np.ndarray], what:
         wins = []
         for seed in SEEDS:
             here = case(NARROW, seed)
-            late = here.log.time_s >= _SETTLED_S
+            late = here.log.time_s >= _START_FOUND_S
             one, other = (np.abs(of(run(m, True, NARROW, seed), here))[late].mean() for m in (better, worse))
             wins.append(one < other)
-        name = f"{better.upper()} < {worse.upper()} in {what}, mean after {_SETTLED_S:g} s, share of drives"
+        name = f"{better.upper()} < {worse.upper()} in {what}, mean after {_START_FOUND_S:g} s, share of drives"
         rows.append(ResultRow(name, "%", 100.0, None, 100.0 * float(np.mean(wins)), None, why))
     return rows
 

@@ -37,7 +37,7 @@ from ohmward.traction.robot.robot import GRAVITY, RLMA
 from ohmward_lab.simulate.robot_sensors import WHEELS, RobotTruth, driven_torques, stack
 
 #: Steepest grade of a simulation: 40 degrees, beyond which a wheeled robot slides.
-STEEPEST_RAD = 0.7
+STEEPEST_GRADE_RAD = 0.7
 #: Largest adhesion of a simulation, above that of any tyre.
 ROUGHEST = 3.0
 
@@ -114,7 +114,7 @@ def _pieces(edges: np.ndarray, friction: ArrayLike, grade_rad: ArrayLike) -> tup
     if grade.shape not in ((), (count,)):
         raise InputError(f"grade_rad must be a number or ({count},), one piece more than edges, got {grade.shape}")
     require_between("friction", mu.ravel().tolist(), 1e-3, ROUGHEST)
-    require_between("grade_rad", grade.ravel().tolist(), -STEEPEST_RAD, STEEPEST_RAD)
+    require_between("grade_rad", grade.ravel().tolist(), -STEEPEST_GRADE_RAD, STEEPEST_GRADE_RAD)
     return np.broadcast_to(mu.reshape(count, -1), (count, 4)), np.broadcast_to(grade, count)
 
 
@@ -444,8 +444,8 @@ def _heading(d: Any) -> tuple[float, float]:
 def _check_ground(friction: list[float], grade_rad: float) -> None:
     if not all(0 < mu <= ROUGHEST for mu in friction):
         raise InputError(f"ground.friction must return values in (0, {ROUGHEST:g}], got {friction}")
-    if not abs(grade_rad) <= STEEPEST_RAD:
-        raise InputError(f"ground.grade_rad must return a value within ± {STEEPEST_RAD:g}, got {grade_rad}")
+    if not abs(grade_rad) <= STEEPEST_GRADE_RAD:
+        raise InputError(f"ground.grade_rad must return a value within ± {STEEPEST_GRADE_RAD:g}, got {grade_rad}")
 
 
 def _model(p: RlmaParameters, mujoco: Any) -> Any:

@@ -17,9 +17,10 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import KELVIN
-from ohmward.battery.soc.clean_sample import is_current, is_voltage
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_voltage
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
+from ohmward.quantities import MOST_C
 from ohmward.runs import runs
 
 #: The tests behind a battery file cover its usual voltages: beyond them by this share the log is of another battery,
@@ -48,10 +49,8 @@ _ROWS, _ROW_SAMPLES, _FEWEST_ROWS, _STARTS, _WITHOUT_SPIKES = 60, 15, 30, 30, 0.
 #: Overpotentials of so many times those of the file weigh as much as so many times this error [V] of the cell voltage:
 #: without a prior a steady current would explain any number of cells.
 _PER_RATIO_V = 0.003
-#: Time constant of the slow part of the overpotential [s]; a longer step is a gap.
-_SLOW_S, _GAP_S = 1000.0, 600.0
-#: A larger current, in multiples of the capacity per hour, is a fault of its sensor, as for the filter.
-_CURRENT_LIMIT_C = 20.0
+#: Time constant of the slow part of the overpotential [s].
+_SLOW_S = 1000.0
 
 #: A rest is below this current, in multiples of the capacity per hour, and a battery that is idle below this one out of
 #: it; one sample of noise does not end it. After the first time [s] its voltage has relaxed but for a few millivolts,
@@ -144,14 +143,14 @@ def _windows(log: Log, battery: Battery) -> Iterator[Log]:
     assert model is not None
     current_A: Any = log.current_A
     voltage_V: Any = log.voltage_V
-    credible = np.asarray(is_current(current_A, _CURRENT_LIMIT_C * battery.capacity_Ah))
+    credible = np.asarray(is_current(current_A, MOST_C * battery.capacity_Ah))
     full_V = model.ocv.voltage_V[-1]  # a charger holds its voltage above that, whatever the charge
     credible &= np.asarray(is_voltage(voltage_V, full_V) & (voltage_V < full_V))
     known = np.flatnonzero(credible)
     if known.size < _FEWEST_ROWS:
         return
     time_s = log.time_s[known]
-    pieces = np.cumsum(np.diff(time_s, prepend=time_s[0]) > _GAP_S)
+    pieces = np.cumsum(np.diff(time_s, prepend=time_s[0]) > CURRENT_GAP_S)
     number = pieces * 1_000_000 + (time_s - time_s[0]) // _WINDOW_S
     starts = np.flatnonzero(np.diff(number, prepend=-1.0))
     edges = np.append(starts, known.size)
@@ -261,7 +260,7 @@ def _long(log: Log, condition: np.ndarray) -> list[tuple[int, int]]:
     for first, stop in runs(~condition & np.isfinite(log.current_A)):
         if stop - first == 1:
             bridged[first] = True
-    gaps = 1 + np.flatnonzero(np.diff(log.time_s) > _GAP_S)
+    gaps = 1 + np.flatnonzero(np.diff(log.time_s) > CURRENT_GAP_S)
     pieces = [piece for run in runs(bridged) for piece in pairwise((run[0], *_inside(gaps, run), run[1]))]
     return [(a, b) for a, b in pieces if log.time_s[b - 1] - log.time_s[a] > 2 * _RELAXED_S]
 

@@ -16,6 +16,7 @@ from ohmward.figures.parts import MOST_SPANS, Timed, band_95, flag_spans, lognor
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.log import Log
+from ohmward.quantities import QUANTITIES, Quantity
 from ohmward.report import TIME, Figure, Series, Span
 from ohmward.report.palette import CYCLE, Meaning
 
@@ -47,7 +48,7 @@ SHOWN: Mapping[SampleFlag, Meaning] = {
 def current_figure(log: Log, spans: Sequence[Span] = ()) -> Figure:
     """Measured current over time."""
     series = [Series(log.time_s, log.current_A, "measured", role="estimate")]
-    return Figure("Current", TIME, "Current [A], > 0 charges", series, spans=spans, height_px=200)
+    return measured_figure(QUANTITIES["battery_current_A"], series, 200, spans)
 
 
 def voltage_figure(log: Log, estimates: SocEstimate | None = None) -> Figure:
@@ -55,14 +56,31 @@ def voltage_figure(log: Log, estimates: SocEstimate | None = None) -> Figure:
     series = [Series(log.time_s, log.voltage_V, "measured", role="background")]
     if estimates is not None and np.isfinite(estimates.voltage_V).any():
         series.append(Series(log.time_s, estimates.voltage_V, "expected", role="estimate"))
-    return Figure("Voltage", TIME, "Voltage [V]", series)
+    return measured_figure(QUANTITIES["battery_voltage_V"], series)
 
 
 def temperature_figure(log: Log) -> Figure:
     """Measured temperature over time."""
     values = np.full(len(log), np.nan) if log.temperature_degC is None else log.temperature_degC
     series = [Series(log.time_s, values, "measured", role="comparison")]
-    return Figure("Temperature", TIME, "Temperature [°C]", series, height_px=160)
+    return measured_figure(QUANTITIES["battery_temperature_degC"], series, 160)
+
+
+def further_figures(log: Log) -> list[Figure]:
+    """Whatever else the log has of the battery, over time."""
+    measured = [(QUANTITIES[name], values) for name, values in log.quantities("battery").items()]
+    return [
+        measured_figure(quantity, [Series(log.time_s, values, "measured", role="comparison")], 160)
+        for quantity, values in measured
+        if not quantity.estimated_from
+    ]
+
+
+def measured_figure(
+    quantity: Quantity, series: Sequence[Series], height_px: int = Figure.height_px, spans: Sequence[Span] = ()
+) -> Figure:
+    """A quantity over time, by its name in the table."""
+    return Figure(quantity.label, TIME, quantity.axis, series, spans=spans, height_px=height_px)
 
 
 def interval_figure(log: Log) -> Figure:
@@ -245,7 +263,7 @@ def fit_figures(log: LogDetails) -> list[Figure]:
     residual = [Series(time_s, 1e3 * (measured - simulated), "measured - simulated", role="comparison")]
     soc = [Series(whole.time_s, 100 * log.axis.soc, "counted", role="estimate")]
     return [
-        Figure("Voltage", TIME, "Voltage [V]", voltage, spans=spans),
+        measured_figure(QUANTITIES["battery_voltage_V"], voltage, spans=spans),
         Figure("Residual", TIME, "Residual [mV]", residual, height_px=180),
         current_figure(whole),
         Figure("State of charge", TIME, SOC_AXIS, soc, height_px=180),

@@ -10,7 +10,7 @@ from ohmward.figures.parts import band_95
 from ohmward.report import TIME, Band, Figure, Series
 
 #: More lines than this cannot be told apart: then the weakest and the fullest are drawn.
-_MOST_LINES = 6
+_MOST_CELLS = 6
 
 
 def cells_soc_figure(run: PackRun) -> Figure:
@@ -35,4 +35,4 @@ def cells_difference_figure(run: PackRun) -> Figure:
 def _shown(run: PackRun) -> list[int]:
     """Indices of the cells that are drawn: all where they are few, else the emptiest and the fullest at the end."""
     order = np.argsort(run.cells.soc[-1]).tolist()
-    return sorted(order) if len(order) <= _MOST_LINES else sorted([*order[: _MOST_LINES // 2], *order[-1:]])
+    return sorted(order) if len(order) <= _MOST_CELLS else sorted([*order[: _MOST_CELLS // 2], *order[-1:]])

@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from ohmward.logs.log import COLDEST_DEGC, HOTTEST_DEGC, LogSource, as_log
+from ohmward.logs.log import LogSource, as_log
 from ohmward.logs.note import counted
 from ohmward.logs.survey import Survey, survey
+from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 
 _YEAR_S = 365.25 * 86400.0
 

@@ -11,8 +11,8 @@ from ohmward.energy.consumption_file import load_consumption
 from ohmward.errors import InputError
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.estimation import Estimation
+from ohmward.onboard.message_parts import no_such_part
 from ohmward.onboard.part import LOG, is_live
-from ohmward.onboard.plausible import no_such_part
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level

@@ -16,10 +16,10 @@ from typing import Any
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
-from ohmward.onboard.plausible import no_such_part, plausible_values
-from ohmward.onboard.quantities import quantity_of
+from ohmward.onboard.message_parts import no_such_part
 from ohmward.onboard.robot_state import EVIDENCE, Diagnostic, Level, RobotState
 from ohmward.onboard.wheel_check import WheelCheck
+from ohmward.quantities import limits_of, quantity_of
 from ohmward.traction.robot.robot import Robot
 
 #: A sensor is silent after so many of its usual intervals without a value, and after no less than the time.
@@ -264,9 +264,9 @@ class SensorWatch:
             return None
         quantity = quantity_of(signal)
         move = self._moves().get(quantity.name, math.inf)
-        sensor = self.sensors[signal] = WatchedSensor(signal, source, quantity.lowest, quantity.highest, move)
+        sensor = self.sensors[signal] = WatchedSensor(signal, source, *quantity.limits, move)
         sensor.absent = no_such_part(signal, self.robot)
-        sensor.plausible = plausible_values(quantity.name, self.battery, self.robot)
+        sensor.plausible = limits_of(quantity.name, self.battery, self.robot)
         for names, quantities in EVIDENCE.items():
             if quantity.name in quantities and not sensor.absent:
                 self._evidence[names].append(sensor)

@@ -12,10 +12,10 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.logs.sign import sign_evidence
 from ohmward.onboard.message import Message
-from ohmward.onboard.plausible import no_such_part, plausible_values, wheel_number
-from ohmward.onboard.quantities import quantity_of
+from ohmward.onboard.message_parts import no_such_part, wheel_number
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.wheel_check import WheelCheck
+from ohmward.quantities import limits_of, quantity_of
 from ohmward.traction.robot.robot import Robot
 
 #: Rates below which an estimator is of little use: of a battery, by logs at 1 Hz; of a drive, by the time in
@@ -186,7 +186,7 @@ def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: R
         yield WiringFinding(
             signal, Level.ERROR, f"comes {record.rate_hz:.2g} times a second; at least {least_hz:g} are needed"
         )
-    low, high = plausible_values(quantity.name, battery, robot)
+    low, high = limits_of(quantity.name, battery, robot)
     lowest, highest = float(np.nanmin(record.values)), float(np.nanmax(record.values))
     if low <= lowest and highest <= high:
         often = "once" if math.isnan(record.rate_hz) else f"{record.rate_hz:.3g} Hz"

@@ -135,7 +135,7 @@ class DriveWarnings:
 #: Largest number of instants of the history.
 _INSTANTS = 25_000
 #: Shortest time between two instants of the history.
-_SHORTEST_S = 0.002
+_SHORTEST_INSTANT_S = 0.002
 #: Steps of the controller between two reports of progress.
 _PROGRESS_STEPS = 200
 #: Times that differ by less are equal: sums of steps are rounded.
@@ -210,7 +210,7 @@ class ClosedLoopDrive:
         self._controllers = _controllers(scenario, self._commands[0])
         self._mode, self._state = "", None
         self._torque_Nm = np.zeros(self.robot.driven)
-        self._history_s = max(scenario.controller.interval_s, _SHORTEST_S, scenario.duration_s / _INSTANTS)
+        self._history_s = max(scenario.controller.interval_s, _SHORTEST_INSTANT_S, scenario.duration_s / _INSTANTS)
         self._on_the_way: dict[float, SampleOnTheWay] = {}
         self.history: Records[Instant] = Records()
         self.rows: Records[RunRow] = Records()

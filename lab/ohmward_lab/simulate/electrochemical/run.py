@@ -15,7 +15,7 @@ from ohmward.battery.models.temperature import KELVIN, ROOM_DEGC
 from ohmward.checks import require_between, require_one_of
 from ohmward.errors import OhmwardError
 from ohmward.logs import Log, Note
-from ohmward_lab.simulate.electrochemical.cell import LOW_RATE, ElectrochemicalCell
+from ohmward_lab.simulate.electrochemical.cell import COUNTED_RATE, ElectrochemicalCell
 from ohmward_lab.simulate.mission import DayPlan, first_discharged, working_day
 from ohmward_lab.simulate.plant import fine_times
 from ohmward_lab.simulate.profile import Profile, bench_times, low_rate_profile, pulse_profile
@@ -23,7 +23,7 @@ from ohmward_lab.simulate.sensors import BatterySensors, Sensor
 
 _HOUR_S = 3600.0
 #: Longest step [s] in a rest or at constant current.
-_LONGEST_STEP_S = 10.0
+_LONGEST_SOLVER_STEP_S = 10.0
 #: Time [s] for which protection opens.
 _OPEN_S = 60.0
 #: Step [s] of a discharge at low rate: 0.04 % of the capacity.
@@ -99,7 +99,7 @@ def _run(step: Any, state: np.ndarray, inputs: np.ndarray) -> np.ndarray:
 def _grid(profile: Profile, time_s: np.ndarray) -> np.ndarray:
     """Times [s] of the steps: every change of the load, every wanted time, and between them as many as needed."""
     times = np.union1d(profile.time_s, time_s)
-    return fine_times(times[times <= time_s[-1]], _LONGEST_STEP_S)
+    return fine_times(times[times <= time_s[-1]], _LONGEST_SOLVER_STEP_S)
 
 
 @lru_cache(maxsize=64)
@@ -109,8 +109,8 @@ def capacity_Ah(cell: ElectrochemicalCell) -> float:
     Raises:
         OhmwardError: it holds more than four times its label.
     """
-    rate_A = LOW_RATE * cell.nominal_Ah
-    count = round(_STRETCH / LOW_RATE * _HOUR_S / _CAPACITY_STEP_S)
+    rate_A = COUNTED_RATE * cell.nominal_Ah
+    count = round(_STRETCH / COUNTED_RATE * _HOUR_S / _CAPACITY_STEP_S)
     step, rest = cell.compiled
     inputs = np.repeat([[_CAPACITY_STEP_S], [rate_A], [ROOM_DEGC + KELVIN]], count, axis=1)
     state, current_A = rest(ROOM_DEGC + KELVIN), np.zeros(0)

@@ -76,7 +76,7 @@ _GAS_J_PER_MOL_K, _FARADAY_C_PER_MOL = 8.314462618, 96485.33212
 #: A bent drop is taken where it leaves less than this share of the squared residuals of a straight one: 0.25 to 0.56 in
 #: pulses, low-rate tests and drives of cells with this law, 1.15 to 2.4 of a measured and a simulated battery without.
 #: The evidence does not tell: its robust weights take the pulses that a straight drop misses for outliers.
-_CLEARLY_LESS = 0.8
+_CLEARLY_BETTER = 0.8
 
 
 Progress = Callable[[str, float], None]
@@ -438,6 +438,6 @@ def try_bent(problem: CircuitProblem, straight: CircuitFit, n_series: int) -> tu
     found = (
         f"one bent by charge transfer ({transfer_V:.2g} V) leaves {left:.0%} of the squared residuals of a straight one"
     )
-    if left < _CLEARLY_LESS:
+    if left < _CLEARLY_BETTER:
         return bent, Note(f"ohmic drop: {found}, and is taken")
     return straight, Note(f"ohmic drop: straight; {found}")

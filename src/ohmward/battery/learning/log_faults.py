@@ -18,8 +18,9 @@ from ohmward.battery.log_check import (
     other_cells,
 )
 from ohmward.errors import InputError
-from ohmward.logs.log import COLDEST_DEGC, HOTTEST_DEGC, SECONDS_PER_HOUR, Log, Note
+from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
 from ohmward.logs.sign import resolution, sign_evidence
+from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 from ohmward.runs import runs
 
 #: Samples with current and voltage, and time: less tells nothing about a battery.

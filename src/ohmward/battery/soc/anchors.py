@@ -12,10 +12,11 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.anchor_rule import AGAIN, AnchorEvent, AnchorMemory, AnchorRule, SocNormal
-from ohmward.battery.soc.clean_sample import Rest, SampleLimits, first_input, sanitize
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, Rest, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.estimator import samples_of
 from ohmward.battery.soc.sample import SocSample
 from ohmward.logs.log import Log
+from ohmward.quantities import MOST_C
 from ohmward.trace import Kernel, where
 
 AnchorKind = Literal["full charge", "empty", "rest"]
@@ -26,8 +27,6 @@ VOLTAGE = "voltage"
 #: A long log is looked through in stretches of so many samples, so that what is remembered of each stays small; each
 #: begins and ends so many samples beyond, for events that began before it and go on after it.
 _STRETCH, _LEAD = 60_000, 20_000
-#: As in the estimators: multiples of the capacity per hour beyond which a current is a fault of its sensor.
-_CURRENT_LIMIT_C = 20.0
 
 
 class Anchor(NamedTuple):
@@ -79,13 +78,13 @@ class AnchorFinder:
     """Settings; `init` and `step` are pure functions of them."""
 
     rule: AnchorRule  #: of the battery
-    gap_s: float = 600.0  #: a longer step between two samples says nothing about the current in between
+    gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
 
     @property
     def limits(self) -> SampleLimits:
         """Limits of what is believed of a sample."""
         model = self.rule.model
-        return SampleLimits(self.gap_s, _CURRENT_LIMIT_C * model.capacity_Ah, model.ocv.voltage_V[-1])
+        return SampleLimits(self.gap_s, MOST_C * model.capacity_Ah, model.ocv.voltage_V[-1])
 
     def no_sample(self) -> SocSample:
         """A sample in which nothing was measured."""

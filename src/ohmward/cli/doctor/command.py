@@ -270,4 +270,5 @@ def _plots(log: Log) -> list[Figure]:
     plots = [pictures.current_figure(log), pictures.voltage_figure(log)]
     if log.temperature_degC is not None:
         plots.append(pictures.temperature_figure(log))
+    plots += pictures.further_figures(log)
     return [*plots, pictures.interval_figure(log)] if len(log) > 1 else plots

@@ -416,6 +416,7 @@ def _plots(task: SocTask, answer: SocRun) -> list[Figure]:
         plots.append(pictures.soc_error_figure(log, estimates, truth))
     plots.append(pictures.current_figure(log, pictures.soc_flag_spans(log, estimates.flags)))
     plots.append(pictures.voltage_figure(log, estimates))
+    plots += pictures.further_figures(log)
     if _any(estimates.voltage_V):
         plots.append(pictures.voltage_error_figure(log, estimates))
     if _any(estimates.current_offset_A):

@@ -11,6 +11,8 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.onboard.robot_state import OF_CHARGE, Diagnostic, Level, RobotState
+from ohmward.onboard.ros.types import BATTERY_STATE
+from ohmward.quantities import QUANTITIES
 
 Message = dict[str, Any]
 
@@ -53,9 +55,7 @@ def battery_state(state: RobotState, measured: Mapping[str, float], battery: Bat
     soc = min(max(float(charge.soc), 0.0), 1.0) if charge else nan
     return {
         "header": header(state, frames.base),
-        "voltage": measured.get("battery_voltage_V", nan),
-        "temperature": measured.get("battery_temperature_degC", nan),
-        "current": measured.get("battery_current_A", nan),
+        **{q.ros_field: measured.get(q.name, nan) for q in QUANTITIES.values() if q.ros_type == BATTERY_STATE},
         "charge": soc * now_Ah,
         "capacity": now_Ah,
         "design_capacity": capacity_Ah,
