@@ -19,7 +19,7 @@ from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
 from ohmward.onboard.plausible import no_such_part, plausible_values
 from ohmward.onboard.quantities import quantity_of
 from ohmward.onboard.robot_state import EVIDENCE, Diagnostic, Level, RobotState
-from ohmward.onboard.wheel_check import WheelCheck
+from ohmward.traction.motion_check import MotionCheck
 from ohmward.traction.robot.robot import Robot
 
 #: A sensor is silent after so many of its usual intervals without a value, and after no less than the time.
@@ -191,7 +191,7 @@ class SensorWatch:
     def __post_init__(self) -> None:
         self.sensors: dict[str, WatchedSensor] = {}
         self.sources = {name: Delivery(frozenset(signals)) for name, signals in self.promised.items()}
-        self._motion = WheelCheck(self.robot) if self.robot else None
+        self._motion = MotionCheck(self.robot) if self.robot else None
         self._left_out = ""
         self._evidence: dict[tuple[str, ...], list[WatchedSensor]] = {names: [] for names in EVIDENCE}
 

@@ -15,7 +15,7 @@ from ohmward.onboard.message import Message
 from ohmward.onboard.plausible import no_such_part, plausible_values, wheel_number
 from ohmward.onboard.quantities import quantity_of
 from ohmward.onboard.robot_state import Level
-from ohmward.onboard.wheel_check import WheelCheck
+from ohmward.traction.motion_check import MotionCheck, contradiction, wrong_sign, wrong_signs
 from ohmward.traction.robot.robot import Robot
 
 #: Rates below which an estimator is of little use: of a battery, by logs at 1 Hz; of a drive, by the time in
@@ -27,9 +27,6 @@ TURNING_RAD_S = 0.5
 
 #: So many samples in motion decide about a sign.
 DECIDING = 20
-
-#: A sign is wrong where the other one leaves less than this share of the contradiction between wheels and gyro.
-CLEARLY_LESS = 0.3
 
 #: Contradictions [rad/s] below this are the noise of encoders and gyro, and a little slip.
 LEAST_RAD_S = 0.1
@@ -225,7 +222,7 @@ def _current_sign(found: Mapping[str, SignalRecord], battery: Battery | None) ->
 
 
 def _wheel_signs(found: Mapping[str, SignalRecord], robot: Robot) -> Iterator[WiringFinding]:
-    """The signs of wheels and gyro: which one, turned round, takes most of their contradiction away?"""
+    """The signs of wheels and gyro by their contradictions, and the unit of the gyro."""
     rows, values, names = _motion(found, robot)
     if len(names) < 2:
         return
@@ -236,28 +233,18 @@ def _wheel_signs(found: Mapping[str, SignalRecord], robot: Robot) -> Iterator[Wi
         )
         return
     values = values[:, moving]
-    contradiction = _contradiction(rows, values)
-    turned = {name: _contradiction(rows, _turned(values, k)) for k, name in enumerate(names)}
-    best = min(turned, key=lambda name: turned[name])
-    if contradiction > LEAST_RAD_S and turned[best] < CLEARLY_LESS * contradiction:
-        yield WiringFinding(best, Level.ERROR, "has the wrong sign beside the other wheels and the gyro: scale = -1")
+    if wrong := wrong_signs(rows, values, LEAST_RAD_S**2):
+        yield WiringFinding(names[wrong[0]], Level.ERROR, wrong_sign("it", "scale = -1"))
         return
     faster = _faster_than_gyro(rows, values, names)
     if math.isfinite(faster) and not 1.0 / MOST_FASTER < faster < MOST_FASTER:
         text = f"the wheels turn the robot {faster:.3g} times as fast as the gyro; {_named_scale('rad_s', faster)}"
         yield WiringFinding("signs of wheels and gyro", Level.ERROR, text)
-    elif contradiction > TURNING_RAD_S:
-        text = f"differ by {contradiction:.2g} rad/s; do the wheels slip, are two of them exchanged?"
+    elif (differ_rad_s := math.sqrt(contradiction(rows, values))) > TURNING_RAD_S:
+        text = f"differ by {differ_rad_s:.2g} rad/s; do the wheels slip, are two of them exchanged?"
         yield WiringFinding("signs of wheels and gyro", Level.WARN, text)
     else:
         yield WiringFinding("signs of wheels and gyro", Level.OK, "agree")
-
-
-def _turned(values: np.ndarray, k: int) -> np.ndarray:
-    """The values (rows, T) with the sign of one row turned round."""
-    turned = values.copy()
-    turned[k] = -turned[k]
-    return turned
 
 
 def _faster_than_gyro(rows: np.ndarray, values: np.ndarray, names: list[str]) -> float:
@@ -282,9 +269,9 @@ def _named_scale(unit: str, factor: float) -> str:
 
 def _motion(found: Mapping[str, SignalRecord], robot: Robot) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Rows of G of the wheels and the gyro that report, their values (rows, T) at common times, and their names."""
-    check, places = WheelCheck(robot), [place.name for place in robot.places]
+    check, places = MotionCheck(robot), [place.name for place in robot.places]
     chosen = {
-        signal: check.row(wheel_number(signal, places) if "." in signal else None)
+        signal: check.rows[-1 if signal == "yaw_rate_rad_s" else wheel_number(signal, places)]
         for signal in found
         if signal == "yaw_rate_rad_s" or (signal.startswith("wheel_speed") and wheel_number(signal, places) is not None)
     }
@@ -294,12 +281,6 @@ def _motion(found: Mapping[str, SignalRecord], robot: Robot) -> tuple[np.ndarray
     scales = {signal: check.scale if signal == "yaw_rate_rad_s" else 1.0 for signal in chosen}
     values = [scales[s] * np.interp(time_s, found[s].time_s, found[s].values) for s in chosen]
     return np.array(list(chosen.values())), np.nan_to_num(np.array(values)), list(chosen)
-
-
-def _contradiction(rows: np.ndarray, values: np.ndarray) -> float:
-    """RMS [rad/s] that no motion of the body explains."""
-    motion = np.linalg.lstsq(rows, values, rcond=None)[0]
-    return float(np.sqrt(np.mean((rows @ motion - values) ** 2)))
 
 
 def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str]) -> Iterator[WiringFinding]:

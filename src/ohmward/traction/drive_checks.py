@@ -16,6 +16,7 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.runs import runs
+from ohmward.traction.motion_check import MotionCheck, wrong_sign, wrong_signs
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.estimator import require_wheels
@@ -28,9 +29,8 @@ TURNS_RAD_S, MOVES_M_S, YAWS_RAD_S, WORKS_A = 0.2, 0.1, 0.1, 1.0
 #: Shortest duration [s] and fewest samples of a fault.
 LASTS_S, FEWEST = 1.0, 20
 
-#: A wheel's sign is wrong where the wheels contradict each other by this share of their motion (in squares), and by
-#: less than a tenth of that once the sign is changed.
-CONTRADICTION, CURED = 0.1, 0.1
+#: A wheel's sign may be wrong where the wheels contradict each other by this share of their motion (in squares).
+CONTRADICTION = 0.1
 
 #: A motor brakes all the way where its current in the direction of its wheel is below this share of its size.
 BRAKES = -0.3
@@ -148,23 +148,18 @@ def _spikes(robot: Robot, log: DriveLog) -> list[str]:
 
 def _wrong_wheel_signs(robot: Robot, log: DriveLog) -> list[str]:
     """Wheels without whose sign changed the wheels and the gyro contradict each other."""
-    A, b, names = _kinematics(robot, log)
-    if len(b) < FEWEST or A.shape[0] <= A.shape[1]:
+    check, speeds = MotionCheck(robot), log.wheel_speed_rad_s.T
+    seen = np.flatnonzero(np.isfinite(speeds).any(axis=1)).tolist()
+    rows, values = check.rows[seen], speeds[seen]
+    if log.yaw_rate_rad_s is not None and not robot.chassis.scrubs:
+        rows, values = np.vstack([rows, check.rows[-1]]), np.vstack([values, check.scale * log.yaw_rate_rad_s])
+    values = values[:, np.isfinite(values).all(axis=0)]
+    if values.shape[1] < FEWEST:
         return []
-    left_null = np.eye(A.shape[0]) - A @ np.linalg.pinv(A)
-    power = float(np.sum(b**2))
-    as_is = float(np.sum((b @ left_null) ** 2))
-    if power == 0 or as_is < CONTRADICTION * power:
-        return []
-    one_flipped = 1.0 - 2.0 * np.eye(len(names))
-    flipped = [float(np.sum(((b * signs) @ left_null) ** 2)) for signs in one_flipped]
-    cured = [name for name, rest in zip(names, flipped, strict=True) if rest < CURED * as_is and name != "gyro"]
-    if not cured:
-        return []
-    return [
-        f"the wheels contradict each other, and agree once the encoder of {' or '.join(cured)} counts the other way: "
-        "its sign is wrong, or wheels are exchanged; change the sign in the file, or say with --column which is which"
-    ]
+    wrong = sorted(wrong_signs(rows, values, CONTRADICTION * float(np.mean(values**2))))
+    which = " or ".join(_names(robot)[seen[k]] for k in wrong if k < len(seen))
+    fix = "change the sign in the file, or say with --column which is which"
+    return [wrong_sign(f"the encoder of {which}", fix)] if which else []
 
 
 def _wrong_yaw_sign(robot: Robot, log: DriveLog) -> list[str]:
@@ -285,22 +280,6 @@ def _names(robot: Robot) -> list[str]:
 
 def _from_to(time_s: np.ndarray, first: int, last: int) -> str:
     return f"from {time_s[first]:.4g} s to {time_s[last]:.4g} s"
-
-
-def _kinematics(robot: Robot, log: DriveLog) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Kinematics (sensors, freedoms) of the sensors of motion, their values (N, sensors) [m/s] where all have one.
-
-    A gyro counts as the rim of a wheel on the arm of the farthest one.
-    """
-    seen = [k for k in range(len(robot.places)) if np.isfinite(log.wheel_speed_rad_s[:, k]).any()]
-    A, b = robot.rolling[seen], log.wheel_speed_rad_s[:, seen] * robot.wheel.radius_m
-    names = [_names(robot)[k] for k in seen]
-    if log.yaw_rate_rad_s is not None and not robot.chassis.scrubs:
-        arm_m = float(np.max(np.abs(robot.rolling[:, -1])))
-        A = np.vstack([A, arm_m * np.eye(robot.freedoms)[-1]])
-        b = np.column_stack([b, arm_m * log.yaw_rate_rad_s])
-        names = [*names, "gyro"]
-    return A, b[np.isfinite(b).all(axis=1)], names
 
 
 def _long_runs(time_s: np.ndarray, rows: np.ndarray) -> Sequence[tuple[int, int]]:
