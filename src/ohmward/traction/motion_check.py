@@ -29,9 +29,9 @@ def contradiction(rows: np.ndarray, values: np.ndarray) -> float:
 
 
 def wrong_signs(rows: np.ndarray, values: np.ndarray, least: float) -> list[int]:
-    """Sensors of rows (n, freedoms) and values (n, T) whose other sign explains their contradiction, the best one first.
+    """Sensors whose other sign explains the contradiction, the best one first.
 
-    least: contradiction up to which all signs are right.
+    rows: (n, freedoms) of G.  values: (n, T).  least: contradiction up to which all signs are right.
     """
     as_is = contradiction(rows, values)
     if not as_is > least:
