@@ -182,31 +182,42 @@ def _wrong_yaw_sign(robot: Robot, log: DriveLog) -> list[str]:
 
 
 def _wrong_current_signs(robot: Robot, log: DriveLog) -> list[str]:
-    """Motors that would brake all the way, and take energy that the robot does not give up: it does not slow down.
+    motors = enumerate(_names(robot)[: robot.driven])
+    pitch_rad = np.zeros(len(log)) if log.pitch_rad is None else log.pitch_rad
+    return [
+        brakes_all_the_way(f"the motor of {name}", "change the sign in the file")
+        for k, name in motors
+        if only_brakes(robot, log.time_s, log.wheel_speed_rad_s[:, k], log.motor_current_A[:, k], pitch_rad)
+    ]
 
-    Each driven wheel gives up an equal share of it, by the speed of the rims, and by the pitch if there is one.
+
+def brakes_all_the_way(which: str, fix: str) -> str:
+    """Sentence on a motor that only brakes."""
+    return (
+        f"{which} brakes all the way, but the robot does not slow down: wrong sign of its current or of its encoder, "
+        f"or the whole drive goes downhill; a positive current must drive forward: {fix}"
+    )
+
+
+def only_brakes(
+    robot: Robot, time_s: np.ndarray, speed_rad_s: np.ndarray, current_A: np.ndarray, pitch_rad: np.ndarray
+) -> bool:
+    """True for a motor that would brake all the way, and take energy that the robot does not give up.
+
+    Each driven wheel gives up an equal share of it, by the speed of its rim, and by the pitch.
+
+    time_s, speed_rad_s, current_A, pitch_rad: (T,) of the motor and its wheel; nan where not known.
     """
-    found = []
-    mass_kg, radius_m = robot.mass_kg / robot.driven, robot.wheel.radius_m
-    dt_s = np.diff(log.time_s, prepend=log.time_s[0])
-    climb = np.zeros(len(log)) if log.pitch_rad is None else GRAVITY * np.sin(np.nan_to_num(log.pitch_rad))
-    for k, name in enumerate(_names(robot)[: robot.driven]):
-        omega, current_A = log.wheel_speed_rad_s[:, k], log.motor_current_A[:, k]
-        rows = np.isfinite(current_A) & (np.abs(omega) > TURNS_RAD_S)
-        forward_A = (current_A * np.sign(omega))[rows]
-        if forward_A.size < FEWEST or not forward_A.sum() < BRAKES * np.abs(forward_A).sum():
-            continue
-        rim_m_s, brakes = radius_m * omega[rows], forward_A < 0
-        kinetic_J = np.diff(0.5 * mass_kg * rim_m_s**2, prepend=np.nan)
-        potential_J = mass_kg * climb[rows] * rim_m_s * dt_s[rows]
-        taken_J = -robot.motor.wheel_constant_Nm_per_A * current_A[rows] * omega[rows] * dt_s[rows]
-        if np.sum(taken_J[brakes]) > TAKES * -np.nansum((kinetic_J + potential_J)[brakes]):
-            found.append(
-                f"the motor of {name} brakes all the way, but the robot does not slow down: the sign of its current or "
-                "of its encoder is wrong, or the whole drive goes downhill; a positive current must drive forward; "
-                "change the sign in the file"
-            )
-    return found
+    rows = np.isfinite(current_A) & (np.abs(speed_rad_s) > TURNS_RAD_S)
+    forward_A = (current_A * np.sign(speed_rad_s))[rows]
+    if forward_A.size < FEWEST or not forward_A.sum() < BRAKES * np.abs(forward_A).sum():
+        return False
+    mass_kg, rim_m_s, brakes = robot.mass_kg / robot.driven, robot.wheel.radius_m * speed_rad_s[rows], forward_A < 0
+    dt_s = np.diff(time_s, prepend=time_s[0])[rows]
+    kinetic_J = np.diff(0.5 * mass_kg * rim_m_s**2, prepend=np.nan)
+    potential_J = mass_kg * GRAVITY * np.sin(np.nan_to_num(pitch_rad[rows])) * rim_m_s * dt_s
+    taken_J = -robot.motor.wheel_constant_Nm_per_A * current_A[rows] * speed_rad_s[rows] * dt_s
+    return bool(np.sum(taken_J[brakes]) > TAKES * -np.nansum((kinetic_J + potential_J)[brakes]))
 
 
 def _blocked_wheels(robot: Robot, log: DriveLog) -> list[str]:
