@@ -254,14 +254,16 @@ def _temperature(
     return np.full(samples, told), (*notes, Note(f"temperature of {told:g} degC throughout, as told"))
 
 
-def without_impossible_temperatures(temperature_degC: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
+def without_impossible_temperatures(
+    temperature_degC: np.ndarray, unit_known: bool = False
+) -> tuple[np.ndarray, tuple[Note, ...]]:
     """The temperatures (T,) [degC] with NaN in place of those that no battery has, and a note on them.
 
-    Where they are most, the unit is wrong, and all stay.
+    Where they are most, and the unit is not known for sure, that is wrong, and all stay.
     """
     with np.errstate(invalid="ignore"):
         wrong = (temperature_degC < COLDEST_DEGC) | (temperature_degC > HOTTEST_DEGC)
-    if 2 * np.count_nonzero(wrong) > np.count_nonzero(np.isfinite(temperature_degC)):
+    if not unit_known and 2 * np.count_nonzero(wrong) > np.count_nonzero(np.isfinite(temperature_degC)):
         return temperature_degC, ()
     return without_rows(temperature_degC, np.flatnonzero(wrong), "temperature", "degC", "no battery has them")
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.logs.sign import sign_evidence
+from ohmward.logs.sign import WRONG_SIGN, sign_evidence
 from ohmward.onboard.message import Message
 from ohmward.onboard.plausible import no_such_part, plausible_values, wheel_number
 from ohmward.onboard.quantities import quantity_of
@@ -180,7 +180,7 @@ def _current_sign(found: Mapping[str, SignalRecord], battery: Battery | None) ->
     answered_V = np.interp(current.time_s, voltage.time_s, voltage.values)
     evidence = sign_evidence(current.time_s, current.values, answered_V)
     if evidence.verdict == "discharge":
-        text = f"has the wrong sign: the voltage falls where it grows ({evidence}); current > 0 charges: scale = -1"
+        text = f"{WRONG_SIGN} ({evidence}); current > 0 must charge: scale = -1"
         yield Diagnostic("battery_current_A", Level.ERROR, text)
     elif evidence.verdict == "undecidable":
         yield Diagnostic("battery_current_A", Level.WARN, f"its sign cannot be told yet ({evidence}); drive a little")

@@ -18,8 +18,8 @@ from ohmward.battery.log_check import (
     other_cells,
 )
 from ohmward.errors import InputError
-from ohmward.logs.log import COLDEST_DEGC, HOTTEST_DEGC, SECONDS_PER_HOUR, Log, Note
-from ohmward.logs.sign import resolution, sign_evidence
+from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note, without_impossible_temperatures
+from ohmward.logs.sign import OTHER_SIGN, WRONG_SIGN, resolution, sign_evidence
 from ohmward.runs import runs
 
 #: Samples with current and voltage, and time: less tells nothing about a battery.
@@ -52,7 +52,12 @@ def usable_log(log: Log, battery: Battery) -> Log:
     _require_sign(log)
     for without in (_without_stuck_voltage, _without_stuck_current, _without_hidden_current):
         log = without(log, battery)
-    return _without_impossible_temperatures(log)
+    if log.temperature_degC is None:
+        return log
+    degC, notes = without_impossible_temperatures(log.temperature_degC, unit_known=True)
+    if not notes:
+        return log
+    return replace(log, temperature_degC=degC if np.isfinite(degC).any() else None).with_notes(*notes)
 
 
 def _require_samples(log: Log) -> None:
@@ -69,10 +74,7 @@ def _require_sign(log: Log) -> None:
     """Raise InputError where the voltage answers the current with the wrong sign."""
     evidence = sign_evidence(log.time_s, log.current_A, log.voltage_V)
     if evidence.verdict == "discharge":
-        raise InputError(
-            f"the voltage answers the current with the wrong sign ({evidence}); current > 0 must charge: read it with "
-            "the other --current-sign"
-        )
+        raise InputError(f"{WRONG_SIGN} ({evidence}); {OTHER_SIGN}")
 
 
 def _without_stuck_voltage(log: Log, battery: Battery) -> Log:
@@ -122,19 +124,6 @@ def _without_hidden_current(log: Log, battery: Battery) -> Log:
     log = _without(log, "current", moving_rests(log, battery), "did not show what charged or discharged the battery")
     fault = "shows a discharge or none where the voltage rises as by a charge (a charger past the sensor?)"
     return _without(log, "current", hidden_charges(log, battery), fault)
-
-
-def _without_impossible_temperatures(log: Log) -> Log:
-    """The log without temperatures that no battery has; sensors without their wire say -127 or 850 degC."""
-    if log.temperature_degC is None:
-        return log
-    with np.errstate(invalid="ignore"):
-        wrong = (log.temperature_degC < COLDEST_DEGC) | (log.temperature_degC > HOTTEST_DEGC)
-    if not wrong.any():
-        return log
-    note = Note(f"{wrong.sum()} temperatures that no battery has: left out", "warning")
-    rest = None if wrong.all() else np.where(wrong, np.nan, log.temperature_degC)
-    return replace(log, temperature_degC=rest).with_notes(note)
 
 
 def _constant(log: Log, values: np.ndarray) -> list[tuple[int, int]]:
