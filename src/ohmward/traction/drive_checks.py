@@ -7,7 +7,7 @@ outside without a sign is mended.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
-from ohmward.runs import runs
+from ohmward.runs import long_runs
 from ohmward.traction.motion_check import MotionCheck, wrong_sign, wrong_signs
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import GRAVITY, Robot
@@ -101,34 +101,30 @@ def with_signed_speed(robot: Robot, log: DriveLog) -> DriveLog:
     return replace(log, speed_m_s=signed, notes=(*log.notes, Note(text, "warning")))
 
 
-def _stuck_encoders(robot: Robot, log: DriveLog) -> list[str]:
+def _stuck_encoders(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Encoders that repeat a number to the last digit while the other wheels change theirs.
 
     A wheel may stand for a while when a robot turns about it; one that never turns is unplugged, but on an omni robot.
     """
-    found = []
     for k, name in enumerate(_names(robot)):
         rows = np.flatnonzero(np.isfinite(log.wheel_speed_rad_s[:, k]))
         speed, others = log.wheel_speed_rad_s[rows, k], np.delete(log.wheel_speed_rad_s[rows], k, axis=1)
         same = np.append(False, np.diff(speed) == 0)
         moving = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1]))).max(axis=1, initial=0.0) > 0
         turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > TURNS_RAD_S
-        for first, last in _long_runs(log.time_s[rows], same):
-            part = slice(first, last + 1)
-            may_stand = speed[first] == 0 and (last - first < rows.size - 2 or isinstance(robot.chassis, Omni))
-            if not may_stand and moving[part].mean() > 0.5 and turning[part].mean() > 0.5:
-                found.append(
+        for first, stop in long_runs(same, log.time_s[rows], LASTS_S, FEWEST):
+            may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or isinstance(robot.chassis, Omni))
+            if not may_stand and moving[first:stop].mean() > 0.5 and turning[first:stop].mean() > 0.5:
+                yield (
                     f"the encoder of {name} shows {speed[first]:.4g} rad/s without any change "
-                    f"{_from_to(log.time_s[rows], first, last)} while other wheels turn: stuck or unplugged; check it, "
+                    f"{_from_to(log.time_s[rows[first:stop]])} while other wheels turn: stuck or unplugged; check it, "
                     "or cut this part out"
                 )
                 break
-    return found
 
 
-def _spikes(robot: Robot, log: DriveLog) -> list[str]:
+def _spikes(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Single samples far beyond what the wheel ever does."""
-    found = []
     for k, name in enumerate(_names(robot)):
         speed = log.wheel_speed_rad_s[:, k]
         speed = speed[np.isfinite(speed)]
@@ -138,15 +134,14 @@ def _spikes(robot: Robot, log: DriveLog) -> list[str]:
         before, after = np.diff(speed)[:-1], -np.diff(speed)[1:]
         spikes = (before * after > 0) & (np.minimum(np.abs(before), np.abs(after)) > SPIKE * usual)
         if spikes.any():
-            found.append(
+            yield (
                 f"the encoder of {name} jumps to {np.abs(speed).max():.4g} rad/s in {spikes.sum()} samples, usual are "
                 f"{usual:.3g} rad/s: a counter that rolled over? If the file has the counts, read those with --unit "
                 "wheel_speed=counts"
             )
-    return found
 
 
-def _wrong_wheel_signs(robot: Robot, log: DriveLog) -> list[str]:
+def _wrong_wheel_signs(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wheels without whose sign changed the wheels and the gyro contradict each other."""
     check, speeds = MotionCheck(robot), log.wheel_speed_rad_s.T
     seen = np.flatnonzero(np.isfinite(speeds).any(axis=1)).tolist()
@@ -155,40 +150,35 @@ def _wrong_wheel_signs(robot: Robot, log: DriveLog) -> list[str]:
         rows, values = np.vstack([rows, check.rows[-1]]), np.vstack([values, check.scale * log.yaw_rate_rad_s])
     values = values[:, np.isfinite(values).all(axis=0)]
     if values.shape[1] < FEWEST:
-        return []
+        return
     wrong = sorted(wrong_signs(rows, values, CONTRADICTION * float(np.mean(values**2))))
-    which = " or ".join(_names(robot)[seen[k]] for k in wrong if k < len(seen))
-    fix = "change the sign in the file, or say with --column which is which"
-    return [wrong_sign(f"the encoder of {which}", fix)] if which else []
+    if which := " or ".join(_names(robot)[seen[k]] for k in wrong if k < len(seen)):
+        yield wrong_sign(f"the encoder of {which}", "change the sign in the file, or say with --column which is which")
 
 
-def _wrong_yaw_sign(robot: Robot, log: DriveLog) -> list[str]:
+def _wrong_yaw_sign(robot: Robot, log: DriveLog) -> Iterator[str]:
     """A robot that turns left by its wheels and right by its gyro, over a full turn in all."""
     if log.yaw_rate_rad_s is None:
-        return []
+        return
     wheels = yaw_rate_of_wheels(robot, log.wheel_speed_rad_s)
     rows = np.isfinite(wheels) & (np.abs(log.yaw_rate_rad_s) > YAWS_RAD_S)
     turned_rad = np.abs(log.yaw_rate_rad_s[rows]) @ np.diff(log.time_s, prepend=log.time_s[0])[rows]
     if rows.sum() < FEWEST or turned_rad < 2 * math.pi:
-        return []
+        return
     wheels, gyro = wheels[rows], log.yaw_rate_rad_s[rows]
     agreement = float(wheels @ gyro / max(math.sqrt(wheels @ wheels * (gyro @ gyro)), 1e-12))
-    if agreement > -0.5:
-        return []
-    return [
-        "wheels and gyro turn against each other: left and right wheels are exchanged, or the gyro's axis points down; "
-        "exchange the columns with --column, or change the sign of the yaw rate in the file"
-    ]
+    if agreement <= -0.5:
+        yield (
+            "wheels and gyro turn against each other: left and right wheels are exchanged, or the gyro's axis points "
+            "down; exchange the columns with --column, or change the sign of the yaw rate in the file"
+        )
 
 
-def _wrong_current_signs(robot: Robot, log: DriveLog) -> list[str]:
-    motors = enumerate(_names(robot)[: robot.driven])
+def _wrong_current_signs(robot: Robot, log: DriveLog) -> Iterator[str]:
     pitch_rad = np.zeros(len(log)) if log.pitch_rad is None else log.pitch_rad
-    return [
-        brakes_all_the_way(f"the motor of {name}", "change the sign in the file")
-        for k, name in motors
-        if only_brakes(robot, log.time_s, log.wheel_speed_rad_s[:, k], log.motor_current_A[:, k], pitch_rad)
-    ]
+    for k, name in enumerate(_names(robot)[: robot.driven]):
+        if only_brakes(robot, log.time_s, log.wheel_speed_rad_s[:, k], log.motor_current_A[:, k], pitch_rad):
+            yield brakes_all_the_way(f"the motor of {name}", "change the sign in the file")
 
 
 def brakes_all_the_way(which: str, fix: str) -> str:
@@ -220,80 +210,69 @@ def only_brakes(
     return bool(np.sum(taken_J[brakes]) > TAKES * -np.nansum((kinetic_J + potential_J)[brakes]))
 
 
-def _blocked_wheels(robot: Robot, log: DriveLog) -> list[str]:
+def _blocked_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Motors that work for a while and whose wheels do not turn."""
-    found = []
     for k, name in enumerate(_names(robot)[: robot.driven]):
         stands = np.abs(log.wheel_speed_rad_s[:, k]) < 0.25 * TURNS_RAD_S
-        for first, last in _long_runs(log.time_s, stands & (np.abs(log.motor_current_A[:, k]) > WORKS_A)):
-            current_A = float(np.median(np.abs(log.motor_current_A[first : last + 1, k])))
-            found.append(
-                f"the motor of {name} takes {current_A:.3g} A {_from_to(log.time_s, first, last)} and its wheel does "
+        works = np.abs(log.motor_current_A[:, k]) > WORKS_A
+        for first, stop in long_runs(stands & works, log.time_s, LASTS_S, FEWEST)[:1]:
+            current_A = float(np.median(np.abs(log.motor_current_A[first:stop, k])))
+            yield (
+                f"the motor of {name} takes {current_A:.3g} A {_from_to(log.time_s[first:stop])} and its wheel does "
                 "not turn: blocked, or its encoder is unplugged"
             )
-            break
-    return found
 
 
-def _dead_currents(robot: Robot, log: DriveLog) -> list[str]:
+def _dead_currents(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Current sensors that never show anything though their wheels turn."""
-    found = []
     for k, name in enumerate(_names(robot)[: robot.driven]):
         current = log.motor_current_A[:, k]
         current = current[np.isfinite(current) & (np.abs(log.wheel_speed_rad_s[:, k]) > TURNS_RAD_S)]
         if current.size >= FEWEST and np.ptp(current) == 0:
-            found.append(
+            yield (
                 f"the motor current of {name} is {current[0]:.3g} A without any change while its wheel turns: a dead "
                 "sensor; leave its column out, and the motor counts as unknown"
             )
-    return found
 
 
-def _stuck_robot(robot: Robot, log: DriveLog) -> list[str]:
+def _stuck_robot(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wheels that turn under a robot that stands, by a speed from outside which may come seldom."""
     speed, wheels = speed_and_wheels_m_s(robot, log)
     if not speed.size:
-        return []
+        return
     assert log.speed_m_s is not None
     turn = np.abs(wheels) > MOVES_M_S  # wheels that stand tell nothing of it
     time_s = log.time_s[np.isfinite(log.speed_m_s)][turn]
     stands = np.abs(speed[turn]) < STUCK_SHARE * np.abs(wheels[turn])
-    found = [(first, stop - 1) for first, stop in runs(stands) if stop - first >= FEWEST_STUCK]
-    return [
-        f"the robot stands by the speed from outside {_from_to(time_s, first, last)} while its wheels turn: stuck, or "
-        "that speed is dead; between two of its samples way and slip are those of the wheels, do not count on them here"
-        for first, last in found
-        if time_s[last] - time_s[first] >= STUCK_S
-    ]
+    for first, stop in long_runs(stands, time_s, STUCK_S, FEWEST_STUCK):
+        yield (
+            f"the robot stands by the speed from outside {_from_to(time_s[first:stop])} while its wheels turn: stuck, "
+            "or that speed is dead; between two of its samples way and slip are those of the wheels, do not count on "
+            "them here"
+        )
 
 
-def _wrong_units(robot: Robot, log: DriveLog) -> list[str]:
+def _wrong_units(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wheels that are much slower or faster than the robot."""
     speed, wheels = speed_and_wheels_m_s(robot, log)
     rows = (np.abs(speed) > MOVES_M_S) & (np.abs(wheels) > 1e-3 * MOVES_M_S)
     if rows.sum() < FEWEST:
-        return []
+        return
     ratio = abs(float(np.median(wheels[rows] / speed[rows])))
     if 1 / RATIO_DOUBTFUL < ratio < RATIO_DOUBTFUL:
-        return []
+        return
     text = (
         f"the wheels say {ratio:.3g} times the speed that was measured from outside; is it another unit (--unit "
         "wheel_speed=rpm), the motors' speed (--motor-shaft), or another radius in the robot file?"
     )
     if not 1 / RATIO_MEANINGLESS < ratio < RATIO_MEANINGLESS:
         raise InputError(f"{log.name}: {text}")
-    return [text]
+    yield text
 
 
 def _names(robot: Robot) -> list[str]:
     return [place.name.replace("_", " ") for place in robot.places]
 
 
-def _from_to(time_s: np.ndarray, first: int, last: int) -> str:
-    return f"from {time_s[first]:.4g} s to {time_s[last]:.4g} s"
-
-
-def _long_runs(time_s: np.ndarray, rows: np.ndarray) -> Sequence[tuple[int, int]]:
-    """First and last sample of every run of True in `rows` (T,) that is long enough."""
-    found = [(first, stop - 1) for first, stop in runs(rows)]
-    return [(a, b) for a, b in found if time_s[b] - time_s[a] >= LASTS_S and b - a >= FEWEST]
+def _from_to(time_s: np.ndarray) -> str:
+    return f"from {time_s[0]:.4g} s to {time_s[-1]:.4g} s"
