@@ -9,6 +9,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.learning.fold import pulse_ohm
 from ohmward.battery.log_check import (
+    HIDDEN_CHARGE,
     MEDIAN_OF,
     REST_C,
     check_log,
@@ -122,8 +123,7 @@ def _against_V(voltage_V: np.ndarray, current_A: float, battery: Battery) -> flo
 def _without_hidden_current(log: Log, battery: Battery) -> Log:
     """The log without currents that do not show by what the voltage moves: a charge, or a load."""
     log = _without(log, "current", moving_rests(log, battery), "did not show what charged or discharged the battery")
-    fault = "shows a discharge or none where the voltage rises as by a charge (a charger past the sensor?)"
-    return _without(log, "current", hidden_charges(log, battery), fault)
+    return _without(log, "current", hidden_charges(log, battery), HIDDEN_CHARGE)
 
 
 def _constant(log: Log, values: np.ndarray) -> list[tuple[int, int]]:
