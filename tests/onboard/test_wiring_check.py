@@ -125,3 +125,16 @@ def test_a_source_that_sent_nothing_is_one_finding(battery):
 def test_a_passive_wheel_has_no_motor(battery):
     found = findings(lambda values: values | {"motor_current_A.3": 0.0}, battery)
     assert found == {"motor_current_A.3": f"the robot has no such motor; it has {', '.join(PLACES[: RLMA.driven])}"}
+
+
+def test_a_robot_that_brakes_while_it_is_listened_to_has_no_wrong_sign(battery):
+    """From 1.9 m/s to a stop in twenty seconds; the motors take half of the energy that it gives up."""
+    recorder, deceleration = Recorder(), 0.095
+    force_A = RLMA.mass_kg * RLMA.wheel.radius_m / RLMA.driven / RLMA.motor.wheel_constant_Nm_per_A
+    for k in range(1000):
+        speed_m_s = 1.9 - deceleration * 0.02 * k
+        values = dict.fromkeys(WHEELS, speed_m_s / RLMA.wheel.radius_m)
+        values |= dict.fromkeys(MOTORS, -0.5 * deceleration * force_A)
+        recorder.put(Message(0.02 * k, 0.02 * k, "robot", values))
+    found = check_wiring(recorder.signals(), {"robot": ()}, None, RLMA)
+    assert [f for f in found if f.level == Level.ERROR] == []

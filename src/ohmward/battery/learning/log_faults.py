@@ -50,7 +50,9 @@ def usable_log(log: Log, battery: Battery) -> Log:
     check_log(log, battery)
     if contradiction := other_cells(log, battery):
         raise InputError(f"{contradiction} Is it a log of another battery?")
-    _require_sign(log)
+    evidence = sign_evidence(log.time_s, log.current_A, log.voltage_V)
+    if evidence.verdict == "discharge":
+        raise InputError(f"{WRONG_SIGN} ({evidence}); {OTHER_SIGN}")
     for without in (_without_stuck_voltage, _without_stuck_current, _without_hidden_current):
         log = without(log, battery)
     if log.temperature_degC is None:
@@ -69,13 +71,6 @@ def _require_samples(log: Log) -> None:
             f"only {known.sum()} samples with current and voltage in {log.duration_s:.3g} s; at least "
             f"{_FEWEST_SAMPLES} in {_SHORTEST_S:g} s are needed"
         )
-
-
-def _require_sign(log: Log) -> None:
-    """Raise InputError where the voltage answers the current with the wrong sign."""
-    evidence = sign_evidence(log.time_s, log.current_A, log.voltage_V)
-    if evidence.verdict == "discharge":
-        raise InputError(f"{WRONG_SIGN} ({evidence}); {OTHER_SIGN}")
 
 
 def _without_stuck_voltage(log: Log, battery: Battery) -> Log:
