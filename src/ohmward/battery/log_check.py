@@ -64,6 +64,11 @@ _IDLE_RESISTANCE = 2.0
 #: Samples of a median.
 MEDIAN_OF = 5
 
+#: What to look at where a battery file does not explain a log.
+OTHER_FILE = (
+    "are the given chemistry, capacity and n_series those of this battery, and are sign and unit of the current right?"
+)
+
 #: A charge that the current sensor does not show.
 HIDDEN_CHARGE = "shows a discharge or none where the voltage rises as by a charge (does the charger bypass it?)"
 
