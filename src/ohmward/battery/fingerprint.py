@@ -222,7 +222,8 @@ def _tolerances(seen: LogProfile, log: Log, shift_s: float, edges_s: np.ndarray)
     """
     exact = np.broadcast_to(_ROUNDING_LEVELS * seen.level, seen.means.shape)
     intervals_s = sorted((seen.interval_s, float(np.median(log.dt_s))))
-    if intervals_s[1] < (1 + _SAME_INTERVAL) * intervals_s[0] or _clocks_differ(seen, log, shift_s):
+    clocks_differ = any(abs(told_s - shift_s) > _SAME_CLOCK_S for told_s in _clock_shift(seen, log))
+    if intervals_s[1] < (1 + _SAME_INTERVAL) * intervals_s[0] or clocks_differ:
         return exact[None]
     lag = max(1, round(intervals_s[1] / float(np.median(log.dt_s))))
     sampling = np.stack([_change_in_bins(log, values, lag, edges_s) for values in (log.voltage_V, log.current_A)])
@@ -234,11 +235,6 @@ def _clock_shift(seen: LogProfile, log: Log) -> list[float]:
     if log.start_unix_s is None or not np.isfinite(seen.start_unix_s):
         return []
     return [seen.start_unix_s - log.start_unix_s - float(log.time_s[0])]
-
-
-def _clocks_differ(seen: LogProfile, log: Log, shift_s: float) -> bool:
-    """True where both have a wall clock, and these contradict the shift."""
-    return any(abs(told_s - shift_s) > _SAME_CLOCK_S for told_s in _clock_shift(seen, log))
 
 
 def _change_in_bins(log: Log, values: np.ndarray, lag: int, edges_s: np.ndarray) -> np.ndarray:

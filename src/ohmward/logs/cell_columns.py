@@ -7,7 +7,7 @@ row of columns belongs to the cells of a pack where their sum is the voltage of 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -115,11 +115,8 @@ def _may_be_voltage(name: str) -> bool:
     units = [unit for _, unit in split_unit(name) if unit is not None and unit.symbol != "1"]
     if units and not any(unit.dimension == "voltage" for unit in units):
         return False
-    return not _OTHER_THAN_VOLTAGE & set(letters(next(_stems(name))))
-
-
-def _stems(name: str) -> Iterator[str]:
-    return (stem for stem, _ in split_unit(name))
+    stem, _ = next(split_unit(name))
+    return not _OTHER_THAN_VOLTAGE & set(letters(stem))
 
 
 def _counts(row: Mapping[int, str]) -> bool:

@@ -139,8 +139,12 @@ def _interpolate(table: Table, time: str, name: str, rows: np.ndarray) -> Table:
 def missing_notes(table: Table, chosen: Mapping[str, Column]) -> list[Note]:
     """Notes on the number of samples that lack their current or voltage."""
     counts = {q: int(np.isnan(table.columns[chosen[q].name]).sum()) for q in ("current", "voltage")}
-    lacking = [f"{count} of {table.line.size} samples have no {q} (NaN)" for q, count in counts.items() if count]
-    return [Note(text, "warning") for text in lacking]
+    return [Note(lacking(count, table.line.size, q), "warning") for q, count in counts.items() if count]
+
+
+def lacking(count: int, samples: int, quantity: str) -> str:
+    """Sentence on the samples that lack a quantity."""
+    return f"{count} of {samples} samples have no {quantity} (NaN)"
 
 
 def find_gaps(time_s: np.ndarray) -> np.ndarray:

@@ -276,14 +276,16 @@ def _further(measured: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray],
     return found, notes
 
 
-def without_impossible(quantity: Quantity, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
+def without_impossible(
+    quantity: Quantity, values: np.ndarray, unit_known: bool = False
+) -> tuple[np.ndarray, tuple[Note, ...]]:
     """The values (T,) of a quantity with NaN in place of those that no battery has, and a note on them.
 
-    Where they are most, the unit is wrong, and all stay.
+    Where they are most, and the unit is not known for sure, that is wrong, and all stay.
     """
     with np.errstate(invalid="ignore"):
         wrong = (values < quantity.limits.lowest) | (values > quantity.limits.highest)
-    if 2 * np.count_nonzero(wrong) > np.count_nonzero(np.isfinite(values)):
+    if not unit_known and 2 * np.count_nonzero(wrong) > np.count_nonzero(np.isfinite(values)):
         return values, ()
     return without_rows(values, np.flatnonzero(wrong), quantity.channel, quantity.unit, "no battery has them")
 

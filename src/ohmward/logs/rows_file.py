@@ -309,7 +309,8 @@ def _columns(source: str, content: Any) -> dict[str, np.ndarray]:
     """Columns of equal length."""
     if isinstance(content, Mapping):
         lists = {name: value for name, value in content.items() if isinstance(value, list)}
-        if len(lists) > 1 and len({len(value) for value in lists.values()}) == 1 and _flat(lists):
+        nested = any(isinstance(cell, list | dict) for values in lists.values() for cell in values[:5])
+        if len(lists) > 1 and len({len(value) for value in lists.values()}) == 1 and not nested:
             return {name: plain_array(value) for name, value in lists.items()}
         content = next(iter(lists.values()), [content])
     while content and all(isinstance(one, list) for one in content):
@@ -319,10 +320,6 @@ def _columns(source: str, content: Any) -> dict[str, np.ndarray]:
     if not rows or len(names) < 2:
         raise InputError(f'{source}: no objects with two values and more; write one object a line: {{"t": 0, "I": 1}}')
     return {name: plain_array(_alike([row.get(name) for row in rows])) for name in names}
-
-
-def _flat(lists: Mapping[str, list]) -> bool:
-    return not any(isinstance(cell, list | dict) for values in lists.values() for cell in values[:5])
 
 
 def _alike(values: list[Any]) -> list[Any]:

@@ -14,6 +14,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
+from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
 from ohmward.onboard.clock import SourceClock, SystemClock
@@ -287,7 +288,7 @@ def _fit(charge: SocEstimate) -> Diagnostic:
         return Diagnostic("battery file", Level.OK, "fits the measurements")
     message = (
         f"does not fit the measurements: it asks for a sensor off by {float(charge.current_offset_A):.3g} A and a "
-        f"capacity of {float(charge.soh_capacity):.0%}; is it of this battery, and is the sign of the current right?"
+        f"capacity of {float(charge.soh_capacity):.0%}; {OTHER_FILE}"
     )
     return Diagnostic("battery file", Level.WARN, message)
 

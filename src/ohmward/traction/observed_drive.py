@@ -64,7 +64,7 @@ def misfits(run: SlipRun) -> tuple[Note, ...]:
     """Warnings that the model does not fit the log, whose estimates are not to be trusted then; none where it fits."""
     shares = {flag: float(np.mean(run.flags & flag != 0)) for flag in CONTRADICTIONS}
     found = [
-        f"the model does not fit {_percent(share)} of the log: {CONTRADICTIONS[flag]}"
+        f"the model does not fit {100 * share:.2g} % of the log: {CONTRADICTIONS[flag]}"
         for flag, share in shares.items()
         if share > CONTRADICTS
     ]
@@ -75,10 +75,6 @@ def misfits(run: SlipRun) -> tuple[Note, ...]:
             "have: robot file, units or sensors are wrong"
         )
     return tuple(Note(text, "warning") for text in found)
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
 
 
 #: Flags of learnt floors that mean a fault of the log.
@@ -196,7 +192,9 @@ def observe_on_floors(
     estimator = slip_on_floors(robot, known.named(on).floor if on else known.floor, method, told=bool(on))
     on_floors = estimator.run(log)
     track = SlipRun(log.time_s, as_estimates(on_floors, robot), time.perf_counter() - began)
-    notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors, on), *_outside_notes(log))
+    notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors, on))
+    if "speed_m_s" in log.channels:
+        notes += (Note("the outside speed shows slip: it tells which floor this may be, and narrows the band"),)
     path = Odometry(robot).run(log, track.estimates)
     return ObservedDrive(robot, track, path, notes, on_floors=OnFloors(on_floors, estimator.recognition.names))
 
@@ -240,13 +238,6 @@ def _floor_notes(robot: Robot, known: Floors, track: FloorRun, on: Sequence[str]
     faults = {flag: count for flag, count in track.counts().items() if flag in FAULTS}
     notes += [Note(f"{count} samples with {flag.replace('_', ' ')}", "warning") for flag, count in faults.items()]
     return notes
-
-
-def _outside_notes(log: DriveLog) -> list[Note]:
-    """A sentence on the outside speed, where the log has one."""
-    if "speed_m_s" not in log.channels:
-        return []
-    return [Note("the outside speed shows slip: it tells which floor this may be, and narrows the band")]
 
 
 def drive_figures(observed: ObservedDrive) -> DriveFigures:

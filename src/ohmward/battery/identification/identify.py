@@ -266,7 +266,8 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     pulses_only = all(r.test == "pulses" for r in prepared.fast)
     anchors_std = axis_std(prepared.fast, prepared.axes)
     noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, longest_rest_s(prepared.fast))
-    noise = replace(noise, capacity_std=_capacity_std(prepared))
+    measured = any(branch.complete for branch in prepared.branches)  # from full to empty by a low-rate test
+    noise = replace(noise, capacity_std=MEASURED_CAPACITY_STD if measured else AGED_CAPACITY_STD)
     missing = (
         *prepared.first.not_identified,
         *not_identified(fit, samples, settings.capacity_Ah, hysteresis),
@@ -372,11 +373,6 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
         not_identified=(missing,) if prepared.first.both_directions else (missing, one_way),
     )
     return Identified(battery, prepared.branches, ocv)
-
-
-def _capacity_std(prepared: Preparation) -> float:
-    """Relative error of the capacity: less where a low-rate test from full to empty has measured it."""
-    return MEASURED_CAPACITY_STD if any(b.complete for b in prepared.branches) else AGED_CAPACITY_STD
 
 
 def _battery(prepared: Preparation, settings: IdentificationSettings, *, noise: BatteryNoise, **models: Any) -> Battery:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import replace_battery
+from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.tuning.tune import TunedFactor, Tuning, tune_noise
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
@@ -143,10 +144,7 @@ def innovations(figures: Mapping[str, Any]) -> str:
     found = f"Innovations are {after:.2f} times as large as this noise makes them; with the file's it was {before:.2f}."
     if figures["explains"]:
         return found
-    return (
-        f"{found} No noise explains these logs: is the battery file of this battery, and are sign and unit of the "
-        "current right?"
-    )
+    return f"{found} No noise explains these logs: {OTHER_FILE}"
 
 
 def ending(figures: Mapping[str, Any]) -> str:

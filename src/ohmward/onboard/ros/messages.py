@@ -134,7 +134,10 @@ def diagnostics(state: RobotState, robot: str) -> Message:
 
 
 def _status_message(condition: Diagnostic, robot: str) -> Message:
-    values = [{"key": key, "value": _text(value)} for key, value in condition.values.items()]
+    values = [
+        {"key": key, "value": value if isinstance(value, str) else f"{value:.9g}"}
+        for key, value in condition.values.items()
+    ]
     return {
         "level": int(condition.level),
         "name": f"ohmward: {condition.name}",
@@ -179,10 +182,6 @@ def _stale(estimate: str, sensors: str, age_s: float) -> Diagnostic:
     """Condition of an estimate that there is no more."""
     message = f"unknown: the sensors of the {sensors} are silent; look at them, their wires and their driver"
     return Diagnostic(estimate, Level.STALE, message, {"age_s": age_s})
-
-
-def _text(value: str | float) -> str:
-    return value if isinstance(value, str) else f"{value:.9g}"
 
 
 def _twist(forward_m_s: Any, left_m_s: Any, yaw_rate_rad_s: Any) -> Message:
