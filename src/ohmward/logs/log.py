@@ -174,6 +174,43 @@ def read_log(
     return log if part is None else log.between(*part)
 
 
+@dataclass(frozen=True)
+class ReadOptions:
+    """Options of `read_log`, the same for every log."""
+
+    current_sign: CurrentSign = "auto"  #: "auto", "charge" or "discharge"
+    #: quantity and column, quantity and unit, column and value of the rows that are wanted
+    columns: tuple[tuple[str, str], ...] = ()
+    units: tuple[tuple[str, str], ...] = ()
+    where: tuple[tuple[str, str], ...] = ()
+    sort_time: bool = False  #: sort rows that are out of order
+    hints: FileHints = field(default_factory=FileHints)  #: what the files do not tell of themselves
+
+    def read(
+        self,
+        source: Any,
+        extra: Collection[str] | None = None,
+        progress: Progress | None = None,
+        where: Mapping[str, str] | None = None,
+    ) -> Log:
+        """The log in a file; where: rows that are wanted of it beside those of the options.
+
+        Raises:
+            InputError, OhmwardError: as `read_log`.
+        """
+        return read_log(
+            source,
+            current_sign=self.current_sign,
+            columns=dict(self.columns),
+            units=dict(self.units),
+            where=dict(self.where) | dict(where or {}),
+            extra=extra,
+            sort_time=self.sort_time,
+            progress=progress,
+            hints=self.hints,
+        )
+
+
 def as_log(source: LogSource) -> Log:
     """The log itself, or that of a path or DataFrame, read by `read_log` without further options.
 

@@ -12,7 +12,7 @@ from typing import Any
 from ohmward.battery.file import load_battery
 from ohmward.battery.log_check import check_log, with_contradictions
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log
+from ohmward.cli.battery_inputs import read_battery_log, read_options
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
 from ohmward.cli.wording import FOOTER
@@ -79,7 +79,7 @@ def with_measured(publication: Publication, args: argparse.Namespace) -> Publica
             "--log needs --battery FILE.toml and --initial-soc S: both are taken as given, as in the thesis"
         )
     battery = load_battery(args.battery)
-    log = with_contradictions(check_log(read_battery_log(args.log, args, ()), battery), battery)
+    log = with_contradictions(check_log(read_battery_log(args.log, read_options(args), ()), battery), battery)
     return publication._replace(items=(*publication.items, measured_item(log, battery, args.initial_soc)))
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.cli import wording
-from ohmward.cli.drive_inputs import read_drive_log, read_drive_truth, truth_names
+from ohmward.cli.drive_inputs import drive_options, read_drive_truth, truth_names
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import split_selection
 from ohmward.cli.progress import Report, progress
@@ -125,7 +125,7 @@ def recordings(text: str, each: str | None) -> list[str]:
 def read_one(text: str, robot: Robot, args: argparse.Namespace) -> CalibrationDrive:
     """One recording with the motion of the body."""
     names = truth_names(args.truth) if args.truth else [name.strip() for name in args.pose.split(",")]
-    log = read_drive_log(text, robot, args, leave=names)
+    log = drive_options(args, robot).read(text, leave=names)
     if args.pose:
         return CalibrationDrive(log, pose_motion(log, names, args, robot))
     truth = read_drive_truth(log, robot, args.truth).truth

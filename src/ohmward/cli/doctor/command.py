@@ -19,8 +19,7 @@ from ohmward.battery.soc.band_forecast import (
     forecasts_after_tests,
 )
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log
-from ohmward.cli.options import file_hints
+from ohmward.cli.battery_inputs import read_battery_log, read_options
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.parser import split_selection
 from ohmward.cli.wording import FOOTER, duration, grouped, sentence, with_assumptions
@@ -60,9 +59,10 @@ def _read(path: str, args: argparse.Namespace) -> Log:
     Raises:
         InputError: it cannot be read as one; says so where it is that of a drive.
     """
-    file = open_table(split_selection(path)[0], file_hints(args))
+    reading = read_options(args)
+    file = open_table(split_selection(path)[0], reading.hints)
     try:
-        return read_battery_log(path, args, file=file)
+        return read_battery_log(path, reading, file=file)
     except InputError as error:
         if not (wheels := wheel_names(file.names)):
             raise

@@ -31,7 +31,7 @@ from ohmward.battery.health.point import DAY_S, HealthPoint
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.lesson import Lesson
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log, read_options
 from ohmward.cli.log_files import log_files
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
@@ -71,7 +71,7 @@ def _read_logs(args: argparse.Namespace, report: Report | None) -> tuple[list[Lo
     logs, refusals = [], []
     for text in log_files(args.logs):
         try:
-            logs.append(read_battery_log(text, args, report=report))
+            logs.append(read_battery_log(text, read_options(args), report=report))
         except InputError as refusal:
             refusals.append(refusal)
     if not logs:

@@ -17,7 +17,7 @@ from ohmward.battery.identification import IdentificationSettings, Identified, L
 from ohmward.battery.identification.rc_identification import RcIdentification
 from ohmward.battery.models import rc
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log, with_sensor
+from ohmward.cli.battery_inputs import read_battery_log, read_options, with_sensor
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import split_selection
 from ohmward.cli.progress import progress
@@ -31,7 +31,7 @@ from ohmward.report import Page
 def run(args: argparse.Namespace) -> Outcome:
     """Identify the battery, write its file; the exit status is 1 if the model does not fit its tests."""
     check_output("--output", args.output, (".toml",), [str(split_selection(text)[0]) for text in args.logs])
-    logs = [read_battery_log(text, args) for text in args.logs]
+    logs = [read_battery_log(text, read_options(args)) for text in args.logs]
     began = time.perf_counter()
     found = _identify(logs, args)
     seconds = time.perf_counter() - began

@@ -23,7 +23,7 @@ from ohmward.battery.learning.known import known
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.lesson import Lesson
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log, read_options
 from ohmward.cli.log_files import log_files
 from ohmward.cli.outcome import Outcome, check_output, plain
 from ohmward.cli.parser import selected_name, split_selection
@@ -419,7 +419,7 @@ def teach(text: str, args: argparse.Namespace, files: BatteryFiles, starts: Mapp
 
 def _teach(task: LogTask, args: argparse.Namespace, files: BatteryFiles, starts: Mapping[str, float]) -> list[Row]:
     key = files.open(task.serial_number)
-    log = read_battery_log(task.text, args, extra=None)
+    log = read_battery_log(task.text, read_options(args))
     start = starts.get(log.name, starts.get(""))
     learnt = learn(files.after[key], [log], initial_soc={} if start is None else {log.name: start})
     if learnt.battery is not files.after[key]:

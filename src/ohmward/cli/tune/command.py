@@ -13,7 +13,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.file import replace_battery
 from ohmward.battery.tuning.tune import TunedFactor, Tuning, tune_noise
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log, read_options
 from ohmward.cli.log_files import log_files
 from ohmward.cli.outcome import Outcome, check_output, plain
 from ohmward.cli.progress import counting, progress
@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> Outcome:
     check_output("--output", args.output, (".toml",), [])
     battery, contradictions = load_battery_with_sensor(args.battery, args)
     with progress() as report:
-        logs = [read_battery_log(text, args, (), report) for text in log_files(args.logs)]
+        logs = [read_battery_log(text, read_options(args), (), report) for text in log_files(args.logs)]
         given = dict(args.initial_soc)
         starts = {log.name: given[key] for log in logs for key in (log.name, "") if key in given}
         tuning = tune_noise(battery, logs, starts, counting(report, "looking for the most likely noise"))

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 from ohmward.battery.soc.estimator import samples_of as battery_samples_of
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
-from ohmward.cli.drive_inputs import make_terrain, read_drive_log
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log, read_options
+from ohmward.cli.drive_inputs import drive_options, make_terrain
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.errors import InputError
 from ohmward.export.battery import battery_export, curve_error_of_pack_V
@@ -82,7 +82,7 @@ def prepare(twin: Twin, args: argparse.Namespace) -> Replay:
 
 
 def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
-    log = read_battery_log(args.log, args, extra=())
+    log = read_battery_log(args.log, read_options(args), extra=())
     given = {"soc": args.initial_soc, "soc_std": args.initial_soc_std}
     given = {word: value for word, value in given.items() if value is not None}
     arguments = start_arguments(twin, given)
@@ -100,7 +100,7 @@ def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
 def _drive_replay(args: argparse.Namespace) -> Replay:
     robot = load_robot(args.robot)
     terrain = make_terrain(args.terrain, robot)
-    log = read_drive_log(args.log, robot, args, extra=())
+    log = drive_options(args, robot).read(args.log, extra=())
     export = observer_export(robot, terrain, args.filter) if args.filter else None
     return Replay(log, drive_samples_of(log, SpeedObserver(scene(robot, terrain))), {}, export)
 
