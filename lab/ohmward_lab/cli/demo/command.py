@@ -160,7 +160,7 @@ def drive_figures(results: Mapping[str, Any]) -> dict[str, str]:
     evening = results[DRIVEN]["soc"]
     slip = results["slip"]
     mission = results["mission"]
-    p10, p50, p90 = (metres / 1e3 for metres in mission["range_m"].values())
+    p10, p50, p90 = (metres / 1e3 for metres in mission["range_m"])
     return {
         "charge in the evening": f"{100 * evening['soc_final']:.0f} ± {100 * BAND_95 * evening['soc_std_final']:.0f} %",
         "speed error": wording.quantity(slip["speed_rmse_m_s"], "mm/s RMS", 1e3),
