@@ -9,8 +9,8 @@ import pytest
 from cli.examples import battery, drive
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import load_battery, save_battery
-from ohmward.cli.learn import lessons
 from ohmward.cli.main import main
+from ohmward.fleet import learning as lessons
 from ohmward.logs import write_log
 
 #: Keys of --json, of a battery file in it, of one state of that, and of a log.

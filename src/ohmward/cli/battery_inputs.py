@@ -19,7 +19,6 @@ from ohmward.battery.soc.reference import SocReference, soc_reference
 from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import SocSample
 from ohmward.cli.options import UNKNOWN
-from ohmward.cli.parser import selected_name, split_selection
 from ohmward.cli.progress import Report, counting
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, FileHints, Log
@@ -28,6 +27,7 @@ from ohmward.logs.charger_flag import charger_columns
 from ohmward.logs.columns import guess, listed
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table
+from ohmward.logs.selection import split_selection
 from ohmward.logs.table import TableFile
 
 
@@ -159,18 +159,8 @@ def read_battery_log(
     report: Report | None = None,
     file: TableFile | None = None,
 ) -> Log:
-    """The log that an argument names.
-
-    text: a file, or a file and the rows wanted from it, `ocv.parquet:script=1,temp_C=25`, then part of the log's name.
-    extra: further columns to keep; None keeps every numeric one.
-    file: the same file where it is open already.
-
-    Raises:
-        InputError: the file cannot be read as a log.
-    """
-    path, where = split_selection(text)
-    log = reading.read(file or path, extra, counting(report, f"reading {path.name}"), where)
-    return replace(log, name=selected_name(log.name, where))
+    """The log that an argument names, see `ReadOptions.read`; report: is told how much of it is read."""
+    return reading.read(text, extra, counting(report, f"reading {split_selection(text)[0].name}"), file)
 
 
 def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> SocTask:

@@ -11,10 +11,10 @@ import numpy as np
 
 from ohmward.cli.battery_inputs import read_options, truth_column
 from ohmward.cli.options import TRUTHS
-from ohmward.cli.parser import selected_name, split_selection
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, read_drive
 from ohmward.logs.log import ReadOptions
+from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.table import TableFile
 from ohmward.logs.units import unit_in_name
 from ohmward.traction import Robot, Terrain

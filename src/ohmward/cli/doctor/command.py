@@ -21,7 +21,6 @@ from ohmward.battery.soc.band_forecast import (
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import read_battery_log, read_options
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.parser import split_selection
 from ohmward.cli.wording import FOOTER, duration, grouped, sentence, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures import battery as pictures
@@ -32,6 +31,7 @@ from ohmward.logs.columns import listed
 from ohmward.logs.doctor import Finding, Findings
 from ohmward.logs.note import counted
 from ohmward.logs.read import open_table
+from ohmward.logs.selection import split_selection
 from ohmward.logs.survey import Signal
 from ohmward.logs.wheel_columns import wheel_names
 from ohmward.report import Figure, Page

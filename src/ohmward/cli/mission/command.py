@@ -15,7 +15,6 @@ from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_lo
 from ohmward.cli.drive_inputs import DriveOptions, drive_options, make_terrain
 from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.parser import split_selection
 from ohmward.cli.progress import counting, progress
 from ohmward.cli.wording import FOOTER, duration, percent, quantity, with_assumptions
 from ohmward.energy import (
@@ -39,7 +38,7 @@ from ohmward.logs.clock import date_column, nanosecond_column, read_clock
 from ohmward.logs.columns import find_columns
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table
-from ohmward.logs.selection import select_rows
+from ohmward.logs.selection import select_rows, split_selection
 from ohmward.logs.table import TableFile
 from ohmward.report import Page
 from ohmward.traction import Robot, load_robot
