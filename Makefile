@@ -3,16 +3,17 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help demo test test-spark static check house soak accuracy lives learning bench slip-control firmware \
+.PHONY: help demo test test-lab test-spark static check house soak accuracy lives learning bench slip-control firmware \
     single-precision docs format clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo      a simulated robot: battery test, day, drive home -> demo/report.html"
-	@echo "make test      every test"
+	@echo "make test      every test but those of the laboratory and of Spark"
+	@echo "make test-lab  those of the laboratory: simulators, publications, limits of the methods"
 	@echo "make test-spark  those of the Spark stream, which need Java and 0.5 GB more"
 	@echo "make static    format and lint, types"
-	@echo "make check     static, the fast tests"
+	@echo "make check     static, and the fast tests that the change touches"
 	@echo "make soak      the process on the robot for hours, killed and loaded -> benchmarks/on_board.md"
 	@echo "make accuracy  estimators against measured data -> benchmarks/accuracy.md"
 	@echo "make lives     estimators over lives beyond the test bench -> benchmarks/lives.md"
@@ -34,13 +35,17 @@ $(VENV)/%.stamp: pyproject.toml
 	@touch $@
 
 # Small matrices: more threads than one only fight each other, above all when tests run in parallel.
-demo test test-spark check soak accuracy lives learning bench slip-control firmware single-precision docs: export OMP_NUM_THREADS = 1
+demo test test-lab test-spark check soak accuracy lives learning bench slip-control firmware single-precision docs: export OMP_NUM_THREADS = 1
 
 demo: $(VENV)/lab.stamp
 	$(BIN)/ohmward demo --out demo
 
 test: $(VENV)/test.stamp
-	$(BIN)/python -m pytest -n auto --dist worksteal
+	$(BIN)/python -m pytest -n auto --dist worksteal --ignore=tests/lab
+	@echo "The laboratory (simulators, publications) has tests of its own: make test-lab"
+
+test-lab: $(VENV)/test.stamp
+	$(BIN)/python -m pytest -n auto --dist worksteal tests/lab
 
 test-spark: $(VENV)/test.stamp $(VENV)/spark.stamp
 	$(BIN)/python -m pytest tests/fleet/test_spark.py
@@ -51,7 +56,7 @@ static: $(VENV)/dev.stamp
 	$(BIN)/mypy
 
 check: static
-	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow'
+	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow' $$($(BIN)/python tests/touched.py)
 
 soak: $(VENV)/test.stamp
 	$(BIN)/python benchmarks/on_board.py

@@ -31,7 +31,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
 def process(app: Sphinx, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
     """Rewrite the lines in place, as the event asks for."""
     if isinstance(value, type) and (behind := _behind_fields(value)):
-        lines += ["Attributes:", *(f"    {name}: {text}" for name, text in behind.items()), ""]
+        lines += ["", "Attributes:", *(f"    {name}: {text}" for name, text in behind.items()), ""]
     lines[:] = [line for paragraph in _paragraphs(lines) for line in (*_as_markup(paragraph), "")]
 
 

@@ -19,6 +19,17 @@ NOISE = BatteryNoise(voltage_std_V=0.01)
 START_SOC = 0.9
 
 
+#: A scenario of `ohmward simulate`.
+SLIP = """\
+format = "ohmward-scenario/1"
+duration_s = 0.6
+ground = [{ friction = 0.2, rolling = 0.01 }]
+observer = { method = "true" }
+controller = { mode = "slip" }
+commands = [{ slip_ratio = 0.12 }]
+"""
+
+
 def pulse_test() -> Log:
     """From full: a pulse of 30 s, a discharge of 10 %, a rest, nine times over; 10 s apart, noise-free."""
     block = np.concatenate([np.zeros(12), np.full(3, -6.0), np.zeros(12), np.full(36, -12.0), np.zeros(90)])

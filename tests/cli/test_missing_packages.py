@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from cli.test_simulate import SLIP
+from cli.examples import SLIP
 from ohmward.cli.main import main
 
 SOC = ("--battery", "battery.toml")

@@ -83,7 +83,7 @@ def test_the_estimates_file_is_a_log(here):
     assert log.voltage_V == pytest.approx(drive().voltage_V, nan_ok=True)
 
 
-@pytest.mark.parametrize("name", ["coulomb", "ocv", "ekf", "aekf"])
+@pytest.mark.parametrize("name", ["coulomb", "ocv", "ekf", "published.aekf"])
 def test_every_filter_runs(name, here, as_json):
     found = as_json(*SOC, "--filter", name, "--initial-soc", str(START_SOC), "--truth", "soc_true")
     assert found["filter"] == name

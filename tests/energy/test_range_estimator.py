@@ -15,7 +15,6 @@ from ohmward.energy.consumption_file import dump_consumption
 from ohmward.energy.recorded import cut_drive
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
-from ohmward.trace.snapshot import sealed
 from ohmward.traction import RLMA
 
 BATTERY = generic_battery("lfp", 5.0, n_series=8)
@@ -87,17 +86,6 @@ def test_a_restart_goes_on_to_the_bit():
     assert after.snapshot() == before.snapshot()
     assert dump_consumption(after.consumption) == dump_consumption(before.consumption)
     assert after.time_s == T[-1]
-
-
-def test_snapshots_of_stretches_without_their_standing_time_are_read():
-    before = new(terrain="grass")
-    driven(before, slice(0, 400))
-    state = json.loads(json.dumps(before.snapshot(), allow_nan=False))["state"]
-    table, (last, moving, stop), recent, *others = state
-    older = [table, [last, [moving[0][:-1], *moving[1:]], stop], [row[:-1] for row in recent], *others]
-    taken = sealed({k: v for k, v in before.snapshot().items() if k not in ("version", "checksum")} | {"state": older})
-    after = RangeEstimator.restore(BATTERY, taken, terrain="grass", refresh_s=600.0)
-    assert [s.standing_s for s in after.state.recent] == [0.0] * len(recent)
 
 
 def test_snapshots_that_do_not_fit_are_refused():

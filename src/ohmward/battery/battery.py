@@ -128,8 +128,8 @@ def require_rc(battery: Battery) -> RcModel:
     return battery.rc
 
 
-def require_battery(battery: object, others: str = "") -> None:
-    """Raise InputError for anything but a Battery, as for the path of one.
+def require_battery(battery: object, others: str = "") -> Battery:
+    """The battery itself, or InputError for anything else, as the path of one.
 
     others: what else would do, in words.
     """
@@ -138,3 +138,4 @@ def require_battery(battery: object, others: str = "") -> None:
             f"battery must be a Battery{others}, got {type(battery).__name__}; load_battery(path) reads one, "
             "identify(logs, capacity_Ah=...) makes one"
         )
+    return battery

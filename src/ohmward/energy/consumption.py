@@ -38,32 +38,6 @@ from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, Innovation, nis
 from ohmward.traction.robot.robot import GRAVITY
 
-
-class Variance(NamedTuple):
-    """A variance with an inverse-gamma distribution."""
-
-    dof: float  #: degrees of freedom with which it is known
-    scale: float  #: dof times its usual value
-
-    @property
-    def value(self) -> float:
-        """The variance to compute with."""
-        return self.scale / self.dof
-
-    def updated(self, square: float, dof: float) -> Variance:
-        """The variance after a squared deviation that counts as `dof` degrees of freedom."""
-        return Variance(float(self.dof + dof), float(self.scale + square))
-
-
-class Visits(NamedTuple):
-    """Sums over all that was driven on a terrain."""
-
-    drives: int = 0
-    distance_m: float = 0.0
-    time_s: float = 0.0
-    energy_J: float = 0.0
-
-
 #: Coefficients that all terrains share, in their order; `force_N` and `day_effect` of each terrain follow.
 SHARED = ("idle_W", "speed_N_s_per_m", "climb", "regeneration", "heat_W_per_N2", "day_effect")
 IDLE, SPEED, CLIMB, REGENERATION, HEAT, DAY_EFFECT = range(len(SHARED))
@@ -393,3 +367,28 @@ def _check(stretch: Stretch, energy_J: float) -> None:
     require_finite("stretch.kinetic_m2_s2", stretch.kinetic_m2_s2)
     if not np.isfinite(energy_J):
         raise InputError(f"energy_J must be finite, got {energy_J}; leave out stretches without a battery power")
+
+
+class Variance(NamedTuple):
+    """A variance with an inverse-gamma distribution."""
+
+    dof: float  #: degrees of freedom with which it is known
+    scale: float  #: dof times its usual value
+
+    @property
+    def value(self) -> float:
+        """The variance to compute with."""
+        return self.scale / self.dof
+
+    def updated(self, square: float, dof: float) -> Variance:
+        """The variance after a squared deviation that counts as `dof` degrees of freedom."""
+        return Variance(float(self.dof + dof), float(self.scale + square))
+
+
+class Visits(NamedTuple):
+    """Sums over all that was driven on a terrain."""
+
+    drives: int = 0
+    distance_m: float = 0.0
+    time_s: float = 0.0
+    energy_J: float = 0.0

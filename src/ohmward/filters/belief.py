@@ -12,24 +12,6 @@ from ohmward.errors import InputError
 from ohmward.filters.linear_algebra import cholesky, lower_triangle, solve_lower, solve_spd, symmetric_from
 from ohmward.trace import isfinite, where
 
-
-def require_shape(name: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
-    """Raise `InputError` unless `array` is an array of `shape`; `name` as the caller wrote it."""
-    found = np.shape(array)
-    if found != shape:
-        raise InputError(f"{name} must have shape {shape} but has {found}; {_advice(found, shape)}")
-
-
-def _advice(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
-    if found == () and shape == (1, 1):
-        return "wrap the number: np.array([[value]])"
-    if found == () and shape == (1,):
-        return "wrap the number: np.array([value])"
-    if len(shape) == 2 and found == shape[:1]:
-        return "a covariance is a matrix: np.diag(variances)"
-    return "the state has as many elements as belief.mean, the output as many as y"
-
-
 Function = Callable[[np.ndarray], np.ndarray]
 """A model's function of a state x (n,): f(x), the next state (n,), or h(x), the output (m,)."""
 
@@ -100,3 +82,20 @@ def is_healthy(belief: Belief) -> float:
     for element in belief.mean:
         ok = where(isfinite(element), ok, 0.0)
     return ok
+
+
+def require_shape(name: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
+    """Raise `InputError` unless `array` is an array of `shape`; `name` as the caller wrote it."""
+    found = np.shape(array)
+    if found != shape:
+        raise InputError(f"{name} must have shape {shape} but has {found}; {_advice(found, shape)}")
+
+
+def _advice(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
+    if found == () and shape == (1, 1):
+        return "wrap the number: np.array([[value]])"
+    if found == () and shape == (1,):
+        return "wrap the number: np.array([value])"
+    if len(shape) == 2 and found == shape[:1]:
+        return "a covariance is a matrix: np.diag(variances)"
+    return "the state has as many elements as belief.mean, the output as many as y"

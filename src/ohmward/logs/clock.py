@@ -44,10 +44,9 @@ _SERIAL_STEP = 100.0 / _DAY_S
 class Clock(NamedTuple):
     """Seconds of each row."""
 
-    #: (T,) float64 [s], NaN where the row has none.  start_unix_s: Unix time of its zero, None if elapsed.
+    #: (T,) float64 [s], NaN where the row has none
     time_s: np.ndarray
-
-    start_unix_s: float | None
+    start_unix_s: float | None  #: Unix time of its zero, None if elapsed
     notes: tuple[Note, ...] = ()
     guessed_unit: bool = False  #: the column names no unit, and is no Unix time
     time_zone: str = "UTC"  #: of a wall clock's dates, "" where they name none and were taken as UTC

@@ -30,9 +30,9 @@ _PRESENT = _BATTERY_STATE.index("present")
 class KnownTable(NamedTuple):
     """A table that its columns give away."""
 
-    columns: frozenset[str]  #: all of which it has.  time: the column of its time.  units: quantity -> unit.
-    time: str
-    units: Mapping[str, str]
+    columns: frozenset[str]  #: all of which it has
+    time: str  #: the column of its time
+    units: Mapping[str, str]  #: quantity -> unit
     positive_current: str | None = None  #: "charge" or "discharge"
 
 
@@ -84,15 +84,16 @@ class CsvLayout(NamedTuple):
     """Column names and the rows of a text table."""
 
     names: tuple[str, ...]
-    delimiter: str  #: one character.  split: makes a line one of cells between delimiters, where it is not so.
-    marks: Marks  #: notation of the numbers.  units: column -> unit that stands in its cells.
-    skip_lines: int  #: lines before the first row.  encoding: of the text.
-    encoding: str = "utf-8-sig"
-    split: Callable[[str], str] | None = None
-    units: Mapping[str, Unit] = {}
-    #: column -> its first cells.  timezone, interval_s: that the text names, or None.
+    delimiter: str  #: one character
+    marks: Marks  #: notation of the numbers
+    skip_lines: int  #: lines before the first row
+    encoding: str = "utf-8-sig"  #: of the text
+    split: Callable[[str], str] | None = None  #: makes a line one of cells between delimiters, where it is not so
+    units: Mapping[str, Unit] = {}  #: column -> unit that stands in its cells
+    #: column -> its first cells
     head: Mapping[str, tuple[str, ...]] = {}
 
+    #: that the text names, or None
     timezone: str | None = None
     interval_s: float | None = None
     leading: int = 0  #: empty cells before each row, by which rows of steps and cycles between them are told

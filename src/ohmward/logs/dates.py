@@ -50,8 +50,8 @@ class Dates(NamedTuple):
     """Dates as seconds."""
 
     seconds: np.ndarray  #: (T,) since 1970, of UTC or of local clocks; nan for an empty cell
-    is_utc: bool  #: they name their zone.  day_known: it is certain which number is the day and which the month.
-    day_known: bool = True
+    is_utc: bool  #: they name their zone
+    day_known: bool = True  #: it is certain which number is the day and which the month
 
 
 def from_excel(days: np.ndarray) -> np.ndarray:

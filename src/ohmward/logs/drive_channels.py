@@ -26,8 +26,8 @@ class DriveChannels(NamedTuple):
     """Everything that the robot measured, in SI units; NaN where there is nothing new."""
 
     time_s: np.ndarray  #: (T,) [s]
-    wheel_speed_rad_s: np.ndarray  #: (T, wheels).  motor_current_A: (T, driven).
-    motor_current_A: np.ndarray
+    wheel_speed_rad_s: np.ndarray  #: (T, wheels)
+    motor_current_A: np.ndarray  #: (T, driven)
     body: dict[str, np.ndarray]  #: channel -> (T,), those that were measured
     notes: tuple[Note, ...]  #: everything that was assumed, converted or mended
     absent: tuple[Note, ...]  #: notes on driven wheels that lack a channel

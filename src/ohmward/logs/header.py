@@ -36,9 +36,9 @@ class Header(NamedTuple):
     """Names of the columns, units among them in brackets; the row of the names, and the first row of values."""
 
     names: tuple[str, ...]
-    row: int | None  #: None where there is no header.  timezone: that the header names, or None.
+    row: int | None  #: None where there is no header
     first: int
-    timezone: str | None = None
+    timezone: str | None = None  #: that the header names, or None
 
 
 def find_block(rows: Sequence[Row]) -> ValueBlock | None:

@@ -1,7 +1,7 @@
 """Currents that wrapped: a 16-bit number of milliamperes goes from 32.767 A to -32.768 A, and the voltage does not.
 
-At an edge of the voltage dV = R (dI + m P), P the range of the number and m = 0 where nothing wrapped. A log that one
-R explains with some m of -1 and 1, and no R explains without, wrapped.
+At an edge of the voltage dV = R dI, or R (dI - P sign(dI)) where the number wrapped, P its range. A log whose edges one
+R explains only if some of them wrapped, and others did not, has such a current.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _RANGE, _USED = 65_536, 0.5
 _LAST_DIGITS_A = (1e-4, 1e-3, 1e-2, 1e-1)
 #: An edge of the voltage is this share of the largest; so many edges are looked at.
 _EDGE, _MOST_EDGES = 0.2, 300
-#: So many edges wrapped at least, and they leave this share of the squares that the edges as logged leave.
+#: So many edges wrapped at least, and so many did not; they leave this share of the squares that they leave as logged.
 _FEWEST, _LEFT = 5, 0.1
 
 
@@ -52,17 +52,18 @@ def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
     dI, dV: (T - 1,) steps of current [A] and voltage [V].
     """
     size = np.abs(dV)
-    edge = np.flatnonzero((size >= _EDGE * size.max(initial=0.0)) & (size > 6.0 * spread(dV)))
+    edge = np.flatnonzero((size >= _EDGE * size.max(initial=0.0)) & (size > 6.0 * spread(dV)) & (dI != 0.0))
     edge = edge[:: max(edge.size // _MOST_EDGES, 1)]
     if edge.size < _FEWEST:
         return 0
     dI, dV = dI[edge], dV[edge]
     as_logged = float(dV @ dV) - float(dI @ dV) ** 2 / max(float(dI @ dI), 1e-300)
-    steps_A = dI[:, None] + range_A * np.array([0.0, -1.0, 1.0])
-    ohms = (dV[:, None] / steps_A)[np.abs(steps_A) > _EDGE * range_A]
-    left_V = dV[:, None] - ohms[:, None, None] * steps_A
-    squares = np.min(left_V**2, axis=2)
-    best = int(np.argmin(squares.sum(axis=1))) if ohms.size else 0
-    if not ohms.size or squares[best].sum() > _LEFT * as_logged:
+    steps_A = np.stack([dI, dI - range_A * np.sign(dI)], axis=1)
+    large = np.abs(steps_A) > _EDGE * range_A
+    ohms = np.broadcast_to(dV[:, None], steps_A.shape)[large] / steps_A[large]
+    left_V2 = (dV[:, None] - ohms[:, None, None] * steps_A) ** 2
+    left = left_V2.min(axis=2).sum(axis=1)
+    if not ohms.size or left.min() > _LEFT * as_logged:
         return 0
-    return int(np.count_nonzero(np.argmin(left_V[best] ** 2, axis=1)))
+    is_wrapped = np.argmin(left_V2[np.argmin(left)], axis=1)
+    return int(is_wrapped.sum()) if np.count_nonzero(is_wrapped == 0) >= _FEWEST else 0

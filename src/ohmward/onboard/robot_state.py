@@ -27,14 +27,17 @@ class Diagnostic(NamedTuple):
     """Condition of a sensor, a source, a sink or an estimate."""
 
     name: str  #: of the thing, "source can0", "battery_voltage_V", "charge"
-    level: Level  #: how bad it is.  message: a sentence for people, with the fix where there is one.
-    message: str
+    level: Level  #: how bad it is
+    message: str  #: a sentence for people, with the fix where there is one
     values: Mapping[str, str | float] = {}  #: figures beside it
 
 
+#: Quantities without any of which nothing is known of the battery.
+OF_CHARGE = frozenset({"battery_current_A", "battery_voltage_V", "cell_voltage_V"})
+
 #: Estimates of a state, and the quantities that are their evidence: without any of them lately they are guesses.
 EVIDENCE: dict[tuple[str, ...], frozenset[str]] = {
-    ("battery", "range"): frozenset({"battery_current_A", "battery_voltage_V", "cell_voltage_V"}),
+    ("battery", "range"): OF_CHARGE,
     ("cells",): frozenset({"cell_voltage_V"}),
     ("slip", "pose"): frozenset({"wheel_speed_rad_s", "wheel_counts", "speed_m_s"}),
 }

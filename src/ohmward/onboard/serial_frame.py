@@ -23,10 +23,10 @@ _LONGEST = _HEAD.size + 4 * MOST_VALUES + _CRC.size + 8
 class SerialFrame(NamedTuple):
     """A frame that is whole."""
 
-    number: int  #: of the message.  sequence: counted by the sender for each number, modulo 256.
-    sequence: int
-    time_us: int  #: its timer, modulo 2^32.  values: in the order that the setup names.
-    values: tuple[float, ...]
+    number: int  #: of the message
+    sequence: int  #: counted by the sender for each number, modulo 256
+    time_us: int  #: its timer, modulo 2^32
+    values: tuple[float, ...]  #: in the order that the setup names
 
 
 def encode(frame: SerialFrame) -> bytes:

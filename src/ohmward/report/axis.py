@@ -34,10 +34,9 @@ class XAxis(NamedTuple):
     low: float
     high: float
     unit: float
-    #: added to the data in the unit of the axis.  time_zone: of a wall clock, None for every other axis.
+    #: added to the data in the unit of the axis
     start: float = 0.0
-
-    time_zone: str | None = None
+    time_zone: str | None = None  #: of a wall clock, None for every other axis
 
     def place(self, x: float) -> float:
         """A place of the data on the axis."""

@@ -124,19 +124,19 @@ class Figure:
     """
 
     title: str
-    #: `TIME`, or a name and unit such as "Slip ratio [-]".  y_label, right_label: the same for both y axes.
+    #: `TIME`, or a name and unit such as "Slip ratio [-]"
     x_label: str
 
+    #: the same for both y axes
     y_label: str
     series: Sequence[Series] = ()
     bands: Sequence[Band] = ()
     markers: Sequence[Marker] = ()
     spans: Sequence[Span] = ()
     right_label: str = ""
-    #: logarithmic left axis; its values must be positive.  y_limits: ends of the left axis; None fits the data.
+    #: logarithmic left axis; its values must be positive
     log_y: bool = False
-
-    y_limits: tuple[float, float] | None = None
+    y_limits: tuple[float, float] | None = None  #: ends of the left axis; None fits the data
     height_px: int = field(default=260, kw_only=True)  #: of the drawing without legend and title
 
     def __post_init__(self) -> None:

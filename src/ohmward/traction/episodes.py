@@ -21,7 +21,8 @@ ONE_SIDED_95 = 1.645
 class SlipEpisode(NamedTuple):
     """A time in which a wheel, or the robot as a whole, slipped more than is allowed."""
 
-    wheel: str  #: its name, or "robot".  start_s, end_s: of the alarm, on the log's clock.
+    wheel: str  #: its name, or "robot"
+    #: of the alarm, on the log's clock
     start_s: float
     end_s: float
     greatest_slip_m_s: float  #: slip speed r omega - v of the largest size in it

@@ -142,6 +142,17 @@ def test_a_battery_that_is_silent_is_unknown():
     assert back["voltage"] == pytest.approx(13.2) and back["present"] == 1.0
 
 
+def test_a_charge_that_is_unknown_has_no_sensors_even_before_they_are_looked_at():
+    """Their conditions are a look behind; the thermometer of another device goes on."""
+    translation, state = Translation(Ros2Sink()), driven()
+    sample = {**state.sample, "battery_full": 1.0, "battery_temperature_degC": 21.0}
+    assert sent(translation, state._replace(sample=sample))[types.BATTERY_STATE]["present"] == 1.0
+    dead = state._replace(time_s=12.0, sample={}, battery=None, battery_time_s=10.0)
+    none = sent(translation, dead)[types.BATTERY_STATE]
+    assert all(math.isnan(none[name]) for name in ("voltage", "current", "percentage"))
+    assert (none["present"], none["power_supply_status"], none["temperature"]) == (0.0, 0.0, 21.0)
+
+
 def test_a_charger_that_said_full_once_is_not_believed_after_a_discharge():
     translation, state = Translation(Ros2Sink()), driven()
     currents = [(1.0, {"battery_full": 1.0}, 4.0), (0.5, {}, 4.0), (-3.0, {}, 2.0), (0.5, {}, 1.0)]

@@ -123,10 +123,16 @@ def start(tmp_path):
 
 def test_the_transport_carries_messages_both_ways(robot):
     transport = RosNetwork(transport="rclpy", namespace="/robot1").open()
-    sent, received = robot.hear(types.BATTERY_STATE, "/robot1/battery_state"), []
+    sent = robot.hear(types.BATTERY_STATE, "/robot1/battery_state")
+    received: list[bytes] = []
     transport.subscribe("/bms", types.BATTERY_STATE, received.append)
     robot.until(lambda: received, battery=True)
-    robot.until(lambda: sent or transport.publish("battery_state", types.BATTERY_STATE, received[0]))
+
+    def echoed() -> bool:
+        transport.publish("battery_state", types.BATTERY_STATE, received[0])
+        return bool(sent)
+
+    robot.until(echoed)
     transport.check()
     transport.close()
     assert (sent[0].voltage, sent[0].temperature) == (pytest.approx(13.2), 24.0)

@@ -29,7 +29,7 @@ from ohmward.traction.control import (
 )
 from ohmward.traction.control.slip_controller import SlipState
 from ohmward.traction.control.slip_law import SlipLaw
-from ohmward.traction.control.wheel_speed_drive import DriveState
+from ohmward.traction.control.wheel_speed_cascade import DriveState
 from ohmward.traction.robot.robot import Robot
 from ohmward_lab.published.fuzzy_sliding_mode import FuzzySlidingMode
 from ohmward_lab.published.slip_ratio_sliding_mode import SlipRatioSlidingMode

@@ -24,9 +24,9 @@ _HYSTERESIS_SHARE = 0.2
 class LinearCurve(NamedTuple):
     """Open-circuit voltage over a belief of the state of charge."""
 
-    voltage_V: Scalar  #: mean [V].  slope: [V] for each unit of SoC.  variance: of what the straight line leaves [V^2].
-    slope: Scalar
-    variance: Scalar
+    voltage_V: Scalar  #: mean [V]
+    slope: Scalar  #: [V] for each unit of SoC
+    variance: Scalar  #: of what the straight line leaves [V^2]
 
 
 class Expected(NamedTuple):

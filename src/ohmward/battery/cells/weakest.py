@@ -33,27 +33,6 @@ from ohmward.battery.chemistries import Normal
 _GRID = np.linspace(-8.0, 8.0, 3201)
 
 
-def unseen_weakest(soc: Any, soc_std: Any, n_series: int, spread: CellSpread | None = None) -> Normal:
-    """State of charge of the weakest of n cells in series, mean and standard deviation, numbers or (T,).
-
-    soc, soc_std: of the typical cell.
-    """
-    spread = spread or CellSpread()
-    mean, std = largest_of(n_series)
-    each = np.hypot(spread.soc_std, spread.capacity_std * (1.0 - soc))
-    return Normal(np.maximum(soc - mean * each, 0.0), np.hypot(soc_std, std * each))
-
-
-@cache
-def largest_of(count: int) -> tuple[float, float]:
-    """Mean and standard deviation of the largest of `count` standard normal variables, 0 and 1 for one."""
-    below = np.array([0.5 * (1.0 + math.erf(x / math.sqrt(2.0))) for x in _GRID])
-    mass = np.diff(below**count)
-    middle = 0.5 * (_GRID[1:] + _GRID[:-1])
-    mean = float(middle @ mass)
-    return mean, float(math.sqrt((middle - mean) ** 2 @ mass))
-
-
 class PackState(NamedTuple):
     """State of a pack by its cells; numbers, or (T,) each."""
 
@@ -98,3 +77,24 @@ def pack_state(cells: CellEstimate, typical_Ah: Any) -> PackState:
         weakest_soc_std=of_weakest(cells.soc_std),
         soc_spread=np.max(cells.soc, axis=-1) - np.min(cells.soc, axis=-1),
     )
+
+
+def unseen_weakest(soc: Any, soc_std: Any, n_series: int, spread: CellSpread | None = None) -> Normal:
+    """State of charge of the weakest of n cells in series, mean and standard deviation, numbers or (T,).
+
+    soc, soc_std: of the typical cell.
+    """
+    spread = spread or CellSpread()
+    mean, std = largest_of(n_series)
+    each = np.hypot(spread.soc_std, spread.capacity_std * (1.0 - soc))
+    return Normal(np.maximum(soc - mean * each, 0.0), np.hypot(soc_std, std * each))
+
+
+@cache
+def largest_of(count: int) -> tuple[float, float]:
+    """Mean and standard deviation of the largest of `count` standard normal variables, 0 and 1 for one."""
+    below = np.array([0.5 * (1.0 + math.erf(x / math.sqrt(2.0))) for x in _GRID])
+    mass = np.diff(below**count)
+    middle = 0.5 * (_GRID[1:] + _GRID[:-1])
+    mean = float(middle @ mass)
+    return mean, float(math.sqrt((middle - mean) ** 2 @ mass))

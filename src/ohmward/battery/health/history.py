@@ -34,55 +34,6 @@ _EMPTIED_BELOW = 0.25
 _WHOLE = 0.95
 
 
-class FullDischarge(NamedTuple):
-    """The latest discharge that was not broken off, or the charge after it."""
-
-    log: str  #: its name
-    soc: float  #: at its end
-    given_Ah: Normal  #: charge from full down to there, as the battery's own sensor counts it
-
-
-class UsedCapacity(NamedTuple):
-    """Capacity of a battery as it is used, after a lesson."""
-
-    latest: FullDischarge | None  #: the discharge that shows it; None where the battery was not emptied yet
-    capacity_Ah: Normal  #: of a discharge; the whole capacity where nobody has seen where discharges would end
-
-
-def used_capacities(lessons: Sequence[Lesson]) -> list[UsedCapacity]:
-    """Capacity of a discharge after each lesson."""
-    found = []
-    latest = None
-    for lesson in lessons:
-        latest = _next(latest, lesson)
-        found.append(UsedCapacity(latest, lesson.capacity_Ah if latest is None else _of_next(latest)))
-    return found
-
-
-def _next(latest: FullDischarge | None, lesson: Lesson) -> FullDischarge | None:
-    """The latest full discharge after one more lesson."""
-    if latest is None:
-        whole = lesson.soc_min < _EMPTIED_BELOW
-    else:
-        whole = lesson.given_Ah.mean >= _WHOLE * latest.given_Ah.mean
-    return FullDischarge(lesson.log, max(lesson.soc_min, 0.0), _as_counted(lesson)) if whole else latest
-
-
-def _as_counted(lesson: Lesson) -> Normal:
-    """Charge from full down to the lowest SoC as the sensor counts it, its offset over the log left in.
-
-    A charge and the discharge before it count the offset the other way; what a log turns around cancels.
-    """
-    turned = (lesson.soc_end.mean - lesson.soc_start.mean) / max(lesson.soc_max - lesson.soc_min, 1e-3)
-    return lesson.given_Ah._replace(mean=lesson.given_Ah.mean + turned * lesson.offset_A.mean * lesson.hours)
-
-
-def _of_next(latest: FullDischarge) -> Normal:
-    """Capacity of the discharge that follows: as the latest, but for what comes and goes."""
-    given_Ah = latest.given_Ah.mean
-    return Normal(given_Ah, math.hypot(latest.given_Ah.std, REVERSIBLE_STD * given_Ah))
-
-
 _HOUR_S = 3600.0
 #: A battery above this SoC has been charged fully.
 _FULL = 0.97
@@ -215,3 +166,52 @@ def _point(log: Log, start_s: float, lesson: Lesson, new: Newness) -> HealthPoin
 
 def _relative_std(quantity: Normal) -> float:
     return quantity.std / quantity.mean
+
+
+class FullDischarge(NamedTuple):
+    """The latest discharge that was not broken off, or the charge after it."""
+
+    log: str  #: its name
+    soc: float  #: at its end
+    given_Ah: Normal  #: charge from full down to there, as the battery's own sensor counts it
+
+
+class UsedCapacity(NamedTuple):
+    """Capacity of a battery as it is used, after a lesson."""
+
+    latest: FullDischarge | None  #: the discharge that shows it; None where the battery was not emptied yet
+    capacity_Ah: Normal  #: of a discharge; the whole capacity where nobody has seen where discharges would end
+
+
+def used_capacities(lessons: Sequence[Lesson]) -> list[UsedCapacity]:
+    """Capacity of a discharge after each lesson."""
+    found = []
+    latest = None
+    for lesson in lessons:
+        latest = _next(latest, lesson)
+        found.append(UsedCapacity(latest, lesson.capacity_Ah if latest is None else _of_next(latest)))
+    return found
+
+
+def _next(latest: FullDischarge | None, lesson: Lesson) -> FullDischarge | None:
+    """The latest full discharge after one more lesson."""
+    if latest is None:
+        whole = lesson.soc_min < _EMPTIED_BELOW
+    else:
+        whole = lesson.given_Ah.mean >= _WHOLE * latest.given_Ah.mean
+    return FullDischarge(lesson.log, max(lesson.soc_min, 0.0), _as_counted(lesson)) if whole else latest
+
+
+def _as_counted(lesson: Lesson) -> Normal:
+    """Charge from full down to the lowest SoC as the sensor counts it, its offset over the log left in.
+
+    A charge and the discharge before it count the offset the other way; what a log turns around cancels.
+    """
+    turned = (lesson.soc_end.mean - lesson.soc_start.mean) / max(lesson.soc_max - lesson.soc_min, 1e-3)
+    return lesson.given_Ah._replace(mean=lesson.given_Ah.mean + turned * lesson.offset_A.mean * lesson.hours)
+
+
+def _of_next(latest: FullDischarge) -> Normal:
+    """Capacity of the discharge that follows: as the latest, but for what comes and goes."""
+    given_Ah = latest.given_Ah.mean
+    return Normal(given_Ah, math.hypot(latest.given_Ah.std, REVERSIBLE_STD * given_Ah))

@@ -16,27 +16,6 @@ from ohmward.logs.log import Note
 _BEYOND_CURVE = 0.08
 
 
-def label_notes(voltage_V: np.ndarray, chemistry: str, n_series: int) -> tuple[Note, ...]:
-    """A warning where the usual voltage of the logs is not that of so many cells of this chemistry.
-
-    voltage_V: (T,) of all logs.  chemistry: "" where nobody says.
-    """
-    if not chemistry:
-        return ()
-    empty_V, *_, full_V = chemistry_of(chemistry).ocv_V
-    low_V, high_V = (1 - _BEYOND_CURVE) * empty_V, (1 + _BEYOND_CURVE) * full_V
-    usual_V = float(np.nanmedian(voltage_V))
-    if low_V <= usual_V / n_series <= high_V:
-        return ()
-    fitting = [n for n in range(1, int(usual_V / low_V) + 1) if low_V <= usual_V / n <= high_V]
-    advice = f"; {' or '.join(map(str, fitting))} would fit" if fitting else "; is the chemistry another one?"
-    text = (
-        f"the usual voltage of the logs, {usual_V:.4g} V, is {usual_V / n_series:.3g} V a cell with n_series = "
-        f"{n_series}, but cells of {chemistry} have {empty_V:g} to {full_V:g} V{advice}"
-    )
-    return (Note(text, "warning"),)
-
-
 #: Largest error of the voltage, RMS, over the range of the open-circuit voltage from empty to full. Tests of twenty
 #: cells, measured and of porous electrodes, are reproduced within 0.041 by files that then estimate well.
 MOST_OF_RANGE = 0.1
@@ -77,3 +56,24 @@ def _gassing(log: LogDetails) -> Note:
         "no circuit models that, the voltage error leaves it out, and the filters do not use it"
     )
     return Note(text)
+
+
+def label_notes(voltage_V: np.ndarray, chemistry: str, n_series: int) -> tuple[Note, ...]:
+    """A warning where the usual voltage of the logs is not that of so many cells of this chemistry.
+
+    voltage_V: (T,) of all logs.  chemistry: "" where nobody says.
+    """
+    if not chemistry:
+        return ()
+    empty_V, *_, full_V = chemistry_of(chemistry).ocv_V
+    low_V, high_V = (1 - _BEYOND_CURVE) * empty_V, (1 + _BEYOND_CURVE) * full_V
+    usual_V = float(np.nanmedian(voltage_V))
+    if low_V <= usual_V / n_series <= high_V:
+        return ()
+    fitting = [n for n in range(1, int(usual_V / low_V) + 1) if low_V <= usual_V / n <= high_V]
+    advice = f"; {' or '.join(map(str, fitting))} would fit" if fitting else "; is the chemistry another one?"
+    text = (
+        f"the usual voltage of the logs, {usual_V:.4g} V, is {usual_V / n_series:.3g} V a cell with n_series = "
+        f"{n_series}, but cells of {chemistry} have {empty_V:g} to {full_V:g} V{advice}"
+    )
+    return (Note(text, "warning"),)

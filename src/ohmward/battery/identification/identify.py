@@ -79,25 +79,6 @@ _GAS_J_PER_MOL_K, _FARADAY_C_PER_MOL = 8.314462618, 96485.33212
 _CLEARLY_LESS = 0.8
 
 
-def cells_transfer_V(reference_degC: float, n_series: int) -> float:
-    """V_t of cells in series [V]."""
-    return n_series * 2 * _GAS_J_PER_MOL_K * (reference_degC + KELVIN) / _FARADAY_C_PER_MOL
-
-
-def try_bent(problem: CircuitProblem, straight: CircuitFit, n_series: int) -> tuple[CircuitFit, Note]:
-    """The fit with a bent drop where the logs clearly show it, else the straight one; a note on it."""
-    transfer_V = cells_transfer_V(problem.reference_degC, n_series)
-    near = straight.solution.rates._replace(transfer_V=transfer_V)
-    bent = fit_circuit(problem._replace(transfer_V=transfer_V), len(near.tau_s), near=(near,))
-    left = bent.solution.misfit / straight.solution.misfit
-    found = (
-        f"one bent by charge transfer ({transfer_V:.2g} V) leaves {left:.0%} of the squared residuals of a straight one"
-    )
-    if left < _CLEARLY_LESS:
-        return bent, Note(f"ohmic drop: {found}, and is taken")
-    return straight, Note(f"ohmic drop: straight; {found}")
-
-
 Progress = Callable[[str, float], None]
 
 
@@ -441,3 +422,22 @@ def _check(settings: IdentificationSettings, logs: Sequence[Log]) -> None:
             raise InputError(f"initial_soc names {name!r}, but the logs are {', '.join(map(repr, names))}")
         if not 0.0 <= soc <= 1.0:
             raise InputError(f"initial_soc of {name!r} must be between 0 and 1 (0.8 is 80 %), got {soc:g}")
+
+
+def cells_transfer_V(reference_degC: float, n_series: int) -> float:
+    """V_t of cells in series [V]."""
+    return n_series * 2 * _GAS_J_PER_MOL_K * (reference_degC + KELVIN) / _FARADAY_C_PER_MOL
+
+
+def try_bent(problem: CircuitProblem, straight: CircuitFit, n_series: int) -> tuple[CircuitFit, Note]:
+    """The fit with a bent drop where the logs clearly show it, else the straight one; a note on it."""
+    transfer_V = cells_transfer_V(problem.reference_degC, n_series)
+    near = straight.solution.rates._replace(transfer_V=transfer_V)
+    bent = fit_circuit(problem._replace(transfer_V=transfer_V), len(near.tau_s), near=(near,))
+    left = bent.solution.misfit / straight.solution.misfit
+    found = (
+        f"one bent by charge transfer ({transfer_V:.2g} V) leaves {left:.0%} of the squared residuals of a straight one"
+    )
+    if left < _CLEARLY_LESS:
+        return bent, Note(f"ohmic drop: {found}, and is taken")
+    return straight, Note(f"ohmic drop: straight; {found}")

@@ -34,14 +34,6 @@ _TELLING_REST_S = 600.0
 _LASTING_SHARE = 0.15
 
 
-def lasting_error_V(p: Thevenin, typical_A: float, longest_rest_s: float) -> np.ndarray:
-    """(21,) error of the voltage [V] under a lasting load of typical_A; 0 where a rest of 10 min shows what it does."""
-    if longest_rest_s >= _TELLING_REST_S:
-        return np.zeros(RESISTANCE_GRID.size)
-    ohm = np.sum([p.r0_discharge_ohm, *p.r_ohm], axis=0)
-    return _LASTING_SHARE * typical_A * np.interp(RESISTANCE_GRID, np.linspace(0, 1, ohm.size), ohm)
-
-
 #: Error of the SoC axis of the OCV curve where its anchors are sure: branches of measured cells agree so.
 SOC_AXIS_STD = 0.005
 #: White noise of a voltage sensor is no smaller, of a lithium-ion cell [V].
@@ -218,3 +210,11 @@ def _decay_s(samples: FitSamples, residual_V: np.ndarray) -> float:
 def _charging(problem: CircuitProblem) -> np.ndarray:
     """(N,) bool over all samples: in a charge or the rest after it."""
     return np.concatenate([last_direction(s.mean_current_A) > 0 for s in problem.samples])
+
+
+def lasting_error_V(p: Thevenin, typical_A: float, longest_rest_s: float) -> np.ndarray:
+    """(21,) error of the voltage [V] under a lasting load of typical_A; 0 where a rest of 10 min shows what it does."""
+    if longest_rest_s >= _TELLING_REST_S:
+        return np.zeros(RESISTANCE_GRID.size)
+    ohm = np.sum([p.r0_discharge_ohm, *p.r_ohm], axis=0)
+    return _LASTING_SHARE * typical_A * np.interp(RESISTANCE_GRID, np.linspace(0, 1, ohm.size), ohm)

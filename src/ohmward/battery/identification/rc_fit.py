@@ -40,10 +40,11 @@ class VoltageFit(NamedTuple):
     """The four numbers that the voltage of an RC model depends on, see the top of the file."""
 
     start_V: np.ndarray  #: (parts,) open-circuit voltage at the first sample of each part of the log
-    capacitance_F: float  #: C_b + C_s.  r0_ohm, r1_ohm: R_0, R_1.  tau_s: 1 / w.
+    capacitance_F: float  #: C_b + C_s
+    #: R_0, R_1
     r0_ohm: float
     r1_ohm: float
-    tau_s: float
+    tau_s: float  #: 1 / w
     residual_V: np.ndarray  #: (T,) measured minus fitted voltage; where a curve is known, the curve's is the fitted one
 
     @property

@@ -19,32 +19,6 @@ _SPREAD_K = 10.0
 _OUTSIDE_SHARE = 0.02
 
 
-class LoadTemperature(NamedTuple):
-    """Temperatures [degC] between which nearly all charge flowed."""
-
-    low_degC: float
-    high_degC: float
-
-    @property
-    def shows_activation(self) -> bool:
-        """True where they differ by more than 10 K."""
-        return self.high_degC - self.low_degC > _SPREAD_K
-
-    def __str__(self) -> str:
-        low, high = f"{self.low_degC:.0f}", f"{self.high_degC:.0f}"
-        return f"{low} degC" if low == high else f"{low} to {high} degC"
-
-
-def load_temperature(samples: Sequence[FitSamples]) -> LoadTemperature:
-    """Temperatures at which current flowed, of every sample and not only of every log; by the charge that flowed."""
-    degC = np.concatenate([s.temperature_degC for s in samples])
-    moved = np.concatenate([np.abs(s.mean_current_A) * s.dt_s for s in samples])
-    order = np.argsort(degC)
-    share = np.cumsum(moved[order]) / max(float(moved.sum()), 1e-12)
-    low, high = np.searchsorted(share, [_OUTSIDE_SHARE, 1.0 - _OUTSIDE_SHARE]).clip(0, degC.size - 1)
-    return LoadTemperature(float(degC[order[low]]), float(degC[order[high]]))
-
-
 #: No test knows the activation of a battery better [K]: that of measured cells differs by 1000 and more between warm
 #: and cold, and a fit at two temperatures is used beyond them.
 _ACTIVATION_FLOOR_K = 700.0
@@ -133,3 +107,29 @@ def _ocv_temperature(fit: CircuitFit, problem: CircuitProblem, kind: str) -> lis
         f"open-circuit voltage against temperature: needs tests at two temperatures; 0 ± {std_mV:.2g} mV/K was "
         f"assumed, as usual for {kind}"
     ]
+
+
+class LoadTemperature(NamedTuple):
+    """Temperatures [degC] between which nearly all charge flowed."""
+
+    low_degC: float
+    high_degC: float
+
+    @property
+    def shows_activation(self) -> bool:
+        """True where they differ by more than 10 K."""
+        return self.high_degC - self.low_degC > _SPREAD_K
+
+    def __str__(self) -> str:
+        low, high = f"{self.low_degC:.0f}", f"{self.high_degC:.0f}"
+        return f"{low} degC" if low == high else f"{low} to {high} degC"
+
+
+def load_temperature(samples: Sequence[FitSamples]) -> LoadTemperature:
+    """Temperatures at which current flowed, of every sample and not only of every log; by the charge that flowed."""
+    degC = np.concatenate([s.temperature_degC for s in samples])
+    moved = np.concatenate([np.abs(s.mean_current_A) * s.dt_s for s in samples])
+    order = np.argsort(degC)
+    share = np.cumsum(moved[order]) / max(float(moved.sum()), 1e-12)
+    low, high = np.searchsorted(share, [_OUTSIDE_SHARE, 1.0 - _OUTSIDE_SHARE]).clip(0, degC.size - 1)
+    return LoadTemperature(float(degC[order[low]]), float(degC[order[high]]))

@@ -46,22 +46,6 @@ from ohmward.logs.log import SECONDS_PER_HOUR
 PULSE_S, _HALF = 10.0, 0.5
 
 
-def pulse_ohm(model: Thevenin) -> float:
-    """Resistance [ohm] to ten seconds of 1 C at half charge and the temperature of the file."""
-    return float(pulse_ohm_along(model, np.array([_HALF]))[0])
-
-
-def pulse_ohm_along(model: Thevenin, soc: np.ndarray) -> np.ndarray:
-    """Resistance [ohm] to ten seconds of 1 C at these states of charge and the temperature of the file."""
-    current_A = model.capacity_Ah
-    ohm = np.asarray(on_soc_grid(model.r0_discharge_ohm, soc))
-    if model.transfer_V is not None:
-        ohm = ohm * np.asarray(transfer_share(ohm * current_A / model.transfer_V))
-    for row, tau_s in zip(model.r_ohm, model.tau_s, strict=True):
-        ohm = ohm + np.asarray(on_soc_grid(row, soc)) * (1.0 - np.exp(-PULSE_S / tau_s))
-    return ohm + mean_slope_V(model.ocv, soc) * PULSE_S / SECONDS_PER_HOUR / current_A
-
-
 #: The error of the model that stays with SoC is this at least [V], for each CELL_V of the battery, and its length.
 MODEL_STD_V, _MODEL_LENGTH = 0.005, 0.1
 #: The same of a battery that gases: acid that moves slowly leaves 18 to 50 mV of 12 V after a day of loads.
@@ -336,3 +320,19 @@ def _between(floor: float, found: float, before: float) -> float:
 def _like(noise: BatteryNoise, before: BatteryNoise) -> BatteryNoise:
     """The noise of the RC model: capacity and resistance as learnt, its own errors as they were."""
     return replace(before, capacity_std=noise.capacity_std, resistance_std=noise.resistance_std)
+
+
+def pulse_ohm(model: Thevenin) -> float:
+    """Resistance [ohm] to ten seconds of 1 C at half charge and the temperature of the file."""
+    return float(pulse_ohm_along(model, np.array([_HALF]))[0])
+
+
+def pulse_ohm_along(model: Thevenin, soc: np.ndarray) -> np.ndarray:
+    """Resistance [ohm] to ten seconds of 1 C at these states of charge and the temperature of the file."""
+    current_A = model.capacity_Ah
+    ohm = np.asarray(on_soc_grid(model.r0_discharge_ohm, soc))
+    if model.transfer_V is not None:
+        ohm = ohm * np.asarray(transfer_share(ohm * current_A / model.transfer_V))
+    for row, tau_s in zip(model.r_ohm, model.tau_s, strict=True):
+        ohm = ohm + np.asarray(on_soc_grid(row, soc)) * (1.0 - np.exp(-PULSE_S / tau_s))
+    return ohm + mean_slope_V(model.ocv, soc) * PULSE_S / SECONDS_PER_HOUR / current_A

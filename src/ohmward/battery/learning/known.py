@@ -17,25 +17,6 @@ _OF_A_LABEL = ("everything", "capacity: ", "resistances: ", "open-circuit voltag
 _SEEN_TO_THE_END = 0.02
 
 
-def untaught_sentences(battery: Battery) -> tuple[str, ...]:
-    """The sentences on what is not known of the battery, those of its label brought up to what it has learnt."""
-    others = tuple(text for text in battery.not_identified if not text.startswith(_OF_A_LABEL))
-    if battery.knowledge is None or not any(text.startswith(_OF_A_LABEL[0]) for text in battery.not_identified):
-        return battery.not_identified
-    found, seen_soc = known(battery), battery.knowledge.seen_from_soc
-    capacity = found.capacity_Ah.std / found.capacity_Ah.mean
-    resistance = found.resistance_ohm.std / found.resistance_ohm.mean
-    kind = f"cells of {chemistry(battery.chemistry).title}" if battery.chemistry else "batteries"
-    sentences = [
-        f"everything that no log has shown: start values that {kind} have in common",
-        f"capacity: learnt within {capacity:.1%} (1 sigma) from {found.logs} log{'s' * (found.logs != 1)}",
-        f"resistances: learnt within {resistance:.0%} (1 sigma)",
-    ]
-    if seen_soc > _SEEN_TO_THE_END:
-        sentences.append(f"open-circuit voltage: no log went below {seen_soc:.0%} of charge")
-    return (*sentences, *others)
-
-
 #: Grid of SoC on which the error of the curve is told.
 _GRID = np.linspace(0.0, 1.0, 21)
 
@@ -73,3 +54,22 @@ def ocv_std_V(battery: Battery, soc: Any) -> np.ndarray:
     model = require_thevenin(battery)
     slope_V = np.gradient(np.asarray(model.ocv.mean_V(soc, model.reference_degC)), soc)
     return np.hypot(np.asarray(battery.noise.model_std_at(soc)), slope_V * battery.noise.soc_axis_std)
+
+
+def untaught_sentences(battery: Battery) -> tuple[str, ...]:
+    """The sentences on what is not known of the battery, those of its label brought up to what it has learnt."""
+    others = tuple(text for text in battery.not_identified if not text.startswith(_OF_A_LABEL))
+    if battery.knowledge is None or not any(text.startswith(_OF_A_LABEL[0]) for text in battery.not_identified):
+        return battery.not_identified
+    found, seen_soc = known(battery), battery.knowledge.seen_from_soc
+    capacity = found.capacity_Ah.std / found.capacity_Ah.mean
+    resistance = found.resistance_ohm.std / found.resistance_ohm.mean
+    kind = f"cells of {chemistry(battery.chemistry).title}" if battery.chemistry else "batteries"
+    sentences = [
+        f"everything that no log has shown: start values that {kind} have in common",
+        f"capacity: learnt within {capacity:.1%} (1 sigma) from {found.logs} log{'s' * (found.logs != 1)}",
+        f"resistances: learnt within {resistance:.0%} (1 sigma)",
+    ]
+    if seen_soc > _SEEN_TO_THE_END:
+        sentences.append(f"open-circuit voltage: no log went below {seen_soc:.0%} of charge")
+    return (*sentences, *others)

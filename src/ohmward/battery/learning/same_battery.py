@@ -54,10 +54,9 @@ class LogFindings(NamedTuple):
     capacity_Ah: Normal
     resistance_ohm: Normal
     offset_A: Normal  #: of the current sensor
-    #: of the errors of the voltage.  misfit: factor by which their squares exceed what was expected.
+    #: of the errors of the voltage
     rms_V: float = 0.0
-
-    misfit: float = 1.0
+    misfit: float = 1.0  #: factor by which their squares exceed what was expected
 
     @property
     def of_battery(self) -> tuple[Normal, Normal]:

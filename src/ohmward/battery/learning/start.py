@@ -38,76 +38,8 @@ _SHAPE_STD, _SHAPE_LENGTH = 0.1, 0.2
 _ENDS = 0.2
 
 
-def prior_of_age(model: VoltageModel, prior: Normals, x: np.ndarray) -> Normals:
-    """The prior with the likeliest scale of ageing, the unknowns of the part being x (n,)."""
-    p, covariance = model.parameters, prior.covariance.copy()
-    q, resistances = p.group("capacity"), np.r_[p.group("ohmic"), p.group("pair")]
-    covariance[q, q] += _scale2(max(-float(x[q].sum()), 0.0), covariance[q, q])
-    together = np.ix_(resistances, resistances)
-    covariance[together] += _scale2(max(float(x[resistances].mean()), 0.0), covariance[together])
-    axis_V = _shape_V(model, max(float(np.expm1(-x[q].sum())), 0.0))
-    correlation = np.exp(-np.abs(OCV_KNOTS[:, None] - OCV_KNOTS) / _SHAPE_LENGTH)
-    covariance[p.group("ocv"), p.group("ocv")] += np.outer(axis_V, axis_V) * correlation
-    return Normals(prior.mean, covariance)
-
-
-def _scale2(change: float, covariance: np.ndarray) -> float:
-    """Variance that a change which these unknowns have in common adds to their covariance."""
-    shared = float(covariance.min(initial=np.inf))
-    return _SCALE**2 * change**2 - shared if change**2 > shared else 0.0
-
-
-def _shape_V(model: VoltageModel, loss: float) -> np.ndarray:
-    """Standard deviation [V] on OCV_KNOTS of what slip does not describe of a curve at this loss of capacity."""
-    inside = np.minimum(np.minimum(OCV_KNOTS, 1.0 - OCV_KNOTS) / _ENDS, 1.0)
-    return _SHAPE_STD * loss * inside * mean_slope_V(require_thevenin(model.battery).ocv, OCV_KNOTS)
-
-
 #: A log of which less than this share is new has been seen, where the new part cannot be learnt.
 _MOSTLY_SEEN = 0.5
-
-
-class NewParts(NamedTuple):
-    """New parts of a log."""
-
-    parts: tuple[Log, ...]  #: in order of time; () for a log that the battery has learnt from before
-    fingerprint: str  #: of the whole log
-    hours: float  #: length of the parts together; all_hours: of the log
-    all_hours: float
-    left_out: tuple[str, ...]  #: sentences on what is not used of it, and why
-
-    @property
-    def mostly_seen(self) -> bool:
-        """True where most of the log was learnt before."""
-        return self.hours < _MOSTLY_SEEN * self.all_hours
-
-
-def new_parts(battery: Battery, log: Log) -> NewParts:
-    """The parts of a log that can teach the battery something new.
-
-    Raises:
-        InputError: the log cannot teach anything about this battery; says why.
-    """
-    usable = usable_log(log, battery)
-    parts = unseen(usable, _fingerprints(battery))
-    hours, all_hours = _hours(parts), _hours([log])
-    left_out = [note.text for note in usable.notes if note not in log.notes]
-    if parts != (usable,):
-        seen = f"{all_hours - hours:.2g} of {all_hours:.2g} h"
-        left_out.append(f"{seen}: the battery has learnt from them before")
-    return NewParts(parts, fingerprint(usable), hours, all_hours, tuple(left_out))
-
-
-def _fingerprints(battery: Battery) -> tuple[str, ...]:
-    """Fingerprints of the logs that the battery was identified from, and of those that it has learnt."""
-    tested = battery.identification.fingerprints if battery.identification else ()
-    learnt = battery.knowledge.logs if battery.knowledge else ()
-    return (*tested, *(seen.fingerprint for seen in learnt))
-
-
-def _hours(logs: Sequence[Log]) -> float:
-    """Length of the logs together."""
-    return sum(log.duration_s for log in logs) / SECONDS_PER_HOUR
 
 
 #: States of charge that are looked at, and how many hills are climbed at most.
@@ -161,3 +93,71 @@ def _costs(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -
         told = sum(((everywhere[a.sample] - a.soc) / a.std) ** 2 for a in anchors)
         costs.append(weight @ residual_V**2 - explained + (beyond / _BOUND_STD) ** 2 + told)
     return np.array(costs)
+
+
+def prior_of_age(model: VoltageModel, prior: Normals, x: np.ndarray) -> Normals:
+    """The prior with the likeliest scale of ageing, the unknowns of the part being x (n,)."""
+    p, covariance = model.parameters, prior.covariance.copy()
+    q, resistances = p.group("capacity"), np.r_[p.group("ohmic"), p.group("pair")]
+    covariance[q, q] += _scale2(max(-float(x[q].sum()), 0.0), covariance[q, q])
+    together = np.ix_(resistances, resistances)
+    covariance[together] += _scale2(max(float(x[resistances].mean()), 0.0), covariance[together])
+    axis_V = _shape_V(model, max(float(np.expm1(-x[q].sum())), 0.0))
+    correlation = np.exp(-np.abs(OCV_KNOTS[:, None] - OCV_KNOTS) / _SHAPE_LENGTH)
+    covariance[p.group("ocv"), p.group("ocv")] += np.outer(axis_V, axis_V) * correlation
+    return Normals(prior.mean, covariance)
+
+
+def _scale2(change: float, covariance: np.ndarray) -> float:
+    """Variance that a change which these unknowns have in common adds to their covariance."""
+    shared = float(covariance.min(initial=np.inf))
+    return _SCALE**2 * change**2 - shared if change**2 > shared else 0.0
+
+
+def _shape_V(model: VoltageModel, loss: float) -> np.ndarray:
+    """Standard deviation [V] on OCV_KNOTS of what slip does not describe of a curve at this loss of capacity."""
+    inside = np.minimum(np.minimum(OCV_KNOTS, 1.0 - OCV_KNOTS) / _ENDS, 1.0)
+    return _SHAPE_STD * loss * inside * mean_slope_V(require_thevenin(model.battery).ocv, OCV_KNOTS)
+
+
+class NewParts(NamedTuple):
+    """New parts of a log."""
+
+    parts: tuple[Log, ...]  #: in order of time; () for a log that the battery has learnt from before
+    fingerprint: str  #: of the whole log
+    hours: float  #: length of the parts together; all_hours: of the log
+    all_hours: float
+    left_out: tuple[str, ...]  #: sentences on what is not used of it, and why
+
+    @property
+    def mostly_seen(self) -> bool:
+        """True where most of the log was learnt before."""
+        return self.hours < _MOSTLY_SEEN * self.all_hours
+
+
+def new_parts(battery: Battery, log: Log) -> NewParts:
+    """The parts of a log that can teach the battery something new.
+
+    Raises:
+        InputError: the log cannot teach anything about this battery; says why.
+    """
+    usable = usable_log(log, battery)
+    parts = unseen(usable, _fingerprints(battery))
+    hours, all_hours = _hours(parts), _hours([log])
+    left_out = [note.text for note in usable.notes if note not in log.notes]
+    if parts != (usable,):
+        seen = f"{all_hours - hours:.2g} of {all_hours:.2g} h"
+        left_out.append(f"{seen}: the battery has learnt from them before")
+    return NewParts(parts, fingerprint(usable), hours, all_hours, tuple(left_out))
+
+
+def _fingerprints(battery: Battery) -> tuple[str, ...]:
+    """Fingerprints of the logs that the battery was identified from, and of those that it has learnt."""
+    tested = battery.identification.fingerprints if battery.identification else ()
+    learnt = battery.knowledge.logs if battery.knowledge else ()
+    return (*tested, *(seen.fingerprint for seen in learnt))
+
+
+def _hours(logs: Sequence[Log]) -> float:
+    """Length of the logs together."""
+    return sum(log.duration_s for log in logs) / SECONDS_PER_HOUR

@@ -220,8 +220,7 @@ def estimator_of(battery: Battery | Estimator, filter: str) -> Estimator:
     """
     if not isinstance(battery, Battery) and hasattr(battery, "step") and hasattr(battery, "init"):
         return battery
-    require_battery(battery, " or an estimator")
-    return make_estimator(filter, battery)
+    return make_estimator(filter, require_battery(battery, " or an estimator"))
 
 
 def _from(begin: int, steps: int, progress: Progress | None) -> Progress | None:

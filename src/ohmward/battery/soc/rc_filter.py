@@ -63,8 +63,8 @@ class RcParameters(NamedTuple):
     """Circuit that is estimated elsewhere, sample by sample, and relative errors of it."""
 
     circuit: rc.Circuit
-    capacitance_std: Any = 0.0  #: adds up over a full charge.  resistance_std: of the overpotential.
-    resistance_std: Any = 0.0
+    capacitance_std: Any = 0.0  #: adds up over a full charge
+    resistance_std: Any = 0.0  #: of the overpotential
 
 
 class RcUpdate(NamedTuple):

@@ -42,17 +42,6 @@ from ohmward.trace.expression import Scalar
 LEAST_CAPACITY, MOST_CAPACITY = 0.5, 1.5
 
 
-def implausible_capacity(soh_capacity: Scalar) -> Any:
-    """True where no battery of the file has this capacity, over the file's."""
-    return (soh_capacity < LEAST_CAPACITY) | (soh_capacity > MOST_CAPACITY)
-
-
-def with_misfit(estimate: SocEstimate, sensor: CurrentSensor) -> SocEstimate:
-    """The estimate, flagged where it asks for an offset or a capacity that sensor and battery cannot have."""
-    misfit = sensor.contradicts(estimate.current_offset_A) | implausible_capacity(estimate.soh_capacity)
-    return estimate._replace(flags=estimate.flags + flags_of({SocFlag.MISFIT: misfit}))
-
-
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
 
 
@@ -375,3 +364,14 @@ class TheveninFilter:
 def _at_most(std: float, variance: Scalar) -> Scalar:
     """Factor that brings a standard deviation down to `std`; 1 where it is below."""
     return std / np.sqrt(maximum(variance, std**2))
+
+
+def implausible_capacity(soh_capacity: Scalar) -> Any:
+    """True where no battery of the file has this capacity, over the file's."""
+    return (soh_capacity < LEAST_CAPACITY) | (soh_capacity > MOST_CAPACITY)
+
+
+def with_misfit(estimate: SocEstimate, sensor: CurrentSensor) -> SocEstimate:
+    """The estimate, flagged where it asks for an offset or a capacity that sensor and battery cannot have."""
+    misfit = sensor.contradicts(estimate.current_offset_A) | implausible_capacity(estimate.soh_capacity)
+    return estimate._replace(flags=estimate.flags + flags_of({SocFlag.MISFIT: misfit}))

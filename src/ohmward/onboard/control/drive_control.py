@@ -35,8 +35,8 @@ class DrivePhase(StrEnum):
 class DriveOutput(NamedTuple):
     """Commands of a step."""
 
-    phase: DrivePhase  #: enable is 1 in `ARMED` only.  reason: of the phase, a few words for the operator.
-    reason: str
+    phase: DrivePhase  #: enable is 1 in `ARMED` only
+    reason: str  #: of the phase, a few words for the operator
     #: (driven,)
     torque_Nm: np.ndarray
     wheel_speed_rad_s: np.ndarray

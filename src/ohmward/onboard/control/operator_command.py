@@ -17,43 +17,6 @@ LONGEST = 4096
 _CODE = 32
 
 
-class Signing:
-    """Codes of one direction of one connection.
-
-    Args:
-        token: shared secret; empty on a connection that never leaves the machine.
-        nonce: of the connection, made by the robot, so that no line of another connection is good in this one.
-        sender: "robot" or "operator".
-    """
-
-    def __init__(self, token: str, nonce: str, sender: str):
-        self._key, self._salt = token.encode(), f"{nonce} {sender} ".encode()
-        self._sequence = 0
-
-    def line(self, found: dict[str, Any]) -> bytes:
-        """A line with its code; the sequence goes along."""
-        self._sequence += 1
-        text = json.dumps(found | {"n": self._sequence}, allow_nan=False).encode()
-        return self._code(text) + b" " + text + b"\n"
-
-    def read(self, line: bytes) -> dict[str, Any] | None:
-        """The object of a line; None where its code is wrong, or it is no newer than one before."""
-        code, _, text = line.rstrip(b"\r\n").partition(b" ")
-        if not hmac.compare_digest(code, self._code(text)):
-            return None
-        try:
-            found = json.loads(text)
-        except (ValueError, RecursionError):
-            return None
-        if not isinstance(found, dict) or not isinstance(found.get("n"), int) or found["n"] <= self._sequence:
-            return None
-        self._sequence = found["n"]
-        return found
-
-    def _code(self, text: bytes) -> bytes:
-        return hmac.new(self._key, self._salt + text, hashlib.sha256).hexdigest()[:_CODE].encode()
-
-
 #: Smaller set-points are none: a stick has play, and a robot is armed at rest only.
 NOTHING = 1e-3
 
@@ -96,3 +59,40 @@ def command_of(found: Mapping[str, object], said_s: float) -> OperatorCommand | 
 
 
 _NUMBERS = {"speed_m_s": 0.0, "yaw_rate_rad_s": 0.0, "slip_bound": 0.12, "slip_ratio": 0.0}
+
+
+class Signing:
+    """Codes of one direction of one connection.
+
+    Args:
+        token: shared secret; empty on a connection that never leaves the machine.
+        nonce: of the connection, made by the robot, so that no line of another connection is good in this one.
+        sender: "robot" or "operator".
+    """
+
+    def __init__(self, token: str, nonce: str, sender: str):
+        self._key, self._salt = token.encode(), f"{nonce} {sender} ".encode()
+        self._sequence = 0
+
+    def line(self, found: dict[str, Any]) -> bytes:
+        """A line with its code; the sequence goes along."""
+        self._sequence += 1
+        text = json.dumps(found | {"n": self._sequence}, allow_nan=False).encode()
+        return self._code(text) + b" " + text + b"\n"
+
+    def read(self, line: bytes) -> dict[str, Any] | None:
+        """The object of a line; None where its code is wrong, or it is no newer than one before."""
+        code, _, text = line.rstrip(b"\r\n").partition(b" ")
+        if not hmac.compare_digest(code, self._code(text)):
+            return None
+        try:
+            found = json.loads(text)
+        except (ValueError, RecursionError):
+            return None
+        if not isinstance(found, dict) or not isinstance(found.get("n"), int) or found["n"] <= self._sequence:
+            return None
+        self._sequence = found["n"]
+        return found
+
+    def _code(self, text: bytes) -> bytes:
+        return hmac.new(self._key, self._salt + text, hashlib.sha256).hexdigest()[:_CODE].encode()

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
+from ohmward.onboard.robot_state import OF_CHARGE, Diagnostic, Level, RobotState
 
 Message = dict[str, Any]
 
@@ -30,8 +30,8 @@ _TECHNOLOGY = {"lfp": _LIFE, "lipo": _LIPO, "lead-acid": _VRLA, "": _UNKNOWN}
 class Frames:
     """Names of coordinate frames, REP-105."""
 
-    odom: str = "odom"  #: in which the pose is continuous.  base: of the robot, at its centre of gravity.
-    base: str = "base_link"
+    odom: str = "odom"  #: in which the pose is continuous
+    base: str = "base_link"  #: of the robot, at its centre of gravity
 
 
 def header(state: RobotState, frame: str) -> Message:
@@ -63,7 +63,8 @@ def battery_state(state: RobotState, measured: Mapping[str, float], battery: Bat
         "power_supply_status": _status(measured, charge, capacity_Ah),
         "power_supply_health": _UNKNOWN,
         "power_supply_technology": _TECHNOLOGY.get(battery.chemistry, _LION) if battery else _UNKNOWN,
-        "present": charge is not None or any(map(math.isfinite, measured.values())),
+        "present": charge is not None
+        or any(math.isfinite(v) for name, v in measured.items() if name.partition(".")[0] in OF_CHARGE),
         "cell_voltage": _cells(measured, battery),
         "cell_temperature": [],
         "location": "",

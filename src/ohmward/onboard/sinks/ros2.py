@@ -12,7 +12,7 @@ from ohmward.battery.file import load_battery
 from ohmward.checks import require_between
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.quantities import BATTERY
-from ohmward.onboard.robot_state import Level, RobotState
+from ohmward.onboard.robot_state import OF_CHARGE, Level, RobotState
 from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.ros.messages import Frames
@@ -105,6 +105,11 @@ class Translation:
             yield sink.diagnostics, types.DIAGNOSTICS, serialize(types.DIAGNOSTICS, told)
 
     def _reporting(self, state: RobotState) -> dict[str, float]:
-        """Latest values of the battery's sensors, nan for one that is silent or tells nothing true."""
+        """Latest values of the battery's sensors, nan for one that is silent or tells nothing true.
+
+        A charge that has become unknown says so of its sensors at once, their conditions at the next look.
+        """
         useless = {condition.name for condition in state.diagnostics if condition.level >= Level.ERROR}
+        if state.battery is None and math.isfinite(state.battery_time_s):
+            useless |= {name for name in self._measured if name.partition(".")[0] in {*OF_CHARGE, "battery_full"}}
         return {signal: math.nan if signal in useless else value for signal, value in self._measured.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from os import PathLike
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
@@ -58,8 +58,9 @@ def calibrate(
     """
     robot = robot if isinstance(robot, Robot) else load_robot(robot)
     parts = usual_parts(robot) if parts is None else parts
-    several = isinstance(drives, Sequence) and not isinstance(drives, str | CalibrationDrive)
-    known = [_known(drive, robot) for drive in (drives if several else [drives])]
+    one = isinstance(drives, str | CalibrationDrive) or not isinstance(drives, Sequence)
+    each: Any = [drives] if one else drives
+    known = [_known(drive, robot) for drive in each]
     found: list[Parameter] = []
     if "radius" in parts:
         found.append(calibrate_radius(known, robot))

@@ -32,32 +32,6 @@ FEWEST = 3
 TRACK_STD = 0.5
 
 
-def calibrate_track(drives: Sequence[CalibrationDrive], robot: Robot) -> Parameter:
-    """The track with which the difference of the sides' speeds gives the true yaw rate.
-
-    Args:
-        drives: with the motion of the body, turns among them.
-        robot: with its radius calibrated.
-
-    Raises:
-        InputError: an omni robot, or no steady stretch.
-    """
-    if isinstance(robot.chassis, Omni):
-        raise InputError(f"{robot.name} has no left and right side; leave the track out of --what")
-    name, track_m = "chassis.effective_track_m" if robot.chassis.scrubs else "chassis.track_m", robot.chassis.track_m
-    unknown = Parameter(name, track_m, TRACK_STD * track_m, "the robot hardly turns, or not as its wheels do")
-    rows = cut(drives, robot, turning=True)
-    turns = track_m * np.abs(rows.rim[:, -1]) >= SLOWEST_M_S
-    if turns.sum() < FEWEST:
-        return unknown
-    by_wheels, yaw_rate = rows.rim[turns, -1:], rows.motion[turns, -1]
-    fit = regress(by_wheels, yaw_rate, rows.drive[turns], np.zeros(1), np.array([np.inf]))
-    share, std = float(fit.beta[0]), float(np.sqrt(fit.cov[0, 0]))
-    if not is_told(name, share, std):
-        return unknown
-    return Parameter(name, track_m / share, track_m * std / share**2)
-
-
 def calibrate_radius(drives: Sequence[CalibrationDrive], robot: Robot) -> Parameter:
     """The radius with which the wheels' turns give the true speed over ground.
 
@@ -103,3 +77,29 @@ def _creep(robot: Robot, rows: Stretches) -> float:
     torque = wheel_torque(robot.motor, rows.current_A, rows.wheel_speed_rad_s[:, : robot.driven])
     share = np.abs(torque) / robot.wheel.radius_m / static_loads(robot)[: robot.driven]
     return float(np.nanmean(share)) / STIFFNESS if np.isfinite(share).any() else 0.02
+
+
+def calibrate_track(drives: Sequence[CalibrationDrive], robot: Robot) -> Parameter:
+    """The track with which the difference of the sides' speeds gives the true yaw rate.
+
+    Args:
+        drives: with the motion of the body, turns among them.
+        robot: with its radius calibrated.
+
+    Raises:
+        InputError: an omni robot, or no steady stretch.
+    """
+    if isinstance(robot.chassis, Omni):
+        raise InputError(f"{robot.name} has no left and right side; leave the track out of --what")
+    name, track_m = "chassis.effective_track_m" if robot.chassis.scrubs else "chassis.track_m", robot.chassis.track_m
+    unknown = Parameter(name, track_m, TRACK_STD * track_m, "the robot hardly turns, or not as its wheels do")
+    rows = cut(drives, robot, turning=True)
+    turns = track_m * np.abs(rows.rim[:, -1]) >= SLOWEST_M_S
+    if turns.sum() < FEWEST:
+        return unknown
+    by_wheels, yaw_rate = rows.rim[turns, -1:], rows.motion[turns, -1]
+    fit = regress(by_wheels, yaw_rate, rows.drive[turns], np.zeros(1), np.array([np.inf]))
+    share, std = float(fit.beta[0]), float(np.sqrt(fit.cov[0, 0]))
+    if not is_told(name, share, std):
+        return unknown
+    return Parameter(name, track_m / share, track_m * std / share**2)

@@ -13,8 +13,7 @@ from ohmward.traction.control.signals import (
 from ohmward.traction.control.sliding_mode import SlidingMode, Uncertainty
 from ohmward.traction.control.slip_controller import SlipController
 from ohmward.traction.control.speed_controller import SpeedController
-from ohmward.traction.control.wheel_speed_cascade import WheelSpeedCascade
-from ohmward.traction.control.wheel_speed_drive import WheelSpeedDrive
+from ohmward.traction.control.wheel_speed_cascade import WheelSpeedCascade, WheelSpeedDrive
 
 __all__ = [
     "ControlFlag",

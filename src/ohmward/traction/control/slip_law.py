@@ -22,34 +22,6 @@ from ohmward.trace import maximum, where
 from ohmward.traction.control.signals import DrivenWheel
 
 
-class SlidingSurface(NamedTuple):
-    """Distance of a wheel from a slip, and the factors of its rate; speeds in m/s."""
-
-    sigma: Any  #:           distance, > 0 where the slip is too large
-    reference_speed: Any  #: V_f
-    #:     see the module
-    gain: Any
-    drift: Any
-
-
-def surface(rim_m_s: Any, travel_m_s: Any, slip_target: Any, floor_m_s: Any, launch: Any = 1.0) -> SlidingSurface:
-    """The surface of a slip ratio in (-1, 1) for these speeds of rim and travel; launch >= 1 where it is to drive."""
-    rim, travel = abs(rim_m_s), abs(travel_m_s)
-    V = maximum(rim, travel)
-    V_f = maximum(V, maximum(floor_m_s, launch * floor_m_s - (launch - 1) * V))
-    slope = where(floor_m_s < V, 1.0, 1.0 - launch)
-    return SlidingSurface(
-        rim_m_s - travel_m_s - slip_target * V_f,
-        V_f,
-        where(rim >= travel, 1 - slip_target * slope * _sign(rim_m_s), 1.0),
-        where(travel > rim, 1 + slip_target * slope * _sign(travel_m_s), 1.0),
-    )
-
-
-def _sign(x: Any) -> Any:
-    return where(x >= 0, 1.0, -1.0)
-
-
 class Motion(NamedTuple):
     """Motion of a wheel and the slip that it should have, along the commanded direction: a law knows no reverse."""
 
@@ -84,3 +56,31 @@ class SlipLaw(Protocol):
 
 class NoMemory(NamedTuple):
     """The memory of a law without one."""
+
+
+class SlidingSurface(NamedTuple):
+    """Distance of a wheel from a slip, and the factors of its rate; speeds in m/s."""
+
+    sigma: Any  #:           distance, > 0 where the slip is too large
+    reference_speed: Any  #: V_f
+    #:     see the module
+    gain: Any
+    drift: Any
+
+
+def surface(rim_m_s: Any, travel_m_s: Any, slip_target: Any, floor_m_s: Any, launch: Any = 1.0) -> SlidingSurface:
+    """The surface of a slip ratio in (-1, 1) for these speeds of rim and travel; launch >= 1 where it is to drive."""
+    rim, travel = abs(rim_m_s), abs(travel_m_s)
+    V = maximum(rim, travel)
+    V_f = maximum(V, maximum(floor_m_s, launch * floor_m_s - (launch - 1) * V))
+    slope = where(floor_m_s < V, 1.0, 1.0 - launch)
+    return SlidingSurface(
+        rim_m_s - travel_m_s - slip_target * V_f,
+        V_f,
+        where(rim >= travel, 1 - slip_target * slope * _sign(rim_m_s), 1.0),
+        where(travel > rim, 1 + slip_target * slope * _sign(travel_m_s), 1.0),
+    )
+
+
+def _sign(x: Any) -> Any:
+    return where(x >= 0, 1.0, -1.0)

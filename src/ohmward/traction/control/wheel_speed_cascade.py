@@ -16,7 +16,7 @@ from ohmward.checks import require_between, require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.traction.control.force_filter import ForceFilter, WheelEstimate
-from ohmward.traction.control.signals import ControlFlag, DrivenWheel, Measurement, Report, SlipCommand, limited
+from ohmward.traction.control.signals import ControlFlag, DrivenWheel, Limits, Measurement, Report, SlipCommand, limited
 from ohmward.traction.control.slip_controller import is_slip_ratio
 from ohmward.traction.control.slip_law import surface
 from ohmward.traction.dynamics.slip import driving_slip_ratio, travel_direction
@@ -88,3 +88,38 @@ def rim_speed_m_s(travel_m_s: Any, slip_target: Any, floor_m_s: float) -> Any:
     driving = maximum(travel_m_s / (1 - maximum(slip_target, 0.0)), travel_m_s + slip_target * floor_m_s)
     braking = maximum(travel_m_s * (1 + slip_target), 0.0)
     return where(slip_target >= 0, driving, braking)
+
+
+class DriveState(NamedTuple):
+    """Torque of the integral and torque given in the last step [N m]."""
+
+    integral_Nm: Any
+    torque_Nm: Any
+
+
+@dataclass(frozen=True)
+class WheelSpeedDrive:
+    """Settings; `init` and `step` are pure functions of them."""
+
+    limits: Limits  #: of the torque
+    proportional_Nm_s: float = 2.0  #: K_p, torque per rad/s, > 0
+    integral_Nm: float = 40.0  #: K_i, torque per rad, > 0
+
+    def __post_init__(self) -> None:
+        require_each_positive("wheel_speed_drive.", self, "proportional_Nm_s", "integral_Nm")
+
+    def init(self, wheel_speed_rad_s: Any) -> DriveState:
+        """No torque."""
+        zero = 0.0 * wheel_speed_rad_s
+        return DriveState(zero, zero)
+
+    def step(
+        self, state: DriveState, reference_rad_s: Any, wheel_speed_rad_s: Any, dt_s: Any
+    ) -> tuple[DriveState, Any]:
+        """The state after the step and the torque [N m] to hold for the next `dt_s`."""
+        error = reference_rad_s - wheel_speed_rad_s
+        demanded = self.proportional_Nm_s * error + state.integral_Nm
+        torque = self.limits.apply(demanded, state.torque_Nm, dt_s)
+        windup = limited(demanded, torque) & ((demanded - torque) * error > 0.0)
+        integral = state.integral_Nm + where(windup, 0.0, self.integral_Nm * error * dt_s)
+        return DriveState(integral, torque), torque

@@ -40,61 +40,6 @@ from ohmward.traction.speed_observer.intervals import History, change_since
 _TINY_S = 1e-9
 
 
-class Trail(NamedTuple):
-    """Dead reckoning that no measurement corrects."""
-
-    dt_s: np.ndarray  #: (steps,) length of each of the last steps, newest first
-    moved: np.ndarray  #: (3, steps) change of x, y and yaw in each, in the frame of its own start
-    yaw_rad: Scalar  #: at its end
-
-
-class SeenWay(NamedTuple):
-    """The way between two instants."""
-
-    increment: np.ndarray  #: (3,) forward, left and turn, in the frame of its start
-    known_s: Scalar  #: time of it that is remembered
-
-
-def empty_trail(steps: int) -> Trail:
-    """Trail of a filter that starts."""
-    return Trail(np.zeros(steps), np.zeros((3, steps)), 0.0)
-
-
-def extend(trail: Trail, twist: np.ndarray, dt_s: Scalar) -> Trail:
-    """The trail with one more step of this twist (3,), the oldest forgotten."""
-    if len(trail.dt_s) == 0:
-        return trail
-    turn = twist[2] * dt_s
-    middle = trail.yaw_rad + turn / 2.0
-    forward, left = twist[0] * dt_s, twist[1] * dt_s
-    step = [forward * cos(middle) - left * sin(middle), forward * sin(middle) + left * cos(middle), turn]
-    moved = np.array([[new, *row[:-1]] for new, row in zip(step, trail.moved, strict=True)])
-    return Trail(np.array([dt_s, *trail.dt_s[:-1]]), moved, trail.yaw_rad + turn)
-
-
-def way(trail: Trail, length_s: Scalar, age_s: Scalar) -> SeenWay:
-    """The way of `length_s` that ended `age_s` ago; a step that begins or ends within is counted in part."""
-    end, end_s = moved_since(trail, age_s)
-    start, start_s = moved_since(trail, age_s + length_s)
-    dx, dy, turn = start - end
-    yaw = trail.yaw_rad - start[2]
-    c, s = cos(yaw), sin(yaw)
-    return SeenWay(np.array([c * dx + s * dy, c * dy - s * dx, turn]), start_s - end_s)
-
-
-def moved_since(trail: Trail, age_s: Scalar) -> tuple[np.ndarray, Scalar]:
-    """Change (3,) of x, y and yaw in the last `age_s`, and how much of that time is remembered [s]."""
-    moved: np.ndarray = np.zeros(3)
-    left_s = maximum(age_s, 0.0)
-    known_s: Scalar = 0.0
-    for dt_s, step in zip(trail.dt_s, trail.moved.T, strict=True):
-        share = clip(left_s / maximum(dt_s, _TINY_S), 0.0, 1.0)
-        moved = moved + step * share
-        known_s = known_s + dt_s * share
-        left_s = left_s - dt_s
-    return moved, known_s
-
-
 #: Gyro and wheels are compared by the angles that they turned in so long [s]: a count is wrong once in an angle.
 COMPARED_S = 0.5
 
@@ -294,19 +239,19 @@ def use_heading(
     wheels.
     """
 
-    def shown(x: np.ndarray) -> np.ndarray:
+    def heading(x: np.ndarray) -> np.ndarray:
         return np.array([x[YAW] + x[HEADING_ZERO]])
 
     own = sample.heading_std_rad
     std_rad = where(between(own, *HEADING_STD), own, noise.heading_std_rad)
     wait_s = maximum(times.wait_s - dt_s, 0.0)
     measured = within(sample.heading_rad, MOST_HEADING_RAD) & (wait_s <= 0.0)
-    expected_rad = shown(body.belief.mean)[0]
+    expected_rad = heading(body.belief.mean)[0]
     turned_rad = where(measured, sample.heading_rad, expected_rad) - expected_rad + math.pi
     nu = turned_rad % (2.0 * math.pi) - math.pi
     diverged = measured & (times.rejected_s > reset_after_s)
     prior = choose(diverged, inflate(body.belief, HEADING_ZERO, nu * nu), body.belief)
-    belief, accepted = correct_scalar(prior, where(measured, expected_rad + nu, np.nan), shown, std_rad**2, gate)
+    belief, accepted = correct_scalar(prior, where(measured, expected_rad + nu, np.nan), heading, std_rad**2, gate)
     rejected = measured & logical_not(accepted)
     rejected_s = time_rejected(times.rejected_s, dt_s, rejected, measured, sparse=True)
     body = body._replace(belief=belief, heading_rejected=rejected)
@@ -381,3 +326,58 @@ def correct_scalar(
 def forgotten(age_s: Scalar, noise: OdometryNoise) -> Scalar:
     """Share of the variance of a correlated error that has changed since: 1 - e^(-2 t / T)."""
     return 1.0 - exp(-2.0 * age_s / noise.correlation_s)
+
+
+class Trail(NamedTuple):
+    """Dead reckoning that no measurement corrects."""
+
+    dt_s: np.ndarray  #: (steps,) length of each of the last steps, newest first
+    moved: np.ndarray  #: (3, steps) change of x, y and yaw in each, in the frame of its own start
+    yaw_rad: Scalar  #: at its end
+
+
+class SeenWay(NamedTuple):
+    """The way between two instants."""
+
+    increment: np.ndarray  #: (3,) forward, left and turn, in the frame of its start
+    known_s: Scalar  #: time of it that is remembered
+
+
+def empty_trail(steps: int) -> Trail:
+    """Trail of a filter that starts."""
+    return Trail(np.zeros(steps), np.zeros((3, steps)), 0.0)
+
+
+def extend(trail: Trail, twist: np.ndarray, dt_s: Scalar) -> Trail:
+    """The trail with one more step of this twist (3,), the oldest forgotten."""
+    if len(trail.dt_s) == 0:
+        return trail
+    turn = twist[2] * dt_s
+    middle = trail.yaw_rad + turn / 2.0
+    forward, left = twist[0] * dt_s, twist[1] * dt_s
+    step = [forward * cos(middle) - left * sin(middle), forward * sin(middle) + left * cos(middle), turn]
+    moved = np.array([[new, *row[:-1]] for new, row in zip(step, trail.moved, strict=True)])
+    return Trail(np.array([dt_s, *trail.dt_s[:-1]]), moved, trail.yaw_rad + turn)
+
+
+def way(trail: Trail, length_s: Scalar, age_s: Scalar) -> SeenWay:
+    """The way of `length_s` that ended `age_s` ago; a step that begins or ends within is counted in part."""
+    end, end_s = moved_since(trail, age_s)
+    start, start_s = moved_since(trail, age_s + length_s)
+    dx, dy, turn = start - end
+    yaw = trail.yaw_rad - start[2]
+    c, s = cos(yaw), sin(yaw)
+    return SeenWay(np.array([c * dx + s * dy, c * dy - s * dx, turn]), start_s - end_s)
+
+
+def moved_since(trail: Trail, age_s: Scalar) -> tuple[np.ndarray, Scalar]:
+    """Change (3,) of x, y and yaw in the last `age_s`, and how much of that time is remembered [s]."""
+    moved: np.ndarray = np.zeros(3)
+    left_s = maximum(age_s, 0.0)
+    known_s: Scalar = 0.0
+    for dt_s, step in zip(trail.dt_s, trail.moved.T, strict=True):
+        share = clip(left_s / maximum(dt_s, _TINY_S), 0.0, 1.0)
+        moved = moved + step * share
+        known_s = known_s + dt_s * share
+        left_s = left_s - dt_s
+    return moved, known_s

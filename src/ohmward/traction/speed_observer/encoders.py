@@ -27,36 +27,6 @@ from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.slip_step import SlipStep
 
-
-def wheel_speeds(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float, bits: int = 32) -> np.ndarray:
-    """Mean speed (T, wheels) [rad/s] of each wheel since the count before; nan in the first row and where dt <= 0.
-
-    counts: (T, wheels) whole numbers, of a counter that starts again after `bits` bits, signed or not.
-    time_s: (T,) of each row.
-
-    Raises:
-        InputError: counts that are not (T, wheels), or impossible settings.
-    """
-    counts, time_s = np.asarray(counts), np.asarray(time_s, dtype=float)
-    if counts.ndim != 2 or len(counts) != len(time_s):
-        raise InputError(f"counts must be (T, wheels) with T = {len(time_s)} times, got shape {counts.shape}")
-    require_positive("counts_per_turn", counts_per_turn)
-    if not 8 <= bits <= 63:
-        raise InputError(f"bits must be between 8 and 63, got {bits}")
-    speeds = np.full(counts.shape, np.nan)
-    dt_s = np.diff(time_s)
-    good = dt_s > 0
-    turns = differences(counts, bits)[good] / counts_per_turn
-    speeds[1:][good] = 2 * np.pi * turns / dt_s[good, None]
-    return speeds
-
-
-def differences(counts: np.ndarray, bits: int) -> np.ndarray:
-    """Counts (T - 1, wheels) since the row before, taken the short way round the counter."""
-    half = 1 << (bits - 1)
-    return np.mod(np.diff(counts.astype(np.int64), axis=0) + half, 2 * half) - half
-
-
 #: Least error [m/s^2] of the acceleration by a wheel whose encoder is not believed.
 DOUBT_M_S2 = 0.1
 
@@ -286,3 +256,32 @@ def doubted_variance(belief: Belief, k: int, dt_s: Scalar, model: Model) -> Scal
     force_N = abs(model.traction_N(belief.mean)[k])
     growth = maximum(force_N / model.scene.robot.inertia[0], DOUBT_M_S2) * dt_s
     return growth * (growth + 2 * std(belief.cov[0, 0]))
+
+
+def wheel_speeds(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float, bits: int = 32) -> np.ndarray:
+    """Mean speed (T, wheels) [rad/s] of each wheel since the count before; nan in the first row and where dt <= 0.
+
+    counts: (T, wheels) whole numbers, of a counter that starts again after `bits` bits, signed or not.
+    time_s: (T,) of each row.
+
+    Raises:
+        InputError: counts that are not (T, wheels), or impossible settings.
+    """
+    counts, time_s = np.asarray(counts), np.asarray(time_s, dtype=float)
+    if counts.ndim != 2 or len(counts) != len(time_s):
+        raise InputError(f"counts must be (T, wheels) with T = {len(time_s)} times, got shape {counts.shape}")
+    require_positive("counts_per_turn", counts_per_turn)
+    if not 8 <= bits <= 63:
+        raise InputError(f"bits must be between 8 and 63, got {bits}")
+    speeds = np.full(counts.shape, np.nan)
+    dt_s = np.diff(time_s)
+    good = dt_s > 0
+    turns = differences(counts, bits)[good] / counts_per_turn
+    speeds[1:][good] = 2 * np.pi * turns / dt_s[good, None]
+    return speeds
+
+
+def differences(counts: np.ndarray, bits: int) -> np.ndarray:
+    """Counts (T - 1, wheels) since the row before, taken the short way round the counter."""
+    half = 1 << (bits - 1)
+    return np.mod(np.diff(counts.astype(np.int64), axis=0) + half, 2 * half) - half

@@ -52,29 +52,6 @@ from ohmward.traction.speed_observer.states import States
 TURNING_RAD_S, ALIKE = 0.1, 0.9
 
 
-def with_effective_track(robot: Robot, log: DriveLog) -> Robot:
-    """The robot with the effective track that wheels and gyro of the log show; unchanged where none or one is known."""
-    chassis = robot.chassis
-    if not isinstance(chassis, SkidSteer) or chassis.effective_track_m is not None or log.yaw_rate_rad_s is None:
-        return robot
-    by_wheels = yaw_rate_of_wheels(robot, log.wheel_speed_rad_s)
-    known = np.isfinite(by_wheels) & np.isfinite(log.yaw_rate_rad_s)
-    sides_m_s, gyro = chassis.track_m * by_wheels[known], log.yaw_rate_rad_s[known]
-    power = float(gyro @ gyro)
-    if power <= TURNING_RAD_S**2 * max(known.sum(), 1):
-        return robot
-    together = float(sides_m_s @ gyro)
-    if together < ALIKE * np.sqrt(power * float(sides_m_s @ sides_m_s)):
-        return robot
-    return replace(robot, chassis=replace(chassis, effective_track_m=together / power))
-
-
-def yaw_rate_of_wheels(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
-    """Yaw rate (T,) [rad/s] by the driven wheels of a log (T, wheels) and the track, as if no wheel scrubbed."""
-    n = robot.driven
-    return robot.wheel.radius_m * wheel_speed_rad_s[:, :n] @ np.linalg.pinv(robot.rolling[:n])[-1]
-
-
 #: Window [s] over which speeds change by more than the noise of encoders.
 WINDOW_S = 0.3
 
@@ -83,35 +60,6 @@ TURNS_RAD_S = 0.2
 
 #: Fewer samples than this tell no disturbance.
 _FEWEST = 20
-
-
-def disturbance_m_s2(robot: Robot, log: DriveLog) -> float:
-    """Median of d [m/s^2] over the samples in which the robot moves; 0 where the log cannot tell."""
-    n = robot.driven
-    speed, current = log.wheel_speed_rad_s[:, :n], log.motor_current_A
-    rows = np.isfinite(speed).all(axis=1) & np.isfinite(current).all(axis=1)
-    time_s, speed, torque = log.time_s[rows], speed[rows], wheel_torque(robot.motor, current[rows], speed[rows])
-    half = max(1, round(0.5 * WINDOW_S / float(np.median(np.diff(time_s))))) if time_s.size > 1 else 1
-    moving = np.abs(speed[half:-half]).max(axis=1, initial=0.0) > TURNS_RAD_S
-    if time_s.size < _FEWEST + 2 * half or moving.sum() < _FEWEST:
-        return 0.0
-    wheel_rate = window_slope(speed, time_s, half)
-    force_N = (window_mean(torque, half) - robot.inertia[robot.freedoms :] * wheel_rate) / robot.wheel.radius_m
-    linear = slice(0, robot.freedoms - 1)
-    forced = (force_N @ robot.rolling[:n])[:, linear] / robot.mass_kg
-    measured = (wheel_rate @ np.linalg.pinv(robot.rolling[:n]).T * robot.wheel.radius_m)[:, linear]
-    return float(np.median(np.linalg.norm(forced - measured, axis=1)[moving]))
-
-
-def window_slope(values: np.ndarray, time_s: np.ndarray, half: int) -> np.ndarray:
-    """Change (T - 2 half, N) of each column over the window, by its length."""
-    return (values[2 * half :] - values[: -2 * half]) / (time_s[2 * half :] - time_s[: -2 * half])[:, None]
-
-
-def window_mean(values: np.ndarray, half: int) -> np.ndarray:
-    """Mean (T - 2 half, N) of each column over the window."""
-    sums = np.cumsum(np.vstack([np.zeros(values.shape[1]), values]), axis=0)
-    return (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)
 
 
 #: Filters by name: method, and whether R of the encoders is matched.
@@ -343,3 +291,55 @@ def sensor_notes(noise: ObserverNoise, log: DriveLog) -> tuple[Note, ...]:
         text = "no motor currents: any torque up to the grip of the wheels counts as possible, so bands are wide"
         notes.append(Note(text, "warning"))
     return tuple(notes)
+
+
+def with_effective_track(robot: Robot, log: DriveLog) -> Robot:
+    """The robot with the effective track that wheels and gyro of the log show; unchanged where none or one is known."""
+    chassis = robot.chassis
+    if not isinstance(chassis, SkidSteer) or chassis.effective_track_m is not None or log.yaw_rate_rad_s is None:
+        return robot
+    by_wheels = yaw_rate_of_wheels(robot, log.wheel_speed_rad_s)
+    known = np.isfinite(by_wheels) & np.isfinite(log.yaw_rate_rad_s)
+    sides_m_s, gyro = chassis.track_m * by_wheels[known], log.yaw_rate_rad_s[known]
+    power = float(gyro @ gyro)
+    if power <= TURNING_RAD_S**2 * max(known.sum(), 1):
+        return robot
+    together = float(sides_m_s @ gyro)
+    if together < ALIKE * np.sqrt(power * float(sides_m_s @ sides_m_s)):
+        return robot
+    return replace(robot, chassis=replace(chassis, effective_track_m=together / power))
+
+
+def yaw_rate_of_wheels(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
+    """Yaw rate (T,) [rad/s] by the driven wheels of a log (T, wheels) and the track, as if no wheel scrubbed."""
+    n = robot.driven
+    return robot.wheel.radius_m * wheel_speed_rad_s[:, :n] @ np.linalg.pinv(robot.rolling[:n])[-1]
+
+
+def disturbance_m_s2(robot: Robot, log: DriveLog) -> float:
+    """Median of d [m/s^2] over the samples in which the robot moves; 0 where the log cannot tell."""
+    n = robot.driven
+    speed, current = log.wheel_speed_rad_s[:, :n], log.motor_current_A
+    rows = np.isfinite(speed).all(axis=1) & np.isfinite(current).all(axis=1)
+    time_s, speed, torque = log.time_s[rows], speed[rows], wheel_torque(robot.motor, current[rows], speed[rows])
+    half = max(1, round(0.5 * WINDOW_S / float(np.median(np.diff(time_s))))) if time_s.size > 1 else 1
+    moving = np.abs(speed[half:-half]).max(axis=1, initial=0.0) > TURNS_RAD_S
+    if time_s.size < _FEWEST + 2 * half or moving.sum() < _FEWEST:
+        return 0.0
+    wheel_rate = window_slope(speed, time_s, half)
+    force_N = (window_mean(torque, half) - robot.inertia[robot.freedoms :] * wheel_rate) / robot.wheel.radius_m
+    linear = slice(0, robot.freedoms - 1)
+    forced = (force_N @ robot.rolling[:n])[:, linear] / robot.mass_kg
+    measured = (wheel_rate @ np.linalg.pinv(robot.rolling[:n]).T * robot.wheel.radius_m)[:, linear]
+    return float(np.median(np.linalg.norm(forced - measured, axis=1)[moving]))
+
+
+def window_slope(values: np.ndarray, time_s: np.ndarray, half: int) -> np.ndarray:
+    """Change (T - 2 half, N) of each column over the window, by its length."""
+    return (values[2 * half :] - values[: -2 * half]) / (time_s[2 * half :] - time_s[: -2 * half])[:, None]
+
+
+def window_mean(values: np.ndarray, half: int) -> np.ndarray:
+    """Mean (T - 2 half, N) of each column over the window."""
+    sums = np.cumsum(np.vstack([np.zeros(values.shape[1]), values]), axis=0)
+    return (sums[2 * half + 1 :] - sums[: -2 * half - 1]) / (2 * half + 1)

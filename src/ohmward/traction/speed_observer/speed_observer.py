@@ -100,37 +100,6 @@ from ohmward.traction.speed_observer.states import States
 MOST_ADHESION = 2.0
 
 
-def first_sight(belief: Belief, clean: CleanSlipSample, encoders: Intervals, model: Model) -> Belief:
-    """The belief, or where an encoder shows its first value one of a body that moves as the wheels do.
-
-    encoders: clocks before the step.
-    """
-    n, layout = model.driven, model.layout
-    measured = clean.wheel_measured[:n]
-    believed = belief.mean[layout.wheel(0) : layout.robot_states]
-    first = measured & logical_not(was_seen(encoders)[:n])
-    speeds = where(measured, clean.wheel_speed_rad_s[:n], believed)
-    return choose(some(first), model.first_belief(speeds), belief)
-
-
-def without_impossible_currents(clean: CleanSlipSample, before: Belief, model: Model) -> CleanSlipSample:
-    """The sample without currents whose torque neither the ground nor the wheel can have taken.
-
-    K_m n |I| <= MOST_ADHESION r N + J_w (|change of the wheel's speed| + its uncertainty) / dt
-    """
-    robot, layout, n = model.scene.robot, model.layout, model.driven
-    wheels = slice(layout.wheel(0), layout.robot_states)
-    room = [POSSIBLE_SIGMAS * std(P + model.noise.encoder_std_rad_s**2) for P in np.diag(before.cov)[wheels]]
-    change = abs(clean.wheel_speed_rad_s[:n] - before.mean[wheels]) + np.array(room)
-    wheel_Nm = robot.inertia[robot.freedoms :] * change / maximum(clean.dt_s, TINY_S)
-    taken_Nm = MOST_ADHESION * robot.wheel.radius_m * model.static_load_N[:n] + wheel_Nm
-    given_Nm = robot.motor.wheel_constant_Nm_per_A * abs(clean.current_A)
-    possible = np.array([given <= taken for given, taken in zip(given_Nm, taken_Nm, strict=True)])
-    untold = logical_not(clean.wheel_measured[:n])
-    refused = clean.current_measured & logical_not(possible | untold)
-    return clean._replace(current_measured=clean.current_measured & logical_not(refused), current_refused=some(refused))
-
-
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
 
 #: Where every encoder has been outside its gate for so many times `reset_after_s`, not the encoders are wrong.
@@ -407,3 +376,34 @@ def speed_change(before: Belief, prediction: Prediction, wheels: EncoderCorrecti
     """Change [m/s] of the speed in the step: the forces', or the wheels' where a motor current is missing."""
     speed_m_s = where(every(clean.current_measured), prediction.belief.mean[0], wheels.belief.mean[0])
     return speed_m_s - before.mean[0]
+
+
+def first_sight(belief: Belief, clean: CleanSlipSample, encoders: Intervals, model: Model) -> Belief:
+    """The belief, or where an encoder shows its first value one of a body that moves as the wheels do.
+
+    encoders: clocks before the step.
+    """
+    n, layout = model.driven, model.layout
+    measured = clean.wheel_measured[:n]
+    believed = belief.mean[layout.wheel(0) : layout.robot_states]
+    first = measured & logical_not(was_seen(encoders)[:n])
+    speeds = where(measured, clean.wheel_speed_rad_s[:n], believed)
+    return choose(some(first), model.first_belief(speeds), belief)
+
+
+def without_impossible_currents(clean: CleanSlipSample, before: Belief, model: Model) -> CleanSlipSample:
+    """The sample without currents whose torque neither the ground nor the wheel can have taken.
+
+    K_m n |I| <= MOST_ADHESION r N + J_w (|change of the wheel's speed| + its uncertainty) / dt
+    """
+    robot, layout, n = model.scene.robot, model.layout, model.driven
+    wheels = slice(layout.wheel(0), layout.robot_states)
+    room = [POSSIBLE_SIGMAS * std(P + model.noise.encoder_std_rad_s**2) for P in np.diag(before.cov)[wheels]]
+    change = abs(clean.wheel_speed_rad_s[:n] - before.mean[wheels]) + np.array(room)
+    wheel_Nm = robot.inertia[robot.freedoms :] * change / maximum(clean.dt_s, TINY_S)
+    taken_Nm = MOST_ADHESION * robot.wheel.radius_m * model.static_load_N[:n] + wheel_Nm
+    given_Nm = robot.motor.wheel_constant_Nm_per_A * abs(clean.current_A)
+    possible = np.array([given <= taken for given, taken in zip(given_Nm, taken_Nm, strict=True)])
+    untold = logical_not(clean.wheel_measured[:n])
+    refused = clean.current_measured & logical_not(possible | untold)
+    return clean._replace(current_measured=clean.current_measured & logical_not(refused), current_refused=some(refused))

@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from cli.examples import SLIP
 from ohmward.cli.main import main
 from ohmward.logs import read_drive, read_log
 from ohmward.traction import RLMA
@@ -13,14 +14,6 @@ from ohmward_lab.cli.simulate.command import ENERGY
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop import drive_log, parse_scenario
 
-SLIP = """\
-format = "ohmward-scenario/1"
-duration_s = 0.6
-ground = [{ friction = 0.2, rolling = 0.01 }]
-observer = { method = "true" }
-controller = { mode = "slip" }
-commands = [{ slip_ratio = 0.12 }]
-"""
 SPEED = """\
 format = "ohmward-scenario/1"
 duration_s = 0.5

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-PAGE = Path(__file__).parents[2] / "docs" / "mujoco-plant.md"
+PAGE = Path(__file__).parents[3] / "docs" / "mujoco-plant.md"
 
 
 def test_the_examples_of_the_page_run():
