@@ -25,7 +25,6 @@ from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.progress import counting, progress
 from ohmward.cli.wording import FOOTER, band, duration, lognormal, normal, percent, quantity, sentence, with_assumptions
 from ohmward.figures import battery as pictures
-from ohmward.figures.cells import cells_difference_figure, cells_soc_figure
 from ohmward.figures.parts import wall_clock
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import write_table
@@ -255,7 +254,7 @@ def make_page(task: SocTask, answer: SocRun, cells: PackRun | None, f: Mapping[s
         for warning in f["cells"]["warnings"]:
             page = page.callout("warning", f"{warning['text']}.")
         page = page.table(["Quantity", "Value"], list(pack_rows(f["cells"]).items()))
-        page = page.plot(cells_soc_figure(cells), cells_difference_figure(cells), clock=clock)
+        page = page.plot(pictures.cells_soc_figure(cells), pictures.cells_difference_figure(cells), clock=clock)
         page = page.table(_CELLS, cell_rows(f["cells"]), "Half widths are those of the 95 % bands.")
     if explanation["causes"]:
         page = page.heading("What makes the band wide").table(_CAUSES, cause_rows(f), sentence(_SQUARES))
