@@ -106,7 +106,7 @@ def fields(values: Mapping[str, str]) -> str:
     return "\n".join(f"  {name.ljust(width)}  {value}" for name, value in values.items())
 
 
-def shown(rows: Mapping[str, str]) -> dict[str, str]:
+def known_rows(rows: Mapping[str, str]) -> dict[str, str]:
     """The rows that have a value: neither nothing nor "-", whatever follows it."""
     return {name: value for name, value in rows.items() if value and value.split()[0] != "-"}
 

@@ -130,7 +130,7 @@ def result(found: Mapping[str, Any]) -> dict[str, str]:
         "false slip alarms": wording.percent(found["false_alarm_rate"]),
         "computed in": wording.duration(found["seconds"]),
     }
-    return wording.shown(rows)
+    return wording.known_rows(rows)
 
 
 def energy_table(found: Mapping[str, Any]) -> str:

@@ -266,7 +266,7 @@ def make_page(task: HealthTask, f: Mapping[str, Any]) -> Page:
         "Resistance": lognormal(f["resistance_ratio"], "%", 100),
         f"Down to {f['worn_share']:.0%} within a year": f"{f['worn_within']['year']:.0%}",
     }
-    page = Page(f"Health of battery {f['battery']!r}", span(f), FOOTER).numbers(wording.shown(numbers))
+    page = Page(f"Health of battery {f['battery']!r}", span(f), FOOTER).numbers(wording.known_rows(numbers))
     for step in f["sudden_changes"]:
         page = page.callout("warning", sentence(f"sudden change {change_text(step)}"))
     for outlier in f["off_trend"]:

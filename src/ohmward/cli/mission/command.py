@@ -342,7 +342,7 @@ def make_page(found: MissionResult, f: Mapping[str, Any]) -> Page:
         "Plan with the reserve left": percent(f["probability"], 1),
     }
     page = Page(f["log"] or "Mission", f"Energy, range and the way home; battery {f['battery']!r}{robot}", FOOTER)
-    page = page.numbers(wording.shown(numbers))
+    page = page.numbers(wording.known_rows(numbers))
     if found.forecast:
         rows = [
             [

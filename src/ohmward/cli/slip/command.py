@@ -118,7 +118,8 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
     """The key figures of a run with their units, by name."""
     pose: PoseFigures = f["pose"]
     grade = f["grade_rad"] is not None
-    gyro = pose.gyro_offset_rad_s is not None
+    offset, offset_std = pose.gyro_offset_rad_s, pose.gyro_offset_std_rad_s
+    gyro = f"{offset:z.4f} ± {BAND_95 * offset_std:.2g} rad/s" if offset is not None and offset_std is not None else ""
     rows = {
         "drive": f"{f['distance_m']:.3g} m in {duration(f['duration_s'])}, "
         f"{f['speed_min_m_s']:z.2f} to {f['speed_max_m_s']:z.2f} m/s",
@@ -126,9 +127,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
         "pose at the end": f"{pose.x_m:z.2f} m forward, {pose.y_m:z.2f} m to the left "
         f"± {BAND_95 * pose.position_std_m:.2g} m, turned by {_degrees(pose.yaw_rad, pose.yaw_std_rad, 'z.1f', '.2g')} "
         "degrees (95 %)",
-        "offset of the gyro": f"{pose.gyro_offset_rad_s:z.4f} ± {BAND_95 * pose.gyro_offset_std_rad_s:.2g} rad/s"
-        if gyro
-        else "",
+        "offset of the gyro": gyro,
         "friction": _ratio(f["friction_ratio"], f["friction_std"], "the ground's that was believed", relative=True),
         "grade": f"{_degrees(f['grade_rad'], f['grade_std_rad'], '.2f', '.2f')} degrees" if grade else "",
         "radius": _ratio(f["radius_ratio"], f["radius_std"], "the robot's"),
@@ -207,7 +206,7 @@ def make_page(task: SlipTask, observed: ObservedDrive, f: Mapping[str, Any]) -> 
         "Slip error, RMS": quantity(f["slip_rmse"], ""),
         "True slip in 95 % band": percent(f["coverage_95"], 1),
     }
-    page = Page(task.log.name, what, FOOTER).numbers(wording.shown(numbers))
+    page = Page(task.log.name, what, FOOTER).numbers(wording.known_rows(numbers))
     page = page.plot(*_plots(task, observed), clock=wall_clock(task.log))
     page = page.map(path_map(observed.path))
     page = page.heading("Result").table(["Quantity", "Value"], list(result(f).items()))

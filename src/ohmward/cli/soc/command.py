@@ -163,7 +163,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
         "flagged samples": wording.flagged(f["flags"]),
         "steps": f"{f['steps']:,} in {f['seconds']:.2g} s",
     }
-    return wording.shown(rows)
+    return wording.known_rows(rows)
 
 
 def learnt(f: Mapping[str, Any], name: str) -> dict[str, float]:
@@ -245,7 +245,7 @@ def make_page(task: SocTask, answer: SocRun, cells: PackRun | None, f: Mapping[s
         "Voltage error, RMS": quantity(f["voltage_rmse_V"], "mV", 1e3),
         "Current offset": normal(learnt(f, "current_offset_A"), "mA", 1e3),
     }
-    page = page.numbers(wording.shown(numbers)).plot(*_plots(task, answer), clock=clock)
+    page = page.numbers(wording.known_rows(numbers)).plot(*_plots(task, answer), clock=clock)
     if f["anchors"]:
         header = ("Event", "After", "Told by", "It tells", "Estimate before it")
         page = page.heading(_ANCHORS).table(header, anchor_rows(f))
