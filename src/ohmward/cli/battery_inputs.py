@@ -148,8 +148,8 @@ def read_options(args: argparse.Namespace) -> ReadOptions:
         sample_time_s=getattr(args, "row_interval_s", None),
         temperature_degC=getattr(args, "temperature", None),
     )
-    sign, pairs = getattr(args, "current_sign", "auto"), (args.column, args.unit, args.where)
-    return ReadOptions(sign, *map(tuple, pairs), args.sort_time, hints)
+    sign = vars(args).get("current_sign", "auto")
+    return ReadOptions(sign, tuple(args.column), tuple(args.unit), tuple(args.where), args.sort_time, hints)
 
 
 def read_battery_log(
