@@ -99,7 +99,7 @@ async def drive(settings: SimulationSource, put: Put, torque_Nm: Callable[[Seque
     still = (Command(torque_Nm=0.0, mode="torque"),)
     scenario = replace(scenario_of(settings), commands=still, duration_s=_ROUNDS * _ROUND_S, start_speed_m_s=0.0)
     drive = await asyncio.to_thread(ClosedLoopDrive, scenario)
-    wheels = [place.name for place in drive.robot.places[: drive.robot.driven]]
+    wheels = drive.robot.driven_wheels
     interval_s = scenario.sensors.interval_s
     await asyncio.to_thread(_advance, drive, interval_s)  # compiles the rest, before the clock begins
     began_s = _begin(settings, drive, put, time.monotonic()) - drive.truth.time_s

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel, four_numbers
 from ohmward.battery.models.thevenin import Thevenin
@@ -17,7 +18,7 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.log import Log
 from ohmward.quantities import QUANTITIES, Quantity
-from ohmward.report import TIME, Figure, Series, Span
+from ohmward.report import TIME, Band, Figure, Series, Span
 from ohmward.report.palette import CYCLE, Meaning
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ SOC_AXIS = "State of charge [%]"
 _MOST_RISES = 3000
 #: Samples of a quantity that moves over hours, as offset and capacity: their lines and bands need no more.
 _MOST_SLOW = 100_000
+#: More lines than this cannot be told apart: then the weakest and the fullest are drawn.
+_MOST_CELLS = 6
 #: Flags that are drawn, and what they mean for the eye.
 SHOWN: Mapping[SampleFlag, Meaning] = {
     SocFlag.REST: "background",
@@ -318,3 +321,28 @@ def _usual(values: np.ndarray) -> float:
     size = values[np.isfinite(values)]
     np.abs(size, out=size)
     return max(1.3 * float(np.quantile(size, 0.98, overwrite_input=True)), 1e-6) if size.size else 1.0
+
+
+def cells_soc_figure(run: PackRun) -> Figure:
+    """State of charge of the cells, and of the pack; the 95 % band of the cell that is weakest at the end."""
+    weakest = int(run.pack.weakest[-1])
+    soc, std = 100 * run.cells.soc[:, weakest], 100 * run.cells.soc_std[:, weakest]
+    series = [Series(run.time_s, soc, f"weakest: {run.names[weakest]}", role="alert")]
+    series += [Series(run.time_s, 100 * run.cells.soc[:, k], run.names[k]) for k in _drawn(run) if k != weakest]
+    series.append(Series(run.time_s, 100 * run.pack.soc, "pack", "dashed", "reference"))
+    band = band_95(run.time_s, soc, std, (0.0, 100.0), role="alert")
+    return Figure("State of charge of the cells", TIME, SOC_AXIS, series, [band], height_px=300)
+
+
+def cells_difference_figure(run: PackRun) -> Figure:
+    """State of charge of each cell minus that of the typical one, with the range of all cells."""
+    difference = 100 * run.cells.soc_difference
+    series = [Series(run.time_s, difference[:, k], run.names[k]) for k in _drawn(run)]
+    band = Band(run.time_s, difference.min(axis=1), difference.max(axis=1), "all cells", "background")
+    return Figure("Cells beside the typical one", TIME, "Difference of SoC [points]", series, [band], height_px=200)
+
+
+def _drawn(run: PackRun) -> list[int]:
+    """Indices of the cells that are drawn: all where they are few, else the emptiest and the fullest at the end."""
+    order = np.argsort(run.cells.soc[-1]).tolist()
+    return sorted(order) if len(order) <= _MOST_CELLS else sorted([*order[: _MOST_LINES // 2], *order[-1:]])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import Any, TypeAlias
 
@@ -27,6 +27,7 @@ from ohmward.logs.hints import FileHints
 from ohmward.logs.note import Note, counted
 from ohmward.logs.plausible import guess_notes, milliampere_notes, require_plausible
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
+from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.sign import CurrentSign, charging_current
 from ohmward.logs.state_column import state_column, with_direction
 from ohmward.logs.table import Progress, Table, TableFile, with_sample_time
@@ -178,6 +179,49 @@ def read_log(
     log = _as_log(file, rows, chosen, current_sign, left_out)
     part = window_s(log.name, log.start_unix_s, file.hints)
     return log if part is None else log.between(*part)
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """Options of `read_log`, the same for every log."""
+
+    current_sign: CurrentSign = "auto"  #: "auto", "charge" or "discharge"
+    #: quantity and column, quantity and unit, column and value of the rows that are wanted
+    columns: tuple[tuple[str, str], ...] = ()
+    units: tuple[tuple[str, str], ...] = ()
+    where: tuple[tuple[str, str], ...] = ()
+    sort_time: bool = False  #: sort rows that are out of order
+    hints: FileHints = field(default_factory=FileHints)  #: what the files do not tell of themselves
+
+    def read(
+        self,
+        text: str,
+        extra: Collection[str] | None = None,
+        progress: Progress | None = None,
+        file: TableFile | None = None,
+    ) -> Log:
+        """The log of this name.
+
+        text: a file, or a file and the rows wanted of it, `ocv.parquet:script=1,temp_C=25`, then part of its name.
+        extra, progress: as of `read_log`.
+        file: the same file where it is open already.
+
+        Raises:
+            InputError, OhmwardError: as `read_log`.
+        """
+        path, where = split_selection(text)
+        log = read_log(
+            file or path,
+            current_sign=self.current_sign,
+            columns=dict(self.columns),
+            units=dict(self.units),
+            where=dict(self.where) | where,
+            extra=extra,
+            sort_time=self.sort_time,
+            progress=progress,
+            hints=self.hints,
+        )
+        return replace(log, name=selected_name(log.name, where))
 
 
 def as_log(source: LogSource) -> Log:

@@ -125,3 +125,29 @@ def working_day(settings: TheveninFilter, temperature_degC: float) -> SocSample:
     )
     nothing = np.full(count, np.nan)
     return SocSample(np.full(count, STEP_S), current_A, nothing, np.full(count, temperature_degC))
+
+
+#: A test that narrows the bands by less than this share is not worth its time.
+WORTH_A_TEST = 0.05
+
+
+def worthwhile_tests(battery: Battery, bands: Sequence[BandForecast]) -> list[BandsAfterTest]:
+    """The bands after each test that narrows them, the best first; none where the file has no bands.
+
+    bands: of the file as it is.
+    """
+
+    def width(of: Sequence[BandForecast]) -> float:
+        return sum(band.known_start + band.unknown_start for band in of)
+
+    tests = forecasts_after_tests(battery) if bands else ()
+    return [test for test in tests if 1.0 - width(test.bands) / width(bands) >= WORTH_A_TEST]
+
+
+def taken_as_exact(battery: Battery) -> list[str]:
+    """Keys of [noise] by which the file takes as exact what no test knows exactly."""
+    keys = ["capacity_std", "resistance_std"]
+    if battery.thevenin is not None:
+        keys += ["activation_std_K", "ocv_std_V_per_K"]
+        keys += ["hysteresis_std"] if any(battery.thevenin.ocv.hysteresis_V) else []
+    return [key for key in keys if getattr(battery.noise, key) == 0.0]
