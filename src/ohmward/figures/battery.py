@@ -345,4 +345,4 @@ def cells_difference_figure(run: PackRun) -> Figure:
 def _drawn(run: PackRun) -> list[int]:
     """Indices of the cells that are drawn: all where they are few, else the emptiest and the fullest at the end."""
     order = np.argsort(run.cells.soc[-1]).tolist()
-    return sorted(order) if len(order) <= _MOST_CELLS else sorted([*order[: _MOST_LINES // 2], *order[-1:]])
+    return sorted(order) if len(order) <= _MOST_CELLS else sorted([*order[: _MOST_CELLS // 2], *order[-1:]])
