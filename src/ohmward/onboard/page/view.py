@@ -87,17 +87,17 @@ def _charge(state: RobotState) -> dict[str, Any] | None:
     if (charge := state.battery) is None:
         return None
     low, high = band(charge.soc, charge.soc_std)
-    shown = [quantity for quantity in QUANTITIES.values() if quantity.owner == "battery" and quantity.words]
+    measured = [quantity for quantity in QUANTITIES.values() if quantity.owner == "battery" and quantity.words]
     return {
         "soc": charge.soc,
         "low": low,
         "high": high,
         "sentence": f"Between {100 * low:.0f} and {100 * high:.0f} % with a probability of 95 %.",
-        **{q.field: state.sample.get(q.name, math.nan) for q in shown if q.estimated_from},
+        **{q.field: state.sample.get(q.name, math.nan) for q in measured if q.estimated_from},
         "soh_capacity": charge.soh_capacity,
         "resistance_ratio": charge.resistance_ratio,
         "flags": charge.flags,
-        "beside": [_reading(q, state.sample) for q in shown if not q.estimated_from and q.name in state.sample],
+        "beside": [_reading(q, state.sample) for q in measured if not q.estimated_from and q.name in state.sample],
     }
 
 
