@@ -29,7 +29,7 @@ from lives_table import METHODS, LifeRow, life_row
 from ohmward.errors import InputError
 from ohmward.logs import Log
 from ohmward_lab.simulate.electrochemical import CellTruth, DayPlan
-from ohmward_lab.simulate.electrochemical.records import FINE_V
+from ohmward_lab.simulate.electrochemical.run import FINE_V
 
 #: RMSE to reach from a right start, at 25, 5 and -10 degC, with a file from pulses at 25 degC.
 _BARS = {

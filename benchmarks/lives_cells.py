@@ -24,8 +24,8 @@ from ohmward_lab.simulate.electrochemical import (
     capacity_Ah,
     simulate_cell,
 )
-from ohmward_lab.simulate.electrochemical.days import days, first_discharged
-from ohmward_lab.simulate.electrochemical.records import FINE_V, log_of, until_cut_off, usual_sensors
+from ohmward_lab.simulate.electrochemical.run import FINE_V, log_of, until_cut_off, usual_sensors
+from ohmward_lab.simulate.mission import days, first_discharged
 from ohmward_lab.simulate.profile import Profile, bench_times, low_rate_profile, pulse_profile
 from ohmward_lab.simulate.sensors import BatterySensors
 

@@ -27,7 +27,7 @@ from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.program import Program
 from ohmward.trace.scan import state_row
 from ohmward.trace.structure import size
-from ohmward_lab.published.rc_adaptive_soc import adaptive_soc_of
+from ohmward_lab.published.rc_joint import adaptive_soc_of
 from peak import peak_flops
 from timing import Goal, Section, Times, duration, measure, share, spread
 from workloads import CAPACITY_AH, Drive, cell_model, joint_ours, make_drive

@@ -31,9 +31,13 @@ from ohmward.traction.friction.rolling import RollingResistance
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant
 from ohmward_lab.simulate.robot_sensors import RobotTruth, stack
-from ohmward_lab.traction.momentum_observer.estimate import AngleSample, MomentumEstimate
-from ohmward_lab.traction.momentum_observer.model import MomentumNoise, count_std_rad
-from ohmward_lab.traction.momentum_observer.observer import MomentumObserver
+from ohmward_lab.traction.momentum_observer import (
+    AngleSample,
+    MomentumEstimate,
+    MomentumNoise,
+    MomentumObserver,
+    count_std_rad,
+)
 
 DT = 1e-3
 REST_S = 1.0

@@ -20,7 +20,7 @@ from ohmward.battery.tuning.tune import tune_noise
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import Log
 from ohmward_lab.assess import lives
-from ohmward_lab.assess.battery.conditions import BASE
+from ohmward_lab.assess.battery import BASE
 from ohmward_lab.assess.simulated_logs import drawn_log
 
 #: Days that a file is tuned to, and other days of the same battery on which its band is judged.

@@ -18,7 +18,7 @@ LAB = Path(ohmward_lab.__file__).parent
 DOCS = Path(__file__).parent.parent / "docs"
 
 #: What each room may import from the rooms below it; a room of its own is always allowed.
-GROUND = {"errors", "checks", "atomic", "optional", "runs", "toml_file", "lab"}
+GROUND = {"errors", "checks", "atomic", "optional", "runs", "toml_file", "lab", "quantities"}
 LOGS = {"logs.log", "logs.drive_log"}
 CORE = {"battery", "traction", "trace", "filters"} | GROUND
 BELOW: dict[str, set[str]] = {
@@ -27,6 +27,7 @@ BELOW: dict[str, set[str]] = {
     "checks": {"errors"},
     "atomic": {"errors"},
     "optional": {"errors"},
+    "quantities": {"errors"},
     "runs": set(),
     "toml_file": {"errors", "checks", "atomic", "optional"},
     "trace": GROUND,

@@ -106,7 +106,7 @@ def test_options(words, messages, here, refused):
 
 @pytest.mark.parametrize("words", [SOC, IDENTIFY, ("doctor", "day.csv"), ("compare", *SOC[1:])])
 def test_a_report_must_be_html_in_a_folder(words, here, refused, monkeypatch):
-    monkeypatch.setattr("ohmward.cli.battery_inputs.read_log", lambda *_, **__: pytest.fail("the work began"))
+    monkeypatch.setattr("ohmward.logs.log.read_log", lambda *_, **__: pytest.fail("the work began"))
     assert ".html" in refused(*words, "--report", "x.pdf")
     assert "no folder 'nowhere'" in refused(*words, "--report", "nowhere/x.html")
 
@@ -122,7 +122,7 @@ def test_a_report_must_be_html_in_a_folder(words, here, refused, monkeypatch):
     ],
 )
 def test_outputs_are_checked_before_the_work(output, message, here, refused, monkeypatch):
-    monkeypatch.setattr("ohmward.cli.battery_inputs.read_log", lambda *_, **__: pytest.fail("the work began"))
+    monkeypatch.setattr("ohmward.logs.log.read_log", lambda *_, **__: pytest.fail("the work began"))
     Path("folder.csv").mkdir()
     assert message in refused(*SOC, "-o", output)
 

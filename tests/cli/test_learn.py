@@ -9,8 +9,8 @@ import pytest
 from cli.examples import battery, drive
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import load_battery, save_battery
-from ohmward.cli.learn import command
 from ohmward.cli.main import main
+from ohmward.fleet import learning
 from ohmward.logs import write_log
 
 #: Keys of --json, of a battery file in it, of one state of that, and of a log.
@@ -32,7 +32,7 @@ def label(here) -> Path:
 
 def interrupt_after(count: int, monkeypatch) -> None:
     """Interrupt the run when it begins its next log after so many."""
-    real, begun = command.learn, []
+    real, begun = learning.learn, []
 
     def learn(*args, **options):
         begun.append(args)
@@ -40,7 +40,7 @@ def interrupt_after(count: int, monkeypatch) -> None:
             raise KeyboardInterrupt
         return real(*args, **options)
 
-    monkeypatch.setattr(command, "learn", learn)
+    monkeypatch.setattr(learning, "learn", learn)
 
 
 def test_a_log_narrows_the_file_and_the_file_before_stays(label, as_json):

@@ -84,7 +84,7 @@ def test_a_fault_of_ohmward_is_told_from_a_finding(here, monkeypatch, capsys):
     def broken(*_, **__):
         raise ValueError("min() arg is an empty sequence")
 
-    monkeypatch.setattr("ohmward.cli.battery_inputs.read_log", broken)
+    monkeypatch.setattr("ohmward.logs.log.read_log", broken)
     assert main.main(["doctor", "day.csv"]) == main.BUG
     said = capsys.readouterr().err
     assert "Traceback" in said and "this is a fault of ohmward" in said and "ValueError: min() arg" in said
@@ -179,7 +179,7 @@ def test_an_interrupt_ends_with_130(here, monkeypatch):
     def interrupted(*_, **__):
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr("ohmward.cli.battery_inputs.read_log", interrupted)
+    monkeypatch.setattr("ohmward.logs.log.read_log", interrupted)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs start with it ignored
     try:
         assert main.main(["doctor", "day.csv"]) == 130
@@ -191,7 +191,7 @@ def test_a_log_that_does_not_fit_into_memory_is_refused(here, monkeypatch, refus
     def too_long(*_, **__):
         raise MemoryError("Unable to allocate 80 GB")
 
-    monkeypatch.setattr("ohmward.cli.battery_inputs.read_log", too_long)
+    monkeypatch.setattr("ohmward.logs.log.read_log", too_long)
     assert "out of memory (Unable to allocate 80 GB); cut the log into parts" in refused("doctor", "day.csv")
 
 
@@ -200,7 +200,7 @@ def test_warnings_are_one_line(here, monkeypatch, capsys):
         warnings.warn("the disk is warm", RuntimeWarning, stacklevel=1)
         raise OhmwardError("and full")
 
-    monkeypatch.setattr("ohmward.cli.battery_inputs.read_log", warn)
+    monkeypatch.setattr("ohmward.logs.log.read_log", warn)
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         main.main(["doctor", "day.csv"])

@@ -16,9 +16,12 @@ from ohmward.logs.clean import (
     without_spikes,
 )
 from ohmward.logs.columns import Column
-from ohmward.logs.log import without_impossible_temperatures
+from ohmward.logs.log import without_impossible
 from ohmward.logs.table import Table
 from ohmward.logs.units import UNITS
+from ohmward.quantities import QUANTITIES
+
+TEMPERATURE = QUANTITIES["battery_temperature_degC"]
 
 CHOSEN = {
     "time": Column("time", UNITS["s"]),
@@ -163,8 +166,8 @@ def test_loads_and_a_voltage_that_stays_away_are_measured(stretch):
 
 def test_temperatures_that_no_battery_has_are_left_out_and_counted():
     cut = np.array([21.0, -127.0, 21.5, np.nan, 22.0])
-    found_degC, notes = without_impossible_temperatures(cut)
+    found_degC, notes = without_impossible(TEMPERATURE, cut)
     np.testing.assert_array_equal(found_degC, [21.0, np.nan, 21.5, np.nan, 22.0])
     assert notes[0].text == "1 temperature of -127 degC left out: no battery has them"
     kelvin = np.array([294.0, 295.0, 21.0])
-    assert without_impossible_temperatures(kelvin) == (kelvin, ())
+    assert without_impossible(TEMPERATURE, kelvin) == (kelvin, ())

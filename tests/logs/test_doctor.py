@@ -83,7 +83,7 @@ def test_noise_below_the_resolution_is_that_of_rounding():
         (lambda x: {"time_s": np.cumsum(1 + 0.3 * np.sin(x.time_s))}, "info: .* of the intervals differ"),
         (
             lambda x: {"voltage_V": np.where(x.time_s % 9 == 0, np.nan, x.voltage_V)},
-            "67 samples of 600 without voltage",
+            "67 of 600 samples have no voltage",
         ),
         (lambda x: {"voltage_V": np.round(x.voltage_V, 1)}, "warning: the voltage has steps of 0.2 V"),
         (lambda x: {"current_A": x.current_A + x.time_s % 10}, "warning: the current has steps of 1 A"),

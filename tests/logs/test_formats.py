@@ -5,7 +5,7 @@ import pytest
 from logs.formats.composed import write
 from logs.formats.layouts import PLAIN, table
 from logs.formats.population import FORMATS, difference
-from ohmward.cli.battery_inputs import read_battery_log
+from ohmward.cli.battery_inputs import read_battery_log, read_options
 from ohmward.cli.main import parse
 from ohmward.errors import InputError
 from ohmward.logs import read_log
@@ -31,7 +31,7 @@ def test_it_is_refused_with_the_flag_by_which_it_is_read_right(about, tmp_path):
     with pytest.raises(InputError, match=about.flags[0]):
         read_log(path)
     arguments = parse(["doctor", str(path), *about.flags])
-    assert difference(read_battery_log(str(path), arguments), about) == ""
+    assert difference(read_battery_log(str(path), read_options(arguments)), about) == ""
 
 
 def test_most_formats_need_no_flag():

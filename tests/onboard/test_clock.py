@@ -3,7 +3,7 @@ import random
 
 import pytest
 
-from ohmward.onboard.clock import STEP_S, WINDOW_S, SourceClock
+from ohmward.onboard.clock import DELAY_WINDOW_S, LEAP_S, SourceClock
 
 
 def link(seed=1, count=1000, interval_s=0.1):
@@ -53,8 +53,8 @@ def test_a_clock_that_is_set_by_little_is_followed_within_a_window(leap_s):
     clock = SourceClock()
     rows = [(t, received, t + (leap_s if t > 150.0 else 0.0)) for t, received in link()]
     found = errors(clock, rows)
-    assert abs(leap_s) < STEP_S
-    assert max(map(abs, found[500 + int(10 * WINDOW_S) + 2 :])) < 0.005
+    assert abs(leap_s) < LEAP_S
+    assert max(map(abs, found[500 + int(10 * DELAY_WINDOW_S) + 2 :])) < 0.005
 
 
 def test_a_burst_after_a_silence_keeps_its_times():

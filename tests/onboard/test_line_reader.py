@@ -4,7 +4,7 @@ import asyncio
 import random
 from itertools import pairwise
 
-from ohmward.onboard.line_reader import AT_ONCE, LONGEST_LINE, LineReader
+from ohmward.onboard.line_reader import LINES_AT_ONCE, LONGEST_LINE, LineReader
 
 
 class Link(asyncio.Transport):
@@ -64,15 +64,15 @@ def test_others_have_their_turn_in_a_burst():
         link = Link()
         reader = LineReader(lines.append, lambda: None, ends.append)
         reader.connection_made(link)
-        reader.data_received(b"line\n" * 10 * AT_ONCE)
-        assert len(lines) == AT_ONCE
+        reader.data_received(b"line\n" * 10 * LINES_AT_ONCE)
+        assert len(lines) == LINES_AT_ONCE
         assert not link.reads
         turns = 0
         while not link.reads:
             await asyncio.sleep(0)
             turns += 1
         assert turns == 9
-        assert len(lines) == 10 * AT_ONCE
+        assert len(lines) == 10 * LINES_AT_ONCE
         assert link.pauses == 1
 
     asyncio.run(main())
@@ -80,6 +80,6 @@ def test_others_have_their_turn_in_a_burst():
 
 def test_the_error_that_ended_it_is_told_after_the_last_line():
     error = ConnectionResetError("gone")
-    lines, _, ends, _ = read([b"a\n" * 3 * AT_ONCE], error)
-    assert len(lines) == 3 * AT_ONCE
+    lines, _, ends, _ = read([b"a\n" * 3 * LINES_AT_ONCE], error)
+    assert len(lines) == 3 * LINES_AT_ONCE
     assert ends == [error]

@@ -111,6 +111,11 @@ def test_a_fault_is_named_kept_out_and_forgotten_when_it_is_over(battery, name):
     assert math.isfinite(robot.clean[-1][signal])
 
 
+def test_the_unit_that_would_fit_is_named_as_in_the_trial(battery):
+    (message,) = Robot(battery, constant("battery_voltage_V", 13100.0)).run().wrong().values()
+    assert message.endswith("millivolts? then scale = 0.001")
+
+
 def test_wheels_that_spin_in_place_accuse_nobody(battery):
     """Driven wheels spin on ice; the free wheels stand, to the last bit."""
 

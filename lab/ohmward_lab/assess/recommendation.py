@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,38 +22,9 @@ COVERS = 0.85
 WORSE = 1.05
 
 
-class MethodFigures(Protocol):
-    """Figures of a method under a condition, as far as the rules need them."""
-
-    @property
-    def subject(self) -> str:
-        """Chemistry, or robot."""
-        ...
-
-    @property
-    def condition(self) -> str:
-        """Its name."""
-        ...
-
-    @property
-    def method(self) -> str:
-        """Its name."""
-        ...
-
-    @property
-    def rmse(self) -> float:
-        """Of the charge, or of the speed [m/s]."""
-        ...
-
-    @property
-    def covered(self) -> float:
-        """Share of the samples with the truth in the 95 % band."""
-        ...
-
-    @property
-    def operations(self) -> int:
-        """In a step."""
-        ...
+#: Record of a method's figures under a condition. The rules need its fields subject, condition, method, rmse (of the
+#: charge, or of the speed [m/s]), covered (share of the samples with the truth in the 95 % band) and operations.
+MethodFigures = Any
 
 
 class Remedy(NamedTuple):
@@ -61,6 +32,11 @@ class Remedy(NamedTuple):
 
     name: str
     conditions: tuple[str, ...]
+
+
+def as_in_the_base_case(name: str) -> tuple[Remedy, ...]:
+    """The remedy of this name: what the base case of a study has."""
+    return (Remedy(name, ("base",)),)
 
 
 class Situation(NamedTuple):

@@ -10,11 +10,7 @@ from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
 from ohmward.fleet.run import in_processes, run_fleet
-from ohmward_lab.assess import LARGEST_RMSE
-from ohmward_lab.assess.battery.cell import SocFigures, soc_cell
-from ohmward_lab.assess.battery.conditions import CONDITIONS, SITUATIONS
-from ohmward_lab.assess.battery.methods import METHODS, PROCESSORS
-from ohmward_lab.assess.battery.shifts import CHEMISTRIES
+from ohmward_lab.assess import LARGEST_RMSE, battery, traction
 from ohmward_lab.assess.recommendation import (
     Processor,
     Recommendation,
@@ -25,10 +21,6 @@ from ohmward_lab.assess.recommendation import (
     worse_than_plain,
     worse_when_given,
 )
-from ohmward_lab.assess.traction.cell import SlipFigures, slip_cell
-from ohmward_lab.assess.traction.conditions import DRIVE_CONDITIONS, DRIVE_SITUATIONS, GROUND_PAIRS
-from ohmward_lab.assess.traction.drives import ROBOTS
-from ohmward_lab.assess.traction.methods import OBSERVER_PROCESSORS, PLAIN, SLIP_METHODS
 
 _BETWEEN = " | "
 
@@ -45,7 +37,7 @@ class Study(NamedTuple):
     conditions: Sequence[Any]
     methods: Sequence[Any]
     #: fields of a row; `cell(subject, condition, method, runs, seed)` gives it
-    figures: type[SocFigures] | type[SlipFigures]
+    figures: type[battery.SocFigures] | type[traction.SlipFigures]
 
     cell: Callable[[str, Any, Any, int, int], Any]
     #: for which a method is recommended
@@ -93,27 +85,27 @@ STUDIES: Mapping[str, Study] = {
         "battery",
         "chemistry",
         "shifts of eight hours",
-        CHEMISTRIES,
-        CONDITIONS,
-        METHODS,
-        SocFigures,
-        soc_cell,
-        SITUATIONS,
-        PROCESSORS,
+        battery.CHEMISTRIES,
+        battery.CONDITIONS,
+        battery.METHODS,
+        battery.SocFigures,
+        battery.soc_cell,
+        battery.SITUATIONS,
+        battery.PROCESSORS,
     ),
     "traction": Study(
         "traction",
         "robot",
         "drives of two minutes",
-        tuple(ROBOTS),
-        DRIVE_CONDITIONS,
-        SLIP_METHODS,
-        SlipFigures,
-        slip_cell,
-        DRIVE_SITUATIONS,
-        OBSERVER_PROCESSORS,
-        PLAIN,
-        GROUND_PAIRS,
+        tuple(traction.ROBOTS),
+        traction.DRIVE_CONDITIONS,
+        traction.SLIP_METHODS,
+        traction.SlipFigures,
+        traction.slip_cell,
+        traction.DRIVE_SITUATIONS,
+        traction.OBSERVER_PROCESSORS,
+        traction.PLAIN,
+        traction.GROUND_PAIRS,
     ),
 }
 

@@ -13,7 +13,8 @@ import numpy as np
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.part import LOG, EndedError
 from ohmward.onboard.sources.simulation import SimulationSource
-from ohmward.traction.inbox import BODY, HEADING
+from ohmward.quantities import BODY
+from ohmward.traction.inbox import HEADING
 from ohmward_lab.simulate.closed_loop import Command, Control, Grade, Pack, Patch, Scenario, Sensing, find_scenario
 from ohmward_lab.simulate.closed_loop.loop import ClosedLoopDrive, Records
 from ohmward_lab.simulate.closed_loop.run import RunRow
@@ -98,7 +99,7 @@ async def drive(settings: SimulationSource, put: Put, torque_Nm: Callable[[Seque
     still = (Command(torque_Nm=0.0, mode="torque"),)
     scenario = replace(scenario_of(settings), commands=still, duration_s=_ROUNDS * _ROUND_S, start_speed_m_s=0.0)
     drive = await asyncio.to_thread(ClosedLoopDrive, scenario)
-    wheels = [place.name for place in drive.robot.places[: drive.robot.driven]]
+    wheels = drive.robot.driven_wheels
     interval_s = scenario.sensors.interval_s
     await asyncio.to_thread(_advance, drive, interval_s)  # compiles the rest, before the clock begins
     began_s = _begin(settings, drive, put, time.monotonic()) - drive.truth.time_s

@@ -25,11 +25,13 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ohmward.battery.models import rc
-from ohmward.battery.models.noise import walk_variance
+from ohmward.battery.models.noise import BatteryNoise, walk_variance
+from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, sanitize
-from ohmward.battery.soc.sample import SocFlag, SocSample
+from ohmward.battery.soc.rc_filter import RcFilter, RcFilterState, RcParameters
+from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.checks import require_each_not_negative, require_positive
 from ohmward.errors import InputError
 from ohmward.filters import adaptive, unscented
@@ -37,7 +39,7 @@ from ohmward.filters.belief import Belief, Innovation, PackedBelief, nis, pack, 
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import apply_gain, choose, require_gate, time_rejected
 from ohmward.filters.linear_algebra import cholesky, mirror_lower
-from ohmward.trace import isfinite, logical_not, maximum, where
+from ohmward.trace import isfinite, linearize, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 
 LARGEST_LOGARITHM = 7.0
@@ -106,14 +108,6 @@ class JointEstimate(NamedTuple):
     voltage_std_V: Scalar
     innovation_V: Scalar  #: measured minus expected voltage; nan when there was none
     flags: Scalar  #: sum of `SocFlag`
-
-
-class JointGate(NamedTuple):
-    """Decision of the gate on a voltage."""
-
-    used: Any  #: the condition that it is used
-    outside: Any  #: the condition that its NIS exceeds the gate
-    rejected_s: Scalar  #: time for which voltages have been outside
 
 
 @dataclass(frozen=True)
@@ -198,19 +192,19 @@ class RcJoint:
             self.measurement_noise(state, before, clean),
             self.scaling,
         )
-        gate = self.decide(state, clean, correction.innovation)
-        K = where(gate.used, correction.gain, 0.0)
+        used, outside, rejected_s = self.decide(state, clean, correction.innovation)
+        K = where(used, correction.gain, 0.0)
         posterior = apply_gain(prior, correction.innovation, K)
         residual = y - self.voltage(posterior.mean, clean)
         moments = adaptive.remember(state.noise, correction.innovation.value, residual, self.window)
-        noise = choose(gate.used, moments, state.noise)
+        noise = choose(used, moments, state.noise)
         flags = clean.flags + flags_of(
             {
-                SocFlag.VOLTAGE_REJECTED: gate.outside & logical_not(gate.used),
+                SocFlag.VOLTAGE_REJECTED: outside & logical_not(used),
                 SocFlag.NOT_POSITIVE_DEFINITE: logical_not(healthy),
             }
         )
-        after = JointState(pack(posterior), noise, K[:, 0], clean.now.current_A, gate.rejected_s)
+        after = JointState(pack(posterior), noise, K[:, 0], clean.now.current_A, rejected_s)
         return after, self.estimate(posterior, y[0], correction.innovation, clean, flags)
 
     @property
@@ -218,15 +212,19 @@ class RcJoint:
         """Limits of what is believed of a sample."""
         return SampleLimits(self.gap_s, self.current_limit_A, self.highest_ocv_V)
 
-    def decide(self, state: JointState, clean: CleanSocSample, innovation: Innovation) -> JointGate:
-        """Decision of the gate on a voltage; a repeated sample (dt = 0) is no measurement."""
+    def decide(self, state: JointState, clean: CleanSocSample, innovation: Innovation) -> tuple[Any, Any, Scalar]:
+        """Decision of the gate on a voltage; a repeated sample (dt = 0) is no measurement.
+
+        Returns: the conditions that it is used and that its NIS exceeds the gate, and the time [s] for which voltages
+        have been outside.
+        """
         distance = nis(innovation)
         first = state.noise.samples < 0.5
         measured = clean.voltage_measured & isfinite(distance) & ((clean.dt_s > 0) | first)
         outside = measured & (distance > self.gate)
         diverged = state.rejected_s > self.reset_after_s
         used = measured & ((distance <= self.gate) | diverged)
-        return JointGate(used, outside, time_rejected(state.rejected_s, clean.dt_s, outside, measured))
+        return used, outside, time_rejected(state.rejected_s, clean.dt_s, outside, measured)
 
     def restart_if_diverged(self, belief: Belief, voltage_V: Scalar) -> tuple[Belief, Any]:
         """The belief, or ignorance in its place where it is not healthy; and the condition that it is."""
@@ -306,3 +304,79 @@ class RcJoint:
             innovation_V=where(clean.voltage_measured, nu, math.nan),
             flags=flags,
         )
+
+
+#: Relative standard deviation of the parameters at the start at least: a joint filter that is too sure learns nothing.
+_LEAST_START_STD = 0.1
+
+
+class SchemeState(NamedTuple):
+    """State of both filters."""
+
+    joint: JointState
+    soc: RcFilterState
+
+
+@dataclass(frozen=True)
+class RcAdaptiveSoc:
+    """Scheme of [T] fig. 3.10: the joint filter finds the parameters, the SoC filter uses them, sample by sample.
+
+    Settings of both filters; `init` and `step` are pure functions of them.
+    """
+
+    joint: RcJoint  #: finds C_b, C_s, R_e and R_t
+    soc: RcFilter  #: estimates the state of charge with them; its model has those of the battery file
+
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> SchemeState:
+        """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
+        start = self.soc.init(first, soc, soc_std)
+        return SchemeState(self.joint.init(first, bulk_V=float(start.belief.mean[0])), start)
+
+    def step(self, state: SchemeState, sample: SocSample) -> tuple[SchemeState, SocEstimate]:
+        """State and estimate after a sample; the model's own circuit serves where the joint filter has diverged."""
+        diverged = logical_not(self.joint.is_healthy(unpack(state.joint.belief)))
+        joint, found = self.joint.step(state.joint, sample)
+        parameters = RcParameters(
+            choose(diverged, self.soc.model.circuit, found.circuit),
+            capacitance_std=where(diverged, 1.0, found.c_bulk_std),
+            resistance_std=where(diverged, 1.0, maximum(found.r_std, found.r_terminal_std)),
+        )
+        soc, estimate = self.soc.step(state.soc, sample, parameters)
+        soh_capacity, resistance_ratio = self.ratios(parameters.circuit)
+        soh_capacity_std, resistance_ratio_std = self.ratio_stds(unpack(joint.belief))
+        return SchemeState(joint, soc), estimate._replace(
+            soh_capacity=soh_capacity,
+            soh_capacity_std=where(diverged, 1.0, soh_capacity_std),
+            resistance_ratio=resistance_ratio,
+            resistance_ratio_std=where(diverged, 1.0, resistance_ratio_std),
+            flags=estimate.flags + flags_of({SocFlag.NOT_POSITIVE_DEFINITE: diverged}),
+        )
+
+    def ratios(self, p: rc.Circuit) -> tuple[Scalar, Scalar]:
+        """Capacitance and resistance to a steady current over those of the battery file."""
+        file = self.soc.model.circuit
+        capacitance = (p.c_bulk_F + p.c_surface_F) / (file.c_bulk_F + file.c_surface_F)
+        return capacitance, rc.dc_resistance(p) / rc.dc_resistance(file)
+
+    def ratio_stds(self, belief: Belief) -> list[Scalar]:
+        """Standard deviations of both in the belief of the joint filter: sqrt(diag(G P G')), G their Jacobian."""
+        _, G = linearize(lambda x: np.array(self.ratios(self.joint.circuit(x))), belief.mean)
+        return [np.sqrt(maximum(variance, 0.0)) for variance in np.diag(G @ belief.cov @ G.T)]
+
+
+def adaptive_soc_of(
+    model: rc.RcModel, noise: BatteryNoise | None = None, sensor: CurrentSensor | None = None
+) -> RcAdaptiveSoc:
+    """The scheme for a model; the joint filter starts at its circuit."""
+    noise, sensor = noise or BatteryNoise(), sensor or CurrentSensor()
+    std = max(noise.resistance_std, _LEAST_START_STD)
+    soc = RcFilter(model, noise, sensor)
+    joint = RcJoint(
+        nominal_of(model),
+        start_std=(std, std, std, std),
+        voltage_std_V=noise.voltage_std_V,
+        current_std_A=sensor.noise_std_A,
+        current_limit_A=soc.limits.current_A,
+        highest_ocv_V=model.ocv.voltage_V[-1],
+    )
+    return RcAdaptiveSoc(joint, soc)

@@ -10,7 +10,7 @@ from ohmward.battery.soc.registry import Choice, EstimatorSettings, rc_filter, t
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.textbook import TextbookFilter, TextbookState
 from ohmward_lab.published.hybrid import Hybrid
-from ohmward_lab.published.rc_adaptive_soc import adaptive_soc_of
+from ohmward_lab.published.rc_joint import adaptive_soc_of
 
 
 @dataclass(frozen=True)

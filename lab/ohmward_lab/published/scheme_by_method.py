@@ -21,6 +21,7 @@ unstable there.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -28,12 +29,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.models import rc
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.clean_sample import CleanBareSample, first_input, sanitize_bare
-from ohmward.battery.soc.sample import SocSample
+from ohmward.battery.soc.rc_soc_link import SocByCurve
+from ohmward.battery.soc.sample import SocEstimate, SocSample
 from ohmward.checks import require_between, require_one_of
+from ohmward.errors import InputError
 from ohmward.filters import adaptive
 from ohmward.filters.belief import Belief
-from ohmward.trace import clip, where
+from ohmward.trace import clip, maximum, where
 from ohmward_lab.published.rc_joint import Nominal, nominal_of, require_nominal
 
 METHODS = ("ekf", "aekf", "ukf", "aukf")
@@ -230,3 +234,34 @@ class SchemeByMethod:
 def before_A(clean: CleanBareSample) -> Any:
     """Current [A] at the start of the step."""
     return 2.0 * clean.mean_A - clean.current_A
+
+
+@dataclass(frozen=True)
+class SchemeSoc:
+    """The scheme; its estimates are nan but for SoC and its standard deviation."""
+
+    scheme: SchemeByMethod
+
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> SchemeByMethodState:
+        """State before the first sample; a SoC that is None is where the OCV curve passes its voltage.
+
+        A first sample without a voltage is taken to be at rest at that SoC.
+
+        Raises:
+            InputError: neither a SoC nor a voltage.
+        """
+        model, known = self.scheme.model, math.isfinite(first.voltage_V)
+        if soc is None and not known:
+            raise InputError("the first sample has no voltage: give soc, the state of charge at the start")
+        if soc is None:
+            beyond: Any = SocByCurve(model, BatteryNoise()).soc_beyond(first.voltage_V)
+            soc = min(max(float(beyond), 0.0), 1.0)
+        voltage_V = first.voltage_V if known else float(model.at_rest(soc)[0])
+        return self.scheme.init(first._replace(voltage_V=voltage_V), soc, soc_std)
+
+    def step(self, state: SchemeByMethodState, sample: SocSample) -> tuple[SchemeByMethodState, SocEstimate]:
+        """State and estimate after a sample."""
+        after, found = self.scheme.step(state, sample)
+        unknown = SocEstimate(*[math.nan] * len(SocEstimate._fields))
+        soc_std = np.sqrt(maximum(found.soc.soc_variance, 0.0))
+        return after, unknown._replace(soc=found.soc.soc, soc_std=soc_std, flags=0.0)

@@ -13,8 +13,8 @@ from ohmward.logs.log import Log
 from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery, scaled
 from ohmward_lab.simulate.mission import MissionRobot, drive
 from ohmward_lab.simulate.plant import resting_state, simulate
-from ohmward_lab.simulate.profile import EDGE_S, Profile, bench_times, pulse_test
-from ohmward_lab.simulate.robot_day import record
+from ohmward_lab.simulate.profile import EDGE_S, Profile, pulse_test
+from ohmward_lab.simulate.robot_day import record, run_on_bench
 from ohmward_lab.simulate.sensors import BatterySensors, Sensor, low_cost_sensors, on_the_bench
 
 #: Nominal current steps of the joystick: held for so long [s], and so large [C]; a drive of a few minutes with stops.
@@ -150,9 +150,7 @@ def _recording(
     sensors: BatterySensors,
     rng: np.random.Generator,
 ) -> TestedBattery:
-    bench = simulate(
-        battery, bench_profile, bench_times(bench_profile), resting_state(battery, 1.0, ROOM_DEGC, hysteresis=1.0)
-    )
+    bench = run_on_bench(battery, bench_profile)
     hysteresis = 1.0 if soc[0] == 1.0 else -1.0
     times = np.arange(0.0, profile.time_s[-1], 1.0)
     driven = simulate(battery, profile, times, resting_state(battery, soc[0], ROOM_DEGC, hysteresis))

@@ -14,8 +14,7 @@ from ohmward.logs.log import Log
 from ohmward.report import TIME, Figure, Series
 from ohmward_lab.published.scheme_by_method import METHODS, SchemeByMethodEstimate
 from ohmward_lab.reproduce.row import Errors, Item, Result, ResultRow, error_rows, errors
-from ohmward_lab.reproduce.thesis_battery import SOC_PERCENT, VOLTAGE_V
-from ohmward_lab.reproduce.thesis_runs import START_STD, run_along
+from ohmward_lab.reproduce.thesis_battery import SOC_PERCENT, START_STD, VOLTAGE_V, run_along
 
 _WHY = (
     "another battery and another drive than those printed; the state of charge is compared with the count of the log's "

@@ -14,7 +14,7 @@ from ohmward.traction.friction.coulomb_creep import CoulombCreep
 from ohmward.traction.friction.law import Contact
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.reproduce.row import Result, ResultRow
-from ohmward_lab.simulate.closed_loop import ClosedLoopRun, Scenario, find_scenario, run
+from ohmward_lab.simulate.closed_loop import ClosedLoopRun, find_scenario, run
 from ohmward_lab.simulate.closed_loop.figures import figures, true_slip
 from ohmward_lab.simulate.closed_loop.ground import SLIP_STIFFNESS_S_PER_M
 
@@ -97,9 +97,8 @@ def _case(scenario: str, name: str) -> Result:
 @cache
 def drive(scenario: str, method: str) -> ClosedLoopRun:
     """The case with slip and speed from this observer."""
-    packaged: Scenario = find_scenario(scenario)
-    observer = packaged.observer
-    return run(packaged if observer is None else replace(packaged, observer=replace(observer, method=method)))
+    packaged = find_scenario(scenario)
+    return run(replace(packaged, observer=replace(packaged.observer, method=method)))
 
 
 def _speed_error_mm_s(found: ClosedLoopRun) -> float:

@@ -198,17 +198,12 @@ def accepted_share(soc: Any, current_A: Any, battery: SimulatedBattery) -> Any:
     return where(current_A > 0, 1 - exp((soc - 1) / battery.full_width), 1.0)
 
 
-def stored_current(soc: Any, current_A: Any, battery: SimulatedBattery) -> Any:
-    """The part of the current [A] that changes the SoC."""
-    efficiency = where(current_A > 0, battery.circuit.coulombic_efficiency, 1.0)
-    return accepted_share(soc, current_A, battery) * efficiency * current_A
-
-
 def heat(x: np.ndarray, u: CircuitInput, battery: SimulatedBattery) -> Any:
     """Heat [W] set free in state x; the formula is at the top of the file."""
     p = battery.circuit
     soc, *v, h = x
-    i, stored_A = u.current_A, stored_current(soc, u.current_A, battery)
+    i = u.current_A
+    stored_A = accepted_share(soc, i, battery) * where(i > 0, p.coulombic_efficiency, 1.0) * i
     diffusion = sum(vj * vj / rj for vj, rj in zip(v, pair_resistances(soc, u, p), strict=True))
     ohmic = (ohmic_drop(soc, u, p) + transfer_overpotential(u, battery)) * i
     side_reactions = p.ocv.mean_V(soc, u.temperature_degC) * (i - stored_A)

@@ -36,11 +36,6 @@ def pulse_profile(capacity_Ah: float, ambient_degC: float = ROOM_DEGC, rest_s: f
     return steps(phases, ambient_degC)
 
 
-def low_rate_test(battery: SimulatedBattery, ambient_degC: float = ROOM_DEGC, rate: float = 1 / 20) -> Profile:
-    """Low-rate test of a simulated battery, see `low_rate_profile`."""
-    return low_rate_profile(battery.circuit.capacity_Ah, ambient_degC, rate)
-
-
 def low_rate_profile(capacity_Ah: float, ambient_degC: float = ROOM_DEGC, rate: float = 1 / 20) -> Profile:
     """Full to empty and back at `rate` (1 is 1 C), with an hour of rest before, between and after."""
     sweep_s, current_A = _HOUR_S / rate, rate * capacity_Ah
@@ -87,6 +82,11 @@ def steps(phases: Sequence[tuple[float, float]], ambient_degC: float = ROOM_DEGC
     start = np.concatenate([[0.0], stop[:-1] + EDGE_S])
     time = np.column_stack([start, stop]).ravel()
     return Profile(time, current, np.full(time.size, ambient_degC))
+
+
+def constant(duration_s: float, current_A: float) -> Profile:
+    """A constant current at 0 degC."""
+    return Profile(np.array([0.0, duration_s]), np.full(2, current_A), np.zeros(2))
 
 
 def join(profiles: Sequence[Profile]) -> Profile:

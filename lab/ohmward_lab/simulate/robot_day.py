@@ -14,7 +14,7 @@ from ohmward.logs import Log, Note, write_log
 from ohmward_lab.simulate import mission
 from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery
 from ohmward_lab.simulate.plant import Simulation, resting_state, simulate
-from ohmward_lab.simulate.profile import bench_times, pulse_test
+from ohmward_lab.simulate.profile import Profile, bench_times, pulse_test
 from ohmward_lab.simulate.sensors import BatterySensors, low_cost_sensors, on_the_bench
 
 
@@ -92,8 +92,12 @@ def make_robot_day(chemistry: str = "lfp", seed: int = 1) -> RobotDay:
 
 def run_pulse_test(battery: SimulatedBattery) -> Simulation:
     """The truth of the pulse test in the workshop, from full."""
-    profile = pulse_test(battery, _WORKSHOP_DEGC)
-    start = resting_state(battery, 1.0, _WORKSHOP_DEGC, hysteresis=1.0)
+    return run_on_bench(battery, pulse_test(battery, _WORKSHOP_DEGC))
+
+
+def run_on_bench(battery: SimulatedBattery, profile: Profile) -> Simulation:
+    """The truth of a test from full, at its first temperature, when the logger of the bench samples it."""
+    start = resting_state(battery, 1.0, float(profile.ambient_degC[0]), hysteresis=1.0)
     return simulate(battery, profile, bench_times(profile), start)
 
 
@@ -109,19 +113,10 @@ def record(
     battery: SimulatedBattery, name: str, simulation: Simulation, sensors: BatterySensors, rng: np.random.Generator
 ) -> Log:
     """Log of the simulation by the sensors, with the true SoC as the extra column `soc_true`."""
-    time_s, truth = simulation.time_s, simulation.truth
     offset_A, gain = sensors.current.offset, sensors.current.gain_error
-    return Log(
-        name=name,
-        time_s=time_s,
-        current_A=sensors.current.measure(truth.current_A, time_s, rng),
-        voltage_V=sensors.voltage.measure(truth.voltage_V, time_s, rng),
-        temperature_degC=sensors.temperature.measure(truth.temperature_degC, time_s, rng),
-        extra={"soc_true": truth.soc},
-        notes=(
-            Note(f"simulated, not measured: {battery.name}, capacity {battery.circuit.capacity_Ah:g} Ah"),
-            Note(f"simulated current sensor: offset {1e3 * offset_A:+.0f} mA, gain error {100 * gain:+.2f} %"),
-        ),
+    return sensors.log(name, simulation.time_s, simulation.truth, rng).with_notes(
+        Note(f"simulated, not measured: {battery.name}, capacity {battery.circuit.capacity_Ah:g} Ah"),
+        Note(f"simulated current sensor: offset {1e3 * offset_A:+.0f} mA, gain error {100 * gain:+.2f} %"),
     )
 
 

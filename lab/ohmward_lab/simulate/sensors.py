@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.checks import require_between, require_each_not_negative, require_positive
+from ohmward.logs import Log
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,17 @@ class BatterySensors(NamedTuple):
     current: Sensor
     voltage: Sensor
     temperature: Sensor
+
+    def log(self, name: str, time_s: np.ndarray, truth: Any, rng: np.random.Generator) -> Log:
+        """Log of the truth at the times (T,) [s], with the true SoC as the extra column `soc_true`."""
+        return Log(
+            name,
+            time_s,
+            self.current.measure(truth.current_A, time_s, rng),
+            self.voltage.measure(truth.voltage_V, time_s, rng),
+            self.temperature.measure(truth.temperature_degC, time_s, rng),
+            extra={"soc_true": truth.soc},
+        )
 
 
 def low_cost_sensors(rng: np.random.Generator) -> BatterySensors:

@@ -34,9 +34,9 @@ from ohmward.traction.friction.published_grounds import departures
 #: Starts that a fit with a prior follows to their end, the most promising ones.
 _FOLLOWED = 2
 #: Speed [m/s] that a wheel at rest counts with in the mean.
-_LEAST_SPEED_M_S = 1e-6
+_REST_SPEED_M_S = 1e-6
 #: Load [N] at which a wheel that carries nothing is compared.
-_LEAST_LOAD_N = 1e-3
+_COMPARED_LOAD_N = 1e-3
 
 
 class ForceSlip(NamedTuple):
@@ -206,9 +206,9 @@ class _LawSearch:
 
 def _typical_contact(at: Contact) -> Contact:
     """Geometric mean of the faster of rim and travel, without slip, at the mean load."""
-    fastest_m_s = np.maximum(np.maximum(np.abs(at.rim_speed_m_s), np.abs(at.travel_speed_m_s)), _LEAST_SPEED_M_S)
+    fastest_m_s = np.maximum(np.maximum(np.abs(at.rim_speed_m_s), np.abs(at.travel_speed_m_s)), _REST_SPEED_M_S)
     speed_m_s = float(np.exp(np.mean(np.log(fastest_m_s))))
-    return Contact(0.0, speed_m_s, speed_m_s, max(float(np.mean(at.load_N)), _LEAST_LOAD_N))
+    return Contact(0.0, speed_m_s, speed_m_s, max(float(np.mean(at.load_N)), _COMPARED_LOAD_N))
 
 
 def _intervals(scale: Sequence[_Scale], best, n: int) -> tuple[Interval, ...]:

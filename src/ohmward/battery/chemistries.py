@@ -33,7 +33,7 @@ MEASURED_CAPACITY_STD = 0.06
 #: Voltage of a lithium-ion cell [V].
 CELL_V = 3.7
 #: Points of the uniform SoC grid of an OCV curve made here.
-GRID = 201
+OCV_POINTS = 201
 #: A battery that gases does so above this share of the voltage of a full one at rest: about 2.23 V of a lead-acid cell.
 _GASSING_SHARE = 1.03
 #: Lowest voltage over that of an empty battery, highest over that of a full one; lead-acid is charged further above it.
@@ -171,9 +171,9 @@ class Chemistry:
 
     def ocv(self) -> OcvCurve:
         """The curve on a uniform grid."""
-        grid = np.linspace(0.0, 1.0, GRID)
+        grid = np.linspace(0.0, 1.0, OCV_POINTS)
         voltage = np.interp(grid, self.soc, self.ocv_V)
-        return OcvCurve(tuple(voltage.tolist()), (self.hysteresis_V,) * GRID)
+        return OcvCurve(tuple(voltage.tolist()), (self.hysteresis_V,) * OCV_POINTS)
 
 
 _TENTHS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)

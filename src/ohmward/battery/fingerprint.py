@@ -27,7 +27,7 @@ _ROUNDING_LEVELS = 3.0
 #: Means of the same samples may differ in this share of the bins, at the ends and where single samples were repaired.
 _MOST_OTHER_BINS = 0.2
 #: Logarithm of the odds that two logs are the same: e^25 against a thousand logs with ten thousand shifts each.
-_CERTAIN = 25.0
+_CERTAIN_LOG_ODDS = 25.0
 #: Two sampling intervals that differ by less than this share are one: then only the very same samples are the same log.
 _SAME_INTERVAL = 0.05
 #: Wall clocks of one log agree within this time; a clock that is set by the network moves by less.
@@ -35,9 +35,9 @@ _SAME_CLOCK_S = 120.0
 #: Shifts that are tried first, in bins, those that are refined, and the steps of each refinement.
 _SHIFT_BINS = 0.125
 _REFINED = 32
-_STEPS = 8
+_NEAREST_STEPS = 8
 #: Numbers that are worked on at once: 16 MB.
-_BLOCK = 2_000_000
+_NUMBERS_AT_ONCE = 2_000_000
 
 
 class LogProfile(NamedTuple):
@@ -93,7 +93,7 @@ def overlap_s(log: Log, text: str) -> tuple[float, float] | None:
     seen, integrals = _unpacked(text), _integrals(log)
     shifts = [*_refine(integrals, seen, _likely_shifts(integrals, seen)), *_clock_shift(seen, log)]
     odds = [_log_odds(integrals, seen, log, shift) for shift in shifts]
-    if not odds or max(odds) < _CERTAIN:
+    if not odds or max(odds) < _CERTAIN_LOG_ODDS:
         return None
     best = shifts[int(np.argmax(odds))]
     return max(float(best), 0.0), min(float(best) + seen.duration_s, log.duration_s)
@@ -163,7 +163,7 @@ def _likely_shifts(integrals: LogIntegrals, seen: LogProfile) -> np.ndarray:
     step = _SHIFT_BINS * seen.bin_s
     shifts = np.arange(seen.bin_s - seen.duration_s, integrals.duration_s - 0.5 * seen.bin_s, step)
     shifts = np.union1d(shifts, [0.0, integrals.duration_s - seen.duration_s])
-    parts = np.array_split(shifts, 1 + shifts.size * seen.means.shape[1] // _BLOCK)
+    parts = np.array_split(shifts, 1 + shifts.size * seen.means.shape[1] // _NUMBERS_AT_ONCE)
     found = np.concatenate([_likelihood(integrals, seen, part) for part in parts])
     rim = np.concatenate([[-np.inf], found, [-np.inf]])
     hills = np.flatnonzero((found >= rim[:-2]) & (found >= rim[2:]))
@@ -183,7 +183,7 @@ def _likelihood(integrals: LogIntegrals, seen: LogProfile, shift_s: np.ndarray) 
 def _refine(integrals: LogIntegrals, seen: LogProfile, shifts: np.ndarray) -> np.ndarray:
     """The shifts (K,) at the nearest least squares, by steps of Gauss and Newton; none longer than a bin."""
     width = 1e-3 * seen.bin_s
-    for _ in range(_STEPS):
+    for _ in range(_NEAREST_STEPS):
         edges = _edges(seen, shifts)
         inside = _inside(edges, integrals.duration_s)
         error = (integrals.means(edges) - seen.means[:, None]) / _spread(seen)[:, None] * inside
@@ -222,7 +222,8 @@ def _tolerances(seen: LogProfile, log: Log, shift_s: float, edges_s: np.ndarray)
     """
     exact = np.broadcast_to(_ROUNDING_LEVELS * seen.level, seen.means.shape)
     intervals_s = sorted((seen.interval_s, float(np.median(log.dt_s))))
-    if intervals_s[1] < (1 + _SAME_INTERVAL) * intervals_s[0] or _clocks_differ(seen, log, shift_s):
+    clocks_differ = any(abs(told_s - shift_s) > _SAME_CLOCK_S for told_s in _clock_shift(seen, log))
+    if intervals_s[1] < (1 + _SAME_INTERVAL) * intervals_s[0] or clocks_differ:
         return exact[None]
     lag = max(1, round(intervals_s[1] / float(np.median(log.dt_s))))
     sampling = np.stack([_change_in_bins(log, values, lag, edges_s) for values in (log.voltage_V, log.current_A)])
@@ -234,11 +235,6 @@ def _clock_shift(seen: LogProfile, log: Log) -> list[float]:
     if log.start_unix_s is None or not np.isfinite(seen.start_unix_s):
         return []
     return [seen.start_unix_s - log.start_unix_s - float(log.time_s[0])]
-
-
-def _clocks_differ(seen: LogProfile, log: Log, shift_s: float) -> bool:
-    """True where both have a wall clock, and these contradict the shift."""
-    return any(abs(told_s - shift_s) > _SAME_CLOCK_S for told_s in _clock_shift(seen, log))
 
 
 def _change_in_bins(log: Log, values: np.ndarray, lag: int, edges_s: np.ndarray) -> np.ndarray:

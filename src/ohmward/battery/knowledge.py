@@ -67,10 +67,10 @@ class Knowledge:
         full += np.tril(full, -1).T
         std = np.sqrt(np.maximum(np.diag(full), _LEAST_VARIANCE))
         values, vectors = np.linalg.eigh(full / np.outer(std, std))
-        return np.outer(std, std) * ((vectors * np.maximum(values, _LEAST_SHARE)) @ vectors.T)
+        return np.outer(std, std) * ((vectors * np.maximum(values, _LEAST_KNOWN_EIGENVALUE)) @ vectors.T)
 
 
 #: Numbers in a file have six digits, so that no eigenvalue of a correlation matrix is known better.
-_LEAST_SHARE = 1e-6
+_LEAST_KNOWN_EIGENVALUE = 1e-6
 #: Least variance of a parameter, in its unit.
 _LEAST_VARIANCE = math.ulp(1.0)

@@ -17,9 +17,10 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import KELVIN
-from ohmward.battery.soc.clean_sample import is_current, is_voltage
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_voltage
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
+from ohmward.quantities import MOST_C
 from ohmward.runs import runs
 
 #: The tests behind a battery file cover its usual voltages: beyond them by this share the log is of another battery,
@@ -48,10 +49,8 @@ _ROWS, _ROW_SAMPLES, _FEWEST_ROWS, _STARTS, _WITHOUT_SPIKES = 60, 15, 30, 30, 0.
 #: Overpotentials of so many times those of the file weigh as much as so many times this error [V] of the cell voltage:
 #: without a prior a steady current would explain any number of cells.
 _PER_RATIO_V = 0.003
-#: Time constant of the slow part of the overpotential [s]; a longer step is a gap.
-_SLOW_S, _GAP_S = 1000.0, 600.0
-#: A larger current, in multiples of the capacity per hour, is a fault of its sensor, as for the filter.
-_CURRENT_LIMIT_C = 20.0
+#: Time constant of the slow part of the overpotential [s].
+_SLOW_S = 1000.0
 
 #: A rest is below this current, in multiples of the capacity per hour, and a battery that is idle below this one out of
 #: it; one sample of noise does not end it. After the first time [s] its voltage has relaxed but for a few millivolts,
@@ -63,6 +62,14 @@ _HIDDEN_V, _HIDDEN_SOC, _HIDDEN_SOC_PER_HOUR = 0.05, 0.1, 0.02
 _IDLE_RESISTANCE = 2.0
 #: Samples of a median.
 MEDIAN_OF = 5
+
+#: What to look at where a battery file does not explain a log.
+OTHER_FILE = (
+    "are the given chemistry, capacity and n_series those of this battery, and are sign and unit of the current right?"
+)
+
+#: A charge that the current sensor does not show.
+HIDDEN_CHARGE = "shows a discharge or none where the voltage rises as by a charge (does the charger bypass it?)"
 
 
 def check_log(log: Log, battery: Battery) -> Log:
@@ -144,14 +151,14 @@ def _windows(log: Log, battery: Battery) -> Iterator[Log]:
     assert model is not None
     current_A: Any = log.current_A
     voltage_V: Any = log.voltage_V
-    credible = np.asarray(is_current(current_A, _CURRENT_LIMIT_C * battery.capacity_Ah))
+    credible = np.asarray(is_current(current_A, MOST_C * battery.capacity_Ah))
     full_V = model.ocv.voltage_V[-1]  # a charger holds its voltage above that, whatever the charge
     credible &= np.asarray(is_voltage(voltage_V, full_V) & (voltage_V < full_V))
     known = np.flatnonzero(credible)
     if known.size < _FEWEST_ROWS:
         return
     time_s = log.time_s[known]
-    pieces = np.cumsum(np.diff(time_s, prepend=time_s[0]) > _GAP_S)
+    pieces = np.cumsum(np.diff(time_s, prepend=time_s[0]) > CURRENT_GAP_S)
     number = pieces * 1_000_000 + (time_s - time_s[0]) // _WINDOW_S
     starts = np.flatnonzero(np.diff(number, prepend=-1.0))
     edges = np.append(starts, known.size)
@@ -233,71 +240,57 @@ def unmeasured_charge(log: Log, battery: Battery) -> str:
         return ""
     first, stop = hidden[0]
     start_h, hours = log.time_s[first] / SECONDS_PER_HOUR, (log.time_s[stop - 1] - log.time_s[first]) / SECONDS_PER_HOUR
-    return (
-        f"the voltage rises as by a charge in the {hours:.2g} h from {start_h:.2g} h on, where the current shows a "
-        "discharge or none: does the charger bypass the current sensor?"
-    )
+    return f"in the {hours:.2g} h from {start_h:.2g} h on the current sensor {HIDDEN_CHARGE}"
 
 
 def moving_rests(log: Log, battery: Battery) -> list[tuple[int, int]]:
     """First and end index of rests in which the voltage moves further than that of a battery at rest does."""
     at_rest = np.abs(log.current_A - battery.sensor.offset_A) < REST_C * battery.capacity_Ah
-    return [run for run in _long(log, at_rest) if (late := _late(log, run)).size and _moved(log, late, battery)]
+    found = []
+    for run, late in _relaxed(log, battery, at_rest):
+        smooth_V = medians(log.voltage_V[late])
+        if _is_far(smooth_V.min(), smooth_V.max(), 0.0, log, late, battery):
+            found.append(run)
+    return found
 
 
 def hidden_charges(log: Log, battery: Battery) -> list[tuple[int, int]]:
-    """First and end index of stretches without a charging current in which the voltage rises as by a charge."""
+    """First and end index of stretches without a charging current in which the voltage rises as by a charge.
+
+    That is by more than relaxation and the changes of the idle current make it.
+    """
     excess_A = log.current_A - battery.sensor.offset_A
     idle = (excess_A < REST_C * battery.capacity_Ah) & (excess_A > -_IDLE_C * battery.capacity_Ah)
-    return [run for run in _long(log, idle) if (late := _late(log, run)).size and _rises(log, late, battery)]
+    found = []
+    for run, late in _relaxed(log, battery, idle):
+        smooth_V = medians(log.voltage_V[late])
+        lowest_V = np.minimum.accumulate(smooth_V)
+        top = int(np.argmax(smooth_V - lowest_V))
+        change_A = float(np.ptp(medians(np.nan_to_num(log.current_A[late]))))
+        by_current_V = _IDLE_RESISTANCE * _steady_ohm(battery) * change_A
+        if _is_far(lowest_V[top], smooth_V[top], by_current_V, log, late, battery):
+            found.append(run)
+    return found
 
 
-def _long(log: Log, condition: np.ndarray) -> list[tuple[int, int]]:
-    """First and end index of the runs of a condition that are long enough to tell, without gaps of the log in them.
+def _relaxed(log: Log, battery: Battery, condition: np.ndarray) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
+    """First and end index of the runs of a condition that tell something, without gaps of the log in them.
 
-    Single samples of noise do not end a run.
+    Beside each the indices of its samples with a voltage after the relaxation. Single samples of noise do not end a
+    run. A battery without Thevenin model tells nothing.
     """
+    if battery.thevenin is None:
+        return
     bridged = condition.copy()
     for first, stop in runs(~condition & np.isfinite(log.current_A)):
-        if stop - first == 1:
-            bridged[first] = True
-    gaps = 1 + np.flatnonzero(np.diff(log.time_s) > _GAP_S)
-    pieces = [piece for run in runs(bridged) for piece in pairwise((run[0], *_inside(gaps, run), run[1]))]
-    return [(a, b) for a, b in pieces if log.time_s[b - 1] - log.time_s[a] > 2 * _RELAXED_S]
-
-
-def _inside(indices: np.ndarray, run: tuple[int, int]) -> list[int]:
-    """The indices (K,) inside a run."""
-    first, last = np.searchsorted(indices, [run[0] + 1, run[1]])
-    return indices[first:last].tolist()
-
-
-def _late(log: Log, run: tuple[int, int]) -> np.ndarray:
-    """Indices of the samples of a stretch with a voltage after its relaxation; () where they are too few."""
-    first, stop = run
-    late = np.arange(first, stop)[log.time_s[first:stop] > log.time_s[first] + _RELAXED_S]
-    known = late[np.isfinite(log.voltage_V[late])]
-    return known if known.size >= 2 * MEDIAN_OF else known[:0]
-
-
-def _moved(log: Log, late: np.ndarray, battery: Battery) -> bool:
-    """True where the voltage moves either way by more than a battery at rest does."""
-    if battery.thevenin is None:
-        return False
-    smooth_V = medians(log.voltage_V[late])
-    return _is_far(smooth_V.min(), smooth_V.max(), 0.0, log, late, battery)
-
-
-def _rises(log: Log, late: np.ndarray, battery: Battery) -> bool:
-    """True where the voltage rises by more than relaxation and the changes of the idle current make it."""
-    if battery.thevenin is None:
-        return False
-    smooth_V = medians(log.voltage_V[late])
-    lowest_V = np.minimum.accumulate(smooth_V)
-    top = int(np.argmax(smooth_V - lowest_V))
-    change_A = float(np.ptp(medians(np.nan_to_num(log.current_A[late]))))
-    by_current_V = _IDLE_RESISTANCE * _steady_ohm(battery) * change_A
-    return _is_far(lowest_V[top], smooth_V[top], by_current_V, log, late, battery)
+        bridged[first] |= stop - first == 1
+    gaps = 1 + np.flatnonzero(np.diff(log.time_s) > CURRENT_GAP_S)
+    for begin, end in runs(bridged):
+        for first, stop in pairwise((begin, *gaps[(gaps > begin) & (gaps < end)].tolist(), end)):
+            since_s = log.time_s[first:stop] - log.time_s[first]
+            late = first + np.flatnonzero((since_s > _RELAXED_S) & np.isfinite(log.voltage_V[first:stop]))
+            if since_s[-1] > 2 * _RELAXED_S and late.size >= 2 * MEDIAN_OF:
+                yield (first, stop), late
 
 
 def _steady_ohm(battery: Battery) -> float:

@@ -18,15 +18,16 @@ from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.reference import SocReference, soc_reference
 from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import SocSample
-from ohmward.cli.options import UNKNOWN, file_hints
-from ohmward.cli.parser import selected_name, split_selection
+from ohmward.cli.options import UNKNOWN
 from ohmward.cli.progress import Report, counting
 from ohmward.errors import InputError
-from ohmward.logs import DriveLog, Log, read_log
+from ohmward.logs import DriveLog, FileHints, Log
 from ohmward.logs.cell_columns import CellVoltages, cell_names, find_cells
 from ohmward.logs.charger_flag import charger_columns
 from ohmward.logs.columns import guess, listed
+from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table
+from ohmward.logs.selection import split_selection
 from ohmward.logs.table import TableFile
 
 
@@ -88,13 +89,16 @@ def load_battery_with_sensor(path: str, args: argparse.Namespace) -> tuple[Batte
 
 
 class SocTask(NamedTuple):
-    """One log to estimate: its battery, the truth and the cell voltages if there are any, options that contradict."""
+    """One log to estimate, as the options of `add_soc_options` name it."""
 
     battery: Battery
     log: Log
-    truth: SocReference | None
-    contradictions: tuple[str, ...] = ()
-    cells: CellVoltages | None = None
+    truth: SocReference | None  #: None without one
+    cells: CellVoltages | None  #: voltages of the cells, if the log has them
+    rest_current_A: float | None  #: true current of a rest: that of the option, else that of the battery file
+    initial_soc: float | None
+    initial_soc_std: float
+    contradictions: tuple[str, ...] = ()  #: options that contradict the battery file or the log
 
     @property
     def notes(self) -> list[str]:
@@ -104,97 +108,82 @@ class SocTask(NamedTuple):
         contradictions = [f"warning: {text}" for text in self.contradictions]
         return [str(note) for note in self.log.notes] + contradictions + truth + battery
 
+    def start_contradicted(self) -> list[str]:
+        """A sentence where the first voltage contradicts the initial SoC."""
+        if self.battery.thevenin is None or self.initial_soc is None:
+            return []
+        first = SocSample(*(float(column[0]) for column in samples_of(self.log)))
+        state = make_estimator("ekf", self.battery).init(first, self.initial_soc, self.initial_soc_std)
+        start = float(state.belief.mean[SOC])
+        if abs(start - self.initial_soc) < 2 * self.initial_soc_std:
+            return []
+        return [
+            f"--initial-soc {self.initial_soc:g} contradicts the first voltage, {self.log.voltage_V[0]:.4g} V; the "
+            f"Thevenin filters start at {100 * start:.0f} %"
+        ]
+
+    def estimate(self, name: str, report: Report | None = None) -> SocRun:
+        """Run the estimator of this name over the log."""
+        estimator = make_estimator(name, self.battery, EstimatorSettings(self.rest_current_A))
+        return SocEstimator(estimator, self.initial_soc, self.initial_soc_std).run(self.log, counting(report, name))
+
+    def estimate_cells(self, name: str, report: Report | None = None) -> PackRun | None:
+        """Run the filter of this name over the cells of the log; None without cells, or a filter that has none."""
+        if self.cells is None or name not in FILTERS:
+            return None
+        battery = replace(self.battery, idle_current_A=self.rest_current_A)
+        estimator = PackEstimator(battery, self.initial_soc, self.initial_soc_std, filter=name)
+        return estimator.run(self.log, self.cells.voltage_V, counting(report, f"{name}, cells"), self.cells.names)
+
+
+def read_options(args: argparse.Namespace) -> ReadOptions:
+    """How to read logs, as the options of `add_log_options` or `add_drive_options` say."""
+    hints = FileHints(
+        names=tuple(name.strip() for name in args.names.split(",")) if args.names else None,
+        encoding=args.encoding,
+        time_format=args.time_format,
+        timezone=args.timezone,
+        start=vars(args)["from"],
+        stop=args.to,
+        sample_time_s=getattr(args, "row_interval_s", None),
+        temperature_degC=getattr(args, "temperature", None),
+    )
+    sign = vars(args).get("current_sign", "auto")
+    return ReadOptions(sign, tuple(args.column), tuple(args.unit), tuple(args.where), args.sort_time, hints)
+
 
 def read_battery_log(
     text: str,
-    args: argparse.Namespace,
+    reading: ReadOptions,
     extra: Collection[str] | None = None,
     report: Report | None = None,
     file: TableFile | None = None,
 ) -> Log:
-    """The log that an argument names, read as the options of `add_log_options` say.
-
-    text: a file, or a file and the rows wanted from it, `ocv.parquet:script=1,temp_C=25`, then part of the log's name.
-    extra: further columns to keep; None keeps every numeric one.
-    file: the same file where it is open already.
-
-    Raises:
-        InputError: the file cannot be read as a log.
-    """
-    path, where = split_selection(text)
-    log = read_log(
-        file or path,
-        current_sign=args.current_sign,
-        columns=dict(args.column),
-        units=dict(args.unit),
-        where=dict(args.where) | where,
-        extra=extra,
-        sort_time=args.sort_time,
-        progress=counting(report, f"reading {path.name}"),
-        hints=file_hints(args),
-    )
-    return replace(log, name=selected_name(log.name, where))
+    """The log that an argument names, see `ReadOptions.read`; report: is told how much of it is read."""
+    return reading.read(text, extra, counting(report, f"reading {split_selection(text)[0].name}"), file)
 
 
 def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> SocTask:
     """Battery, log and truth that the options of `add_soc_options` name."""
     battery, of_sensor = load_battery_with_sensor(args.battery, args)
+    reading = read_options(args)
     path, where = split_selection(args.log)
-    file = open_table(path, file_hints(args)).part("battery", dict(args.where) | where)
+    file = open_table(path, reading.hints).part("battery", dict(reading.where) | where)
     cells_too = cell_names(file.names) if battery.n_series > 1 else ()
     extra = None if args.truth else (*cells_too, *charger_columns(file.names))
-    log = check_log(read_battery_log(args.log, args, extra, report, file), battery)
+    log = check_log(read_battery_log(args.log, reading, extra, report, file), battery)
     cells, notes = find_cells(log.extra, log.voltage_V, int(battery.n_series))
     log = log.with_notes(*notes)
-    contradictions = (*of_sensor, *_rest_current(battery, args), *_start(battery, log, args))
-    if not args.truth:
-        return SocTask(battery, log, None, contradictions, cells)
-    start_soc = args.initial_soc if args.truth_start is None else args.truth_start
-    truth = read_soc_truth(log, args.truth, battery.capacity_Ah, start_soc)
-    return SocTask(battery, log, truth, contradictions, cells)
-
-
-def _rest_current(battery: Battery, args: argparse.Namespace) -> list[str]:
-    """The rest current, where the battery file says another one."""
-    given, known_A = args.rest_current, battery.idle_current_A
-    if given is None or known_A is None or given == known_A:
-        return []
-    word = given if given == UNKNOWN else f"{given:g} A"
-    return [f"--rest-current {word} was used; the battery file says {known_A:g} A"]
-
-
-def _start(battery: Battery, log: Log, args: argparse.Namespace) -> list[str]:
-    """The initial SoC, where the first voltage contradicts it."""
-    if battery.thevenin is None or args.initial_soc is None:
-        return []
-    state = make_estimator("ekf", battery).init(
-        SocSample(*(float(column[0]) for column in samples_of(log))), args.initial_soc, args.initial_soc_std
-    )
-    start = float(state.belief.mean[SOC])
-    if abs(start - args.initial_soc) < 2 * args.initial_soc_std:
-        return []
-    return [
-        f"--initial-soc {args.initial_soc:g} contradicts the first voltage, {log.voltage_V[0]:.4g} V; the Thevenin "
-        f"filters start at {100 * start:.0f} %"
-    ]
-
-
-def estimate(task: SocTask, name: str, args: argparse.Namespace, report: Report | None = None) -> SocRun:
-    """Run the estimator of this name over the log."""
-    estimator = make_estimator(name, task.battery, EstimatorSettings(idle_current_A=_idle_A(task, args)))
-    return SocEstimator(estimator, args.initial_soc, args.initial_soc_std).run(task.log, counting(report, name))
-
-
-def estimate_cells(task: SocTask, name: str, args: argparse.Namespace, report: Report | None = None) -> PackRun | None:
-    """Run the filter of this name over the cells of the log; None without cells, or a filter that has none."""
-    if task.cells is None or name not in FILTERS:
-        return None
-    battery = replace(task.battery, idle_current_A=_idle_A(task, args))
-    estimator = PackEstimator(battery, args.initial_soc, args.initial_soc_std, filter=name)
-    return estimator.run(task.log, task.cells.voltage_V, counting(report, f"{name}, cells"), task.cells.names)
-
-
-def _idle_A(task: SocTask, args: argparse.Namespace) -> float | None:
-    """True current of a rest [A]: that of the option, else that of the battery file."""
-    rest_A = task.battery.idle_current_A if args.rest_current is None else args.rest_current
-    return None if rest_A == UNKNOWN else rest_A
+    given, idle_A = args.rest_current, battery.idle_current_A
+    rest_A = idle_A if given is None else None if given == UNKNOWN else given
+    contradictions = list(of_sensor)
+    if given is not None and idle_A is not None and given != idle_A:
+        word = given if given == UNKNOWN else f"{given:g} A"
+        contradictions.append(f"--rest-current {word} was used; the battery file says {idle_A:g} A")
+    start = (args.initial_soc, args.initial_soc_std)
+    truth = None
+    if args.truth:
+        start_soc = args.initial_soc if args.truth_start is None else args.truth_start
+        truth = read_soc_truth(log, args.truth, battery.capacity_Ah, start_soc)
+    task = SocTask(battery, log, truth, cells, rest_A, *start)
+    return task._replace(contradictions=(*contradictions, *task.start_contradicted()))

@@ -9,11 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.cli.battery_inputs import truth_column
-from ohmward.cli.options import TRUTHS, file_hints
-from ohmward.cli.parser import selected_name, split_selection
+from ohmward.cli.battery_inputs import read_options, truth_column
+from ohmward.cli.options import TRUTHS
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, read_drive
+from ohmward.logs.log import ReadOptions
+from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.table import TableFile
 from ohmward.logs.units import unit_in_name
 from ohmward.traction import Robot, Terrain
@@ -41,39 +42,51 @@ def make_terrain(name: str, robot: Robot) -> Terrain:
     return hard_terrain(name)
 
 
-def read_drive_log(
-    text: str,
-    robot: Robot,
-    args: argparse.Namespace,
-    extra: Collection[str] | None = None,
-    leave: Collection[str] = (),
-    file: TableFile | None = None,
-) -> DriveLog:
-    """The drive that an argument names, read as the options of `add_drive_options` say.
+class DriveOptions(NamedTuple):
+    """How to read the drives of a robot."""
 
-    text: a file, or a file and the rows wanted from it, `gray.parquet:exp=5`, then part of the log's name.
-    extra: further columns to keep; None keeps every numeric one.
-    leave: columns not to take for a sensor by their names: truths.
-    file: the same file where it is open already.
+    robot: Robot
+    reading: ReadOptions
+    motor_shaft: bool
+    counts_per_turn: float | None
 
-    Raises:
-        InputError: the file cannot be read as a drive of this robot.
-    """
-    path, where = split_selection(text)
-    log = read_drive(
-        file or path,
-        robot,
-        at_motor_shaft=args.motor_shaft,
-        counts_per_turn=args.counts_per_turn,
-        columns=dict(args.column),
-        units=dict(args.unit),
-        where=dict(args.where) | where,
-        extra=extra,
-        leave=leave,
-        sort_time=args.sort_time,
-        hints=file_hints(args),
-    )
-    return replace(log, name=selected_name(log.name, where))
+    def read(
+        self,
+        text: str,
+        extra: Collection[str] | None = None,
+        leave: Collection[str] = (),
+        file: TableFile | None = None,
+    ) -> DriveLog:
+        """The drive that an argument names.
+
+        text: a file, or a file and the rows wanted from it, `gray.parquet:exp=5`, then part of the log's name.
+        extra: further columns to keep; None keeps every numeric one.
+        leave: columns not to take for a sensor by their names: truths.
+        file: the same file where it is open already.
+
+        Raises:
+            InputError: the file cannot be read as a drive of this robot.
+        """
+        path, where = split_selection(text)
+        log = read_drive(
+            file or path,
+            self.robot,
+            at_motor_shaft=self.motor_shaft,
+            counts_per_turn=self.counts_per_turn,
+            columns=dict(self.reading.columns),
+            units=dict(self.reading.units),
+            where=dict(self.reading.where) | where,
+            extra=extra,
+            leave=leave,
+            sort_time=self.reading.sort_time,
+            hints=self.reading.hints,
+        )
+        return replace(log, name=selected_name(log.name, where))
+
+
+def drive_options(args: argparse.Namespace, robot: Robot) -> DriveOptions:
+    """How to read drives of this robot, as the options of `add_drive_options` say."""
+    return DriveOptions(robot, read_options(args), args.motor_shaft, args.counts_per_turn)
 
 
 def read_drive_truth(log: DriveLog, robot: Robot, text: str) -> DriveReference:
@@ -86,7 +99,7 @@ def read_drive_truth(log: DriveLog, robot: Robot, text: str) -> DriveReference:
     """
     named = dict(zip(TRUTHS, truth_names(text), strict=False))
     known = {kind: _in_SI(log, name, kind) for kind, name in named.items() if name}
-    slips = [f"{wheel}_slip_true" for wheel in driven_wheels(robot)]
+    slips = [f"{wheel}_slip_true" for wheel in robot.driven_wheels]
     slip = np.column_stack([log.extra[name] for name in slips]) if set(slips) <= set(log.extra) else None
     truth = DriveTruth(known["speed"], known.get("yaw rate"), known.get("lateral speed"), slip)
     note = ", ".join(f"{kind} from {name!r}" for kind, name in named.items() if name)
@@ -106,11 +119,6 @@ def truth_names(text: str | None) -> list[str]:
     if not names[0] or len(names) > len(TRUTHS):
         raise InputError(f"--truth takes the columns of {', '.join(TRUTHS)}, separated by commas; got {text!r}")
     return names
-
-
-def driven_wheels(robot: Robot) -> list[str]:
-    """Names of the driven wheels."""
-    return [place.name for place in robot.places[: robot.driven]]
 
 
 def _in_SI(log: DriveLog, name: str, kind: str) -> np.ndarray:

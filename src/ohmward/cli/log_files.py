@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from ohmward.cli.parser import split_selection
 from ohmward.errors import InputError
 from ohmward.logs.bags.files import ENDINGS as RECORDINGS
 from ohmward.logs.bags.files import parts_of
+from ohmward.logs.selection import split_selection
 
 TEXT, JSON = "text", "json"
 FORMATS = (TEXT, JSON)

@@ -89,7 +89,7 @@ def _status(words: Sequence[str]) -> int:
     """Exit status of a command line, after everything is said."""
     try:
         arguments = parse(words)
-        outcome = carry_out(_run_of(arguments.command), arguments)
+        outcome = carry_out(run_of(arguments.command), arguments)
         show(outcome, as_json=getattr(arguments, "json", False))
         return outcome.status
     except OhmwardError as error:
@@ -165,7 +165,8 @@ def _load(name: str) -> ModuleType:
     return import_module(f"{package}.cli.{name}")
 
 
-def _run_of(name: str) -> Callable[[argparse.Namespace], Outcome]:
+def run_of(name: str) -> Callable[[argparse.Namespace], Outcome]:
+    """The work of a command, loaded now."""
     module = _load(name)
     run: Callable[[argparse.Namespace], Outcome] = (
         module.run if hasattr(module, "run") else import_module(f"{module.__name__}.command").run

@@ -6,7 +6,6 @@ import argparse
 
 from ohmward.cli.parser import gain_std, number, offset_std, pair, positive, share
 from ohmward.logs.bags.choice import TOPIC
-from ohmward.logs.hints import FileHints
 
 #: Robots that come with the package, by the name that --robot takes; any other is a file.
 BUILT_IN = ("rlma", "robotino", "seeder")
@@ -210,20 +209,6 @@ def _add_interval_option(group: argparse._ActionsContainer) -> None:
         type=positive,
         metavar="S",
         help="interval between rows [s], where the log has no time",
-    )
-
-
-def file_hints(args: argparse.Namespace) -> FileHints:
-    """Facts about a file that the options of `add_log_options` and `add_drive_options` tell."""
-    return FileHints(
-        names=tuple(name.strip() for name in args.names.split(",")) if args.names else None,
-        encoding=args.encoding,
-        time_format=args.time_format,
-        timezone=args.timezone,
-        start=vars(args)["from"],
-        stop=args.to,
-        sample_time_s=getattr(args, "row_interval_s", None),
-        temperature_degC=getattr(args, "temperature", None),
     )
 
 

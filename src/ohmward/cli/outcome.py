@@ -9,6 +9,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,8 +22,7 @@ if TYPE_CHECKING:
 class Outcome(NamedTuple):
     """The result of a command."""
 
-    #: the object of --json; arrays and dataclasses are not allowed, numbers that are not finite become null
-    summary: Mapping[str, Any]
+    summary: Mapping[str, Any]  #: the object of --json, see `plain`; arrays are not allowed
     text: str  #: the same for people
     notes: Sequence[str] = ()  #: what was assumed on the way; part of `text`, and on standard error with --json
     page: Callable[[], Page] | None = None  #: makes the report, called only with --report
@@ -75,7 +75,11 @@ def close_output() -> None:
 
 
 def plain(value: Any) -> Any:
-    """The value as JSON knows it: null for a number that is not finite, lists for tuples, text for paths."""
+    """The value as JSON knows it: objects for records, lists for tuples, null for a number that is not finite."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

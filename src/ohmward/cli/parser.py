@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
-import re
-from collections.abc import Mapping
-from pathlib import Path
 from typing import NoReturn
 
 from ohmward.errors import InputError
 
 #: No data sheet says more of a gain; a number above it was meant in percent.
 LARGEST_GAIN_STD = 0.5
-
-_SELECTION = re.compile(r"(?P<path>.+):(?P<where>[^:=,]+=[^:=,]+(,[^:=,]+=[^:=,]+)*)")
 
 
 class Parser(argparse.ArgumentParser):
@@ -89,17 +84,3 @@ def floats(text: str) -> list[float]:
         return [float(part) for part in text.split(",")]
     except ValueError:
         raise argparse.ArgumentTypeError(f"must be numbers separated by commas, got {text!r}") from None
-
-
-def split_selection(text: str) -> tuple[Path, dict[str, str]]:
-    """File and rows of `ocv.parquet:script=1,temp_C=25`; a file whose own name looks like that is a file."""
-    found = None if Path(text).exists() else _SELECTION.fullmatch(text)
-    if found is None:
-        return Path(text), {}
-    return Path(found["path"]), dict(part.split("=", 1) for part in found["where"].split(","))
-
-
-def selected_name(name: str, where: Mapping[str, str]) -> str:
-    """Name of a log together with the rows that were selected from its file."""
-    chosen = ",".join(f"{column}={value}" for column, value in where.items())
-    return f"{name}:{chosen}" if chosen else name

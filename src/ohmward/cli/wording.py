@@ -106,6 +106,16 @@ def fields(values: Mapping[str, str]) -> str:
     return "\n".join(f"  {name.ljust(width)}  {value}" for name, value in values.items())
 
 
+def known_rows(rows: Mapping[str, str]) -> dict[str, str]:
+    """The rows that have a value: neither nothing nor "-", whatever follows it."""
+    return {name: value for name, value in rows.items() if value and value.split()[0] != "-"}
+
+
+def band(share: float, std: float) -> str:
+    """A share and the half width of its 95 % band, both in points."""
+    return f"{100 * share:.1f} ± {100 * BAND_95 * std:.1f}"
+
+
 def bullets(title: str, lines: Sequence[str]) -> str:
     """A title and wrapped lines below it; nothing without lines."""
     if not lines:

@@ -52,7 +52,7 @@ _SHORTEST_M = 3.0
 #: steps. On ground as believed that would take its scatter for heat.
 _UNEXPECTED_NIS, _LINEARISATIONS = 9.0, 8
 #: A drive teaches the variance of day effects only where it has narrowed its own by this share.
-_LEAST_INFORMATION = 0.02
+_LEAST_NARROWED = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +336,7 @@ def _learn_day(c: Consumption) -> Variance:
     day = c.day
     for k in [DAY_EFFECT, *(c.day_effect_index(name) for name in c.on_this_drive)]:
         information = 1.0 - c.cov[k, k] / (c.day.value / 2)
-        if information > _LEAST_INFORMATION:
+        if information > _LEAST_NARROWED:
             day = day.updated(2 * c.mean[k] ** 2, information)
     return day
 

@@ -9,6 +9,7 @@ from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.checks import require_between, require_each_not_negative
 from ohmward.energy.leg import Leg
 from ohmward.errors import InputError
+from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 from ohmward.toml_file import TomlFile
 
 FORMAT = "ohmward-plan/1"
@@ -52,7 +53,7 @@ class Plan:
             raise InputError("the plan has no leg; add at least one [[leg]]")
         if self.reserve_soc is not None:
             require_between("reserve_soc", self.reserve_soc, 0.0, 0.99)
-        require_between("temperature_degC", self.temperature_degC, -60.0, 120.0)
+        require_between("temperature_degC", self.temperature_degC, COLDEST_DEGC, HOTTEST_DEGC)
         require_each_not_negative("", self, "cutoff_V", "payload_kg")
 
     @property

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_battery
+from ohmward.battery.soc.clean_sample import is_current, is_voltage
 from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.energy.consumption import Consumption, energy_demand, learn, with_terrain
 from ohmward.energy.drive_meter import DriveMeter, DriveSample, advance
@@ -25,6 +26,8 @@ from ohmward.energy.recorded import Cut
 from ohmward.energy.usable_energy import BatteryState, usable_at
 from ohmward.errors import InputError
 from ohmward.filters.flags import SampleFlag
+from ohmward.filters.sanitize import within
+from ohmward.quantities import FASTEST_M_S, MOST_C
 
 #: Ground like the last so many stretches lies ahead; with three minutes each, that of the last hour.
 RECENT_STRETCHES = 20
@@ -37,10 +40,6 @@ LEAST_DRIVEN_M = 5.0
 
 #: A sample that is late by more than this is not late: the clock was set.
 CLOCK_SET_S = 60.0
-
-#: No battery has a larger current [multiples of the capacity per hour] or voltage [multiples of its highest], and no
-#: robot a larger speed: there a sensor is at fault.
-CURRENT_LIMIT_C, VOLTAGE_LIMIT, SPEED_LIMIT_M_S = 20.0, 2.0, 50.0
 
 #: Way home: its length [m] over ground like that of late, or its legs; None where it is not known.
 WayHome = float | Sequence[Leg] | None
@@ -136,13 +135,13 @@ class RangeSettings:
 
     def battery_W(self, current_A: float, voltage_V: float) -> float:
         """Power out of the battery; nan where the sensors cannot have shown it."""
-        limit_A = CURRENT_LIMIT_C * self.battery.capacity_Ah
-        credible = abs(current_A) <= limit_A and 0.0 < voltage_V <= VOLTAGE_LIMIT * self.battery.voltage_max_V
+        credible_A = is_current(current_A, MOST_C * self.battery.capacity_Ah)
+        credible = credible_A and is_voltage(voltage_V, self.battery.voltage_max_V)
         return -current_A * voltage_V if credible else math.nan
 
     def speed_m_s(self, measured_m_s: float) -> float:
         """The speed; nan where the sensor cannot have shown it."""
-        return measured_m_s if abs(measured_m_s) <= SPEED_LIMIT_M_S else math.nan
+        return measured_m_s if within(measured_m_s, FASTEST_M_S) else math.nan
 
     def init(self, consumption: Consumption) -> RangeState:
         """State before the first sample; consumption: at the begin of the drive."""

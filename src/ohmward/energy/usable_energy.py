@@ -25,11 +25,12 @@ from ohmward.checks import require_between, require_each_not_negative, require_e
 from ohmward.energy.balance import running_integral
 from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.errors import InputError
+from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 
 #: Points of the state of charge from 0 to 1.
-_GRID = 251
+_DISCHARGE_POINTS = 251
 #: Batteries that are discharged side by side.
-_AT_ONCE = 512
+_BATTERIES_AT_ONCE = 512
 _SECONDS_PER_HOUR = 3600.0
 #: Margin of a voltage that does not exist: far below any cut-off.
 _NO_POWER_V = -1e9
@@ -56,7 +57,7 @@ class BatteryState:
             require_between(name, getattr(self, name), 0.0, 1.0)
         require_each_not_negative("", self, "soc_std", "capacity_std", "resistance_std", "cutoff_V")
         require_each_positive("", self, "soh_capacity", "resistance_ratio")
-        require_between("temperature_degC", self.temperature_degC, -60.0, 120.0)
+        require_between("temperature_degC", self.temperature_degC, COLDEST_DEGC, HOTTEST_DEGC)
         if self.reserve_soc >= self.soc:
             raise InputError(
                 f"reserve_soc must be below soc = {self.soc:g}, got {self.reserve_soc:g}: nothing above the reserve is "
@@ -84,7 +85,7 @@ def usable_at(battery: Battery, state: BatteryState, power_W: float, z: np.ndarr
 
     z: (3, N) standard normal points of state of charge, capacity and resistance.
     """
-    parts = [z[:, k : k + _AT_ONCE] for k in range(0, z.shape[1], _AT_ONCE)]
+    parts = [z[:, k : k + _BATTERIES_AT_ONCE] for k in range(0, z.shape[1], _BATTERIES_AT_ONCE)]
     return np.concatenate([usable_J(discharge(battery, state, power_W, part)) for part in parts])
 
 
@@ -94,7 +95,7 @@ def discharge(battery: Battery, state: BatteryState, power_W: float, z: np.ndarr
     z: (3, N) standard normal points of state of charge, capacity and resistance.
     """
     z_soc, z_capacity, z_resistance = z
-    soc = np.linspace(0.0, 1.0, _GRID)
+    soc = np.linspace(0.0, 1.0, _DISCHARGE_POINTS)
     ocv_V, r_ohm = discharge_curves(battery, soc, state.temperature_degC)
     start = np.clip(state.soc + state.soc_std * z_soc, 0.0, 1.0)
     capacity = np.maximum(state.soh_capacity + state.capacity_std * z_capacity, 0.0)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel, four_numbers
 from ohmward.battery.models.thevenin import Thevenin
@@ -16,7 +17,8 @@ from ohmward.figures.parts import MOST_SPANS, Timed, band_95, flag_spans, lognor
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.log import Log
-from ohmward.report import TIME, Figure, Series, Span
+from ohmward.quantities import QUANTITIES, Quantity
+from ohmward.report import TIME, Band, Figure, Series, Span
 from ohmward.report.palette import CYCLE, Meaning
 
 if TYPE_CHECKING:
@@ -33,6 +35,8 @@ SOC_AXIS = "State of charge [%]"
 _MOST_RISES = 3000
 #: Samples of a quantity that moves over hours, as offset and capacity: their lines and bands need no more.
 _MOST_SLOW = 100_000
+#: More lines than this cannot be told apart: then the weakest and the fullest are drawn.
+_MOST_CELLS = 6
 #: Flags that are drawn, and what they mean for the eye.
 SHOWN: Mapping[SampleFlag, Meaning] = {
     SocFlag.REST: "background",
@@ -47,7 +51,7 @@ SHOWN: Mapping[SampleFlag, Meaning] = {
 def current_figure(log: Log, spans: Sequence[Span] = ()) -> Figure:
     """Measured current over time."""
     series = [Series(log.time_s, log.current_A, "measured", role="estimate")]
-    return Figure("Current", TIME, "Current [A], > 0 charges", series, spans=spans, height_px=200)
+    return measured_figure(QUANTITIES["battery_current_A"], series, 200, spans)
 
 
 def voltage_figure(log: Log, estimates: SocEstimate | None = None) -> Figure:
@@ -55,14 +59,31 @@ def voltage_figure(log: Log, estimates: SocEstimate | None = None) -> Figure:
     series = [Series(log.time_s, log.voltage_V, "measured", role="background")]
     if estimates is not None and np.isfinite(estimates.voltage_V).any():
         series.append(Series(log.time_s, estimates.voltage_V, "expected", role="estimate"))
-    return Figure("Voltage", TIME, "Voltage [V]", series)
+    return measured_figure(QUANTITIES["battery_voltage_V"], series)
 
 
 def temperature_figure(log: Log) -> Figure:
     """Measured temperature over time."""
     values = np.full(len(log), np.nan) if log.temperature_degC is None else log.temperature_degC
     series = [Series(log.time_s, values, "measured", role="comparison")]
-    return Figure("Temperature", TIME, "Temperature [°C]", series, height_px=160)
+    return measured_figure(QUANTITIES["battery_temperature_degC"], series, 160)
+
+
+def further_figures(log: Log) -> list[Figure]:
+    """Whatever else the log has of the battery, over time."""
+    measured = [(QUANTITIES[name], values) for name, values in log.quantities("battery").items()]
+    return [
+        measured_figure(quantity, [Series(log.time_s, values, "measured", role="comparison")], 160)
+        for quantity, values in measured
+        if not quantity.estimated_from
+    ]
+
+
+def measured_figure(
+    quantity: Quantity, series: Sequence[Series], height_px: int = Figure.height_px, spans: Sequence[Span] = ()
+) -> Figure:
+    """A quantity over time, by its name in the table."""
+    return Figure(quantity.label, TIME, quantity.axis, series, spans=spans, height_px=height_px)
 
 
 def interval_figure(log: Log) -> Figure:
@@ -245,7 +266,7 @@ def fit_figures(log: LogDetails) -> list[Figure]:
     residual = [Series(time_s, 1e3 * (measured - simulated), "measured - simulated", role="comparison")]
     soc = [Series(whole.time_s, 100 * log.axis.soc, "counted", role="estimate")]
     return [
-        Figure("Voltage", TIME, "Voltage [V]", voltage, spans=spans),
+        measured_figure(QUANTITIES["battery_voltage_V"], voltage, spans=spans),
         Figure("Residual", TIME, "Residual [mV]", residual, height_px=180),
         current_figure(whole),
         Figure("State of charge", TIME, SOC_AXIS, soc, height_px=180),
@@ -300,3 +321,28 @@ def _usual(values: np.ndarray) -> float:
     size = values[np.isfinite(values)]
     np.abs(size, out=size)
     return max(1.3 * float(np.quantile(size, 0.98, overwrite_input=True)), 1e-6) if size.size else 1.0
+
+
+def cells_soc_figure(run: PackRun) -> Figure:
+    """State of charge of the cells, and of the pack; the 95 % band of the cell that is weakest at the end."""
+    weakest = int(run.pack.weakest[-1])
+    soc, std = 100 * run.cells.soc[:, weakest], 100 * run.cells.soc_std[:, weakest]
+    series = [Series(run.time_s, soc, f"weakest: {run.names[weakest]}", role="alert")]
+    series += [Series(run.time_s, 100 * run.cells.soc[:, k], run.names[k]) for k in _drawn(run) if k != weakest]
+    series.append(Series(run.time_s, 100 * run.pack.soc, "pack", "dashed", "reference"))
+    band = band_95(run.time_s, soc, std, (0.0, 100.0), role="alert")
+    return Figure("State of charge of the cells", TIME, SOC_AXIS, series, [band], height_px=300)
+
+
+def cells_difference_figure(run: PackRun) -> Figure:
+    """State of charge of each cell minus that of the typical one, with the range of all cells."""
+    difference = 100 * run.cells.soc_difference
+    series = [Series(run.time_s, difference[:, k], run.names[k]) for k in _drawn(run)]
+    band = Band(run.time_s, difference.min(axis=1), difference.max(axis=1), "all cells", "background")
+    return Figure("Cells beside the typical one", TIME, "Difference of SoC [points]", series, [band], height_px=200)
+
+
+def _drawn(run: PackRun) -> list[int]:
+    """Indices of the cells that are drawn: all where they are few, else the emptiest and the fullest at the end."""
+    order = np.argsort(run.cells.soc[-1]).tolist()
+    return sorted(order) if len(order) <= _MOST_CELLS else sorted([*order[: _MOST_CELLS // 2], *order[-1:]])

@@ -11,7 +11,7 @@ from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
-from ohmward.figures import battery, cells, odometry, slip, terrain
+from ohmward.figures import battery, slip, terrain
 from ohmward.report import TIME, Band, Figure, Map, Plot, Series
 from ohmward.traction.odometry.estimator import OdometryRun
 from ohmward.traction.speed_observer.estimator import SlipRun
@@ -37,7 +37,7 @@ def _(result: SocRun) -> Plot:
 
 @plot.register
 def _(result: PackRun) -> Plot:
-    return Plot("Cells of the pack", [cells.cells_soc_figure(result), cells.cells_difference_figure(result)])
+    return Plot("Cells of the pack", [battery.cells_soc_figure(result), battery.cells_difference_figure(result)])
 
 
 @plot.register
@@ -52,7 +52,7 @@ def _(result: FloorRun) -> Plot:
 
 @plot.register
 def _(result: OdometryRun) -> Map:
-    return odometry.path_map(result)
+    return slip.path_map(result)
 
 
 @plot.register

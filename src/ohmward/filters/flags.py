@@ -13,7 +13,7 @@ from ohmward.trace import where
 from ohmward.trace.expression import Scalar
 
 #: Flags are counted so many samples at a time: a log of ten million would take more memory for it than for all else.
-_BLOCK = 1 << 20
+_FLAGS_AT_ONCE = 1 << 20
 
 
 class SampleFlag(IntFlag):
@@ -56,7 +56,7 @@ def count_flags(flags: np.ndarray, kinds: type[IntFlag]) -> dict[str, int]:
     """Number of samples (T,) that carry each flag, by name; flags that never occur are left out."""
     flags = np.asarray(flags).ravel()
     samples = np.zeros(2 * int(max(kinds)), dtype=int)  # by the sum of their flags
-    for block in np.array_split(flags, 1 + flags.size // _BLOCK):
+    for block in np.array_split(flags, 1 + flags.size // _FLAGS_AT_ONCE):
         samples += np.bincount(block.astype(np.intp), minlength=samples.size)
     sums = np.arange(samples.size)
     counted = {kind.name.lower(): int(samples[sums & int(kind) != 0].sum()) for kind in kinds if kind.name}

@@ -1,8 +1,9 @@
 """Many logs at once: in lanes, over processes or a cluster, resumable; see docs/fleet.md."""
 
 from ohmward.fleet.dask import on_dask
-from ohmward.fleet.job import Job, ReadOptions
+from ohmward.fleet.job import Job
 from ohmward.fleet.lanes import estimate_logs
 from ohmward.fleet.run import Finished, in_processes, run_fleet
+from ohmward.logs.log import ReadOptions
 
 __all__ = ["Finished", "Job", "ReadOptions", "estimate_logs", "in_processes", "on_dask", "run_fleet"]

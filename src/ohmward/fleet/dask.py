@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 #: Time-out for the scheduler, and for its first worker [s].
-TIMEOUT_S = 60.0
+SCHEDULER_TIMEOUT_S = 60.0
 
 #: Batches for each thread of the workers, so that none waits for its next.
 _AHEAD = 2
 
 
 def on_dask(
-    job: Job, batches: Sequence[list[str]], address: str, timeout_s: float = TIMEOUT_S
+    job: Job, batches: Sequence[list[str]], address: str, timeout_s: float = SCHEDULER_TIMEOUT_S
 ) -> Iterator[list[dict[str, Any]]]:
     """Rows of each batch as it is finished; no more batches are under way than keep the workers busy.
 

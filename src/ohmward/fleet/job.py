@@ -16,23 +16,11 @@ from ohmward.battery.log_check import check_log
 from ohmward.battery.soc.fit_check import misfits
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
-from ohmward.battery.soc.score import voltage_score
+from ohmward.battery.soc.score import soc_figures
 from ohmward.errors import OhmwardError
 from ohmward.fleet.lanes import estimate_logs
-from ohmward.logs import Log, read_log, write_table
-from ohmward.logs.hints import FileHints
-
-
-@dataclass(frozen=True)
-class ReadOptions:
-    """Options of `read_log`, the same for every log."""
-
-    current_sign: str = "auto"  #: "auto", "charge" or "discharge"
-    #: quantity and column, quantity and unit
-    columns: tuple[tuple[str, str], ...] = ()
-    units: tuple[tuple[str, str], ...] = ()
-    sort_time: bool = False  #: sort rows that are out of order
-    hints: FileHints = field(default_factory=FileHints)  #: what the files do not tell of themselves
+from ohmward.logs import Log, write_table
+from ohmward.logs.log import ReadOptions
 
 
 @dataclass(frozen=True)
@@ -59,7 +47,7 @@ class Job:
         rows: dict[str, dict[str, Any]] = {}
         for path in paths:
             try:
-                logs[path] = check_log(self._read(path), battery)
+                logs[path] = check_log(self.reading.read(path, extra=()), battery)
             except OhmwardError as error:
                 rows[path] = failed(path, str(error))
         estimates = estimate_logs(estimator, list(logs.values()), self.initial_soc, self.initial_soc_std)
@@ -69,18 +57,6 @@ class Job:
             fit = {"fits": not wrong, "misfit": wrong[0].text if wrong else None}
             rows[path] = {"path": path, "error": None, **fit, **summary(log, found)}
         return [rows[path] for path in paths]
-
-    def _read(self, path: str) -> Log:
-        options = self.reading
-        return read_log(
-            path,
-            current_sign=options.current_sign,  # type: ignore[arg-type]
-            columns=dict(options.columns),
-            units=dict(options.units),
-            extra=(),
-            sort_time=options.sort_time,
-            hints=options.hints,
-        )
 
     def _write(self, path: str, log: Log, found: SocEstimate) -> None:
         """Write the estimates of one log, where they are wanted."""
@@ -98,19 +74,6 @@ def failed(path: str, reason: str) -> dict[str, Any]:
 def summary(log: Log, found: SocEstimate) -> dict[str, Any]:
     """Figures of one log; None for one that this estimator does not know."""
     incidents = found.flags.astype(int) & ~int(SocFlag.REST | SocFlag.ANCHORED)
-    voltage = voltage_score(log, found)
-    figures = {
-        "samples": len(log),
-        "duration_s": log.duration_s,
-        "soc_initial": float(found.soc[0]),
-        "soc_final": float(found.soc[-1]),
-        "soc_std_final": float(found.soc_std[-1]),
-        "soc_min": float(np.min(found.soc)),
-        "soc_max": float(np.max(found.soc)),
-        "voltage_rmse_V": voltage.rmse if voltage else None,
-        "current_offset_A": float(found.current_offset_A[-1]),
-        "soh_capacity": float(found.soh_capacity[-1]),
-        "resistance_ratio": float(found.resistance_ratio[-1]),
-        "flagged_share": float(np.mean(incidents != 0)),
-    }
+    head = {"samples": len(log), "duration_s": log.duration_s}
+    figures = head | soc_figures(log, found) | {"flagged_share": float(np.mean(incidents != 0))}
     return {name: None if value != value else value for name, value in figures.items()}

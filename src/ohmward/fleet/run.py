@@ -27,7 +27,7 @@ from ohmward.errors import InputError, OhmwardError
 PROGRESS, SUMMARY = "progress.jsonl", "summary.csv"
 
 #: Logs in a batch: enough to fill the vectors, few enough to fit in memory.
-BATCH = 32
+LOGS_AT_ONCE = 32
 
 
 class FleetJob(Protocol):
@@ -127,7 +127,7 @@ def run_fleet(
     folder: Path,
     work: Executor = in_processes,
     progress: Callable[[int, int], None] | None = None,
-    batch: int = BATCH,
+    batch: int = LOGS_AT_ONCE,
 ) -> Finished:
     """Estimate every log and write one row for each.
 

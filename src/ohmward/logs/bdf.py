@@ -36,15 +36,12 @@ def check_names(file: str, names: Sequence[str]) -> None:
     Raises:
         InputError: names the columns that are missing.
     """
-    if is_bdf(file) and (lacking := _lacking(names)):
+    lacking = [NAMES[field][0] for field in REQUIRED if not _has(names, field)]
+    if is_bdf(file) and lacking:
         raise InputError(
             f"{file}: BDF requires the columns {listed([NAMES[field][0] for field in REQUIRED])}; missing: "
             f"{listed(lacking)}; it has: {listed(names)}; rename the columns, or the file so that it is not called BDF"
         )
-
-
-def _lacking(names: Sequence[str]) -> list[str]:
-    return [NAMES[field][0] for field in REQUIRED if not _has(names, field)]
 
 
 def _has(names: Sequence[str], field: str) -> bool:

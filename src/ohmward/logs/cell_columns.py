@@ -7,7 +7,7 @@ row of columns belongs to the cells of a pack where their sum is the voltage of 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -86,7 +86,7 @@ def is_named(row: Sequence[str]) -> bool:
 
 def _are_cells(row: Sequence[str]) -> bool:
     """True for `V1`, `V2`, `V3` and more, and `U1 (V)`: voltages that have nothing but a number."""
-    return len(row) > 2 and all(set(letters(next(_stems(name)))) <= {"v", "u"} for name in row)
+    return len(row) > 2 and all(set(letters(next(split_unit(name))[0])) <= {"v", "u"} for name in row)
 
 
 def with_pack_voltage(file: TableFile, columns: Mapping[str, str] | None = None) -> TableFile:
@@ -121,11 +121,8 @@ def _may_be_voltage(name: str) -> bool:
     units = [unit for _, unit in split_unit(name) if unit is not None and unit.symbol != "1"]
     if units and not any(unit.dimension == "voltage" for unit in units):
         return False
-    return not _OTHER_THAN_VOLTAGE & set(letters(next(_stems(name))))
-
-
-def _stems(name: str) -> Iterator[str]:
-    return (stem for stem, _ in split_unit(name))
+    stem, _ = next(split_unit(name))
+    return not _OTHER_THAN_VOLTAGE & set(letters(stem))
 
 
 def _counts(row: Mapping[int, str]) -> bool:

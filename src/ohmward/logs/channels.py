@@ -1,4 +1,4 @@
-"""The channels of batteries and drives, one table: names, units, and the words that columns call them by."""
+"""The channels of batteries and drives: how the columns of a log call the quantities of the table."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import re
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ohmward.logs.units import UNITS, Unit
+from ohmward.logs.units import UNITS, Unit, unit_of
+from ohmward.quantities import QUANTITIES, Quantity, each_with_each, words_of
 
 SIDES = frozenset(("left", "right"))
 CORNERS = SIDES | {"front", "rear"}
@@ -59,15 +60,6 @@ def word_set(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-def _words(*names: str) -> frozenset[frozenset[str]]:
-    return frozenset(map(word_set, names))
-
-
-def _each(first: str, second: str) -> list[str]:
-    """Every word of the first with every word of the second; `-` stands for none."""
-    return [f"{a} {b}".replace("-", "") for a in first.split() for b in second.split()]
-
-
 # Words that say where the whole battery was measured; they do not make it another quantity.
 _OF_BATTERY = word_set(
     "battery batt bat bms pack terminal total measured meas test state field data main header stamp surface payload"
@@ -76,8 +68,12 @@ _OF_BATTERY = word_set(
 _SECOND_CHOICE = word_set("cell raw mean avg average")
 # And of those that serve where there is no such one either.
 _THIRD_CHOICE = word_set("now latest bus in input")
-_BESIDE_BATTERY = (frozenset[str](), _OF_BATTERY, _OF_BATTERY | _SECOND_CHOICE,
-                   _OF_BATTERY | _SECOND_CHOICE | _THIRD_CHOICE)  # fmt: skip
+_BESIDE_BATTERY = (
+    frozenset[str](),
+    _OF_BATTERY,
+    _OF_BATTERY | _SECOND_CHOICE,
+    _OF_BATTERY | _SECOND_CHOICE | _THIRD_CHOICE,
+)
 _BESIDE_WHEELS = (
     word_set(
         "wheel wheels motor m joint joints state states drive angular ang rim encoder enc measured meas actual act "
@@ -85,53 +81,50 @@ _BESIDE_WHEELS = (
     ),
 )
 _BESIDE_BODY = (word_set("imu data body base robot msg"),)
-_COMPASSES = "- compass magnetic mag gnss gps"
-_SPEEDOMETERS = "- ground gnss gps vo visual flow radar lidar"
+
+
+def _channel(quantity: Quantity) -> Channel:
+    """The channel of a quantity."""
+    unit = unit_of(quantity.unit)
+    assert unit is not None, f"{quantity.name}: no unit {quantity.unit!r}"
+    of_battery = quantity.owner == "battery"
+    return Channel(
+        quantity.channel,
+        (unit.dimension, *quantity.other_dimensions),
+        unit,
+        quantity.example,
+        quantity.words,
+        _BESIDE_BATTERY if of_battery else _BESIDE_BODY if quantity.owner == "body" else _BESIDE_WHEELS,
+        letters if of_battery else robot_words,
+        required=quantity.required,
+        first_of_many=of_battery and not quantity.required,
+    )
+
+
+_OF_TABLE = {quantity.name: _channel(quantity) for quantity in QUANTITIES.values() if quantity.words}
+
+
+def _channels_of(owner: str) -> tuple[Channel, ...]:
+    return tuple(channel for name, channel in _OF_TABLE.items() if QUANTITIES[name].owner == owner)
+
 
 TIME = Channel(
     "time", ("time",), UNITS["s"], "s, ms, min or h",
-    _words("time", "t", "timestamp", "time stamp", "datetime", "date time", "date", "stamp", "elapsed", "elapsed time",
-           "unix time", "unixtime", "relative time", "total time", "header stamp", "seconds", "epoch", "ts", "realtime",
-           "run time", "prog time", "program time", "date and time", "last changed", "last updated", "test", "x value",
-           "cumulative time", "absolute time", "record time", "system time",
-           "zeit", "datum", "temps", "tiempo", "tempo", "czas", "время", "时间", "時間", "시간", "dpt time"),
+    words_of("time", "t", "timestamp", "time stamp", "datetime", "date time", "date", "stamp", "elapsed",
+             "elapsed time", "unix time", "unixtime", "relative time", "total time", "header stamp", "seconds", "epoch",
+             "ts", "realtime", "run time", "prog time", "program time", "date and time", "last changed", "last updated",
+             "test", "x value", "cumulative time", "absolute time", "record time", "system time",
+             "zeit", "datum", "temps", "tiempo", "tempo", "czas", "время", "时间", "時間", "시간",
+             "dpt time"),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip
-CURRENT = Channel(
-    "current", ("current",), UNITS["a"], "A or mA",
-    _words("current", "i", "cur", "curr", "ipack", "amps", "amperage", "ibat", "ibatt", "strom", "courant", "corriente",
-           "corrente", "prąd", "ток", "电流", "電流", "전류"),
-    _BESIDE_BATTERY, letters, required=True,
-)  # fmt: skip
-VOLTAGE = Channel(
-    "voltage", ("voltage",), UNITS["v"], "V or mV",
-    _words("voltage", "v", "u", "vol", "volt", "volts", "potential", "vtot", "vpack", "upack", "vfas",
-           "vbat", "vbatt", "ubat", "ubatt", "ecell", "ewe",
-           "spannung", "tension", "tensión", "voltaje", "tensione", "tensão", "napięcie", "напряжение", "电压", "電圧",
-           "電壓", "전압"),
-    _BESIDE_BATTERY, letters, required=True,
-)  # fmt: skip
-TEMPERATURE = Channel(
-    "temperature", ("temperature",), UNITS["degc"], "degC, K or degF",
-    _words("temperature", "temp", "t", "tbat", "tbatt", "temperature t", "temperature a", "aux temperature",
-           "temperatur", "température", "temperatura", "температура", "温度", "溫度", "온도"),
-    _BESIDE_BATTERY, letters, first_of_many=True,
-)  # fmt: skip
-WHEEL_SPEED = Channel(
-    "wheel_speed", ("rotation", "speed", "turn", "angle", "length"), UNITS["rad/s"],
-    "rad/s, rpm, m/s, counts, rad or m",
-    _words("speed", "vel", "velocity", "velocities", "v", "w", "omega", "rate", "angvel"), _BESIDE_WHEELS,
-)  # fmt: skip
-WHEEL_COUNTS = WHEEL_SPEED._replace(
-    dimensions=("turn", "angle", "length"),
-    default=UNITS["counts"],
-    words=_words("counts", "count", "ticks", "tick", "encoder", "enc", "position", "positions", "pos", "angle",
-                 "s", "way", "distance", "dist", "travel"),
-)  # fmt: skip
-MOTOR_CURRENT = Channel(
-    "motor_current", ("current",), UNITS["a"], "A or mA",
-    _words("current", "currents", "cur", "curr", "i", "amps"), _BESIDE_WHEELS,
-)  # fmt: skip
+CURRENT = _OF_TABLE["battery_current_A"]
+VOLTAGE = _OF_TABLE["battery_voltage_V"]
+TEMPERATURE = _OF_TABLE["battery_temperature_degC"]
+WHEEL_SPEED = _OF_TABLE["wheel_speed_rad_s"]
+#: Counts become a speed.
+WHEEL_COUNTS = _OF_TABLE["wheel_counts"]._replace(name=WHEEL_SPEED.name, example=WHEEL_SPEED.example)
+MOTOR_CURRENT = _OF_TABLE["motor_current_A"]
 
 _OF_A_TABLE = (word_set("values value table curve mean average avg quasi cell pack battery cc reference ref"),)
 _OPEN_CIRCUIT = "- voltage v u e emf ocv ocp uocv vocv"
@@ -139,57 +132,31 @@ _OPEN_CIRCUIT = "- voltage v u e emf ocv ocp uocv vocv"
 OCV_TABLE = tuple(
     Channel(name, (unit.dimension,), unit, example, words, _OF_A_TABLE, letters, first_of_many=True)
     for name, unit, example, words in (
-        ("soc", UNITS["1"], "% or 1", _words("soc", "state of charge", "charge state", "z")),
+        ("soc", UNITS["1"], "% or 1", words_of("soc", "state of charge", "charge state", "z")),
         ("ocv", UNITS["v"], "V or mV",
-         _words("ocv", "ocp", "emf", "voltage", "potential", "v", "u", "e", "uocv", "vocv", "voc", "uoc", "ocv voltage",
-                *_each("v u", "oc ocv"), "open circuit", "open circuit voltage", "open circuit potential",
-                "equilibrium voltage")),
-        ("ocv_charge", UNITS["v"], "V or mV", _words(*_each(_OPEN_CIRCUIT, "charge charging chg ch"))),
+         words_of("ocv", "ocp", "emf", "voltage", "potential", "v", "u", "e", "uocv", "vocv", "voc", "uoc",
+                  "ocv voltage", *each_with_each("v u", "oc ocv"), "open circuit", "open circuit voltage",
+                  "open circuit potential", "equilibrium voltage")),
+        ("ocv_charge", UNITS["v"], "V or mV", words_of(*each_with_each(_OPEN_CIRCUIT, "charge charging chg ch"))),
         ("ocv_discharge", UNITS["v"], "V or mV",
-         _words(*_each(_OPEN_CIRCUIT, "discharge discharging dischg dchg dis"))),
+         words_of(*each_with_each(_OPEN_CIRCUIT, "discharge discharging dischg dchg dis"))),
         ("hysteresis", UNITS["v"], "V or mV",
-         _words("hysteresis", "hysteresis voltage", "half gap", "hysteresis half gap")),
+         words_of("hysteresis", "hysteresis voltage", "half gap", "hysteresis half gap")),
         ("ocv_slope", UNITS["v/k"], "V/K or mV/K",
-         _words("dvdt", "dudt", "docvdt", *_each("dv du de docv dvoltage", "dt dtemperature"),
-                *_each("entropy entropic temperature", "coefficient"))),
-        ("reference_temperature", UNITS["degc"], "degC, K or degF", TEMPERATURE.words - _words("t")),
+         words_of("dvdt", "dudt", "docvdt", *each_with_each("dv du de docv dvoltage", "dt dtemperature"),
+                  *each_with_each("entropy entropic temperature", "coefficient"))),
+        ("reference_temperature", UNITS["degc"], "degC, K or degF", TEMPERATURE.words - words_of("t")),
     )
 )  # fmt: skip
 
 #: The channels of a battery's log.
-BATTERY = (TIME, CURRENT, VOLTAGE, TEMPERATURE)
+BATTERY = (TIME, *_channels_of("battery"))
 #: The channels of each wheel, those of the motor only where it is driven.
 WHEEL = (WHEEL_SPEED, MOTOR_CURRENT)
+#: A yaw becomes a rate where there is no gyro.
+YAW = Channel("yaw", ("angle",), UNITS["rad"], "rad or deg", words_of("yaw", "yaw angle"), _BESIDE_BODY)
 #: The channels of a robot's body.
-BODY = (
-    Channel(
-        "yaw_rate", ("rotation",), UNITS["rad/s"], "rad/s or deg/s",
-        _words(*_each("yaw", "rate vel velocity speed gyro"), *_each("gyro w omega", "z"), "angular velocity z",
-               "ang vel z"), _BESIDE_BODY,
-    ),
-    Channel("yaw", ("angle",), UNITS["rad"], "rad or deg", _words("yaw", "yaw angle"), _BESIDE_BODY),
-    Channel("heading", ("angle",), UNITS["rad"], "rad or deg", _words("compass", *_each(_COMPASSES, "heading")),
-            _BESIDE_BODY),
-    Channel("heading_std", ("angle",), UNITS["rad"], "rad or deg", _words(*_each("heading", "std sigma")),
-            _BESIDE_BODY),
-    Channel(
-        "acceleration", ("acceleration",), UNITS["m/s2"], "m/s2 or g",
-        _words(*_each("acceleration accel acc", "- x forward"), "a x",
-               *(f"linear {name}" for name in _each("acceleration accel acc", "x forward"))), _BESIDE_BODY,
-    ),
-    Channel("pitch", ("angle",), UNITS["rad"], "rad or deg", _words("pitch", "pitch angle"), _BESIDE_BODY),
-    Channel(
-        "speed", ("speed",), UNITS["m/s"], "m/s or km/h", _words(*_each("speed velocity", _SPEEDOMETERS)), _BESIDE_BODY
-    ),
-    Channel(
-        "speed_std", ("speed",), UNITS["m/s"], "m/s",
-        _words(*(f"speed {name}" for name in _each("std sigma", _SPEEDOMETERS))), _BESIDE_BODY,
-    ),
-    Channel(
-        "speed_age", ("time",), UNITS["s"], "s or ms",
-        _words(*(f"age {name}" for name in _each("speed", _SPEEDOMETERS))), _BESIDE_BODY,
-    ),
-)  # fmt: skip
+BODY = (*_channels_of("body"), YAW)
 CHANNELS = {channel.name: channel for channel in (*BATTERY, *WHEEL, *BODY, *OCV_TABLE)}
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.channels import CURRENT, TEMPERATURE, VOLTAGE
+from ohmward.logs.channels import BATTERY, TIME
 from ohmward.logs.columns import Column, listed
 from ohmward.logs.note import Note, counted
 from ohmward.logs.table import Table, numbers
@@ -15,7 +15,7 @@ from ohmward.logs.table import Table, numbers
 # An interval that is longer than its neighbours and the median by this factor is a gap.
 _GAP_FACTOR = 10.0
 #: No instrument shows a larger number, in whatever unit; squares of it are finite.
-LARGEST = 1e18
+LARGEST_READING = 1e18
 #: A voltage of no battery stands alone, for less than half of so many samples, and so far from those around it, as a
 #: share of the usual one: pulses of a cold cell move it less.
 _AROUND, _FAR = 7, 1 / 3
@@ -24,13 +24,13 @@ _TOGETHER_FRACTION = 0.5
 
 
 def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
-    """Current [A], voltage [V] and temperature [degC] as float64; infinite values become NaN.
+    """Every channel but the time in the unit of its quantity, as float64; infinite values become NaN.
 
     Raises:
         InputError: text where a number must stand (names the line), or no value of the current or voltage at all.
     """
-    for channel in (CURRENT, VOLTAGE, TEMPERATURE):
-        if channel.name not in chosen:
+    for channel in BATTERY:
+        if channel is TIME or channel.name not in chosen:
             continue
         name, unit = chosen[channel.name]
         values, infinite = finite(name, numbers(table, name))
@@ -44,9 +44,9 @@ def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
 
 def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
     """The values (T,) of a column with NaN in place of infinite and of huge ones, and a note on their number."""
-    if not ((values > LARGEST).any() or (values < -LARGEST).any()):
+    if not ((values > LARGEST_READING).any() or (values < -LARGEST_READING).any()):
         return values, ()
-    infinite = np.abs(values) > LARGEST
+    infinite = np.abs(values) > LARGEST_READING
     note = Note(f"{counted(infinite.sum(), 'infinite value')} of {name!r} taken as missing", "warning")
     return np.where(infinite, np.nan, values), (note,)
 
@@ -105,8 +105,8 @@ def drop_text(table: Table) -> Table:
 def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
     """Rows that have a current or a voltage; what was sampled on rows of its own is interpolated onto them.
 
-    The temperature is always interpolated linearly over rows that lack it. The current is, where the file samples it
-    on other rows than the voltage; single missing values of current and voltage stay NaN.
+    The temperature, and whatever else the battery has, is always interpolated linearly over rows that lack it. The
+    current is, where the file samples it on other rows than the voltage; single missing values of both stay NaN.
     """
     time = chosen["time"].name
     current = chosen["current"].name
@@ -115,8 +115,9 @@ def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
     measured = has_current | has_voltage
     if (has_current & has_voltage).sum() < _TOGETHER_FRACTION * min(has_current.sum(), has_voltage.sum()):
         table = _interpolate(table, time, current, has_voltage & ~has_current)
-    if "temperature" in chosen and (name := chosen["temperature"].name) in table.columns:
-        table = _interpolate(table, time, name, measured & ~np.isfinite(table.columns[name]))
+    for name in [column.name for quantity, column in chosen.items() if quantity not in ("time", "current", "voltage")]:
+        if name in table.columns:
+            table = _interpolate(table, time, name, measured & ~np.isfinite(table.columns[name]))
     if measured.all():
         return table
     note = Note(f"{counted((~measured).sum(), 'row')} with neither current nor voltage: dropped")
@@ -138,8 +139,12 @@ def _interpolate(table: Table, time: str, name: str, rows: np.ndarray) -> Table:
 def missing_notes(table: Table, chosen: Mapping[str, Column]) -> list[Note]:
     """Notes on the number of samples that lack their current or voltage."""
     counts = {q: int(np.isnan(table.columns[chosen[q].name]).sum()) for q in ("current", "voltage")}
-    lacking = [f"{count} of {table.line.size} samples have no {q} (NaN)" for q, count in counts.items() if count]
-    return [Note(text, "warning") for text in lacking]
+    return [Note(lacking(count, table.line.size, q), "warning") for q, count in counts.items() if count]
+
+
+def lacking(count: int, samples: int, quantity: str) -> str:
+    """Sentence on the samples that lack a quantity."""
+    return f"{count} of {samples} samples have no {quantity} (NaN)"
 
 
 def find_gaps(time_s: np.ndarray) -> np.ndarray:

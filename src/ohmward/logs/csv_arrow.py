@@ -19,7 +19,7 @@ from ohmward.logs.table import MISSING, Progress
 WORTH_BYTES, WORTH_ROWS = 4 << 20, 20_000
 
 #: Bytes that are parsed at a time.
-_BLOCK = 1 << 23
+_BLOCK_BYTES = 1 << 23
 
 
 def read_numbers(
@@ -71,7 +71,7 @@ def _options(csv: ModuleType, arrow: ModuleType, layout: CsvLayout, keys: list[s
     names = [str(k) for k in range(len(layout.names))]
     missing = sorted({"NaN", *(spelling for word in MISSING for spelling in (word, word.upper(), word.title()))})
     return (
-        csv.ReadOptions(skip_rows=layout.skip_lines, column_names=names, block_size=_BLOCK),
+        csv.ReadOptions(skip_rows=layout.skip_lines, column_names=names, block_size=_BLOCK_BYTES),
         csv.ParseOptions(delimiter=layout.delimiter, quote_char=False),
         csv.ConvertOptions(
             check_utf8=False,
@@ -90,7 +90,7 @@ def _plain_rows(path: Path, layout: CsvLayout) -> int:
     with path.open("rb") as stream:
         for _ in range(layout.skip_lines):
             stream.readline()
-        while block := stream.read(_BLOCK):
+        while block := stream.read(_BLOCK_BYTES):
             if b'"' in block or b"\0" in block:
                 return 0
             lines += block.count(b"\n")

@@ -63,7 +63,7 @@ def names_without_header(row: Sequence[str]) -> list[str] | None:
 
 _HEAD_LINES = 400
 _HEAD_CHARACTERS = 1 << 20
-_HEAD_BYTES = 1 << 16
+_LAYOUT_BYTES = 1 << 16
 #: A gzip file may unpack to this many bytes, or to this many times of what it took: logs shrink by 3 to 20.
 UNPACKED_BYTES, _UNPACKED_TIMES = 16 << 20, 100
 _COMMENT = ("#", "%", "//", "~")
@@ -161,7 +161,7 @@ def open_text(path: Path, encoding: str | None = None) -> TextIO:
         opener = _LimitedGzip if stream.read(2) == b"\x1f\x8b" else open
     if encoding is None:
         with opener(path, "rb") as stream:
-            encoding = _encoding_of(path, stream.read(_HEAD_BYTES))
+            encoding = _encoding_of(path, stream.read(_LAYOUT_BYTES))
     return io.TextIOWrapper(opener(path, "rb"), encoding, errors="replace", newline="")
 
 

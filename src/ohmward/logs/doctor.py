@@ -6,11 +6,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from ohmward.logs.log import COLDEST_DEGC, HOTTEST_DEGC, LogSource, as_log
+from ohmward.logs.clean import lacking
+from ohmward.logs.log import LogSource, as_log
 from ohmward.logs.note import counted
+from ohmward.logs.plausible import YEAR_S
+from ohmward.logs.sign import OTHER_SIGN, WRONG_SIGN
 from ohmward.logs.survey import Survey, survey
-
-_YEAR_S = 365.25 * 86400.0
+from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 
 Severity = Literal["info", "warning", "error"]
 
@@ -54,7 +56,7 @@ def examine(log: LogSource) -> Findings:
     )
 
 
-def _check_voltage_scale(s: Survey) -> Iterator[Finding]:
+def _check_voltage(s: Survey) -> Iterator[Finding]:
     low, high = s.voltage.minimum, s.voltage.maximum
     if high > 1500.0:
         yield Finding("error", f"voltages up to {high:g} V", "millivolts? use --unit voltage=mV")
@@ -66,12 +68,9 @@ def _check_voltage_scale(s: Survey) -> Iterator[Finding]:
         yield Finding("error", f"the voltage never changes ({low:g} V)", "the sensor or the column is dead; check both")
 
 
-def _check_current_scale(s: Survey) -> Iterator[Finding]:
+def _check_current(s: Survey) -> Iterator[Finding]:
     if _largest_A(s) > 1500.0:
         yield Finding("warning", f"currents up to {_largest_A(s):g} A", "milliamperes? use --unit current=mA")
-
-
-def _check_current_changes(s: Survey) -> Iterator[Finding]:
     if s.current.maximum - s.current.minimum <= 0.01 * _largest_A(s):
         yield Finding(
             "error",
@@ -88,11 +87,7 @@ def _check_current_changes(s: Survey) -> Iterator[Finding]:
 
 def _check_sign(s: Survey) -> Iterator[Finding]:
     if s.sign.verdict == "discharge":
-        yield Finding(
-            "error",
-            "the voltage answers the current with the wrong sign",
-            "current > 0 must charge; read the log with the other --current-sign",
-        )
+        yield Finding("error", WRONG_SIGN, OTHER_SIGN)
     elif s.sign.verdict == "undecidable":
         yield Finding(
             "info", "the data do not show the sign of the current", "make sure that current > 0 charges the battery"
@@ -117,10 +112,10 @@ def _check_sampling(s: Survey) -> Iterator[Finding]:
 
 
 def _check_gaps(s: Survey) -> Iterator[Finding]:
-    if s.sampling.longest_gap_s > _YEAR_S:
+    if s.sampling.longest_gap_s > YEAR_S:
         yield Finding(
             "error",
-            f"a gap of {s.sampling.longest_gap_s / _YEAR_S:.1f} years",
+            f"a gap of {s.sampling.longest_gap_s / YEAR_S:.1f} years",
             "the clock was set while the log ran; keep one side of the gap",
         )
     elif s.sampling.gaps:
@@ -136,7 +131,7 @@ def _check_missing(s: Survey) -> Iterator[Finding]:
         if signal.missing:
             yield Finding(
                 "warning",
-                f"{counted(signal.missing, 'sample')} of {s.samples} without {name}",
+                lacking(signal.missing, s.samples, name),
                 "estimators skip them; find out why the sensor was silent",
             )
 
@@ -178,9 +173,8 @@ def _largest_A(s: Survey) -> float:
 
 
 _CHECKS: tuple[Callable[[Survey], Iterator[Finding]], ...] = (
-    _check_voltage_scale,
-    _check_current_scale,
-    _check_current_changes,
+    _check_voltage,
+    _check_current,
     _check_sign,
     _check_sampling,
     _check_gaps,

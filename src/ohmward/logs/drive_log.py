@@ -22,22 +22,7 @@ from ohmward.logs.time_series import TimeSeries
 from ohmward.logs.wheel_columns import Found, Wheels, find_drive_columns
 from ohmward.logs.wheel_speed import Mechanics
 from ohmward.logs.window import window_s
-
-# Channel of the body -> its field in the log.
-_BODY = {
-    "yaw_rate": "yaw_rate_rad_s",
-    "acceleration": "acceleration_m_s2",
-    "pitch": "pitch_rad",
-    "speed": "speed_m_s",
-    "speed_std": "speed_std_m_s",
-    "speed_age": "speed_age_s",
-    "heading": "heading_rad",
-    "heading_std": "heading_std_rad",
-}
-
-#: Channels of the body: optional, (T,) each.
-BODY = tuple(_BODY.values())
-
+from ohmward.quantities import BODY, QUANTITIES
 
 #: A `DriveLog`, or a path or DataFrame of one.
 DriveSource: TypeAlias = "DriveLog | str | PathLike[str] | Any"
@@ -69,7 +54,7 @@ class DriveLog(TimeSeries):
     #: of a compass or two GNSS antennas, > 0 to the left, from any zero; its standard deviation
     heading_rad: np.ndarray | None = None
     heading_std_rad: np.ndarray | None = None
-    #: further numeric columns by their name in the file, (T,) each: truths, for example
+    #: further quantities of the body by their name, and numeric columns by theirs in the file, (T,) each: truths, too
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()  #: everything that was assumed, converted or dropped on the way
     #: Unix time [s] of time_s = 0 and the zone of its dates, as in `Log`
@@ -100,7 +85,11 @@ class DriveLog(TimeSeries):
         return read_drive(frame, robot, driven, **options)
 
     def to_pandas(self, places: Sequence[str] | None = None) -> Any:
-        """A DataFrame with a column for each channel and the extra columns, units in their names, over `time_s` [s].
+        """A DataFrame of `columns` over `time_s` [s]."""
+        return to_frame(self.columns(places), self.name)
+
+    def columns(self, places: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+        """A column (T,) for each channel, units in their names, and the extra columns.
 
         places: names of the wheels, driven ones first; wheel_1, wheel_2, ... unless given.
         """
@@ -112,7 +101,7 @@ class DriveLog(TimeSeries):
         columns |= {f"{p}_wheel_speed_rad_s": self.wheel_speed_rad_s[:, k] for k, p in enumerate(names)}
         columns |= {f"{p}_motor_current_A": v for p, v in zip(names, self.motor_current_A.T, strict=False)}
         body = {name: getattr(self, name) for name in BODY if getattr(self, name) is not None}
-        return to_frame({**columns, **body, **self.extra}, self.name)
+        return {**columns, **body, **self.extra}
 
 
 def read_drive(
@@ -187,13 +176,18 @@ def _as_log(file: TableFile, rows: RecordedTable, channels: DriveChannels, order
     notes = [*rows.table.notes, *channels.notes]
     if not measured.all():
         notes.append(Note(f"{counted(int((~measured).sum()), 'row')} in which nothing was measured: dropped"))
+    known = [quantity for quantity in QUANTITIES.values() if quantity.owner == "body"]
+    body = {quantity.field: channels.body[quantity.channel] for quantity in known if quantity.channel in channels.body}
     log = DriveLog(
         name=file.stem,
         time_s=channels.time_s,
         wheel_speed_rad_s=channels.wheel_speed_rad_s,
         motor_current_A=channels.motor_current_A,
-        **{_BODY[channel]: values for channel, values in channels.body.items() if channel in _BODY},
-        extra={name: values for name, values in rows.table.columns.items() if name not in rows.own},
+        **{name: values for name, values in body.items() if name in BODY},
+        extra={
+            **{name: values for name, values in body.items() if name not in BODY},
+            **{name: values for name, values in rows.table.columns.items() if name not in rows.own},
+        },
         notes=(*notes, *order, *channels.absent, *gap_notes(channels.time_s)),
         start_unix_s=rows.start_unix_s,
         time_zone=rows.time_zone,

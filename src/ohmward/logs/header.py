@@ -93,7 +93,7 @@ def find_header(rows: Sequence[Row], block: ValueBlock) -> Header:
     names, timezone = _with_devices(names, layered)
     if units is not None:
         names = [_with_unit(name, unit) for name, unit in zip(names, [*units, *[""] * len(names)], strict=False)]
-    first = _first_data(rows, first_same)
+    first = next((at for at in range(first_same + 1, len(rows)) if is_data(rows[at])), first_same + 1)
     return Header(tuple(names[: _width(names, block.width)]), first_same, first, timezone)
 
 
@@ -148,7 +148,3 @@ def _with_devices(names: list[str], devices: Row | None) -> tuple[list[str], str
 def _width(names: Sequence[str], width: int) -> int:
     """The number of columns: a header may name a remark that the rows do not have."""
     return width if len(names) == width + 1 and (not names[-1] or names[-1].lower() == "comment") else len(names)
-
-
-def _first_data(rows: Sequence[Row], header: int) -> int:
-    return next((at for at in range(header + 1, len(rows)) if is_data(rows[at])), header + 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import Any, TypeAlias
 
@@ -27,22 +27,29 @@ from ohmward.logs.hints import FileHints
 from ohmward.logs.note import Note, counted
 from ohmward.logs.plausible import guess_notes, milliampere_notes, require_plausible
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
+from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.sign import CurrentSign, charging_current
 from ohmward.logs.state_column import state_column, with_direction
 from ohmward.logs.table import Progress, Table, TableFile, with_sample_time
 from ohmward.logs.time_series import TimeSeries
 from ohmward.logs.window import window_s
 from ohmward.logs.wrapped import require_not_wrapped
+from ohmward.quantities import QUANTITIES, Quantity
 
 SECONDS_PER_HOUR = 3600.0
 
-#: No battery is used beyond these; sensors say -127 or -273 when their wire is off.
-COLDEST_DEGC, HOTTEST_DEGC = -60.0, 120.0
 #: A temperature [degC] that never changes and lies outside of these comes from no sensor: -127, -40, 85, 127.
 COLDEST_CHAMBER_DEGC, HOTTEST_CHAMBER_DEGC = -35.0, 80.0
 #: So many samples at least tell that it never changes.
 _SAMPLES_OF_A_CONSTANT = 50
 
+
+#: Quantities of the battery that have an array of their own; others are among `extra`.
+_COLUMNS = tuple(
+    quantity.field
+    for quantity in QUANTITIES.values()
+    if quantity.owner == "battery" and quantity.estimated_from and quantity.words
+)
 
 #: A `Log`, or a path or DataFrame of one.
 LogSource: TypeAlias = "Log | str | PathLike[str] | Any"
@@ -64,18 +71,18 @@ class Log(TimeSeries):
     current_A: np.ndarray  #: (T,) [A], > 0 charges; NaN where it was not measured
     voltage_V: np.ndarray  #: (T,) [V] of the whole pack; NaN where it was not measured
     temperature_degC: np.ndarray | None = None  #: (T,) [degC], or None when the file has no temperature
-    #: further numeric columns by their name in the file, (T,) each, in the file's own units
+    #: (T,) each: further quantities of the battery by their names, and numeric columns by theirs in the file, in the
+    #: file's own units
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()  #: everything that was assumed, converted or dropped on the way
     start_unix_s: float | None = None  #: Unix time [s] of time_s = 0, or None when the file has no wall clock
     time_zone: str = "UTC"  #: of the wall clock in the file; "" where its dates name none and were taken as UTC
 
     def __post_init__(self) -> None:
-        columns = ("current_A", "voltage_V", "temperature_degC")
-        start_unix_s = self._freeze(columns)
+        start_unix_s = self._freeze(_COLUMNS)
         if self.start_unix_s is None:
             object.__setattr__(self, "start_unix_s", start_unix_s)
-        self._require_lengths(columns)
+        self._require_lengths(_COLUMNS)
 
     @classmethod
     def from_pandas(cls, frame: Any, **options: Any) -> Log:
@@ -176,6 +183,49 @@ def read_log(
     return log if part is None else log.between(*part)
 
 
+@dataclass(frozen=True)
+class ReadOptions:
+    """Options of `read_log`, the same for every log."""
+
+    current_sign: CurrentSign = "auto"  #: "auto", "charge" or "discharge"
+    #: quantity and column, quantity and unit, column and value of the rows that are wanted
+    columns: tuple[tuple[str, str], ...] = ()
+    units: tuple[tuple[str, str], ...] = ()
+    where: tuple[tuple[str, str], ...] = ()
+    sort_time: bool = False  #: sort rows that are out of order
+    hints: FileHints = field(default_factory=FileHints)  #: what the files do not tell of themselves
+
+    def read(
+        self,
+        text: str,
+        extra: Collection[str] | None = None,
+        progress: Progress | None = None,
+        file: TableFile | None = None,
+    ) -> Log:
+        """The log of this name.
+
+        text: a file, or a file and the rows wanted of it, `ocv.parquet:script=1,temp_C=25`, then part of its name.
+        extra, progress: as of `read_log`.
+        file: the same file where it is open already.
+
+        Raises:
+            InputError, OhmwardError: as `read_log`.
+        """
+        path, where = split_selection(text)
+        log = read_log(
+            file or path,
+            current_sign=self.current_sign,
+            columns=dict(self.columns),
+            units=dict(self.units),
+            where=dict(self.where) | where,
+            extra=extra,
+            sort_time=self.sort_time,
+            progress=progress,
+            hints=self.hints,
+        )
+        return replace(log, name=selected_name(log.name, where))
+
+
 def as_log(source: LogSource) -> Log:
     """The log itself, or that of a path or DataFrame, read by `read_log` without further options.
 
@@ -207,6 +257,8 @@ def _as_log(
     require_not_wrapped(file.source, measured["current"], voltage_V)
     current_A, sign_note = charging_current(file, current_sign, time_s, measured["current"], voltage_V)
     own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
+    further, impossible = _further(measured)
+    doubts += impossible
     temperature, told = _temperature(file, chosen.get("temperature"), measured.get("temperature"), time_s.size)
     return Log(
         name=file.stem,
@@ -214,7 +266,7 @@ def _as_log(
         current_A=current_A,
         voltage_V=voltage_V,
         temperature_degC=temperature,
-        extra={name: column for name, column in table.columns.items() if name not in own},
+        extra={**further, **{name: column for name, column in table.columns.items() if name not in own}},
         notes=(*table.notes, *doubts, *spikes, *told, *missing_notes(table, chosen), *gap_notes(time_s), sign_note),
         start_unix_s=start_unix_s,
         time_zone=rows.time_zone,
@@ -245,7 +297,7 @@ def _temperature(
         text = f"temperature {np.nanmax(measured):g} degC throughout, without any change: no sensor, left out{says}"
         measured, notes = None, (Note(text, "warning"),)
     elif measured is not None:
-        measured, notes = without_impossible_temperatures(measured)
+        measured, notes = without_impossible(QUANTITIES["battery_temperature_degC"], measured)
     if told is None:
         return measured, notes
     if measured is not None:
@@ -256,16 +308,32 @@ def _temperature(
     return np.full(samples, told), (*notes, Note(f"temperature of {told:g} degC throughout, as told"))
 
 
-def without_impossible_temperatures(temperature_degC: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The temperatures (T,) [degC] with NaN in place of those that no battery has, and a note on them.
+def _further(measured: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[Note, ...]]:
+    """Quantities of the battery (T,) that have no array of their own in a log, by their name there, and notes on them.
 
-    Where they are most, the unit is wrong, and all stay.
+    measured: channel -> (T,), in the unit of its quantity.
+    """
+    found: dict[str, np.ndarray] = {}
+    notes: tuple[Note, ...] = ()
+    for quantity in QUANTITIES.values():
+        if quantity.owner == "battery" and quantity.channel in measured and quantity.field not in _COLUMNS:
+            found[quantity.field], impossible = without_impossible(quantity, measured[quantity.channel])
+            notes += impossible
+    return found, notes
+
+
+def without_impossible(
+    quantity: Quantity, values: np.ndarray, unit_known: bool = False
+) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The values (T,) of a quantity with NaN in place of those that no battery has, and a note on them.
+
+    Where they are most, and the unit is not known for sure, that is wrong, and all stay.
     """
     with np.errstate(invalid="ignore"):
-        wrong = (temperature_degC < COLDEST_DEGC) | (temperature_degC > HOTTEST_DEGC)
-    if 2 * np.count_nonzero(wrong) > np.count_nonzero(np.isfinite(temperature_degC)):
-        return temperature_degC, ()
-    return without_rows(temperature_degC, np.flatnonzero(wrong), "temperature", "degC", "no battery has them")
+        wrong = (values < quantity.limits.lowest) | (values > quantity.limits.highest)
+    if not unit_known and 2 * np.count_nonzero(wrong) > np.count_nonzero(np.isfinite(values)):
+        return values, ()
+    return without_rows(values, np.flatnonzero(wrong), quantity.channel, quantity.unit, "no battery has them")
 
 
 def _is_of_no_sensor(column: Column, measured: np.ndarray) -> bool:

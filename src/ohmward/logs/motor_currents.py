@@ -14,7 +14,7 @@ from ohmward.logs.note import Note
 _BACKWARD_FRACTION = 0.05
 
 #: Currents present in less than nine of ten rows with wheel speeds come at a rate of their own.
-_TOGETHER_FRACTION = 0.9
+_OWN_RATE_FRACTION = 0.9
 
 Mended = tuple[np.ndarray, list[Note]]
 
@@ -61,7 +61,7 @@ def _bridge(time_s: np.ndarray, current_A: np.ndarray, wheels_measured: np.ndarr
     """Straight lines between the samples of currents that come on rows of their own, but not over gaps."""
     known = np.isfinite(current_A)
     together = (known & wheels_measured[:, None]).sum(axis=0)
-    apart = np.flatnonzero((known.sum(axis=0) > 1) & (together < _TOGETHER_FRACTION * wheels_measured.sum()))
+    apart = np.flatnonzero((known.sum(axis=0) > 1) & (together < _OWN_RATE_FRACTION * wheels_measured.sum()))
     if not apart.size:
         return current_A, []
     bridged = current_A.copy()

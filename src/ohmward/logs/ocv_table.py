@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.channels import OCV_TABLE, Channel
+from ohmward.logs.channels import OCV_TABLE
 from ohmward.logs.columns import Column, find_column, listed
 from ohmward.logs.note import Note, counted
 from ohmward.logs.read import open_table
-from ohmward.logs.table import Table, numbers
+from ohmward.logs.table import numbers
 
 #: A table of SoC whose largest value is above this is in percent: a share ends at 1, with some counting error.
 _PERCENT_ABOVE = 1.5
@@ -47,13 +47,18 @@ def read_ocv_table(source: Any) -> OcvTable:
     columns = {name: column for name, column in found.items() if column}
     _require_columns(file.source, file.names, columns)
     table = file.load([column.name for column in columns.values()])
-    values = {c.name: _in_si(table, c, columns[c.name]) for c in OCV_TABLE if c.name in columns}
+    values = {
+        c.name: (columns[c.name].unit or c.default).in_si(numbers(table, columns[c.name].name))
+        for c in OCV_TABLE
+        if c.name in columns
+    }
     reference = values.pop("reference_temperature", None)
     whole = np.all([np.isfinite(v) for v in values.values()], axis=0)
     if whole.sum() < 2:
         raise InputError(f"{file.source}: a curve needs at least 2 rows with numbers, it has {whole.sum()}")
     used = {name: v[whole] for name, v in values.items()}
-    notes = list(_column_notes(file.source, columns))
+    said = ", ".join(f"{name} from {column.name!r}" for name, column in columns.items())
+    notes = [Note(f"{file.source}: {said}")]
     if dropped := int((~whole).sum()):
         notes.append(Note(f"{file.source}: {counted(dropped, 'row')} with an empty cell left out", "warning"))
     soc, slope = _as_share(used["soc"], columns["soc"]), used.get("ocv_slope")
@@ -91,10 +96,6 @@ def _require_columns(source: str, names: tuple[str, ...], columns: dict[str, Col
         )
 
 
-def _in_si(table: Table, channel: Channel, column: Column) -> np.ndarray:
-    return (column.unit or channel.default).in_si(numbers(table, column.name))
-
-
 def _as_share(soc: np.ndarray, column: Column) -> np.ndarray:
     """SoC in shares of 1; percent without a unit is told by its size."""
     return soc / 100 if column.unit is None and np.max(soc) > _PERCENT_ABOVE else soc
@@ -103,8 +104,3 @@ def _as_share(soc: np.ndarray, column: Column) -> np.ndarray:
 def _as_volts(slope: np.ndarray, column: Column) -> np.ndarray:
     """Change with temperature in V/K; millivolts without a unit are told by their size."""
     return slope / 1000 if column.unit is None and np.max(np.abs(slope)) > _MOST_V_PER_K else slope
-
-
-def _column_notes(source: str, columns: dict[str, Column]) -> tuple[Note, ...]:
-    said = ", ".join(f"{name} from {column.name!r}" for name, column in columns.items())
-    return (Note(f"{source}: {said}"),)

@@ -19,7 +19,7 @@ LONGEST_FLOW_H = 1000.0
 #: The same where the unit of the time is a guess: curves of open-circuit voltage are taken in 50 h.
 LONGEST_FLOW_GUESSED_H = 60.0
 #: Shortest interval between samples of a time whose unit is a guess: 20 kHz.
-SHORTEST_S = 5e-5
+SHORTEST_INTERVAL_S = 5e-5
 #: Intervals from this on are chosen by people, as full half minutes; others are milliseconds or microseconds.
 CHOSEN_FROM_S, HALF_MINUTE_S = 90.0, 30.0
 #: Longest interval between samples of the wheels of a drive: slower ones show no slip.
@@ -72,7 +72,11 @@ def require_plausible_drive(source: str, time: Column, time_s: np.ndarray, guess
     Raises:
         InputError: names the interval and the options that set it right.
     """
-    if guessed and time_s.size > 1 and not SHORTEST_S <= (interval := usual_interval_s(time_s)) <= SLOWEST_DRIVE_S:
+    if (
+        guessed
+        and time_s.size > 1
+        and not SHORTEST_INTERVAL_S <= (interval := usual_interval_s(time_s)) <= SLOWEST_DRIVE_S
+    ):
         raise InputError(
             f"{source}: column {time.name!r}, which names no unit, gives a drive with a sample every {interval:.3g} s; "
             f"{_ADVICE}"
@@ -125,7 +129,7 @@ def usual_interval_s(time_s: np.ndarray) -> float:
 def _is_interval(seconds: float) -> bool:
     """True where people let a logger take a sample so often."""
     if seconds < CHOSEN_FROM_S:
-        return seconds >= SHORTEST_S
+        return seconds >= SHORTEST_INTERVAL_S
     return seconds <= _HOUR_S and abs(seconds / HALF_MINUTE_S - round(seconds / HALF_MINUTE_S)) < _JITTER
 
 

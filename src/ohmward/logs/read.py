@@ -118,18 +118,10 @@ def _open_zip(path: Path, hints: FileHints) -> TableFile:
     return open_npz(path, hints) if path.suffix.lower() == ".npz" else open_workbook(path, hints)
 
 
-def _open_parquet(path: Path, hints: FileHints) -> TableFile:
-    return open_parquet(path)._replace(hints=hints)
-
-
-def _open_ulog(path: Path, hints: FileHints) -> TableFile:
-    return open_ulog(path)._replace(hints=hints)
-
-
 #: First bytes of the formats that they tell.
 OPENERS: tuple[tuple[bytes, Callable[[Path, FileHints], TableFile]], ...] = (
-    (ULOG_MAGIC, _open_ulog),
-    (b"PAR1", _open_parquet),
+    (ULOG_MAGIC, lambda path, hints: open_ulog(path)._replace(hints=hints)),
+    (b"PAR1", lambda path, hints: open_parquet(path)._replace(hints=hints)),
     (FEATHER_MAGIC, open_feather),
     (HDF5_MAGIC, open_hdf5),
     (MATLAB_HDF5_MAGIC, open_hdf5),

@@ -317,7 +317,8 @@ def _columns(source: str, content: Any) -> dict[str, np.ndarray]:
     """Columns of equal length."""
     if isinstance(content, Mapping):
         lists = {name: value for name, value in content.items() if isinstance(value, list)}
-        if len(lists) > 1 and len({len(value) for value in lists.values()}) == 1 and _flat(lists):
+        nested = any(isinstance(cell, list | dict) for values in lists.values() for cell in values[:5])
+        if len(lists) > 1 and len({len(value) for value in lists.values()}) == 1 and not nested:
             return {name: plain_array(value) for name, value in lists.items()}
         content = next(iter(lists.values()), [content])
     while content and all(isinstance(one, list) for one in content):
@@ -354,10 +355,6 @@ def _echoed(text: str) -> list[dict[str, str]]:
                 above.append((indent, name))
         messages += [message] if message else []
     return messages
-
-
-def _flat(lists: Mapping[str, list]) -> bool:
-    return not any(isinstance(cell, list | dict) for values in lists.values() for cell in values[:5])
 
 
 def _alike(values: list[Any]) -> list[Any]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 
@@ -16,6 +18,8 @@ from ohmward.logs.table import Table, numbers
 # A column that every file has: 1, 2, ... counted up where the clock starts again.
 RECORDING = "recording"
 _MOST_SEPARATORS = 3
+#: A file and the rows that are wanted of it.
+_SELECTION = re.compile(r"(?P<path>.+):(?P<where>[^:=,]+=[^:=,]+(,[^:=,]+=[^:=,]+)*)")
 #: Words in the name of a column that tells batteries or robots apart, and words beside them.
 _INSTANCE = frozenset(("instance", "battery", "pack", "bms", "robot"))
 _BESIDE_INSTANCE = frozenset(("id", "no", "nr", "number", "name", "index", "serial"))
@@ -248,3 +252,17 @@ def _plain(value) -> float | int | str:
     if not isinstance(value, int | float | np.number):
         return str(value)
     return int(value) if float(value).is_integer() else float(value)
+
+
+def split_selection(text: str) -> tuple[Path, dict[str, str]]:
+    """File and rows of `ocv.parquet:script=1,temp_C=25`; a file whose own name looks like that is a file."""
+    found = None if Path(text).exists() else _SELECTION.fullmatch(text)
+    if found is None:
+        return Path(text), {}
+    return Path(found["path"]), dict(part.split("=", 1) for part in found["where"].split(","))
+
+
+def selected_name(name: str, where: Mapping[str, str]) -> str:
+    """Name of a log together with the rows that were selected from its file."""
+    chosen = ",".join(f"{column}={value}" for column, value in where.items())
+    return f"{name}:{chosen}" if chosen else name

@@ -18,6 +18,10 @@ from ohmward.logs.note import Note, counted
 from ohmward.logs.table import TableFile
 from ohmward.runs import runs
 
+#: A current of the other sign, and what to do about it in a log.
+WRONG_SIGN = "the voltage answers the current with the wrong sign"
+OTHER_SIGN = "current > 0 must charge; read the log with the other --current-sign"
+
 #: What a positive current in a file does; "auto" tells it from the data.
 CurrentSign = Literal["auto", "charge", "discharge"]
 

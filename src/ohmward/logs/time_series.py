@@ -12,6 +12,7 @@ from ohmward.errors import InputError
 from ohmward.logs.arrays import plain_array
 from ohmward.logs.clock import clock_of_dates
 from ohmward.logs.note import Note
+from ohmward.quantities import QUANTITIES
 
 
 class TimeSeries:
@@ -34,6 +35,15 @@ class TimeSeries:
     def dt_s(self) -> np.ndarray:
         """(T-1,) [s], the time between neighbouring samples."""
         return np.diff(self.time_s)
+
+    def quantities(self, owner: str) -> dict[str, np.ndarray]:
+        """What was measured of the "battery" or the "body", (T,) by the name in the table of quantities.
+
+        A quantity without a field of its own here is among `extra`.
+        """
+        known = [quantity for quantity in QUANTITIES.values() if quantity.owner == owner and quantity.words]
+        found = {quantity.name: getattr(self, quantity.field, self.extra.get(quantity.field)) for quantity in known}
+        return {name: values for name, values in found.items() if values is not None}
 
     def select(self, rows: slice | np.ndarray) -> Self:
         """The samples that a slice, a mask (T,) or indices pick; at least one, in order of time."""

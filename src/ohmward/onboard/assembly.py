@@ -11,11 +11,12 @@ from ohmward.energy.consumption_file import load_consumption
 from ohmward.errors import InputError
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.estimation import Estimation
+from ohmward.onboard.message_parts import no_such_part
 from ohmward.onboard.part import LOG, is_live
-from ohmward.onboard.plausible import no_such_part
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
+from ohmward.onboard.signal_faults import NOT_COUNTED, doubled
 from ohmward.onboard.sinks import AnySink
 from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.sinks.store import StoreSink
@@ -78,10 +79,10 @@ def wiring_faults(setup: Setup, robot: Robot | None) -> Iterator[tuple[str, str]
     for source in setup.source:
         for signal in getattr(source, "signals", ()):
             if signal in first:
-                yield signal, f"{first[signal]} and {source.name} both send it; leave it out of one of them"
+                yield signal, doubled((first[signal], source.name))
             first.setdefault(signal, source.name)
             if signal.startswith("wheel_counts.") and setup.counts_per_turn is None:
-                yield signal, "counts need counts_per_turn = ... in the setup"
+                yield signal, NOT_COUNTED
             if absent := no_such_part(signal, robot):
                 yield signal, absent
 

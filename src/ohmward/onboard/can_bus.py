@@ -25,7 +25,7 @@ _SEND_S = 0.02
 NO_FRAMES = [{"can_id": 0x1FFFFFFF, "can_mask": 0x1FFFFFFF, "extended": True}]
 
 #: The thread that reads looks so often for its end [s].
-_LOOK_S = 0.2
+_RECEIVE_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ async def frames_of(port: CanPort, filters: list[dict[str, Any]] | None = None) 
         yield handover
     finally:
         end.set()
-        await asyncio.to_thread(thread.join, 2 * _LOOK_S)
+        await asyncio.to_thread(thread.join, 2 * _RECEIVE_S)
         bus.shutdown()
 
 
@@ -106,7 +106,7 @@ def _read(bus: Any, port: CanPort, handover: Handover[Frame], end: threading.Eve
     """Read frames until the end."""
     while not end.is_set():
         try:
-            message = bus.recv(_LOOK_S)
+            message = bus.recv(_RECEIVE_S)
         except Exception as error:  # drivers raise of every kind
             handover.fail(port.failed(error))
             return

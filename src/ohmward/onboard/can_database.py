@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
 from ohmward.onboard.message import ScaledSignal, Wiring
-from ohmward.onboard.quantities import quantity_of
 from ohmward.optional import require
+from ohmward.quantities import quantity_of
 
 #: Units that databases give, as factors to that of a quantity's name.
 _UNITS: dict[str, dict[str, float]] = {

@@ -11,11 +11,11 @@ import time
 
 #: A stamp that leaps against its receipt by more than this is that of a clock that was set, or of a source that has
 #: started again.
-STEP_S = 1.0
+LEAP_S = 1.0
 
 #: The smallest delay of so long counts. Crystals drift by 200 ppm at most: 6 ms in that time; a clock that was set by
-#: less than `STEP_S`, and a link that has become slower for good, are followed after it.
-WINDOW_S = 30.0
+#: less than `LEAP_S`, and a link that has become slower for good, are followed after it.
+DELAY_WINDOW_S = 30.0
 
 
 class SystemClock:
@@ -52,11 +52,11 @@ class SourceClock:
             return received_s
         offset_s = received_s - stamp_s
         known_s = min(self._least_s, self._least_before_s)
-        if stamp_s < self._stamp_s - STEP_S or offset_s < known_s - STEP_S:
+        if stamp_s < self._stamp_s - LEAP_S or offset_s < known_s - LEAP_S:
             self.steps += not math.isnan(self._stamp_s)
             self._least_s = self._least_before_s = math.inf
             self._window_s = received_s
-        elif received_s - self._window_s > WINDOW_S / 2:
+        elif received_s - self._window_s > DELAY_WINDOW_S / 2:
             self._least_before_s, self._least_s = self._least_s, math.inf
             self._window_s = received_s
         self._stamp_s = stamp_s

@@ -26,9 +26,11 @@ from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.energy.range_step import RangeEstimate, RangeSample
 from ohmward.onboard.message_parts import MessageSorter
 from ohmward.onboard.robot_state import RobotState
+from ohmward.quantities import GROUPS
 from ohmward.trace.lower.kept_steps import keeping
 from ohmward.traction.inbox import HEADING, SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
+from ohmward.traction.odometry.sample import OdometrySample
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of
 from ohmward.traction.terrain.demand import travel_speed
@@ -44,15 +46,7 @@ CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "batte
 FULL, CELL = "battery_full", "cell_voltage_V"
 
 #: What the odometry takes of a sample of the drive, beside the speed observer's estimate.
-ODOMETRY_SIGNALS = {
-    "time_s",
-    "wheel_speed_rad_s",
-    "yaw_rate_rad_s",
-    "speed_m_s",
-    "speed_std_m_s",
-    "speed_age_s",
-    *HEADING,
-}
+ODOMETRY_SIGNALS = {"time_s", *OdometrySample._fields}
 
 #: A charger that goes on saying that the battery is full is heard again after so long [s].
 FULL_AGAIN_S = 60.0
@@ -104,7 +98,8 @@ class Estimation:
         }
         self._battery_inbox = MeanInbox((CURRENT, VOLTAGE))
         self._temperature_degC = math.nan
-        self._beside: dict[str, float] = {}
+        #: Measured since the last sample of the "battery" and of the "drive", and not taken by an estimator.
+        self._beside: dict[str, dict[str, float]] = {group: {} for group in GROUPS}
         self._cell_names = tuple(f"{CELL}.{k}" for k in range(int(battery.n_series))) if battery else ()
         self._cell_inbox = MeanInbox((CURRENT, *self._cell_names))
         self._measured_s = -math.inf
@@ -151,6 +146,9 @@ class Estimation:
         """
         states: list[RobotState] = []
         parts = self._sorter.parts(values)
+        for group, signals in parts.beside.items():
+            measured = {name: values[signal] for signal, name in signals.items() if math.isfinite(values[signal])}
+            self._beside[group] |= measured
         if self.soc and parts.battery:
             states += self._put_battery(time_s, values)
         if self.inbox and parts.drive:
@@ -173,8 +171,8 @@ class Estimation:
         temperature_degC = values.get(TEMPERATURE, math.nan)
         if math.isfinite(temperature_degC):
             self._temperature_degC = temperature_degC
-        beside = {TEMPERATURE, *self._cell_names}
-        self._beside |= {name: value for name, value in values.items() if name in beside and math.isfinite(value)}
+        beside = {name: values.get(name, math.nan) for name in (TEMPERATURE, *self._cell_names)}
+        self._beside["battery"] |= {name: value for name, value in beside.items() if math.isfinite(value)}
         if math.isfinite(values.get(VOLTAGE, math.nan)):
             self._measured_s = time_s
         if len(self._cell_names) > 1 and (cells := self._cell_inbox.put(time_s, values)):
@@ -208,7 +206,7 @@ class Estimation:
             reach = self.range.update(
                 time_s, charge, speed_m_s, current_A, voltage_V, temperature_degC=self._temperature_degC
             )
-        measured, self._beside = {**sample.values, **self._beside}, {}
+        measured = {**sample.values, **self._taken_beside("battery")}
         return self._after(sample.time_s, measured, battery=charge, range=reach, battery_time_s=sample.time_s)
 
     def _travel_speed_m_s(self) -> float | None:
@@ -255,7 +253,13 @@ class Estimation:
         slip = self.slip.update(**{name: value for name, value in sample.items() if name not in HEADING})
         seen = {name: value for name, value in sample.items() if name in ODOMETRY_SIGNALS}
         pose = self.odometry.update(**seen, observed=slip)
-        return self._after(sample["time_s"], self._signals(sample), slip=slip, pose=pose, drive_time_s=sample["time_s"])
+        measured = {**self._signals(sample), **self._taken_beside("drive")}
+        return self._after(sample["time_s"], measured, slip=slip, pose=pose, drive_time_s=sample["time_s"])
+
+    def _taken_beside(self, group: str) -> dict[str, float]:
+        """What was measured beside the samples of the battery or the drive since the last of them."""
+        measured, self._beside[group] = self._beside[group], {}
+        return measured
 
     def _signals(self, sample: Mapping[str, Any]) -> dict[str, float]:
         """Values of a sample of the drive by signal, wheels by name; those that were not measured left out."""

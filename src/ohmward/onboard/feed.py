@@ -9,7 +9,7 @@ from collections import deque
 from ohmward.onboard.robot_state import RobotState
 
 #: A sink that is away for longer than so many states loses the oldest ones; the feed counts them.
-LONGEST = 10_000
+LONGEST_FEED = 10_000
 
 
 class Feed:
@@ -25,7 +25,7 @@ class Feed:
         trouble: what keeps the sink from delivering while it goes on, "" where nothing does.
     """
 
-    def __init__(self, interval_s: float = 0.0, longest: int = LONGEST):
+    def __init__(self, interval_s: float = 0.0, longest: int = LONGEST_FEED):
         self.interval_s, self.lost = interval_s, 0
         self._waiting: deque[RobotState] = deque(maxlen=longest)
         self._something = asyncio.Event()

@@ -21,7 +21,7 @@ MOST_STRANGERS, MOST_KNOWN = 32, 64
 BACKLOG = 16
 
 #: Lines of a burst that are read before others have their turn: some milliseconds.
-AT_ONCE = 16
+LINES_AT_ONCE = 16
 
 
 class LineReader(asyncio.Protocol):
@@ -77,7 +77,7 @@ class LineReader(asyncio.Protocol):
 
     def _take_some(self) -> None:
         """Take a few lines; while some are left, nothing more is read."""
-        for _ in range(min(AT_ONCE, len(self._waiting))):
+        for _ in range(min(LINES_AT_ONCE, len(self._waiting))):
             self._take(self._waiting.popleft())
         was_busy, self._busy = self._busy, bool(self._waiting)
         if self._busy:

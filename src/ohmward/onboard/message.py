@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from ohmward.checks import require_finite
 from ohmward.errors import InputError
-from ohmward.onboard.quantities import quantity_of
+from ohmward.quantities import quantity_of
 
 
 class Message(NamedTuple):

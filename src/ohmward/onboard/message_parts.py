@@ -1,5 +1,7 @@
 """Parts of a message: which of its signals are of the battery, of the drive, or estimates of a microcontroller.
 
+A quantity of the table that no estimator takes goes beside the next sample of its battery or drive.
+
 A source sends messages of a few kinds again and again, so that each kind, known by the names of its signals, is sorted
 once.
 """
@@ -10,12 +12,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ohmward.onboard.plausible import wheel_number
-from ohmward.onboard.quantities import BATTERY, DRIVE, ESTIMATES
+from ohmward.quantities import BODY, GROUPS, QUANTITIES, Quantity, quantity_of
+from ohmward.traction.inbox import WHEELS
 from ohmward.traction.robot.robot import Robot
-
-_BATTERY, _DRIVE = ({quantity.name for quantity in group} for group in (BATTERY, DRIVE))
-_REPORTED = f"{ESTIMATES[0].name}."
 
 #: Kinds of messages that are remembered; a robot has a dozen, and somebody who sends at random must not fill memory.
 MOST_KINDS = 256
@@ -29,6 +28,8 @@ class MessageParts(NamedTuple):
     wheels: tuple[tuple[str, tuple[str, ...]], ...]
     body: tuple[str, ...]  #: signals of the body, which are arguments themselves
     reported: tuple[str, ...]  #: estimates of a microcontroller
+    #: of the "battery" and of the "drive": signals that no estimator takes, and their names in a state
+    beside: Mapping[str, Mapping[str, str]]
 
     @property
     def drive(self) -> bool:
@@ -52,8 +53,7 @@ class MessageSorter:
     """
 
     def __init__(self, robot: Robot | None, counted: bool):
-        self._places = tuple(place.name for place in robot.places) if robot else ()
-        self._driven = robot.driven if robot else 0
+        self._robot = robot
         self._counted = counted
         self._kinds: dict[tuple[str, ...], MessageParts] = {}
 
@@ -70,20 +70,48 @@ class MessageSorter:
     def _sort(self, names: Sequence[str]) -> MessageParts:
         body: list[str] = []
         wheels: dict[str, list[str]] = {}
-        for signal in names:
-            name, _, part = signal.partition(".")
-            if name not in _DRIVE or (name == "wheel_counts" and not self._counted):
-                continue
-            if not part:
+        beside: dict[str, dict[str, str]] = {group: {} for group in GROUPS}
+        known = {signal: QUANTITIES[name] for signal in names if (name := signal.partition(".")[0]) in QUANTITIES}
+        for signal, quantity in known.items():
+            argument = quantity.name.removeprefix("motor_")
+            places = places_of(quantity, self._robot)
+            wheel = wheel_number(signal, places)
+            if quantity.name in BODY:
                 body.append(signal)
-                continue
-            argument = name.removeprefix("motor_")
-            places = self._places[: self._driven] if argument == "current_A" else self._places
-            if (wheel := wheel_number(signal, places)) is not None:
-                wheels.setdefault(argument, [""] * len(places))[wheel] = signal
+            elif argument in WHEELS:
+                if wheel is not None and (argument != "wheel_counts" or self._counted):
+                    wheels.setdefault(argument, [""] * len(places))[wheel] = signal
+            elif quantity.group and not quantity.estimated_from:
+                name = signal if wheel is None else f"{quantity.name}.{places[wheel]}"
+                beside[quantity.group][signal] = name
         return MessageParts(
-            any(name.partition(".")[0] in _BATTERY for name in names),
+            any(quantity.group == "battery" for quantity in known.values()),
             tuple((argument, tuple(signals)) for argument, signals in wheels.items()),
             tuple(body),
-            tuple(name for name in names if name.startswith(_REPORTED)),
+            tuple(signal for signal in names if signal.startswith("estimate.")),
+            beside,
         )
+
+
+def places_of(quantity: Quantity, robot: Robot | None) -> tuple[str, ...]:
+    """Names of the robot's wheels that have a quantity; none for one that is not of wheels or motors."""
+    if robot is None or quantity.owner not in ("wheel", "motor"):
+        return ()
+    return tuple(place.name for place in robot.places)[: robot.driven if quantity.owner == "motor" else None]
+
+
+def wheel_number(signal: str, places: Sequence[str]) -> int | None:
+    """Number of the wheel that a signal is of, by the wheel's name or number; None where there is none such."""
+    part = signal.partition(".")[2]
+    if part in places:
+        return places.index(part)
+    return int(part) if part.isdecimal() and int(part) < len(places) else None
+
+
+def no_such_part(signal: str, robot: Robot | None) -> str:
+    """Sentence about a wheel or motor that the robot does not have; "" where it has it."""
+    quantity = quantity_of(signal)
+    places = places_of(quantity, robot)
+    if not places or wheel_number(signal, places) is not None:
+        return ""
+    return f"the robot has no such {quantity.each}; it has {', '.join(places)}"

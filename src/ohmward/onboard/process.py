@@ -14,6 +14,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
+from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
 from ohmward.onboard.clock import SourceClock, SystemClock
@@ -26,7 +27,7 @@ from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.sensor_watch import SensorWatch
 
 #: Time between two looks at sensors that should have reported.
-LOOK_S = 0.25
+SENSOR_LOOK_S = 0.25
 
 #: A state goes out at least so often, with new diagnostics where no sensor reports.
 QUIET_S = 1.0
@@ -43,7 +44,7 @@ END_S = 5.0
 SWITCH_S = 0.0005
 
 #: A part that has recovered is said in the log to have after so long [s], if it has not failed again.
-SETTLED_S = 2.0
+RECOVERED_S = 2.0
 
 #: In strict mode a source or sink that fails so soon after the start ends the process.
 STRICT_S = 5.0
@@ -190,7 +191,7 @@ class Process:
         if before and _said(before) == _said(diagnostic):
             return
         if before and before.level > diagnostic.level == Level.OK:  # most of what has failed fails again at once
-            asyncio.get_running_loop().call_later(SETTLED_S, self._log, diagnostic)
+            asyncio.get_running_loop().call_later(RECOVERED_S, self._log, diagnostic)
         else:
             self._log(diagnostic)
         if self.strict and diagnostic.level == Level.ERROR:
@@ -228,9 +229,9 @@ class Process:
         """Look at the sensors again and again."""
         while True:
             began_s = self.clock.now_s()
-            await asyncio.sleep(LOOK_S)
-            if self.clock.now_s() - began_s > 2.0 * LOOK_S:
-                await asyncio.sleep(LOOK_S)  # held up by the machine: what came meanwhile is taken in first
+            await asyncio.sleep(SENSOR_LOOK_S)
+            if self.clock.now_s() - began_s > 2.0 * SENSOR_LOOK_S:
+                await asyncio.sleep(SENSOR_LOOK_S)  # held up by the machine: what came meanwhile is taken in first
             for diagnostic in self.watch.look(self.now_s()):
                 self.tell(diagnostic)
             for sink, feed in self.sinks:
@@ -244,7 +245,7 @@ class Process:
         """Forecast the range: once the charge is known, when it leaps, once the drive tells the way, and at times."""
         made_s, wait_s, soc, assumed = -math.inf, FIRST_FORECAST_S, math.nan, True
         while True:
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(SENSOR_LOOK_S)
             charge = self.estimation.state.battery
             if charge is None or (compute := self.estimation.forecast()) is None:
                 continue
@@ -287,7 +288,7 @@ def _fit(charge: SocEstimate) -> Diagnostic:
         return Diagnostic("battery file", Level.OK, "fits the measurements")
     message = (
         f"does not fit the measurements: it asks for a sensor off by {float(charge.current_offset_A):.3g} A and a "
-        f"capacity of {float(charge.soh_capacity):.0%}; is it of this battery, and is the sign of the current right?"
+        f"capacity of {float(charge.soh_capacity):.0%}; {OTHER_FILE}"
     )
     return Diagnostic("battery file", Level.WARN, message)
 

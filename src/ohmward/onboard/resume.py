@@ -19,22 +19,23 @@ from typing import Any, TypedDict
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.checks import require_between, require_positive
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.errors import InputError
 from ohmward.onboard.estimation import Estimation
-from ohmward.onboard.quantities import QUANTITIES
+from ohmward.quantities import QUANTITIES
 from ohmward.trace.snapshot import to_json, typed
 
 #: An absence up to this is one in which the current went on as it was: a process that crashed, a computer that reboots.
-SHORT_S = 60.0
+SHORT_ABSENCE_S = 60.0
 
 #: An absence of which no clock tells is taken for a day.
 UNKNOWN_S = 86400.0
 
 #: Beyond this the filter takes a step for a gap, and forgets the charge for what may have happened in it.
-_GAP_S = 601.0
+_GAP_S = CURRENT_GAP_S + 1.0
 
 #: A robot goes on for so long at most with its last current before it is switched off.
 _STILL_ON_S = 600.0
@@ -98,8 +99,8 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
         begin = min(max(known.soc, 0.0), 1.0), known.std
         estimation.soc = SocEstimator(estimation.battery, *begin)
         return ["the battery file has changed since: the charge goes on, what the filter had learnt begins anew"]
-    estimation.last_charge = known if away_s > SHORT_S else None
-    passed_s = away_s if away_s <= SHORT_S else max(away_s, _GAP_S)
+    estimation.last_charge = known if away_s > SHORT_ABSENCE_S else None
+    passed_s = away_s if away_s <= SHORT_ABSENCE_S else max(away_s, _GAP_S)
     estimation.shift_s = content["time_s"] + passed_s - now_s
     return [*_resume_cells(estimation, content), *_resume_range(estimation, content, away_s)]
 
@@ -130,7 +131,7 @@ def _charge_of(content: Mapping[str, Any]) -> tuple[_Charge, _Label]:
     current = QUANTITIES["battery_current_A"]
     require_between("charge.soc", charge["soc"], -0.5, 1.5)
     require_between("charge.std", charge["std"], 0.0, 10.0)
-    require_between("charge.current_A", charge["current_A"] or 0.0, current.lowest, current.highest)
+    require_between("charge.current_A", charge["current_A"] or 0.0, *current.limits)
     require_positive("battery.capacity_Ah", label["capacity_Ah"])
     require_between("time_s", typed(float, "time_s", content.get("time_s")), -_MOST_S, _MOST_S)
     return charge, label

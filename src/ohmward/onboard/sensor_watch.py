@@ -16,10 +16,11 @@ from typing import Any
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
-from ohmward.onboard.plausible import no_such_part, plausible_values
-from ohmward.onboard.quantities import quantity_of
+from ohmward.onboard.message_parts import no_such_part
 from ohmward.onboard.robot_state import EVIDENCE, Diagnostic, Level, RobotState
-from ohmward.onboard.wheel_check import WheelCheck
+from ohmward.onboard.signal_faults import doubled, implausible, missing, no_number
+from ohmward.quantities import limits_of, quantity_of
+from ohmward.traction.motion_check import MotionCheck
 from ohmward.traction.robot.robot import Robot
 
 #: A sensor is silent after so many of its usual intervals without a value, and after no less than the time.
@@ -191,7 +192,7 @@ class SensorWatch:
     def __post_init__(self) -> None:
         self.sensors: dict[str, WatchedSensor] = {}
         self.sources = {name: Delivery(frozenset(signals)) for name, signals in self.promised.items()}
-        self._motion = WheelCheck(self.robot) if self.robot else None
+        self._motion = MotionCheck(self.robot) if self.robot else None
         self._left_out = ""
         self._evidence: dict[tuple[str, ...], list[WatchedSensor]] = {names: [] for names in EVIDENCE}
 
@@ -251,8 +252,8 @@ class SensorWatch:
         )
         if now_s - delivery.first_s >= MISSED_S:
             for signal in sorted(delivery.signals - self.sensors.keys()):
-                message = f"has not come from {name} for {MISSED_S:.0f} s; check its wiring, or leave it out of signals"
-                yield Diagnostic(signal, Level.STALE, message)
+                came = f"has not come from {name} for {MISSED_S:.0f} s"
+                yield Diagnostic(signal, Level.STALE, missing(came))
         if now_s - self.began_s >= PROMISED_S:
             none = delivery.first_s == math.inf
             message = "none came yet; is the other side sending?" if none else "come"
@@ -264,9 +265,9 @@ class SensorWatch:
             return None
         quantity = quantity_of(signal)
         move = self._moves().get(quantity.name, math.inf)
-        sensor = self.sensors[signal] = WatchedSensor(signal, source, quantity.lowest, quantity.highest, move)
+        sensor = self.sensors[signal] = WatchedSensor(signal, source, *quantity.limits, move)
         sensor.absent = no_such_part(signal, self.robot)
-        sensor.plausible = plausible_values(quantity.name, self.battery, self.robot)
+        sensor.plausible = limits_of(quantity.name, self.battery, self.robot)
         for names, quantities in EVIDENCE.items():
             if quantity.name in quantities and not sensor.absent:
                 self._evidence[names].append(sensor)
@@ -309,25 +310,25 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
     if sensor.is_silent(now_s):
         return Level.STALE, f"silent; look at the sensor, its wire and {sensor.source}"
     if sensor.bad and not sensor.good:
-        return (
-            Level.ERROR,
-            f"reads {_named(sensor.bad_value)}, which cannot be; look at the sensor, its unit and its wire",
-        )
+        return Level.ERROR, _bad(sensor)
     if sensor.stuck:
         return Level.ERROR, "stuck: the same to the last bit while what moves with it does; look at the sensor"
     if sensor.bad:
-        return Level.WARN, f"reads {_named(sensor.bad_value)} now and then, which cannot be; look at its wire"
+        return Level.WARN, _bad(sensor)
     if now_s - sensor.doubled_s < sensor.silent_after_s:
-        first, second = sensor.source, sensor.doubled_by
-        return Level.WARN, f"doubled: {first} and {second} both send it; {first} is used, leave it out of one of them"
+        return Level.WARN, doubled((sensor.source, sensor.doubled_by), sensor.source)
     if sensor.repeated > sensor.good:
         return Level.WARN, f"doubled: {sensor.source} sends each value twice; the second is left out"
     low, high = sensor.plausible
     if sensor.value < low or sensor.value > high:
-        fix = "check its unit, and that the battery and robot files are those of this robot"
-        return Level.WARN, f"reads {_named(sensor.value)}, plausible are {low:.3g} to {high:.3g}; {fix}"
+        return Level.WARN, implausible(sensor.signal, sensor.value, sensor.value, sensor.plausible)
     return Level.OK, f"reports, from {sensor.source}"
 
 
-def _named(value: float) -> str:
-    return f"{value:.4g}" if math.isfinite(value) else "no number"
+def _bad(sensor: WatchedSensor) -> str:
+    """Sentence on the values since the last look that cannot be true; it stays the same while the fault does."""
+    value = sensor.bad_value
+    if not math.isfinite(value):
+        return no_number("now and then" if sensor.good else "in any of its values")
+    often = " now and then" if sensor.good else ""
+    return implausible(sensor.signal, value, value, sensor.plausible, f"{often}, which cannot be")

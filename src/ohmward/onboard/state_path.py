@@ -11,8 +11,8 @@ from ohmward.checks import require_one_of
 from ohmward.energy.range_step import RangeEstimate
 from ohmward.errors import InputError
 from ohmward.onboard.message import as_number
-from ohmward.onboard.quantities import quantity_of
 from ohmward.onboard.robot_state import RobotState
+from ohmward.quantities import quantity_of
 from ohmward.traction.odometry.sample import OdometryEstimate
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 

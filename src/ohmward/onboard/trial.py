@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -11,10 +10,10 @@ from pathlib import Path
 from ohmward.battery.file import load_battery
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.feed import Feed
-from ohmward.onboard.part import ActingSink, Sink, keep_running
+from ohmward.onboard.part import ActingSink, keep_running
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
-from ohmward.onboard.wiring_check import Recorder, SignalRecord, WiringFinding, check_wiring
+from ohmward.onboard.wiring_check import Recorder, SignalRecord, check_wiring
 from ohmward.traction.robot.file import load_robot
 
 
@@ -23,7 +22,7 @@ class Trial:
     """Result of a trial."""
 
     signals: dict[str, SignalRecord] = field(default_factory=dict)  #: as they came
-    findings: list[WiringFinding] = field(default_factory=list)  #: of parts and signals, what is wrong first
+    findings: list[Diagnostic] = field(default_factory=list)  #: of parts and signals, what is wrong first
 
     @property
     def passed(self) -> bool:
@@ -42,10 +41,9 @@ def try_setup(setup: Setup, seconds: float) -> Trial:
     recorder = Recorder()
     told = asyncio.run(_listen(setup, recorder, seconds))
     promised = {source.name: tuple(getattr(source, "signals", ())) for source in setup.source}
-    parts = [WiringFinding(d.name, d.level, d.message) for d in told.values()]
     found = recorder.signals()
     checked = check_wiring(found, promised, battery, robot, setup.counts_per_turn is not None)
-    return Trial(found, sorted([*parts, *checked], key=lambda finding: -finding.level))
+    return Trial(found, sorted([*told.values(), *checked], key=lambda finding: -finding.level))
 
 
 async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str, Diagnostic]:
@@ -58,7 +56,11 @@ async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str,
             told[diagnostic.name] = diagnostic
 
     simulated, driving = connect_simulated_drives(setup.source, setup.sink)
-    sinks = [asyncio.create_task(keep_running(f"sink {sink.name}", _trial_of(sink), tell)) for sink in driving]
+    # a sink opens what it sends to, and gets no state
+    trials = {
+        sink.name: sink.try_out if isinstance(sink, ActingSink) else partial(sink.run, Feed()) for sink in driving
+    }
+    sinks = [asyncio.create_task(keep_running(f"sink {name}", run, tell)) for name, run in trials.items()]
     sources = [
         asyncio.create_task(keep_running(f"source {source.name}", partial(source.run, recorder.put), tell))
         for source in simulated
@@ -69,8 +71,3 @@ async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str,
         task.cancel()
     await asyncio.gather(*sources, *sinks, return_exceptions=True)
     return told
-
-
-def _trial_of(sink: Sink) -> Callable[[], Awaitable[None]]:
-    """The trial of a sink: it opens what it sends to, and gets no state."""
-    return sink.try_out if isinstance(sink, ActingSink) else partial(sink.run, Feed())

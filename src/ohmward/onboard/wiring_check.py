@@ -10,12 +10,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.logs.sign import sign_evidence
+from ohmward.logs.sign import WRONG_SIGN, sign_evidence
 from ohmward.onboard.message import Message
-from ohmward.onboard.plausible import no_such_part, plausible_values, wheel_number
-from ohmward.onboard.quantities import quantity_of
-from ohmward.onboard.robot_state import Level
-from ohmward.onboard.wheel_check import WheelCheck
+from ohmward.onboard.message_parts import no_such_part, wheel_number
+from ohmward.onboard.robot_state import Diagnostic, Level
+from ohmward.onboard.signal_faults import NOT_COUNTED, SCALES, doubled, implausible, missing, no_number
+from ohmward.quantities import limits_of, quantity_of
+from ohmward.traction.drive_checks import brakes_all_the_way, only_brakes
+from ohmward.traction.motion_check import MotionCheck, contradiction, wrong_sign, wrong_signs
 from ohmward.traction.robot.robot import Robot
 
 #: Rates below which an estimator is of little use: of a battery, by logs at 1 Hz; of a drive, by the time in
@@ -28,30 +30,11 @@ TURNING_RAD_S = 0.5
 #: So many samples in motion decide about a sign.
 DECIDING = 20
 
-#: A sign is wrong where the other one leaves less than this share of the contradiction between wheels and gyro.
-CLEARLY_LESS = 0.3
-
 #: Contradictions [rad/s] below this are the noise of encoders and gyro, and a little slip.
 LEAST_RAD_S = 0.1
 
 #: Wheels and gyro differ by no more than this factor by radius and track.
 MOST_FASTER = 1.5
-
-#: Scales that are forgotten most often, and their names; the first that fits is proposed.
-_SCALES = {
-    "V": ((0.001, "millivolts"), (0.01, "hundredths of a volt"), (0.1, "tenths of a volt")),
-    "A": ((0.001, "milliamperes"), (0.01, "hundredths of an ampere"), (0.1, "tenths of an ampere")),
-    "degC": ((0.1, "tenths of a degree"), (0.01, "hundredths of a degree"), (0.001, "millidegrees")),
-    "rad_s": ((2 * math.pi / 60.0, "rpm"), (math.pi / 180.0, "degrees per second"), (0.001, "milliradians per second")),
-}
-
-
-class WiringFinding(NamedTuple):
-    """Result of a check: OK, WARN for what could not be told, ERROR for what is wrong, with the fix."""
-
-    subject: str
-    level: Level
-    text: str
 
 
 class SignalRecord(NamedTuple):
@@ -108,13 +91,13 @@ def check_wiring(
     battery: Battery | None,
     robot: Robot | None,
     counted: bool = False,
-) -> list[WiringFinding]:
+) -> list[Diagnostic]:
     """Findings about every signal, what is wrong first.
 
     promised: signals that each source says it sends.  counted: True where counts per turn of the encoders are given.
     """
     wheels = list(_wheel_signs(found, robot)) if robot else []
-    wrong = {finding.subject for finding in wheels if finding.level == Level.ERROR}
+    wrong = {finding.name for finding in wheels if finding.level == Level.ERROR}
     findings = [
         *_missing(found, promised),
         *_needed(found, promised, battery, robot),
@@ -124,19 +107,18 @@ def check_wiring(
         *(_motor_signs(found, robot, wrong) if robot else ()),
     ]
     if any(signal.startswith("wheel_counts") for signal in found) and not counted:
-        findings.append(WiringFinding("wheel_counts", Level.ERROR, "counts need counts_per_turn = ... in the setup"))
+        findings.append(Diagnostic("wheel_counts", Level.ERROR, NOT_COUNTED))
     return sorted(findings, key=lambda finding: -finding.level)
 
 
-def _missing(found: Mapping[str, SignalRecord], promised: Mapping[str, tuple[str, ...]]) -> Iterator[WiringFinding]:
+def _missing(found: Mapping[str, SignalRecord], promised: Mapping[str, tuple[str, ...]]) -> Iterator[Diagnostic]:
     for source, signals in promised.items():
         if not any(source in record.sources for record in found.values()):
-            yield WiringFinding(source, Level.ERROR, "sent nothing; is the other side on, and connected?")
+            yield Diagnostic(source, Level.ERROR, "sent nothing; is the other side on, and connected?")
             continue
         for signal in signals:
             if signal not in found:
-                text = f"never came from {source}; check its wiring and its name there, or leave it out of signals"
-                yield WiringFinding(signal, Level.ERROR, text)
+                yield Diagnostic(signal, Level.ERROR, missing(f"never came from {source}"))
 
 
 def _needed(
@@ -144,69 +126,53 @@ def _needed(
     promised: Mapping[str, tuple[str, ...]],
     battery: Battery | None,
     robot: Robot | None,
-) -> Iterator[WiringFinding]:
+) -> Iterator[Diagnostic]:
     """Signals that the estimators cannot do without, and that no source sends or promises."""
     wired = [*found, *(signal for signals in promised.values() for signal in signals)]
     cells = any(signal.startswith("cell_voltage_V.") for signal in wired)
     if battery and "battery_current_A" not in wired:
-        yield WiringFinding(
-            "battery_current_A", Level.ERROR, "no source sends it; the charge cannot be counted without"
-        )
+        yield Diagnostic("battery_current_A", Level.ERROR, "no source sends it; the charge cannot be counted without")
     if battery and "battery_voltage_V" not in wired and not cells:
-        yield WiringFinding("battery_voltage_V", Level.ERROR, "no source sends it; the charge cannot be told without")
+        yield Diagnostic("battery_voltage_V", Level.ERROR, "no source sends it; the charge cannot be told without")
     if robot:
         places = [place.name for place in robot.places]
         told = {wheel_number(signal, places) for signal in wired if signal.startswith(("wheel_speed", "wheel_counts"))}
         for place in places[: robot.driven]:
             if places.index(place) not in told:
                 signal = f"wheel_speed_rad_s.{place}"
-                yield WiringFinding(
+                yield Diagnostic(
                     signal, Level.ERROR, "no source sends it; the wheel is driven and its slip unknown without"
                 )
 
 
-def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: Robot | None) -> Iterator[WiringFinding]:
+def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: Robot | None) -> Iterator[Diagnostic]:
     """Findings about one signal alone."""
     quantity = quantity_of(signal)
     if absent := no_such_part(signal, robot):
-        yield WiringFinding(signal, Level.ERROR, absent)
+        yield Diagnostic(signal, Level.ERROR, absent)
         return
     if len(record.sources) > 1:
-        both = " and ".join(record.sources)
-        yield WiringFinding(signal, Level.ERROR, f"{both} both send it; leave it out of one of them")
+        yield Diagnostic(signal, Level.ERROR, doubled(record.sources))
     finite = float(np.isfinite(record.values).mean())
     if finite < 1.0:
-        yield WiringFinding(
-            signal, Level.ERROR, f"no number in {1 - finite:.0%} of its values; look at the sensor and its wire"
-        )
+        yield Diagnostic(signal, Level.ERROR, no_number(f"in {1 - finite:.0%} of its values"))
         if finite == 0.0:
             return
     least_hz = LEAST_HZ.get(quantity.name, 0.0)
     if record.rate_hz < least_hz:
-        yield WiringFinding(
+        yield Diagnostic(
             signal, Level.ERROR, f"comes {record.rate_hz:.2g} times a second; at least {least_hz:g} are needed"
         )
-    low, high = plausible_values(quantity.name, battery, robot)
+    low, high = limits_of(quantity.name, battery, robot)
     lowest, highest = float(np.nanmin(record.values)), float(np.nanmax(record.values))
     if low <= lowest and highest <= high:
         often = "once" if math.isnan(record.rate_hz) else f"{record.rate_hz:.3g} Hz"
-        yield WiringFinding(signal, Level.OK, f"{often} from {record.sources[0]}, {lowest:.4g} to {highest:.4g}")
+        yield Diagnostic(signal, Level.OK, f"{often} from {record.sources[0]}, {lowest:.4g} to {highest:.4g}")
     else:
-        text = f"reads {lowest:.4g} to {highest:.4g}, plausible are {low:.3g} to {high:.3g}"
-        yield WiringFinding(signal, Level.ERROR, f"{text}; {_unit_advice(quantity.name, lowest, highest, low, high)}")
+        yield Diagnostic(signal, Level.ERROR, implausible(signal, lowest, highest, (low, high)))
 
 
-def _unit_advice(name: str, lowest: float, highest: float, low: float, high: float) -> str:
-    unit = next((unit for unit in _SCALES if name.endswith(f"_{unit}")), "")
-    if unit == "degC" and low <= lowest - 273.15 and highest - 273.15 <= high:
-        return "kelvins? then offset = -273.15"
-    for scale, named in _SCALES.get(unit, ()):
-        if low <= scale * lowest and scale * highest <= high:
-            return f"{named}? then scale = {scale:.4g}"
-    return "check its unit, scale and offset"
-
-
-def _current_sign(found: Mapping[str, SignalRecord], battery: Battery | None) -> Iterator[WiringFinding]:
+def _current_sign(found: Mapping[str, SignalRecord], battery: Battery | None) -> Iterator[Diagnostic]:
     """The sign of the current, by the voltage that answers it."""
     current, voltage = found.get("battery_current_A"), found.get("battery_voltage_V")
     if battery is None or current is None or voltage is None or len(voltage.values) < 2:
@@ -214,50 +180,38 @@ def _current_sign(found: Mapping[str, SignalRecord], battery: Battery | None) ->
     answered_V = np.interp(current.time_s, voltage.time_s, voltage.values)
     evidence = sign_evidence(current.time_s, current.values, answered_V)
     if evidence.verdict == "discharge":
-        text = f"has the wrong sign: the voltage falls where it grows ({evidence}); current > 0 charges: scale = -1"
-        yield WiringFinding("battery_current_A", Level.ERROR, text)
+        text = f"{WRONG_SIGN} ({evidence}); current > 0 must charge: scale = -1"
+        yield Diagnostic("battery_current_A", Level.ERROR, text)
     elif evidence.verdict == "undecidable":
-        yield WiringFinding(
-            "battery_current_A", Level.WARN, f"its sign cannot be told yet ({evidence}); drive a little"
-        )
+        yield Diagnostic("battery_current_A", Level.WARN, f"its sign cannot be told yet ({evidence}); drive a little")
     else:
-        yield WiringFinding("battery_current_A", Level.OK, f"sign agrees with the voltage ({evidence})")
+        yield Diagnostic("battery_current_A", Level.OK, f"sign agrees with the voltage ({evidence})")
 
 
-def _wheel_signs(found: Mapping[str, SignalRecord], robot: Robot) -> Iterator[WiringFinding]:
-    """The signs of wheels and gyro: which one, turned round, takes most of their contradiction away?"""
+def _wheel_signs(found: Mapping[str, SignalRecord], robot: Robot) -> Iterator[Diagnostic]:
+    """The signs of wheels and gyro by their contradictions, and the unit of the gyro."""
     rows, values, names = _motion(found, robot)
     if len(names) < 2:
         return
     moving = np.abs(values).max(axis=0) > TURNING_RAD_S
     if moving.sum() < DECIDING:
-        yield WiringFinding(
-            "signs of wheels and gyro", Level.WARN, "cannot be told at rest; drive a little, with a turn"
-        )
+        yield Diagnostic("signs of wheels and gyro", Level.WARN, "cannot be told at rest; drive a little, with a turn")
         return
     values = values[:, moving]
-    contradiction = _contradiction(rows, values)
-    turned = {name: _contradiction(rows, _turned(values, k)) for k, name in enumerate(names)}
-    best = min(turned, key=lambda name: turned[name])
-    if contradiction > LEAST_RAD_S and turned[best] < CLEARLY_LESS * contradiction:
-        yield WiringFinding(best, Level.ERROR, "has the wrong sign beside the other wheels and the gyro: scale = -1")
+    if wrong := wrong_signs(rows, values, LEAST_RAD_S**2):
+        yield Diagnostic(names[wrong[0]], Level.ERROR, wrong_sign("it", "scale = -1"))
         return
     faster = _faster_than_gyro(rows, values, names)
     if math.isfinite(faster) and not 1.0 / MOST_FASTER < faster < MOST_FASTER:
-        text = f"the wheels turn the robot {faster:.3g} times as fast as the gyro; {_named_scale('rad_s', faster)}"
-        yield WiringFinding("signs of wheels and gyro", Level.ERROR, text)
-    elif contradiction > TURNING_RAD_S:
-        text = f"differ by {contradiction:.2g} rad/s; do the wheels slip, are two of them exchanged?"
-        yield WiringFinding("signs of wheels and gyro", Level.WARN, text)
+        near = [(scale, name) for scale, name in SCALES["rad_s"] if 1.0 / MOST_FASTER < scale * faster < MOST_FASTER]
+        fix = f"{near[0][1]}? then scale = {near[0][0]:.4g}" if near else "check their units, the radius and the track"
+        text = f"the wheels turn the robot {faster:.3g} times as fast as the gyro; {fix}"
+        yield Diagnostic("signs of wheels and gyro", Level.ERROR, text)
+    elif (differ_rad_s := math.sqrt(contradiction(rows, values))) > TURNING_RAD_S:
+        text = f"differ by {differ_rad_s:.2g} rad/s; do the wheels slip, are two of them exchanged?"
+        yield Diagnostic("signs of wheels and gyro", Level.WARN, text)
     else:
-        yield WiringFinding("signs of wheels and gyro", Level.OK, "agree")
-
-
-def _turned(values: np.ndarray, k: int) -> np.ndarray:
-    """The values (rows, T) with the sign of one row turned round."""
-    turned = values.copy()
-    turned[k] = -turned[k]
-    return turned
+        yield Diagnostic("signs of wheels and gyro", Level.OK, "agree")
 
 
 def _faster_than_gyro(rows: np.ndarray, values: np.ndarray, names: list[str]) -> float:
@@ -274,17 +228,11 @@ def _faster_than_gyro(rows: np.ndarray, values: np.ndarray, names: list[str]) ->
     return float(np.sum(rows[gyro] @ motion * values[gyro]) / power) if enough else math.nan
 
 
-def _named_scale(unit: str, factor: float) -> str:
-    """Unit whose scale undoes a factor."""
-    near = [(scale, name) for scale, name in _SCALES[unit] if 1.0 / MOST_FASTER < scale * factor < MOST_FASTER]
-    return f"{near[0][1]}? then scale = {near[0][0]:.4g}" if near else "check their units, the radius and the track"
-
-
 def _motion(found: Mapping[str, SignalRecord], robot: Robot) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Rows of G of the wheels and the gyro that report, their values (rows, T) at common times, and their names."""
-    check, places = WheelCheck(robot), [place.name for place in robot.places]
+    check, places = MotionCheck(robot), [place.name for place in robot.places]
     chosen = {
-        signal: check.row(wheel_number(signal, places) if "." in signal else None)
+        signal: check.rows[-1 if signal == "yaw_rate_rad_s" else wheel_number(signal, places)]
         for signal in found
         if signal == "yaw_rate_rad_s" or (signal.startswith("wheel_speed") and wheel_number(signal, places) is not None)
     }
@@ -296,26 +244,17 @@ def _motion(found: Mapping[str, SignalRecord], robot: Robot) -> tuple[np.ndarray
     return np.array(list(chosen.values())), np.nan_to_num(np.array(values)), list(chosen)
 
 
-def _contradiction(rows: np.ndarray, values: np.ndarray) -> float:
-    """RMS [rad/s] that no motion of the body explains."""
-    motion = np.linalg.lstsq(rows, values, rcond=None)[0]
-    return float(np.sqrt(np.mean((rows @ motion - values) ** 2)))
-
-
-def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str]) -> Iterator[WiringFinding]:
-    """The sign of each motor's current: over a while a motor drives its wheel, and does not brake it.
-
-    wrong: signals whose own sign is wrong.
-    """
+def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str]) -> Iterator[Diagnostic]:
+    """The sign of each motor's current; wrong: signals whose own sign is wrong."""
     places = [place.name for place in robot.places]
     speeds = {wheel_number(s, places): r for s, r in found.items() if s.startswith("wheel_speed") and s not in wrong}
     for signal, current in found.items():
         if not signal.startswith("motor_current_A") or (k := wheel_number(signal, places)) is None or k not in speeds:
             continue
         speed = np.interp(current.time_s, speeds[k].time_s, speeds[k].values)
-        turning = (np.abs(speed) > TURNING_RAD_S) & np.isfinite(current.values)
-        if turning.sum() < DECIDING:
-            yield WiringFinding(signal, Level.WARN, "its sign cannot be told at rest; drive a little")
-        elif np.sum(current.values[turning] * speed[turning]) < 0.0:
-            text = "has the wrong sign: it brakes the wheel that it drives; current > 0 drives forward: scale = -1"
-            yield WiringFinding(signal, Level.ERROR, text)
+        pitch = found.get("pitch_rad")
+        pitch_rad = np.interp(current.time_s, pitch.time_s, pitch.values) if pitch else np.zeros_like(speed)
+        if np.sum((np.abs(speed) > TURNING_RAD_S) & np.isfinite(current.values)) < DECIDING:
+            yield Diagnostic(signal, Level.WARN, "its sign cannot be told at rest; drive a little")
+        elif only_brakes(robot, current.time_s, speed, current.values, pitch_rad):
+            yield Diagnostic(signal, Level.ERROR, brakes_all_the_way("it", "scale = -1"))

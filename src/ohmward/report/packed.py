@@ -21,10 +21,10 @@ X_DIGITS: Final = 9
 """Digits of the extent of an x axis that stay: a thousand steps for each of a million samples."""
 GAP: Final = -(2**31)
 """Difference that stands for NaN; the value after it counts from the last one known."""
-_LARGEST: Final = 2**29
+_LARGEST_RANGE: Final = 2**29
 _LARGEST_WHOLE: Final = 2.0**52
 """Numbers of steps beyond this one are no longer told apart by a double."""
-_LEVEL: Final = 4
+_COMPRESSION: Final = 4
 
 
 class Columns:
@@ -67,7 +67,7 @@ def _packed_y(y: np.ndarray, logarithmic: bool) -> dict[str, Any]:
     per_unit = 10.0 ** value_decimals(y, DIGITS)
     known = y[np.isfinite(y)]
     extremes = {"extremes": [float(known.min()), float(known.max())] if known.size else [0.0]}
-    if logarithmic or (known.size and np.ptp(known) * per_unit > _LARGEST):
+    if logarithmic or (known.size and np.ptp(known) * per_unit > _LARGEST_RANGE):
         return extremes | {"data": _text(y.astype("<f4").view("<i4"))}
     whole = np.rint(y * per_unit)
     while per_unit > 1.0 and not np.any(whole[np.isfinite(whole)] % 10.0):
@@ -86,4 +86,4 @@ def _differences(whole: np.ndarray, per_unit: float) -> dict[str, Any]:
 
 def _text(words: np.ndarray) -> str:
     by_significance = np.ascontiguousarray(words.view(np.uint8).reshape(-1, 4).T)
-    return base64.b64encode(zlib.compress(by_significance.tobytes(), _LEVEL)).decode("ascii")
+    return base64.b64encode(zlib.compress(by_significance.tobytes(), _COMPRESSION)).decode("ascii")

@@ -7,7 +7,7 @@ outside without a sign is mended.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,8 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
-from ohmward.runs import runs
+from ohmward.runs import long_runs
+from ohmward.traction.motion_check import MotionCheck, wrong_sign, wrong_signs
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.estimator import require_wheels
@@ -28,9 +29,11 @@ TURNS_RAD_S, MOVES_M_S, YAWS_RAD_S, WORKS_A = 0.2, 0.1, 0.1, 1.0
 #: Shortest duration [s] and fewest samples of a fault.
 LASTS_S, FEWEST = 1.0, 20
 
-#: A wheel's sign is wrong where the wheels contradict each other by this share of their motion (in squares), and by
-#: less than a tenth of that once the sign is changed.
-CONTRADICTION, CURED = 0.1, 0.1
+#: A wheel's sign may be wrong where the wheels contradict each other by this share of their motion (in squares).
+CONTRADICTION = 0.1
+
+#: Wheels have lost their sign where the signs that fit the gyro best leave less than this share of what it contradicts.
+SIGN_CURED = 0.1
 
 #: Sides turn against each other in this share of the samples, for so many turns of the robot, where one is mirrored.
 SPINS_SHARE, FEWEST_SPINS = 0.9, 3.0
@@ -106,34 +109,30 @@ def with_signed_speed(robot: Robot, log: DriveLog) -> DriveLog:
     return replace(log, speed_m_s=signed, notes=(*log.notes, Note(text, "warning")))
 
 
-def _stuck_encoders(robot: Robot, log: DriveLog) -> list[str]:
+def _stuck_encoders(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Encoders that repeat a number to the last digit while the other wheels change theirs.
 
     A wheel may stand for a while when a robot turns about it; one that never turns is unplugged, but on an omni robot.
     """
-    found = []
     for k, name in enumerate(_names(robot)):
         rows = np.flatnonzero(np.isfinite(log.wheel_speed_rad_s[:, k]))
         speed, others = log.wheel_speed_rad_s[rows, k], np.delete(log.wheel_speed_rad_s[rows], k, axis=1)
         same = np.append(False, np.diff(speed) == 0)
         moving = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1]))).max(axis=1, initial=0.0) > 0
         turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > TURNS_RAD_S
-        for first, last in _long_runs(log.time_s[rows], same):
-            part = slice(first, last + 1)
-            may_stand = speed[first] == 0 and (last - first < rows.size - 2 or isinstance(robot.chassis, Omni))
-            if not may_stand and moving[part].mean() > 0.5 and turning[part].mean() > 0.5:
-                found.append(
+        for first, stop in long_runs(same, log.time_s[rows], LASTS_S, FEWEST):
+            may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or isinstance(robot.chassis, Omni))
+            if not may_stand and moving[first:stop].mean() > 0.5 and turning[first:stop].mean() > 0.5:
+                yield (
                     f"the encoder of {name} shows {speed[first]:.4g} rad/s without any change "
-                    f"{_from_to(log.time_s[rows], first, last)} while other wheels turn: stuck or unplugged; check it, "
+                    f"{_from_to(log.time_s[rows[first:stop]])} while other wheels turn: stuck or unplugged; check it, "
                     "or cut this part out"
                 )
                 break
-    return found
 
 
-def _spikes(robot: Robot, log: DriveLog) -> list[str]:
+def _spikes(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Single samples far beyond what the wheel ever does."""
-    found = []
     for k, name in enumerate(_names(robot)):
         speed = log.wheel_speed_rad_s[:, k]
         speed = speed[np.isfinite(speed)]
@@ -143,99 +142,91 @@ def _spikes(robot: Robot, log: DriveLog) -> list[str]:
         before, after = np.diff(speed)[:-1], -np.diff(speed)[1:]
         spikes = (before * after > 0) & (np.minimum(np.abs(before), np.abs(after)) > SPIKE * usual)
         if spikes.any():
-            found.append(
+            yield (
                 f"the encoder of {name} jumps to {np.abs(speed).max():.4g} rad/s in {spikes.sum()} samples, usual are "
                 f"{usual:.3g} rad/s: a counter that rolled over? If the file has the counts, read those with --unit "
                 "wheel_speed=counts"
             )
-    return found
 
 
-def _wrong_wheel_signs(robot: Robot, log: DriveLog) -> list[str]:
+def _wrong_wheel_signs(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wheels without whose sign changed the wheels and the gyro contradict each other."""
-    A, b, names = _kinematics(robot, log)
-    if len(b) < FEWEST or A.shape[0] <= A.shape[1]:
-        return []
-    left_null = np.eye(A.shape[0]) - A @ np.linalg.pinv(A)
-    power = float(np.sum(b**2))
-    as_is = float(np.sum((b @ left_null) ** 2))
-    if power == 0 or as_is < CONTRADICTION * power:
-        return []
-    one_flipped = 1.0 - 2.0 * np.eye(len(names))
-    flipped = [float(np.sum(((b * signs) @ left_null) ** 2)) for signs in one_flipped]
-    cured = [name for name, rest in zip(names, flipped, strict=True) if rest < CURED * as_is and name != "gyro"]
-    if not cured:
-        return []
-    return [
-        f"the wheels contradict each other, and agree once the encoder of {' or '.join(cured)} counts the other way: "
-        "its sign is wrong, or wheels are exchanged; change the sign in the file, or say with --column which is which"
-    ]
+    check, speeds = MotionCheck(robot), log.wheel_speed_rad_s.T
+    seen = np.flatnonzero(np.isfinite(speeds).any(axis=1)).tolist()
+    rows, values = check.rows[seen], speeds[seen]
+    if log.yaw_rate_rad_s is not None and not robot.chassis.scrubs:
+        rows, values = np.vstack([rows, check.rows[-1]]), np.vstack([values, check.scale * log.yaw_rate_rad_s])
+    values = values[:, np.isfinite(values).all(axis=0)]
+    if values.shape[1] < FEWEST:
+        return
+    wrong = sorted(wrong_signs(rows, values, CONTRADICTION * float(np.mean(values**2))))
+    if which := " or ".join(_names(robot)[seen[k]] for k in wrong if k < len(seen)):
+        yield wrong_sign(f"the encoder of {which}", "change the sign in the file, or say with --column which is which")
 
 
-def _wrong_yaw_sign(robot: Robot, log: DriveLog) -> list[str]:
+def _wrong_yaw_sign(robot: Robot, log: DriveLog) -> Iterator[str]:
     """A robot that turns left by its wheels and right by its gyro, over a full turn in all."""
     if log.yaw_rate_rad_s is None:
-        return []
+        return
     wheels = yaw_rate_of_wheels(robot, log.wheel_speed_rad_s)
     rows = np.isfinite(wheels) & (np.abs(log.yaw_rate_rad_s) > YAWS_RAD_S)
     turned_rad = np.abs(log.yaw_rate_rad_s[rows]) @ np.diff(log.time_s, prepend=log.time_s[0])[rows]
     if rows.sum() < FEWEST or turned_rad < 2 * math.pi:
-        return []
+        return
     wheels, gyro = wheels[rows], log.yaw_rate_rad_s[rows]
     agreement = float(wheels @ gyro / max(math.sqrt(wheels @ wheels * (gyro @ gyro)), 1e-12))
-    if agreement > -0.5:
-        return []
-    return [
-        "wheels and gyro turn against each other: left and right wheels are exchanged, or the gyro's axis points down; "
-        "exchange the columns with --column, or change the sign of the yaw rate in the file"
-    ]
+    if agreement <= -0.5:
+        yield (
+            "wheels and gyro turn against each other: left and right wheels are exchanged, or the gyro's axis points "
+            "down; exchange the columns with --column, or change the sign of the yaw rate in the file"
+        )
 
 
-def _unsigned_wheels(robot: Robot, log: DriveLog) -> list[str]:
+def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wheels that are never negative while the gyro turns as if one side, or both, turned back for a while."""
     sides = _sides(robot)
     speed = log.wheel_speed_rad_s
     if log.yaw_rate_rad_s is None or sides is None or (np.nan_to_num(speed) < -TURNS_RAD_S).any():
-        return []
+        return
     signs = [np.where(sides > 0, left, right) for left in (1, -1) for right in (1, -1)]
     yaws = np.stack([yaw_rate_of_wheels(robot, speed * way) for way in signs])
     rows = np.isfinite(yaws).all(axis=0) & np.isfinite(log.yaw_rate_rad_s) & (np.nan_to_num(speed).max(axis=1) > 0.0)
     if rows.sum() < FEWEST:
-        return []
+        return
     gyro = log.yaw_rate_rad_s[rows]
     left = (yaws[:, rows] - gyro) ** 2
-    if left[0].sum() < CONTRADICTION * (gyro @ gyro) or left.min(axis=0).sum() > CURED * left[0].sum():
-        return []
+    if left[0].sum() < CONTRADICTION * (gyro @ gyro) or left.min(axis=0).sum() > SIGN_CURED * left[0].sum():
+        return
     against = np.count_nonzero(left[0] > YAWS_RAD_S**2)
     if against < FEWEST:
-        return []
-    return [
+        return
+    yield (
         f"the wheel speeds are never negative, but the gyro turns as if wheels turned back in {against} samples: they "
         "have lost their sign, and way, pose and slip are wrong there; let the logger write the sign, or cut out with "
         "--start and --stop a part in which the robot drives forward"
-    ]
+    )
 
 
-def _mirrored_side(robot: Robot, log: DriveLog) -> list[str]:
+def _mirrored_side(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Sides that turn against each other nearly always, so that a robot without a gyro only spins on the spot."""
     sides = _sides(robot)
     if log.yaw_rate_rad_s is not None or log.speed_m_s is not None or sides is None:
-        return []
+        return
     with np.errstate(invalid="ignore"):
         known = np.isfinite(log.wheel_speed_rad_s)
         by_side = [np.where(known[:, sides == side], log.wheel_speed_rad_s[:, sides == side], 0.0) for side in (1, -1)]
     left, right = (values.sum(axis=1) for values in by_side)
     turn = np.minimum(np.abs(left), np.abs(right)) > TURNS_RAD_S
     if turn.sum() < FEWEST or np.mean(left[turn] * right[turn] < 0) < SPINS_SHARE:
-        return []
+        return
     yaw = np.nan_to_num(yaw_rate_of_wheels(robot, log.wheel_speed_rad_s))
     turns = float(np.abs(yaw) @ np.diff(log.time_s, prepend=log.time_s[0])) / (2 * math.pi)
     if turns < FEWEST_SPINS:
-        return []
-    return [
+        return
+    yield (
         f"the wheels of both sides turn against each other nearly always, as if the robot turned {turns:.0f} times on "
         "the spot: the encoders of one side are mounted mirrored; change the signs of that side in the file"
-    ]
+    )
 
 
 def _sides(robot: Robot) -> np.ndarray | None:
@@ -245,124 +236,105 @@ def _sides(robot: Robot) -> np.ndarray | None:
     return sides if sides.all() and not isinstance(robot.chassis, Omni) else None
 
 
-def _wrong_current_signs(robot: Robot, log: DriveLog) -> list[str]:
-    """Motors that would brake all the way, and take energy that the robot does not give up: it does not slow down.
-
-    Each driven wheel gives up an equal share of it, by the speed of the rims, and by the pitch if there is one.
-    """
-    found = []
-    mass_kg, radius_m = robot.mass_kg / robot.driven, robot.wheel.radius_m
-    dt_s = np.diff(log.time_s, prepend=log.time_s[0])
-    climb = np.zeros(len(log)) if log.pitch_rad is None else GRAVITY * np.sin(np.nan_to_num(log.pitch_rad))
+def _wrong_current_signs(robot: Robot, log: DriveLog) -> Iterator[str]:
+    pitch_rad = np.zeros(len(log)) if log.pitch_rad is None else log.pitch_rad
     for k, name in enumerate(_names(robot)[: robot.driven]):
-        omega, current_A = log.wheel_speed_rad_s[:, k], log.motor_current_A[:, k]
-        rows = np.isfinite(current_A) & (np.abs(omega) > TURNS_RAD_S)
-        forward_A = (current_A * np.sign(omega))[rows]
-        if forward_A.size < FEWEST or not forward_A.sum() < BRAKES * np.abs(forward_A).sum():
-            continue
-        rim_m_s, brakes = radius_m * omega[rows], forward_A < 0
-        kinetic_J = np.diff(0.5 * mass_kg * rim_m_s**2, prepend=np.nan)
-        potential_J = mass_kg * climb[rows] * rim_m_s * dt_s[rows]
-        taken_J = -robot.motor.wheel_constant_Nm_per_A * current_A[rows] * omega[rows] * dt_s[rows]
-        if np.sum(taken_J[brakes]) > TAKES * -np.nansum((kinetic_J + potential_J)[brakes]):
-            found.append(
-                f"the motor of {name} brakes all the way, but the robot does not slow down: the sign of its current or "
-                "of its encoder is wrong, or the whole drive goes downhill; a positive current must drive forward; "
-                "change the sign in the file"
-            )
-    return found
+        if only_brakes(robot, log.time_s, log.wheel_speed_rad_s[:, k], log.motor_current_A[:, k], pitch_rad):
+            yield brakes_all_the_way(f"the motor of {name}", "change the sign in the file")
 
 
-def _blocked_wheels(robot: Robot, log: DriveLog) -> list[str]:
+def brakes_all_the_way(which: str, fix: str) -> str:
+    """Sentence on a motor that only brakes."""
+    return (
+        f"{which} brakes all the way, but the robot does not slow down: wrong sign of its current or of its encoder, "
+        f"or the whole drive goes downhill; a positive current must drive forward: {fix}"
+    )
+
+
+def only_brakes(
+    robot: Robot, time_s: np.ndarray, speed_rad_s: np.ndarray, current_A: np.ndarray, pitch_rad: np.ndarray
+) -> bool:
+    """True for a motor that would brake all the way, and take energy that the robot does not give up.
+
+    Each driven wheel gives up an equal share of it, by the speed of its rim, and by the pitch.
+
+    time_s, speed_rad_s, current_A, pitch_rad: (T,) of the motor and its wheel; nan where not known.
+    """
+    rows = np.isfinite(current_A) & (np.abs(speed_rad_s) > TURNS_RAD_S)
+    forward_A = (current_A * np.sign(speed_rad_s))[rows]
+    if forward_A.size < FEWEST or not forward_A.sum() < BRAKES * np.abs(forward_A).sum():
+        return False
+    mass_kg, rim_m_s, brakes = robot.mass_kg / robot.driven, robot.wheel.radius_m * speed_rad_s[rows], forward_A < 0
+    dt_s = np.diff(time_s, prepend=time_s[0])[rows]
+    kinetic_J = np.diff(0.5 * mass_kg * rim_m_s**2, prepend=np.nan)
+    potential_J = mass_kg * GRAVITY * np.sin(np.nan_to_num(pitch_rad[rows])) * rim_m_s * dt_s
+    taken_J = -robot.motor.wheel_constant_Nm_per_A * current_A[rows] * speed_rad_s[rows] * dt_s
+    return bool(np.sum(taken_J[brakes]) > TAKES * -np.nansum((kinetic_J + potential_J)[brakes]))
+
+
+def _blocked_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Motors that work for a while and whose wheels do not turn."""
-    found = []
     for k, name in enumerate(_names(robot)[: robot.driven]):
         stands = np.abs(log.wheel_speed_rad_s[:, k]) < 0.25 * TURNS_RAD_S
-        for first, last in _long_runs(log.time_s, stands & (np.abs(log.motor_current_A[:, k]) > WORKS_A)):
-            current_A = float(np.median(np.abs(log.motor_current_A[first : last + 1, k])))
-            found.append(
-                f"the motor of {name} takes {current_A:.3g} A {_from_to(log.time_s, first, last)} and its wheel does "
+        works = np.abs(log.motor_current_A[:, k]) > WORKS_A
+        for first, stop in long_runs(stands & works, log.time_s, LASTS_S, FEWEST)[:1]:
+            current_A = float(np.median(np.abs(log.motor_current_A[first:stop, k])))
+            yield (
+                f"the motor of {name} takes {current_A:.3g} A {_from_to(log.time_s[first:stop])} and its wheel does "
                 "not turn: blocked, or its encoder is unplugged"
             )
-            break
-    return found
 
 
-def _dead_currents(robot: Robot, log: DriveLog) -> list[str]:
+def _dead_currents(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Current sensors that never show anything though their wheels turn."""
-    found = []
     for k, name in enumerate(_names(robot)[: robot.driven]):
         current = log.motor_current_A[:, k]
         current = current[np.isfinite(current) & (np.abs(log.wheel_speed_rad_s[:, k]) > TURNS_RAD_S)]
         if current.size >= FEWEST and np.ptp(current) == 0:
-            found.append(
+            yield (
                 f"the motor current of {name} is {current[0]:.3g} A without any change while its wheel turns: a dead "
                 "sensor; leave its column out, and the motor counts as unknown"
             )
-    return found
 
 
-def _stuck_robot(robot: Robot, log: DriveLog) -> list[str]:
+def _stuck_robot(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wheels that turn under a robot that stands, by a speed from outside which may come seldom."""
     speed, wheels = speed_and_wheels_m_s(robot, log)
     if not speed.size:
-        return []
+        return
     assert log.speed_m_s is not None
     turn = np.abs(wheels) > MOVES_M_S  # wheels that stand tell nothing of it
     time_s = log.time_s[np.isfinite(log.speed_m_s)][turn]
     stands = np.abs(speed[turn]) < STUCK_SHARE * np.abs(wheels[turn])
-    found = [(first, stop - 1) for first, stop in runs(stands) if stop - first >= FEWEST_STUCK]
-    return [
-        f"the robot stands by the speed from outside {_from_to(time_s, first, last)} while its wheels turn: stuck, or "
-        "that speed is dead; between two of its samples way and slip are those of the wheels, do not count on them here"
-        for first, last in found
-        if time_s[last] - time_s[first] >= STUCK_S
-    ]
+    for first, stop in long_runs(stands, time_s, STUCK_S, FEWEST_STUCK):
+        yield (
+            f"the robot stands by the speed from outside {_from_to(time_s[first:stop])} while its wheels turn: stuck, "
+            "or that speed is dead; between two of its samples way and slip are those of the wheels, do not count on "
+            "them here"
+        )
 
 
-def _wrong_units(robot: Robot, log: DriveLog) -> list[str]:
+def _wrong_units(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wheels that are much slower or faster than the robot."""
     speed, wheels = speed_and_wheels_m_s(robot, log)
     rows = (np.abs(speed) > MOVES_M_S) & (np.abs(wheels) > 1e-3 * MOVES_M_S)
     if rows.sum() < FEWEST:
-        return []
+        return
     ratio = abs(float(np.median(wheels[rows] / speed[rows])))
     if 1 / RATIO_DOUBTFUL < ratio < RATIO_DOUBTFUL:
-        return []
+        return
     text = (
         f"the wheels say {ratio:.3g} times the speed that was measured from outside; is it another unit (--unit "
         "wheel_speed=rpm, or m/s), the motors' speed (--motor-shaft), or another radius in the robot file?"
     )
     if not 1 / RATIO_MEANINGLESS < ratio < RATIO_MEANINGLESS:
         raise InputError(f"{log.name}: {text}")
-    return [text]
+    yield text
 
 
 def _names(robot: Robot) -> list[str]:
     return [place.name.replace("_", " ") for place in robot.places]
 
 
-def _from_to(time_s: np.ndarray, first: int, last: int) -> str:
-    return f"from {time_s[first]:.4g} s to {time_s[last]:.4g} s"
-
-
-def _kinematics(robot: Robot, log: DriveLog) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Kinematics (sensors, freedoms) of the sensors of motion, their values (N, sensors) [m/s] where all have one.
-
-    A gyro counts as the rim of a wheel on the arm of the farthest one.
-    """
-    seen = [k for k in range(len(robot.places)) if np.isfinite(log.wheel_speed_rad_s[:, k]).any()]
-    A, b = robot.rolling[seen], log.wheel_speed_rad_s[:, seen] * robot.wheel.radius_m
-    names = [_names(robot)[k] for k in seen]
-    if log.yaw_rate_rad_s is not None and not robot.chassis.scrubs:
-        arm_m = float(np.max(np.abs(robot.rolling[:, -1])))
-        A = np.vstack([A, arm_m * np.eye(robot.freedoms)[-1]])
-        b = np.column_stack([b, arm_m * log.yaw_rate_rad_s])
-        names = [*names, "gyro"]
-    return A, b[np.isfinite(b).all(axis=1)], names
-
-
-def _long_runs(time_s: np.ndarray, rows: np.ndarray) -> Sequence[tuple[int, int]]:
-    """First and last sample of every run of True in `rows` (T,) that is long enough."""
-    found = [(first, stop - 1) for first, stop in runs(rows)]
-    return [(a, b) for a, b in found if time_s[b] - time_s[a] >= LASTS_S and b - a >= FEWEST]
+def _from_to(time_s: np.ndarray) -> str:
+    return f"from {time_s[0]:.4g} s to {time_s[-1]:.4g} s"

@@ -18,15 +18,15 @@ import numpy as np
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.estimator import CLOCK_SET_S, PerWheel, number, numbers
+from ohmward.quantities import BODY
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.encoders import differences
 
 #: Sensors of the body that the odometry takes and the speed observer does not.
 HEADING = ("heading_rad", "heading_std_rad")
-#: Sensors of the body that a message may carry besides wheels and motors, as `SlipEstimator.update` and
-#: `Odometry.update` name them.
-BODY = ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s", "speed_age_s", *HEADING)
 _BODY = frozenset(BODY)
+#: Arguments of `SensorInbox.put` that have a value for each wheel or motor.
+WHEELS = ("wheel_speed_rad_s", "wheel_counts", "current_A")
 
 
 class _Message(NamedTuple):

@@ -64,7 +64,7 @@ def misfits(run: SlipRun) -> tuple[Note, ...]:
     """Warnings that the model does not fit the log, whose estimates are not to be trusted then; none where it fits."""
     shares = {flag: float(np.mean(run.flags & flag != 0)) for flag in CONTRADICTIONS}
     found = [
-        f"the model does not fit {_percent(share)} of the log: {CONTRADICTIONS[flag]}"
+        f"the model does not fit {100 * share:.2g} % of the log: {CONTRADICTIONS[flag]}"
         for flag, share in shares.items()
         if share > CONTRADICTS
     ]
@@ -77,9 +77,8 @@ def misfits(run: SlipRun) -> tuple[Note, ...]:
     return tuple(Note(text, "warning") for text in found)
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
-
+#: Elements of the pose in the names of its covariances.
+POSE = ("x", "y", "yaw")
 
 #: Flags of learnt floors that mean a fault of the log.
 FAULTS = ("bad_time", "gap", "no_current", "no_encoder", "encoder_stopped", "speed_refused")
@@ -91,6 +90,19 @@ class OnFloors(NamedTuple):
     track: FloorRun  #: of the floors' own estimator
     floors: tuple[str, ...]  #: their names, in the order of `track.floor_probability`
 
+    def columns(self, wheels: Sequence[str]) -> dict[str, np.ndarray]:
+        """Columns (T,) that learnt floors add, by name; wheels: names of the driven ones."""
+        columns = {
+            "travel_slip": self.track.travel_slip,
+            "travel_slip_std": self.track.travel_slip_std,
+            "speed_over_ground_m_s": self.track.speed_m_s,
+            "speed_over_ground_std_m_s": self.track.speed_std_m_s,
+        }
+        for w, wheel in enumerate(wheels):
+            for k, floor in enumerate(self.floors):
+                columns[f"{wheel}_on_{floor.replace(' ', '_')}"] = self.track.floor_probability[:, w, k]
+        return columns
+
 
 class ObservedDrive(NamedTuple):
     """Estimates along a recorded drive."""
@@ -101,6 +113,38 @@ class ObservedDrive(NamedTuple):
     notes: tuple[Note, ...]  #: faults of the log, and everything that was assumed
     fits: bool = True  #: the model fits the log, so that the estimates can be trusted
     on_floors: OnFloors | None = None  #: None without learnt floors
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Columns (T,) of all estimates, by name; the covariance of the pose by its lower triangle."""
+        e, path = self.track.estimates, self.path.estimates
+        columns = {
+            "time_s": self.track.time_s,
+            "speed_m_s": e.speed_m_s,
+            "speed_std_m_s": e.speed_std_m_s,
+            "yaw_rate_rad_s": e.yaw_rate_rad_s,
+            "yaw_rate_std_rad_s": e.yaw_rate_std_rad_s,
+            "grade_rad": e.grade_rad,
+            "grade_std_rad": e.grade_std_rad,
+            "radius_ratio": e.radius_ratio,
+            "unobserved_s": e.unobserved_s,
+            "immobilised": e.immobilised.astype(int),
+            "flags": e.flags.astype(int),
+        }
+        for k, wheel in enumerate(self.robot.driven_wheels):
+            columns |= {
+                f"{wheel}_wheel_speed_rad_s": e.wheel_speed_rad_s[:, k],
+                f"{wheel}_slip": e.slip_ratio[:, k],
+                f"{wheel}_slip_speed_m_s": e.slip_speed_m_s[:, k],
+                f"{wheel}_slip_speed_std_m_s": e.slip_speed_std_m_s[:, k],
+                f"{wheel}_traction_N": e.traction_N[:, k],
+                f"{wheel}_friction_ratio": e.friction_ratio[:, k],
+                f"{wheel}_slipping": e.slipping[:, k].astype(int),
+            }
+        columns |= {"x_m": path.x_m, "y_m": path.y_m, "yaw_rad": path.yaw_rad}
+        for i, row in enumerate(POSE):
+            columns |= {f"cov_{column}_{row}": path.pose_cov[:, i, j] for j, column in enumerate(POSE[: i + 1])}
+        columns |= {"speed_left_m_s": path.speed_left_m_s, "gyro_offset_rad_s": path.gyro_offset_rad_s}
+        return columns | (self.on_floors.columns(self.robot.driven_wheels) if self.on_floors else {})
 
 
 class DriveFigures(NamedTuple):
@@ -196,7 +240,9 @@ def observe_on_floors(
     estimator = slip_on_floors(robot, known.named(on).floor if on else known.floor, method, told=bool(on))
     on_floors = estimator.run(log)
     track = SlipRun(log.time_s, as_estimates(on_floors, robot), time.perf_counter() - began)
-    notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors, on), *_outside_notes(log))
+    notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors, on))
+    if "speed_m_s" in log.channels:
+        notes += (Note("the outside speed shows slip: it tells which floor this may be, and narrows the band"),)
     path = Odometry(robot).run(log, track.estimates)
     return ObservedDrive(robot, track, path, notes, on_floors=OnFloors(on_floors, estimator.recognition.names))
 
@@ -242,18 +288,10 @@ def _floor_notes(robot: Robot, known: Floors, track: FloorRun, on: Sequence[str]
     return notes
 
 
-def _outside_notes(log: DriveLog) -> list[Note]:
-    """A sentence on the outside speed, where the log has one."""
-    if "speed_m_s" not in log.channels:
-        return []
-    return [Note("the outside speed shows slip: it tells which floor this may be, and narrows the band")]
-
-
 def drive_figures(observed: ObservedDrive) -> DriveFigures:
     """Distance, speeds, episodes of slip, and what was learnt of friction, grade and radius."""
-    robot, track = observed.robot, observed.track
+    track = observed.track
     e = track.estimates
-    wheels = [place.name for place in robot.places[: robot.driven]]
     unobserved = e.flags.astype(int) & SlipFlag.SPEED_UNOBSERVED != 0
     return DriveFigures(
         float(np.trapezoid(travel_speed_m_s(observed), track.time_s)),
@@ -261,7 +299,7 @@ def drive_figures(observed: ObservedDrive) -> DriveFigures:
         float(e.speed_m_s.max()),
         float(e.speed_m_s[-1]),
         float(e.speed_std_m_s[-1]),
-        _episodes(observed, wheels),
+        _episodes(observed),
         immobilised_episodes(track),
         float(np.mean(unobserved)),
         *_estimated(e.friction_ratio[-1, 0], e.friction_std[-1, 0]),
@@ -284,10 +322,12 @@ def pose_figures(observed: ObservedDrive, has_gyro: bool) -> PoseFigures:
     )
 
 
-def _episodes(observed: ObservedDrive, wheels: list[str]) -> list[SlipEpisode]:
+def _episodes(observed: ObservedDrive) -> list[SlipEpisode]:
     """Episodes of the wheels, and of the robot on learnt floors, in order of time."""
     of_robot = robot_episodes(observed.on_floors.track) if observed.on_floors else []
-    return sorted([*slip_episodes(observed.track, wheels), *of_robot], key=lambda episode: episode.start_s)
+    return sorted(
+        [*slip_episodes(observed.track, observed.robot.driven_wheels), *of_robot], key=lambda episode: episode.start_s
+    )
 
 
 def travel_speed_m_s(observed: ObservedDrive) -> np.ndarray:

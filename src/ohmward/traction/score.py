@@ -45,6 +45,12 @@ class DriveScore(NamedTuple):
     samples: int  #: number of samples with a true speed
 
 
+def score_figures(score: DriveScore | None) -> dict[str, float | None]:
+    """The errors of a drive by name; every figure None without a truth."""
+    names = [name for name in DriveScore._fields if name != "samples"]
+    return {name: None if score is None else getattr(score, name) for name in names}
+
+
 class TrueSlip(NamedTuple):
     """True slip (T, driven) of the driven wheels: speed [m/s], ratio (nan below the floor), and speed of the rim."""
 

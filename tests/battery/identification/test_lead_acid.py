@@ -15,7 +15,7 @@ from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.score import score
 from ohmward_lab.simulate.cells import BATTERIES
 from ohmward_lab.simulate.plant import resting_state, simulate
-from ohmward_lab.simulate.profile import bench_times, low_rate_test, steps
+from ohmward_lab.simulate.profile import bench_times, low_rate_profile, steps
 from ohmward_lab.simulate.robot_day import make_robot_day, record, run_pulse_test
 from ohmward_lab.simulate.sensors import low_cost_sensors, on_the_bench
 
@@ -68,7 +68,7 @@ def test_the_axis_is_not_looked_up_on_the_curve_of_its_own_rests(battery):
 @pytest.mark.slow
 def test_gas_in_a_low_rate_charge_is_not_taken_for_open_circuit_voltage(pulses, bench):
     """Near full the charge of this battery lies 1 V above its open-circuit voltage."""
-    profile = low_rate_test(BATTERY, 20.0)
+    profile = low_rate_profile(BATTERY.circuit.capacity_Ah, 20.0)
     low = simulate(BATTERY, profile, bench_times(profile), resting_state(BATTERY, 1.0, 20.0, hysteresis=1.0))
     found = identified(pulses, record(BATTERY, "low rate", low, *bench))
     assert ocv_error_V(found) < 0.02

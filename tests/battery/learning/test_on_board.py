@@ -8,7 +8,7 @@ import pytest
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery, start_model
-from ohmward.battery.learning.on_board import MOST_STD, learnt_on_board
+from ohmward.battery.learning.on_board import MOST_CORRECTION_STD, learnt_on_board
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.errors import InputError
@@ -97,8 +97,8 @@ def test_no_correction_goes_beyond_its_bound():
     spoilt = day(capacity_Ah=3.0, resistance=8.0, offset_A=2.0)
     learnt = learnt_on_board(LABEL, after(LABEL, spoilt))
     std = math.hypot(LABEL.noise.capacity_std, LABEL.sensor.gain_std)
-    assert abs(math.log(learnt.capacity_Ah / LABEL.capacity_Ah)) <= MOST_STD * std + 1e-9
-    assert abs(learnt.sensor.offset_A) <= MOST_STD * LABEL.sensor.offset_std_A + 1e-9
+    assert abs(math.log(learnt.capacity_Ah / LABEL.capacity_Ah)) <= MOST_CORRECTION_STD * std + 1e-9
+    assert abs(learnt.sensor.offset_A) <= MOST_CORRECTION_STD * LABEL.sensor.offset_std_A + 1e-9
 
 
 def test_another_battery_is_refused(estimator):

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ohmward.battery.models.thevenin import CircuitInput
-from ohmward.battery.soc.clean_sample import HOLD_S, LONGEST_STEP_S, SampleLimits, first_input, sanitize, sanitize_bare
+from ohmward.battery.soc.clean_sample import HOLD_S, LONGEST_PAUSE_S, SampleLimits, first_input, sanitize, sanitize_bare
 from ohmward.battery.soc.sample import SocFlag, SocSample
 
 NAN, INF = math.nan, math.inf
@@ -75,7 +75,7 @@ def test_a_voltage_that_cannot_be_is_none(voltage_V):
 def test_a_bare_sample_is_the_same_without_fading_and_gaps(dt_s, current_A, voltage_V, temperature_degC):
     sample = SocSample(dt_s, current_A, voltage_V, temperature_degC)
     bare = sanitize_bare(sample, BEFORE.current_A, 4.2)
-    clean = sanitize(sample, BEFORE, SampleLimits(LONGEST_STEP_S, highest_ocv_V=4.2))
+    clean = sanitize(sample, BEFORE, SampleLimits(LONGEST_PAUSE_S, highest_ocv_V=4.2))
     assert (bare.dt_s, bare.voltage_V, bare.measured) == (clean.dt_s, clean.voltage_V, clean.voltage_measured)
     assert bare.current_A == (current_A if clean.current_measured else BEFORE.current_A)
     assert bare.mean_A == 0.5 * (bare.current_A + BEFORE.current_A)

@@ -15,9 +15,7 @@ from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, log_likelihood
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import Innovation, unpack
-from ohmward_lab.assess.battery.cell import soc_cell
-from ohmward_lab.assess.battery.conditions import CONDITIONS
-from ohmward_lab.assess.battery.methods import METHODS
+from ohmward_lab.assess.battery import CONDITIONS, METHODS, soc_cell
 
 
 def evidence(nu, prior_V2, variance, weight, renewed_V2):

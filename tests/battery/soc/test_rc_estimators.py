@@ -25,8 +25,7 @@ from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import unpack
 from ohmward.trace import Kernel
-from ohmward_lab.published.rc_adaptive_soc import adaptive_soc_of
-from ohmward_lab.published.rc_joint import nominal_of
+from ohmward_lab.published.rc_joint import adaptive_soc_of, nominal_of
 
 NAN = math.nan
 MODEL = model_of(EVEN)

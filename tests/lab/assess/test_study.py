@@ -6,9 +6,9 @@ import math
 import pytest
 
 from ohmward.errors import InputError
-from ohmward_lab.assess.battery.cell import SocFigures
+from ohmward_lab.assess.battery import SocFigures
 from ohmward_lab.assess.study import STUDIES, assess
-from ohmward_lab.assess.traction.cell import SlipFigures
+from ohmward_lab.assess.traction import SlipFigures
 
 BATTERY, TRACTION = STUDIES["battery"], STUDIES["traction"]
 ONLY = ("nca", "base", "laboratory", "coulomb", "textbook-ekf")

@@ -13,7 +13,7 @@ from ohmward.logs import Log, read_log
 from ohmward_lab.cli import simulate as arguments
 from ohmward_lab.cli.simulate import cell as command
 from ohmward_lab.simulate.electrochemical.cell import MODELS
-from ohmward_lab.simulate.electrochemical.records import RECORDS
+from ohmward_lab.simulate.electrochemical.run import RECORDS
 
 CELL = ("simulate", "--cell", "Prada2013")
 

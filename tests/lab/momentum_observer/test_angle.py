@@ -9,8 +9,13 @@ from kernels import kernel_of
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
 from ohmward.traction import RLMA, scene
-from ohmward_lab.traction.momentum_observer.model import MomentumNoise, count_std_rad
-from ohmward_lab.traction.momentum_observer.observer import MomentumObserver, count_angle, edge_angle
+from ohmward_lab.traction.momentum_observer import (
+    MomentumNoise,
+    MomentumObserver,
+    count_angle,
+    count_std_rad,
+    edge_angle,
+)
 from traction.speed_observer.examples import FLOOR
 
 DT, COUNTS = 1e-3, 4096

@@ -12,9 +12,7 @@ from ohmward.traction import RLMA, SkidSteer, scene
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop.figures import score
-from ohmward_lab.traction.momentum_observer.estimate import MomentumFlag
-from ohmward_lab.traction.momentum_observer.model import MomentumNoise, count_std_rad
-from ohmward_lab.traction.momentum_observer.observer import MomentumObserver
+from ohmward_lab.traction.momentum_observer import MomentumFlag, MomentumNoise, MomentumObserver, count_std_rad
 from traction.speed_observer.examples import FLOOR
 
 DT = 1e-3

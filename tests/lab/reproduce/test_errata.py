@@ -5,8 +5,7 @@ import pytest
 import sympy as sp
 
 from ohmward.battery.models import rc
-from ohmward_lab.reproduce.errata import ERRATA, check
-from ohmward_lab.reproduce.errata_circuit import _p_rate
+from ohmward_lab.reproduce.errata import ERRATA, _p_rate, check
 from ohmward_lab.reproduce.row import Erratum, differs
 
 

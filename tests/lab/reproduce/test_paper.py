@@ -5,17 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ohmward_lab.reproduce import paper_identification, paper_soc
+from ohmward_lab.reproduce import paper
 
 
 @pytest.fixture(scope="module")
 def lead_acid():
-    return {row.quantity: row for row in paper_soc.discharge("lead-acid").rows}
+    return {row.quantity: row for row in paper.discharge("lead-acid").rows}
 
 
 @pytest.fixture(scope="module")
 def lfp():
-    return {row.quantity: row for row in paper_soc.discharge("lfp").rows}
+    return {row.quantity: row for row in paper.discharge("lfp").rows}
 
 
 def test_against_the_count_of_its_own_sensor_the_published_filter_is_as_good_as_printed(lead_acid, lfp):
@@ -43,20 +43,18 @@ def test_the_count_is_off_by_no_more_than_its_sensor_allows(lead_acid):
 
 
 def test_the_flat_parts_of_the_LFP_curve_stand_beside_the_printed_ones():
-    rows: dict[str, Any] = {
-        row.quantity[-10:]: row for row in paper_identification.open_circuit().rows if "rise" in row.quantity
-    }
+    rows: dict[str, Any] = {row.quantity[-10:]: row for row in paper.open_circuit().rows if "rise" in row.quantity}
     assert [row.printed for row in rows.values()] == [0.024, 0.2]
     assert all(0.0 < row.as_printed < 0.2 for row in rows.values())
 
 
 def test_the_hybrid_stands_among_the_methods():
-    hybrid: list[Any] = [row for row in paper_soc.comparison().rows if "hybrid" in row.quantity]
+    hybrid: list[Any] = [row for row in paper.comparison().rows if "hybrid" in row.quantity]
     assert len(hybrid) == 2 and all(0.0 < row.as_printed < 2.0 for row in hybrid)
 
 
 def test_two_time_constants_leave_less_than_one():
-    rows = {row.quantity.split(",")[0]: row for row in paper_identification.relaxations().rows if "RMS" in row.quantity}
+    rows = {row.quantity.split(",")[0]: row for row in paper.relaxations().rows if "RMS" in row.quantity}
     single = rows["sealed lead-acid 12 V 5 Ah: one time constant"].corrected
     double = rows["sealed lead-acid 12 V 5 Ah: two time constants"].corrected
     assert single is not None and double is not None
@@ -64,11 +62,11 @@ def test_two_time_constants_leave_less_than_one():
 
 
 def test_the_nonlinear_fit_is_a_quarter_of_its_start_or_less():
-    found = np.array([row.corrected for row in paper_identification.fit().rows])
+    found = np.array([row.corrected for row in paper.fit().rows])
     assert (found[1::2] < 0.25 * found[::2]).all()
 
 
 def test_the_resistance_at_100_Hz_is_that_of_the_battery():
-    rows = [r for r in paper_identification.pulse_test().rows if r.quantity.endswith("(default: true step)")]
+    rows = [r for r in paper.pulse_test().rows if r.quantity.endswith("(default: true step)")]
     for row in rows:
         assert row.as_printed == pytest.approx(row.default, rel=0.05)

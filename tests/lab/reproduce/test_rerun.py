@@ -8,7 +8,7 @@ import pytest
 
 from ohmward.battery.models.noise import PAIR_CURRENT_C
 from ohmward.battery.models.thevenin import CircuitInput, charge, ohmic_drop, pair_decays, pair_resistances
-from ohmward_lab.reproduce import paper_runs, thesis_runs
+from ohmward_lab.reproduce import paper, thesis_battery
 
 SEED = 1
 
@@ -68,7 +68,7 @@ def next_with_output(x, before, mean, now, dt, cb, cs, rb, rs, rt):
 
 def thesis(method, corrected):
     """Innovation, residual and SoC of the scheme of [T], by (3.4)-(3.6), (3.31)-(3.50) and 3.4.2, with (3.51)."""
-    here = thesis_runs.case(thesis_runs.NARROW, SEED)
+    here = thesis_battery.case(thesis_battery.NARROW, SEED)
     m = here.offline.rule
     offline = np.array([1 / m.c_bulk_F, 1 / m.c_surface_F, 1 / m.r_bulk_ohm, m.r_terminal_ohm])
 
@@ -141,7 +141,7 @@ def thesis(method, corrected):
 
 @pytest.mark.parametrize("method", ["ekf", "aekf", "ukf", "aukf"])
 def test_tables_3_2_and_3_3_of_T(method):
-    ours = thesis_runs.run(method, True, thesis_runs.NARROW, SEED)
+    ours = thesis_battery.run(method, True, thesis_battery.NARROW, SEED)
     innovation_V, residual_V, soc = thesis(method, True)
     np.testing.assert_allclose(ours.joint.innovation_V, innovation_V, rtol=0, atol=1e-9)
     np.testing.assert_allclose(ours.joint.residual_V, residual_V, rtol=0, atol=1e-9)
@@ -151,7 +151,7 @@ def test_tables_3_2_and_3_3_of_T(method):
 @pytest.mark.parametrize("method", ["ekf", "aekf"])
 def test_table_3_2_of_T_as_printed(method):
     """The first samples: without the jump of the voltage it is unstable, and rounding grows from step to step."""
-    ours = thesis_runs.run(method, False, thesis_runs.NARROW, SEED)
+    ours = thesis_battery.run(method, False, thesis_battery.NARROW, SEED)
     with np.errstate(all="ignore"):
         innovation_V, *_ = thesis(method, False)
     np.testing.assert_allclose(ours.joint.innovation_V[:80], innovation_V[:80], rtol=0, atol=1e-9)
@@ -162,7 +162,7 @@ def test_table_3_2_of_T_as_printed(method):
 @pytest.mark.parametrize(("name", "jumps"), [("RC + KF", False), ("RC + KF, corrected", True)])
 def test_figures_11_and_13_of_P_by_RC_and_KF(chemistry, name, jumps):
     """(19)-(25), SoC by the inverse of the OCV curve on a grid of 1001 voltages."""
-    here = paper_runs.case(chemistry, SEED)
+    here = paper.case(chemistry, SEED)
     m = here.rule
     grid_V = np.linspace(m.ocv.voltage_V[0], m.ocv.voltage_V[-1], 1001)
     grid_soc = np.array([m.ocv.soc_at(v, m.ocv.reference_degC) for v in grid_V])
@@ -193,15 +193,15 @@ def test_figures_11_and_13_of_P_by_RC_and_KF(chemistry, name, jumps):
         if np.isfinite(y):
             x, P, _, _ = kalman_update(x, P, y, np.eye(3)[2], 0.8, x[2])
         found.append(np.interp(x[0], grid_V, grid_soc))
-    np.testing.assert_allclose(paper_runs.run(chemistry, name, 1.0, SEED).soc, np.clip(found, 0, 1), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(paper.run(chemistry, name, 1.0, SEED).soc, np.clip(found, 0, 1), rtol=0, atol=1e-9)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("chemistry", "start"), [("lead-acid", 1.0), ("lead-acid", 0.9), ("lfp", 1.0)])
 def test_figures_11_to_13_of_P_by_T2RC_and_UKF(chemistry, start):
     """(26)-(44) on SoC and the two RC voltages, sigma points drawn anew for the output."""
-    here = paper_runs.case(chemistry, SEED)
-    model, noise, sensor = paper_runs.thevenin_of(here.found), here.battery.noise, here.battery.sensor
+    here = paper.case(chemistry, SEED)
+    model, noise, sensor = paper.thevenin_of(here.found), here.battery.noise, here.battery.sensor
     degC = model.reference_degC
     R = noise.voltage_std_V**2 + max(noise.model_std_V) ** 2
     x = np.array([start, 0.0, 0.0])
@@ -224,5 +224,5 @@ def test_figures_11_to_13_of_P_by_T2RC_and_UKF(chemistry, start):
             S, C = dY * w_cov @ dY + R, dX * w_cov @ dY
             x, P = x + C / S * (y - w_mean @ Y), P - np.outer(C, C) / S
         found.append(x[0])
-    ours = paper_runs.run(chemistry, "T2RC + UKF", start, SEED).soc
+    ours = paper.run(chemistry, "T2RC + UKF", start, SEED).soc
     np.testing.assert_allclose(ours, np.clip(found, 0, 1), rtol=0, atol=1e-9)

@@ -11,9 +11,8 @@ from ohmward_lab.published.scheme_by_method import R0_V2
 from ohmward_lab.reproduce import thesis_battery
 from ohmward_lab.reproduce.measured import measured
 from ohmward_lab.reproduce.row import ResultRow
-from ohmward_lab.reproduce.thesis_battery import SOC_PERCENT, VOLTAGE_V
+from ohmward_lab.reproduce.thesis_battery import NARROW, SOC_PERCENT, VOLTAGE_V, case, offline_voltage
 from ohmward_lab.reproduce.thesis_cases import stop_on_ice
-from ohmward_lab.reproduce.thesis_runs import NARROW, case, offline_voltage
 
 
 @pytest.fixture(scope="module")

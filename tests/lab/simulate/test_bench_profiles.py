@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward_lab.simulate import BATTERIES, resting_state, simulate
-from ohmward_lab.simulate.profile import bench_times, low_rate_test, pulse_test, steps
+from ohmward_lab.simulate.profile import bench_times, low_rate_profile, pulse_test, steps
 
 LFP = BATTERIES["lfp"]
 
@@ -26,11 +26,11 @@ def test_the_pulse_test_has_a_pulse_of_1_C_at_each_of_12_levels():
 
 
 def test_the_low_rate_test_goes_to_empty_and_back_to_full():
-    profile = low_rate_test(LFP, rate=0.5)
+    profile = low_rate_profile(12.0, rate=0.5)
     truth = simulate(LFP, profile, np.arange(0.0, profile.time_s[-1], 30.0), resting_state(LFP, 1.0), 10.0).truth
     assert truth.soc.min() < 0.01
     assert truth.soc[-1] > 0.99
-    assert charge_Ah(low_rate_test(LFP), -1.0) == pytest.approx(-1.05 * 12.0, rel=1e-4)
+    assert charge_Ah(low_rate_profile(12.0), -1.0) == pytest.approx(-1.05 * 12.0, rel=1e-4)
 
 
 def test_the_bench_logs_fast_around_pulses_and_slowly_at_rest():

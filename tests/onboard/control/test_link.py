@@ -325,7 +325,7 @@ def test_the_check_sends_nothing_to_the_drives(rig):
     sink, drives = rig
     trial = try_setup(Setup(robot="rlma", source=(SimulationSource(),), sink=(sink,)), 1.5)
     assert drives.frames == []
-    assert [found.text for found in trial.findings if found.subject == "sink control"] == ["running"]
+    assert [found.message for found in trial.findings if found.name == "sink control"] == ["running"]
 
 
 def test_the_check_publishes_nothing(tmp_path):
@@ -346,12 +346,12 @@ def test_the_check_publishes_nothing(tmp_path):
                 return trial
 
         trial = asyncio.run(published())
-    assert {f.text for f in trial.findings if f.subject in ("sink mqtt", "sink control")} == {"running"}
+    assert {f.message for f in trial.findings if f.name in ("sink mqtt", "sink control")} == {"running"}
 
 
 def test_the_check_leaves_rows_that_wait_for_a_server(tmp_path, monkeypatch):
     sent: list[Any] = []
-    monkeypatch.setattr("ohmward.onboard.sinks.influxdb.post", lambda *request: sent.append(request))
+    monkeypatch.setattr("ohmward.onboard.sinks.server.post", lambda *request: sent.append(request))
     spool = Spool(tmp_path / "spool", 10)
     spool.put([Row("battery", 1, {"soc": 0.5})])
     spool.close()

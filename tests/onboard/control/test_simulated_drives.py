@@ -13,7 +13,7 @@ from ohmward.onboard.control.limits import DriveLimits
 from ohmward.onboard.control.operator_command import OperatorCommand
 from ohmward.onboard.control.operator_link import OperatorLink
 from ohmward.onboard.control.simulated_drives import (
-    TIMEOUT_S,
+    COMMAND_TIMEOUT_S,
     DrivenSimulation,
     SimulatedDrives,
     connect_simulated_drives,
@@ -52,7 +52,7 @@ def test_drives_hold_torques_while_they_are_enabled_and_told_so():
     drives.take(ENABLED | {"enable": 0.0})
     assert not drives.torque_Nm(WHEELS).any()
     drives.take(ENABLED)
-    time.sleep(1.2 * TIMEOUT_S)
+    time.sleep(1.2 * COMMAND_TIMEOUT_S)
     assert not drives.torque_Nm(WHEELS).any()
 
 

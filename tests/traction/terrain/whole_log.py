@@ -12,13 +12,13 @@ from kernels import kernel_of
 from ohmward.traction.terrain.demand import drag_columns, inertial_forces, static_loads, undetermined_force_std
 from ohmward.traction.terrain.floor import slip_belief, slip_scale
 from ohmward.traction.terrain.recognition import (
+    FORCE_MEMORY_S,
     LIKE_SHARE,
-    MEMORY_S,
     MIXED_SHARE,
     PERSISTENT_SHARE,
     RIGHT_SHARE,
     SETTLING_S,
-    UNSEEN_SHARE,
+    UNSEEN_ODDS,
 )
 from ohmward.traction.terrain.wheel_filter import WheelSample
 
@@ -50,7 +50,7 @@ def floors_under(recognition, t, rim, force, noise, friction, events):
     """Bayes' rule over all combinations, from the mean force since the last event: -1 stands, 1 starts, 2 crosses."""
     floors, robot, known = recognition.all_floors, recognition.robot, len(recognition.floors)
     single = [*range(known), len(floors) - 1]
-    odds = [*[1.0] * known, *[UNSEEN_SHARE * LIKE_SHARE / known] * known, UNSEEN_SHARE * (1 - LIKE_SHARE)]
+    odds = [*[1.0] * known, *[UNSEEN_ODDS * LIKE_SHARE / known] * known, UNSEEN_ODDS * (1 - LIKE_SHARE)]
     mixed = [c for c in product(single, repeat=3) if len(set(c)) > 1]
     combinations = [*((k, k, k) for k in range(len(floors))), *mixed]
     weight = np.array([odds[c[0]] if len(set(c)) == 1 else np.prod([odds[f] for f in c]) for c in combinations])
@@ -68,7 +68,7 @@ def floors_under(recognition, t, rim, force, noise, friction, events):
         prior = {1: p if averaged > 0 else prior, 2: (1 - RIGHT_SHARE) * p + RIGHT_SHARE * p @ near}.get(
             events[k], prior
         )
-        averaged = {1: -SETTLING_S, 2: 0.0}.get(events[k], min(averaged + dt, MEMORY_S))
+        averaged = {1: -SETTLING_S, 2: 0.0}.get(events[k], min(averaged + dt, FORCE_MEMORY_S))
         mean = force[k] if averaged <= dt else mean + dt / averaged * (force[k] - mean)
         kept = math.exp(-recognition.crossing_rate * dt)
         prior = kept * prior + (1 - kept) * usual

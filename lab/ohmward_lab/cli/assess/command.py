@@ -18,7 +18,7 @@ from ohmward.fleet.run import SUMMARY
 from ohmward.report import Page
 from ohmward.report.blocks import HeatCell
 from ohmward_lab.assess import LARGEST_RMSE
-from ohmward_lab.assess.recommendation import COVERS, Recommendation, Worse
+from ohmward_lab.assess.recommendation import COVERS
 from ohmward_lab.assess.study import STUDIES, Study, assess
 
 
@@ -101,33 +101,27 @@ def rule(assessed: Assessed) -> str:
 
 def recommended(assessed: Assessed) -> tuple[list[str], list[list[str]]]:
     """Header and rows of the recommendation."""
-    study = assessed.study
-    header = [study.subject, "situation", "processor", "method", "worst RMSE", "least covered"]
-    rows = study.recommended(assessed.found, assessed.largest_rmse)
-    return header, [_cells(row, UNITS[study.name]) for row in rows]
+    study, rows = assessed.study, []
+    for row in study.recommended(assessed.found, assessed.largest_rmse):
+        method, rmse = row.method, f"{hundredths(row.worst_rmse)} {UNITS[study.name]}"
+        if method is None:
+            helps = f"what helps: {' or '.join(row.helps)}" if row.helps else "no row of this table helps"
+            method, rmse = f"none; {helps}", f"{rmse} ({row.closest})"
+        covered = "no band" if math.isnan(row.least_covered) else f"{hundredths(row.least_covered, 0)} %"
+        rows.append([row.subject, row.situation, row.processor, method, rmse, covered])
+    return [study.subject, "situation", "processor", "method", "worst RMSE", "least covered"], rows
 
 
 def worse(assessed: Assessed) -> list[str]:
     """Sentences on the methods that are worse than the plain one, or worse with the truth than without."""
-    return [_sentence(row, UNITS[assessed.study.name]) for row in assessed.study.worse(assessed.found)]
-
-
-def _cells(row: Recommendation, unit: str) -> list[str]:
-    rmse = f"{hundredths(row.worst_rmse)} {unit}"
-    covered = "no band" if math.isnan(row.least_covered) else f"{hundredths(row.least_covered, 0)} %"
-    if row.method is None:
-        helps = f"what helps: {' or '.join(row.helps)}" if row.helps else "no row of this table helps"
-        return [row.subject, row.situation, row.processor, f"none; {helps}", f"{rmse} ({row.closest})", covered]
-    return [row.subject, row.situation, row.processor, row.method, rmse, covered]
-
-
-def _sentence(row: Worse, unit: str) -> str:
-    methods = (
-        "every filter" if row.every else " and ".join(filter(None, [", ".join(row.methods[:-1]), row.methods[-1]]))
-    )
-    verb = "is" if row.every or len(row.methods) == 1 else "are"
-    sizes = f"{_range(row.rmse)} {unit} against {_range(row.than_rmse)}"
-    return f"{row.subject}, {row.where}: {methods} {verb} worse than {row.than} ({sizes})"
+    lines = []
+    for row in assessed.study.worse(assessed.found):
+        few = " and ".join(filter(None, [", ".join(row.methods[:-1]), row.methods[-1]]))
+        verb = "is" if row.every or len(row.methods) == 1 else "are"
+        sizes = f"{_range(row.rmse)} {UNITS[assessed.study.name]} against {_range(row.than_rmse)}"
+        methods = "every filter" if row.every else few
+        lines.append(f"{row.subject}, {row.where}: {methods} {verb} worse than {row.than} ({sizes})")
+    return lines
 
 
 def _range(values: Sequence[float]) -> str:
@@ -143,10 +137,11 @@ class Heat(NamedTuple):
     value: Callable[[Any], float]  #: of a row; nan is the worst
     edges: tuple[float, ...]  #: values at which the shade becomes darker, from the lightest on
 
-    def level(self, row: Any) -> int:
-        """Number of the edges that the row is at or beyond."""
-        value = self.value(row)
-        return len(self.edges) if math.isnan(value) else sum(value >= edge for edge in self.edges)
+    def cell(self, row: Any) -> HeatCell | None:
+        """The cell, darker for each edge that the row is at or beyond; None where there is no such figure."""
+        text, value = self.text(row), self.value(row)
+        level = len(self.edges) if math.isnan(value) else sum(value >= edge for edge in self.edges)
+        return HeatCell(text, level) if text else None
 
 
 def hundredths(value: float, digits: int = 1) -> str:
@@ -154,16 +149,11 @@ def hundredths(value: float, digits: int = 1) -> str:
     return f"{100.0 * value:.{digits}f}" if math.isfinite(value) else "nan"
 
 
-def _covered(row: Any) -> str:
-    return "" if math.isnan(row.covered) else hundredths(row.covered, 0)
-
-
-def _minutes(row: Any) -> str:
-    return "never" if math.isinf(row.found_min) else f"{row.found_min:.0f}"
-
-
 _COVERED = Heat(
-    "Samples with the truth in the 95 % band, %", _covered, lambda row: 1.0 - row.covered, (0.05, 0.1, 0.2, 0.4)
+    "Samples with the truth in the 95 % band, %",
+    lambda row: "" if math.isnan(row.covered) else hundredths(row.covered, 0),
+    lambda row: 1.0 - row.covered,
+    (0.05, 0.1, 0.2, 0.4),
 )
 
 #: Of each study; the first one is that of the text, and of the recommendation.
@@ -178,7 +168,7 @@ HEATS: Mapping[str, tuple[Heat, ...]] = {
         _COVERED,
         Heat(
             "Minutes until the error stays within 5 points, the median of the shifts",
-            _minutes,
+            lambda row: "never" if math.isinf(row.found_min) else f"{row.found_min:.0f}",
             lambda row: row.found_min,
             (10.0, 60.0, 180.0, 480.0),
         ),
@@ -204,7 +194,7 @@ HEATS: Mapping[str, tuple[Heat, ...]] = {
 UNITS: Mapping[str, str] = {"battery": "points", "traction": "cm/s"}
 
 
-def grid(found: Sequence[Any], text: Callable[[Any], str]) -> Iterator[list[str]]:
+def grid(found: Sequence[Any], text: Callable[[Any], Any]) -> Iterator[list[Any]]:
     """Header, then a row for each condition with a cell for each method; an empty one where there are no figures."""
     methods = list(dict.fromkeys(row.method for row in found))
     by_place = {(row.condition, row.method): row for row in found}
@@ -224,24 +214,11 @@ def make_page(assessed: Assessed) -> Page:
         page = page.text(sentence)
     for subject in dict.fromkeys(row.subject for row in found):
         page = page.heading(subject)
+        here = [row for row in found if row.subject == subject]
         for heat in HEATS[study.name]:
-            page = _map(page, [row for row in found if row.subject == subject], heat)
+            header, *rows = grid(here, heat.cell)
+            page = page.table(header, [[cell or None for cell in row] for row in rows], heat.caption)
     return page.heading("Cost").table(["method", "in words", "operations", "ns a sample"], cost(assessed))
-
-
-def _map(page: Page, found: Sequence[Any], heat: Heat) -> Page:
-    """A table whose cells are darker the worse they are."""
-    by_place = {(row.condition, row.method): row for row in found}
-    (_, *methods), *rows = grid(found, heat.text)
-    shaded = []
-    for condition, *cells in rows:
-        here = [by_place.get((condition, method)) for method in methods]
-        shaded.append([condition, *(_shade(cell, row, heat) for cell, row in zip(cells, here, strict=True))])
-    return page.table(["condition", *methods], shaded, heat.caption)
-
-
-def _shade(text: str, row: Any, heat: Heat) -> HeatCell | None:
-    return HeatCell(text, heat.level(row)) if row and text else None
 
 
 def cost(assessed: Assessed) -> list[list[str]]:

@@ -7,31 +7,16 @@ import shlex
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any
 
-from ohmward.cli import compare as compare_arguments
-from ohmward.cli import doctor as doctor_arguments
-from ohmward.cli import identify as identify_arguments
-from ohmward.cli import mission as mission_arguments
-from ohmward.cli import slip as slip_arguments
-from ohmward.cli import soc as soc_arguments
 from ohmward.cli import wording
-from ohmward.cli.compare import command as compare
-from ohmward.cli.doctor import command as doctor
-from ohmward.cli.identify import command as identify
-from ohmward.cli.mission import command as mission
+from ohmward.cli.main import parse, run_of
 from ohmward.cli.outcome import Outcome, carry_out
-from ohmward.cli.parser import Parser
-from ohmward.cli.slip import command as slip
-from ohmward.cli.soc import command as soc
 from ohmward.cli.wording import FOOTER
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.report import Page
 from ohmward.traction import save_robot
-from ohmward_lab.cli import simulate as simulate_arguments
-from ohmward_lab.cli.simulate import command as simulate
 from ohmward_lab.simulate import RobotDay, make_robot_day, write_robot_day
 from ohmward_lab.simulate.closed_loop import save_scenario
 from ohmward_lab.simulate.robot_drive import WAY_HOME, robot_drive
@@ -49,28 +34,6 @@ working day, recorded with low-cost sensors. Then the drive home: dry floor, wet
 truth; the commands below are what you would type for your own logs, and can be pasted."""
 
 
-#: Arguments and run of each command that the demo types.
-_COMMANDS: dict[str, tuple[ModuleType, ModuleType]] = {
-    "doctor": (doctor_arguments, doctor),
-    "identify": (identify_arguments, identify),
-    "soc": (soc_arguments, soc),
-    "compare": (compare_arguments, compare),
-    "simulate": (simulate_arguments, simulate),
-    "slip": (slip_arguments, slip),
-    "mission": (mission_arguments, mission),
-}
-
-
-class DemoStep(NamedTuple):
-    """A command line of the demo, without `ohmward`, and its name."""
-
-    name: str
-    words: tuple[str, ...]
-
-    def __str__(self) -> str:
-        return f"$ ohmward {shlex.join(self.words)}"
-
-
 def run(args: argparse.Namespace) -> Outcome:
     """Make the logs, then do what a user would do with them."""
     folder = _prepare(Path(args.out))
@@ -78,7 +41,11 @@ def run(args: argparse.Namespace) -> Outcome:
     days = {chemistry: make_robot_day(chemistry, args.seed) for chemistry in N_SERIES}
     worked = {chemistry: work_through(chemistry, day, folder) for chemistry, day in days.items()}
     home = drive_home(folder, days[DRIVEN], worked[DRIVEN]["soc"].summary, args.seed)
-    results = {chemistry: _summaries(outcomes) for chemistry, outcomes in worked.items()} | _summaries(home)
+    of_days = {
+        chemistry: {name: dict(outcome.summary) for name, outcome in outcomes.items()}
+        for chemistry, outcomes in worked.items()
+    }
+    results = of_days | {name: dict(outcome.summary) for name, outcome in home.items()}
     page = make_page(worked[DRIVEN] | home, drive_figures(results))
     page.write(folder / "report.html")
     return Outcome({"command": "demo", "folder": str(folder), **results}, describe(results, folder))
@@ -87,13 +54,11 @@ def run(args: argparse.Namespace) -> Outcome:
 def work_through(chemistry: str, day: RobotDay, folder: Path) -> dict[str, Outcome]:
     """Write the logs of one battery and run every command on them; outcomes by the name of the step."""
     files = write_robot_day(day, folder)
-    return _play(steps(chemistry, folder, files.pulse_test, files.mission))
+    return _play(steps(chemistry, folder, str(files.pulse_test), str(files.mission)))
 
 
-def steps(chemistry: str, folder: Path, pulse_test: Path, mission: Path) -> list[DemoStep]:
-    """Command lines of a user with this battery."""
-    test = str(pulse_test)
-    day = str(mission)
+def steps(chemistry: str, folder: Path, test: str, day: str) -> list[tuple[str, ...]]:
+    """Command lines of a user with this battery; test, day: its logs."""
     battery = str(folder / f"{chemistry}.toml")
 
     def report(command: str) -> str:
@@ -102,10 +67,10 @@ def steps(chemistry: str, folder: Path, pulse_test: Path, mission: Path) -> list
     identify = ("--capacity-ah", f"{CAPACITY_AH:g}", "--chemistry", chemistry, "--n-series", str(N_SERIES[chemistry]))
     truth = ("--battery", battery, "--truth", "soc_true")
     return [
-        DemoStep("doctor", ("doctor", test, day, "--report", report("doctor"))),
-        DemoStep("identify", ("identify", test, *identify, "-o", battery, "--report", report("identify"))),
-        DemoStep("soc", ("soc", day, *truth, "--report", report("soc"))),
-        DemoStep("compare", ("compare", day, *truth, "--report", report("compare"))),
+        ("doctor", test, day, "--report", report("doctor")),
+        ("identify", test, *identify, "-o", battery, "--report", report("identify")),
+        ("soc", day, *truth, "--report", report("soc")),
+        ("compare", day, *truth, "--report", report("compare")),
     ]
 
 
@@ -122,7 +87,7 @@ def drive_home(folder: Path, day: RobotDay, evening: Mapping[str, Any], seed: in
     return _play(drive_steps(folder, evening["soc_final"], evening["soc_std_final"]))
 
 
-def drive_steps(folder: Path, soc: float, soc_std: float) -> list[DemoStep]:
+def drive_steps(folder: Path, soc: float, soc_std: float) -> list[tuple[str, ...]]:
     """Command lines of a user with this drive.
 
     soc, soc_std: of the battery when it begins.
@@ -137,18 +102,23 @@ def drive_steps(folder: Path, soc: float, soc_std: float) -> list[DemoStep]:
     start = ("--current-sign", "charge", "--initial-soc", f"{soc:.3f}", "--initial-soc-std", f"{soc_std:.3f}")
     ahead = ("--terrain", "floor", "--plan", path("home.toml"), "-o", path("consumption.toml"))
     return [
-        DemoStep("simulate", ("simulate", path("drive.toml"), "-o", log, "--report", path("drive-simulate.html"))),
-        DemoStep("slip", ("slip", log, *robot, "--truth", "speed_true_m_s", "--report", path("drive-slip.html"))),
-        DemoStep("mission", ("mission", log, *robot, *battery, *start, *ahead, "--report", path("drive-mission.html"))),
+        ("simulate", path("drive.toml"), "-o", log, "--report", path("drive-simulate.html")),
+        ("slip", log, *robot, "--truth", "speed_true_m_s", "--report", path("drive-slip.html")),
+        ("mission", log, *robot, *battery, *start, *ahead, "--report", path("drive-mission.html")),
     ]
 
 
 def describe(results: Mapping[str, Any], folder: Path) -> str:
     """The figures of battery and drive, and where to look."""
     header = ["simulated robot day", "SoC at the end", "RMSE", "largest error", "truth in 95 % band"]
+    columns = {"soc_final": 1, "soc_rmse": 2, "soc_max_error": 2, "coverage_95": 1}
+    rows = [
+        [chemistry, *(wording.percent(results[chemistry]["soc"][key], digits) for key, digits in columns.items())]
+        for chemistry in N_SERIES
+    ]
     reports = sorted(str(path) for path in folder.glob("*-*.html"))
     return wording.paragraphs(
-        wording.table(header, [_battery_row(chemistry, results[chemistry]["soc"]) for chemistry in N_SERIES]),
+        wording.table(header, rows),
         f"the drive home\n{wording.fields(drive_figures(results))}",
         f"The whole story on one page, open it in a browser:\n  {folder / 'report.html'}",
         wording.bullets("A page for each command", reports),
@@ -160,7 +130,7 @@ def drive_figures(results: Mapping[str, Any]) -> dict[str, str]:
     evening = results[DRIVEN]["soc"]
     slip = results["slip"]
     mission = results["mission"]
-    p10, p50, p90 = (metres / 1e3 for metres in mission["range_m"].values())
+    p10, p50, p90 = (metres / 1e3 for metres in mission["range_m"])
     return {
         "charge in the evening": f"{100 * evening['soc_final']:.0f} ± {100 * BAND_95 * evening['soc_std_final']:.0f} %",
         "speed error": wording.quantity(slip["speed_rmse_m_s"], "mm/s RMS", 1e3),
@@ -170,33 +140,15 @@ def drive_figures(results: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def _battery_row(chemistry: str, soc: Mapping[str, Any]) -> list[str]:
-    figures = [(soc["soc_final"], 1), (soc["soc_rmse"], 2), (soc["soc_max_error"], 2), (soc["coverage_95"], 1)]
-    return [chemistry, *(wording.percent(value, digits) for value, digits in figures)]
-
-
-def _summaries(outcomes: Mapping[str, Outcome]) -> dict[str, dict[str, Any]]:
-    return {name: dict(outcome.summary) for name, outcome in outcomes.items()}
-
-
-def _play(steps: Sequence[DemoStep]) -> dict[str, Outcome]:
+def _play(steps: Sequence[tuple[str, ...]]) -> dict[str, Outcome]:
     """Print each command line, run it exactly as the shell would, print the beginning of its text."""
     outcomes = {}
-    for step in steps:
-        print(step, flush=True)
-        outcomes[step.name] = _typed(step)
-        beginning = "\n\n".join(outcomes[step.name].text.split("\n\n")[:2])
+    for words in steps:
+        print(f"$ ohmward {shlex.join(words)}", flush=True)
+        outcome = outcomes[words[0]] = carry_out(run_of(words[0]), parse(words))
+        beginning = "\n\n".join(outcome.text.split("\n\n")[:2])
         print(f"{beginning}\n", flush=True)
     return outcomes
-
-
-def _typed(step: DemoStep) -> Outcome:
-    """Outcome of a command line as if a user had typed it."""
-    name, *words = step.words
-    arguments, command = _COMMANDS[name]
-    parser = Parser(prog=f"ohmward {name}", allow_abbrev=False)
-    arguments.add_arguments(parser)
-    return carry_out(command.run, parser.parse_args(words))
 
 
 def _prepare(folder: Path) -> Path:

@@ -7,14 +7,13 @@ import os
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from ohmward.battery.file import load_battery
 from ohmward.battery.log_check import check_log, with_contradictions
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log
+from ohmward.cli.battery_inputs import read_battery_log, read_options
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.progress import Report, progress
+from ohmward.cli.progress import progress
 from ohmward.cli.wording import FOOTER
 from ohmward.errors import InputError
 from ohmward.report import Page
@@ -30,15 +29,21 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.subject == "errata":
         if args.only:
             raise InputError("--only selects a table or figure; the errata are checked together")
-        found = check(ERRATA)
-        status = 0 if all(found) else 1
-        return Outcome(errata_summary(found), describe_errata(found), page=partial(errata_page, found), status=status)
+        return _errata()
     publication = with_measured(with_nmc_cell(PUBLICATIONS[args.subject], args.data), args)
     with progress() as report:
-        results = compute(publication, args.only or (), report)
-    return Outcome(
-        summary(publication, results), describe(publication, results), page=partial(make_page, publication, results)
-    )
+        items, results = select(publication, args.only or ()), []
+        for done, item in enumerate(items):
+            if report:
+                report(item.title, done / len(items))
+            results.append(Reproduced(item, item.make()))
+    figures = {
+        "command": "reproduce",
+        "publication": publication.title,
+        # one row for each number, with its item
+        "rows": [{"item": label(r.item), **row._asdict()} for r in results for row in r.result.rows],
+    }
+    return Outcome(figures, describe(publication, results), page=partial(make_page, publication, results))
 
 
 def with_nmc_cell(publication: Publication, data: str | None) -> Publication:
@@ -79,31 +84,12 @@ def with_measured(publication: Publication, args: argparse.Namespace) -> Publica
             "--log needs --battery FILE.toml and --initial-soc S: both are taken as given, as in the thesis"
         )
     battery = load_battery(args.battery)
-    log = with_contradictions(check_log(read_battery_log(args.log, args, ()), battery), battery)
+    log = with_contradictions(check_log(read_battery_log(args.log, read_options(args), ()), battery), battery)
     return publication._replace(items=(*publication.items, measured_item(log, battery, args.initial_soc)))
 
 
-def compute(publication: Publication, only: list[str] | tuple[str, ...], report: Report | None) -> list[Reproduced]:
-    """Results of the chosen items, with progress by items."""
-    items = select(publication, only)
-    found = []
-    for done, item in enumerate(items):
-        if report:
-            report(item.title, done / len(items))
-        found.append(Reproduced(item, item.make()))
-    return found
-
-
 HEADER = ["quantity", "unit", "printed", "as printed", "corrected", "default"]
-
-
-def summary(publication: Publication, results: Sequence[Reproduced]) -> dict[str, Any]:
-    """The object of --json: one row for each number, with its item."""
-    return {
-        "command": "reproduce",
-        "publication": publication.title,
-        "rows": [{"item": label(r.item), **row._asdict()} for r in results for row in r.result.rows],
-    }
+_ERRATA = ["Text", "Place", "In the text we worked from", "Must be", "Check"]
 
 
 def describe(publication: Publication, results: Sequence[Reproduced]) -> str:
@@ -121,22 +107,6 @@ def cells(row: ResultRow) -> list[str]:
     """The row as texts; a dash where there is no number, "nan" where a method ended in none."""
     numbers = (row.printed, row.as_printed, row.corrected, row.default)
     return [row.quantity, row.unit, *("-" if n is None else f"{n:.3g}" for n in numbers)]
-
-
-def errata_summary(found: Sequence[bool]) -> dict[str, Any]:
-    """The object of --json for the errata."""
-    rows = [e._asdict() | {"holds": ok} for e, ok in zip(ERRATA, found, strict=True)]
-    return {"command": "reproduce", "errata": [{k: v for k, v in row.items() if k != "check"} for row in rows]}
-
-
-def describe_errata(found: Sequence[bool]) -> str:
-    """Text for people: place, what is printed, what it must be, result of the check."""
-    lines = [
-        f"{text} {place}: {printed} -> {correct} (the check {check})"
-        for text, place, printed, correct, check in errata_rows(found)
-    ]
-    title = f"{len(ERRATA)} errors in the texts we worked from, {sum(found)} of their checks pass"
-    return wording.bullets(f"{title}; printed -> must be", lines)
 
 
 def errata_rows(found: Sequence[bool]) -> list[list[str]]:
@@ -163,19 +133,18 @@ def make_page(publication: Publication, results: Sequence[Reproduced]) -> Page:
             page = page.text(f"Why they differ: {why}.")
         for figure in result.figures:
             page = page.plot(figure)
-    return with_errata(page, [e.text == publication.short for e in ERRATA])
+    rows = [row for row in errata_rows(check(ERRATA)) if row[0] == publication.short]
+    return page.heading("Errors in the text").table(_ERRATA, rows)
 
 
-def errata_page(found: Sequence[bool]) -> Page:
-    """The errata of both publications."""
-    page = Page("Errors in [T] and [P]", "each with a check that runs", FOOTER)
-    return page.table(_HEADER, errata_rows(found))
-
-
-_HEADER = ["Text", "Place", "In the text we worked from", "Must be", "Check"]
-
-
-def with_errata(page: Page, chosen: Sequence[bool]) -> Page:
-    """The page with the chosen errata, checked."""
-    rows = errata_rows(check(ERRATA))
-    return page.heading("Errors in the text").table(_HEADER, [r for r, c in zip(rows, chosen, strict=True) if c])
+def _errata() -> Outcome:
+    """The errata of both publications, each checked."""
+    found = check(ERRATA)
+    entries = [e._asdict() | {"holds": ok} for e, ok in zip(ERRATA, found, strict=True)]
+    figures = [{name: value for name, value in entry.items() if name != "check"} for entry in entries]
+    rows = errata_rows(found)
+    lines = [f"{text} {place}: {printed} -> {correct} (the check {ok})" for text, place, printed, correct, ok in rows]
+    title = f"{len(ERRATA)} errors in the texts we worked from, {sum(found)} of their checks pass; printed -> must be"
+    page = Page("Errors in [T] and [P]", "each with a check that runs", FOOTER).table(_ERRATA, rows)
+    text = wording.bullets(title, lines)
+    return Outcome({"command": "reproduce", "errata": figures}, text, page=lambda: page, status=0 if all(found) else 1)

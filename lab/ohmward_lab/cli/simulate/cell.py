@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.cli import wording
@@ -19,52 +20,34 @@ from ohmward_lab.simulate.electrochemical import ElectrochemicalCell, aged, capa
 from ohmward_lab.simulate.electrochemical.cell import usual_model
 
 
-class CellRecord(NamedTuple):
-    """A recorded cell: its log, with the column `soc_true`, and its capacities [Ah], new and at its age."""
-
-    cell: ElectrochemicalCell
-    log: Log
-    new_Ah: float
-    capacity_Ah: float
-
-
 def run(args: argparse.Namespace) -> Outcome:
     """Simulate, write the log and report."""
     check_output("--output", args.output, TABLES)
     if args.scenario is not None:
         raise InputError(f"name a scenario ({args.scenario}) or --cell {args.cell}, not both")
-    found = _recorded(args)
-    if args.output:
-        write_log(found.log, args.output)
-    figures = summary(found, args.record or "day")
-    written = {"output": args.output, "report": args.report}
-    return Outcome(figures | written, describe(figures, args.output), (), partial(make_page, found, figures))
-
-
-def _recorded(args: argparse.Namespace) -> CellRecord:
+    record = args.record or "day"
     new = ElectrochemicalCell(args.cell, args.model or usual_model(args.cell), args.n_series or 1)
     new_Ah = capacity_Ah(new)
-    ratio = 1.0 if args.aged_to is None else args.aged_to
-    cell = aged(new, ratio, args.resistance or 1.0)
+    cell = aged(new, 1.0 if args.aged_to is None else args.aged_to, args.resistance or 1.0)
     degC = ROOM_DEGC if args.ambient_degc is None else args.ambient_degc
     seed = {} if args.seed is None else {"seed": args.seed}
-    log = record_cell(cell, args.record or "day", degC, new_Ah=new_Ah, **seed)
-    return CellRecord(cell, log, new_Ah, capacity_Ah(cell))
+    log = record_cell(cell, record, degC, new_Ah=new_Ah, **seed)
+    if args.output:
+        write_log(log, args.output)
+    figures = {"command": "simulate", **summary(cell, log), "record": record, "capacity_new_Ah": new_Ah}
+    figures |= {"output": args.output, "report": args.report}
+    return Outcome(figures, describe(figures), (), partial(make_page, log, figures))
 
 
-def summary(found: CellRecord, record: str) -> dict[str, Any]:
-    """The object of --json."""
-    log, cell = found.log, found.cell
+def summary(cell: ElectrochemicalCell, log: Log) -> dict[str, Any]:
+    """The figures of a cell and of its log, which has the column `soc_true`."""
     soc, temperature_degC = log.extra["soc_true"], log.temperature_degC
     assert temperature_degC is not None
     return {
-        "command": "simulate",
         "cell": cell.parameter_set,
         "model": cell.model,
         "n_series": cell.n_series,
-        "record": record,
-        "capacity_new_Ah": found.new_Ah,
-        "capacity_Ah": found.capacity_Ah,
+        "capacity_Ah": capacity_Ah(cell),
         "resistance_ratio": cell.resistance_ratio,
         "duration_s": log.duration_s,
         "samples": len(log),
@@ -78,22 +61,19 @@ def summary(found: CellRecord, record: str) -> dict[str, Any]:
     }
 
 
-def describe(found: dict[str, Any], output: str | None) -> str:
+def describe(found: Mapping[str, Any]) -> str:
     """Text for people."""
-    title = f"{found['cell']}, {found['model']}: {found['record']}"
-    parts = [title, wording.fields(result(found))]
-    if output and found["record"] != "day":
-        parts.append(f"next: ohmward identify {output} --capacity-ah {found['capacity_new_Ah']:.3g}{_cells(found)}")
+    output, then = found["output"], ""
+    if output and found["record"] == "day":
+        then = f"next: ohmward soc {output} --battery FILE.toml --initial-soc 1 --truth soc_true"
     elif output:
-        parts.append(f"next: ohmward soc {output} --battery FILE.toml --initial-soc 1 --truth soc_true")
-    return wording.paragraphs(*parts)
+        then = f"next: ohmward identify {output} --capacity-ah {found['capacity_new_Ah']:.3g}"
+        then += f" --n-series {found['n_series']}" if found["n_series"] > 1 else ""
+    title = f"{found['cell']}, {found['model']}: {found['record']}"
+    return wording.paragraphs(title, wording.fields(result(found)), then)
 
 
-def _cells(found: dict[str, Any]) -> str:
-    return f" --n-series {found['n_series']}" if found["n_series"] > 1 else ""
-
-
-def result(found: dict[str, Any]) -> dict[str, str]:
+def result(found: Mapping[str, Any]) -> dict[str, str]:
     """The key figures with their units, by name."""
     age = found["capacity_Ah"] / found["capacity_new_Ah"]
     low, high = found["temperature_min_degC"], found["temperature_max_degC"]
@@ -107,9 +87,8 @@ def result(found: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def make_page(found: CellRecord, figures: dict[str, Any]) -> Page:
+def make_page(log: Log, figures: Mapping[str, Any]) -> Page:
     """Key figures; voltage, current, temperature and the true state of charge on one clock."""
-    log = found.log
     truth = Figure(
         "State of charge", TIME, "State of charge [%]", [Series(log.time_s, 100 * log.extra["soc_true"], "true")]
     )

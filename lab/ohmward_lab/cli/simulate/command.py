@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -19,57 +19,41 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.logs import write_table
 from ohmward.logs.write import TABLES
 from ohmward.report import TIME, Band, Figure, Page, Series
+from ohmward.traction.score import score_figures
 from ohmward_lab.cli.simulate import OF_CELLS, cell
 from ohmward_lab.simulate import closed_loop
-from ohmward_lab.simulate.closed_loop import ClosedLoopRun, Scenario
-from ohmward_lab.simulate.closed_loop.figures import Figures, figures, true_slip
+from ohmward_lab.simulate.closed_loop import ClosedLoopRun
+from ohmward_lab.simulate.closed_loop.figures import figures, true_slip
 from ohmward_lab.simulate.closed_loop.scenario_file import EXAMPLE, packaged_text
 
 
 def run(args: argparse.Namespace) -> Outcome:
     """Print an example or the list, or simulate, write the log and report."""
     if args.example:
-        return _example()
+        text = packaged_text(EXAMPLE).rstrip()
+        return Outcome({"command": "simulate", "example": text}, text)
     if args.list:
-        return _listed()
+        scenarios = dict(closed_loop.packaged())
+        text = f"ohmward simulate NAME\n\n{wording.fields(scenarios)}"
+        return Outcome({"command": "simulate", "scenarios": scenarios}, text)
     if args.cell is not None:
         return cell.run(args)
     if given := [name for name in OF_CELLS if getattr(args, name) is not None]:
         raise InputError(f"--{given[0].replace('_', '-')} is of a battery alone: name it with --cell")
-    scenario = _scenario(args)
-    check_output("--output", args.output, TABLES, [args.scenario])
-    answer = _simulate(scenario)
-    if args.output:
-        write_table(closed_loop.columns(answer), args.output)
-
-    found = summary(answer)
-    written = {"output": args.output, "report": args.report}
-    return Outcome(found | written, describe(answer, found), answer.warnings, partial(make_page, answer))
-
-
-def _scenario(args: argparse.Namespace) -> Scenario:
     if args.scenario is None:
         raise InputError(
             "name a scenario file, or one of `ohmward simulate --list`; --example prints one to start from"
         )
     scenario = closed_loop.find_scenario(args.scenario)
-    return scenario if args.seed is None else replace(scenario, seed=args.seed)
-
-
-def _simulate(scenario: Scenario) -> ClosedLoopRun:
+    if args.seed is not None:
+        scenario = replace(scenario, seed=args.seed)
+    check_output("--output", args.output, TABLES, [args.scenario])
     with progress() as report:
-        return closed_loop.run(scenario, counting(report, scenario.name))
-
-
-def _example() -> Outcome:
-    text = packaged_text(EXAMPLE).rstrip()
-    return Outcome({"command": "simulate", "example": text}, text)
-
-
-def _listed() -> Outcome:
-    scenarios = dict(closed_loop.packaged())
-    text = f"ohmward simulate NAME\n\n{wording.fields(scenarios)}"
-    return Outcome({"command": "simulate", "scenarios": scenarios}, text)
+        answer = closed_loop.run(scenario, counting(report, scenario.name))
+    if args.output:
+        write_table(closed_loop.columns(answer), args.output)
+    found = summary(answer) | {"output": args.output, "report": args.report}
+    return Outcome(found, describe(found), answer.warnings, partial(make_page, answer, found))
 
 
 #: Terms of the energy balance in words.
@@ -104,47 +88,33 @@ def summary(answer: ClosedLoopRun) -> dict[str, Any]:
         "seconds": answer.seconds,
         "slip_settle_s": f.slip_settle_s,
         "slip_rms_error": f.slip_rms_error,
-        "slip_commands": [held._asdict() for held in f.slip],
+        "slip_commands": f.slip,
         "energy_J": f.energy_J.battery,
         "energy_J_per_m": f.energy_J_per_m,
         "energy_split_J": {name: getattr(f.energy_J, name) for name in ENERGY},
-        **_scores(f),
+        **score_figures(f.score),
         "soc_initial": scenario.battery.start_soc,
         "soc_final": float(history.soc[-1]),
         "voltage_min_V": float(history.voltage_V.min()),
         "voltage_max_V": float(history.voltage_V.max()),
         "steps": len(answer.rows.time_s),
-        "warnings": list(answer.warnings),
+        "warnings": answer.warnings,
     }
 
 
-def _scores(f: Figures) -> dict[str, float | None]:
-    """Of the observer, None without one."""
-    names = (
-        "speed_rmse_m_s",
-        "speed_max_error_m_s",
-        "speed_coverage_95",
-        "slip_rmse",
-        "coverage_95",
-        "false_alarm_rate",
-        "detection_rate",
-    )
-    return {name: getattr(f.score, name) if f.score else None for name in names}
-
-
-def describe(answer: ClosedLoopRun, found: dict[str, Any]) -> str:
-    """Text for people."""
-    title = f"{found['scenario']}\n{found['robot']} on plant {found['plant']!r}, controller {found['controller']!r}"
+def describe(found: Mapping[str, Any]) -> str:
+    """Text for people; found: the summary, here as in all that follows."""
     observer = "the true speed" if found["observer"] == "true" else f"observer {found['observer']!r}"
     return wording.paragraphs(
-        f"{title}, {observer}",
+        f"{found['scenario']}\n{found['robot']} on plant {found['plant']!r}, controller {found['controller']!r}, "
+        f"{observer}",
         wording.fields(result(found)),
         energy_table(found),
-        wording.bullets("Warnings", answer.warnings),
+        wording.bullets("Warnings", found["warnings"]),
     )
 
 
-def result(found: dict[str, Any]) -> dict[str, str]:
+def result(found: Mapping[str, Any]) -> dict[str, str]:
     """The key figures with their units, by name."""
     rows = {
         "drive": f"{found['distance_m']:.2f} m in {wording.duration(found['duration_s'])}",
@@ -160,10 +130,10 @@ def result(found: dict[str, Any]) -> dict[str, str]:
         "false slip alarms": wording.percent(found["false_alarm_rate"]),
         "computed in": wording.duration(found["seconds"]),
     }
-    return {name: value for name, value in rows.items() if value != "-"}
+    return wording.known_rows(rows)
 
 
-def energy_table(found: dict[str, Any]) -> str:
+def energy_table(found: Mapping[str, Any]) -> str:
     """Terms of the energy balance as a table; those below a millionth of the whole are left out."""
     whole = found["energy_J"]
     parts = {name: value for name, value in found["energy_split_J"].items() if abs(value) > 1e-6 * abs(whole)}
@@ -175,27 +145,21 @@ def energy_table(found: dict[str, Any]) -> str:
 _POWER_S = 0.25
 
 
-def make_page(run: ClosedLoopRun) -> Page:
+def make_page(run: ClosedLoopRun, found: Mapping[str, Any]) -> Page:
     """Key figures, plots above each other on one clock, where the energy went, warnings."""
-    found = summary(run)
     what = f"{found['robot']}, plant {found['plant']!r}, simulated for {duration(found['duration_s'])}"
     values = result(found)
     chosen = ("drive", "energy per metre", "slip reached after", "slip error, RMS", "speed error, RMS")
     page = Page(found["scenario"], what, FOOTER).numbers({k: values[k] for k in chosen if k in values})
     for warning in run.warnings:
         page = page.callout("warning", warning)
-    page = page.plot(*plots(run))
+    page = page.plot(_speed(run), *_slips(run), _torque(run), _friction(run), _power(run), _battery(run))
     page = page.heading("Result").table(["Quantity", "Value"], [list(row) for row in values.items()])
     split = [
         [ENERGY[name], quantity(value, "J", digits=4), quantity(value, "Wh", 1 / 3600)]
         for name, value in found["energy_split_J"].items()
     ]
     return page.heading("Energy").table(["Where the energy went", "Energy", "the same"], split)
-
-
-def plots(run: ClosedLoopRun) -> list[Figure]:
-    """Speed, slip of each driven wheel, torque, friction, power split, battery."""
-    return [_speed(run), *_slips(run), _torque(run), _friction(run), _power(run), _battery(run)]
 
 
 def _speed(run: ClosedLoopRun) -> Figure:
@@ -219,7 +183,7 @@ def _slips(run: ClosedLoopRun) -> Iterator[Figure]:
     truth, rows, robot = run.history.truth, run.rows, run.scenario.model
     true = true_slip(run.history, robot)
     forward = np.where(rows.truth.speed_m_s >= 0, 1.0, -1.0)
-    for k, place in enumerate(robot.places[: robot.driven]):
+    for k, wheel in enumerate(_wheels(run)):
         series = [Series(truth.time_s, true[:, k], "true", role="reference")]
         if rows.estimate is not None:
             series.append(Series(rows.time_s, forward * rows.estimate.slip_ratio[:, k], "estimated", role="estimate"))
@@ -229,25 +193,22 @@ def _slips(run: ClosedLoopRun) -> Iterator[Figure]:
             series.append(Series(truth.time_s, -target, "bound, braking", "dashed", "background"))
         elif np.isfinite(target).any():
             series.append(Series(truth.time_s, target, "set-point", "dashed", "background"))
-        yield Figure(f"Slip, {_words(place.name)}", TIME, "Slip ratio [-]", series, y_limits=(-1.0, 1.0))
+        yield Figure(f"Slip, {wheel}", TIME, "Slip ratio [-]", series, y_limits=(-1.0, 1.0))
 
 
 def _torque(run: ClosedLoopRun) -> Figure:
-    truth, robot = run.history.truth, run.scenario.model
-    series = [
-        Series(truth.time_s, truth.torque_N_m[:, k], _words(place.name))
-        for k, place in enumerate(robot.places[: robot.driven])
-    ]
+    truth = run.history.truth
+    series = [Series(truth.time_s, truth.torque_N_m[:, k], wheel) for k, wheel in enumerate(_wheels(run))]
     return Figure("Torque of the motors", TIME, "Torque [N m]", series)
 
 
 def _friction(run: ClosedLoopRun) -> Figure:
-    truth, robot = run.history.truth, run.scenario.model
+    truth = run.history.truth
     used = np.abs(truth.traction_N) / np.maximum(truth.normal_N, 1e-9)
     series = []
-    for k, place in enumerate(robot.places[: robot.driven]):
-        series.append(Series(truth.time_s, truth.friction[:, k], f"{_words(place.name)}, there is", "step"))
-        series.append(Series(truth.time_s, used[:, k], f"{_words(place.name)}, used"))
+    for k, wheel in enumerate(_wheels(run)):
+        series.append(Series(truth.time_s, truth.friction[:, k], f"{wheel}, there is", "step"))
+        series.append(Series(truth.time_s, used[:, k], f"{wheel}, used"))
     return Figure("Friction under the wheels", TIME, "Force over load [-]", series)
 
 
@@ -276,5 +237,6 @@ def _battery(run: ClosedLoopRun) -> Figure:
     return Figure("Battery", TIME, "State of charge [%]", series, right_label="Voltage [V]")
 
 
-def _words(name: str) -> str:
-    return name.replace("_", " ")
+def _wheels(run: ClosedLoopRun) -> list[str]:
+    """Names of the driven wheels in words."""
+    return [name.replace("_", " ") for name in run.scenario.model.driven_wheels]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -155,22 +155,12 @@ class WheelCommand(NamedTuple):
     torque_Nm: Any  #: (driven,) of the wheels
 
 
-class InitialState(Protocol):
-    """State of a controller that takes over from the torque [N m] that is given now."""
-
-    def __call__(self, m: Measurement, torque_Nm: Any = 0.0) -> Any:
-        """The state; `m` as at its first step."""
-        ...
-
-
 class Controller(NamedTuple):
-    """A controller: `init(measurement, torque_Nm)` and `step(state, command, measurement, dt_s)`.
+    """A controller; all of it traces."""
 
-    step returns the state after it, the torque to hold, and a
-    `Report`; all of it traces.
-    """
-
-    init: InitialState
+    #: state before the first step, whose measurement it is given, and the torque [N m] to take over from
+    init: Callable[[Measurement, Any], Any]
+    #: state after a step, the torque to hold, and a report; from state, command, measurement and dt_s
     step: Callable[[Any, WheelCommand, Measurement, Any], tuple[Any, Any, Report]]
 
 
@@ -187,7 +177,7 @@ def make_controller(control: Control, robot: Robot) -> Controller:
     """The controller that the settings name, for all driven wheels of this robot."""
     one = wheel_controller(control, robot)
 
-    def init(m: Measurement, torque_Nm: Any = 0.0) -> tuple:
+    def init(m: Measurement, torque_Nm: Any) -> tuple:
         given = np.broadcast_to(torque_Nm, robot.driven)
         return tuple(one.init(of_wheel(m, k), given[k]) for k in range(robot.driven))
 
@@ -216,7 +206,7 @@ def wheel_controller(control: Control, robot: Robot) -> Controller:
     sliding = SlidingMode(Uncertainty(force_N=control.friction * wheel.load_N))
     if control.mode == "speed":
         loop = SpeedController(wheel, sliding, limits, acceleration_m_s2=control.acceleration_m_s2)
-        return _speed_loop(loop, control.slip_bound)
+        return _loop(loop, lambda command: SpeedCommand(command.travel_m_s, control.slip_bound))
     if control.law == "cascade":
         return _cascade(WheelSpeedCascade(wheel), WheelSpeedDrive(limits))
     laws: dict[str, SlipLaw] = {
@@ -228,25 +218,17 @@ def wheel_controller(control: Control, robot: Robot) -> Controller:
     slip_loop = SlipController(wheel, laws[control.law], limits)
     if control.mode == "seek":
         return _seeking_loop(slip_loop, SetPointSeeker(control.objective, resistance_coefficient=RESISTANCE))
-    return _slip_loop(slip_loop)
+    return _loop(slip_loop, lambda command: SlipCommand(command.slip_ratio, command.direction))
 
 
-def _speed_loop(loop: SpeedController, slip_bound: float) -> Controller:
-    def init(m: Measurement, torque_Nm: Any = 0.0) -> Any:
+def _loop(loop: SpeedController | SlipController, asked: Callable[[WheelCommand], Any]) -> Controller:
+    """A controller of speed or slip, which is asked so by a command."""
+
+    def init(m: Measurement, torque_Nm: Any) -> Any:
         return loop.init(m)._replace(torque_Nm=torque_Nm)
 
     def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
-        return loop.step(state, SpeedCommand(command.travel_m_s, slip_bound), m, dt_s)
-
-    return Controller(init, step)
-
-
-def _slip_loop(loop: SlipController) -> Controller:
-    def init(m: Measurement, torque_Nm: Any = 0.0) -> Any:
-        return loop.init(m)._replace(torque_Nm=torque_Nm)
-
-    def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
-        return loop.step(state, SlipCommand(command.slip_ratio, command.direction), m, dt_s)
+        return loop.step(state, asked(command), m, dt_s)
 
     return Controller(init, step)
 
@@ -261,7 +243,7 @@ class SeekingLoop(NamedTuple):
 
 
 def _seeking_loop(loop: SlipController, seeker: SetPointSeeker) -> Controller:
-    def init(m: Measurement, torque_Nm: Any = 0.0) -> SeekingLoop:
+    def init(m: Measurement, torque_Nm: Any) -> SeekingLoop:
         zero = 0.0 * m.wheel_speed_rad_s
         return SeekingLoop(loop.init(m)._replace(torque_Nm=torque_Nm), seeker.init(zero), zero, zero)
 
@@ -288,7 +270,7 @@ class CascadeLoop(NamedTuple):
 
 
 def _cascade(outer: WheelSpeedCascade, drive: WheelSpeedDrive) -> Controller:
-    def init(m: Measurement, torque_Nm: Any = 0.0) -> CascadeLoop:
+    def init(m: Measurement, torque_Nm: Any) -> CascadeLoop:
         state, zero = outer.init(m), 0.0 * m.wheel_speed_rad_s
         motor = DriveState(torque_Nm, torque_Nm)
         return CascadeLoop(state, motor, state.reference_rad_s, _report_without_slip(zero), CASCADE_S)
@@ -314,7 +296,7 @@ class RampLoop(NamedTuple):
 
 
 def _wheel_speed_loop(drive: WheelSpeedDrive, radius_m: float, acceleration_m_s2: float) -> Controller:
-    def init(m: Measurement, torque_Nm: Any = 0.0) -> RampLoop:
+    def init(m: Measurement, torque_Nm: Any) -> RampLoop:
         return RampLoop(DriveState(torque_Nm, torque_Nm), radius_m * m.wheel_speed_rad_s)
 
     def step(state: RampLoop, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:
@@ -327,7 +309,7 @@ def _wheel_speed_loop(drive: WheelSpeedDrive, radius_m: float, acceleration_m_s2
 
 
 def _open_loop(limits: Limits) -> Controller:
-    def init(m: Measurement, torque_Nm: Any = 0.0) -> Any:
+    def init(m: Measurement, torque_Nm: Any) -> Any:
         return torque_Nm + 0.0 * m.wheel_speed_rad_s
 
     def step(state: Any, command: WheelCommand, m: Measurement, dt_s: Any) -> Any:

@@ -14,11 +14,11 @@ from ohmward.traction.score import DriveScore, DriveTruth, score_drive
 from ohmward_lab.simulate.closed_loop.run import ClosedLoopRun, Instant
 
 #: A slip this close to the commanded one counts as reached.
-TOLERANCE = 0.02
+REACHED_SLIP = 0.02
 #: Below this speed [m/s] controllers hold a slip speed (v_0) instead of a braking slip ratio.
 SLOWEST_M_S = 0.2
 #: Energy per metre is not defined for a shorter way [m].
-_SHORTEST_M = 0.01
+_SHORTEST_WAY_M = 0.01
 
 
 class SlipTracking(NamedTuple):
@@ -28,7 +28,7 @@ class SlipTracking(NamedTuple):
     from_s: float
     to_s: float
     slip_ratio: float  #: commanded
-    settle_s: float  #: from its beginning until the slip stayed within `TOLERANCE`; nan where it never did
+    settle_s: float  #: from its beginning until the slip stayed within `REACHED_SLIP`; nan where it never did
     rms_error: float  #: of the true slip, in the second half of that time
 
 
@@ -60,7 +60,7 @@ def figures(run: ClosedLoopRun) -> Figures:
         slip_settle_s=slip[0].settle_s if slip else math.nan,
         slip_rms_error=_rms(np.array([tracked.rms_error for tracked in slip])),
         energy_J=energy,
-        energy_J_per_m=energy.battery / distance_m if distance_m > _SHORTEST_M else math.nan,
+        energy_J_per_m=energy.battery / distance_m if distance_m > _SHORTEST_WAY_M else math.nan,
         score=score(run),
     )
 
@@ -98,7 +98,7 @@ def track_command(time_s: np.ndarray, slip: np.ndarray, from_s: float, target: f
     """Tracking of one command; time_s (K,) and slip (K, driven) while it held."""
     error = slip - target
     to_s = float(time_s[-1])
-    away = np.flatnonzero(~(np.abs(error) <= TOLERANCE).all(axis=1))
+    away = np.flatnonzero(~(np.abs(error) <= REACHED_SLIP).all(axis=1))
     first = int(away[-1]) + 1 if away.size else 0
     settle_s = float(time_s[first] - from_s) if first < time_s.size else math.nan
     late = error[time_s > 0.5 * (from_s + to_s)]

@@ -17,7 +17,7 @@ from ohmward.traction.friction.coulomb_creep import CoulombCreep
 from ohmward.traction.friction.rolling import RollingResistance
 from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, Terrain, hard_terrain, soft_terrain
 from ohmward.traction.robot.robot import Robot
-from ohmward_lab.simulate.mujoco_plant.ground import ROUGHEST, STEEPEST_RAD
+from ohmward_lab.simulate.mujoco_plant import ROUGHEST, STEEPEST_GRADE_RAD
 
 #: Rubber on a hard floor, as in `mujoco_plant`.
 SLIP_STIFFNESS_S_PER_M = 6.25
@@ -112,7 +112,7 @@ class Grade:
 
     def __post_init__(self) -> None:
         require_finite("grade.position_m", self.position_m)
-        require_between("grade.grade_rad", self.grade_rad, -STEEPEST_RAD, STEEPEST_RAD)
+        require_between("grade.grade_rad", self.grade_rad, -STEEPEST_GRADE_RAD, STEEPEST_GRADE_RAD)
         if not self.position_m or len(self.position_m) != len(self.grade_rad):
             raise InputError(
                 "grade.position_m and grade.grade_rad must be equally long and not empty, got "

@@ -34,7 +34,7 @@ from ohmward_lab.simulate.closed_loop.sensing import SensorSuite
 from ohmward_lab.simulate.closed_loop.supply import PackSensors, Supplied, Supply, available_torque
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
 from ohmward_lab.simulate.robot_sensors import RobotTruth
-from ohmward_lab.traction.momentum_observer.observer import MomentumObserver
+from ohmward_lab.traction.momentum_observer import MomentumObserver
 
 T = TypeVar("T")
 
@@ -94,18 +94,13 @@ _SENTENCES: dict[IntFlag, str] = {
 
 
 class DriveWarnings:
-    """Time spent under each deviation, wheel by wheel.
-
-    Args:
-        scenario: that is driven.
-    """
+    """Time spent under each deviation, wheel by wheel."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._places = [p.name for p in scenario.model.places]
         self._duration_s = 0.0
         self._flagged_s = {flag: np.zeros(scenario.model.driven) for flag in _SENTENCES}
         self._short_s = 0.0
-        self._empty = False
 
     def add_step(self, report: Report, demanded_Nm: np.ndarray, torque_Nm: np.ndarray, dt_s: float) -> None:
         """Count one step of the controller; torque_Nm: what the battery left of the demanded torque."""
@@ -116,12 +111,8 @@ class DriveWarnings:
         if np.abs(demanded_Nm - torque_Nm).max() > SAME_TORQUE:
             self._short_s += dt_s
 
-    def battery_empty(self) -> None:
-        """Note that the battery can no longer feed the electronics."""
-        self._empty = True
-
-    def sentences(self) -> tuple[str, ...]:
-        """One sentence for each kind of deviation."""
+    def sentences(self, empty: bool) -> tuple[str, ...]:
+        """One sentence for each kind of deviation; empty: the battery can no longer feed the electronics."""
         found = [
             f"{self._shares(seconds)} of the time: {_SENTENCES[flag]}"
             for flag, seconds in self._flagged_s.items()
@@ -130,7 +121,7 @@ class DriveWarnings:
         if self._short_s:
             share = 100 * self._short_s / self._duration_s
             found.append(f"{share:.1f} % of the time: the battery's voltage or power limited the torque")
-        if self._empty:
+        if empty:
             found.append(
                 f"the battery is empty after {self._duration_s:.3g} s and the drive ends there; raise battery.start_soc"
             )
@@ -144,7 +135,7 @@ class DriveWarnings:
 #: Largest number of instants of the history.
 _INSTANTS = 25_000
 #: Shortest time between two instants of the history.
-_SHORTEST_S = 0.002
+_SHORTEST_INSTANT_S = 0.002
 #: Steps of the controller between two reports of progress.
 _PROGRESS_STEPS = 200
 #: Times that differ by less are equal: sums of steps are rounded.
@@ -167,7 +158,6 @@ def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) 
     for k in range(steps):
         drive.step()
         if drive.empty:
-            drive.warnings.battery_empty()
             break
         if progress and k % _PROGRESS_STEPS == 0:
             progress(k, steps)
@@ -181,7 +171,7 @@ def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) 
         scenario,
         drive.history.stacked(),
         drive.rows.stacked(),
-        drive.warnings.sentences(),
+        drive.warnings.sentences(drive.empty),
         time.perf_counter() - begun,
     )
 
@@ -202,11 +192,7 @@ class SampleOnTheWay(NamedTuple):
 
 
 class ClosedLoopDrive:
-    """A drive under way.
-
-    Args:
-        scenario: to be driven.
-    """
+    """A drive under way."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario, self.robot = scenario, scenario.model
@@ -224,7 +210,7 @@ class ClosedLoopDrive:
         self._controllers = _controllers(scenario, self._commands[0])
         self._mode, self._state = "", None
         self._torque_Nm = np.zeros(self.robot.driven)
-        self._history_s = max(scenario.controller.interval_s, _SHORTEST_S, scenario.duration_s / _INSTANTS)
+        self._history_s = max(scenario.controller.interval_s, _SHORTEST_INSTANT_S, scenario.duration_s / _INSTANTS)
         self._on_the_way: dict[float, SampleOnTheWay] = {}
         self.history: Records[Instant] = Records()
         self.rows: Records[RunRow] = Records()

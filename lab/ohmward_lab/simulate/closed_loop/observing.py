@@ -23,9 +23,13 @@ from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.closed_loop.ground import Patch
 from ohmward_lab.simulate.closed_loop.sensing import Arrival, Sensing
 from ohmward_lab.simulate.robot_sensors import ACCELEROMETER, GYRO, PITCH, RobotTruth
-from ohmward_lab.traction.momentum_observer.estimate import AngleSample, MomentumEstimate
-from ohmward_lab.traction.momentum_observer.model import MomentumNoise, count_std_rad
-from ohmward_lab.traction.momentum_observer.observer import MomentumObserver
+from ohmward_lab.traction.momentum_observer import (
+    AngleSample,
+    MomentumEstimate,
+    MomentumNoise,
+    MomentumObserver,
+    count_std_rad,
+)
 
 METHODS = ("ekf", "aekf", "ukf", "aukf", "momentum", "true")
 #: Standard deviation of the speed at the start: the robot stands.

@@ -56,26 +56,10 @@ class ClosedLoopRun(NamedTuple):
 
 
 def columns(run: ClosedLoopRun) -> dict[str, np.ndarray]:
-    """The log as the columns (T,) of a file: measurements, then truths."""
-    rows, robot = run.rows, run.scenario.model
-    places = [p.name for p in robot.places]
-    sample = rows.sample
-    measured = {
-        "time_s": np.round(rows.time_s, _TIME_DIGITS),
-        **{f"{p}_wheel_speed_rad_s": sample.wheel_speed_rad_s[:, k] for k, p in enumerate(places)},
-        **{f"{p}_motor_current_A": sample.current_A[:, k] for k, p in enumerate(places[: robot.driven])},
-        "yaw_rate_rad_s": sample.yaw_rate_rad_s,
-        "acceleration_m_s2": sample.acceleration_m_s2,
-        "pitch_rad": sample.pitch_rad,
-        "speed_m_s": sample.speed_m_s,
-        "speed_std_m_s": sample.speed_std_m_s,
-        "speed_age_s": np.where(np.isfinite(sample.speed_m_s), sample.speed_age_s, np.nan),
-        "heading_rad": rows.heading_rad,
-        "current_A": rows.current_A,
-        "voltage_V": rows.voltage_V,
-    }
-    present = {name: values for name, values in measured.items() if np.isfinite(values).any()}
-    return present | truths(run)
+    """The log as the columns (T,) of a file: what was measured at all, then truths."""
+    table = drive_log(run).columns([p.name for p in run.scenario.model.places])
+    true = truths(run)
+    return {name: values for name, values in table.items() if name in true or np.isfinite(values).any()}
 
 
 def truths(run: ClosedLoopRun) -> dict[str, np.ndarray]:
@@ -96,18 +80,20 @@ def drive_log(run: ClosedLoopRun) -> DriveLog:
     """The log as `read_drive` would read it from a file."""
     rows, sample = run.rows, run.rows.sample
     body: dict[str, Any] = {
-        name: getattr(sample, name) if np.isfinite(getattr(sample, name)).any() else None
-        for name in ("yaw_rate_rad_s", "acceleration_m_s2", "pitch_rad", "speed_m_s", "speed_std_m_s")
+        "yaw_rate_rad_s": sample.yaw_rate_rad_s,
+        "acceleration_m_s2": sample.acceleration_m_s2,
+        "pitch_rad": sample.pitch_rad,
+        "speed_m_s": sample.speed_m_s,
+        "speed_std_m_s": sample.speed_std_m_s,
+        "speed_age_s": np.where(np.isfinite(sample.speed_m_s), sample.speed_age_s, np.nan),
+        "heading_rad": rows.heading_rad,
     }
-    age = None if body["speed_m_s"] is None else columns(run)["speed_age_s"]
     return DriveLog(
         run.scenario.name or "simulated drive",
         np.round(rows.time_s, _TIME_DIGITS),
         sample.wheel_speed_rad_s,
         sample.current_A,
-        **body,
-        speed_age_s=age,
-        heading_rad=rows.heading_rad if np.isfinite(rows.heading_rad).any() else None,
-        extra={**truths(run), "current_A": rows.current_A, "voltage_V": rows.voltage_V},
+        **{name: values for name, values in body.items() if np.isfinite(values).any()},
+        extra={"current_A": rows.current_A, "voltage_V": rows.voltage_V, **truths(run)},
         notes=(Note(f"simulated, not measured: {run.scenario.model.name}, seed {run.scenario.seed}"),),
     )

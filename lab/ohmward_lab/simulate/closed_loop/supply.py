@@ -27,20 +27,8 @@ from ohmward.checks import require_between, require_one_of
 from ohmward.errors import InputError
 from ohmward.trace import Kernel, maximum, where
 from ohmward.traction.robot.robot import Robot
+from ohmward_lab.simulate import plant
 from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery, lithium_polymer_pack, of_battery_file
-from ohmward_lab.simulate.plant import (
-    SOC,
-    Demand,
-    PlantState,
-    current_at_limit,
-    heat,
-    instant_drop,
-    next_circuit,
-    next_temperature,
-    rest_voltage,
-    resting_state,
-    terminal_voltage,
-)
 from ohmward_lab.simulate.sensors import Sensor
 
 #: Newton starts near the root and converges quadratically: five steps reach rounding.
@@ -113,15 +101,11 @@ class Supplied(NamedTuple):
 
 
 class Supply:
-    """A battery under a load, step by step.
-
-    Args:
-        pack: battery and start.
-    """
+    """A battery under a load, step by step."""
 
     def __init__(self, pack: Pack) -> None:
         self.battery, self.ambient_degC = pack.battery, pack.temperature_degC
-        self.state = resting_state(self.battery, pack.start_soc, pack.temperature_degC)
+        self.state = plant.resting_state(self.battery, pack.start_soc, pack.temperature_degC)
         self._step = Kernel(step, self.state, ElectricalLoad(0.0, 0.0, 0.0), constants=(self.battery,))
         self.now: Supplied = self._step(self.state, ElectricalLoad(0.0, 0.0, self.ambient_degC))[1]
 
@@ -159,28 +143,28 @@ class PackSensors:
         return float(current_A[0]), float(voltage_V[0])
 
 
-def step(state: PlantState, load: ElectricalLoad, battery: SimulatedBattery) -> tuple[PlantState, Supplied]:
+def step(state: plant.PlantState, load: ElectricalLoad, battery: SimulatedBattery) -> tuple[plant.PlantState, Supplied]:
     """State after a step of constant power, and the battery's output."""
     x, T = state.x, state.temperature_degC
     drawn_W = maximum(load.power_W, -largest_power(x, T, 1.0, battery))
     current_A = current_for_power(drawn_W, x, T, battery)
     u = CircuitInput(current_A, T)
-    voltage_V = terminal_voltage(x, u, battery)
-    after = next_circuit(x, u, battery, load.dt_s)
-    heat_W = heat(after, u, battery)
-    T_after = next_temperature(T, heat_W, Demand(load.dt_s, current_A, load.ambient_degC), battery)
+    voltage_V = plant.terminal_voltage(x, u, battery)
+    after = plant.next_circuit(x, u, battery, load.dt_s)
+    heat_W = plant.heat(after, u, battery)
+    T_after = plant.next_temperature(T, heat_W, plant.Demand(load.dt_s, current_A, load.ambient_degC), battery)
     available_W = largest_power(after, T_after, -1.0, battery)
-    state = PlantState(after, T_after, current_A, heat_W, state.heat_J + heat_W * load.dt_s)
-    return state, Supplied(current_A, voltage_V, -voltage_V * current_A, after[SOC], T_after, available_W)
+    state = plant.PlantState(after, T_after, current_A, heat_W, state.heat_J + heat_W * load.dt_s)
+    return state, Supplied(current_A, voltage_V, -voltage_V * current_A, after[plant.SOC], T_after, available_W)
 
 
 def current_for_power(power_W: Any, x: np.ndarray, temperature_degC: Any, battery: SimulatedBattery) -> Any:
     """Current [A] with V(i) i = -power_W, by Newton from the current without sag."""
     u = CircuitInput(where(power_W > 0, -1.0, 1.0), temperature_degC)
-    U = rest_voltage(x, temperature_degC, battery)
+    U = plant.rest_voltage(x, temperature_degC, battery)
     i = -power_W / U
     for _ in range(_NEWTON_STEPS):
-        drop_V, slope_ohm = instant_drop(i, u, x[SOC], battery)
+        drop_V, slope_ohm = plant.instant_drop(i, u, x[plant.SOC], battery)
         V = U + drop_V
         i = i - (V * i + power_W) / (V + slope_ohm * i)
     return i
@@ -189,7 +173,7 @@ def current_for_power(power_W: Any, x: np.ndarray, temperature_degC: Any, batter
 def largest_power(x: np.ndarray, temperature_degC: Any, direction: float, battery: SimulatedBattery) -> Any:
     """Power [W], >= 0, at the voltage limit of charging (direction 1) or discharging (-1)."""
     limit_V = battery.voltage_max_V if direction > 0 else battery.voltage_min_V
-    return limit_V * abs(current_at_limit(x, temperature_degC, direction, battery))
+    return limit_V * abs(plant.current_at_limit(x, temperature_degC, direction, battery))
 
 
 def available_torque(torque_Nm: np.ndarray, omega_rad_s: np.ndarray, robot: Robot, now: Supplied) -> np.ndarray:

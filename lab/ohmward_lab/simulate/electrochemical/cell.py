@@ -26,7 +26,7 @@ _LEAD_ACID = "Sulzer2019"
 #: On a drive at 5 degC twice as many change the voltage by less than 2 mV.
 _POINTS = {"x_n": 8, "x_s": 5, "x_p": 8, "r_n": 12, "r_p": 12}
 #: Capacities are counted between the voltage limits at this rate (1 is 1 C) and 25 degC.
-LOW_RATE = 1 / 20
+COUNTED_RATE = 1 / 20
 
 
 @dataclass(frozen=True)

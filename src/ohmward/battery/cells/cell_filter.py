@@ -45,7 +45,7 @@ from ohmward.battery.models.thevenin import (
     pair_resistances,
 )
 from ohmward.battery.soc.augmented_thevenin import LEAST_CHARGE_GAIN, RESISTANCE_CORRELATION
-from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.checks import require_positive
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, pack, unpack
@@ -53,6 +53,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, passes, require_gate, time_rejected
 from ohmward.filters.kalman import gain, joseph
 from ohmward.filters.linear_algebra import mirror_lower
+from ohmward.quantities import MOST_C
 from ohmward.trace import clip, exp, logical_not, maximum, minimum
 from ohmward.trace.expression import Scalar
 
@@ -84,10 +85,10 @@ class CellFilter:
     noise: BatteryNoise  #: of the model, for its walks and the error of its aged curve
     n_series: int  #: cells in series
     spread: CellSpread = field(default_factory=CellSpread)  #: differences to expect
-    gap_s: float = 600.0  #: a longer step between two samples says nothing about the current in between
+    gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
     gate: float = 25.0  #: largest NIS of a voltage that is used
     reset_after_s: float = 600.0  #: time of contradiction after which the differences are declared unknown
-    current_limit_C: float = 20.0  #: a larger current, in multiples of the capacity per hour, is a fault of its sensor
+    current_limit_C: float = MOST_C  #: a larger current, in multiples of the capacity per hour, is its sensor's fault
 
     def __post_init__(self) -> None:
         require_positive("n_series", self.n_series)

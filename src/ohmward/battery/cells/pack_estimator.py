@@ -14,7 +14,7 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_battery, require_thevenin
 from ohmward.battery.cells.cell_filter import CellFilter, CellState
 from ohmward.battery.cells.cell_sample import CellEstimate, CellSample, CellSpread, TypicalCell
-from ohmward.battery.cells.drift import CellWarning, cell_warnings, drifted
+from ohmward.battery.cells.drift import CellWarning, cell_warnings, drifted, ranges
 from ohmward.battery.cells.weakest import PackState, pack_state
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import DEFAULT, chosen_name
@@ -60,6 +60,39 @@ class PackRun(Run[PackEstimate]):
         """Time of the first warning about a cell, None without one."""
         warned = np.any([condition.any(axis=1) for condition in drifted(self.cells).values()], axis=0)
         return float(self.time_s[np.argmax(warned)]) if warned.any() else None
+
+    def figures(self) -> dict[str, Any]:
+        """The pack, its weakest cell, the ranges and each cell at the end of the log, by name."""
+        now = estimate_at(self.estimates, -1)
+        each = [column for column in now.cells._fields if column != "flags"]
+        return {
+            **{name: float(value) for name, value in now.pack._asdict().items()},
+            "weakest": self.names[int(now.pack.weakest)],
+            "ranges": {name: {"value": value, "std": std} for name, (value, std) in ranges(now.cells).items()},
+            "warnings": [warning._asdict() | {"cell": self.names[warning.cell]} for warning in self.warnings()],
+            "first_warning_s": self.first_warning_s(),
+            "cells": [
+                {"name": name} | {column: float(getattr(now.cells, column)[k]) for column in each}
+                for k, name in enumerate(self.names)
+            ],
+        }
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Columns (T,) of pack and cells, by name; the number of the weakest cell counts from 1."""
+        pack = {
+            f"pack_{name}": values for name, values in self.pack._asdict().items() if not name.startswith("weakest")
+        }
+        weakest = {
+            "weakest_cell": self.pack.weakest + 1,
+            "weakest_soc": self.pack.weakest_soc,
+            "weakest_soc_std": self.pack.weakest_soc_std,
+        }
+        each = {
+            f"cell_{k + 1}_{name}": getattr(self.cells, name)[:, k]
+            for k in range(len(self.names))
+            for name in ("soc", "soc_std", "capacity_ratio", "resistance_ratio")
+        }
+        return pack | weakest | each
 
 
 class PackEstimator:

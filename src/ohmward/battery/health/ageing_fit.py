@@ -25,7 +25,7 @@ from ohmward.battery.models.noise import HOUR_S
 REVERSIBLE_STD = 0.01
 #: Beyond this many standard deviations a log counts less the further it is off (Huber), as an error of its own.
 _HUBER = 2.0
-_REWEIGHTINGS = 6
+_ROBUST_ROUNDS = 6
 #: Laws that are less likely than this share of the best are left out of the mixture.
 _NEGLIGIBLE = 1e-5
 _THOUSAND_HOURS_S = 1000 * HOUR_S
@@ -87,7 +87,7 @@ def fit_ageing(
     """
     own_std = np.hypot(track.std, reversible_std)
     used = track._replace(std=own_std)
-    for _ in range(_REWEIGHTINGS):
+    for _ in range(_ROBUST_ROUNDS):
         weight = _weights(laws, doubt, used)
         likely = weight > _NEGLIGIBLE * weight.max()
         fit = AgeingFit(laws.chosen(likely), weight[likely] / weight[likely].sum(), doubt, used, np.zeros(0))

@@ -33,7 +33,7 @@ _AGREE = 2.0
 #: A log this much colder than those before [K] is cold.
 _COLDER_K = 8.0
 #: Standard deviations from the trend at which a single log is worth a remark.
-OUTLIER = 3.0
+OUTLYING_LOG = 3.0
 
 Cause = Literal["counter", "cold", "not full", "battery", "unknown"]
 
@@ -88,7 +88,7 @@ def without_change(track: Track, step: SuddenChange) -> Track:
 
 def outliers(fit: AgeingFit, points: Sequence[HealthPoint]) -> list[Outlier]:
     """Single logs that the trend does not explain."""
-    far = np.flatnonzero(np.abs(fit.residual) > OUTLIER).tolist()
+    far = np.flatnonzero(np.abs(fit.residual) > OUTLYING_LOG).tolist()
     return [Outlier(points[k].log, float(fit.residual[k]), _cause_of_one(points, k)) for k in far]
 
 

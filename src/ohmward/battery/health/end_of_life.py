@@ -17,7 +17,7 @@ from ohmward.battery.health.ageing_laws import DAYS_PER_YEAR, WORN_LOSS, WORN_SH
 #: Batteries drawn, and how far ahead they are looked at; later counts as never.
 DRAWS = 4000
 HORIZON_YEARS = 30.0
-_STEPS = 400
+_STEPS_AHEAD = 400
 #: First step [days]; the others grow with the time ahead.
 _FIRST_STEP_DAYS = 0.5
 #: Standard deviation of ln(use ahead over use so far): what a robot does next year nobody knows.
@@ -50,15 +50,13 @@ def life_ahead(
 ) -> LifeAhead:
     """Distribution of the capacity from now on, with the use per day as it was so far."""
     rows = rng.choice(len(fit.weight), DRAWS, p=fit.weight)
-    ahead = _FIRST_STEP_DAYS * np.expm1(np.linspace(0.0, math.log1p(_horizon() / _FIRST_STEP_DAYS), _STEPS))
+    ahead = _FIRST_STEP_DAYS * np.expm1(
+        np.linspace(0.0, math.log1p(HORIZON_YEARS * DAYS_PER_YEAR / _FIRST_STEP_DAYS), _STEPS_AHEAD)
+    )
     loss = _loss_ahead(fit.laws.chosen(rows), now_days, now_cycles, ahead, rng)
     log_capacity = _level_ahead(fit, rows, now_days, ahead, rng) - loss
     worn = np.logical_or.accumulate(log_capacity < math.log(share), axis=1)
     return LifeAhead(share, ahead, worn.mean(axis=0), np.quantile(log_capacity, (0.025, 0.5, 0.975), axis=0))
-
-
-def _horizon() -> float:
-    return HORIZON_YEARS * DAYS_PER_YEAR
 
 
 def _loss_ahead(

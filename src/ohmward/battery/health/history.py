@@ -36,7 +36,7 @@ _WHOLE = 0.95
 
 _HOUR_S = 3600.0
 #: A battery above this SoC has been charged fully.
-_FULL = 0.97
+_FULL_SOC = 0.97
 #: A file whose resistances are known worse than this was not tested: the first logs stand for the new battery.
 _TESTED_RESISTANCE_STD = 0.35
 #: A log that tells the resistance better than this shows it.
@@ -160,7 +160,7 @@ def _point(log: Log, start_s: float, lesson: Lesson, new: Newness) -> HealthPoin
         hours=log.duration_s / _HOUR_S,
         cycles=log.throughput_Ah() / (2 * new.capacity_Ah),
         temperature_degC=math.nan if degC is None or np.isnan(degC).all() else float(np.nanmean(degC)),
-        full=lesson.soc_max >= _FULL,
+        full=lesson.soc_max >= _FULL_SOC,
     )
 
 

@@ -32,7 +32,7 @@ VOLTAGE_STD_V = 0.003
 #: Samples closer than this share one error of the model [s].
 CORRELATION_S = 60.0
 #: Residuals beyond so many standard deviations count less.
-_ROBUST_AT = 2.0
+_ROBUST_RESIDUAL = 2.0
 #: The robust weights have settled after so many rounds.
 _REWEIGHTINGS = 3
 #: Keeps the levels of resistances that no data show from being singular.
@@ -47,7 +47,7 @@ _DSOC = 0.005
 #: A time constant beyond what the records can show is held there within about this share.
 _BEYOND_LOG_STD = 0.02
 #: Currents below this share of the largest keep the direction of the one before.
-_REST_SHARE = 0.03
+_SAME_DIRECTION_SHARE = 0.03
 
 
 #: The drop beyond which the ohmic part grows as a logarithm, of a lithium-ion cell: two electrodes whose resistance is
@@ -241,14 +241,14 @@ def error_factor(prior: CircuitPrior, samples: FitSamples) -> np.ndarray:
 
 def last_direction(current_A: np.ndarray) -> np.ndarray:
     """(N,) 1 in a charge and the rest after it, -1 in a discharge and the rest after it, 0 before any."""
-    flows = np.abs(current_A) > _REST_SHARE * np.abs(current_A).max()
+    flows = np.abs(current_A) > _SAME_DIRECTION_SHARE * np.abs(current_A).max()
     last = np.maximum.accumulate(np.where(flows, np.arange(current_A.size), -1))
     return np.where(last >= 0, np.sign(current_A[np.maximum(last, 0)]), 0.0)
 
 
 def _pseudo_huber(residual_V: np.ndarray, std_V: float) -> np.ndarray:
     """(N,) weights of the pseudo-Huber loss: 1 for small residuals, like 1/|r| beyond two standard deviations."""
-    return 1 / np.sqrt(1 + (residual_V / (_ROBUST_AT * std_V)) ** 2)
+    return 1 / np.sqrt(1 + (residual_V / (_ROBUST_RESIDUAL * std_V)) ** 2)
 
 
 def _prior(problem: CircuitProblem, layout: ParameterLayout, system: LinearSystem) -> GaussianPrior:

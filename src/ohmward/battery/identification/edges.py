@@ -12,11 +12,11 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Note
 
 #: Longest interval across an edge [s], where the log is no slower.
-SLOWEST_S = 2.0
+SLOWEST_EDGE_S = 2.0
 #: Smallest edge: C/10.
 _SMALLEST_RATE = 1 / 10
 #: Fewest edges for a resistance with a standard error.
-_FEWEST = 3
+_FEWEST_EDGES = 3
 
 
 class Edge(NamedTuple):
@@ -47,7 +47,7 @@ def find_edges(record: Record, soc: np.ndarray, capacity_Ah: float) -> tuple[Edg
     """
     time_s, current_A, voltage_V = record.log.time_s, record.current_A, record.log.voltage_V
     dt_s, step_A, step_V = np.diff(time_s), np.diff(current_A), np.diff(voltage_V)
-    longest_s = max(SLOWEST_S, 1.5 * float(np.median(dt_s)))
+    longest_s = max(SLOWEST_EDGE_S, 1.5 * float(np.median(dt_s)))
     sharp = (np.abs(step_A) > _SMALLEST_RATE * capacity_Ah) & (dt_s <= longest_s) & np.isfinite(step_V)
     larger_A = np.where(np.abs(current_A[1:]) > np.abs(current_A[:-1]), current_A[1:], current_A[:-1])
     rows = np.flatnonzero(sharp)
@@ -58,7 +58,7 @@ def find_edges(record: Record, soc: np.ndarray, capacity_Ah: float) -> tuple[Edg
 def ohmic_resistance(edges: Sequence[Edge], direction: int) -> OhmicResistance | None:
     """R_0 in discharge (direction -1) or charge (1): least squares of dV over dI, or None from fewer than 3 edges."""
     mine = [e for e in edges if np.sign(e.current_A) == direction]
-    if len(mine) < _FEWEST:
+    if len(mine) < _FEWEST_EDGES:
         return None
     step_A = np.array([e.step_A for e in mine])
     ohm = np.array([e.resistance_ohm for e in mine])

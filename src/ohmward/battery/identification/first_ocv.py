@@ -106,7 +106,8 @@ def find_first_ocv(records: Sequence[Record], settings: IdentificationSettings) 
         given = given_ocv(settings.ocv, np.concatenate([r.log.voltage_V for r in records]), settings.n_series)
         return FirstOcv(given.curve, "given", tuple(records), notes=given.notes)
     fast = tuple(r for r in records if r.test != "low-rate")
-    if _gases(settings) and fast:
+    # a charge shows gas instead of the open-circuit voltage; rests of another test show that
+    if settings.chemistry and CHEMISTRIES[settings.chemistry].gases and fast:
         return _without_low_rate(records, settings)
     Q = settings.capacity_Ah
     slow = [r for r in records if r.test == "low-rate"]
@@ -130,11 +131,6 @@ def _without_low_rate(records: Sequence[Record], settings: IdentificationSetting
 def usual_efficiency(settings: IdentificationSettings) -> float:
     """Coulombic efficiency of the chemistry, 1 for an unknown one."""
     return CHEMISTRIES[settings.chemistry].coulombic_efficiency if settings.chemistry else 1.0
-
-
-def _gases(settings: IdentificationSettings) -> bool:
-    """True where a charge shows gas instead of the open-circuit voltage; rests of another test show that."""
-    return bool(settings.chemistry) and CHEMISTRIES[settings.chemistry].gases
 
 
 def _ocv_from_rests(records: Sequence[Record], settings: IdentificationSettings) -> OcvCurve:

@@ -9,6 +9,7 @@ import numpy as np
 from ohmward.battery.battery import Battery, LogFit
 from ohmward.battery.chemistries import chemistry as chemistry_of
 from ohmward.battery.identification.log_details import LogDetails
+from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.logs.log import Note
 
@@ -44,8 +45,7 @@ def fit_notes(logs: Sequence[LogDetails], fits: Sequence[LogFit], ocv: OcvCurve)
 def _misfit(fit: LogFit, ocv: OcvCurve) -> Note:
     text = (
         f"the model does not fit {fit.log!r}: its voltage is off by {fit.residual_rms_V:.3g} V RMS "
-        f"where empty and full are {_range_V(ocv):.3g} V apart; are capacity, chemistry and n_series those of the "
-        "battery, and are sign and unit of the current right?"
+        f"where empty and full are {_range_V(ocv):.3g} V apart; {OTHER_FILE}"
     )
     return Note(text, "warning")
 

@@ -17,7 +17,7 @@ FINEST_S = 1.0
 COARSEST_S = 60.0
 _GROWTH = 0.1
 #: A record that starts with a rest of this length starts without overpotentials [s].
-LONG_REST_S = 60.0
+RELAXED_AFTER_S = 60.0
 #: Most samples of varying current.
 _MOST_VARYING = 6000
 #: SoC at which a low-rate branch is fitted; its ends are steep and hold the polarisation of a full or empty cell.
@@ -95,7 +95,7 @@ def _part(record: Record, soc: np.ndarray, rows: np.ndarray, otherwise_degC: flo
         soc_before=np.concatenate([soc[rows[:1]], soc[rows[:-1]]]),
         temperature_degC=record.temperature_degC(otherwise_degC)[rows],
         voltage_V=record.log.voltage_V[rows],
-        starts_at_rest=phase.kind == "rest" and (rest_s >= LONG_REST_S or rows[0] > 0),
+        starts_at_rest=phase.kind == "rest" and (rest_s >= RELAXED_AFTER_S or rows[0] > 0),
         sample=rows,
     )
 

@@ -76,7 +76,7 @@ _GAS_J_PER_MOL_K, _FARADAY_C_PER_MOL = 8.314462618, 96485.33212
 #: A bent drop is taken where it leaves less than this share of the squared residuals of a straight one: 0.25 to 0.56 in
 #: pulses, low-rate tests and drives of cells with this law, 1.15 to 2.4 of a measured and a simulated battery without.
 #: The evidence does not tell: its robust weights take the pulses that a straight drop misses for outliers.
-_CLEARLY_LESS = 0.8
+_CLEARLY_BETTER = 0.8
 
 
 Progress = Callable[[str, float], None]
@@ -266,7 +266,8 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     pulses_only = all(r.test == "pulses" for r in prepared.fast)
     anchors_std = axis_std(prepared.fast, prepared.axes)
     noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, longest_rest_s(prepared.fast))
-    noise = replace(noise, capacity_std=_capacity_std(prepared))
+    measured = any(branch.complete for branch in prepared.branches)  # from full to empty by a low-rate test
+    noise = replace(noise, capacity_std=MEASURED_CAPACITY_STD if measured else AGED_CAPACITY_STD)
     missing = (
         *prepared.first.not_identified,
         *not_identified(fit, samples, settings.capacity_Ah, hysteresis),
@@ -374,11 +375,6 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
     return Identified(battery, prepared.branches, ocv)
 
 
-def _capacity_std(prepared: Preparation) -> float:
-    """Relative error of the capacity: less where a low-rate test from full to empty has measured it."""
-    return MEASURED_CAPACITY_STD if any(b.complete for b in prepared.branches) else AGED_CAPACITY_STD
-
-
 def _battery(prepared: Preparation, settings: IdentificationSettings, *, noise: BatteryNoise, **models: Any) -> Battery:
     """The battery with these models; settings and limits of the voltage from the logs."""
     voltage_V = np.concatenate([r.log.voltage_V for r in prepared.records])
@@ -438,6 +434,6 @@ def try_bent(problem: CircuitProblem, straight: CircuitFit, n_series: int) -> tu
     found = (
         f"one bent by charge transfer ({transfer_V:.2g} V) leaves {left:.0%} of the squared residuals of a straight one"
     )
-    if left < _CLEARLY_LESS:
+    if left < _CLEARLY_BETTER:
         return bent, Note(f"ohmic drop: {found}, and is taken")
     return straight, Note(f"ohmic drop: straight; {found}")

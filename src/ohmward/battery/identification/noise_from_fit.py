@@ -31,7 +31,7 @@ from ohmward.battery.models.thevenin import Thevenin
 _TELLING_REST_S = 600.0
 #: Relative error of the overpotential of a lasting load where no such rest shows it: from one drive of an NMC cell to
 #: another of the same cell it was 18 %, with the open-circuit voltage known.
-_LASTING_SHARE = 0.15
+_LASTING_LOAD_ERROR = 0.15
 
 
 #: Error of the SoC axis of the OCV curve where its anchors are sure: branches of measured cells agree so.
@@ -42,12 +42,12 @@ _SMALLEST_STD_V = 0.002
 _PULSES_SHARE = 0.15
 _PULSES_CORRELATION_S = 300.0
 #: Residuals count within this distance of a state of charge.
-_WINDOW = 0.05
+_SOC_WINDOW = 0.05
 #: Error of a cell's model 0.1 of SoC away from any data [V].
 _UNSEEN_STD_V = 0.03
 #: Relative error of the overpotential: usual, and largest.
-_OVERPOTENTIAL_SHARE = 0.1
-_LARGEST_SHARE = 0.5
+_USUAL_ERROR = 0.1
+_LARGEST_ERROR = 0.5
 #: Charges count for it within this distance of a state of charge.
 _SHARE_WINDOW = 0.1
 #: Standard deviation over median absolute value of normal numbers.
@@ -57,7 +57,7 @@ _CORRELATION_S = (60.0, 1000.0)
 #: A fit leaves a residual that is whiter than the errors of another drive: those of the relaxation last about as long
 #: as the slowest pair, but not much longer than the loads of a drive [s].
 _RELAXATION_S = 300.0
-_GRID_S = 10.0
+_RESAMPLED_S = 10.0
 
 
 def noise_from_fit(
@@ -84,9 +84,7 @@ def noise_from_fit(
         voltage_std_V=max(white_std_V(solution), _SMALLEST_STD_V * volts),
         model_std_V=tuple(model_V.tolist()),
         model_soc_length=problem.prior.model_soc_length,
-        overpotential_share=overpotential_share(
-            solution, problem, p, _PULSES_SHARE if pulses_only else _OVERPOTENTIAL_SHARE
-        ),
+        overpotential_share=overpotential_share(solution, problem, p, _PULSES_SHARE if pulses_only else _USUAL_ERROR),
         correlation_s=max(
             correlation_s(solution, samples),
             _PULSES_CORRELATION_S if pulses_only else min(max(p.tau_s, default=0.0), _RELAXATION_S),
@@ -119,7 +117,7 @@ def residual_std_V(solution: CircuitSolution, problem: CircuitProblem) -> np.nda
     factor = np.concatenate([error_factor(problem.prior, s) for s in problem.samples])
     weight = np.concatenate([np.minimum(s.dt_s, COARSEST_S) for s in problem.samples]) / factor**2
     residual_V = np.concatenate(solution.residual_V)
-    near = (np.abs(soc - RESISTANCE_GRID[:, None]) <= _WINDOW) & np.isfinite(residual_V)
+    near = (np.abs(soc - RESISTANCE_GRID[:, None]) <= _SOC_WINDOW) & np.isfinite(residual_V)
     total = near @ weight
     return np.sqrt(near @ (weight * np.nan_to_num(residual_V) ** 2) / np.where(total > 0, total, np.nan))
 
@@ -140,7 +138,7 @@ def overpotential_share(
         return least
     share = np.sqrt(residual_V2[seen] / over_V2[seen])
     share = np.interp(RESISTANCE_GRID, RESISTANCE_GRID[seen], share)
-    return tuple(np.clip(share, least, _LARGEST_SHARE).tolist())
+    return tuple(np.clip(share, least, _LARGEST_ERROR).tolist())
 
 
 def posterior_std_V(solution: CircuitSolution, samples: Sequence[FitSamples], p: Thevenin) -> np.ndarray:
@@ -166,7 +164,7 @@ def unseen_std_V(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarra
     """
     seen = RESISTANCE_GRID[covered(samples, capacity_Ah)]
     distance = np.abs(RESISTANCE_GRID[:, None] - seen).min(axis=1) if seen.size else np.ones(RESISTANCE_GRID.size)
-    return _UNSEEN_STD_V * np.sqrt(np.maximum(distance - _WINDOW, 0.0) / 0.1)
+    return _UNSEEN_STD_V * np.sqrt(np.maximum(distance - _SOC_WINDOW, 0.0) / 0.1)
 
 
 def typical_current_A(samples: Sequence[FitSamples]) -> float:
@@ -197,14 +195,14 @@ def current_noise_A(current_A: np.ndarray) -> float:
 
 
 def _decay_s(samples: FitSamples, residual_V: np.ndarray) -> float:
-    grid_s = np.arange(samples.time_s[0], samples.time_s[-1], _GRID_S)
+    grid_s = np.arange(samples.time_s[0], samples.time_s[-1], _RESAMPLED_S)
     known = np.isfinite(residual_V)
     r = np.interp(grid_s, samples.time_s[known], residual_V[known])
     r = r - r.mean()
     spectrum = np.fft.rfft(r, 2 * r.size)
     autocorrelation = np.fft.irfft(np.abs(spectrum) ** 2)[: r.size]
     below = np.flatnonzero(autocorrelation < autocorrelation[0] / np.e)
-    return _GRID_S * float(below[0]) if below.size else _CORRELATION_S[1]
+    return _RESAMPLED_S * float(below[0]) if below.size else _CORRELATION_S[1]
 
 
 def _charging(problem: CircuitProblem) -> np.ndarray:
@@ -217,4 +215,4 @@ def lasting_error_V(p: Thevenin, typical_A: float, longest_rest_s: float) -> np.
     if longest_rest_s >= _TELLING_REST_S:
         return np.zeros(RESISTANCE_GRID.size)
     ohm = np.sum([p.r0_discharge_ohm, *p.r_ohm], axis=0)
-    return _LASTING_SHARE * typical_A * np.interp(RESISTANCE_GRID, np.linspace(0, 1, ohm.size), ohm)
+    return _LASTING_LOAD_ERROR * typical_A * np.interp(RESISTANCE_GRID, np.linspace(0, 1, ohm.size), ohm)

@@ -15,9 +15,9 @@ from ohmward.errors import InputError
 from ohmward.optional import require
 
 #: Shortest rest whose end is an open-circuit voltage [s].
-SHORTEST_REST_S = 600.0
+SHORTEST_OCV_REST_S = 600.0
 #: Points of the curve.
-_POINTS = 101
+_RESTED_CURVE_POINTS = 101
 #: Rests within this of SoC are one point.
 _SAME_SOC = 0.01
 #: Fewest points, and smallest span of SoC, that make a curve.
@@ -43,7 +43,7 @@ def rest_points(record: Record, soc: np.ndarray) -> tuple[RestPoint, ...]:
     soc: (T,) state of charge along the record.
     """
     first = [p for p in record.phases[:1] if is_rest(p)]
-    rests = [*first, *find_rests(record.phases, SHORTEST_REST_S)]
+    rests = [*first, *find_rests(record.phases, SHORTEST_OCV_REST_S)]
     ends = [(p, last_measured(record.log.voltage_V, p.first, p.last)) for p in rests]
     return tuple(
         RestPoint(record.log.name, at, float(soc[at]), float(record.log.voltage_V[at]), p.duration_s)
@@ -72,13 +72,13 @@ def ocv_from_rests(points: Sequence[RestPoint], empty_V: float, reference_degC: 
     if soc.size < _FEWEST_POINTS or np.ptp(soc) < _SMALLEST_SPAN:
         span = np.ptp(soc) if soc.size else 0.0
         raise InputError(
-            f"only {soc.size} rests of {SHORTEST_REST_S:g} s or more, over {span:.0%} of SoC: the open-circuit voltage "
-            "cannot be told from the voltage under load; give it (--ocv, ocv=), add a log with a low-rate discharge "
-            "and charge, or one with rests at several states of charge, or name the chemistry and the SoC at the start "
-            "(--chemistry nmc --initial-soc 0.9)"
+            f"only {soc.size} rests of {SHORTEST_OCV_REST_S:g} s or more, over {span:.0%} of SoC: the open-circuit "
+            "voltage cannot be told from the voltage under load; give it (--ocv, ocv=), add a log with a low-rate "
+            "discharge and charge, or one with rests at several states of charge, or name the chemistry and the SoC at "
+            "the start (--chemistry nmc --initial-soc 0.9)"
         )
     soc, voltage_V = _with_ends(soc, voltage_V, empty_V)
-    grid = np.linspace(0.0, 1.0, _POINTS)
+    grid = np.linspace(0.0, 1.0, _RESTED_CURVE_POINTS)
     return OcvCurve(tuple(monotone(PchipInterpolator(soc, voltage_V)(grid))), reference_degC=reference_degC)
 
 

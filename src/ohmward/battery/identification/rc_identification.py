@@ -49,7 +49,7 @@ _SLOW_DELAY_S = 10.0
 #: No sensor is better, whatever a short log shows.
 _LEAST_VOLTAGE_STD_V = 0.001
 #: Two estimates of the resistances may agree by chance.
-_LEAST_RESISTANCE_STD = 0.05
+_CHANCE_STD = 0.05
 #: A straight line errs in long bows.
 _MODEL_SOC_LENGTH = 0.3
 #: Points of SoC on which the model error stands.
@@ -176,7 +176,7 @@ def _noise(fit: VoltageFit, response: EdgeResponse, soc: np.ndarray, line_slope_
     line_slope_V: slope of the straight line per unit of SoC, 0 where a curve is known.
     """
     white_V = float(np.median(np.abs(np.diff(fit.residual_V)))) / (_MEDIAN_OF_NORMAL * math.sqrt(2))
-    resistance_std = max(_resistance_std(response, fit), _LEAST_RESISTANCE_STD)
+    resistance_std = max(_resistance_std(response, fit), _CHANCE_STD)
     return BatteryNoise(
         voltage_std_V=max(white_V, _LEAST_VOLTAGE_STD_V),
         model_std_V=_model_std_V(fit.residual_V, soc, line_slope_V),

@@ -21,7 +21,7 @@ from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
 #: Currents below this rate neither charge nor discharge.
-_REST_RATE = 1 / 200
+_ZERO_RATE = 1 / 200
 #: A charge of more than this share of the capacity is long: no braking of a robot lasts so.
 _LONG_CHARGE = 0.05
 
@@ -30,7 +30,7 @@ _LONG_CHARGE = 0.05
 FIRST_S = 0.5
 
 #: Fewest samples of a window from which a time constant can be told.
-_FEWEST_POINTS = 5
+_FEWEST_OF_A_WINDOW = 5
 #: Smallest change of current that counts as an edge: C/20.
 _EDGE_RATE = 1 / 20
 
@@ -68,8 +68,8 @@ def find_response(samples: RcSamples, capacity_Ah: float) -> EdgeResponse:
             "found; record a few pulses"
         )
     typical_s = _typical_step_s(samples)
-    enough = typical_s * _FEWEST_POINTS <= FIRST_S
-    window_s = FIRST_S if enough else 2 * _FEWEST_POINTS * typical_s  # ten samples where the log is slower
+    enough = typical_s * _FEWEST_OF_A_WINDOW <= FIRST_S
+    window_s = FIRST_S if enough else 2 * _FEWEST_OF_A_WINDOW * typical_s  # ten samples where the log is slower
     before, after = _around(samples, edges)
     r_total = float(np.median((samples.voltage_V[after] - samples.voltage_V[before]) / change_A[edges]))
     if not r_total > 0:
@@ -174,7 +174,7 @@ def _long_charges(current_A: np.ndarray, moved_Ah: np.ndarray, capacity_Ah: floa
 
     A charge lasts until the next discharge: after it the voltage falls for hours, and no linear model says how.
     """
-    sign = np.sign(current_A) * (np.abs(current_A) > _REST_RATE * capacity_Ah)
+    sign = np.sign(current_A) * (np.abs(current_A) > _ZERO_RATE * capacity_Ah)
     last_moving = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
     charging = sign[last_moving] > 0
     run = np.cumsum(np.diff(charging, prepend=charging[:1]))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.charge import ChargeIntegral, count_charge, known_current_A
-from ohmward.battery.identification.segments import FEWEST_SAMPLES, Phase, Test, find_phases, is_rest, kind_of_test
+from ohmward.battery.identification.segments import FEWEST_OF_A_PULSE, Phase, Test, find_phases, is_rest, kind_of_test
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, Note, counted
@@ -17,7 +17,7 @@ from ohmward.logs.log import Log, Note, counted
 #: Relative difference of voltages that are the same rest, and length of a rest whose voltage has settled [s]: a minute
 #: after a pulse of 6 C it still rises by as much as a discharge of 5 % would lower it.
 _SAME_VOLTAGE = 0.003
-_SETTLED_S = 600.0
+_SETTLED_REST_S = 600.0
 
 
 class Record(NamedTuple):
@@ -61,7 +61,7 @@ def make_records(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> t
     if not divides:
         return (record,)
     edges = [0, *(int(k) for k in divides), len(log)]
-    parts = [log.select(slice(a, b)) for a, b in pairwise(edges) if b - a >= FEWEST_SAMPLES]
+    parts = [log.select(slice(a, b)) for a, b in pairwise(edges) if b - a >= FEWEST_OF_A_PULSE]
     useful = [part for part in parts if np.any(np.nan_to_num(part.current_A)) and part.duration_s > 0]
     if not useful:
         raise InputError(f"log {log.name!r}: {counted(len(divides), 'gap')} of unknown charge leave no part to use")
@@ -90,7 +90,7 @@ def _after_gap(before: Record, record: Record) -> Record:
     if not ends_V.size or not starts_V.size or abs(starts_V[0] - ends_V[-1]) <= _SAME_VOLTAGE * ends_V[-1]:
         return record
     direction = int(np.sign(starts_V[0] - ends_V[-1]))
-    relaxing = 0 if is_rest(before.phases[-1], _SETTLED_S) else _relaxing(before)
+    relaxing = 0 if is_rest(before.phases[-1], _SETTLED_REST_S) else _relaxing(before)
     return record._replace(came_from=0 if direction == relaxing else direction)
 
 
@@ -111,7 +111,7 @@ def _rests_through(record: Record, k: int) -> bool:
     """True where a rest that had settled before the gap at sample k goes on after it at the same voltage."""
     time_s = record.log.time_s
     settled = any(
-        p.kind == "rest" and p.first < k <= p.last and time_s[k - 1] - time_s[p.first] >= _SETTLED_S
+        p.kind == "rest" and p.first < k <= p.last and time_s[k - 1] - time_s[p.first] >= _SETTLED_REST_S
         for p in record.phases
     )
     before_V, after_V = record.log.voltage_V[k - 1], record.log.voltage_V[k]

@@ -13,9 +13,9 @@ from ohmward.battery.identification.segments import Phase, find_rests
 
 #: Shortest rest [s] and fewest samples in which two time constants may show.
 SHORTEST_S = 120.0
-_FEWEST_SAMPLES = 8
+_FEWEST_OF_A_REST = 8
 #: Samples of a longer rest that are used, denser at its start.
-_MOST_SAMPLES = 200
+_MOST_OF_A_REST = 200
 #: Points of the grid of time constants, and the smallest ratio of two.
 _TAUS = 24
 _SMALLEST_RATIO = 2.0
@@ -23,7 +23,7 @@ _SMALLEST_RATIO = 2.0
 _REFINEMENTS = 2
 _REFINEMENT = 0.4
 #: Keeps exponentials that are alike from making the normal equations singular.
-_RIDGE = 1e-12
+_EXPONENTIALS_RIDGE = 1e-12
 
 
 class ExponentialFit(NamedTuple):
@@ -58,7 +58,7 @@ class Relaxation(NamedTuple):
 
 def find_relaxations(record: Record, soc: np.ndarray) -> tuple[Relaxation, ...]:
     """Fits of every rest of at least 2 minutes and 8 samples; soc: (T,) along the record."""
-    rests = [p for p in find_rests(record.phases, SHORTEST_S) if p.last - p.first >= _FEWEST_SAMPLES]
+    rests = [p for p in find_rests(record.phases, SHORTEST_S) if p.last - p.first >= _FEWEST_OF_A_REST]
     found = (_relaxation(record, soc, rest) for rest in rests)
     return tuple(r for r in found if r is not None)
 
@@ -82,10 +82,10 @@ def fit_exponentials(time_s: np.ndarray, voltage_V: np.ndarray, pairs: int) -> E
 def _relaxation(record: Record, soc: np.ndarray, rest: Phase) -> Relaxation | None:
     rows = np.arange(rest.first, rest.last + 1)
     rows = rows[np.isfinite(record.log.voltage_V[rows])]
-    if rows.size < _FEWEST_SAMPLES:
+    if rows.size < _FEWEST_OF_A_REST:
         return None
     time_s = record.log.time_s[rows] - record.log.time_s[rest.first]
-    denser_at_start = np.linspace(0.0, np.sqrt(time_s[-1]), _MOST_SAMPLES) ** 2
+    denser_at_start = np.linspace(0.0, np.sqrt(time_s[-1]), _MOST_OF_A_REST) ** 2
     used = np.unique(np.searchsorted(time_s, denser_at_start).clip(0, rows.size - 1))
     time_s, voltage_V = time_s[used], record.log.voltage_V[rows[used]]
     before = next(p for p in reversed(record.phases) if p.last < rest.first)
@@ -103,7 +103,7 @@ def _best_of(time_s: np.ndarray, voltage_V: np.ndarray, candidates: list[tuple[f
     taus = np.array(candidates)
     constant = np.ones((len(taus), time_s.size, 1))
     A = np.concatenate([constant, np.exp(-time_s[:, None] / taus[:, None, :])], axis=2)
-    H = A.transpose(0, 2, 1) @ A + _RIDGE * np.eye(A.shape[2])
+    H = A.transpose(0, 2, 1) @ A + _EXPONENTIALS_RIDGE * np.eye(A.shape[2])
     x = np.linalg.solve(H, A.transpose(0, 2, 1) @ voltage_V[:, None])
     fitted = (A @ x)[..., 0]
     rss = np.sum((voltage_V - fitted) ** 2, axis=1)

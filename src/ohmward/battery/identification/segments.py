@@ -20,7 +20,7 @@ PULSE_RATE = 1 / 20
 LONGEST_PULSE_S = 400.0
 SHORTEST_REST_S = 10.0
 #: Samples of the shortest log that may hold a pulse and its rest.
-FEWEST_SAMPLES = 5
+FEWEST_OF_A_PULSE = 5
 #: A current jumps by more than this rate and this share of itself; a constant one stays within the last share.
 _JUMP_RATE = 1 / 50
 _JUMP_SHARE = 0.05
@@ -52,9 +52,9 @@ def find_phases(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> tu
     Raises:
         InputError: the log is too short to hold a pulse.
     """
-    if len(log) < FEWEST_SAMPLES:
+    if len(log) < FEWEST_OF_A_PULSE:
         raise InputError(
-            f"log {log.name!r} has {len(log)} samples; a pulse and its rest need at least {FEWEST_SAMPLES}"
+            f"log {log.name!r} has {len(log)} samples; a pulse and its rest need at least {FEWEST_OF_A_PULSE}"
         )
     current_A = np.nan_to_num(log.current_A)
     rest = np.abs(current_A - idle_current_A) <= REST_RATE * capacity_Ah

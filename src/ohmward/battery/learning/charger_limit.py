@@ -35,7 +35,7 @@ from ohmward.logs.log import Log
 #: than this factor: a full battery at rest lies some 30 mV below its charger.
 _LEAST_RAISE = 1.05
 #: Points of the curve at least.
-_POINTS = 201
+_LEAST_CURVE_POINTS = 201
 
 
 def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
@@ -126,7 +126,7 @@ def _soc_of_chemistry(battery: Battery, voltage_V: float) -> float:
 def _prolonged(battery: Battery, before_soc: float, longer: float) -> OcvCurve:
     """The curve of the file up to its full end, and that of the chemistry from there on."""
     ocv = require_thevenin(battery).ocv
-    soc, degC = longer * np.linspace(0.0, 1.0, max(len(ocv.voltage_V), _POINTS)), ocv.reference_degC
+    soc, degC = longer * np.linspace(0.0, 1.0, max(len(ocv.voltage_V), _LEAST_CURVE_POINTS)), ocv.reference_degC
     beyond_V = np.asarray(chemistry(battery.chemistry).ocv().mean_V(before_soc * soc, degC)) * battery.n_series
     inside = np.minimum(soc, 1.0)
     voltage_V = np.where(soc > 1.0, np.maximum(beyond_V, ocv.voltage_V[-1]), ocv.mean_V(inside, degC))
@@ -148,7 +148,7 @@ def _was_full(knowledge: Knowledge | None) -> bool:
 
 def _stretched(ocv: OcvCurve, full_soc: float) -> OcvCurve:
     """The curve from 0 to this SoC as one from 0 to 1."""
-    soc = full_soc * np.linspace(0.0, 1.0, max(len(ocv.voltage_V), _POINTS))
+    soc = full_soc * np.linspace(0.0, 1.0, max(len(ocv.voltage_V), _LEAST_CURVE_POINTS))
     return _resampled(ocv, soc, np.asarray(ocv.mean_V(soc, ocv.reference_degC)))
 
 

@@ -101,7 +101,8 @@ def fold(
     assert folded.knowledge is not None
     noise = folded_noise(folded, p, covariance)
     knowledge = Knowledge.of(p.names, covariance, logs, folded.knowledge.seen_from_soc)
-    return replace(folded, noise=noise, rc_noise=_like(noise, battery.rc_noise), knowledge=knowledge)
+    rc_noise = replace(battery.rc_noise, capacity_std=noise.capacity_std, resistance_std=noise.resistance_std)
+    return replace(folded, noise=noise, rc_noise=rc_noise, knowledge=knowledge)
 
 
 def covariance_of_folded(curve: OpenCircuit, folded: Battery, covariance: np.ndarray) -> np.ndarray:
@@ -315,11 +316,6 @@ def _apart(tau_s: np.ndarray) -> tuple[float, ...]:
 def _between(floor: float, found: float, before: float) -> float:
     """The value found, not below the floor and never above the one before."""
     return min(max(found, floor), before)
-
-
-def _like(noise: BatteryNoise, before: BatteryNoise) -> BatteryNoise:
-    """The noise of the RC model: capacity and resistance as learnt, its own errors as they were."""
-    return replace(before, capacity_std=noise.capacity_std, resistance_std=noise.resistance_std)
 
 
 def pulse_ohm(model: Thevenin) -> float:

@@ -331,7 +331,9 @@ def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part], ancho
         offset_A=offset_normal(after, new),
         information=information,
         residual_rms_V=float(np.sqrt(np.mean(residual_V**2))),
-        misfit=_misfit(parts),
+        misfit=float(
+            np.average([part.solution.misfit for part in parts], weights=[part.model.rows.size for part in parts])
+        ),
         soc_start=_soc_at(parts[0], 0),
         soc_end=_soc_at(parts[-1], parts[-1].model.samples.time_s.size - 1),
         own_capacity_Ah=combined([part.own.capacity_Ah for part in parts]),
@@ -339,12 +341,6 @@ def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part], ancho
         given_Ah=min((part.own for part in parts), key=lambda own: own.lowest_soc).given_Ah,
         anchors=anchors,
     )
-
-
-def _misfit(parts: list[_Part]) -> float:
-    """Misfit of the parts of a log, mean over their rows."""
-    weights = [part.model.rows.size for part in parts]
-    return float(np.average([part.solution.misfit for part in parts], weights=weights))
 
 
 def _soc_at(part: _Part, sample: int) -> Normal:

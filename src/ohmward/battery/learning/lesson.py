@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,6 +40,12 @@ class Lesson(NamedTuple):
     given_Ah: Normal  #: charge from full down to the lowest SoC of the log
     anchors: tuple[Anchor, ...] = ()  #: what told SoC beside the voltage
     left_out: tuple[str, ...] = ()  #: stretches and samples of the log that were not used, and why
+
+    def as_dict(self) -> dict[str, Any]:
+        """The lesson for JSON; a number that is not known is None."""
+        records = {name: value._asdict() for name, value in self._asdict().items() if isinstance(value, Normal)}
+        found = self._asdict() | records | {"anchors": [anchor._asdict() for anchor in self.anchors]}
+        return {name: None if value != value else value for name, value in found.items()}
 
 
 def narrowed(p: Parameters, before: np.ndarray, after: np.ndarray) -> dict[str, float]:

@@ -9,6 +9,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.learning.fold import pulse_ohm
 from ohmward.battery.log_check import (
+    HIDDEN_CHARGE,
     MEDIAN_OF,
     REST_C,
     check_log,
@@ -18,8 +19,9 @@ from ohmward.battery.log_check import (
     other_cells,
 )
 from ohmward.errors import InputError
-from ohmward.logs.log import COLDEST_DEGC, HOTTEST_DEGC, SECONDS_PER_HOUR, Log, Note
-from ohmward.logs.sign import resolution, sign_evidence
+from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note, without_impossible
+from ohmward.logs.sign import OTHER_SIGN, WRONG_SIGN, resolution, sign_evidence
+from ohmward.quantities import QUANTITIES
 from ohmward.runs import runs
 
 #: Samples with current and voltage, and time: less tells nothing about a battery.
@@ -49,10 +51,17 @@ def usable_log(log: Log, battery: Battery) -> Log:
     check_log(log, battery)
     if contradiction := other_cells(log, battery):
         raise InputError(f"{contradiction} Is it a log of another battery?")
-    _require_sign(log)
+    evidence = sign_evidence(log.time_s, log.current_A, log.voltage_V)
+    if evidence.verdict == "discharge":
+        raise InputError(f"{WRONG_SIGN} ({evidence}); {OTHER_SIGN}")
     for without in (_without_stuck_voltage, _without_stuck_current, _without_hidden_current):
         log = without(log, battery)
-    return _without_impossible_temperatures(log)
+    if log.temperature_degC is None:
+        return log
+    degC, notes = without_impossible(QUANTITIES["battery_temperature_degC"], log.temperature_degC, unit_known=True)
+    if not notes:
+        return log
+    return replace(log, temperature_degC=degC if np.isfinite(degC).any() else None).with_notes(*notes)
 
 
 def _require_samples(log: Log) -> None:
@@ -62,16 +71,6 @@ def _require_samples(log: Log) -> None:
         raise InputError(
             f"only {known.sum()} samples with current and voltage in {log.duration_s:.3g} s; at least "
             f"{_FEWEST_SAMPLES} in {_SHORTEST_S:g} s are needed"
-        )
-
-
-def _require_sign(log: Log) -> None:
-    """Raise InputError where the voltage answers the current with the wrong sign."""
-    evidence = sign_evidence(log.time_s, log.current_A, log.voltage_V)
-    if evidence.verdict == "discharge":
-        raise InputError(
-            f"the voltage answers the current with the wrong sign ({evidence}); current > 0 must charge: read it with "
-            "the other --current-sign"
         )
 
 
@@ -120,21 +119,7 @@ def _against_V(voltage_V: np.ndarray, current_A: float, battery: Battery) -> flo
 def _without_hidden_current(log: Log, battery: Battery) -> Log:
     """The log without currents that do not show by what the voltage moves: a charge, or a load."""
     log = _without(log, "current", moving_rests(log, battery), "did not show what charged or discharged the battery")
-    fault = "shows a discharge or none where the voltage rises as by a charge (a charger past the sensor?)"
-    return _without(log, "current", hidden_charges(log, battery), fault)
-
-
-def _without_impossible_temperatures(log: Log) -> Log:
-    """The log without temperatures that no battery has; sensors without their wire say -127 or 850 degC."""
-    if log.temperature_degC is None:
-        return log
-    with np.errstate(invalid="ignore"):
-        wrong = (log.temperature_degC < COLDEST_DEGC) | (log.temperature_degC > HOTTEST_DEGC)
-    if not wrong.any():
-        return log
-    note = Note(f"{wrong.sum()} temperatures that no battery has: left out", "warning")
-    rest = None if wrong.all() else np.where(wrong, np.nan, log.temperature_degC)
-    return replace(log, temperature_degC=rest).with_notes(note)
+    return _without(log, "current", hidden_charges(log, battery), HIDDEN_CHARGE)
 
 
 def _constant(log: Log, values: np.ndarray) -> list[tuple[int, int]]:

@@ -33,7 +33,7 @@ from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, unpack
 
 #: No correction goes beyond so many standard deviations of what the file knew: a fault of a sensor is no ageing.
-MOST_STD = 3.0
+MOST_CORRECTION_STD = 3.0
 _SECONDS_PER_HOUR = 3600.0
 #: SoC about which the errors of the file are taken; they do not depend on it.
 _ANY_SOC = 0.5
@@ -136,11 +136,11 @@ def _corrections(
 
 
 def _posterior(P: np.ndarray, H: np.ndarray, taught: Taught) -> tuple[np.ndarray, np.ndarray]:
-    """Corrections (K,) and covariance (K, K) after what was taught; no correction beyond `MOST_STD`."""
+    """Corrections (K,) and covariance (K, K) after what was taught; no correction beyond `MOST_CORRECTION_STD`."""
     seen = H @ P
     J = taught.information
     gain = seen.T @ J @ np.linalg.inv(np.eye(len(J)) + seen @ H.T @ J)
     covariance = P - gain @ seen
     theta = covariance @ H.T @ taught.vector
     beyond = np.abs(H @ theta) / np.sqrt(np.diag(seen @ H.T))
-    return theta / max(float(beyond.max()) / MOST_STD, 1.0), 0.5 * (covariance + covariance.T)
+    return theta / max(float(beyond.max()) / MOST_CORRECTION_STD, 1.0), 0.5 * (covariance + covariance.T)

@@ -21,7 +21,7 @@ from ohmward.battery.models.sensor import OFFSET_SHARE
 #: Length of the vector of both differences, in their standard deviations, that sets a log aside. Later logs of one
 #: battery stay below 2.0 in six simulated cells and below 2.6 in measured ones; the same cell with 80 % of its charge
 #: and 1.5 times its resistance lies 3 to 5 off.
-_OTHER_BATTERY = 3.5
+_OTHER_BATTERY_STD = 3.5
 #: A shorter one does where the file explains the log far worse than the log alone would be: by this much of the
 #: logarithm of the likelihood. It is below 40 for later logs of one battery, and 61 to 300 for that other cell.
 _DOUBTFUL, _EXPLAINED_WORSE = 1.5, 60.0
@@ -29,10 +29,10 @@ _DOUBTFUL, _EXPLAINED_WORSE = 1.5, 60.0
 _OTHER_LABEL = 4.5
 #: A log that goes through more than this share of the capacity that was fitted to it is of a larger battery: SoC axis
 #: and sensor err by less.
-_DEEPEST = 1.15
+_DEEPEST_DISCHARGE = 1.15
 #: A log that moves capacity and resistance together by less than this many standard deviations of the file, and fits it
 #: but for this factor, confirms it: files never know them better than a seventh as well as a log alone, so that one
-#: which differed by `_OTHER_BATTERY` would move them by 0.5.
+#: which differed by `_OTHER_BATTERY_STD` would move them by 0.5.
 _CONFIRMS, _FITS = 0.2, 1.1
 #: A difference that is told, where both together have set a log aside.
 _WORTH_TELLING = 1.0
@@ -108,7 +108,7 @@ def confirms(known: LogFindings, after: LogFindings) -> bool:
 def other_label(known: LogFindings, after: LogFindings) -> str:
     """Contradiction of a log with the label that the file was made from; "" for none."""
     moved = [_moved(old, new) for old, new in zip(known.of_battery, after.of_battery, strict=True)]
-    other = _contradiction(known, after, moved, _OTHER_BATTERY if after.misfit > _MISFITS else _OTHER_LABEL)
+    other = _contradiction(known, after, moved, _OTHER_BATTERY_STD if after.misfit > _MISFITS else _OTHER_LABEL)
     return other or _other_sensor(known, after, known.offset_A.std)
 
 
@@ -120,7 +120,7 @@ def moved_too_far(known: LogFindings, after: LogFindings) -> str:
 
 def too_small(capacity_Ah: Normal, depth: float) -> str:
     """Contradiction of a log with a capacity [Ah] of which it goes through a share `depth`; "" for none."""
-    if depth <= _DEEPEST:
+    if depth <= _DEEPEST_DISCHARGE:
         return ""
     larger = f"its capacity is {depth * capacity_Ah.mean:.3g} Ah at least, by the charge that the log counts"
     return _refusal(f"{larger}, that of the file {capacity_Ah.mean:.3g} ± {capacity_Ah.std:.2g} Ah")
@@ -139,7 +139,7 @@ def other_battery(known: LogFindings, alone: LogFindings, explained_worse: float
     doubtful = explained_worse > _EXPLAINED_WORSE
     sensor_std_A = float(np.hypot(known.offset_A.std, alone.offset_A.std))
     other_sensor = _other_sensor(known, alone, sensor_std_A) if doubtful else ""
-    return other_sensor or _contradiction(known, alone, z, _DOUBTFUL if doubtful else _OTHER_BATTERY)
+    return other_sensor or _contradiction(known, alone, z, _DOUBTFUL if doubtful else _OTHER_BATTERY_STD)
 
 
 def explained_worse(duration_s: float, correlation_s: float, rms_V: float, alone_rms_V: float) -> float:

@@ -17,9 +17,10 @@ from ohmward.battery.identification.charge import find_gaps
 from ohmward.battery.models.noise import PATH_SHARE, USUAL_C
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.battery.soc.clean_sample import is_current, is_temperature, is_voltage
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_temperature, is_voltage
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
+from ohmward.quantities import MOST_C
 from ohmward.runs import runs
 
 #: Charge and overpotentials are summed over steps of so long [s], a tenth of a usual fast pair of a cell, and one in
@@ -27,10 +28,6 @@ from ohmward.runs import runs
 STEP_S, ROW_STEPS = 2.0, 3
 #: Most steps and most gaps of a part: more are solved one after the other.
 _MOST_SAMPLES, _MOST_GAPS = 60_000, 30
-#: A larger current, in multiples of the capacity per hour, is a fault of its sensor, as for the filter.
-_CURRENT_LIMIT_C = 20.0
-#: Over a gap the straight line between its currents is taken for so long [s], as the filter does.
-_GAP_LINE_S = 600.0
 #: A log of fewer samples says nothing, nor does a part.
 _FEWEST = 2
 #: A cut at a gap costs nothing: the nearest one is taken within this share of the length of a part.
@@ -116,7 +113,7 @@ def _sanitized(log: Log, battery: Battery) -> _Sanitized:
     highest_V = model.ocv.voltage_V[-1]
     current_A: Any = log.current_A
     voltage_V: Any = log.voltage_V
-    known = np.asarray(is_current(current_A, _CURRENT_LIMIT_C * battery.capacity_Ah))
+    known = np.asarray(is_current(current_A, MOST_C * battery.capacity_Ah))
     credible = np.asarray(is_voltage(voltage_V, highest_V))
     if np.count_nonzero(known & credible) < _FEWEST:
         raise InputError(
@@ -129,7 +126,8 @@ def _sanitized(log: Log, battery: Battery) -> _Sanitized:
     dt_s = np.diff(time_s, prepend=time_s[0])
     gap = find_gaps(time_s)
     mean_A = 0.5 * (current_A + np.concatenate([current_A[:1], current_A[:-1]]))
-    counted_s = np.where(gap, np.minimum(dt_s, _GAP_LINE_S), dt_s)
+    # as the filter does
+    counted_s = np.where(gap, np.minimum(dt_s, CURRENT_GAP_S), dt_s)
     moved_Ah = np.cumsum(mean_A * counted_s) / SECONDS_PER_HOUR
     path = np.cumsum(np.where(gap, 0.0, _path_variance(dt_s, current_A, battery)))
     used = _thinned(time_s, gap)

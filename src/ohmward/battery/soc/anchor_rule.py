@@ -69,11 +69,11 @@ _RELAXED, _LONG_REST_S = 4.0, 3600.0
 #: Current of a rest over the capacity [1/h].
 _REST_C = 0.01
 #: A longer step [s] says nothing about the voltage between its ends.
-_LONGEST_STEP_S = 3600.0
+_LONGEST_ANCHOR_STEP_S = 3600.0
 #: An event that says less about the state of charge is none.
 _MOST_STD = 0.1
 #: Points of the inverse of the curve.
-_POINTS = 257
+_INVERSE_POINTS = 257
 
 
 class AnchorMemory(NamedTuple):
@@ -148,7 +148,7 @@ class AnchorRule:
         """The memory with the voltage that stands still, its largest current, and the charge that flowed."""
         current_A, share = clean.now.current_A, clean.mean.current_A * clean.dt_s / self.model.capacity_As
         same = usable & (abs(clean.voltage_V - memory.limit_V) < _FLAT_SHARE * memory.limit_V)
-        same = same & (clean.dt_s < _LONGEST_STEP_S) & (current_A > -self.load_A)
+        same = same & (clean.dt_s < _LONGEST_ANCHOR_STEP_S) & (current_A > -self.load_A)
         return memory._replace(
             limit_V=where(same, memory.limit_V, clean.voltage_V),
             held_s=where(same, memory.held_s + clean.dt_s, 0.0),
@@ -234,7 +234,7 @@ class AnchorRule:
     def continue_rest(self, before: Rest, clean: CleanSocSample) -> tuple[Rest, Any]:
         """The rest after a sample, and the condition that it has become a long one, once."""
         usable = clean.voltage_measured & clean.current_measured
-        resting = usable & (abs(clean.now.current_A) < self.rest_A) & (clean.dt_s < _LONGEST_STEP_S)
+        resting = usable & (abs(clean.now.current_A) < self.rest_A) & (clean.dt_s < _LONGEST_ANCHOR_STEP_S)
         needed_s = _RELAXED * self.model.tau_s[-1] / self.model.rate_arrhenius_factor(clean.now.temperature_degC)
         tells = self.at_rest(clean.voltage_V, clean.now).std < _MOST_STD
         return continue_rest(before, resting, clean.dt_s, maximum(needed_s, _LONG_REST_S), tells)
@@ -254,15 +254,15 @@ class AnchorRule:
     def soc_at(self, voltage_V: Scalar) -> Scalar:
         """State of charge at which the curve has this voltage, in [0, 1]."""
         empty_V, full_V = self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1]
-        return clip(table(self._inverse, empty_V, (full_V - empty_V) / (_POINTS - 1), voltage_V), 0.0, 1.0)
+        return clip(table(self._inverse, empty_V, (full_V - empty_V) / (_INVERSE_POINTS - 1), voltage_V), 0.0, 1.0)
 
     @cached_property
     def _inverse(self) -> tuple[float, ...]:
         """(M,) state of charge on a uniform grid of the voltage."""
         ocv = self.model.ocv
-        soc = np.linspace(0.0, 1.0, 4 * _POINTS)
+        soc = np.linspace(0.0, 1.0, 4 * _INVERSE_POINTS)
         rising_V = np.maximum.accumulate(ocv.mean_V(soc, ocv.reference_degC)) + 1e-12 * np.arange(soc.size)
-        grid_V = np.linspace(ocv.voltage_V[0], ocv.voltage_V[-1], _POINTS)
+        grid_V = np.linspace(ocv.voltage_V[0], ocv.voltage_V[-1], _INVERSE_POINTS)
         return tuple(np.interp(grid_V, rising_V, soc).tolist())
 
     @property

@@ -12,10 +12,11 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.anchor_rule import AGAIN, AnchorEvent, AnchorMemory, AnchorRule, SocNormal
-from ohmward.battery.soc.clean_sample import Rest, SampleLimits, first_input, sanitize
-from ohmward.battery.soc.estimator import samples_of
-from ohmward.battery.soc.sample import SocSample
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, Rest, SampleLimits, first_input, sanitize
+from ohmward.battery.soc.estimator import SocRun, samples_of
+from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.logs.log import Log
+from ohmward.quantities import MOST_C
 from ohmward.trace import Kernel, where
 
 AnchorKind = Literal["full charge", "empty", "rest"]
@@ -26,8 +27,6 @@ VOLTAGE = "voltage"
 #: A long log is looked through in stretches of so many samples, so that what is remembered of each stays small; each
 #: begins and ends so many samples beyond, for events that began before it and go on after it.
 _STRETCH, _LEAD = 60_000, 20_000
-#: As in the estimators: multiples of the capacity per hour beyond which a current is a fault of its sensor.
-_CURRENT_LIMIT_C = 20.0
 
 
 class Anchor(NamedTuple):
@@ -79,13 +78,13 @@ class AnchorFinder:
     """Settings; `init` and `step` are pure functions of them."""
 
     rule: AnchorRule  #: of the battery
-    gap_s: float = 600.0  #: a longer step between two samples says nothing about the current in between
+    gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
 
     @property
     def limits(self) -> SampleLimits:
         """Limits of what is believed of a sample."""
         model = self.rule.model
-        return SampleLimits(self.gap_s, _CURRENT_LIMIT_C * model.capacity_Ah, model.ocv.voltage_V[-1])
+        return SampleLimits(self.gap_s, MOST_C * model.capacity_Ah, model.ocv.voltage_V[-1])
 
     def no_sample(self) -> SocSample:
         """A sample in which nothing was measured."""
@@ -129,6 +128,35 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
     moved_As = current_A * np.diff(log.time_s, prepend=log.time_s[0])
     once = _without_repeats(events, moved_As, AGAIN * finder.rule.model.capacity_As)
     return tuple(_anchor(event, log) for event in once)
+
+
+class JudgedAnchor(NamedTuple):
+    """An anchor beside the estimate before it, or before the filter used it: it sees a full charge while it tapers."""
+
+    anchor: Anchor
+    used: bool  #: the filter has corrected itself by it
+    soc_estimated: float
+    soc_std_estimated: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """The anchor and the estimate for JSON, in one object."""
+        fields = self._asdict()
+        return fields.pop("anchor")._asdict() | fields
+
+
+def judged_anchors(log: Log, battery: Battery, run: SocRun) -> list[JudgedAnchor]:
+    """The anchors in a log, each beside the estimate; none for a battery file without a Thevenin model."""
+    if battery.thevenin is None:
+        return []
+    used = np.flatnonzero(run.flags & SocFlag.ANCHORED)
+    before, found = -1, []
+    for anchor in find_anchors(log, battery):
+        usable = anchor.kind in ("full charge", "empty")  # no filter needs to be told of a rest
+        seen = used[(used > before) & (used <= anchor.sample)] if usable else used[:0]
+        k = max(int(seen[-1] if seen.size else anchor.sample) - 1, 0)
+        found.append(JudgedAnchor(anchor, bool(seen.size), float(run.soc[k]), float(run.soc_std[k])))
+        before = anchor.sample
+    return found
 
 
 def charger_limit_V(log: Log, battery: Battery) -> float | None:

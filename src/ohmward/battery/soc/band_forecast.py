@@ -23,7 +23,7 @@ from ohmward.trace import Kernel
 
 #: The day: SoC at its start and at its end, mean load in multiples of the capacity per hour, rest in every hour [s].
 START_SOC, END_SOC = 0.9, 0.3
-LOAD_C = 0.25
+FORECAST_LOAD_C = 0.25
 REST_S = 600.0
 #: Time between two samples, and time for which one load lasts [s].
 STEP_S, LOAD_S = 10.0, 60.0
@@ -115,11 +115,39 @@ def band(settings: TheveninFilter, kernel: Kernel, temperature_degC: float, soc:
 
 def working_day(settings: TheveninFilter, temperature_degC: float) -> SocSample:
     """Samples (T,) of the day, without their voltage."""
-    drawn_s = (START_SOC - END_SOC) / LOAD_C * 3600.0
+    drawn_s = (START_SOC - END_SOC) / FORECAST_LOAD_C * 3600.0
     count = int(drawn_s * 3600.0 / (3600.0 - REST_S) / STEP_S)
     time_s = STEP_S * np.arange(1, count + 1)
     loads = np.array(LOADS)[(time_s / LOAD_S).astype(int) % len(LOADS)] / np.mean(LOADS)
     idle_A = settings.idle_current_A or 0.0
-    current_A = np.where(time_s % 3600.0 < 3600.0 - REST_S, -LOAD_C * settings.model.capacity_Ah * loads, idle_A)
+    current_A = np.where(
+        time_s % 3600.0 < 3600.0 - REST_S, -FORECAST_LOAD_C * settings.model.capacity_Ah * loads, idle_A
+    )
     nothing = np.full(count, np.nan)
     return SocSample(np.full(count, STEP_S), current_A, nothing, np.full(count, temperature_degC))
+
+
+#: A test that narrows the bands by less than this share is not worth its time.
+WORTH_A_TEST = 0.05
+
+
+def worthwhile_tests(battery: Battery, bands: Sequence[BandForecast]) -> list[BandsAfterTest]:
+    """The bands after each test that narrows them, the best first; none where the file has no bands.
+
+    bands: of the file as it is.
+    """
+
+    def width(of: Sequence[BandForecast]) -> float:
+        return sum(band.known_start + band.unknown_start for band in of)
+
+    tests = forecasts_after_tests(battery) if bands else ()
+    return [test for test in tests if 1.0 - width(test.bands) / width(bands) >= WORTH_A_TEST]
+
+
+def taken_as_exact(battery: Battery) -> list[str]:
+    """Keys of [noise] by which the file takes as exact what no test knows exactly."""
+    keys = ["capacity_std", "resistance_std"]
+    if battery.thevenin is not None:
+        keys += ["activation_std_K", "ocv_std_V_per_K"]
+        keys += ["hysteresis_std"] if any(battery.thevenin.ocv.hysteresis_V) else []
+    return [key for key in keys if getattr(battery.noise, key) == 0.0]

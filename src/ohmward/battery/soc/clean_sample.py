@@ -10,21 +10,24 @@ from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.filters.flags import flags_of
 from ohmward.filters.sanitize import between, hold, is_step, sanitize_step, within
-from ohmward.logs.log import COLDEST_DEGC, HOTTEST_DEGC
+from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 
 #: Without a sensor the last current is believed for about this time, then less and less.
 HOLD_S = 30.0
 
+#: A longer step says nothing about the current between its two samples [s].
+CURRENT_GAP_S = 600.0
+
 #: A longer step is a clock that was set, not a battery that waited.
-LONGEST_STEP_S = 365 * 86400.0
+LONGEST_PAUSE_S = 365 * 86400.0
 
 #: Largest voltage of a cell over its highest open-circuit voltage; a sensor without its wire shows 0.
 HIGHEST_VOLTAGE_RATIO = 2.0
 
-#: No sensor of a battery shows more, even where its largest current is not given.
-HIGHEST_CURRENT_A = 1e9
+#: Where the largest current is not given, a number from here on is none: squares and sums of it overflow.
+_NO_NUMBER_A = 1e9
 
 
 class SampleLimits(NamedTuple):
@@ -80,7 +83,7 @@ def sanitize(
     before: last current and temperature.
     unknown_before_s: time for which the current had not been known before this step.
     """
-    step = sanitize_step(sample.dt_s, LONGEST_STEP_S, limits.gap_s)
+    step = sanitize_step(sample.dt_s, LONGEST_PAUSE_S, limits.gap_s)
     current_measured = is_current(sample.current_A, limits.current_A)
     current_known = current_measured & logical_not(step.gap)
     voltage_measured = is_voltage(sample.voltage_V, limits.highest_ocv_V)
@@ -109,7 +112,7 @@ def sanitize(
 
 
 def sanitize_bare(
-    sample: SocSample, before_A: Scalar, highest_ocv_V: float, longest_step_s: float = LONGEST_STEP_S
+    sample: SocSample, before_A: Scalar, highest_ocv_V: float, longest_step_s: float = LONGEST_PAUSE_S
 ) -> CleanBareSample:
     """The sample with a current, a step and a voltage that cannot be true replaced; before_A: last current."""
     current_A = hold(sample.current_A, is_current(sample.current_A), before_A)
@@ -145,7 +148,7 @@ def continue_rest(before: Rest, resting: Any, dt_s: Scalar, settle_s: float, usa
 
 def is_current(current_A: Scalar, limit_A: float = math.inf) -> Any:
     """True where it is a finite number within the limit."""
-    return within(current_A, min(limit_A, HIGHEST_CURRENT_A))
+    return within(current_A, min(limit_A, _NO_NUMBER_A))
 
 
 def is_temperature(temperature_degC: Scalar) -> Any:

@@ -12,7 +12,7 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.charge_history import FULL_WITHIN, ChargeHistory, ChargeMemory
-from ohmward.battery.soc.clean_sample import LONGEST_STEP_S
+from ohmward.battery.soc.clean_sample import LONGEST_PAUSE_S
 from ohmward.battery.soc.explanation import Explanation, explain
 from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
@@ -65,7 +65,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
 
     flag_type = SocFlag
     known = SocEstimate._fields.index("soc"), SocEstimate._fields.index("soc_std")
-    longest_step_s = LONGEST_STEP_S
+    longest_step_s = LONGEST_PAUSE_S
 
     def __init__(
         self,

@@ -17,7 +17,7 @@ from ohmward.battery.soc.causes import (
 )
 from ohmward.battery.soc.charge_history import ChargeHistory
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
-from ohmward.battery.soc.rehearsal import STEP_S, std_after_full_charge, std_along_rest
+from ohmward.battery.soc.rehearsal import REHEARSAL_STEP_S, std_after_full_charge, std_along_rest
 from ohmward.battery.soc.sample import SocEstimate, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
 from ohmward.filters.belief import unpack
@@ -125,7 +125,10 @@ def best_remedy(half_points: float, causes: tuple[Cause, ...], remedies: tuple[R
 def rehearsed(settings: TheveninFilter, kernel: Kernel, state: FilterState) -> tuple[Remedy, ...]:
     """A rest of the shortest length that settles SoC, or that is about as good as any longer one, and a full charge."""
     std = std_along_rest(settings, kernel, state, 60.0 * REST_MINUTES[-1])
-    rests = [Remedy(f"{time_in_words(60.0 * m)} of rest", _points(std[int(60 * m / STEP_S) - 1])) for m in REST_MINUTES]
+    rests = [
+        Remedy(f"{time_in_words(60.0 * m)} of rest", _points(std[int(60 * m / REHEARSAL_STEP_S) - 1]))
+        for m in REST_MINUTES
+    ]
     enough = max(100 * KNOWN_HALF_WIDTH, _ABOUT * min(rest.points for rest in rests))
     rest = next(rest for rest in rests if rest.points <= enough)
     return rest, Remedy("a full charge", _points(std_after_full_charge(settings, kernel, state)))

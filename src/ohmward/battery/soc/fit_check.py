@@ -17,7 +17,7 @@ from typing import TypeGuard
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.log_check import contradictions
+from ohmward.battery.log_check import OTHER_FILE, contradictions
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.sample import SocEstimate
@@ -33,10 +33,6 @@ LEAST_INNOVATIONS = 100
 #: Larger innovations, in their standard deviations, count as this: the limit of the filters' gate.
 LARGEST = math.sqrt(TheveninFilter.gate)
 
-_ADVICE = (
-    "is the battery file of this battery, with its chemistry and capacity, and are sign and unit of the current right?"
-)
-
 
 def misfits(battery: Battery, log: Log, settings: Estimator, estimates: SocEstimate) -> tuple[Note, ...]:
     """Warnings that the battery file does not fit the log and the estimates are not to be trusted; () where it does.
@@ -46,7 +42,7 @@ def misfits(battery: Battery, log: Log, settings: Estimator, estimates: SocEstim
     """
     found = list(contradictions(log, battery))
     if is_judged(settings) and (needed := _needed(log.time_s, settings, estimates)):
-        found.append(f"it would need {' and '.join(needed)}{'' if found else f'; {_ADVICE}'}")
+        found.append(f"it would need {' and '.join(needed)}{'' if found else f'; {OTHER_FILE}'}")
     return (Note(f"the battery file does not fit the log: {'; '.join(found)}", "warning"),) if found else ()
 
 

@@ -24,7 +24,7 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.temperature import ROOM_DEGC, coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
-from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.coulomb import charge_variance
 from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.rc_soc_link import (
@@ -44,6 +44,7 @@ from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, require_gate, time_rejected
+from ohmward.quantities import MOST_C
 from ohmward.trace import exp, logical_not, maximum, sqrt, where
 from ohmward.trace.expression import Scalar
 
@@ -89,10 +90,10 @@ class RcFilter:
     #: "state", a state that counts charge, with a straight line through the OCV curve; or "curve", the inverse OCV
     #: curve at the mean voltage of the capacitors
     soc_as: str = "state"
-    gap_s: float = 600.0  #: a longer step between two samples says nothing about the current in between
+    gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
     gate: float = 25.0  #: largest NIS of a voltage that is used
     reset_after_s: float = 60.0  #: time of rejection after which the filter has diverged and inflates its covariance
-    current_limit_C: float = 20.0  #: a larger current, in multiples of the capacity per hour, is a fault of its sensor
+    current_limit_C: float = MOST_C  #: a larger current, in multiples of the capacity per hour, is its sensor's fault
 
     def __post_init__(self) -> None:
         require_one_of("soc_as", self.soc_as, LINKS)

@@ -13,7 +13,7 @@ from ohmward.errors import InputError
 from ohmward.logs.log import Log
 
 #: A reference may leave [0, 1] by this much: cyclers count a little beyond full and empty.
-MARGIN = 0.1
+REFERENCE_MARGIN = 0.1
 _AMPERE_HOURS = re.compile(r"(?<![a-z])(?P<milli>m?)a[.\s]?h(?![a-z])", re.IGNORECASE)
 _PERCENT = re.compile(r"%|pct|percent", re.IGNORECASE)
 
@@ -44,9 +44,9 @@ def soc_reference(
         milli = 1e-3 if unit["milli"] else 1.0
         return _from_counter(log, column, milli * values, capacity_Ah, start_soc)
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    if not _PERCENT.search(column) and low >= -MARGIN and high <= 1.0 + MARGIN:
+    if not _PERCENT.search(column) and low >= -REFERENCE_MARGIN and high <= 1.0 + REFERENCE_MARGIN:
         return SocReference(values, f"truth from {column!r}, taken as a share: {low:.3g} to {high:.3g}")
-    if low >= -100 * MARGIN and high <= 100 * (1.0 + MARGIN):
+    if low >= -100 * REFERENCE_MARGIN and high <= 100 * (1.0 + REFERENCE_MARGIN):
         return SocReference(values / 100, f"truth from {column!r}, taken as percent: {low:.3g} % to {high:.3g} %")
     raise InputError(
         f"{log.name}: --truth {column} runs from {low:g} to {high:g}; a state of charge lies between 0 and 1 or 0 and "
@@ -67,7 +67,7 @@ def _from_counter(
     soc = np.full(len(log), np.nan)
     soc[counted] = start_soc + charge.total_Ah / capacity_Ah
     low, high = float(np.nanmin(soc)), float(np.nanmax(soc))
-    if low < -MARGIN or high > 1.0 + MARGIN:
+    if low < -REFERENCE_MARGIN or high > 1.0 + REFERENCE_MARGIN:
         raise InputError(
             f"{log.name}: from {start_soc:g}, {column!r} over {capacity_Ah:g} Ah would lead from {low:.3g} to "
             f"{high:.3g}; check --truth-start, the capacity in the battery file and what the column counts"

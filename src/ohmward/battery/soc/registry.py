@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from ohmward.battery.battery import Battery, require_battery, require_rc, require_thevenin
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.protocol import Estimator
@@ -35,7 +36,7 @@ class EstimatorSettings(NamedTuple):
     """
 
     idle_current_A: float | None = None
-    gap_s: float = 600.0
+    gap_s: float = CURRENT_GAP_S
     anchors: bool | None = None
 
 

@@ -18,7 +18,7 @@ from ohmward.filters.belief import Belief, unpack
 from ohmward.trace import Kernel
 
 #: Time between two samples of a rehearsal [s], that of slow telemetry.
-STEP_S = 30.0
+REHEARSAL_STEP_S = 30.0
 #: Current of a full charge, in multiples of the capacity per hour: a usual charger of a robot.
 CHARGE_C = 0.25
 #: Rest after a full charge [s], in which the charger still holds the battery.
@@ -28,7 +28,10 @@ POINTS = (-1.0, 1.0)
 
 
 def std_along_rest(settings: TheveninFilter, kernel: Kernel, state: FilterState, duration_s: float) -> np.ndarray:
-    """(T,) standard deviation of SoC to expect along a rest, every `STEP_S`; kernel: the filter's step, compiled."""
+    """(T,) standard deviation of SoC to expect along a rest, every `REHEARSAL_STEP_S`.
+
+    kernel: the filter's step, compiled.
+    """
     variance = 0.0
     for point in POINTS:
         x = truth_at(settings, unpack(state.belief), point)
@@ -95,6 +98,8 @@ def _shown_A(settings: TheveninFilter, x: np.ndarray, true_A: Any) -> Any:
 
 def _steady(state: FilterState, current_A: float, duration_s: float) -> SocSample:
     """Samples (T,) of a steady current at the present temperature, without a voltage."""
-    count = int(np.ceil(duration_s / STEP_S))
+    count = int(np.ceil(duration_s / REHEARSAL_STEP_S))
     temperature_degC = np.full(count, float(state.temperature_degC))
-    return SocSample(np.full(count, STEP_S), np.full(count, current_A), np.full(count, np.nan), temperature_degC)
+    return SocSample(
+        np.full(count, REHEARSAL_STEP_S), np.full(count, current_A), np.full(count, np.nan), temperature_degC
+    )

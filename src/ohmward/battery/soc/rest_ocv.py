@@ -11,7 +11,7 @@ import numpy as np
 from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, pair_resistances
-from ohmward.battery.soc.clean_sample import Rest, continue_rest, is_current, is_voltage
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, Rest, continue_rest, is_current, is_voltage
 from ohmward.battery.soc.coulomb import CoulombCounting, CoulombState
 from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
@@ -19,6 +19,7 @@ from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.checks import require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
+from ohmward.quantities import MOST_C
 from ohmward.trace import clip, linearize, where
 from ohmward.trace.expression import Scalar
 
@@ -56,10 +57,10 @@ class RestOcv:
     model: Thevenin
     noise: BatteryNoise = field(default_factory=BatteryNoise)
     sensor: CurrentSensor = field(default_factory=CurrentSensor)
-    gap_s: float = 600.0
+    gap_s: float = CURRENT_GAP_S
     rest_share: float = 0.03
     settle_s: float = 900.0
-    current_limit_C: float = 20.0
+    current_limit_C: float = MOST_C
 
     def __post_init__(self) -> None:
         require_each_positive("", self, "gap_s", "current_limit_C", "rest_share")

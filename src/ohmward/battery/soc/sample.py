@@ -56,6 +56,9 @@ STD_OF = {
     "resistance_ratio": "resistance_ratio_std",
 }
 
+#: What an estimator learns beside SoC.
+LEARNT = tuple(STD_OF)[1:]
+
 
 class SocFlag(SampleFlag):
     """Incidents at a sample. None of them stops an estimator."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.soc.sample import SocEstimate, SocFlag
+from ohmward.battery.soc.sample import LEARNT, SocEstimate, SocFlag
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Log
@@ -110,6 +110,20 @@ def soc_scores(log: Log, estimates: SocEstimate, truth: np.ndarray | None) -> di
         for name, field in _SOC_FIGURES.items():
             figures[name + suffix] = None if found is None else getattr(found, field)
     return figures
+
+
+def soc_figures(log: Log, estimates: SocEstimate) -> dict[str, float | None]:
+    """Start, end and range of the state of charge along a log, the error of the voltage, what was learnt at the end."""
+    e, voltage = estimates, voltage_score(log, estimates)
+    return {
+        "soc_initial": float(e.soc[0]),
+        "soc_final": float(e.soc[-1]),
+        "soc_std_final": float(e.soc_std[-1]),
+        "soc_min": float(e.soc.min()),
+        "soc_max": float(e.soc.max()),
+        "voltage_rmse_V": voltage.rmse if voltage else None,
+        **{name: float(getattr(e, name)[-1]) for name in LEARNT},
+    }
 
 
 def voltage_score(log: Log, estimates: SocEstimate) -> Score | None:

@@ -23,7 +23,7 @@ from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.anchor_rule import NO_EVENT, AnchorEvent, AnchorMemory, AnchorRule
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
-from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, first_input, sanitize
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, CleanSocSample, SampleLimits, first_input, sanitize
 from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
@@ -34,6 +34,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, inflate, passes, require_gate, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import mirror_lower
+from ohmward.quantities import MOST_C
 from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 
@@ -109,11 +110,11 @@ class TheveninFilter:
     #: teaches nothing about the current sensor
     idle_current_A: float | None = None
     rest_hold_s: float = 30.0  #: time for which the current must look like rest first
-    gap_s: float = 600.0  #: a longer step between two samples says nothing about the current in between
+    gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
     #: largest NIS of a voltage that is used, and largest square of an error that holds on, in its variance
     gate: float = 25.0
     reset_after_s: float = 60.0  #: time of contradiction after which the filter has diverged: SoC is declared unknown
-    current_limit_C: float = 20.0  #: a larger current, in multiples of the capacity per hour, is a fault of its sensor
+    current_limit_C: float = MOST_C  #: a larger current, in multiples of the capacity per hour, is its sensor's fault
     anchors: bool = False  #: let a full charge and a cut-off tell SoC
 
     def __post_init__(self) -> None:

@@ -72,7 +72,7 @@ _FIRST_MEAN, _FIRST_STD = np.log([30.0, 30.0, 1.0]), np.array([1.5, 1.5, 0.7])
 #: Least standard deviations of a population: a narrower one would fall into one of the steps.
 _LEAST_STD = np.array([0.02, 0.1, 0.1])
 #: Later populations keep this share of the covariance before.
-_KEPT = 0.3
+_KEPT_SHARE = 0.3
 #: Points whose distance from the parabola is more than this multiple of its median have gone astray.
 _ASTRAY = 4.0
 #: Fewer stretches tell no scatter.
@@ -104,7 +104,7 @@ def maximum(likelihood: Likelihood, progress: Progress | None = None) -> Maximum
         best = points[np.argsort(-likelihood.blocks(points).sum(axis=0))[:_BEST]]
         away = best - mean
         spread = (away.T * (rank / rank.sum())) @ away
-        cov = _KEPT * cov + (1.0 - _KEPT) * spread + np.diag(_LEAST_STD**2) / _BEST
+        cov = _KEPT_SHARE * cov + (1.0 - _KEPT_SHARE) * spread + np.diag(_LEAST_STD**2) / _BEST
         mean = rank @ best / rank.sum()
     searched = np.cov(best.T) / _BEST
     return Maximum(mean, sandwich(likelihood, mean, rng) + searched)

@@ -26,7 +26,7 @@ LEAST_SWEEP = 0.05
 #: Points along SoC, and how far from a state of charge the logs tell the error of the model.
 _GRID, _MARGIN = 21, 0.03
 #: Root mean square of the innovations over what they should be, within which the noise explains the log.
-_MOST_EXCESS = 1.5
+_MOST_TUNED_EXCESS = 1.5
 #: Root mean square of the innovations over that of the steps of the voltage, above which the last voltage would have
 #: told the next one better than the battery file.
 _MOST_OVER_LAST = 1.0
@@ -62,7 +62,7 @@ class Tuning(NamedTuple):
     @property
     def explains(self) -> bool:
         """True where no innovations are too large for this noise, and the file tells more than the last voltage."""
-        return self.excess < _MOST_EXCESS and self.over_last < _MOST_OVER_LAST
+        return self.excess < _MOST_TUNED_EXCESS and self.over_last < _MOST_OVER_LAST
 
 
 def tune_noise(

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
-from dataclasses import asdict, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.cli import wording
-from ohmward.cli.drive_inputs import read_drive_log, read_drive_truth, truth_names
+from ohmward.cli.drive_inputs import DriveOptions, drive_options, read_drive_truth, truth_names
 from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.parser import split_selection
-from ohmward.cli.progress import Report, progress
+from ohmward.cli.progress import counting, progress
 from ohmward.cli.wording import FOOTER, duration, with_assumptions
 from ohmward.errors import InputError
-from ohmward.figures.parts import band_95
+from ohmward.figures.terrain import calibration_figure, law_figure
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog
 from ohmward.logs.read import open_table
-from ohmward.report import Figure, Page, Series
+from ohmward.logs.selection import split_selection
+from ohmward.report import Page
 from ohmward.traction import Robot, load_robot, save_robot
 from ohmward.traction.calibration import (
     Calibration,
@@ -33,35 +33,32 @@ from ohmward.traction.calibration import (
     with_wheel_loads,
 )
 from ohmward.traction.calibration.calibrate import PARTS, usual_parts
-from ohmward.traction.calibration.floor import points
 from ohmward.traction.calibration.motor import ROLLING
-from ohmward.traction.calibration.stretches import cut, travel_speed
 from ohmward.traction.calibration.truth import without_lateral
 from ohmward.traction.drive_checks import with_signed_speed
 from ohmward.traction.terrain.file import Floors, load_floors, save_floors
-from ohmward.traction.terrain.floor import Floor, slip_belief, slip_scale
+from ohmward.traction.terrain.floor import Floor
+
+PARAMETERS = ["parameter", "value", "95 % interval", ""]
+
+
+class Truth(NamedTuple):
+    """Columns of the true motion: speeds, or a pose with its units."""
+
+    text: str  #: the columns as they were named
+    of_pose: bool
+    scale: Sequence[float]  #: metres per unit of x and y, or of both
+    turn_deg: float  #: added to the heading
+    heading_unit: str  #: "deg" or "rad"
+
+    @property
+    def names(self) -> list[str]:
+        """The columns."""
+        return [name.strip() for name in self.text.split(",")] if self.of_pose else truth_names(self.text)
 
 
 def run(args: argparse.Namespace) -> Outcome:
     """Calibrate, write the robot and its floors."""
-    check(args)
-    robot = load_robot(args.robot)
-    if args.wheel_load is not None:
-        robot = with_wheel_loads(robot, args.wheel_load)
-    with progress() as report:
-        drives = read_drives(args, robot, report)
-        found = calibrate(drives, robot, wanted(args, robot), args.floor, rolling(args.rolling))
-    write(found, args)
-    figures = summary(found) | {"output": args.output, "floors": args.floors, "report": args.report}
-    return Outcome(figures, describe(found, figures), figures["notes"], partial(make_page, found, figures))
-
-
-def check(args: argparse.Namespace) -> None:
-    """Refuse what cannot work before anything is read.
-
-    Raises:
-        InputError: no truth or two, a floor without its file, or a file that cannot be written.
-    """
     if (args.truth is None) == (args.pose is None):
         raise InputError("give either --truth COLUMN, a measured speed, or --pose X,Y,HEADING; see --help")
     if (args.floor is None) != (args.floors is None):
@@ -69,17 +66,36 @@ def check(args: argparse.Namespace) -> None:
     inputs = [str(split_selection(text)[0]) for text in args.logs]
     check_output("--output", args.output, (".toml",), inputs)
     check_output("--floors", args.floors, (".toml",), inputs)
+    robot = load_robot(args.robot)
+    if args.wheel_load is not None:
+        robot = with_wheel_loads(robot, args.wheel_load)
+    options = drive_options(args, robot)
+    truth = Truth(args.pose or args.truth, bool(args.pose), args.pose_scale, args.pose_turn, args.pose_unit)
+    with progress() as report:
+        texts = [one for text in args.logs for one in recordings(text, args.each)]
+        read = counting(report, "reading") or (lambda done, total: None)
+        drives = []
+        for k, text in enumerate(texts, start=1):
+            drives.append(read_one(text, options, truth))
+            read(k, len(texts))
+        parts = wanted(args.what, () if args.floor else usual_parts(robot))
+        found = calibrate(drives, robot, parts, args.floor, rolling(args.rolling))
+    if args.output:
+        save_robot(found.robot, args.output)
+    if args.floors and found.floor:
+        known = load_floors(args.floors) if Path(args.floors).exists() else Floors(found.robot.name)
+        save_floors(known.with_floor(found.floor), args.floors)
+    figures = summary(found) | {"output": args.output, "floors": args.floors, "report": args.report}
+    return Outcome(figures, describe(found, figures), figures["notes"], partial(make_page, found, figures))
 
 
-def wanted(args: argparse.Namespace, robot: Robot) -> tuple[str, ...]:
-    """Parts of the robot to calibrate.
+def wanted(what: str | None, usual: tuple[str, ...]) -> tuple[str, ...]:
+    """Parts of the robot to calibrate; usual: those where --what does not name them.
 
     Raises:
         InputError: something else.
     """
-    if args.what is None:
-        return () if args.floor else usual_parts(robot)
-    names = tuple(name.strip() for name in args.what.split(","))
+    names = usual if what is None else tuple(name.strip() for name in what.split(","))
     if unknown := [name for name in names if name not in PARTS]:
         raise InputError(f"--what takes {', '.join(PARTS)}, separated by commas; got {unknown[0]!r}")
     return names
@@ -90,19 +106,6 @@ def rolling(given: list[float] | None) -> tuple[float, float]:
     if given is None:
         return ROLLING
     return given[0], given[1] if len(given) > 1 else 0.5 * given[0]
-
-
-def read_drives(args: argparse.Namespace, robot: Robot, report: Report | None) -> tuple[CalibrationDrive, ...]:
-    """The recordings that the arguments name, with the motion of the body."""
-    texts: list[str] = []
-    for text in args.logs:
-        texts += recordings(text, args.each)
-    drives = []
-    for k, text in enumerate(texts, start=1):
-        drives.append(read_one(text, robot, args))
-        if report:
-            report("reading", k / len(texts))
-    return tuple(drives)
 
 
 def recordings(text: str, each: str | None) -> list[str]:
@@ -122,47 +125,34 @@ def recordings(text: str, each: str | None) -> list[str]:
     return [f"{path}:{chosen}{each}={value:g}" for value in values[np.isfinite(values)]]
 
 
-def read_one(text: str, robot: Robot, args: argparse.Namespace) -> CalibrationDrive:
+def read_one(text: str, options: DriveOptions, truth: Truth) -> CalibrationDrive:
     """One recording with the motion of the body."""
-    names = truth_names(args.truth) if args.truth else [name.strip() for name in args.pose.split(",")]
-    log = read_drive_log(text, robot, args, leave=names)
-    if args.pose:
-        return CalibrationDrive(log, pose_motion(log, names, args, robot))
-    truth = read_drive_truth(log, robot, args.truth).truth
-    signed = with_signed_speed(robot, replace(log, speed_m_s=truth.speed_m_s, speed_age_s=None))
+    robot = options.robot
+    log = options.read(text, leave=truth.names)
+    if truth.of_pose:
+        return CalibrationDrive(log, pose_motion(log, truth, robot))
+    known = read_drive_truth(log, robot, truth.text).truth
+    signed = with_signed_speed(robot, replace(log, speed_m_s=known.speed_m_s, speed_age_s=None))
     assert signed.speed_m_s is not None
-    truth = truth._replace(speed_m_s=signed.speed_m_s)
-    return CalibrationDrive(replace(log, notes=signed.notes), motion_from_truth(robot, log.time_s, truth))
+    known = known._replace(speed_m_s=signed.speed_m_s)
+    return CalibrationDrive(replace(log, notes=signed.notes), motion_from_truth(robot, log.time_s, known))
 
 
-def pose_motion(log: DriveLog, names: list[str], args: argparse.Namespace, robot: Robot) -> np.ndarray:
+def pose_motion(log: DriveLog, truth: Truth, robot: Robot) -> np.ndarray:
     """Motion (T, freedoms) from a pose.
 
     Raises:
         InputError: not three columns, or one that the log does not have.
     """
+    names = truth.names
     if len(names) != 3 or any(name not in log.extra for name in names):
         raise InputError(
-            f"{log.name}: --pose takes three columns X,Y,HEADING of the log, got {args.pose!r}; "
+            f"{log.name}: --pose takes three columns X,Y,HEADING of the log, got {truth.text!r}; "
             f"it has: {', '.join(log.extra)}"
         )
     x, y, heading = (log.extra[name] for name in names)
-    scale = np.radians(1.0) if args.pose_unit == "deg" else 1.0
-    turned = scale * heading + np.radians(args.pose_turn)
-    motion = motion_from_pose(log.time_s, args.pose_scale[0] * x, args.pose_scale[-1] * y, turned)
-    return without_lateral(robot, motion)
-
-
-def write(found: Calibration, args: argparse.Namespace) -> None:
-    """Write the files that the options name."""
-    if args.output:
-        save_robot(found.robot, args.output)
-    if args.floors and found.floor:
-        known = load_floors(args.floors) if Path(args.floors).exists() else Floors(found.robot.name)
-        save_floors(known.with_floor(found.floor), args.floors)
-
-
-PARAMETERS = ["parameter", "value", "95 % interval", ""]
+    turned = (np.radians(1.0) if truth.heading_unit == "deg" else 1.0) * heading + np.radians(truth.turn_deg)
+    return without_lateral(robot, motion_from_pose(log.time_s, truth.scale[0] * x, truth.scale[-1] * y, turned))
 
 
 def summary(found: Calibration) -> dict[str, Any]:
@@ -175,7 +165,7 @@ def summary(found: Calibration) -> dict[str, Any]:
         "drives": len(found.drives),
         "duration_s": sum(drive.log.duration_s for drive in found.drives),
         "parameters": [{**p._asdict(), "identified": p.identified} for p in found.parameters],
-        "floor": asdict(found.floor) if found.floor else None,
+        "floor": found.floor,
         "notes": list(dict.fromkeys(notes)),
     }
 
@@ -231,41 +221,12 @@ def make_page(found: Calibration, figures: Mapping[str, Any]) -> Page:
         if not p.identified:
             page = page.callout("warning", f"{p.name} was not identified: {p.reason}. The robot's own value is kept.")
     if found.parameters:
-        page = page.heading("Parameters").table(PARAMETERS, parameter_rows(found)).plot(_speeds(found))
+        page = page.heading("Parameters").table(PARAMETERS, parameter_rows(found)).plot(calibration_figure(found))
     if found.floor:
         rows = list(floor_fields(found.floor).items())
-        page = page.heading(f"Floor {found.floor.name!r}").plot(_law(found, found.floor)).table(["What", "Value"], rows)
+        page = (
+            page.heading(f"Floor {found.floor.name!r}")
+            .plot(law_figure(found, found.floor))
+            .table(["What", "Value"], rows)
+        )
     return with_assumptions(page, figures["notes"])
-
-
-def _speeds(found: Calibration) -> Figure:
-    """Speed of the body over that of the rims, which a good radius puts on the diagonal."""
-    stretches = cut(found.drives, found.robot)
-    rim, body = travel_speed(stretches.rim), travel_speed(stretches.motion)
-    ends = np.array([0.0, float(max(rim.max(), body.max()))])
-    return Figure(
-        "Speed of the body and of the rims",
-        "Rims [m/s]",
-        "Body [m/s]",
-        series=[Series(rim, body, "stretches of 1 s", "points"), Series(ends, ends, "no slip", "dashed", "reference")],
-    )
-
-
-def _law(found: Calibration, floor: Floor) -> Figure:
-    """Slip over force of the wheels, as at the middle speed in their rolling direction, and the law with its band."""
-    p = points(cut(found.drives, found.robot), found.robot)
-    slip = p.slip_ratio / slip_scale(floor, p.along, p.across, p.travel_m_s).factor
-    most = float(np.abs(p.force_share).max())
-    force = np.linspace(0.0, most, 60)
-    law = slip_belief(floor, force[:, None], np.zeros((60, 1)))
-    mean, std = law.mean[:, 0], np.sqrt(law.cov[:, 0, 0])
-    return Figure(
-        "Slip of the wheels under their force",
-        "Traction over load [-]",
-        "Slip [-]",
-        series=[
-            Series(np.abs(p.force_share).ravel(), (np.sign(p.force_share) * slip).ravel(), "stretches", "points"),
-            Series(force, mean, "learnt", role="estimate"),
-        ],
-        bands=[band_95(force, mean, std, label="95 %")],
-    )

@@ -13,7 +13,7 @@ from ohmward.battery.soc.fit_check import is_judged, misfits
 from ohmward.battery.soc.registry import DEFAULT, available, chosen_name, title_of
 from ohmward.battery.soc.score import soc_rms_differences, soc_scores, voltage_score
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import SocTask, estimate, make_soc_task
+from ohmward.cli.battery_inputs import SocTask, make_soc_task
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import progress
 from ohmward.cli.wording import FOOTER, duration, with_assumptions
@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> Outcome:
     with progress() as report:
         task = make_soc_task(args, report)
         names = estimator_names(task.battery, args.filters, args.published)
-        answers = {name: estimate(task, name, args, report) for name in names}
+        answers = {name: task.estimate(name, report) for name in names}
     wrong = _misfits(task, answers)
     task = task._replace(log=task.log.with_notes(*wrong))
     figures = summary(task, answers) | {"fits": not wrong}

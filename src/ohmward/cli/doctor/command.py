@@ -16,13 +16,12 @@ from ohmward.battery.soc.band_forecast import (
     BandForecast,
     BandsAfterTest,
     forecast,
-    forecasts_after_tests,
+    taken_as_exact,
+    worthwhile_tests,
 )
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log
-from ohmward.cli.options import file_hints
+from ohmward.cli.battery_inputs import read_battery_log, read_options
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.parser import split_selection
 from ohmward.cli.wording import FOOTER, duration, grouped, sentence, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures import battery as pictures
@@ -32,25 +31,44 @@ from ohmward.logs import Log, examine
 from ohmward.logs.cell_columns import cell_names
 from ohmward.logs.channels import CURRENT, VOLTAGE
 from ohmward.logs.columns import find_column, listed
-from ohmward.logs.doctor import Finding, Findings
+from ohmward.logs.doctor import Findings
+from ohmward.logs.log import ReadOptions
 from ohmward.logs.note import Note, counted
 from ohmward.logs.read import open_table
-from ohmward.logs.sign import UnknownSignError
+from ohmward.logs.selection import split_selection
+from ohmward.logs.sign import CurrentSign, UnknownSignError
 from ohmward.logs.survey import Signal
 from ohmward.logs.table import TableFile
 from ohmward.logs.wheel_columns import wheel_names
-from ohmward.report import Figure, Page
+from ohmward.report import Page
+
+#: How to read the bands.
+READING = "half width of the 95 % band in points, start known / start unknown"
+BANDS = ["95 % band on a working day", *(f"{T:g} degC" for T in TEMPERATURES_DEGC)]
+
+
+class BatteryFindings(NamedTuple):
+    """Findings on a battery file."""
+
+    path: str  #: of the file; bands: of the file; tests: those worth their time, the best first
+    battery: Battery
+    bands: Sequence[BandForecast]
+    tests: Sequence[BandsAfterTest]
 
 
 def run(args: argparse.Namespace) -> Outcome:
     """Examine each file; the exit status is 1 if a log has an error."""
     batteries = [path for path in args.files if Path(path).suffix == ".toml"]
     paths = [path for path in args.files if path not in batteries]
-    logs = [_read(path, args) for path in paths]
+    logs = [_read(path, read_options(args)) for path in paths]
     found = [examine(log) for log in logs]
     known = [examine_battery(path, load_battery(path)) for path in batteries]
     return Outcome(
-        summary=summary(paths, found) | {"batteries": [battery_summary(one) for one in known]},
+        summary={
+            "command": "doctor",
+            "logs": [{"path": p} | asdict(one) | {"worst": one.worst} for p, one in zip(paths, found, strict=True)],
+            "batteries": [battery_summary(one) for one in known],
+        },
         text="\n\n".join([*map(describe, logs, found), *map(describe_battery, known)]),
         notes=[note for one in found for note in one.notes],
         page=partial(make_page, logs, found, known),
@@ -58,24 +76,29 @@ def run(args: argparse.Namespace) -> Outcome:
     )
 
 
-def _read(path: str, args: argparse.Namespace) -> Log:
+def examine_battery(path: str, battery: Battery) -> BatteryFindings:
+    """Forecast the bands of a battery file as it is, and after each test."""
+    bands = forecast(battery)
+    return BatteryFindings(path, battery, bands, worthwhile_tests(battery, bands))
+
+
+def _read(path: str, reading: ReadOptions) -> Log:
     """The log of a battery.
 
     Raises:
         InputError: it cannot be read as one; says so where it is that of a drive.
     """
-    file = open_table(split_selection(path)[0], file_hints(args))
+    file = open_table(split_selection(path)[0], reading.hints)
     try:
-        return read_battery_log(path, args, file=file)
+        return read_battery_log(path, reading, file=file)
     except UnknownSignError as error:
-        sign = "discharge" if error.likely == "discharge" else "charge"
-        log = read_battery_log(path, argparse.Namespace(**{**vars(args), "current_sign": sign}), file=file)
+        sign: CurrentSign = "discharge" if error.likely == "discharge" else "charge"
+        log = read_battery_log(path, replace(reading, current_sign=sign), file=file)
         told = [note for note in log.notes if not note.text.startswith("positive current")]
-        return replace(
-            log, notes=(*told, Note(f"{error}; here a positive current is taken to {sign} the battery", "warning"))
-        )
+        taken = Note(f"{error}; here a positive current is taken to {sign} the battery", "warning")
+        return replace(log, notes=(*told, taken))
     except InputError as error:
-        if not (wheels := wheel_names(file.names)) or _is_of_battery(file, dict(args.column)):
+        if not (wheels := wheel_names(file.names)) or _is_of_battery(file, dict(reading.columns)):
             raise
         raise InputError(
             f"{file.source} looks like a drive, with {listed(wheels, 4)}; see it with `ohmward slip {path} --robot "
@@ -96,20 +119,14 @@ def _is_of_battery(file: TableFile, columns: dict[str, str]) -> bool:
     return True
 
 
-def summary(paths: Sequence[str], found: Sequence[Findings]) -> dict[str, Any]:
-    """The object of --json."""
-    logs = [{"path": path} | asdict(one) | {"worst": one.worst} for path, one in zip(paths, found, strict=True)]
-    return {"command": "doctor", "logs": logs}
-
-
 def describe(log: Log, found: Findings) -> str:
     """Figures and findings of a log, for people."""
+    findings = [f"{finding.severity}: {finding.text} -> {finding.advice}" for finding in found.findings]
     return wording.paragraphs(
-        f"{log.name}: {wording.grouped(len(log))} samples in {wording.duration(log.duration_s)}",
+        f"{log.name}: {grouped(len(log))} samples in {duration(log.duration_s)}",
         wording.fields(contents(log, found)),
         wording.assumptions(found.notes),
-        wording.bullets("Found", [f"{finding.severity}: {advised(finding)}" for finding in found.findings])
-        or "Found: nothing suspicious.",
+        wording.bullets("Found", findings) or "Found: nothing suspicious.",
     )
 
 
@@ -132,37 +149,8 @@ def contents(log: Log, found: Findings) -> dict[str, str]:
     return rows | ({"also": ", ".join(log.extra)} if log.extra else {})
 
 
-def advised(finding: Finding) -> str:
-    """A finding with its advice, in one line."""
-    return f"{finding.text} -> {finding.advice}"
-
-
 def _range(signal: Signal) -> str:
     return f"{signal.minimum:.5g} to {signal.maximum:.5g}"
-
-
-#: A test that narrows the bands by less than this share is not listed.
-WORTH_A_TEST = 0.05
-#: How to read the bands.
-READING = "half width of the 95 % band in points, start known / start unknown"
-
-
-class BatteryFindings(NamedTuple):
-    """Findings on a battery file."""
-
-    path: str  #: of the file; bands: of the file; tests: those worth their time, the best first
-    battery: Battery
-    bands: tuple[BandForecast, ...]
-    tests: tuple[BandsAfterTest, ...]
-
-
-def examine_battery(path: str, battery: Battery) -> BatteryFindings:
-    """Forecast the bands of a battery file as it is, and after each test."""
-    bands = forecast(battery)
-    if not bands:
-        return BatteryFindings(path, battery, (), ())
-    tests = forecasts_after_tests(battery)
-    return BatteryFindings(path, battery, bands, tuple(t for t in tests if _gain(bands, t.bands) >= WORTH_A_TEST))
 
 
 def battery_summary(found: BatteryFindings) -> dict[str, Any]:
@@ -173,9 +161,9 @@ def battery_summary(found: BatteryFindings) -> dict[str, Any]:
         "name": battery.name,
         "chemistry": battery.chemistry,
         "capacity_Ah": battery.capacity_Ah,
-        "not_identified": list(battery.not_identified),
-        "bands": [asdict(band) for band in found.bands],
-        "tests": [asdict(test) for test in found.tests],
+        "not_identified": battery.not_identified,
+        "bands": found.bands,
+        "tests": found.tests,
     }
 
 
@@ -187,18 +175,9 @@ def describe_battery(found: BatteryFindings) -> str:
         f"{battery.chemistry or 'chemistry not said'}, {battery.n_series} in series",
         wording.fields(sources(battery)),
         wording.bullets("Not known", battery.not_identified),
-        f"{wording.table(band_header(), band_rows(found))}\n({READING})" if found.bands else "",
+        f"{wording.table(BANDS, band_rows(found))}\n({READING})" if found.bands else "",
         "" if found.bands else "No band: this file has no Thevenin model.",
     )
-
-
-def add_battery(page: Page, found: BatteryFindings) -> Page:
-    """The page with the findings on a battery file."""
-    page = page.table(["Quantity", "Found"], list(sources(found.battery).items()))
-    page = page.table(["Not known"], [[text] for text in found.battery.not_identified])
-    if not found.bands:
-        return page.text("No band: this file has no Thevenin model.")
-    return page.table(band_header(), band_rows(found), wording.sentence(READING))
 
 
 def sources(battery: Battery) -> dict[str, str]:
@@ -220,23 +199,9 @@ def sources(battery: Battery) -> dict[str, str]:
     return rows | ({"taken as exact": f"{', '.join(exact)}: 0 in [noise]"} if exact else {})
 
 
-def taken_as_exact(battery: Battery) -> list[str]:
-    """Keys of [noise] by which the file takes as exact what no test knows exactly."""
-    keys = ["capacity_std", "resistance_std"]
-    if battery.thevenin is not None:
-        keys += ["activation_std_K", "ocv_std_V_per_K"]
-        keys += ["hysteresis_std"] if any(battery.thevenin.ocv.hysteresis_V) else []
-    return [key for key in keys if getattr(battery.noise, key) == 0.0]
-
-
 def _soc_range(fit: LogFit) -> str:
     low, high = (round(100 * min(max(soc, 0.0), 1.0)) for soc in (fit.soc_min, fit.soc_max))
     return f"{low} to {high} %"
-
-
-def band_header() -> list[str]:
-    """Columns of the bands."""
-    return ["95 % band on a working day", *(f"{T:g} degC" for T in TEMPERATURES_DEGC)]
 
 
 def band_rows(found: BatteryFindings) -> list[list[str]]:
@@ -249,15 +214,6 @@ def _cell(band: BandForecast) -> str:
     return f"± {band.known_start:.1f} / {band.unknown_start:.1f}"
 
 
-def _gain(before: Sequence[BandForecast], after: Sequence[BandForecast]) -> float:
-    """Share by which the bands are narrower."""
-    return 1.0 - sum(map(_both, after)) / sum(map(_both, before))
-
-
-def _both(band: BandForecast) -> float:
-    return band.known_start + band.unknown_start
-
-
 def make_page(logs: Sequence[Log], found: Sequence[Findings], batteries: Sequence[BatteryFindings]) -> Page:
     """One section for each log and battery file: figures, findings, plots, assumptions."""
     names = [log.name for log in logs] + [one.battery.name for one in batteries]
@@ -266,7 +222,13 @@ def make_page(logs: Sequence[Log], found: Sequence[Findings], batteries: Sequenc
     for log, findings in zip(logs, found, strict=True):
         page = _section(page if len(names) == 1 else page.heading(log.name), log, findings)
     for one in batteries:
-        page = add_battery(page if len(names) == 1 else page.heading(one.battery.name), one)
+        page = page if len(names) == 1 else page.heading(one.battery.name)
+        page = page.table(["Quantity", "Found"], list(sources(one.battery).items()))
+        page = page.table(["Not known"], [[text] for text in one.battery.not_identified])
+        if one.bands:
+            page = page.table(BANDS, band_rows(one), sentence(READING))
+        else:
+            page = page.text("No band: this file has no Thevenin model.")
     return page
 
 
@@ -284,14 +246,10 @@ def _section(page: Page, log: Log, found: Findings) -> Page:
     page = page.numbers(figures)
     for finding in found.findings:
         page = page.callout(finding.severity, f"{sentence(finding.text)}\n\n{sentence(finding.advice)}")
-    page = page.plot(*_plots(log), clock=wall_clock(log)).table(
-        ["Quantity", "Found"], list(contents(log, found).items())
-    )
-    return with_assumptions(page, found.notes)
-
-
-def _plots(log: Log) -> list[Figure]:
     plots = [pictures.current_figure(log), pictures.voltage_figure(log)]
-    if log.temperature_degC is not None:
-        plots.append(pictures.temperature_figure(log))
-    return [*plots, pictures.interval_figure(log)] if len(log) > 1 else plots
+    plots += [pictures.temperature_figure(log)] if log.temperature_degC is not None else []
+    plots += pictures.further_figures(log)
+    plots += [pictures.interval_figure(log)] if len(log) > 1 else []
+    page = page.plot(*plots, clock=wall_clock(log))
+    page = page.table(["Quantity", "Found"], list(contents(log, found).items()))
+    return with_assumptions(page, found.notes)

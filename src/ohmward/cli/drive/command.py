@@ -176,7 +176,7 @@ _ARROWS = {"\x1b[A": "w", "\x1b[B": "s", "\x1b[C": "l", "\x1b[D": "j"}
 #: Event of a Linux joystick: time, value, kind, number.
 EVENT = struct.Struct("IhBB")
 _BUTTON, _AXIS = 1, 2
-_FULL = 32767.0
+_FULL_AXIS = 32767.0
 #: Part of a stick's way that is play.
 _PLAY = 0.08
 
@@ -215,7 +215,7 @@ def pressed(key: str, command: OperatorCommand, limits: Mapping[str, float]) -> 
 def moved_stick(event: bytes, command: OperatorCommand, limits: Mapping[str, float]) -> OperatorCommand:
     """Set-points after an event of a joystick: the first stick drives, button 0 arms, any other one stops."""
     _, value, kind, number = EVENT.unpack(event)
-    share = value / _FULL if abs(value) > _PLAY * _FULL else 0.0
+    share = value / _FULL_AXIS if abs(value) > _PLAY * _FULL_AXIS else 0.0
     if kind == _AXIS and number == 1:
         return command._replace(speed_m_s=-share * limits["speed_m_s"])
     if kind == _AXIS and number == 0:

@@ -12,13 +12,12 @@ from typing import Any
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.registry import chosen_name, make_estimator
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_options
 from ohmward.cli.log_files import log_files
-from ohmward.cli.options import file_hints
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
 from ohmward.errors import InputError
-from ohmward.fleet import Finished, Job, ReadOptions, in_processes, on_dask, run_fleet
+from ohmward.fleet import Finished, Job, in_processes, on_dask, run_fleet
 from ohmward.fleet.run import Executor
 
 #: Logs of one kind that are listed for people.
@@ -42,7 +41,7 @@ def run(args: argparse.Namespace) -> Outcome:
         filter=name,
         initial_soc=args.initial_soc,
         initial_soc_std=args.initial_soc_std,
-        reading=ReadOptions(args.current_sign, tuple(args.column), tuple(args.unit), args.sort_time, file_hints(args)),
+        reading=read_options(args),
         estimates=str(folder / "estimates") if args.estimates else None,
     )
     with progress() as report:

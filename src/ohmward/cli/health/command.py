@@ -14,12 +14,11 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.ageing_laws import DAYS_PER_YEAR
-from ohmward.battery.health.changes import Cause, Outlier, SuddenChange
+from ohmward.battery.health.changes import Cause, Outlier
 from ohmward.battery.health.health import Health, health_of
 from ohmward.battery.health.history import (
     DatedLogs,
     Newness,
-    UsedCapacity,
     common_error,
     in_order_of_time,
     newness,
@@ -31,7 +30,7 @@ from ohmward.battery.health.point import DAY_S, HealthPoint
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.lesson import Lesson
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log, read_options
 from ohmward.cli.log_files import log_files
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
@@ -39,58 +38,12 @@ from ohmward.cli.wording import FOOTER, lognormal, normal, sentence, with_assump
 from ohmward.errors import InputError
 from ohmward.figures.health import capacity_figure, life_figure, resistance_figure
 from ohmward.logs import Log
+from ohmward.logs.log import ReadOptions
 from ohmward.logs.note import counted
 from ohmward.report import Page
 
 #: Seed of the batteries that are drawn for the time left: equal logs give equal pages.
 _SEED = 1
-
-
-def run(args: argparse.Namespace) -> Outcome:
-    """Learn from every log in order of time, then judge the trend."""
-    if not args.worn > 0.0:
-        raise InputError(f"--worn must be above 0, got {args.worn:g}; 0.8 is 80 % of the capacity when new")
-    battery, contradictions = load_battery_with_sensor(args.battery, args)
-    with progress() as report:
-        logs, unread = _read_logs(args, report)
-        dated = in_order_of_time(logs)
-        learnt = learn(unlearnt(battery), dated.logs, progress=report)
-    _require_lesson(learnt.lessons)
-    new = newness(battery, learnt.lessons, args.new_capacity_ah)
-    points = points_of(dated, learnt.lessons, new)
-    common = common_error(learnt.battery, learnt.lessons)
-    health = health_of(battery, points, np.random.default_rng(_SEED), args.worn, common)
-    notes = [f"warning: {text}" for text in contradictions] + [f"info: {text}" for text in (*dated.notes, *new.notes)]
-    task = HealthTask(battery, new, dated, learnt.lessons, health, notes + unread + _reading_notes(dated.logs))
-    figures = summary(task) | {"report": args.report}
-    return Outcome(figures, describe(figures), task.notes, partial(make_page, task, figures))
-
-
-def _read_logs(args: argparse.Namespace, report: Report | None) -> tuple[list[Log], list[str]]:
-    """The logs that can be read, and a warning for each that cannot; raises InputError where none can."""
-    logs, refusals = [], []
-    for text in log_files(args.logs):
-        try:
-            logs.append(read_battery_log(text, args, report=report))
-        except InputError as refusal:
-            refusals.append(refusal)
-    if not logs:
-        raise refusals[0]
-    return logs, [f"warning: left out: {refusal}" for refusal in refusals]
-
-
-def _require_lesson(lessons: Sequence[Lesson]) -> None:
-    """Refuse logs none of which teaches anything: the health would be that of the label."""
-    if not any(lesson.verdict == "learnt" for lesson in lessons):
-        first = lessons[0]
-        raise InputError(
-            f"none of {counted(len(lessons), 'log')} tells the health of this battery; {first.log}: {first.reason}"
-        )
-
-
-def _reading_notes(logs: tuple[Log, ...]) -> list[str]:
-    """Warnings of reading, with the name of the log."""
-    return [f"warning: {log.name}: {note.text}" for log in logs for note in log.notes if note.level == "warning"]
 
 
 #: Probabilities of the time left, and times within which the battery may be worn out [days].
@@ -121,75 +74,116 @@ class HealthTask(NamedTuple):
     notes: list[str]
 
 
+def run(args: argparse.Namespace) -> Outcome:
+    """Learn from every log in order of time, then judge the trend."""
+    if not args.worn > 0.0:
+        raise InputError(f"--worn must be above 0, got {args.worn:g}; 0.8 is 80 % of the capacity when new")
+    battery, contradictions = load_battery_with_sensor(args.battery, args)
+    with progress() as report:
+        logs, unread = read_logs(args.logs, read_options(args), report)
+        dated = in_order_of_time(logs)
+        learnt = learn(unlearnt(battery), dated.logs, progress=report)
+    if not any(lesson.verdict == "learnt" for lesson in learnt.lessons):  # the health would be that of the label
+        logs_read, first = counted(len(learnt.lessons), "log"), learnt.lessons[0]
+        raise InputError(f"none of {logs_read} tells the health of this battery; {first.log}: {first.reason}")
+    new = newness(battery, learnt.lessons, args.new_capacity_ah)
+    points = points_of(dated, learnt.lessons, new)
+    common = common_error(learnt.battery, learnt.lessons)
+    health = health_of(battery, points, np.random.default_rng(_SEED), args.worn, common)
+    notes = [f"warning: {text}" for text in contradictions] + [f"info: {text}" for text in (*dated.notes, *new.notes)]
+    notes += unread
+    notes += [
+        f"warning: {log.name}: {note.text}" for log in dated.logs for note in log.notes if note.level == "warning"
+    ]
+    task = HealthTask(battery, new, dated, learnt.lessons, health, notes)
+    figures = summary(task) | {"report": args.report}
+    return Outcome(figures, describe(figures), notes, partial(make_page, task, figures))
+
+
+def read_logs(words: Sequence[str], reading: ReadOptions, report: Report | None) -> tuple[list[Log], list[str]]:
+    """The logs that can be read, and a warning for each that cannot; raises InputError where none can."""
+    logs, refusals = [], []
+    for text in log_files(words):
+        try:
+            logs.append(read_battery_log(text, reading, report=report))
+        except InputError as refusal:
+            refusals.append(refusal)
+    if not logs:
+        raise refusals[0]
+    return logs, [f"warning: left out: {refusal}" for refusal in refusals]
+
+
 def summary(task: HealthTask) -> dict[str, Any]:
-    """The object of --json."""
+    """The object of --json, but for the files."""
     health, lessons = task.health, task.lessons
     used = used_capacities(lessons)
     days, cycles = health.now
     return {
         "command": "health",
         "battery": task.battery.name,
-        "logs": [_log(task, k, used[k]) for k in range(len(lessons))],
+        "logs": [_log(task, k, used[k].capacity_Ah) for k in range(len(lessons))],
         "days": days,
         "cycles": cycles,
         "capacity_new_Ah": task.new.capacity_Ah,
         "resistance_new_ohm": task.new.resistance_ohm,
-        "capacity_Ah": _plain(lessons[-1].capacity_Ah),
-        "discharge_Ah": _plain(used[-1].capacity_Ah),
+        "capacity_Ah": lessons[-1].capacity_Ah._asdict(),
+        "discharge_Ah": used[-1].capacity_Ah._asdict(),
         "emptied": used[-1].latest is not None,
         "soh_capacity": _ratio(health.capacity_now),
         "resistance_ratio": _ratio(health.resistance_now),
         "worn_share": health.ahead.share,
         "worn_in_days": {name: health.ahead.quantile(q) for name, q in QUANTILES.items()},
         "worn_within": {name: health.ahead.within(of_days) for name, of_days in WITHIN.items()},
-        "sudden_changes": [_step(step) for step in health.changes],
-        "off_trend": [_outlier(outlier) for outlier in health.outliers],
+        "sudden_changes": [
+            {
+                "before": step.before,
+                "after": step.after,
+                "days": step.days,
+                "capacity_ratio": _ratio(step.capacity),
+                "resistance_ratio": _ratio(step.resistance) if math.isfinite(step.resistance.std) else None,
+                "cause": step.cause,
+                "text": CAUSES[step.cause],
+            }
+            for step in health.changes
+        ],
+        "off_trend": [
+            {"log": one.log, "sigma": one.deviation, "cause": one.cause, "text": CAUSES[one.cause]}
+            for one in health.outliers
+        ],
         "notes": task.notes,
     }
 
 
-def _log(task: HealthTask, k: int, used: UsedCapacity) -> dict[str, Any]:
-    lesson, point, log = task.lessons[k], task.health.points[k], task.dated.logs[k]
+def _log(task: HealthTask, k: int, discharge_Ah: Normal) -> dict[str, Any]:
+    lesson, point, start_s = task.lessons[k], task.health.points[k], float(task.dated.start_s[k])
     return {
         "log": lesson.log,
-        "begins": date(task, k),
-        "days": (float(task.dated.start_s[k]) - float(task.dated.start_s[0])) / DAY_S,
-        "hours": log.duration_s / 3600.0,
+        "begins": f"{datetime.fromtimestamp(start_s, UTC):%Y-%m-%d %H:%M}" if task.dated.has_clock else None,
+        "days": (start_s - float(task.dated.start_s[0])) / DAY_S,
+        "hours": task.dated.logs[k].duration_s / 3600.0,
         "cycles": point.cycles,
         "temperature_degC": point.temperature_degC,
         "verdict": lesson.verdict,
         "reason": lesson.reason,
         "soc_min": lesson.soc_min,
         "soc_max": lesson.soc_max,
-        "capacity_Ah": _plain(lesson.capacity_Ah),
-        "discharge_Ah": _plain(used.capacity_Ah),
-        "resistance_ohm": _plain(lesson.resistance_ohm),
+        "capacity_Ah": lesson.capacity_Ah._asdict(),
+        "discharge_Ah": discharge_Ah._asdict(),
+        "resistance_ohm": lesson.resistance_ohm._asdict(),
         "own_soh_capacity": _ratio(point.log_capacity) if point.shows_capacity else None,
         "own_resistance_ratio": _ratio(point.log_resistance) if point.shows_resistance else None,
-        "remark": remark(task, k),
+        "remark": remark(lesson, point, task.health.outliers),
     }
 
 
-def date(task: HealthTask, k: int) -> str | None:
-    """Begin of a log as a date and time in UTC, None without a clock."""
-    if not task.dated.has_clock:
-        return None
-    return datetime.fromtimestamp(float(task.dated.start_s[k]), UTC).strftime("%Y-%m-%d %H:%M")
-
-
-def remark(task: HealthTask, k: int) -> str:
+def remark(lesson: Lesson, point: HealthPoint, outliers: Sequence[Outlier]) -> str:
     """Remark on a log beside its numbers."""
-    lesson, point = task.lessons[k], task.health.points[k]
     if lesson.verdict != "learnt":
         return f"{lesson.verdict}: {lesson.reason}" if lesson.reason else lesson.verdict
-    own = next((outlier for outlier in task.health.outliers if outlier.log == lesson.log), None)
+    own = next((outlier for outlier in outliers if outlier.log == lesson.log), None)
     if own is not None:
         return f"{own.deviation:+.1f} sigma off the trend: {CAUSES[own.cause]}"
     return "" if point.shows_capacity else "says nothing of the capacity by itself"
-
-
-def _plain(value: Normal) -> dict[str, float]:
-    return {"mean": float(value.mean), "std": float(value.std)}
 
 
 def _ratio(value: Normal) -> dict[str, float]:
@@ -198,61 +192,43 @@ def _ratio(value: Normal) -> dict[str, float]:
     return {"mean": mean, "std": mean * float(value.std)}
 
 
-def _step(step: SuddenChange) -> dict[str, Any]:
-    return {
-        "before": step.before,
-        "after": step.after,
-        "days": step.days,
-        "capacity_ratio": _ratio(step.capacity),
-        "resistance_ratio": _ratio(step.resistance) if math.isfinite(step.resistance.std) else None,
-        "cause": step.cause,
-        "text": CAUSES[step.cause],
-    }
+def describe(f: Mapping[str, Any]) -> str:
+    """Text for people.
 
-
-def _outlier(outlier: Outlier) -> dict[str, Any]:
-    return {"log": outlier.log, "sigma": outlier.deviation, "cause": outlier.cause, "text": CAUSES[outlier.cause]}
-
-
-def describe(figures: dict[str, Any]) -> str:
-    """Text for people."""
-    title = f"health of battery {figures['battery']!r} over {span(figures)}"
-    changes = [change_text(step) for step in figures["sudden_changes"]]
+    f: the summary of the run, here as in all that follows.
+    """
+    aside = [f"{log['log']}: {log['reason']}" for log in f["logs"] if log["verdict"] == "set aside"]
     return wording.paragraphs(
-        title,
-        wording.fields(result(figures)),
-        wording.bullets("Sudden changes, which no ageing makes", changes),
-        wording.bullets("Logs off the trend", [off_text(outlier) for outlier in figures["off_trend"]]),
-        wording.bullets("Set aside", [f"{log['log']}: {log['reason']}" for log in figures["logs"] if not _used(log)]),
-        wording.assumptions(figures["notes"]),
+        f"health of battery {f['battery']!r} over {span(f)}",
+        wording.fields(result(f)),
+        wording.bullets("Sudden changes, which no ageing makes", list(map(change_text, f["sudden_changes"]))),
+        wording.bullets("Logs off the trend", list(map(off_text, f["off_trend"]))),
+        wording.bullets("Set aside", aside),
+        wording.assumptions(f["notes"]),
     )
 
 
-def _used(log: dict[str, Any]) -> bool:
-    return log["verdict"] != "set aside"
-
-
-def span(figures: dict[str, Any]) -> str:
+def span(f: Mapping[str, Any]) -> str:
     """Number of logs, and the days and cycles between the first and the last."""
-    of_logs, days = counted(len(figures["logs"]), "log"), counted(round(figures["days"]), "day")
-    return f"{of_logs}, {days}, {figures['cycles']:.3g} full cycles"
+    of_logs, days = counted(len(f["logs"]), "log"), counted(round(f["days"]), "day")
+    return f"{of_logs}, {days}, {f['cycles']:.3g} full cycles"
 
 
-def result(figures: dict[str, Any]) -> dict[str, str]:
+def result(f: Mapping[str, Any]) -> dict[str, str]:
     """The key figures with their units, by name."""
     rows = {
-        "capacity": f"{normal(figures['soh_capacity'], '%', 100)} of that when new",
-        "resistance": f"{lognormal(figures['resistance_ratio'], '%', 100)} of that when new, at 25 degC",
-        "from full to empty": normal(figures["capacity_Ah"], "Ah"),
+        "capacity": f"{normal(f['soh_capacity'], '%', 100)} of that when new",
+        "resistance": f"{lognormal(f['resistance_ratio'], '%', 100)} of that when new, at 25 degC",
+        "from full to empty": normal(f["capacity_Ah"], "Ah"),
     }
-    if figures["emptied"]:
-        rows["a discharge gives"] = f"{normal(figures['discharge_Ah'], 'Ah')}, from full to where they have ended"
-    return rows | {f"down to {figures['worn_share']:.0%} in": life_text(figures)}
+    if f["emptied"]:
+        rows["a discharge gives"] = f"{normal(f['discharge_Ah'], 'Ah')}, from full to where they have ended"
+    return rows | {f"down to {f['worn_share']:.0%} in": life_text(f)}
 
 
-def life_text(figures: dict[str, Any]) -> str:
+def life_text(f: Mapping[str, Any]) -> str:
     """The time left in words: its median and where it lies with nine in ten."""
-    left = figures["worn_in_days"]
+    left = f["worn_in_days"]
     if left["p95"] == 0.0:
         return "it is there already"
     return f"{time_text(left['p50'])}; nine in ten: {time_text(left['p05'])} to {time_text(left['p95'])}"
@@ -270,7 +246,7 @@ def time_text(days: float) -> str:
     return f"{months:.0f} months" if months < 24.0 else f"{days / DAYS_PER_YEAR:.1f} years"
 
 
-def change_text(step: dict[str, Any]) -> str:
+def change_text(step: Mapping[str, Any]) -> str:
     """A sudden change in a sentence."""
     changes = [f"capacity {100 * (step['capacity_ratio']['mean'] - 1):+.0f} %"]
     if step["resistance_ratio"]:
@@ -278,45 +254,38 @@ def change_text(step: dict[str, Any]) -> str:
     return f"between {step['before']} and {step['after']}: {', '.join(changes)}; {step['text']}"
 
 
-def off_text(outlier: dict[str, Any]) -> str:
+def off_text(outlier: Mapping[str, Any]) -> str:
     """A log off the trend in a sentence."""
     return f"{outlier['log']}, by {outlier['sigma']:+.1f} sigma: {outlier['text']}"
 
 
-def log_rows(figures: dict[str, Any], points: Sequence[HealthPoint]) -> list[list[str]]:
-    """The table of the logs: each by itself."""
-    rows = []
-    for log, point in zip(figures["logs"], points, strict=True):
-        warm = f"{point.temperature_degC:.0f}" if math.isfinite(point.temperature_degC) else "-"
-        capacity = normal(log["own_soh_capacity"], "%", 100) if log["own_soh_capacity"] else "-"
-        resistance = lognormal(log["own_resistance_ratio"], "%", 100) if log["own_resistance_ratio"] else "-"
-        begins = log["begins"] or f"day {log['days']:.1f}"
-        rows.append([log["log"], begins, f"{log['cycles']:.2f}", warm, capacity, resistance, log["remark"]])
-    return rows
-
-
-def make_page(task: HealthTask, figures: dict[str, Any]) -> Page:
-    """Key figures, trends, the time left, and the logs.
-
-    figures: the summary of the run.
-    """
-    page = Page(f"Health of battery {figures['battery']!r}", span(figures), FOOTER).numbers(_numbers(figures))
-    for step in figures["sudden_changes"]:
+def make_page(task: HealthTask, f: Mapping[str, Any]) -> Page:
+    """Key figures, trends, the time left, and the logs."""
+    numbers = {
+        "Capacity": normal(f["soh_capacity"], "%", 100),
+        "Resistance": lognormal(f["resistance_ratio"], "%", 100),
+        f"Down to {f['worn_share']:.0%} within a year": f"{f['worn_within']['year']:.0%}",
+    }
+    page = Page(f"Health of battery {f['battery']!r}", span(f), FOOTER).numbers(wording.known_rows(numbers))
+    for step in f["sudden_changes"]:
         page = page.callout("warning", sentence(f"sudden change {change_text(step)}"))
-    for outlier in figures["off_trend"]:
+    for outlier in f["off_trend"]:
         page = page.callout("info", sentence(off_text(outlier)))
     page = page.heading("Trend").plot(capacity_figure(task.health), resistance_figure(task.health))
-    page = page.heading("Time left").text(sentence(f"Down to {figures['worn_share']:.0%}: {life_text(figures)}"))
+    page = page.heading("Time left").text(sentence(f"Down to {f['worn_share']:.0%}: {life_text(f)}"))
     page = page.plot(life_figure(task.health.ahead))
-    page = page.heading("Result").table(["Quantity", "Value, 95 %"], list(result(figures).items()))
-    page = page.heading("Logs").table(LOGS, log_rows(figures, task.health.points), "What each log shows by itself")
+    page = page.heading("Result").table(["Quantity", "Value, 95 %"], list(result(f).items()))
+    rows = [
+        [
+            log["log"],
+            log["begins"] or f"day {log['days']:.1f}",
+            f"{log['cycles']:.2f}",
+            f"{log['temperature_degC']:.0f}" if math.isfinite(log["temperature_degC"]) else "-",
+            normal(log["own_soh_capacity"], "%", 100) if log["own_soh_capacity"] else "-",
+            lognormal(log["own_resistance_ratio"], "%", 100) if log["own_resistance_ratio"] else "-",
+            log["remark"],
+        ]
+        for log in f["logs"]
+    ]
+    page = page.heading("Logs").table(LOGS, rows, "What each log shows by itself")
     return with_assumptions(page, task.notes)
-
-
-def _numbers(figures: dict[str, Any]) -> dict[str, str]:
-    numbers = {
-        "Capacity": normal(figures["soh_capacity"], "%", 100),
-        "Resistance": lognormal(figures["resistance_ratio"], "%", 100),
-        f"Down to {figures['worn_share']:.0%} within a year": f"{figures['worn_within']['year']:.0%}",
-    }
-    return {name: value for name, value in numbers.items() if value != "-"}

@@ -102,7 +102,7 @@ def summary(trial: Trial) -> dict[str, Any]:
 def describe(trial: Trial, setup: str) -> str:
     """The findings by severity, and the verdict."""
     parts = [
-        wording.bullets(title, [f"{f.subject}: {f.text}" for f in trial.findings if f.level == level])
+        wording.bullets(title, [f"{f.name}: {f.message}" for f in trial.findings if f.level == level])
         for level, title in _TITLES.items()
         if any(f.level == level for f in trial.findings)
     ]
@@ -113,7 +113,7 @@ def describe(trial: Trial, setup: str) -> str:
 
 
 def _findings(trial: Trial) -> list[dict[str, str]]:
-    return [{"subject": f.subject, "level": f.level.name, "text": f.text} for f in trial.findings]
+    return [{"subject": f.name, "level": f.level.name, "text": f.message} for f in trial.findings]
 
 
 def _signals(trial: Trial) -> Mapping[str, Any]:

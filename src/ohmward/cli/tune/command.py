@@ -3,44 +3,25 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import replace_battery
+from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.tuning.tune import TunedFactor, Tuning, tune_noise
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log, read_options
 from ohmward.cli.log_files import log_files
-from ohmward.cli.outcome import Outcome, check_output, plain
+from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.progress import counting, progress
 from ohmward.cli.wording import FOOTER, with_assumptions
+from ohmward.figures.learning import innovation_figure
 from ohmward.figures.parts import wall_clock
-from ohmward.filters.consistency import BAND_95
 from ohmward.logs import Log
 from ohmward.logs.note import counted
-from ohmward.report import TIME, Band, Figure, Page, Series
-
-
-def run(args: argparse.Namespace) -> Outcome:
-    """Tune, and write the battery file; the exit status is 1 where no noise explains the logs."""
-    check_output("--output", args.output, (".toml",), [])
-    battery, contradictions = load_battery_with_sensor(args.battery, args)
-    with progress() as report:
-        logs = [read_battery_log(text, args, (), report) for text in log_files(args.logs)]
-        given = dict(args.initial_soc)
-        starts = {log.name: given[key] for log in logs for key in (log.name, "") if key in given}
-        tuning = tune_noise(battery, logs, starts, counting(report, "looking for the most likely noise"))
-    task = TuneTask(args.battery, battery, tuple(logs), tuning, tuple(contradictions))
-    backup = replace_battery(tuning.battery, args.output) if args.output and tuning.explains else None
-    written = {"output": args.output if tuning.explains else None, "backup": str(backup) if backup else None}
-    figures = summary(task) | written | {"report": args.report}
-    page = partial(make_page, task, figures)
-    return Outcome(figures, describe(task, figures), task.notes, page, status=int(not tuning.explains))
-
+from ohmward.report import Page
 
 #: Columns of the factors.
 HEADER = ["noise", "in the file", "tuned", "95 % from", "to", ""]
@@ -56,39 +37,47 @@ NOT_TOLD = (
 )
 
 
-class TuneTask(NamedTuple):
-    """The battery file, its logs and what they tell of its noise."""
-
-    path: str
-    battery: Battery
-    logs: tuple[Log, ...]
-    tuning: Tuning
-    contradictions: tuple[str, ...]
-
-    @property
-    def notes(self) -> list[str]:
-        """Everything that was assumed while reading."""
-        read = [f"{note.level}: {log.name}: {note.text}" for log in self.logs for note in log.notes]
-        return [f"warning: {text}" for text in self.contradictions] + read
-
-
-def summary(task: TuneTask) -> dict[str, Any]:
-    """The object of --json."""
-    tuning = task.tuning
-    return plain(
-        {
-            "command": "tune",
-            "battery": task.path,
-            "logs": [log.name for log in task.logs],
-            "voltages": tuning.voltages,
-            "noise": {one.quantity: _row(task.battery, one) for one in tuning.factors},
-            "innovations_before": tuning.excess_before,
-            "innovations": tuning.excess,
-            "innovations_over_steps": tuning.over_last,
-            "log_likelihood_gain": tuning.gain,
-            "explains": tuning.explains,
-        }
+def run(args: argparse.Namespace) -> Outcome:
+    """Tune, and write the battery file; the exit status is 1 where no noise explains the logs."""
+    check_output("--output", args.output, (".toml",), [])
+    battery, contradictions = load_battery_with_sensor(args.battery, args)
+    with progress() as report:
+        logs = [read_battery_log(text, read_options(args), (), report) for text in log_files(args.logs)]
+        given = dict(args.initial_soc)
+        starts = {log.name: given[key] for log in logs for key in (log.name, "") if key in given}
+        tuning = tune_noise(battery, logs, starts, counting(report, "looking for the most likely noise"))
+    output = args.output if tuning.explains else None
+    backup = replace_battery(tuning.battery, output) if output else None
+    figures = {
+        "command": "tune",
+        "battery": args.battery,
+        "logs": [log.name for log in logs],
+        "voltages": tuning.voltages,
+        "noise": {one.quantity: _row(battery, one) for one in tuning.factors},
+        "innovations_before": tuning.excess_before,
+        "innovations": tuning.excess,
+        "innovations_over_steps": tuning.over_last,
+        "log_likelihood_gain": tuning.gain,
+        "explains": tuning.explains,
+        "output": output,
+        "backup": str(backup) if backup else None,
+        "report": args.report,
+    }
+    notes = [f"warning: {text}" for text in contradictions]
+    notes += [f"{note.level}: {log.name}: {note.text}" for log in logs for note in log.notes]
+    hours = sum(float(log.time_s[-1] - log.time_s[0]) for log in logs) / 3600.0
+    title = f"{counted(len(logs), 'log')}, {hours:.1f} h, {wording.grouped(tuning.voltages)} voltages"
+    title = f"battery {battery.name!r}: {title}"
+    text = wording.paragraphs(
+        title,
+        wording.table(HEADER, factor_rows(figures)),
+        innovations(figures),
+        NOT_TOLD,
+        wording.assumptions(notes),
+        ending(figures),
     )
+    page = partial(make_page, f"Noise of battery {battery.name!r}", title, logs, tuning, figures, notes)
+    return Outcome(figures, text, notes, page, status=int(not tuning.explains))
 
 
 def _row(battery: Battery, one: TunedFactor) -> dict[str, Any]:
@@ -104,27 +93,6 @@ def _row(battery: Battery, one: TunedFactor) -> dict[str, Any]:
         "factor": one.factor,
         "refused": one.refused or None,
     }
-
-
-def describe(task: TuneTask, figures: Mapping[str, Any]) -> str:
-    """Text for people."""
-    return wording.paragraphs(
-        title(task),
-        wording.table(HEADER, factor_rows(figures)),
-        innovations(figures),
-        NOT_TOLD,
-        wording.assumptions(task.notes),
-        ending(figures),
-    )
-
-
-def title(task: TuneTask) -> str:
-    """Battery and logs in a line."""
-    hours = sum(float(log.time_s[-1] - log.time_s[0]) for log in task.logs) / 3600.0
-    return (
-        f"battery {task.battery.name!r}: {counted(len(task.logs), 'log')}, {hours:.1f} h, "
-        f"{wording.grouped(task.tuning.voltages)} voltages"
-    )
 
 
 def factor_rows(figures: Mapping[str, Any]) -> list[list[str]]:
@@ -143,10 +111,7 @@ def innovations(figures: Mapping[str, Any]) -> str:
     found = f"Innovations are {after:.2f} times as large as this noise makes them; with the file's it was {before:.2f}."
     if figures["explains"]:
         return found
-    return (
-        f"{found} No noise explains these logs: is the battery file of this battery, and are sign and unit of the "
-        "current right?"
-    )
+    return f"{found} No noise explains these logs: {OTHER_FILE}"
 
 
 def ending(figures: Mapping[str, Any]) -> str:
@@ -158,31 +123,18 @@ def ending(figures: Mapping[str, Any]) -> str:
     return "No battery file written; name one with -o."
 
 
-def make_page(task: TuneTask, figures: Mapping[str, Any]) -> Page:
+def make_page(
+    name: str, title: str, logs: Sequence[Log], tuning: Tuning, figures: Mapping[str, Any], notes: Sequence[str]
+) -> Page:
     """The noise before and after, and the innovations of each log with both."""
-    page = Page(f"Noise of battery {task.battery.name!r}", title(task), FOOTER)
+    page = Page(name, title, FOOTER)
     page = page.callout("info" if figures["explains"] else "warning", innovations(figures))
     page = page.table(HEADER, factor_rows(figures), "With 95 % intervals")
     page = page.callout("info", f"{NOT_TOLD}\n\n{ending(figures)}")
-    for log, found in zip(task.logs, task.tuning.innovations, strict=True):
+    for log, found in zip(logs, tuning.innovations, strict=True):
         page = page.heading(log.name).plot(
-            _innovations(log.time_s, found[:, 0], "With the noise of the file"),
-            _innovations(log.time_s, found[:, 1], "With the tuned noise"),
+            innovation_figure(log.time_s, found[:, 0], "With the noise of the file"),
+            innovation_figure(log.time_s, found[:, 1], "With the tuned noise"),
             clock=wall_clock(log),
         )
-    return with_assumptions(page, task.notes) if task.notes else page
-
-
-def _innovations(time_s: np.ndarray, innovation: np.ndarray, name: str) -> Figure:
-    """Innovations in their standard deviations, and the band in which 95 % of them should lie."""
-    ends = time_s[[0, -1]]
-    limit = np.full(2, BAND_95)
-    return Figure(
-        name,
-        TIME,
-        "Innovation [σ]",
-        [Series(time_s, innovation, "innovation", "points", "estimate")],
-        [Band(ends, -limit, limit, "95 % of them", "reference")],
-        y_limits=(-6.0, 6.0),
-        height_px=200,
-    )
+    return with_assumptions(page, notes) if notes else page

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from ohmward.battery.soc.estimator import samples_of as battery_samples_of
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log
-from ohmward.cli.drive_inputs import make_terrain, read_drive_log
+from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log, read_options
+from ohmward.cli.drive_inputs import drive_options, make_terrain
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.errors import InputError
 from ohmward.export.battery import battery_export, curve_error_of_pack_V
@@ -49,18 +48,24 @@ def run(args: argparse.Namespace) -> Outcome:
     seconds = time.perf_counter() - began
     if args.output:
         write_table({"time_s": replay.log.time_s} | output_columns(outputs), args.output)
-    figures = summary(twin, replay.log, outputs, seconds, _compared(twin, replay, outputs))
-    figures |= {"library": args.library, "output": args.output}
+    compared = None
+    if replay.export:
+        compared = compare(twin, replay.export, outputs, replay.samples, tuple(replay.arguments.values()))
+    figures = {
+        "command": "twin",
+        "name": twin.name,
+        "log": replay.log.name,
+        "steps": len(replay.log),
+        "seconds": seconds,
+        "final": {name: float(column[-1]) for name, column in output_columns(outputs).items()},
+        "flags": twin.flag_counts(outputs),
+        "compared_with": replay.export.title if replay.export else None,
+        "differences": compared,
+        "notes": [str(note) for note in replay.log.notes],
+        "library": args.library,
+        "output": args.output,
+    }
     return Outcome(figures, describe(figures), figures["notes"])
-
-
-def _compared(twin: Twin, replay: Replay, outputs: Any) -> dict[str, Any]:
-    """Estimator in double precision and largest differences to it; None where none was named."""
-    export = replay.export
-    if export is None:
-        return {"compared_with": None, "differences": None}
-    differences = compare(twin, export, outputs, replay.samples, tuple(replay.arguments.values()))
-    return {"compared_with": export.title, "differences": differences}
 
 
 def prepare(twin: Twin, args: argparse.Namespace) -> Replay:
@@ -78,11 +83,15 @@ def prepare(twin: Twin, args: argparse.Namespace) -> Replay:
         )
     if args.robot is None:
         raise InputError("a log of a drive needs --robot FILE.toml: it says which wheels there are")
-    return _drive_replay(args)
+    robot = load_robot(args.robot)
+    terrain = make_terrain(args.terrain, robot)
+    log = drive_options(args, robot).read(args.log, extra=())
+    export = observer_export(robot, terrain, args.filter) if args.filter else None
+    return Replay(log, drive_samples_of(log, SpeedObserver(scene(robot, terrain))), {}, export)
 
 
 def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
-    log = read_battery_log(args.log, args, extra=())
+    log = read_battery_log(args.log, read_options(args), extra=())
     given = {"soc": args.initial_soc, "soc_std": args.initial_soc_std}
     given = {word: value for word, value in given.items() if value is not None}
     arguments = start_arguments(twin, given)
@@ -95,14 +104,6 @@ def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
         exported = {"sample_time_s": args.sample_time, "curve_error_V": curve_V}
         export = battery_export(battery, args.filter, twin.name, **given, **exported)
     return Replay(log, battery_samples_of(log), arguments, export)
-
-
-def _drive_replay(args: argparse.Namespace) -> Replay:
-    robot = load_robot(args.robot)
-    terrain = make_terrain(args.terrain, robot)
-    log = read_drive_log(args.log, robot, args, extra=())
-    export = observer_export(robot, terrain, args.filter) if args.filter else None
-    return Replay(log, drive_samples_of(log, SpeedObserver(scene(robot, terrain))), {}, export)
 
 
 def start_arguments(twin: Twin, given: dict[str, float]) -> dict[str, float]:
@@ -125,36 +126,14 @@ def start_arguments(twin: Twin, given: dict[str, float]) -> dict[str, float]:
     return {word: known[word] for word in twin.arguments}
 
 
-def summary(
-    twin: Twin, log: Log | DriveLog, outputs: Any, seconds: float, compared: Mapping[str, Any]
-) -> dict[str, Any]:
-    """The object of --json.
-
-    compared: `compared_with` and `differences`.
-    """
-    return {
-        "command": "twin",
-        "name": twin.name,
-        "log": log.name,
-        "steps": len(log),
-        "seconds": seconds,
-        "final": {name: float(column[-1]) for name, column in output_columns(outputs).items()},
-        "flags": twin.flag_counts(outputs),
-        **compared,
-        "notes": [str(note) for note in log.notes],
-    }
-
-
 def describe(figures: dict[str, Any]) -> str:
     """Text for people."""
-    rows = {name: f"{value:.6g}" for name, value in figures["final"].items()}
     step_s = figures["seconds"] / max(figures["steps"], 1)
-    rows |= {
+    rows = {name: f"{value:.6g}" for name, value in figures["final"].items()} | {
         "flagged samples": wording.flagged(figures["flags"]),
         "steps": f"{figures['steps']:,}, {1e9 * step_s:.0f} ns each",
     }
-    differences = figures["differences"] or {}
-    table = [[name, f"{value:.2g}"] for name, value in differences.items()]
+    table = [[name, f"{value:.2g}"] for name, value in (figures["differences"] or {}).items()]
     return wording.paragraphs(
         f"{figures['log']} through {figures['name']!r} of {figures['library']}, after the last sample",
         wording.fields(rows),

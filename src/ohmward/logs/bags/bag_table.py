@@ -39,7 +39,8 @@ def open_bag(path: Path) -> TableFile:
         OhmwardError: the package rosbags is not installed.
     """
     bag = _look(open_recording(path))
-    return _table_file(bag, path.name, [topic for topic in _readable(bag) if _found_by_type(topic)])
+    known = [topic for topic in _readable(bag) if topic.type in KNOWN and not KNOWN[topic.type].by_name_only]
+    return _table_file(bag, path.name, known)
 
 
 def _look(recording: Recording) -> _Bag:
@@ -77,10 +78,6 @@ def _table_file(bag: _Bag, source: str, topics: list[Topic]) -> TableFile:
 def _readable(bag: _Bag) -> list[Topic]:
     """The topics that have messages in a serialisation that is known."""
     return [message.topic for message in bag.first.values() if message.topic.encoding in (CDR, ROS1)]
-
-
-def _found_by_type(topic: Topic) -> bool:
-    return topic.type in KNOWN and not KNOWN[topic.type].by_name_only
 
 
 def _columns(bag: _Bag, topic: Topic) -> list[str]:

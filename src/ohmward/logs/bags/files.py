@@ -25,7 +25,7 @@ _METADATA = "metadata.yaml"
 
 def is_recording(path: Path) -> bool:
     """True where a file begins as a recording does, or a folder holds one of `ros2 bag record`."""
-    return bool(parts_of(path)) if path.is_dir() else _opener(path) is not None
+    return bool(parts_of(path)) if path.is_dir() else _magic(path) is not None
 
 
 def open_recording(path: Path) -> Recording:
@@ -67,10 +67,6 @@ def _part(path: Path) -> tuple[int, str]:
     """Number of a file among those of a recording: `run_10.mcap` comes after `run_9.mcap`."""
     number = path.stem.rpartition("_")[2]
     return (int(number) if number.isdecimal() else -1, path.name)
-
-
-def _opener(path: Path) -> object:
-    return _OPENERS.get(_magic(path) or b"")
 
 
 def _magic(path: Path) -> bytes | None:

@@ -13,7 +13,7 @@ from ohmward.logs.bags.layout import Layout, layout_of
 from ohmward.logs.bags.recording import Topic
 
 #: Messages that are taken apart at a time.
-BLOCK = 8192
+MESSAGES_AT_ONCE = 8192
 #: Stamps that differ from the times of receipt by more are of a clock that was never set, or of a simulation [s].
 _STAMP_WITHIN_S = 86400.0
 
@@ -42,7 +42,7 @@ class Gatherer:
         """Take in a message."""
         self._received.append(received_ns)
         self._payloads.append(payload)
-        if len(self._payloads) == BLOCK:
+        if len(self._payloads) == MESSAGES_AT_ONCE:
             self._take_apart()
 
     def columns(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:

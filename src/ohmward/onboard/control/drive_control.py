@@ -102,7 +102,7 @@ class DriveControl:
     @property
     def places(self) -> list[str]:
         """Names of the driven wheels."""
-        return [place.name for place in self.robot.places[: self.robot.driven]]
+        return self.robot.driven_wheels
 
     def _step(
         self, now_s: float, dt_s: float, state: RobotState | None, operator: OperatorCommand | None

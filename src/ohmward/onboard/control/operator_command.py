@@ -13,7 +13,7 @@ from ohmward.onboard.control.limits import DriveLimits
 from ohmward.onboard.message import as_number
 
 #: Longest line [bytes].
-LONGEST = 4096
+LONGEST_COMMAND = 4096
 _CODE = 32
 
 

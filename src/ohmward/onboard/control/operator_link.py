@@ -7,10 +7,10 @@ from collections.abc import AsyncGenerator, Callable
 from typing import Any
 
 from ohmward.errors import OhmwardError
-from ohmward.onboard.control.operator_command import LONGEST, OperatorCommand, Signing
+from ohmward.onboard.control.operator_command import LONGEST_COMMAND, OperatorCommand, Signing
 
 #: The robot has so long to answer [s].
-_ANSWER_S = 3.0
+_ROBOT_ANSWER_S = 3.0
 
 
 class OperatorLink:
@@ -41,8 +41,8 @@ class OperatorLink:
         """
         place = f"{self.host}:{self.port}"
         try:
-            async with asyncio.timeout(_ANSWER_S):
-                reader, writer = await asyncio.open_connection(self.host, self.port, limit=LONGEST)
+            async with asyncio.timeout(_ROBOT_ANSWER_S):
+                reader, writer = await asyncio.open_connection(self.host, self.port, limit=LONGEST_COMMAND)
                 hello = (await reader.readline()).decode(errors="replace").split()
         except (OSError, TimeoutError, ValueError) as error:
             raise OhmwardError(

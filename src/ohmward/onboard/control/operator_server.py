@@ -18,7 +18,7 @@ from typing import Any
 
 from ohmward.errors import OhmwardError
 from ohmward.onboard.control.loop import ControlLoop
-from ohmward.onboard.control.operator_command import LONGEST, OperatorCommand, Signing, command_of
+from ohmward.onboard.control.operator_command import LONGEST_COMMAND, OperatorCommand, Signing, command_of
 from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.line_reader import BACKLOG, Visitors
 from ohmward.onboard.message import as_number
@@ -33,7 +33,7 @@ BEAT_S = 0.02
 FIRST_LINE_S = 2.0
 
 #: An operator who reads so little that so much waits is gone [bytes].
-_MOST_WAITING = 1 << 16
+_MOST_WAITING_BYTES = 1 << 16
 
 
 class OperatorServer:
@@ -56,7 +56,7 @@ class OperatorServer:
     async def listening(self, host: str, port: int) -> AsyncIterator[None]:
         """Serve until the end."""
         try:
-            server = await asyncio.start_server(self._serve, host, port, limit=LONGEST, backlog=BACKLOG)
+            server = await asyncio.start_server(self._serve, host, port, limit=LONGEST_COMMAND, backlog=BACKLOG)
         except OSError as error:
             raise OhmwardError(
                 f"operator: {host}:{port} cannot be listened at ({error.strerror or error}); choose another port"
@@ -109,7 +109,7 @@ class OperatorServer:
     async def _beat(self, writer: asyncio.StreamWriter, ours: Signing) -> None:
         """Send the state again and again."""
         limits = plain(vars(self.loop.control.limits))
-        while writer.transport.get_write_buffer_size() < _MOST_WAITING:
+        while writer.transport.get_write_buffer_size() < _MOST_WAITING_BYTES:
             driving = self._driver in (None, writer)
             beat = {"t": time.monotonic(), "robot": self.name, "driver": driving, "limits": limits}
             writer.write(ours.line(beat | self._seen()))

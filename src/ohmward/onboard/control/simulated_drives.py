@@ -20,7 +20,7 @@ from ohmward.onboard.sinks.control import ControlSink
 from ohmward.onboard.sources.simulation import SimulationSource
 
 #: A drive stops by itself where no new command has come for so long [s].
-TIMEOUT_S = 0.05
+COMMAND_TIMEOUT_S = 0.05
 
 
 class SimulatedDrives:
@@ -36,7 +36,7 @@ class SimulatedDrives:
     def torque_Nm(self, wheels: Sequence[str]) -> np.ndarray:
         """Torque (driven,) of each wheel now; 0 unless enabled."""
         taken_s, numbers = self._last
-        if time.monotonic() - taken_s > TIMEOUT_S or not numbers.get("enable"):
+        if time.monotonic() - taken_s > COMMAND_TIMEOUT_S or not numbers.get("enable"):
             return np.zeros(len(wheels))
         return np.array([numbers[f"torque_Nm.{wheel}"] for wheel in wheels])
 

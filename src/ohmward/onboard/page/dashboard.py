@@ -74,7 +74,7 @@ class Dashboard:
     def history(self, since_unix_s: float = -math.inf) -> dict[str, list[float | None]]:
         """Columns of the rows after a time on the wall clock, None where nothing was known."""
         rows = [row for row in self._rows if row[0] > since_unix_s]
-        return {name: [_known(row[k]) for row in rows] for k, name in enumerate(HISTORY)}
+        return {name: [row[k] if math.isfinite(row[k]) else None for row in rows] for k, name in enumerate(HISTORY)}
 
     def _whole(self, state: RobotState) -> RobotState:
         """The state with the last value of every sensor, not only of those that made it; nan of one that is silent."""
@@ -96,7 +96,3 @@ class Dashboard:
         """Wake everybody who waits now; who comes later waits for the next one."""
         news, self._news = self._news, asyncio.Event()
         news.set()
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -23,7 +23,10 @@ def openapi(version: str) -> dict[str, Any]:
         },
         "paths": {
             "/api/now": _get("State as the page shows it, with bands of 95 %.", _json(_now())),
-            "/api/state": _get("Newest state whole, as the sink `json-lines` writes it.", _json(_state())),
+            "/api/state": _get(
+                "Newest state whole, as the sink `json-lines` writes it.",
+                _json({"type": "object", "properties": {name: {} for name in RobotState._fields}}),
+            ),
             "/api/history": _history(),
             "/api/path": _get("Path in the frame of the odometry.", _json(_columns("x_m", "y_m"))),
             "/metrics": _get("Metrics for Prometheus.", {"text/plain": {"schema": {"type": "string"}}}),
@@ -76,10 +79,6 @@ def _now() -> dict[str, Any]:
     times = {f"{part}_time_s": {"type": ["number", "null"]} for part in ("battery", "drive")}
     stale = {"type": "string", "description": "Sentence about estimates whose sensors are silent; they are null."}
     return {"type": "object", "properties": {"name": {"type": "string"}, "stale": stale, **times}, "required": ["name"]}
-
-
-def _state() -> dict[str, Any]:
-    return {"type": "object", "properties": {name: {} for name in RobotState._fields}}
 
 
 def _json(schema: dict[str, Any]) -> dict[str, Any]:

@@ -22,7 +22,7 @@ _DRIVE = ("estimated_speed_m_s", "estimated_speed_std_m_s")
 _SLIP = "slip_ratio."
 
 #: Rows further apart than so many usual distances have nothing between them: the robot was off.
-_GAP = 3.0
+_GAP_DISTANCES = 3.0
 
 
 class Lookback(NamedTuple):
@@ -132,7 +132,7 @@ def _with_gaps(rows: list[tuple[float, ...]]) -> np.ndarray:
     apart_s = np.diff(table[:, 0])
     if not len(apart_s):
         return table
-    ends = np.flatnonzero(apart_s > _GAP * np.median(apart_s))
+    ends = np.flatnonzero(apart_s > _GAP_DISTANCES * np.median(apart_s))
     nothing = np.full((len(ends), len(HISTORY)), math.nan)
     nothing[:, 0] = (table[ends, 0] + table[ends + 1, 0]) / 2.0
     return np.insert(table, ends + 1, nothing, axis=0)

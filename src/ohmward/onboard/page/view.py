@@ -12,6 +12,7 @@ from ohmward.energy.points import Quantiles
 from ohmward.filters.consistency import BAND_95
 from ohmward.onboard.plain import plain
 from ohmward.onboard.robot_state import Level, RobotState, stale
+from ohmward.quantities import QUANTITIES, Quantity
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 
 #: Radius of the ellipse that holds 95 % of a normal distribution in the plane, in sigmas.
@@ -86,18 +87,22 @@ def _charge(state: RobotState) -> dict[str, Any] | None:
     if (charge := state.battery) is None:
         return None
     low, high = band(charge.soc, charge.soc_std)
+    measured = [quantity for quantity in QUANTITIES.values() if quantity.owner == "battery" and quantity.words]
     return {
         "soc": charge.soc,
         "low": low,
         "high": high,
         "sentence": f"Between {100 * low:.0f} and {100 * high:.0f} % with a probability of 95 %.",
-        "current_A": state.sample.get("battery_current_A", math.nan),
-        "voltage_V": state.sample.get("battery_voltage_V", math.nan),
-        "temperature_degC": state.sample.get("battery_temperature_degC", math.nan),
+        **{q.field: state.sample.get(q.name, math.nan) for q in measured if q.estimated_from},
         "soh_capacity": charge.soh_capacity,
         "resistance_ratio": charge.resistance_ratio,
         "flags": charge.flags,
+        "beside": [_reading(q, state.sample) for q in measured if not q.estimated_from and q.name in state.sample],
     }
+
+
+def _reading(quantity: Quantity, sample: Mapping[str, float]) -> dict[str, Any]:
+    return {"label": quantity.label, "value": sample[quantity.name], "unit": quantity.unit.replace("1", "")}
 
 
 def _range(state: RobotState) -> dict[str, Any] | None:

@@ -11,6 +11,8 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.onboard.robot_state import OF_CHARGE, Diagnostic, Level, RobotState
+from ohmward.onboard.ros.types import BATTERY_STATE
+from ohmward.quantities import QUANTITIES
 
 Message = dict[str, Any]
 
@@ -53,9 +55,7 @@ def battery_state(state: RobotState, measured: Mapping[str, float], battery: Bat
     soc = min(max(float(charge.soc), 0.0), 1.0) if charge else nan
     return {
         "header": header(state, frames.base),
-        "voltage": measured.get("battery_voltage_V", nan),
-        "temperature": measured.get("battery_temperature_degC", nan),
-        "current": measured.get("battery_current_A", nan),
+        **{q.ros_field: measured.get(q.name, nan) for q in QUANTITIES.values() if q.ros_type == BATTERY_STATE},
         "charge": soc * now_Ah,
         "capacity": now_Ah,
         "design_capacity": capacity_Ah,
@@ -134,7 +134,10 @@ def diagnostics(state: RobotState, robot: str) -> Message:
 
 
 def _status_message(condition: Diagnostic, robot: str) -> Message:
-    values = [{"key": key, "value": _text(value)} for key, value in condition.values.items()]
+    values = [
+        {"key": key, "value": value if isinstance(value, str) else f"{value:.9g}"}
+        for key, value in condition.values.items()
+    ]
     return {
         "level": int(condition.level),
         "name": f"ohmward: {condition.name}",
@@ -179,10 +182,6 @@ def _stale(estimate: str, sensors: str, age_s: float) -> Diagnostic:
     """Condition of an estimate that there is no more."""
     message = f"unknown: the sensors of the {sensors} are silent; look at them, their wires and their driver"
     return Diagnostic(estimate, Level.STALE, message, {"age_s": age_s})
-
-
-def _text(value: str | float) -> str:
-    return value if isinstance(value, str) else f"{value:.9g}"
 
 
 def _twist(forward_m_s: Any, left_m_s: Any, yaw_rate_rad_s: Any) -> Message:

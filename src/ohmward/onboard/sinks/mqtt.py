@@ -21,7 +21,7 @@ from ohmward.onboard.state_path import number_at, require_path
 #: The broker has so long to acknowledge what was sent [s].
 _ACKNOWLEDGE_S = 10.0
 #: So many states are sent before the broker has to acknowledge.
-_AT_ONCE = 100
+_STATES_AT_ONCE = 100
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class MqttSink(MqttBroker):
         status = f"{self.topic}/status"
         async with self.connected(Will(status, "offline")) as (client, _):
             client.publish(status, "online", qos=1, retain=True)
-            while states := await feed.batch(_AT_ONCE):
+            while states := await feed.batch(_STATES_AT_ONCE):
                 sent: list[tuple[RobotState, list[Any]]] = []
                 for state in states:
                     sent.append((state, [client.publish(t, p, qos=1, retain=True) for t, p in self.payloads(state)]))

@@ -24,7 +24,7 @@ from ohmward.onboard.secrets import check_secret_name, secret
 from ohmward.optional import require
 
 #: Readers that are still there at the end have so long to go [s].
-_END_S = 1.0
+_READERS_END_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class PageSink:
             finally:
                 dashboard.end()
                 server.should_exit = True
-                await asyncio.wait([serving], timeout=2.0 * _END_S)
+                await asyncio.wait([serving], timeout=2.0 * _READERS_END_S)
                 serving.cancel()
 
     def _server(self, dashboard: Dashboard) -> Any:
@@ -94,7 +94,7 @@ class PageSink:
             access_log=False,
             lifespan="off",
             server_header=False,
-            timeout_graceful_shutdown=_END_S,
+            timeout_graceful_shutdown=_READERS_END_S,
             ssl_certfile=self.certificate,
             ssl_keyfile=self.key,
         )

@@ -11,14 +11,12 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.file import load_battery
 from ohmward.checks import require_between
 from ohmward.onboard.feed import Feed
-from ohmward.onboard.quantities import BATTERY
 from ohmward.onboard.robot_state import OF_CHARGE, Level, RobotState
 from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.ros.messages import Frames
 from ohmward.onboard.ros.transport import RosNetwork
-
-_OF_BATTERY = tuple(quantity.name for quantity in BATTERY)
+from ohmward.quantities import names_of
 
 #: Of the states that waited for the network so many are sent once it is there, as a writer keeps that many: readers of
 #: poses and speeds want those of now.
@@ -85,7 +83,7 @@ class Translation:
     def messages(self, state: RobotState) -> Iterator[tuple[str, str, bytes]]:
         """Topic, type and bytes of each message about a state."""
         sink = self.sink
-        self._measured |= {name: v for name, v in state.sample.items() if name.partition(".")[0] in _OF_BATTERY}
+        self._measured |= {name: v for name, v in state.sample.items() if name.partition(".")[0] in names_of("battery")}
         if state.drive_time_s > self._drive_s:
             self._drive_s = state.drive_time_s
             if sink.odometry and state.pose:

@@ -17,15 +17,7 @@ from ohmward.logs.log import Log, read_log
 from ohmward.logs.sign import CurrentSign
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.part import EndedError, Source
-from ohmward.traction.inbox import BODY
 from ohmward.traction.robot.file import load_robot
-
-#: Columns of a log and the signals that they are.
-_OF_BATTERY = {
-    "current_A": "battery_current_A",
-    "voltage_V": "battery_voltage_V",
-    "temperature_degC": "battery_temperature_degC",
-}
 
 
 @dataclass(frozen=True)
@@ -148,16 +140,14 @@ def replays_in_step(sources: Sequence[Source]) -> list[Source]:
 
 def _of_battery(log: Log) -> Iterator[tuple[float, dict[str, float]]]:
     """Time and values of every sample of a battery."""
-    columns = {signal: getattr(log, name) for name, signal in _OF_BATTERY.items() if getattr(log, name) is not None}
-    return _rows(log.time_s, columns)
+    return _rows(log.time_s, log.quantities("battery"))
 
 
 def _of_drive(log: DriveLog) -> Iterator[tuple[float, dict[str, float]]]:
     """Time and values of every sample of a drive."""
     columns = {f"wheel_speed_rad_s.{k}": column for k, column in enumerate(log.wheel_speed_rad_s.T)}
     columns |= {f"motor_current_A.{k}": column for k, column in enumerate(log.motor_current_A.T)}
-    columns |= {name: values for name in BODY if (values := getattr(log, name)) is not None}
-    return _rows(log.time_s, columns)
+    return _rows(log.time_s, columns | log.quantities("body"))
 
 
 def _rows(time_s: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[tuple[float, dict[str, float]]]:

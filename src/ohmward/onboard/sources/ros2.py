@@ -14,7 +14,9 @@ from ohmward.logs.bags.layout import Layout
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.cdr import read
+from ohmward.onboard.ros.messages import FULL
 from ohmward.onboard.ros.transport import RosNetwork
+from ohmward.quantities import QUANTITIES
 
 #: Time between two looks at the way to other nodes [s].
 _LOOK_S = 1.0
@@ -22,8 +24,6 @@ _LOOK_S = 1.0
 _OF_JOINTS = {"wheel", "joint", "drive", "motor", "link"}
 #: The square of a quaternion of single precision differs from 1 by less; one that differs more is none.
 _UNIT = 0.01
-#: `power_supply_status` of a full battery.
-_FULL = 4.0
 
 
 @dataclass(frozen=True)
@@ -108,26 +108,28 @@ def wheel_of(joint: str) -> str:
     return "_".join(word for word in joint.split("_") if word not in _OF_JOINTS) or joint
 
 
-def _battery(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
-    values = {
-        "battery_current_A": numbers["current"],
-        "battery_voltage_V": numbers["voltage"],
-        "battery_temperature_degC": numbers["temperature"],
+def _of_table(type_: str, numbers: dict[str, float]) -> dict[str, float]:
+    """Quantities that the table finds in a message of this type; the first covariance of an absent sensor is -1."""
+    return {
+        quantity.name: numbers[quantity.ros_field]
+        for quantity in QUANTITIES.values()
+        if quantity.ros_type == type_
+        and numbers.get(f"{quantity.ros_field.partition('.')[0]}_covariance[0]", math.nan) != -1.0
     }
+
+
+def _battery(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
+    values = _of_table(types.BATTERY_STATE, numbers)
     cells = {path: v for path, v in numbers.items() if path.startswith("cell_voltage[")}
     values |= {f"cell_voltage_V.{path[len('cell_voltage[') : -1]}": v for path, v in cells.items()}
     if numbers["power_supply_status"]:
-        values["battery_full"] = float(numbers["power_supply_status"] == _FULL)
+        values["battery_full"] = float(numbers["power_supply_status"] == FULL)
     return {signal: value for signal, value in values.items() if math.isfinite(value)}
 
 
 def _body(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
-    """Yaw rate, acceleration and pitch; the first covariance is -1 where the unit has no such sensor."""
-    values = {}
-    if numbers["angular_velocity_covariance[0]"] != -1.0:
-        values["yaw_rate_rad_s"] = numbers["angular_velocity.z"]
-    if numbers["linear_acceleration_covariance[0]"] != -1.0:
-        values["acceleration_m_s2"] = numbers["linear_acceleration.x"]
+    """Yaw rate, acceleration and pitch."""
+    values = _of_table(types.IMU, numbers)
     pitch_rad = pitch_of(*(numbers[f"orientation.{axis}"] for axis in "xyzw"))
     if numbers["orientation_covariance[0]"] != -1.0 and math.isfinite(pitch_rad):
         values["pitch_rad"] = pitch_rad
@@ -149,7 +151,7 @@ def pitch_of(x: float, y: float, z: float, w: float) -> float:
 
 def _speed(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
     """Speed and, where it is told, its standard deviation."""
-    values = {"speed_m_s": numbers["twist.twist.linear.x"]}
+    values = _of_table(types.ODOMETRY, numbers)
     if (variance := numbers["twist.covariance[0]"]) > 0.0:
         values["speed_std_m_s"] = math.sqrt(variance)
     return values

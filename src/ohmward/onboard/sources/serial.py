@@ -20,7 +20,7 @@ from ohmward.onboard.serial_frame import FrameClock, FrameReader, SerialFrame
 from ohmward.optional import require
 
 #: The thread that reads looks so often for its end [s].
-_LOOK_S = 0.1
+_END_READ_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -96,13 +96,13 @@ class SerialSource:
             yield received
         finally:
             end.set()
-            await asyncio.to_thread(thread.join, 2 * _LOOK_S)
+            await asyncio.to_thread(thread.join, 2 * _END_READ_S)
             line.close()
 
     def _open(self) -> Any:
         serial = require("serial", "the serial line")
         try:
-            return serial.serial_for_url(self.port, baudrate=self.baud, timeout=_LOOK_S)
+            return serial.serial_for_url(self.port, baudrate=self.baud, timeout=_END_READ_S)
         except (OSError, ValueError) as error:
             if getattr(error, "errno", None) == 13:
                 fix = "no permission: sudo usermod -aG dialout $USER, and log in again"

@@ -15,7 +15,7 @@ from ohmward.onboard.store.rows import Row, RowMaker
 from ohmward.onboard.store.spool import Spool
 
 #: Rows that are sent at once.
-BATCH = 5000
+ROWS_AT_ONCE = 5000
 
 #: Rows that wait at most: a day at 10 Hz, some 300 MB.
 MOST_WAITING = 1_000_000
@@ -100,7 +100,7 @@ def _send_rest(spool: Spool, send: Send) -> None:
 def send_batch(spool: Spool, send: Send) -> None:
     """Send the oldest rows and forget them once they are confirmed."""
     with spool.sending:
-        number, rows = spool.oldest(BATCH)
+        number, rows = spool.oldest(ROWS_AT_ONCE)
         if rows:
             send(rows)
             spool.confirm(number)

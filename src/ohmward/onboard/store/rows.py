@@ -6,13 +6,11 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from ohmward.onboard.quantities import BATTERY, DRIVE
 from ohmward.onboard.robot_state import RobotState
-
-_BATTERY, _DRIVE = ({quantity.name for quantity in group} for group in (BATTERY, DRIVE))
+from ohmward.quantities import GROUPS, names_of
 
 #: Kinds of rows that hold numbers.
-KINDS = ("battery", "drive")
+KINDS = tuple(GROUPS)
 
 
 class Row(NamedTuple):
@@ -68,7 +66,7 @@ class RowMaker:
 
 
 def _battery(state: RobotState) -> dict[str, float]:
-    values = _measured(state, _BATTERY)
+    values = _measured(state, "battery")
     if charge := state.battery:
         values |= {
             "soc": charge.soc,
@@ -85,7 +83,7 @@ def _battery(state: RobotState) -> dict[str, float]:
 
 
 def _drive(state: RobotState) -> dict[str, float]:
-    values = _measured(state, _DRIVE)
+    values = _measured(state, "drive")
     if slip := state.slip:
         values |= {
             "estimated_speed_m_s": slip.speed_m_s,
@@ -102,7 +100,8 @@ def _drive(state: RobotState) -> dict[str, float]:
     return values
 
 
-def _measured(state: RobotState, names: set[str]) -> dict[str, float]:
+def _measured(state: RobotState, kind: str) -> dict[str, float]:
+    names = names_of(kind)
     return {signal: value for signal, value in state.sample.items() if signal.partition(".")[0] in names}
 
 

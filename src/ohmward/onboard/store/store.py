@@ -89,7 +89,7 @@ def thinned_archive(path: Path, names: tuple[str, ...], step_ns: int) -> dict[st
 DATABASE, ARCHIVE = "store.sqlite", "archive"
 
 #: Version of the tables, in SQLite's `user_version`.
-VERSION = 1
+TABLES_VERSION = 1
 
 _SCHEMA = f"""
 CREATE TABLE battery (id INTEGER PRIMARY KEY AUTOINCREMENT, unix_ns INTEGER NOT NULL);
@@ -99,7 +99,7 @@ CREATE TABLE archive (name TEXT PRIMARY KEY, kind TEXT NOT NULL, rows INTEGER NO
                       first_ns INTEGER NOT NULL, last_ns INTEGER NOT NULL);
 CREATE INDEX battery_time ON battery (unix_ns);
 CREATE INDEX drive_time ON drive (unix_ns);
-PRAGMA user_version = {VERSION};
+PRAGMA user_version = {TABLES_VERSION};
 """
 
 _DAY_NS = 86_400 * 10**9
@@ -111,7 +111,7 @@ MOST_CONDITIONS = 100_000
 ARCHIVE_ROWS = 50_000
 
 #: Rows that are numbers of Python at a time; each takes four times what it takes in an array.
-_BLOCK_ROWS = 2_000
+_ROWS_OF_NUMBERS = 2_000
 
 #: After the times of all rows: the largest integer of SQLite.
 _LAST_NS = 2**63 - 1
@@ -175,8 +175,10 @@ class Store:
             self._database.executescript(f"BEGIN; {_SCHEMA} COMMIT;")
         elif version == 0:
             raise OhmwardError(f"{self.folder}: the database is empty; the sink `store` of a robot fills it")
-        elif version != VERSION:
-            raise OhmwardError(f"{self.folder}: is a store of version {version}, this is {VERSION}; update ohmward")
+        elif version != TABLES_VERSION:
+            raise OhmwardError(
+                f"{self.folder}: is a store of version {version}, this is {TABLES_VERSION}; update ohmward"
+            )
         if not read_only:
             for path in self.archive.glob(".*.part"):
                 path.unlink()
@@ -433,7 +435,7 @@ class Store:
         columns = ", ".join(["unix_ns", *map(quoted, names)])
         cursor = self._database.execute(f"SELECT {columns} FROM {kind} {where} ORDER BY unix_ns, id", span)
         times, values = [np.empty(0, np.int64)], [np.empty((0, len(names)))]
-        while rows := cursor.fetchmany(_BLOCK_ROWS):
+        while rows := cursor.fetchmany(_ROWS_OF_NUMBERS):
             times.append(np.array([row[0] for row in rows], dtype=np.int64))
             values.append(np.array([row[1:] for row in rows], dtype=float))
         table = np.concatenate(values)

@@ -49,14 +49,14 @@ def position(values: tuple[float, ...], array: tuple[float, ...]) -> int | None:
 
 
 #: Up to this size every whole number is a single, so a cast to an integer gives what `floor` does.
-_LARGEST_WHOLE = 2.0**23
+_LARGEST_WHOLE_SINGLE = 2.0**23
 
 
 def is_whole(node: Expression) -> bool:
     """True where an integer holds the value: an entry of a table of bytes, or the floor of a small positive number."""
     if node.operation.name == "gather":
         return are_bytes(node.args[1])
-    return node.operation.name == "floor" and within(node, 0.0, _LARGEST_WHOLE)
+    return node.operation.name == "floor" and within(node, 0.0, _LARGEST_WHOLE_SINGLE)
 
 
 def template(node: Expression) -> str:

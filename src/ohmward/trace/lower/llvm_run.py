@@ -32,7 +32,7 @@ _CACHE = 1 << 20
 #: 1024 logs and 7 states.
 _LEAST_STEPS = 64
 #: Doubles between the rows of the state of many logs: a line of the cache.
-_GAP = 8
+_PADDING = 8
 
 #: Called with (steps done, all steps), and with the steps done since the last call.
 Progress = Callable[[int, int], None]
@@ -191,7 +191,7 @@ def _call(
 
 def _apart(rows: np.ndarray) -> np.ndarray:
     """A copy with a gap between the rows: at powers of two apart they would share the same few lines of the cache."""
-    spaced = np.empty((len(rows), rows.shape[1] + _GAP))[:, : rows.shape[1]]
+    spaced = np.empty((len(rows), rows.shape[1] + _PADDING))[:, : rows.shape[1]]
     spaced[:] = rows
     return spaced
 

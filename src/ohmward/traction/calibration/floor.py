@@ -49,7 +49,7 @@ _STEPS, _DAMPING, _NUDGE, _LEAST_STD = 30, 1e-3, 1e-4, 1e-9
 _LEAST_SLIP_STD = 0.005
 #: Largest size of k and p.
 _MOST = 0.9
-_LENGTH_S = 0.3
+_COASTING_S = 0.3
 #: Standard deviation of a value that is held, because the fit would leave what it can be.
 _HELD_STD = 1e-6
 
@@ -93,7 +93,7 @@ def learn_floor(name: str, drives: Sequence[CalibrationDrive], robot: Robot) -> 
     """
     at = points(cut(drives, robot), robot)
     law = fit_law(at)
-    drag = fit_drag(cut(drives, robot, length_s=_LENGTH_S), robot)
+    drag = fit_drag(cut(drives, robot, length_s=_COASTING_S), robot)
     friction, stiffness, across = np.exp(law.values[:3]).tolist()
     side, power = np.clip(law.values[3:], -_MOST, _MOST).tolist()
     std = np.sqrt(np.diag(law.cov)).tolist()

@@ -28,7 +28,7 @@ from ohmward.traction.terrain.demand import drag_columns, inertial_forces, trave
 ROLLING = (0.02, 0.02)
 _KAPPA_STD, _ROLLER_STD, _TORQUE_SHARE = 0.5, 0.2, 1.0
 CONSTANT = "motor.torque_constant_Nm_per_A"
-_LENGTH_S = 0.5
+_UNSTEADY_S = 0.5
 #: Columns of the fit.
 KAPPA, ROLLING_SHARE, ROLLER_SHARE, FRICTION, DAMPING = range(5)
 #: Damping needs drives of which the fast ones are at least so much faster than the slow ones.
@@ -59,7 +59,7 @@ def calibrate_motor(
     Raises:
         InputError: no stretch in which the wheels turn, or no motor currents.
     """
-    stretches = cut(drives, robot, steady=False, length_s=_LENGTH_S)
+    stretches = cut(drives, robot, steady=False, length_s=_UNSTEADY_S)
     row = rows(stretches, robot)
     prior, prior_std = _prior(row, robot, rolling)
     slow, fast = np.quantile(travel_speed(stretches.rim), [0.1, 0.9])

@@ -26,7 +26,7 @@ from ohmward.traction.terrain.demand import static_loads, travel_speed
 from ohmward.traction.terrain.floor import STIFFNESS
 
 #: The share counts as identified from so many turning stretches on.
-FEWEST = 3
+FEWEST_TURNS = 3
 #: Standard deviation of the effective track of which nothing is known, relative to the track: skid-steered robots on
 #: hard ground have 1.2 to 2 times their track; the driver of Clearpath's Husky takes 1.875.
 TRACK_STD = 0.5
@@ -95,7 +95,7 @@ def calibrate_track(drives: Sequence[CalibrationDrive], robot: Robot) -> Paramet
     unknown = Parameter(name, track_m, TRACK_STD * track_m, "the robot hardly turns, or not as its wheels do")
     rows = cut(drives, robot, turning=True)
     turns = track_m * np.abs(rows.rim[:, -1]) >= SLOWEST_M_S
-    if turns.sum() < FEWEST:
+    if turns.sum() < FEWEST_TURNS:
         return unknown
     by_wheels, yaw_rate = rows.rim[turns, -1:], rows.motion[turns, -1]
     fit = regress(by_wheels, yaw_rate, rows.drive[turns], np.zeros(1), np.array([np.inf]))

@@ -20,14 +20,14 @@ from ohmward.trace import where
 from ohmward.traction.control.signals import DrivenWheel, Measurement
 
 #: Larger values [rad/s, m/s, N, m/s^2] are faults, as nan is: no wheel or robot has them.
-FASTEST_RAD_S = 1e5
-FASTEST_M_S = 1e3
-MOST_N = 1e7
-MOST_M_S2 = 1e5
+IMPOSSIBLE_RAD_S = 1e5
+IMPOSSIBLE_M_S = 1e3
+IMPOSSIBLE_N = 1e7
+IMPOSSIBLE_M_S2 = 1e5
 #: A longer time [s] between two steps is a fault of the clock.
-LONGEST_STEP_S = 60.0
+LONGEST_CONTROL_STEP_S = 60.0
 #: Rates are taken over at least this time [s], so that a step of no time divides by something.
-SHORTEST_STEP_S = 1e-9
+SHORTEST_CONTROL_STEP_S = 1e-9
 
 
 class WheelEstimate(NamedTuple):
@@ -67,7 +67,7 @@ class ForceFilter:
 
     def usable(self, m: Measurement) -> Any:
         """True where a controller may act on a measurement."""
-        possible = (abs(m.wheel_speed_rad_s) <= FASTEST_RAD_S) & (abs(m.travel_speed_m_s) <= FASTEST_M_S)
+        possible = (abs(m.wheel_speed_rad_s) <= IMPOSSIBLE_RAD_S) & (abs(m.travel_speed_m_s) <= IMPOSSIBLE_M_S)
         recent = (m.age_s >= 0.0) & (m.age_s <= self.oldest_s)
         return possible & recent & (m.travel_speed_std_m_s <= self.largest_std_m_s)
 
@@ -89,12 +89,12 @@ class ForceFilter:
         return WheelEstimate(
             omega,
             v,
-            where(usable & (abs(m.force_N) <= MOST_N), observed_N, filtered_N),
-            where(usable & (abs(m.acceleration_m_s2) <= MOST_M_S2), m.acceleration_m_s2, filtered_m_s2),
+            where(usable & (abs(m.force_N) <= IMPOSSIBLE_N), observed_N, filtered_N),
+            where(usable & (abs(m.acceleration_m_s2) <= IMPOSSIBLE_M_S2), m.acceleration_m_s2, filtered_m_s2),
             where(usable, 1.0, 0.0),
         )
 
 
 def plausible_step_s(dt_s: Any) -> Any:
     """The time since the step before [s]; 0, in which nothing changes, where the clock gives an impossible one."""
-    return where((dt_s > 0.0) & (dt_s <= LONGEST_STEP_S), dt_s, 0.0)
+    return where((dt_s > 0.0) & (dt_s <= LONGEST_CONTROL_STEP_S), dt_s, 0.0)

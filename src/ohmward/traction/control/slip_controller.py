@@ -15,7 +15,7 @@ from ohmward.checks import require_between, require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.trace import clip, logical_not, maximum, where
-from ohmward.traction.control.force_filter import SHORTEST_STEP_S, ForceFilter, WheelEstimate, plausible_step_s
+from ohmward.traction.control.force_filter import SHORTEST_CONTROL_STEP_S, ForceFilter, WheelEstimate, plausible_step_s
 from ohmward.traction.control.signals import ControlFlag, DrivenWheel, Limits, Measurement, Report, SlipCommand, limited
 from ohmward.traction.control.slip_law import Motion, SlipLaw, surface
 from ohmward.traction.dynamics.slip import driving_slip_ratio, travel_direction
@@ -111,7 +111,7 @@ class SlipController:
     def target(self, state: SlipState, command: SlipCommand, dt_s: Any) -> tuple[Any, Any]:
         """Slip ratio to hold in this step, on a ramp towards the command, and its rate [1/s]."""
         commanded = where(is_slip_ratio(command), command.slip_ratio, 0.0)
-        rate = (commanded - state.slip_target) / maximum(dt_s, SHORTEST_STEP_S)
+        rate = (commanded - state.slip_target) / maximum(dt_s, SHORTEST_CONTROL_STEP_S)
         rate = clip(rate, -self.target_rate_per_s, self.target_rate_per_s)
         return state.slip_target + rate * dt_s, rate
 

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 from ohmward.checks import require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.trace import clip, logical_not, maximum, minimum, sqrt, where
-from ohmward.traction.control.force_filter import SHORTEST_STEP_S, ForceFilter, WheelEstimate, plausible_step_s
+from ohmward.traction.control.force_filter import SHORTEST_CONTROL_STEP_S, ForceFilter, WheelEstimate, plausible_step_s
 from ohmward.traction.control.signals import (
     ControlFlag,
     DrivenWheel,
@@ -141,7 +141,7 @@ class SpeedController:
         """Acceleration of the reference towards the command."""
         to_go = where(is_speed(command), command.speed_m_s, 0.0) - state.reference_m_s
         most = self.acceleration_m_s2 * minimum(1.0, sqrt(abs(to_go) / self.easing_m_s))
-        return clip(to_go / maximum(dt_s, SHORTEST_STEP_S), -most, most)
+        return clip(to_go / maximum(dt_s, SHORTEST_CONTROL_STEP_S), -most, most)
 
     def speed_torque_Nm(self, acceleration_m_s2: Any, error_m_s: Any, integral_m: Any) -> Any:
         """Torque of the speed loop, critically damped; the wheel's own inertia takes part of it."""

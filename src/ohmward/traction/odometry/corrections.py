@@ -33,7 +33,7 @@ from ohmward.traction.odometry.model import (
 )
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import OdometrySample
-from ohmward.traction.speed_observer.body_sensors import FASTEST_M_S, OLDEST_S, SPEED_STD_M_S
+from ohmward.traction.speed_observer.body_sensors import LOST_M_S, OLDEST_S, SPEED_STD_M_S
 from ohmward.traction.speed_observer.intervals import History, change_since
 
 #: Keeps a step of no length from dividing by zero [s].
@@ -75,7 +75,7 @@ HEADING_WAIT = 3.0
 MOST_OPENED = 1e4
 
 #: Least standard deviation [m/s, rad/s] by which a rejected measurement is divided.
-LEAST_STD = 1e-4
+LEAST_REJECTED_STD = 1e-4
 
 
 class TurnSums(NamedTuple):
@@ -213,7 +213,7 @@ def use_speeds(
     for axis, state, y, own_std in given:
         std_m_s = where(between(own_std, *SPEED_STD_M_S), own_std, noise.speed_std_m_s)
         since = u.motion_std[axis] ** 2 * forgotten(age_s, noise)
-        credible = within(y, FASTEST_M_S) & logical_not(too_old)
+        credible = within(y, LOST_M_S) & logical_not(too_old)
         y_used = where(credible, y, np.nan)
         belief, rejected = use_motion(body.belief, y_used, axis, state, 1.0, std_m_s**2 + since, u, gate)
         body = body._replace(belief=belief, speed_rejected=some([body.speed_rejected, rejected]))
@@ -301,7 +301,7 @@ def use_motion(
     nu = where(isfinite(y), y, 0.0) - moved(belief.mean)[0]
     after, accepted = correct_scalar(belief, y, moved, variance, gate)
     rejected = isfinite(y) & logical_not(accepted)
-    slip = clip(nu / (maximum(u.motion_std[axis], LEAST_STD) * length_s), -MOST_OPENED, MOST_OPENED)
+    slip = clip(nu / (maximum(u.motion_std[axis], LEAST_REJECTED_STD) * length_s), -MOST_OPENED, MOST_OPENED)
     return choose(rejected, inflate(belief, state, slip * slip), after), rejected
 
 

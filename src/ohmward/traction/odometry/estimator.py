@@ -186,8 +186,7 @@ def samples_of(
     given["dt_s"] = np.diff(log.time_s, prepend=start_s)
     given["wheel_speed_rad_s"] = log.wheel_speed_rad_s[:, : robot.driven]
     given["passive_rad_s"] = log.wheel_speed_rad_s[:, passive_wheels(robot)]
-    names = ("yaw_rate_rad_s", "speed_m_s", "speed_std_m_s", "speed_age_s", "heading_rad", "heading_std_rad")
-    given |= {name: values for name in names if (values := getattr(log, name)) is not None}
+    given |= {name: values for name, values in log.quantities("body").items() if name in OdometrySample._fields}
     if observed is not None:
         known = force_known(observed)
         given |= dict(zip(OBSERVED, motion_of_observer(settings, observed), strict=True))

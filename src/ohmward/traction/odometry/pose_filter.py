@@ -19,7 +19,7 @@ from ohmward.filters.sanitize import CleanStep, every, sanitize_step
 from ohmward.trace import linearize, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.odometry.corrections import (
-    LEAST_STD,
+    LEAST_REJECTED_STD,
     MOST_OPENED,
     HeadingTimes,
     PoseCorrection,
@@ -218,7 +218,7 @@ class PoseFilter:
 
 def opened(belief: Belief, motion: ShownMotion, slip_m_s: Scalar) -> Belief:
     """The belief with a slip of this standard deviation [m/s] at least, which is forgotten in `correlation_s`."""
-    slip = minimum(slip_m_s / maximum(motion.input.motion_std[0], LEAST_STD), MOST_OPENED)
+    slip = minimum(slip_m_s / maximum(motion.input.motion_std[0], LEAST_REJECTED_STD), MOST_OPENED)
     wide = inflate(belief, SLIP, slip * slip - belief.cov[SLIP, SLIP])
     return choose(motion.by_driven, wide, belief)
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.filters.sanitize import CleanStep, every, some, within
+from ohmward.quantities import MOST_WHEEL_RAD_S
 from ohmward.trace import logical_not, maximum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.odometry.grip import GripSpeed, speed_by_grip
@@ -15,11 +16,8 @@ from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import OdometrySample
 from ohmward.traction.robot.chassis import PLANAR, Differential
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.body_sensors import FASTEST_M_S, MOST_YAW_RAD_S
+from ohmward.traction.speed_observer.body_sensors import LOST_M_S, MOST_YAW_RAD_S
 from ohmward.traction.speed_observer.intervals import NEVER_S, Intervals, advance, holds, never, was_seen
-
-#: A faster wheel is a fault of its encoder [rad/s].
-MOST_WHEEL_RAD_S = 500.0
 
 #: A rim whose speed changes by more than that of counting [m/s] and an acceleration of 2 g [m/s2] is not the robot's.
 JUMP_M_S, JUMP_M_S2 = 0.2, 20.0
@@ -28,7 +26,7 @@ JUMP_M_S, JUMP_M_S2 = 0.2, 20.0
 LEAST_STEP_S = 1e-3
 
 #: Wheels with less grip than this show no turn.
-LEAST_GRIP = 0.5
+LEAST_TURN_GRIP = 0.5
 
 #: Share of the standard deviation of the radius that wheels have which do not drive: that of a ruler, without creep.
 FREE_SHARE = 0.7
@@ -50,7 +48,7 @@ class Observed(NamedTuple):
 
 
 #: Larger values are no observer's.
-CREDIBLE = Observed(FASTEST_M_S, FASTEST_M_S, FASTEST_M_S, MOST_YAW_RAD_S, MOST_YAW_RAD_S, 1.0, 1.0)
+CREDIBLE = Observed(LOST_M_S, LOST_M_S, LOST_M_S, MOST_YAW_RAD_S, MOST_YAW_RAD_S, 1.0, 1.0)
 
 
 class MotionState(NamedTuple):
@@ -188,7 +186,7 @@ def show(
         by_gyro=by_gyro,
         unseen_s=unseen(now.intervals, rolls | free | observed, by_gyro),
     )  # fmt: skip
-    comparable = by_gyro & (free | rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_GRIP)))
+    comparable = by_gyro & (free | rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_TURN_GRIP)))
     no_gyro = was_seen(now.intervals)[GYRO] & logical_not(by_gyro)
     white = white_variance(u, observed, robot, noise)
     by_driven, no_wheels = rolls & logical_not(observed | free), logical_not(rolls | free | observed)

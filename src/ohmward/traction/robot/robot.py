@@ -85,6 +85,11 @@ class Robot:
         return sum(p.driven for p in self.places)
 
     @property
+    def driven_wheels(self) -> list[str]:
+        """Names of the driven wheels."""
+        return [place.name for place in self.places[: self.driven]]
+
+    @property
     def freedoms(self) -> int:
         """Number of motions of the body: 2 or 3."""
         return len(self.chassis.freedoms)

@@ -33,7 +33,7 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.body_sensors import BodyCorrection
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
-from ohmward.traction.speed_observer.gross_slip import LEARNT, change_by_momentum
+from ohmward.traction.speed_observer.gross_slip import LEARNT, MEMORY_S, change_by_momentum
 from ohmward.traction.speed_observer.model import STEEPEST_RAD, UNKNOWN_M_S, Model
 from ohmward.traction.speed_observer.slip_step import without_traction
 
@@ -48,9 +48,6 @@ EVIDENCE_S, MOST_EVIDENCE, ENOUGH = 0.15, 5.0, 3.0
 #: Standard deviations of U [m/s]: of wheels that grip, by edges of slopes and by creep, and of wheels that slide, by
 #: the noise of encoders and currents and by a friction that changes with the slip, a share of I/M_s.
 GRIP_M_S, SLIDE_M_S, SLIDE_SHARE = 0.05, 0.03, 0.3
-
-#: Time constant [s] with which an unexplained change of the speed is forgotten.
-MEMORY_S = 1.0
 
 #: Usual slopes and resistances are within so many standard deviations.
 USUAL = 1.0
@@ -77,7 +74,7 @@ LAGS = 2.0
 #: the speed by 0.29 less than believed, two of these.
 MASS_STD = 0.15
 
-#: Wheels slide where their grip is below this.
+#: Wheels slide where their grip is below this; above, they show the speed of the body.
 LEAST_GRIP = 0.2
 
 

@@ -31,9 +31,13 @@ MOST_YAW_RAD_S = 35.0
 #: A pitch outside its gate for longer [s] is no glitch.
 GLITCH_S = 0.05
 
-#: An external speed beyond these limits is a source's fault: the speed [m/s] and its age [s] make it no measurement, a
+#: No belief of a robot reaches this speed [m/s], and none is so uncertain: twice the fastest robot, as an estimate may
+#: err where a sensor may not.
+LOST_M_S = 100.0
+
+#: An external speed beyond these limits is a source's fault: `LOST_M_S` and its age [s] make it no measurement, a
 #: standard deviation [m/s] outside of its own is replaced by the one of `ObserverNoise`.
-FASTEST_M_S, OLDEST_S = 100.0, 60.0
+OLDEST_S = 60.0
 SPEED_STD_M_S = (1e-4, 10.0)
 
 

@@ -17,7 +17,7 @@ from ohmward.traction.speed_observer.noise import SensorStds
 LONGEST_STEP_S = 3600.0
 
 #: Time constant with which a motor current that is not measured fades.
-HOLD_S = 0.5
+CURRENT_FADES_S = 0.5
 
 
 class CleanSlipSample(NamedTuple):
@@ -77,7 +77,7 @@ def hold_currents(clean: CleanSlipSample, last_A: np.ndarray, intervals: Interva
     """
     held = holds(intervals) & logical_not(clean.current_measured)
     known = clean.current_measured | held
-    last = where(held, last_A, last_A * exp(-clean.dt_s / HOLD_S))
+    last = where(held, last_A, last_A * exp(-clean.dt_s / CURRENT_FADES_S))
     return clean._replace(current_A=where(clean.current_measured, clean.current_A, last), current_measured=known)
 
 

@@ -66,9 +66,6 @@ class SlipAlarm:
         return turns & (abs(speed_m_s) + self.z * speed_std_m_s < self.stuck_ratio * abs(rim_m_s))
 
 
-#: A wheel shows the speed of the body where its grip is at least this.
-LEAST_GRIP = 0.2
-
 #: Time [s] without anything that shows the speed from which on it counts as unobserved.
 UNOBSERVED_S = 0.5
 

@@ -23,7 +23,7 @@ from ohmward.trace import clip, isfinite, log, logical_not, maximum, minimum, sq
 from ohmward.trace.expression import Scalar
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.body_sensors import (
-    FASTEST_M_S,
+    LOST_M_S,
     OLDEST_S,
     SPEED_STD_M_S,
     BodyCorrection,
@@ -120,7 +120,7 @@ def external_speed(sample: SlipSample, belief: Belief, history: History, std_m_s
     age_s = where(between(sample.speed_age_s, 0.0, OLDEST_S), sample.speed_age_s, 0.0)
     grade_std = minimum(grade_std_rad(belief, model), LATE_GRADES * model.noise.grade_std_rad)
     drift = GRAVITY * maximum(model.noise.grade_std_rad, grade_std) * age_s
-    credible = within(sample.speed_m_s, FASTEST_M_S) & logical_not(sample.speed_age_s > OLDEST_S)
+    credible = within(sample.speed_m_s, LOST_M_S) & logical_not(sample.speed_age_s > OLDEST_S)
     y = where(credible, sample.speed_m_s + change_since(history, age_s), np.nan)
     innovation_m_s = where(credible, y, belief.mean[0]) - belief.mean[0]
     return ReceivedSpeed(credible, y, own_std * own_std + drift * drift, innovation_m_s)

@@ -60,7 +60,7 @@ HOLD_SHARE = 0.99
 LOST = 3
 
 #: Time [s] for which the first value holds, until a second one tells the interval: sensors of 5 Hz are usual.
-FIRST_S = 0.25
+FIRST_INTERVAL_S = 0.25
 
 #: Keeps a time of no length from dividing by zero [s].
 TINY_S = 1e-9
@@ -96,7 +96,7 @@ def was_seen(intervals: Intervals) -> np.ndarray:
 
 def holds(intervals: Intervals) -> np.ndarray:
     """Conditions (channels,) that the last value still holds."""
-    usual_s = where(np.array([usual > 0.0 for usual in intervals.usual_s]), intervals.usual_s, FIRST_S)
+    usual_s = where(np.array([usual > 0.0 for usual in intervals.usual_s]), intervals.usual_s, FIRST_INTERVAL_S)
     return np.array([age < HOLD_SHARE * usual for age, usual in zip(intervals.age_s, usual_s, strict=True)])
 
 

@@ -59,7 +59,7 @@ WINDOW_S = 0.3
 TURNS_RAD_S = 0.2
 
 #: Fewer samples than this tell no disturbance.
-_FEWEST = 20
+_FEWEST_FOR_DISTURBANCE = 20
 
 
 #: Filters by name: method, and whether R of the encoders is matched.
@@ -324,7 +324,7 @@ def disturbance_m_s2(robot: Robot, log: DriveLog) -> float:
     time_s, speed, torque = log.time_s[rows], speed[rows], wheel_torque(robot.motor, current[rows], speed[rows])
     half = max(1, round(0.5 * WINDOW_S / float(np.median(np.diff(time_s))))) if time_s.size > 1 else 1
     moving = np.abs(speed[half:-half]).max(axis=1, initial=0.0) > TURNS_RAD_S
-    if time_s.size < _FEWEST + 2 * half or moving.sum() < _FEWEST:
+    if time_s.size < _FEWEST_FOR_DISTURBANCE + 2 * half or moving.sum() < _FEWEST_FOR_DISTURBANCE:
         return 0.0
     wheel_rate = window_slope(speed, time_s, half)
     force_N = (window_mean(torque, half) - robot.inertia[robot.freedoms :] * wheel_rate) / robot.wheel.radius_m

@@ -19,11 +19,12 @@ from ohmward.filters.belief import Belief
 from ohmward.filters.sanitize import every, some, within
 from ohmward.trace import exp, isfinite, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.speed_observer.body_sensors import LOST_M_S
 from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.model import UNKNOWN_M_S, UNKNOWN_M_S2, Model
 
 #: Time constant [s] with which the greatest speed of the wheels is forgotten: sliding lasts for less.
-MEMORY_S = 10.0
+FASTEST_MEMORY_S = 10.0
 
 #: A body on omni wheels is faster than their rims by 2/sqrt(3), a tyre larger than its data sheet by some percent; a
 #: robot that rolls back on its own has no more than REST_M_S before its wheels show it.
@@ -32,8 +33,8 @@ SHARE, REST_M_S = 1.25, 0.25
 #: Acceleration [m/s^2] that sliding down a slope of 0.2 rad gives.
 SLIDING_M_S2 = 2.0
 
-#: Speed, yaw rate and wheel speed that no belief of a robot reaches [m/s, rad/s, rad/s]; none is so uncertain either.
-MOST_M_S, MOST_YAW_RAD_S, MOST_WHEEL_RAD_S = 100.0, 50.0, 1e3
+#: Yaw rate and wheel speed that no belief of a robot reaches [rad/s]; none is so uncertain either.
+LOST_YAW_RAD_S, LOST_WHEEL_RAD_S = 50.0, 1e3
 
 #: Standard deviation of the speed after a restart, as a share of the rims' speed: wheels may be spinning then.
 RESTART_SHARE = 0.5
@@ -60,7 +61,7 @@ def advance_reach(
     gap = minimum(UNKNOWN_M_S2 * clean.unmodelled_s, UNKNOWN_M_S)
     slid = reach.sliding_m_s + SLIDING_M_S2 * clean.dt_s
     return Reach(
-        wheels_m_s=maximum(reduce(maximum, [*rims, body]), exp(-clean.dt_s / MEMORY_S) * reach.wheels_m_s),
+        wheels_m_s=maximum(reduce(maximum, [*rims, body]), exp(-clean.dt_s / FASTEST_MEMORY_S) * reach.wheels_m_s),
         sliding_m_s=minimum(gap + where(unobserved_s > 0.0, slid, 0.0), UNKNOWN_M_S),
     )
 
@@ -79,13 +80,13 @@ def is_lost(belief: Belief, reach: Reach, rejected_s: np.ndarray, locked_out_s: 
     x, P = belief
     layout = model.layout
     yaw, own = layout.index("yaw_rate_rad_s"), layout.robot_states
-    fastest = minimum(fastest_m_s(reach), MOST_M_S)
+    fastest = minimum(fastest_m_s(reach), LOST_M_S)
     sane = [
         isfinite(sum(x) + sum(P[i, j] for i in range(len(x)) for j in range(i + 1))),
         *[abs(x[i]) <= fastest for i in range(model.scene.robot.freedoms - 1)],
-        P[0, 0] <= MOST_M_S**2,
-        within(x[yaw], MOST_YAW_RAD_S),
-        *[within(x[i], MOST_WHEEL_RAD_S) & (P[i, i] <= MOST_WHEEL_RAD_S**2) for i in range(layout.wheel(0), own)],
+        P[0, 0] <= LOST_M_S**2,
+        within(x[yaw], LOST_YAW_RAD_S),
+        *[within(x[i], LOST_WHEEL_RAD_S) & (P[i, i] <= LOST_WHEEL_RAD_S**2) for i in range(layout.wheel(0), own)],
         some(time <= locked_out_s for time in rejected_s),
     ]
     return logical_not(every(sane))
@@ -97,7 +98,7 @@ def restarted(before: Belief, clean: CleanSlipSample, model: Model) -> Belief:
     before: belief before the step, for wheels that are not measured.
     """
     layout, n = model.layout, model.driven
-    usable = [where(within(value, MOST_WHEEL_RAD_S), value, 0.0) for value in before.mean[layout.wheel(0) :][:n]]
+    usable = [where(within(value, LOST_WHEEL_RAD_S), value, 0.0) for value in before.mean[layout.wheel(0) :][:n]]
     omega = where(clean.wheel_measured[:n], clean.wheel_speed_rad_s[:n], np.array(usable))
     rim_m_s = reduce(maximum, model.scene.robot.wheel.radius_m * abs(omega))
     mean, cov = model.first_belief(omega)

@@ -16,7 +16,7 @@ LEAST_SPEED_M_S = 0.05
 #: Standard deviation of a normal error over its median absolute deviation.
 _MAD = 1.4826
 #: Fewer samples than this tell no noise.
-_FEWEST = 10
+_FEWEST_FOR_NOISE = 10
 #: Changes below this are rounding.
 _SAME = 1e-9
 #: Standard deviations beyond which an error of the speed is an outlier, which tells no correlation.
@@ -49,7 +49,7 @@ def noise_std(values: np.ndarray | None, least: float) -> float:
     Robust against the true motion, as long as that is slow; not below `least`.
     """
     known = np.empty(0) if values is None else values[np.isfinite(values)]
-    if known.size < _FEWEST:
+    if known.size < _FEWEST_FOR_NOISE:
         return max(least, 0.0)
     off_line = known[1:-1] - 0.5 * (known[:-2] + known[2:])
     return max(least, _MAD * float(np.median(np.abs(off_line))) / math.sqrt(1.5))
@@ -64,7 +64,7 @@ def speed_std_m_s(robot: Robot, log: DriveLog) -> float:
     if log.speed_std_m_s is not None and "speed_std_m_s" in log.channels:
         return float(np.nanmedian(log.speed_std_m_s))
     error = speed_minus_wheels_m_s(robot, log)
-    if error.size < _FEWEST:
+    if error.size < _FEWEST_FOR_NOISE:
         return LEAST_SPEED_M_S
     std = _MAD * float(np.median(np.abs(error - np.median(error))))
     rho = correlation(error, _OUTLIER * std)

@@ -35,10 +35,17 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some, within
+from ohmward.quantities import MOST_MOTOR_A, MOST_WHEEL_RAD_S
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
-from ohmward.traction.speed_observer.apparent_inertia import ApparentInertia, advance_inertia, by_mass_m_s, reconsidered
+from ohmward.traction.speed_observer.apparent_inertia import (
+    LEAST_GRIP,
+    ApparentInertia,
+    advance_inertia,
+    by_mass_m_s,
+    reconsidered,
+)
 from ohmward.traction.speed_observer.body_sensors import (
     BodyCorrection,
     SensorGate,
@@ -55,7 +62,6 @@ from ohmward.traction.speed_observer.clean_sample import (
     sanitize,
 )
 from ohmward.traction.speed_observer.conclusions import (
-    LEAST_GRIP,
     UNOBSERVED_S,
     MotionTimers,
     SlipAlarm,
@@ -139,8 +145,8 @@ class SpeedObserver:
     rest_wheel_rad_s: float = 0.05
     rest_current_A: float = 0.5
     #: beyond these a sensor is at fault
-    wheel_speed_limit_rad_s: float = 500.0
-    current_limit_A: float = 200.0
+    wheel_speed_limit_rad_s: float = MOST_WHEEL_RAD_S
+    current_limit_A: float = MOST_MOTOR_A
     late_steps: int = 20  #: number of samples by which an external speed may be late
 
     def __post_init__(self) -> None:

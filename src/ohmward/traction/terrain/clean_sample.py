@@ -14,16 +14,15 @@ import numpy as np
 
 from ohmward.filters.flags import flags_of
 from ohmward.filters.sanitize import every, sanitize_step, some, within
+from ohmward.quantities import MOST_MOTOR_A, MOST_WHEEL_RAD_S
 from ohmward.trace import logical_not, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
 from ohmward.traction.terrain.estimate import FloorFlag
 from ohmward.traction.terrain.wheel_filter import WheelSample
 
-#: A larger number is of no wheel [rad/s] and of no motor [A].
-MOST_RAD_S, MOST_A = 500.0, 200.0
 #: A longer step is a gap [s].
-GAP_S = 0.5
+FLOOR_GAP_S = 0.5
 #: An encoder has stopped when it has repeated itself for so long [s] while another one moved.
 STOPPED_AFTER_S = 2.0
 
@@ -50,9 +49,9 @@ def new_watch(driven: int) -> EncoderWatch:
 
 def sanitize(sample: WheelSample, before: EncoderWatch) -> CleanFloorSample:
     """The sample with nan in place of what no sensor can have shown."""
-    time = sanitize_step(sample.dt_s, LONGEST_STEP_S, GAP_S)
-    speed_credible = [within(speed, MOST_RAD_S) for speed in sample.wheel_speed_rad_s]
-    current_credible = [within(current, MOST_A) for current in sample.current_A]
+    time = sanitize_step(sample.dt_s, LONGEST_STEP_S, FLOOR_GAP_S)
+    speed_credible = [within(speed, MOST_WHEEL_RAD_S) for speed in sample.wheel_speed_rad_s]
+    current_credible = [within(current, MOST_MOTOR_A) for current in sample.current_A]
     watch = watched(sample.wheel_speed_rad_s, speed_credible, before, time.dt_s)
     stopped = [repeated_s > STOPPED_AFTER_S for repeated_s in watch.repeated_s]
     used = [good & logical_not(dead) for good, dead in zip(speed_credible, stopped, strict=True)]

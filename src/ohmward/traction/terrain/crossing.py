@@ -40,9 +40,9 @@ _OTHER_MOTION = 0.3
 #: mu is the mean over at most so long a time [s], and its first value counts for so long.
 _MEMORY_S, _FIRST_S = 3.0, 0.3
 #: Ripple lasts no shorter than this [s]: the filter of the forces.
-_SHORTEST_S = 0.1
+_SHORTEST_RIPPLE_S = 0.1
 #: Least change of a drag that counts, share of the load.
-_LEAST_STEP = 1e-3
+_LEAST_DRAG_STEP = 1e-3
 _NEWTON_STEPS = 4
 _TINY = 1e-9
 #: x a little before the maximum of 1 - e^-x - x/2 at ln 2, and that maximum.
@@ -130,7 +130,7 @@ class CrossingTest:
     def step(self, state: CrossingState, sample: CrossingSample) -> tuple[CrossingState, CrossingResult]:
         """State and result after a sample."""
         # a sample after a gap too is worth no more than the memory of the filter of the forces
-        sample = sample._replace(dt_s=minimum(sample.dt_s, _SHORTEST_S))
+        sample = sample._replace(dt_s=minimum(sample.dt_s, _SHORTEST_RIPPLE_S))
         force, motion = sample.force_share, sample.motion[:-1]
         restart = logical_not(sample.moving) | is_other_motion(motion, state.motion)
         tested_s = state.tested_s + sample.dt_s
@@ -156,7 +156,7 @@ class CrossingTest:
     def evidence(self, state: CrossingState, sample: CrossingSample) -> Evidence:
         """Increments (dt/tau) (+-e' (f - mu) - e'e / 2) / sigma^2 of the sums."""
         e = sample.change
-        tau_s = maximum(self.ripple_m / maximum(travel_speed(sample.motion), _TINY), _SHORTEST_S)
+        tau_s = maximum(self.ripple_m / maximum(travel_speed(sample.motion), _TINY), _SHORTEST_RIPPLE_S)
         variance = self.ripple_share**2 + self.ripple_growth**2 * (state.mean @ state.mean)
         k2 = (e * e).sum(axis=0) / variance
         seen = (sample.force_share - state.mean) @ e / variance
@@ -213,6 +213,6 @@ def crossing_test(floors: Sequence[Floor], false_alarms_per_hour: float = 1.0) -
     if not different:
         return CrossingTest(false_alarms_per_hour=false_alarms_per_hour)
     a, b = min(different, key=lambda pair: pair[1].drag - pair[0].drag)
-    rolling = max(COUNTS * abs(b.rolling - a.rolling), _LEAST_STEP)
-    roller = max(COUNTS * abs(b.roller - a.roller), _LEAST_STEP)
+    rolling = max(COUNTS * abs(b.rolling - a.rolling), _LEAST_DRAG_STEP)
+    roller = max(COUNTS * abs(b.roller - a.roller), _LEAST_DRAG_STEP)
     return CrossingTest(rolling, roller, false_alarms_per_hour=false_alarms_per_hour)

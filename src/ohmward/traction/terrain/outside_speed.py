@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.filters.sanitize import every, within
+from ohmward.quantities import FASTEST_M_S
 from ohmward.trace import exp, isfinite, log, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.terrain.floor import SlipBelief
@@ -27,12 +28,12 @@ from ohmward.traction.terrain.wheel_filter import WheelSample
 
 #: Standard deviation [m/s] of a speed without one of its own: GNSS, and odometry of cameras at a walking pace.
 SPEED_STD_M_S = 0.05
-#: A larger speed is of no robot with wheels [m/s]; an older one says nothing of now [s].
-FASTEST_M_S, OLDEST_S = 50.0, 1.0
+#: An older speed says nothing of now [s].
+OLDEST_LOSS_S = 1.0
 #: s. Share of the variance of a speed that lasts: its scale and mounting are off by about a third of its noise.
 LASTING_SHARE = 0.1
 #: Time constant [s] with which earlier speeds are forgotten, that of the mean force.
-MEMORY_S = 3.0
+LOSS_MEMORY_S = 3.0
 #: A speed off by more sigmas than this from the mean of those before begins a new mean: the slip has changed.
 CHANGED = 3.0
 _TINY = 1e-9
@@ -80,7 +81,9 @@ def loss_sample(sample: WheelSample, rim: np.ndarray, rim_std: np.ndarray, rate:
     variance = std_m_s**2 + rim_std[0] ** 2 + (rate[0] * age_s) ** 2
     beyond = maximum(abs(lost_m_s) - u, 0.0)
     there = isfinite(sample.speed_m_s)
-    used = every([within(sample.speed_m_s, FASTEST_M_S), age_s <= OLDEST_S, beyond * beyond <= CHANGED**2 * variance])
+    used = every(
+        [within(sample.speed_m_s, FASTEST_M_S), age_s <= OLDEST_LOSS_S, beyond * beyond <= CHANGED**2 * variance]
+    )
     return LossSample(
         where(used, lost_m_s / u, math.nan),
         where(used, variance / (u * u), math.nan),
@@ -92,7 +95,7 @@ def averaged(state: LossState, sample: LossSample, ended: Scalar, dt_s: Scalar) 
     """State after a sample; `ended`: the condition that the motion or the floor has changed."""
     new = isfinite(sample.value)
     value, variance = where(new, sample.value, state.mean), where(new, sample.variance, state.variance)
-    before = where(ended, 0.0, state.count * exp(-dt_s / MEMORY_S))
+    before = where(ended, 0.0, state.count * exp(-dt_s / LOSS_MEMORY_S))
     off = value - state.mean
     changed = off * off > CHANGED**2 * (variance + seen(state).variance)
     count = where(new, where(changed, 0.0, before) + 1.0, before)

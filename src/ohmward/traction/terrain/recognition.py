@@ -36,7 +36,7 @@ from ohmward.traction.terrain.floor import Floor, like, unseen_floor
 MOST_COMBINATIONS = 1000
 #: Prior odds of a floor never met against a known one: a robot comes to new floors as often as to each known one. With
 #: 0.5, a carpet left out of three floors was covered by the band in 63 % of its runs, with 1 in all.
-UNSEEN_SHARE = 1.0
+UNSEEN_ODDS = 1.0
 #: Share of the time in which the wheels are on several floors: a robot's length over some metres of a floor.
 MIXED_SHARE = 0.05
 #: Share of the floors never met that ask for about the forces of a known one; the rest may ask for any. The carpets of
@@ -45,13 +45,13 @@ LIKE_SHARE = 0.8
 #: The forces of a start settle for so long [s]: the filter's force begins at 0, and bodies and rollers accelerate.
 SETTLING_S = 0.5
 #: Then they are averaged over at most so long [s], as in the test for crossings, so that a missed one is forgotten.
-MEMORY_S = 3.0
+FORCE_MEMORY_S = 3.0
 #: b. The mean force of a run errs by 0.03 of the load, of which the spread of a floor's drag has the larger part.
 PERSISTENT_SHARE = 0.1
 #: Share of the alarms of the crossing test that are right, about, for a robot that crosses every few minutes.
 RIGHT_SHARE = 0.5
 #: Least probability of a combination: one that was excluded can come back.
-_LEAST = 1e-30
+_LEAST_PROBABILITY = 1e-30
 _TINY = 1e-9
 
 
@@ -134,8 +134,8 @@ class Recognition:
         known = len(self.floors)
         of_floor = np.ones(max(known, 1))
         if known and not self.told:
-            like_each = UNSEEN_SHARE * LIKE_SHARE / known
-            of_floor = np.repeat([1.0, like_each, UNSEEN_SHARE * (1 - LIKE_SHARE)], [known, known, 1])
+            like_each = UNSEEN_ODDS * LIKE_SHARE / known
+            of_floor = np.repeat([1.0, like_each, UNSEEN_ODDS * (1 - LIKE_SHARE)], [known, known, 1])
         same = (self.combinations == self.combinations[:, :1]).all(axis=1)
         weights = of_floor[self.combinations]
         return np.where(same, weights[:, 0], np.prod(weights, axis=1))
@@ -181,7 +181,7 @@ class Recognition:
     ) -> tuple[np.ndarray, Scalar]:
         """Mean of the forces (driven,) and the time that it covers."""
         dt_s = minimum(dt_s, self.correlation_s)  # a sample after a gap is one look
-        averaged_s = where(alarm, 0.0, where(restart, -SETTLING_S, minimum(state.averaged_s + dt_s, MEMORY_S)))
+        averaged_s = where(alarm, 0.0, where(restart, -SETTLING_S, minimum(state.averaged_s + dt_s, FORCE_MEMORY_S)))
         share = where(averaged_s > dt_s, dt_s / maximum(averaged_s, _TINY), 1.0)
         return state.mean_N + share * (drag_N - state.mean_N), averaged_s
 
@@ -198,7 +198,7 @@ class Recognition:
 
     def posterior(self, prior: np.ndarray, log_likelihood: np.ndarray) -> np.ndarray:
         """Probability (C,) by Bayes' rule."""
-        log_posterior = log(maximum(prior, _LEAST)) + log_likelihood
+        log_posterior = log(maximum(prior, _LEAST_PROBABILITY)) + log_likelihood
         posterior = exp(log_posterior - reduce(maximum, log_posterior))
         return posterior * (1.0 / posterior.sum())
 

@@ -9,10 +9,7 @@ from ohmward.battery.battery import require_rc
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocSample
 from ohmward.logs import Log
-from ohmward_lab.assess.battery.cell import figures, soc_cell
-from ohmward_lab.assess.battery.conditions import BASE, CONDITIONS
-from ohmward_lab.assess.battery.methods import METHODS
-from ohmward_lab.assess.battery.shifts import identified, measured
+from ohmward_lab.assess.battery import BASE, CONDITIONS, METHODS, figures, identified, measured, soc_cell
 
 BY_NAME = {method.name: method for method in METHODS}
 

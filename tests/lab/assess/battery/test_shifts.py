@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
-from ohmward_lab.assess.battery.conditions import BASE, CONDITIONS, Condition, Truth
-from ohmward_lab.assess.battery.shifts import CHEMISTRIES, identified, measured, shifts
+from ohmward_lab.assess.battery import (
+    BASE,
+    CHEMISTRIES,
+    CONDITIONS,
+    Condition,
+    Truth,
+    identified,
+    measured,
+    shifts,
+)
 from ohmward_lab.assess.draws import generator, signs
 from ohmward_lab.simulate.cells import BATTERIES
 

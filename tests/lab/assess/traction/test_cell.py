@@ -9,11 +9,15 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
 from ohmward.traction.speed_observer.default_observer import default_observer
 from ohmward.traction.speed_observer.estimator import observe
-from ohmward_lab.assess.traction.cell import figures, slip_cell
-from ohmward_lab.assess.traction.conditions import BASE_DRIVE, DRIVE_CONDITIONS
-from ohmward_lab.assess.traction.drives import ROBOTS
-from ohmward_lab.assess.traction.methods import SLIP_METHODS
-from ohmward_lab.assess.traction.sensors import measured
+from ohmward_lab.assess.traction import (
+    BASE_DRIVE,
+    DRIVE_CONDITIONS,
+    ROBOTS,
+    SLIP_METHODS,
+    figures,
+    measured,
+    slip_cell,
+)
 
 BY_NAME = {method.name: method for method in SLIP_METHODS}
 CONDITIONS = {condition.name: condition for condition in DRIVE_CONDITIONS}

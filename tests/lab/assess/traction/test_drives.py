@@ -5,9 +5,17 @@ import pytest
 
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.assess.draws import signs
-from ohmward_lab.assess.traction.conditions import BASE_DRIVE, World
-from ohmward_lab.assess.traction.drives import DURATION_S, INTERVAL_S, ROBOTS, STEP_S, drives, in_world
-from ohmward_lab.assess.traction.sensors import measured
+from ohmward_lab.assess.traction import (
+    BASE_DRIVE,
+    DRIVEN_S,
+    INTERVAL_S,
+    ROBOTS,
+    SAMPLE_S,
+    World,
+    drives,
+    in_world,
+    measured,
+)
 from ohmward_lab.simulate.closed_loop import Patch
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
 
@@ -32,7 +40,7 @@ def travel_m_s(name, truth):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_drive_uses_its_speeds_and_stops_among_them(name):
     truth = drives(name, World(), RUNS, 1)
-    assert truth.speed_m_s.shape == (round(DURATION_S / INTERVAL_S), RUNS)
+    assert truth.speed_m_s.shape == (round(DRIVEN_S / INTERVAL_S), RUNS)
     size = np.abs(truth.speed_m_s)
     assert 0.3 < size.max() < 1.1 and (size < 1e-3).mean() > 0.01 and truth.speed_m_s.min() < -0.1
     np.testing.assert_allclose(rim_m_s(name, World(), truth), travel_m_s(name, truth)[1:], atol=0.25)
@@ -42,7 +50,7 @@ def test_a_drive_uses_its_speeds_and_stops_among_them(name):
 def test_the_motion_is_that_of_the_plant():
     world = World("gravel")
     truth = drives("rlma", world, RUNS, 1)
-    plant = TractionPlant(ROBOTS["rlma"], [Patch("gravel")], longest_step_s=STEP_S)
+    plant = TractionPlant(ROBOTS["rlma"], [Patch("gravel")], longest_step_s=SAMPLE_S)
     # Torques change within the time kept; over a cruise they hardly do, so the plant follows from the start of a ramp.
     torque = np.diff(truth.impulse_Nms[:, :, 0], axis=0, prepend=0.0) / INTERVAL_S
     found = [plant.step(each, INTERVAL_S).speed_m_s for each in torque]

@@ -31,7 +31,7 @@ def torques(control, command, steps=200, wheel_speed_rad_s=0.0):
     """(steps, 2) that the compiled controller gives to wheels that do not move."""
     controller = make_controller(control, RLMA)
     at = REST._replace(wheel_speed_rad_s=np.full(2, wheel_speed_rad_s))
-    state, goal = controller.init(at), wheel_command(command, RLMA)
+    state, goal = controller.init(at, 0.0), wheel_command(command, RLMA)
     step = Kernel(controller.step, state, goal, at, DT)
     given = []
     for _ in range(steps):
@@ -74,7 +74,7 @@ def test_the_ramp_asks_for_less_at_first():
 
 def test_the_cascade_gives_a_new_wheel_speed_fifty_times_a_second():
     controller = make_controller(Control("slip", "cascade"), RLMA)
-    state, goal = controller.init(REST), wheel_command(Command(slip_ratio=0.12), RLMA)
+    state, goal = controller.init(REST, 0.0), wheel_command(Command(slip_ratio=0.12), RLMA)
     references = []
     for k in range(101):
         faster = REST._replace(travel_speed_m_s=np.full(2, k * DT))

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ohmward_lab.simulate.electrochemical.days import DayPlan, days, first_discharged, working_day
+from ohmward_lab.simulate.mission import DayPlan, days, first_discharged, working_day
 from ohmward_lab.simulate.profile import Profile
 
 

@@ -47,8 +47,17 @@ function showCharge(charge) {
   say("voltage", fixed(charge.voltage_V, 2, " V"));
   say("current", isKnown(charge.current_A) ? `${Math.abs(charge.current_A).toFixed(1)} A ${charge.current_A > 0.05 ? "in" : charge.current_A < -0.05 ? "out" : ""}` : "–");
   say("temperature", fixed(charge.temperature_degC, 0, " °C"));
+  at("beside").replaceChildren(...charge.beside.map(reading));
   say("capacity", isKnown(charge.soh_capacity) ? `${(100 * charge.soh_capacity).toFixed(0)} % of the file's` : "–");
   say("resistance", isKnown(charge.resistance_ratio) ? `${(100 * charge.resistance_ratio).toFixed(0)} % of the file's` : "–");
+}
+
+function reading(one) {
+  const item = document.createElement("div"), name = document.createElement("dt"), number = document.createElement("dd");
+  name.textContent = one.label;
+  number.textContent = isKnown(one.value) ? `${Number(one.value.toPrecision(3))} ${one.unit}` : "–";
+  item.append(name, number);
+  return item;
 }
 
 function showRange(range) {

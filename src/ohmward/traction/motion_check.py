@@ -1,4 +1,4 @@
-"""Wheels whose sensors are stuck, by the motion of the body that the other wheels and the gyro tell of.
+"""Consistency of wheels and gyro, which all measure one motion of the body: sensors that are stuck, and wrong signs.
 
 omega_k = g_k xi,   xi = argmin |G xi - omega|   over the rows of G that are known,
 
@@ -17,31 +17,56 @@ from ohmward.traction.robot.robot import Robot
 #: Other wheels agree on a motion within this, and the wheel that is stuck differs from it by more.
 DIFFERENCE_RAD_S = 1.0
 
+#: A sign is wrong where the other one leaves less than this share of the contradiction (in squares).
+CURED = 0.1
+
 _SPEED, _YAW_RATE = "wheel_speed_rad_s", "yaw_rate_rad_s"
 
 
-class WheelCheck:
+def contradiction(rows: np.ndarray, values: np.ndarray) -> float:
+    """Mean square [rad^2/s^2] that no motion of the body explains; rows: (n, freedoms) of G; values: (n, T)."""
+    return float(np.mean((rows @ (np.linalg.pinv(rows) @ values) - values) ** 2))
+
+
+def wrong_signs(rows: np.ndarray, values: np.ndarray, least: float) -> list[int]:
+    """Sensors whose other sign explains the contradiction, the best one first.
+
+    rows: (n, freedoms) of G.  values: (n, T).  least: contradiction up to which all signs are right.
+    """
+    as_is = contradiction(rows, values)
+    if not as_is > least:
+        return []
+    turned = [contradiction(rows, values * signs[:, None]) for signs in 1.0 - 2.0 * np.eye(len(rows))]
+    return [int(k) for k in np.argsort(turned, kind="stable") if turned[k] < CURED * as_is]
+
+
+def wrong_sign(which: str, fix: str) -> str:
+    """Sentence on an encoder or gyro whose sign is wrong."""
+    return (
+        f"the wheels contradict each other, and agree once {which} counts the other way: wrong sign, or wheels are "
+        f"exchanged; {fix}"
+    )
+
+
+class MotionCheck:
     """Check of each wheel by the others.
 
     Args:
         robot: that the wheels are on.
 
     Attributes:
+        rows: G (wheels + 1, freedoms), the gyro's last.
         scale: a yaw rate times it is of the size of wheel speeds, so that one tolerance serves all.
     """
 
     def __init__(self, robot: Robot):
         self.driven = robot.driven
-        self._radius_m = robot.wheel.radius_m
         self._signals = {f"{_SPEED}.{place.name}": k for k, place in enumerate(robot.places)}
         self._signals |= {f"{_SPEED}.{k}": k for k in range(len(robot.places))}
         turn = [1.0 if name == PLANAR[2] else 0.0 for name in robot.chassis.freedoms]
-        self.scale = float(np.abs(robot.rolling[:, -1]).max()) / self._radius_m or 1.0
-        self._rows = np.vstack([robot.rolling / self._radius_m, self.scale * np.array(turn)])
-
-    def row(self, wheel: int | None) -> np.ndarray:
-        """Row of G of a wheel; of the gyro for None."""
-        return self._rows[-1 if wheel is None else wheel]
+        rolling = robot.rolling / robot.wheel.radius_m
+        self.scale = float(np.abs(rolling[:, -1]).max()) or 1.0
+        self.rows = np.vstack([rolling, self.scale * np.array(turn)])
 
     def stuck(self, sensors: Mapping[str, tuple[float, bool]]) -> Iterator[str]:
         """Signals of wheels that are stuck.
@@ -64,17 +89,17 @@ class WheelCheck:
                 rows.append(self._signals[signal])
                 values.append(value)
             elif signal == _YAW_RATE and not same:
-                rows.append(len(self._rows) - 1)
+                rows.append(len(self.rows) - 1)
                 values.append(self.scale * value)
         return rows, values
 
     def _expected(self, k: int, rows: list[int], values: list[float]) -> float | None:
         """Speed [rad/s] of wheel k from all others; None where they do not tell it or contradict each other."""
         others = [n for n, row in enumerate(rows) if row != k]
-        G, omega = self._rows[[rows[n] for n in others]], np.array([values[n] for n in others])
-        if not len(others) or np.linalg.matrix_rank(np.vstack([G, self._rows[k]])) > np.linalg.matrix_rank(G):
+        G, omega = self.rows[[rows[n] for n in others]], np.array([values[n] for n in others])
+        if not len(others) or np.linalg.matrix_rank(np.vstack([G, self.rows[k]])) > np.linalg.matrix_rank(G):
             return None
         motion = np.linalg.lstsq(G, omega, rcond=None)[0]
         if np.abs(G @ motion - omega).max() > DIFFERENCE_RAD_S:
             return None
-        return float(self._rows[k] @ motion)
+        return float(self.rows[k] @ motion)

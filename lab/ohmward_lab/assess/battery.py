@@ -1,0 +1,367 @@
+"""Methods that estimate a battery's charge, on simulated shifts of eight hours: conditions, truth, methods, figures.
+
+A base case, and each of its assumptions broken by itself, by a little and by much. Each run is another shift: three
+hours of driving, a quarter of an hour idle, a charge, three hours of driving, a rest, begun between 80 and 100 %. The
+battery file comes from a pulse test of the same battery, in the workshop; each method is made from it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache, lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery, require_rc, require_thevenin
+from ohmward.battery.identification.identify import identify
+from ohmward.battery.soc.protocol import Estimator
+from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator, title_of
+from ohmward.battery.soc.sample import SocSample
+from ohmward.filters.consistency import BAND_95
+from ohmward.trace import Kernel
+from ohmward.trace.structure import side_by_side
+from ohmward_lab.assess.draws import generator, signs
+from ohmward_lab.assess.recommendation import Processor, Remedy, Situation, as_in_the_base_case
+from ohmward_lab.published.rc_three_states import RcThreeState, RcThreeStates
+from ohmward_lab.published.registry import GivenStart
+from ohmward_lab.published.scheme_by_method import SchemeByMethod, SchemeSoc
+from ohmward_lab.simulate import plant
+from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery
+from ohmward_lab.simulate.mission import MissionRobot, drive
+from ohmward_lab.simulate.profile import pulse_test
+from ohmward_lab.simulate.robot_day import record, run_on_bench
+from ohmward_lab.simulate.sensors import BatterySensors, Sensor
+
+
+class Truth(NamedTuple):
+    """State of the battery and of its surroundings, beside those of its test."""
+
+    temperature_degC: float = 25.0  #: of the air
+    #: of the battery over those when it was tested
+    capacity_ratio: float = 1.0
+    resistance_ratio: float = 1.0
+    step_s: float = 1.0  #: between the instants of the simulation
+
+
+class Condition(NamedTuple):
+    """One condition. Shares are of the capacity in an hour (0.01 is 0.01 C), voltages of one cell."""
+
+    #: in words
+    factor: str
+    level: str
+    truth: Truth = Truth()  #: of the battery
+    start_error: float | None = 0.05  #: of the initial value; None where it is unknown
+    #: of the current sensor. The signs of these three alternate from run to run.
+    offset_C: float = 0.005
+    gain: float = 0.002
+    #: standard deviations
+    current_noise_C: float = 0.002
+    voltage_noise_V: float = 0.001
+    voltage_step_V: float = 0.0005  #: of the converter
+    interval_s: float = 1.0  #: between samples
+    missing: float = 0.0  #: share of the currents and of the voltages that are lost
+    delay_s: float = 0.0  #: by which the voltage comes later than the current of the same row
+
+    @property
+    def name(self) -> str:
+        """In tables and files."""
+        return f"{self.factor}: {self.level}"
+
+
+#: The base case: the battery as tested, a start a few points off, and an everyday sensor at 1 Hz.
+BASE = Condition("base", "everyday sensors")
+
+CONDITIONS: tuple[Condition, ...] = (
+    BASE,
+    Condition("laboratory", "right start, no offset", start_error=0.0, offset_C=0.0, gain=0.0),
+    *(Condition("start", f"{100 * error:g} points off", start_error=error) for error in (0.1, 0.3)),
+    Condition("start", "unknown", start_error=None),
+    *(Condition("current offset", f"{100 * share:g} % of C", offset_C=share) for share in (0.02, 0.05)),
+    *(Condition("current gain", f"{100 * share:g} %", gain=share) for share in (0.01, 0.03)),
+    *(Condition("current noise", f"{100 * share:g} % of C", current_noise_C=share) for share in (0.02, 0.1)),
+    *(Condition("voltage noise", f"{1e3 * volt:g} mV a cell", voltage_noise_V=volt) for volt in (0.005, 0.02)),
+    *(Condition("voltage converter", f"{1e3 * volt:g} mV a cell", voltage_step_V=volt) for volt in (0.005, 0.02)),
+    Condition("interval", "0.1 s", Truth(step_s=0.1), interval_s=0.1),
+    *(Condition("interval", f"{seconds:g} s", interval_s=seconds) for seconds in (10.0, 60.0)),
+    *(Condition("temperature", f"{degC:g} degC", Truth(degC)) for degC in (40.0, 5.0, -10.0)),
+    *(Condition("capacity less", f"{100 * (1 - r):g} %", Truth(capacity_ratio=r)) for r in (0.95, 0.9)),
+    Condition("age", "80 %, resistance x 1.5", Truth(capacity_ratio=0.8, resistance_ratio=1.5)),
+    *(Condition("lost samples", f"{100 * share:g} %", missing=share) for share in (0.05, 0.3)),
+    *(Condition("voltage late", f"{seconds:g} s", delay_s=seconds) for seconds in (1.0, 5.0)),
+)
+
+_SENSOR = ("base", "current noise", "voltage noise", "voltage converter", "lost samples")
+
+
+SITUATIONS = (
+    Situation("laboratory", ("laboratory",)),
+    Situation(
+        "everyday sensors, noisy or coarse", _SENSOR, (Remedy("sensor and start of the laboratory", ("laboratory",)),)
+    ),
+    Situation("the start is wrong or not known", ("start",), as_in_the_base_case("a start that is right to 5 points")),
+    Situation(
+        "current sensor with offset and gain",
+        ("current offset", "current gain"),
+        as_in_the_base_case("a better current sensor"),
+    ),
+    Situation(
+        "samples seldom or out of step", ("interval", "voltage late"), as_in_the_base_case("samples every second")
+    ),
+    Situation("cold or hot", ("temperature",), as_in_the_base_case("a battery at 25 degC")),
+    Situation(
+        "less capacity than told, aged", ("capacity less", "age"), as_in_the_base_case("a file of the aged battery")
+    ),
+)
+
+
+CHEMISTRIES = tuple(BATTERIES)
+DURATION_S = 8 * 3600.0
+#: State of charge at which a shift begins.
+_START_SOC = (0.8, 1.0)
+_DRIVE_S, _IDLE_S, _CHARGE_S = 3 * 3600.0, 900.0, 4500.0
+#: Idle draw, and the charger, over the capacity in an hour.
+_IDLE_C, _CHARGE_C = 0.06, 0.5
+#: Capacity for which the robot's drives are written [Ah].
+_MISSION_AH = BATTERIES["lfp"].circuit.capacity_Ah
+#: Range of the sensors over what the battery has.
+_RANGE_C, _RANGE_V = 4.0, 1.5
+
+
+class Shifts(NamedTuple):
+    """The truth of many shifts."""
+
+    time_s: np.ndarray  #: (T,)
+    #: (T, B)
+    current_A: np.ndarray
+    voltage_V: np.ndarray
+    temperature_degC: np.ndarray
+    soc: np.ndarray
+
+
+@cache
+def identified(chemistry: str) -> Battery:
+    """The battery file, from a pulse test in the workshop by a good sensor."""
+    simulated = BATTERIES[chemistry]
+    bench = run_on_bench(simulated, pulse_test(simulated))
+    log = record(simulated, "pulse test", bench, _bench_sensors(simulated), generator("test", chemistry))
+    capacity_Ah = simulated.circuit.capacity_Ah
+    return identify(log, capacity_Ah=capacity_Ah, chemistry=chemistry, n_series=simulated.n_series)
+
+
+def _bench_sensors(battery: SimulatedBattery) -> BatterySensors:
+    capacity_A, cells = battery.circuit.capacity_Ah, battery.n_series
+    current = Sensor(-_RANGE_C * capacity_A, _RANGE_C * capacity_A, 2e-4 * capacity_A, 5e-4 * capacity_A)
+    voltage = Sensor(0.0, _RANGE_V * battery.voltage_max_V, 5e-4 * cells, 5e-4 * cells)
+    return BatterySensors(current, voltage, Sensor(-55.0, 125.0, 0.1, 0.1))
+
+
+@lru_cache(maxsize=2)
+def shifts(chemistry: str, truth: Truth, runs: int, seed: int) -> Shifts:
+    """Shifts of a battery in this state, one for each run."""
+    battery = in_state(BATTERIES[chemistry], truth)
+    time_s = np.arange(0.0, DURATION_S, truth.step_s)
+    rngs = [generator("shift", chemistry, seed, run) for run in range(runs)]
+    demand_A = np.stack([_load_A(rng, BATTERIES[chemistry], time_s) for rng in rngs], axis=1)
+    starts = [rng.uniform(*_START_SOC) for rng in rngs]
+    states = [plant.resting_state(battery, soc, truth.temperature_degC, hysteresis=1.0) for soc in starts]
+    interval_s = np.diff(time_s, prepend=time_s[0])
+    demand = plant.Demand(interval_s, demand_A, truth.temperature_degC)
+    kernel = Kernel(plant.step, states[0], plant.Demand(0.0, 0.0, 0.0), constants=(battery,))
+    _, found = kernel.scan_lanes(side_by_side(states), demand)
+    return Shifts(time_s, found.current_A, found.voltage_V, found.temperature_degC, found.soc)
+
+
+def in_state(battery: SimulatedBattery, truth: Truth) -> SimulatedBattery:
+    """The battery with another capacity and resistance than when it was tested."""
+    circuit, k = battery.circuit, truth.resistance_ratio
+    return replace(
+        battery,
+        circuit=replace(
+            circuit,
+            capacity_Ah=truth.capacity_ratio * circuit.capacity_Ah,
+            r0_discharge_ohm=tuple(k * r for r in circuit.r0_discharge_ohm),
+            r0_charge_ohm=tuple(k * r for r in circuit.r0_charge_ohm),
+            r_ohm=tuple(tuple(k * r for r in row) for row in circuit.r_ohm),
+        ),
+    )
+
+
+def _load_A(rng: np.random.Generator, battery: SimulatedBattery, time_s: np.ndarray) -> np.ndarray:
+    """Demanded current (T,) [A] of a shift; the charger keeps to the battery's limits."""
+    capacity_A = battery.circuit.capacity_Ah
+    robot = MissionRobot()
+    grid_s = np.arange(0.0, DURATION_S + 1.0)
+    current_A = np.full(grid_s.size, -_IDLE_C * capacity_A)
+    charge_s = _DRIVE_S + _IDLE_S
+    for begin_s in (0.0, charge_s + _CHARGE_S):
+        driven = drive(rng, robot, _DRIVE_S).current_A * capacity_A / _MISSION_AH
+        current_A[int(begin_s) : int(begin_s) + driven.size] = driven
+    current_A[int(charge_s) : int(charge_s + _CHARGE_S)] = _CHARGE_C * capacity_A
+    return np.interp(time_s, grid_s, current_A)
+
+
+def measured(chemistry: str, condition: Condition, runs: int, seed: int) -> tuple[SocSample, np.ndarray]:
+    """Samples (T, B) as the sensors of this condition give them, and the true state of charge (T, B)."""
+    truth, battery = shifts(chemistry, condition.truth, runs, seed), BATTERIES[chemistry]
+    rng = generator("sensors", chemistry, condition.name, seed)
+    every = round(condition.interval_s / condition.truth.step_s)
+    capacity_A, cells = battery.circuit.capacity_Ah, battery.n_series
+    time_s, current_A, voltage_V, temperature_degC, soc = (values[::every] for values in truth)
+    sign = signs(runs)
+    late = round(condition.delay_s / condition.interval_s)
+    voltage_V = voltage_V[np.maximum(np.arange(len(voltage_V)) - late, 0)]
+    noise_A, noise_V = (rng.standard_normal(current_A.shape) for _ in range(2))
+    current_A = (1.0 + sign * condition.gain) * current_A + capacity_A * (
+        sign * condition.offset_C + condition.current_noise_C * noise_A
+    )
+    step_V = cells * condition.voltage_step_V
+    voltage_V = step_V * np.round((voltage_V + cells * condition.voltage_noise_V * noise_V) / step_V)
+    if condition.missing:
+        current_A, voltage_V = (
+            np.where(rng.random(values.shape) < condition.missing, np.nan, values) for values in (current_A, voltage_V)
+        )
+    temperature_degC = np.round(temperature_degC, 1)
+    return SocSample(np.diff(time_s, prepend=time_s[0]), current_A, voltage_V, temperature_degC), soc
+
+
+class SocMethod(NamedTuple):
+    """A method by its name, in words, and the function that makes its estimator."""
+
+    name: str
+    title: str
+    make: Callable[[Battery], Estimator]
+
+
+def _of_registry(name: str) -> SocMethod:
+    return SocMethod(name, title_of(name), lambda battery: make_estimator(name, battery))
+
+
+class _FullStart(RcThreeStates):
+    """[P] 3.1: the filter starts at the OCV of a full battery, whatever is known."""
+
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RcThreeState:
+        return super().init(first, 1.0, soc_std)
+
+
+METHODS: tuple[SocMethod, ...] = (
+    _of_registry("coulomb"),
+    _of_registry("ocv"),
+    SocMethod(
+        "[P] RC + KF",
+        "RC model, Q and R of [P] (25), full at the start",
+        lambda battery: _FullStart(require_rc(battery)),
+    ),
+    SocMethod(
+        "[P] T2RC + UKF",
+        "Thevenin model, unscented filter, start taken as given",
+        lambda battery: GivenStart(require_thevenin(battery), battery.noise, battery.sensor),
+    ),
+    SocMethod("[P] hybrid", title_of("published.hybrid"), lambda battery: make_estimator("published.hybrid", battery)),
+    SocMethod(
+        "[T] AUKF",
+        "RC model, joint adaptive unscented filter, P0, Q0 and R0 of [T] (3.51)",
+        lambda battery: SchemeSoc(SchemeByMethod(require_rc(battery))),
+    ),
+    *map(_of_registry, ("published.rc-aukf", "textbook-ekf", "rc", "ekf", "ukf", "published.aukf")),
+    SocMethod(DEFAULT, title_of("gsf"), lambda battery: make_estimator(chosen_name(DEFAULT, battery), battery)),
+)
+
+#: 2 KB of code hold about 350 operations in single precision, 16 KB about 2,500; see docs/export.md.
+PROCESSORS = (
+    Processor("2 KB of flash", 350.0),
+    Processor("16 KB of flash", 2500.0),
+    Processor("computer", math.inf),
+)
+
+
+#: Errors count from here on [s]; before, a wrong start is being found, which `converged_min` tells.
+SCORED_FROM_S = 3600.0
+#: A start has been found when the error stays within this for good.
+FOUND = 0.05
+#: Given with a start that is wrong: `SocEstimator` assumes it too. Given with one that is right: the first voltage then
+#: moves it by no more than the chance that an estimator leaves for any value to be wrong.
+_START_STD, _RIGHT_START_STD = 0.03, 1e-4
+#: Samples of all lanes at once: some hundred megabytes with all that belongs to them.
+_MOST_SAMPLES = 1 << 20
+
+
+class SocFigures(NamedTuple):
+    """Figures of one method under one condition."""
+
+    chemistry: str
+    condition: str
+    method: str
+    #: of the state of charge after the first hour, over all runs; nan where it was no number once
+    rmse: float
+    largest: float
+    covered: float  #: share of these samples with the truth in the 95 % band; nan without a band
+    found_min: float  #: minutes until the error stays within 5 points, the median of the runs; inf where it never does
+    lost: float  #: share of the runs that end more than 5 points off
+    operations: int  #: in a step
+    ns: float  #: time of a sample, with many runs side by side; of this machine, and no part of the results' equality
+
+    @property
+    def subject(self) -> str:
+        """The chemistry."""
+        return self.chemistry
+
+
+def soc_cell(chemistry: str, condition: Condition, method: SocMethod, runs: int, seed: int) -> SocFigures:
+    """Run the method along every shift of this condition."""
+    samples, truth = measured(chemistry, condition, runs, seed)
+    kernel, estimator = _compiled(chemistry, method.name)
+    told = np.clip(truth[0] + signs(runs) * (condition.start_error or 0.0), 0.0, 1.0)
+    start_std = _RIGHT_START_STD if condition.start_error == 0.0 else _START_STD
+    length = len(truth)
+    width = max(1, _MOST_SAMPLES // length)
+    soc, std, spent_s = np.empty_like(truth), np.empty_like(truth), 0.0
+    for first in range(0, runs, width):
+        lanes = slice(first, min(first + width, runs))
+        part = SocSample(samples.dt_s, *(values[:, lanes] for values in samples[1:]))
+        states = []
+        for run in range(lanes.start, lanes.stop):
+            beginning = SocSample(0.0, *(float(values[0, run]) for values in samples[1:]))
+            start = None if condition.start_error is None else float(told[run])
+            states.append(estimator.init(beginning, start, start_std))
+        began = time.perf_counter()
+        _, (soc[:, lanes], std[:, lanes]) = kernel.scan_lanes(side_by_side(states), part)
+        spent_s += time.perf_counter() - began
+    found = figures(np.cumsum(samples.dt_s), soc - truth, std)
+    operations = len(kernel.program.nodes)
+    return SocFigures(chemistry, condition.name, method.name, *found, operations, 1e9 * spent_s / truth.size)
+
+
+@lru_cache(maxsize=len(METHODS))
+def _compiled(chemistry: str, name: str) -> tuple[Kernel, Any]:
+    """The step that gives the state of charge and its band alone, and the estimator."""
+    estimator: Any = next(method for method in METHODS if method.name == name).make(identified(chemistry))
+
+    def step(state: Any, sample: SocSample) -> Any:
+        after, found = estimator.step(state, sample)
+        return after, (found.soc, found.soc_std)
+
+    nothing = SocSample(0.0, math.nan, math.nan, math.nan)
+    return Kernel(step, estimator.init(nothing, 0.5), SocSample(0.0, 0.0, 0.0, 0.0)), estimator
+
+
+def figures(time_s: np.ndarray, error: np.ndarray, std: np.ndarray) -> tuple[float, float, float, float, float]:
+    """rmse, largest, covered, found_min and lost of errors and their standard deviations (T, B)."""
+    late = time_s >= SCORED_FROM_S
+    size = np.abs(error)
+    inside = np.where(np.isfinite(std), size <= BAND_95 * std, np.nan)[late]
+    far = ~(size <= FOUND)
+    last = np.where(far.any(axis=0), len(far) - 1 - np.argmax(far[::-1], axis=0), -1)
+    minutes = np.where(last < 0, 0.0, time_s[np.minimum(last + 1, len(far) - 1)] / 60.0)
+    minutes = np.where(far[-1], np.inf, minutes)
+    covered = float(np.nanmean(inside)) if np.isfinite(inside).any() else math.nan
+    return (
+        float(np.sqrt(np.mean(error[late] ** 2))),
+        float(size[late].max()),
+        covered,
+        float(np.median(minutes)),
+        float(np.mean(far[-1])),
+    )

@@ -1,1 +1,0 @@
-"""The battery: methods that estimate its charge, on shifts of eight hours."""

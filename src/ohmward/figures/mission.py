@@ -1,0 +1,105 @@
+"""Figures of a mission: the plan ahead, where the energy of a drive went, what each ground takes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ohmward.energy import BatteryState, Consumption, MissionForecast
+from ohmward.energy.consumption_figures import expected_J_per_m, usual_speed_m_s
+from ohmward.energy.drive_record import DriveRecord, RecordedBalance
+from ohmward.report import TIME, Band, Figure, Marker, Series
+from ohmward.report.palette import Meaning
+
+#: Parts of the power that lie on each other in the picture, and their colours.
+_STACK: dict[str, tuple[tuple[str, ...], Meaning]] = {
+    "idle": (("idle",), "background"),
+    "windings and gears": (("copper", "drive"), "comparison"),
+    "slip": (("slip",), "alert"),
+    "rolling": (("rolling",), "estimate"),
+}
+_SMOOTH_S = 2.0
+_SPEEDS = 25
+#: Shorter stretches are starts and stops: their energy per metre says nothing.
+_SHORTEST_SHOWN_M = 5.0
+
+
+def plan_figures(forecast: MissionForecast, state: BatteryState) -> list[Figure]:
+    """State of charge, energy and probability along the plan."""
+    m = forecast.milestones
+    x = np.array([0.0, *(one.distance_m for one in m)])
+    soc = 100 * np.array([[state.soc - 1.2816 * state.soc_std, state.soc, state.soc + 1.2816 * state.soc_std]])
+    soc = np.vstack([soc, *(100 * np.array(one.soc) for one in m)]).clip(0.0, 100.0)
+    energy = np.vstack([np.zeros(3), *(np.array(one.energy_J) / 3600.0 for one in m)])
+    probability = 100 * np.array([1.0, *(one.probability for one in m)])
+    turn = [Marker(forecast.point_of_return_m, "latest point of return", "alert")]
+    reserve = Series(x, np.full(len(x), 100 * state.reserve_soc), "reserve", "dashed", "reference")
+    label = "Distance [m]"
+    return [
+        Figure("State of charge", label, "State of charge [%]", [_line(x, soc), reserve], [_band(x, soc)], turn),
+        Figure("Energy", label, "Energy [Wh]", [_line(x, energy)], [_band(x, energy)], turn, height_px=200),
+        Figure(
+            "Probability to get here with the reserve left",
+            label,
+            "Probability [%]",
+            [Series(x, probability, "probability", role="estimate")],
+            markers=turn,
+            y_limits=(-2.0, 102.0),
+            height_px=200,
+        ),
+    ]
+
+
+def power_figure(balance: RecordedBalance) -> Figure:
+    """Losses on each other, and the battery's power over them."""
+    t = balance.time_s
+    bands = []
+    lower = np.zeros(len(t))
+    for label, (names, role) in _STACK.items():
+        losses_W = sum(getattr(balance.power, name) for name in names)
+        upper = lower + np.maximum(_smooth(t, losses_W), 0.0)
+        bands.append(Band(t, lower, upper, label, role))
+        lower = upper
+    line = Series(t, _smooth(t, balance.power.battery), "battery", role="reference")
+    title = "Power: losses on each other; what is left to the battery's line climbs, accelerates or is unexplained"
+    return Figure(title, TIME, "Power [W]", [line], bands, height_px=320)
+
+
+def speed_figure(record: DriveRecord) -> Figure:
+    """Speed and power of the battery, where no split is known."""
+    t = record.log.time_s
+    series = [
+        Series(t, record.battery_W, "battery", role="reference"),
+        Series(t, record.speed_m_s, "speed", role="estimate", axis="right"),
+    ]
+    return Figure("Power and speed", TIME, "Power [W]", series, right_label="Speed [m/s]")
+
+
+def terrain_figure(c: Consumption, name: str, record: DriveRecord | None) -> Figure:
+    """Energy per metre over speed: what another day may take, and the stretches of this one."""
+    usual = usual_speed_m_s(c, name)
+    speeds = np.linspace(0.4 * usual, 2.0 * usual, _SPEEDS)
+    expected = np.array([expected_J_per_m(c, name, float(v)) for v in speeds])
+    series = [_line(speeds, expected)]
+    there = [d for d in record.driven if d.stretch.terrain == name] if record else []
+    if there := [d for d in there if d.stretch.distance_m > _SHORTEST_SHOWN_M]:
+        v = np.array([d.stretch.speed_distance_m2_s / d.stretch.distance_m for d in there])
+        points = np.array([d.energy_J / d.stretch.distance_m for d in there])
+        series.append(Series(v, points, "stretches of this drive", "points", "comparison"))
+    return Figure(f"On {name}", "Speed [m/s]", "Energy per metre [J/m]", series, [_band(speeds, expected)])
+
+
+def _line(x: np.ndarray, quantiles: np.ndarray) -> Series:
+    return Series(x, quantiles[:, 1], "P50", role="estimate")
+
+
+def _band(x: np.ndarray, quantiles: np.ndarray) -> Band:
+    return Band(x, quantiles[:, 0], quantiles[:, 2], "P10-P90")
+
+
+def _smooth(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """A running mean over two seconds: the parts of single samples are noise."""
+    width = max(round(_SMOOTH_S / max(float(np.median(np.diff(time_s))), 1e-9)), 1)
+    known = np.nan_to_num(np.asarray(values, dtype=float))
+    return np.convolve(np.pad(known, width // 2, mode="edge"), np.full(width, 1 / width), mode="same")[
+        width // 2 : width // 2 + len(known)
+    ]

@@ -1,0 +1,256 @@
+"""Everyday logs to battery files that know more, log by log: a file for each serial number; can be resumed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.file import BATTERY_FILE, load_battery, replace_battery
+from ohmward.battery.learning.learn import learn
+from ohmward.errors import InputError, OhmwardError
+from ohmward.logs.log import ReadOptions
+from ohmward.logs.selection import selected_name, split_selection
+from ohmward.logs.serial_number import serial_numbers
+
+#: What a log has taught: its file and battery, then the fields of the lesson; of the journal: a log and its lessons.
+Row = dict[str, Any]
+
+
+class LearningJob(NamedTuple):
+    """What lessons depend on beside the logs."""
+
+    start: Battery  #: what is known of each battery that has no file yet
+    reading: ReadOptions
+    starts: Mapping[str, float]  #: initial state of charge by the log's name, that of "" holds for all others
+
+    @property
+    def digest(self) -> str:
+        """Another one for every job with other results."""
+        parts = [BATTERY_FILE.dump(self.start), asdict(self.reading), dict(self.starts)]
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
+
+
+def learn_all(
+    texts: Sequence[str],
+    job: LearningJob,
+    files: BatteryFiles,
+    journal: Journal,
+    report: Callable[[str, float], None] | None = None,
+) -> list[Row]:
+    """Rows of all logs, those of the journal as they were; the batteries in `files` have learnt them.
+
+    texts: files, or files and the rows wanted of them, the oldest first.
+    report: is called with the log and the share that is done.
+    """
+    done = {row["text"]: row for row in journal.rows}
+    rows: list[Row] = []
+    for k, text in enumerate(texts):
+        if report:
+            report(f"{k + 1} of {len(texts)}: {Path(text).name}", k / len(texts))
+        if text in done:
+            for key, battery in done[text]["batteries"].items():
+                files.restore(key, BATTERY_FILE.parse(battery))
+            rows += done[text]["lessons"]
+            continue
+        before = dict(files.after)
+        lessons = learn_log(text, job, files)
+        changed = {key: BATTERY_FILE.dump(b) for key, b in files.after.items() if before.get(key) is not b}
+        journal.add({"text": text, "lessons": lessons, "batteries": changed})
+        rows += lessons
+    return rows
+
+
+def learn_log(text: str, job: LearningJob, files: BatteryFiles) -> list[Row]:
+    """The lessons of a log; the batteries in `files` have learnt them."""
+    try:
+        parts = by_battery(text, job.reading, files)
+    except InputError as error:
+        return [refused(text, "", str(error))]
+    rows = []
+    for part, serial_number in parts:
+        try:
+            rows += _learn(part, serial_number, job, files)
+        except InputError as error:
+            rows.append(refused(part, serial_number, str(error)))
+    return rows
+
+
+def by_battery(text: str, reading: ReadOptions, files: BatteryFiles) -> list[tuple[str, str]]:
+    """The rows of each battery in a log and its serial number, "" where the log does not tell.
+
+    Raises:
+        InputError: the log cannot be read, or holds several batteries where the output is one file.
+    """
+    path, where = split_selection(text)
+    found = serial_numbers(path, dict(reading.where) | where)
+    if len(found) < 2:
+        return [(text, found[0][1] if found else "")]
+    parts = [(f"{text}{',' if where else ':'}{column}={serial}", serial) for column, serial in found]
+    if files.one_for_each:
+        return parts
+    own = files.after[files.open("")].serial_number
+    if not own:
+        raise InputError(
+            f"it holds batteries with several serial numbers ({', '.join(serial for _, serial in found)}); choose one "
+            f"with --where {found[0][0]}={found[0][1]}, or give a folder as --output"
+        )
+    return [part for part in parts if part[1] == own] or parts[:1]
+
+
+def _learn(text: str, serial_number: str, job: LearningJob, files: BatteryFiles) -> list[Row]:
+    key = files.open(serial_number)
+    log = job.reading.read(text)
+    start = job.starts.get(log.name, job.starts.get(""))
+    learnt = learn(files.after[key], [log], initial_soc={} if start is None else {log.name: start})
+    if learnt.battery is not files.after[key]:
+        # as the file will have it, so that a run that goes on after an interruption ends with the same file
+        files.after[key] = BATTERY_FILE.parse(BATTERY_FILE.dump(learnt.battery))
+    path = str(split_selection(text)[0])
+    head = {"path": path, "serial_number": serial_number or None, "battery_file": key or None}
+    notes = [str(note) for note in log.notes]
+    return [
+        head | lesson.as_dict() | {"reason": lesson.reason.removeprefix(f"{lesson.log}: "), "notes": notes}
+        for lesson in learnt.lessons
+    ]
+
+
+def refused(text: str, serial_number: str, reason: str) -> Row:
+    """Row of a log that could not be read or is of no battery of the run."""
+    path, where = split_selection(text)
+    name = selected_name(path.stem, where)
+    return {
+        "path": str(path),
+        "serial_number": serial_number or None,
+        "battery_file": None,
+        "log": name,
+        "verdict": "set aside",
+        # the name of the log stands beside it anyway
+        "reason": reason.removeprefix(f"{path.name}: ").removeprefix(f"{name}: "),
+        "notes": [],
+    }
+
+
+@dataclass
+class BatteryFiles:
+    """The batteries of a run by the files that they are written to."""
+
+    start: Battery  #: what is known of each battery that has no file yet
+    output: Path | None  #: the file, or the folder of one file for each serial number; None writes none
+    #: each battery by its file, when it was opened and now; "" is the file of a run without output
+    before: dict[str, Battery] = field(default_factory=dict)
+    after: dict[str, Battery] = field(default_factory=dict)
+
+    @property
+    def one_for_each(self) -> bool:
+        """True where each serial number has a file of its own."""
+        return self.output is not None and self.output.is_dir()
+
+    def open(self, serial_number: str) -> str:
+        """Key of the battery with this serial number, "" where a log has none; its file is read if there is one.
+
+        Raises:
+            InputError: the log is of another battery than the file, or has no serial number to choose a file by.
+        """
+        key = self._key(serial_number)
+        self._load(key, serial_number)
+        own = self.after[key].serial_number
+        if serial_number and own and serial_number != own:
+            raise InputError(
+                f"this is not the battery of the file: the log is of serial number {serial_number}, the file of {own}; "
+                "a folder as --output takes a file for each"
+            )
+        if serial_number and not own:
+            self.after[key] = replace(self.after[key], serial_number=serial_number)
+        return key
+
+    def restore(self, key: str, battery: Battery) -> None:
+        """Put the battery of an interrupted run in its place."""
+        self._load(key, battery.serial_number)
+        self.after[key] = battery
+
+    def _key(self, serial_number: str) -> str:
+        """Path of the file of the battery with this serial number."""
+        if not self.one_for_each:
+            return "" if self.output is None else str(self.output)
+        assert self.output is not None
+        if not serial_number:
+            raise InputError("the log has no serial number, by which the file in the folder could be chosen")
+        return str(self.output / f"{re.sub(r'[^A-Za-z0-9._-]', '_', serial_number)}.toml")
+
+    def _load(self, key: str, serial_number: str) -> None:
+        """Take up the battery of a file, once; in a folder the file that is there goes on from where it stands."""
+        if key in self.after:
+            return
+        if self.one_for_each:
+            known = load_battery(key) if Path(key).exists() else replace(self.start, serial_number=serial_number)
+        else:
+            known = self.start
+        self.before[key] = self.after[key] = known
+
+    def write(self) -> dict[str, str | None]:
+        """Write every file whose battery has changed or that is not there; each with the path of the one before."""
+        written: dict[str, str | None] = {}
+        for key, battery in self.after.items():
+            if key and (battery != self.before[key] or not Path(key).exists()):
+                backup = replace_battery(battery, key)
+                written[key] = None if backup is None else str(backup)
+        return written
+
+
+class Journal:
+    """A file beside the output, one line for each log; it goes when the run is done.
+
+    path: None keeps no journal.
+    job: what the lessons depend on beside the logs; a journal of another job is begun anew.
+    """
+
+    def __init__(self, path: Path | None, job: str):
+        self.path = path
+        lines = path.read_text(encoding="utf-8").splitlines() if path and path.exists() else []
+        rows = [row for row in map(_parsed, lines) if row is not None]
+        self.rows: list[Row] = rows[1:] if rows and rows[0].get("job") == job else []
+        if path is not None and not self.rows:
+            self._write([{"job": job}], "w")
+
+    def add(self, row: Row) -> None:
+        """Append a row; it is on the disk before the next log is read."""
+        self.rows.append(row)
+        if self.path is not None:
+            self._write([row], "a")
+
+    def finish(self) -> None:
+        """Remove the file."""
+        if self.path is not None:
+            self.path.unlink(missing_ok=True)
+
+    def _write(self, rows: Sequence[Row], mode: str) -> None:
+        assert self.path is not None
+        try:
+            with self.path.open(mode, encoding="utf-8") as stream:
+                stream.write("".join(f"{json.dumps(row)}\n" for row in rows))
+        except OSError as error:
+            raise OhmwardError(
+                f"{self.path}: cannot be written ({error.strerror}); free space, then start again"
+            ) from error
+
+
+def _parsed(line: str) -> Row | None:
+    """Object in a line; None for one that was cut off when the run was interrupted."""
+    try:
+        return json.loads(line)
+    except json.JSONDecodeError:
+        return None
+
+
+def journal_path(output: str | None) -> Path | None:
+    """Journal of a run with this output: .battery.toml.learning beside the file, or .learning in the folder."""
+    if output is None:
+        return None
+    path = Path(output)
+    return path / ".learning" if path.is_dir() else path.with_name(f".{path.name}.learning")

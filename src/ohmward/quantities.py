@@ -1,0 +1,235 @@
+"""Quantities that the sensors of a robot measure: one table, and the limits of what each can show.
+
+The name of a quantity is that of its signal on the robot, of its path over MQTT and of its column in the store. A name
+alone is a quantity of the body or the battery, `battery_current_A`; one for each wheel, motor or cell has the wheel's
+name or a number from 0 behind a dot: `wheel_speed_rad_s.front_left`, `motor_current_A.0`, `cell_voltage_V.3`.
+
+A row of the table is all that a quantity needs to be read from logs, wired, checked, stored and shown. What estimates
+with it is code of its own, and until there is any the row says `estimated_from=False`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from typing import Any, NamedTuple
+
+from ohmward.errors import InputError
+
+
+class ValueLimits(NamedTuple):
+    """Lowest and highest value of a quantity."""
+
+    lowest: float
+    highest: float
+
+
+class Quantity(NamedTuple):
+    """A quantity that sensors measure."""
+
+    name: str  #: with its unit; signs as in docs/conventions.md
+    meaning: str  #: in a few words
+    owner: str  #: "battery" or "body"; "cell", "wheel", "motor" or "estimate" where there are several
+    unit: str = ""  #: symbol of `ohmward.logs.units`, which knows its dimension
+    #: no sensor that works shows less or more; nan and infinity are not measured
+    limits: ValueLimits = ValueLimits(-math.inf, math.inf)
+    words: frozenset[frozenset[str]] = frozenset()  #: in the names of columns, each a set of words in any order
+    example: str = ""  #: units for a message
+    other_dimensions: tuple[str, ...] = ()  #: of units that a column may have besides that of `unit`
+    #: an estimator takes it, so that a log has a field for it; else it is only read, stored and shown
+    estimated_from: bool = True
+    required: bool = False  #: without it the log of its owner is refused
+    ros_type: str = ""  #: message of ROS that has it, `sensor_msgs/msg/BatteryState`
+    ros_field: str = ""  #: its path there
+    axis_label: str = ""  #: of its figures, where it is not the name and the unit
+
+    @property
+    def each(self) -> str:
+        """Of what there are several: "cell", "wheel", "motor" or "estimate"; "" where there is one."""
+        return "" if self.owner in ("battery", "body") else self.owner
+
+    @property
+    def group(self) -> str:
+        """The "battery" or the "drive", whose log and row of the store have it; "" for neither."""
+        return next((group for group, owners in GROUPS.items() if self.owner in owners), "")
+
+    @property
+    def field(self) -> str:
+        """Name in a log, which is one of a battery or of a drive: `current_A`."""
+        return self.name.removeprefix("battery_")
+
+    @property
+    def channel(self) -> str:
+        """Name without its unit, as in `columns={"current": "I_batt"}`."""
+        return self.field.removesuffix("_" + self.unit.replace("/", "_"))
+
+    @property
+    def label(self) -> str:
+        """Name for people: `Current`."""
+        return self.channel.replace("_", " ").capitalize()
+
+    @property
+    def axis(self) -> str:
+        """Label of its axis in figures: `Voltage [V]`."""
+        return self.axis_label or f"{self.label} [{self.unit}]"
+
+
+def words_of(*names: str) -> frozenset[frozenset[str]]:
+    """Names of a quantity as sets of words."""
+    return frozenset(frozenset(name.split()) for name in names)
+
+
+def each_with_each(first: str, second: str) -> list[str]:
+    """Every word of the first with every word of the second; `-` stands for none."""
+    return [f"{a} {b}".replace("-", "") for a in first.split() for b in second.split()]
+
+
+_COMPASSES = "- compass magnetic mag gnss gps"
+_SPEEDOMETERS = "- ground gnss gps vo visual flow radar lidar"
+_BATTERY_STATE, _IMU, _ODOMETRY = "sensor_msgs/msg/BatteryState", "sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry"
+
+_TABLE = (
+    Quantity(
+        "battery_current_A", "current of the battery, > 0 charges", "battery", "A", ValueLimits(-5000.0, 5000.0),
+        words_of("current", "i", "cur", "curr", "ipack", "amps", "amperage", "ibat", "ibatt", "strom", "courant",
+                 "corriente", "corrente", "prąd", "ток", "电流", "電流", "전류"),
+        "A or mA", required=True, ros_type=_BATTERY_STATE, ros_field="current", axis_label="Current [A], > 0 charges",
+    ),
+    Quantity(
+        "battery_voltage_V", "voltage at the terminals of the pack", "battery", "V", ValueLimits(0.0, 2000.0),
+        words_of("voltage", "v", "u", "vol", "volt", "volts", "potential", "vtot", "vpack", "upack", "vfas", "vbat",
+                 "vbatt", "ubat", "ubatt", "ecell", "ewe",
+                 "spannung", "tension", "tensión", "voltaje", "tensione", "tensão", "napięcie", "напряжение", "电压",
+                 "電圧", "電壓", "전압"),
+        "V or mV", required=True, ros_type=_BATTERY_STATE, ros_field="voltage",
+    ),
+    Quantity(
+        "battery_temperature_degC", "temperature of the battery", "battery", "degC",
+        ValueLimits(-60.0, 120.0),  # sensors say -127 or -273 when their wire is off
+        words_of("temperature", "temp", "t", "tbat", "tbatt", "temperature t", "temperature a", "aux temperature",
+                 "temperatur", "température", "temperatura", "температура", "温度", "溫度", "온도"),
+        "degC, K or degF", ros_type=_BATTERY_STATE, ros_field="temperature", axis_label="Temperature [°C]",
+    ),
+    Quantity("battery_full", "1 while the charger says that the battery is full, else 0", "battery", "1",
+             ValueLimits(0.0, 1.0)),
+    Quantity("cell_voltage_V", "voltage of each cell", "cell", "V", ValueLimits(0.0, 20.0)),
+    Quantity(
+        "wheel_speed_rad_s", "speed of each wheel behind its gear, > 0 drives forward", "wheel", "rad/s",
+        ValueLimits(-1e4, 1e4),
+        words_of("speed", "vel", "velocity", "velocities", "v", "w", "omega", "rate", "angvel"),
+        "rad/s, rpm, m/s, counts, rad or m", ("speed", "turn", "angle", "length"),
+    ),
+    Quantity(
+        "wheel_counts", "count of each wheel's encoder, which may overflow", "wheel", "counts",
+        words=words_of("counts", "count", "ticks", "tick", "encoder", "enc", "position", "positions", "pos", "angle",
+                       "s", "way", "distance", "dist", "travel"),
+        other_dimensions=("angle", "length"),
+    ),
+    Quantity(
+        "motor_current_A", "current of each motor, > 0 drives forward", "motor", "A", ValueLimits(-2000.0, 2000.0),
+        words_of("current", "currents", "cur", "curr", "i", "amps"), "A or mA",
+    ),
+    Quantity(
+        "yaw_rate_rad_s", "yaw rate from a gyro, > 0 to the left", "body", "rad/s", ValueLimits(-50.0, 50.0),
+        words_of(*each_with_each("yaw", "rate vel velocity speed gyro"), *each_with_each("gyro w omega", "z"),
+                 "angular velocity z", "ang vel z"),
+        "rad/s or deg/s", ros_type=_IMU, ros_field="angular_velocity.z",
+    ),
+    Quantity(
+        "acceleration_m_s2", "acceleration along x, gravity included", "body", "m/s2", ValueLimits(-200.0, 200.0),
+        words_of(*each_with_each("acceleration accel acc", "- x forward"), "a x",
+                 *(f"linear {name}" for name in each_with_each("acceleration accel acc", "x forward"))),
+        "m/s2 or g", ros_type=_IMU, ros_field="linear_acceleration.x",
+    ),
+    Quantity("pitch_rad", "pitch from an attitude filter, > 0 with the nose up", "body", "rad", ValueLimits(-1.6, 1.6),
+             words_of("pitch", "pitch angle"), "rad or deg"),
+    Quantity(
+        "speed_m_s", "speed of the body from GNSS, visual or lidar odometry", "body", "m/s", ValueLimits(-50.0, 50.0),
+        words_of(*each_with_each("speed velocity", _SPEEDOMETERS)),
+        "m/s or km/h", ros_type=_ODOMETRY, ros_field="twist.twist.linear.x",
+    ),
+    Quantity("speed_std_m_s", "standard deviation of that speed", "body", "m/s", ValueLimits(0.0, 50.0),
+             words_of(*(f"speed {name}" for name in each_with_each("std sigma", _SPEEDOMETERS))), "m/s"),
+    Quantity("speed_age_s", "age of that speed", "body", "s", ValueLimits(0.0, 10.0),
+             words_of(*(f"age {name}" for name in each_with_each("speed", _SPEEDOMETERS))), "s or ms"),
+    Quantity("heading_rad", "heading from a compass or GNSS antennas, > 0 to the left, from any zero", "body", "rad",
+             ValueLimits(-1e4, 1e4), words_of("compass", *each_with_each(_COMPASSES, "heading")), "rad or deg"),
+    Quantity("heading_std_rad", "standard deviation of that heading", "body", "rad", ValueLimits(0.0, 3.2),
+             words_of(*each_with_each("heading", "std sigma")), "rad or deg"),
+    #: Of a microcontroller that estimates itself: passed on with the states, and not used.
+    Quantity("estimate", "estimate of a microcontroller, by its own name", "estimate", estimated_from=False),
+)  # fmt: skip
+
+QUANTITIES = {quantity.name: quantity for quantity in _TABLE}
+
+#: Owners whose quantities make a log and a row of the store together.
+GROUPS = {"battery": ("battery", "cell"), "drive": ("wheel", "motor", "body")}
+
+
+def names_of(group: str) -> tuple[str, ...]:
+    """Names of the quantities of the "battery", with its cells, or of the "drive"."""
+    return tuple(quantity.name for quantity in QUANTITIES.values() if quantity.group == group)
+
+
+#: Quantities of the body that estimators take: arguments of `SlipEstimator.update` or `Odometry.update`.
+BODY = tuple(name for name, quantity in QUANTITIES.items() if quantity.owner == "body" and quantity.estimated_from)
+
+
+def quantity_of(signal: str) -> Quantity:
+    """The quantity of a signal's name, that before the dot.
+
+    Raises:
+        InputError: there is none of that name, or a wheel, motor or cell is named where there is one value, or the
+            other way round.
+    """
+    name, dot, part = signal.partition(".")
+    if name not in QUANTITIES:
+        near = difflib.get_close_matches(name, QUANTITIES, n=1, cutoff=0.5)
+        advice = (
+            f"did you mean {near[0]}? Units are part of the names" if near else f"there are: {', '.join(QUANTITIES)}"
+        )
+        raise InputError(f"{signal!r} is not a quantity; {advice}")
+    quantity = QUANTITIES[name]
+    if bool(quantity.each) != bool(dot and part):
+        fix = f"write {name}.NAME, the name of the {quantity.each} or its number from 0" if quantity.each else "no dot"
+        raise InputError(f"{signal!r}: there is {'one for each ' + quantity.each if quantity.each else 'one'}; {fix}")
+    return quantity
+
+
+#: A battery is charged and discharged by no more than so many times its capacity in an hour: model aircraft are.
+MOST_C = 20.0
+
+#: Voltages beyond those of the battery file by these factors are those of another battery, or in another unit: no
+#: battery is used at 70 % of its lowest or charged to 110 % of its highest voltage.
+_LOWEST_SHARE, _HIGHEST_SHARE = 0.7, 1.1
+
+#: Fastest rim of a robot with a known wheel [m/s]: a fast runner.
+_FASTEST_RIM_M_S = 10.0
+
+
+def limits_of(name: str, battery: Any = None, robot: Any = None) -> ValueLimits:
+    """ValueLimits of a quantity: on this robot where its battery file or robot file tells them, else of every sensor.
+
+    battery: a `Battery`, or None.  robot: a `Robot`, or None.
+    """
+    if battery and name in ("battery_voltage_V", "cell_voltage_V"):
+        share = 1.0 if name == "battery_voltage_V" else 1.0 / battery.n_series
+        return ValueLimits(
+            _LOWEST_SHARE * share * battery.voltage_min_V, _HIGHEST_SHARE * share * battery.voltage_max_V
+        )
+    if battery and name == "battery_current_A":
+        return ValueLimits(-MOST_C * battery.capacity_Ah, MOST_C * battery.capacity_Ah)
+    if robot and name == "wheel_speed_rad_s":
+        return ValueLimits(-_FASTEST_RIM_M_S / robot.wheel.radius_m, _FASTEST_RIM_M_S / robot.wheel.radius_m)
+    return QUANTITIES[name].limits
+
+
+#: No battery is used beyond these.
+COLDEST_DEGC, HOTTEST_DEGC = limits_of("battery_temperature_degC")
+
+#: No robot on wheels is faster.
+FASTEST_M_S = limits_of("speed_m_s").highest
+
+#: Largest speed of a wheel and current of a motor that a filter believes: sensors of a bench show more, wheels and
+#: motors of a robot, whose size a filter does not ask, do not.
+MOST_WHEEL_RAD_S, MOST_MOTOR_A = 500.0, 200.0
