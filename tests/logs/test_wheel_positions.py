@@ -58,7 +58,7 @@ def test_counts_since_the_last_row_are_added_up(per_turn, back, tmp_path):
         totals.append(log.wheel_speed_rad_s[-390:, 0])
         added = [note for note in log.notes if "counts since the row before" in note.text]
         assert bool(added) == (column is not counts)
-    np.testing.assert_allclose(*totals, atol=1e-6)
+    np.testing.assert_allclose(totals[0], totals[1], atol=1e-6)
 
 
 def test_a_counter_that_rolls_over_within_a_turn_is_not_added_up(tmp_path):

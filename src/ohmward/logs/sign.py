@@ -173,8 +173,8 @@ def _both_ways(current_A: np.ndarray, voltage_V: np.ndarray) -> str:
     dI, dV = np.diff(size_A), np.diff(voltage_V)
     noise_V = max(spread(dV), resolution(voltage_V))
     rises = np.flatnonzero((dI >= _EDGE * largest_A) & (np.abs(dV) > CLEAR_T * noise_V))
-    lasting = [k for k in rises if _goes_on(size_A[k + 1 :], voltage_V[k + 1 :], float(np.sign(dV[k])), noise_V)]
-    counts = sorted((np.count_nonzero(way * dV[rises] > 0), np.count_nonzero(way * dV[lasting] > 0)) for way in (1, -1))
+    held = [k for k in rises if _goes_on(size_A[k + 1 :], voltage_V[k + 1 :], float(np.sign(dV[k])), noise_V)]
+    counts = sorted((np.count_nonzero(way * dV[rises] > 0), np.count_nonzero(way * dV[held] > 0)) for way in (1, -1))
     if counts[0][1] == 0:
         return ""
     return (
