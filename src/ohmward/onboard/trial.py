@@ -10,11 +10,15 @@ from pathlib import Path
 from ohmward.battery.file import load_battery
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.feed import Feed
+from ohmward.onboard.message import Message
 from ohmward.onboard.part import ActingSink, keep_running
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.wiring_check import Recorder, SignalRecord, check_wiring
 from ohmward.traction.robot.file import load_robot
+
+#: A simulated robot is compiled before it sends anything, which takes this long at most; then it is listened to.
+COMPILED_S = 60.0
 
 
 @dataclass
@@ -55,6 +59,12 @@ async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str,
         if worst is None or diagnostic.level >= worst.level:
             told[diagnostic.name] = diagnostic
 
+    begun = asyncio.Event()
+
+    def put(message: Message) -> None:
+        begun.set()
+        recorder.put(message)
+
     simulated, driving = connect_simulated_drives(setup.source, setup.sink)
     # a sink opens what it sends to, and gets no state
     trials = {
@@ -62,9 +72,13 @@ async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str,
     }
     sinks = [asyncio.create_task(keep_running(f"sink {name}", run, tell)) for name, run in trials.items()]
     sources = [
-        asyncio.create_task(keep_running(f"source {source.name}", partial(source.run, recorder.put), tell))
+        asyncio.create_task(keep_running(f"source {source.name}", partial(source.run, put), tell))
         for source in simulated
     ]
+    if not all(getattr(source, "live", True) for source in simulated):
+        first = asyncio.create_task(begun.wait())
+        await asyncio.wait([first, *sources], timeout=COMPILED_S, return_when=asyncio.FIRST_COMPLETED)
+        first.cancel()
     if sources:
         await asyncio.wait(sources, timeout=seconds)
     for task in (*sources, *sinks):
