@@ -14,7 +14,7 @@ def test_figures_are_those_of_soc(here, as_json):
     compared = as_json(*COMPARE, "--truth", "soc_true")["estimators"]
     alone = as_json("soc", "day.csv", "--battery", "battery.toml", "--truth", "soc_true", "--filter", "ekf")
     for key in ("soc_final", "soc_rmse", "soc_max_error_after_1h", "coverage_95", "voltage_rmse_V"):
-        assert compared["ekf"][key] == alone[key]
+        assert compared["ekf"][key] == pytest.approx(alone[key], rel=1e-12)  # one may be in machine code
     assert compared["coulomb"]["voltage_rmse_V"] is None
     assert compared["ekf"]["us_per_step"] > 0
 

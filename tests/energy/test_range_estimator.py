@@ -174,7 +174,10 @@ def test_the_representation_says_what_is_left():
     ("make", "message"),
     [
         (lambda: RangeEstimator("battery.toml", NEW), "battery must be a Battery, got str"),  # type: ignore[arg-type]
-        (lambda: RangeEstimator(BATTERY, "rlmb"), "robot must be a robot file or one of rlma, robotino, seeder, got 'rlmb'"),
+        (
+            lambda: RangeEstimator(BATTERY, "rlmb"),
+            "robot must be a robot file or one of rlma, robotino, seeder, got 'rlmb'",
+        ),
         (lambda: RangeEstimator(BATTERY, 7), "a robot must be a Robot, or the path or name of one, got int"),  # type: ignore[arg-type]
         (lambda: new(reserve_soc=20.0), "reserve_soc must be between 0 and 1, got 20"),
         (lambda: new(terrain=""), "terrain must be the name of a ground"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.log_files import FORMATS, TEXT
+from ohmward.cli.log_format import FORMATS, TEXT
 
 EXAMPLES = """\
   ohmward run --demo                                a simulated robot, with nothing attached

@@ -11,7 +11,7 @@ from typing import Any
 
 from ohmward.checks import require_positive
 from ohmward.cli import wording
-from ohmward.cli.log_files import TEXT, begin_log
+from ohmward.cli.log_format import TEXT, begin_log
 from ohmward.cli.outcome import Outcome
 from ohmward.errors import InputError, OhmwardError
 from ohmward.lab import lab
