@@ -38,7 +38,7 @@ def machine(tmp_path, monkeypatch):
     units.mkdir()
     monkeypatch.setattr(command, "UNITS", units)
     monkeypatch.setattr("os.geteuid", lambda: 0)
-    monkeypatch.setattr("ohmward.cli.service.unit._HIDDEN", (Path("/nobody"),))
+    monkeypatch.setattr("ohmward.cli.service.command._HIDDEN", (Path("/nobody"),))
     return units
 
 
@@ -145,7 +145,7 @@ def test_paths_that_mean_another_place_are_refused(setup, machine):
 
 
 def test_a_folder_that_the_service_does_not_see_is_refused(setup, monkeypatch):
-    monkeypatch.setattr("ohmward.cli.service.unit._HIDDEN", (Path(sys.executable).parent, setup.parent))
+    monkeypatch.setattr("ohmward.cli.service.command._HIDDEN", (Path(sys.executable).parent, setup.parent))
     found = " ".join(obstacles(setup))
     assert f"a service does not see {sys.executable}, which runs this" in found
     assert f"a service does not see {setup}, nor anything" in found
