@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -72,8 +73,11 @@ def speed_std_m_s(robot: Robot, log: DriveLog) -> float:
 
 
 def speed_minus_wheels_m_s(robot: Robot, log: DriveLog) -> np.ndarray:
-    """External speeds (N,) minus those of the driven wheels on the radius that fits best; may be empty."""
-    speed, wheels = speed_and_wheels_m_s(robot, log)
+    """External speeds (N,) minus those of the driven wheels on the radius that fits best; may be empty.
+
+    Both as they come: an age is known to some hundredths of a second only, and what the speed changes in it is noise.
+    """
+    speed, wheels = speed_and_wheels_m_s(robot, replace(log, speed_age_s=None))
     moving = np.abs(wheels) > _MOVING_M_S
     radius_ratio = float(np.median(speed[moving] / wheels[moving])) if moving.any() else 1.0
     return speed - radius_ratio * wheels
