@@ -259,7 +259,7 @@ SLIP: Any = SlipEstimator
         (lambda: SLIP(OBSERVER).update(0.0, [1.0, 2.0, 3.0]), r"must have the shape \(4,\) or \(2,\)"),
         (lambda: SLIP(OBSERVER).update(0.0, [1.0, "2"]), r"wheel_speed_rad_s\[1\] must be a number"),
         (lambda: SLIP(OBSERVER).update(0.0, 1.0), r"one number for each wheel or motor .* got \(\)"),
-        (lambda: SLIP("rlmb"), "robot must be a robot file or one of rlma, robotino, got 'rlmb'"),
+        (lambda: SLIP("rlmb"), "robot must be a robot file or one of rlma, robotino, seeder, got 'rlmb'"),
         (lambda: SLIP(7), "the path or name of one, got int"),
         (lambda: SLIP("rlma", terrain="cheese"), "terrain must be one of dry asphalt, .* got 'cheese'"),
         (lambda: SLIP("rlma", filter="pf"), "filter must be one of ekf, aekf, ukf, aukf, got 'pf'"),

@@ -32,14 +32,14 @@ def run(tmp_path):
     return script
 
 
-TESTS = ["make static", "make test", "make test-spark"]
+TESTS = ["make static", "make test", "make test-lab", "make test-spark"]
 ROOT, USER, GOOD, BAD = "echo 0", "echo 1000", "exit 0", "exit 1"
 
 
 def test_root_installs_what_is_missing_then_tests(run):
     calls, result = run({"id": ROOT, "apt-get": GOOD, "make": GOOD})
     assert result.returncode == 0 and result.stderr == ""
-    assert [c.split()[0] for c in calls] == ["apt-get", "apt-get", "make", "make", "make"]
+    assert [c.split()[0] for c in calls] == ["apt-get", "apt-get", *(["make"] * len(TESTS))]
     for package in ("gcc-arm-none-eabi", "libnewlib-arm-none-eabi", "qemu-system-arm", "--no-install-recommends"):
         assert package in calls[1]
 
@@ -47,6 +47,13 @@ def test_root_installs_what_is_missing_then_tests(run):
 def test_what_is_there_is_not_installed(run):
     calls, result = run({"id": ROOT, "apt-get": GOOD, "make": GOOD} | dict.fromkeys(TOOLS, GOOD))
     assert calls == TESTS and result.returncode == 0
+
+
+@pytest.mark.parametrize("changed, tests", [(BAD, TESTS), (GOOD, [t for t in TESTS if t != "make test-lab"])])
+def test_the_laboratory_is_tested_where_it_changed(run, changed, tests):
+    git = f'if [ "$1" = rev-list ]; then echo 1a2b3c; else {changed}; fi'
+    calls, result = run({"id": USER, "make": GOOD, "git": git} | dict.fromkeys(TOOLS, GOOD))
+    assert [call for call in calls if call.startswith("make")] == tests and result.returncode == 0
 
 
 def test_a_failure_is_tried_once_more_said_and_survived(run):
