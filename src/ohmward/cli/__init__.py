@@ -1,1 +1,5 @@
-"""The command line. Each command has a package: arguments (light, for --help), command (run), result, report."""
+"""The command line.
+
+A command is a module with EXAMPLES, `add_arguments` and `run`, or a package of two: its arguments, which load nothing
+heavy, so that --help is quick, and `command`, which does the work.
+"""
