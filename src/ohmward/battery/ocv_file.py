@@ -30,9 +30,9 @@ _OVERPOTENTIAL = 0.1
 class GivenOcv(NamedTuple):
     """An OCV curve that the user has, and what was assumed of it."""
 
-    curve: OcvCurve  #: of a cell or of the pack; covered: lowest and highest SoC of its points; notes: assumptions
-    covered: tuple[float, float] = (0.0, 1.0)
-    notes: tuple[Note, ...] = ()
+    curve: OcvCurve  #: of a cell or of the pack
+    covered: tuple[float, float] = (0.0, 1.0)  #: lowest and highest SoC of its points
+    notes: tuple[Note, ...] = ()  #: assumptions
 
 
 def load_ocv(source: Any) -> GivenOcv:

@@ -23,8 +23,9 @@ _MOST_V_PER_K = 0.02
 class OcvTable(NamedTuple):
     """Columns of a table of open-circuit voltage in SI units, in the order of the file; None where there is none."""
 
-    source: str  #: the file's name; soc: (K,) in shares; ocv_V, charge_V, discharge_V: (K,) mean curve and branches;
-    soc: np.ndarray
+    source: str  #: the file's name
+    soc: np.ndarray  #: (K,) in shares
+    #: (K,) mean curve and branches
     ocv_V: np.ndarray | None
     charge_V: np.ndarray | None
     discharge_V: np.ndarray | None
@@ -32,8 +33,8 @@ class OcvTable(NamedTuple):
     hysteresis_V: np.ndarray | None
 
     slope_V_per_K: np.ndarray | None
-    reference_degC: float | None  #: temperature of the table; notes: what was assumed
-    notes: tuple[Note, ...]
+    reference_degC: float | None  #: temperature of the table
+    notes: tuple[Note, ...]  #: what was assumed
 
 
 def read_ocv_table(source: Any) -> OcvTable:

@@ -77,8 +77,8 @@ class SignEvidence(NamedTuple):
     """Effect of a positive current according to the data: verdict "charge", "discharge" or "undecidable"."""
 
     verdict: str
-    edges: EdgeTest  #: the fast test. trend: the slow test; 1 charge, -1 discharge, 0 unclear.
-    trend: int
+    edges: EdgeTest  #: the fast test
+    trend: int  #: the slow test; 1 charge, -1 discharge, 0 unclear
     changes: int = 0  #: the regression over all changes; 1 charge, -1 discharge, 0 unclear
 
     def __str__(self) -> str:

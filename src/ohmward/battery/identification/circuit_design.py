@@ -33,8 +33,8 @@ ENTROPY_KNOTS = np.linspace(0.0, 1.0, 11)
 class Rates(NamedTuple):
     """Parameters that the voltage is not linear in."""
 
-    tau_s: tuple[float, ...]  #: (n,) time constants; hysteresis_rate: gamma
-    hysteresis_rate: float
+    tau_s: tuple[float, ...]  #: (n,) time constants
+    hysteresis_rate: float  #: gamma
     #: of r0, of r_1 ... r_n and of the time constants.
     activation_K: float = 0.0
     pair_activation_K: float = 0.0

@@ -95,7 +95,8 @@ class CircuitSolution:
 
     layout: ParameterLayout
     rates: Rates
-    x: np.ndarray  #: (K,); precision, prior_precision: (K, K) with and without the data;
+    x: np.ndarray  #: (K,)
+    #: (K, K) with and without the data
     precision: np.ndarray
     prior_precision: np.ndarray
     residual_V: tuple[np.ndarray, ...]  #: for each record (N,), nan without a voltage

@@ -23,12 +23,12 @@ class Edge(NamedTuple):
     """One jump of the current from one sample to the next."""
 
     log_name: str
-    sample: int  #: the one after the jump; dt_s: interval across it; soc there; step_A: change of the current;
-    dt_s: float
+    sample: int  #: the one after the jump
+    dt_s: float  #: interval across it; soc there
     soc: float
-    step_A: float
-    current_A: float  #: the larger of both in magnitude, whose sign is the direction; resistance_ohm: dV / dI
-    resistance_ohm: float
+    step_A: float  #: change of the current
+    current_A: float  #: the larger of both in magnitude, whose sign is the direction
+    resistance_ohm: float  #: dV / dI
 
 
 class OhmicResistance(NamedTuple):

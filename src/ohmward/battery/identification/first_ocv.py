@@ -67,8 +67,8 @@ class FirstOcv(NamedTuple):
     source: Literal["given", "low-rate", "rests", "chemistry", "line"]
     fitted: tuple[Record, ...]  #: the records that the circuit is fitted to
     branches: tuple[OcvBranch, ...] = ()  #: low-rate discharges and charges, none for another source
-    axis_std: float = 0.0  #: error of its SoC axis in the middle beyond the usual; notes: how it was found
-    notes: tuple[Note, ...] = ()
+    axis_std: float = 0.0  #: error of its SoC axis in the middle beyond the usual
+    notes: tuple[Note, ...] = ()  #: how it was found
 
     @property
     def both_directions(self) -> bool:

@@ -29,11 +29,11 @@ class FitSamples(NamedTuple):
 
     name: str
     time_s: np.ndarray
-    dt_s: np.ndarray  #: length of the interval, 0 for the first; moved_Ah: its charge; mean_current_A: its mean current
-    current_A: np.ndarray  #: current at the sample; soc: state of charge there; soc_before: at the sample before
-    mean_current_A: np.ndarray
-    soc: np.ndarray
-    soc_before: np.ndarray
+    dt_s: np.ndarray  #: length of the interval, 0 for the first; moved_Ah: its charge
+    current_A: np.ndarray  #: current at the sample
+    mean_current_A: np.ndarray  #: its mean current
+    soc: np.ndarray  #: state of charge there
+    soc_before: np.ndarray  #: at the sample before
     temperature_degC: np.ndarray
     voltage_V: np.ndarray  #: measured, nan where it was not
     starts_at_rest: bool  #: True where the record starts with a long rest, its overpotentials gone

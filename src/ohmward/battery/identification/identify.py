@@ -86,7 +86,7 @@ class Identified(NamedTuple):
     """The battery and everything that led to it."""
 
     battery: Battery
-    #: low-rate discharges and charges; first_ocv: the curve before the fit corrected it;
+    #: low-rate discharges and charges; first_ocv: the curve before the fit corrected it
     branches: tuple[OcvBranch, ...]
 
     first_ocv: OcvCurve

@@ -23,11 +23,11 @@ class LogDetails(NamedTuple):
     """Stages of the identification on one log that the circuit was fitted to."""
 
     record: Record
-    axis: SocAxis  #: its state of charge and the anchors of that; pulses; edges; relaxations; rests: ends of long rests
+    axis: SocAxis  #: its state of charge and the anchors of that; pulses; edges; relaxations
     pulses: tuple[Phase, ...]
     edges: tuple[Edge, ...]
     relaxations: tuple[Relaxation, ...]
-    rests: tuple[RestPoint, ...]
+    rests: tuple[RestPoint, ...]  #: ends of long rests
     #: samples used by the fit, (N,) each, divided at gaps; simulated_V: voltage of the circuit along each
     parts: tuple[FitSamples, ...]
 

@@ -39,8 +39,8 @@ class OcvBranch(NamedTuple):
 
     log_name: str
     direction: Literal["discharge", "charge"]
-    soc: np.ndarray  #: (N,) state of charge, voltage_V: (N,) at it, both in order of time
-    voltage_V: np.ndarray
+    soc: np.ndarray  #: (N,) state of charge
+    voltage_V: np.ndarray  #: (N,) at it, both in order of time
     current_A: float  #: mean current, > 0 charges
     moved_Ah: float  #: charge of the whole branch, >= 0
     temperature_degC: float | None  #: median during the branch, or None

@@ -29,12 +29,13 @@ _EXPONENTIALS_RIDGE = 1e-12
 class ExponentialFit(NamedTuple):
     """Sum of exponentials through one rest."""
 
-    v_inf_V: float  #: voltage [V] that it tends to; amplitude_V, tau_s: (n,) of each; rms_V: of the residual;
+    v_inf_V: float  #: voltage [V] that it tends to
+    #: (n,) of each
     amplitude_V: tuple[float, ...]
     tau_s: tuple[float, ...]
-    rms_V: float
-    aic: float  #: Akaike's criterion, smaller is better; voltage_V: (N,) along the rest
-    voltage_V: np.ndarray
+    rms_V: float  #: of the residual
+    aic: float  #: Akaike's criterion, smaller is better
+    voltage_V: np.ndarray  #: (N,) along the rest
 
 
 class Relaxation(NamedTuple):
@@ -43,9 +44,9 @@ class Relaxation(NamedTuple):
     log_name: str
     first: int
     soc: float
-    before_A: float
-    time_s: np.ndarray  #: (N,) since the start of the rest, voltage_V: (N,) measured; before_A: the current before;
-    voltage_V: np.ndarray
+    before_A: float  #: the current before
+    time_s: np.ndarray  #: (N,) since the start of the rest
+    voltage_V: np.ndarray  #: (N,) measured
     #: fits with one and with two time constants
     single: ExponentialFit
     double: ExponentialFit

@@ -65,9 +65,9 @@ class AxisAnchor(NamedTuple):
 class SocAxis(NamedTuple):
     """State of charge along a record."""
 
-    soc: np.ndarray  #: (T,); anchors: those it is tied to; efficiency: share of the charging current that is stored;
-    anchors: tuple[AxisAnchor, ...]
-    efficiency: float
+    soc: np.ndarray  #: (T,)
+    anchors: tuple[AxisAnchor, ...]  #: those it is tied to
+    efficiency: float  #: share of the charging current that is stored
     notes: tuple[Note, ...]  #: for the user
 
     @property

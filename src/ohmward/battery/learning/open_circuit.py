@@ -38,8 +38,8 @@ _SHORTEST = 0.02
 class CurvePlace(NamedTuple):
     """Places z on the curve of the file."""
 
-    seen_from_soc: float  #: l; log_ratio: of the capacity over the file's
-    log_ratio: float
+    seen_from_soc: float  #: l
+    log_ratio: float  #: of the capacity over the file's
 
     @property
     def empty(self) -> float:

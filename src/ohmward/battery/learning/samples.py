@@ -63,8 +63,8 @@ class Samples(NamedTuple):
     name: str
     time_s: np.ndarray
     dt_s: np.ndarray  #: length of the interval, 0 for the first and after a gap
-    moved_Ah: np.ndarray  #: its charge by the sensor, > 0 charges; mean_current_A: its mean current
-    mean_current_A: np.ndarray
+    moved_Ah: np.ndarray  #: its charge by the sensor, > 0 charges
+    mean_current_A: np.ndarray  #: its mean current
     #: at the sample
     current_A: np.ndarray
     temperature_degC: np.ndarray

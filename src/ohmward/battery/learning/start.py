@@ -125,8 +125,8 @@ class NewParts(NamedTuple):
 
     parts: tuple[Log, ...]  #: in order of time; () for a log that the battery has learnt from before
     fingerprint: str  #: of the whole log
-    hours: float  #: length of the parts together; all_hours: of the log
-    all_hours: float
+    hours: float  #: length of the parts together
+    all_hours: float  #: of the log
     left_out: tuple[str, ...]  #: sentences on what is not used of it, and why
 
     @property

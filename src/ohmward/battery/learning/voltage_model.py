@@ -50,8 +50,8 @@ class VoltagePrediction(NamedTuple):
     """Voltage and SoC in the rows of a part."""
 
     soc: np.ndarray  #: (N,) charge c, SoC by the capacity of the file
-    voltage_V: np.ndarray  #: (N,); over_V2: (N,) sum of the squares of the overpotentials [V^2]
-    over_V2: np.ndarray
+    voltage_V: np.ndarray  #: (N,)
+    over_V2: np.ndarray  #: (N,) sum of the squares of the overpotentials [V^2]
     voltage_columns: np.ndarray  #: (N, K + M) derivatives by the parameters, then by the nuisances
     soc_anywhere: np.ndarray  #: (T,) SoC at every sample
 
@@ -59,8 +59,8 @@ class VoltagePrediction(NamedTuple):
 class CircuitVoltage(NamedTuple):
     """Overpotentials and hysteresis in the rows."""
 
-    voltage_V: np.ndarray  #: (N,) their sum; over_V2: (N,) sum of the squares of the overpotentials [V^2]
-    over_V2: np.ndarray
+    voltage_V: np.ndarray  #: (N,) their sum
+    over_V2: np.ndarray  #: (N,) sum of the squares of the overpotentials [V^2]
     columns: np.ndarray  #: (N, K + M) derivatives
 
 
@@ -79,9 +79,9 @@ class LinearCircuit(NamedTuple):
 class VoltageModel:
     """The voltage along a part of a log as a function of the unknowns."""
 
-    battery: Battery  #: as its file has it; samples: of the part; rows: (N,) indices of the samples that are looked at
-    samples: Samples
-    rows: np.ndarray
+    battery: Battery  #: as its file has it
+    samples: Samples  #: of the part
+    rows: np.ndarray  #: (N,) indices of the samples that are looked at
     #: overpotentials and hysteresis, linear about a point; None computes them anew for all unknowns
     about: LinearCircuit | None = None
 

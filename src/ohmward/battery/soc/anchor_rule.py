@@ -79,8 +79,8 @@ _INVERSE_POINTS = 257
 class AnchorMemory(NamedTuple):
     """Memory between two samples, plain numbers."""
 
-    limit_V: Any = 0.0  #: voltage at which it began to stand still; held_s: time since then
-    held_s: Any = 0.0
+    limit_V: Any = 0.0  #: voltage at which it began to stand still
+    held_s: Any = 0.0  #: time since then
     peak_A: Any = 0.0  #: largest charging current since then
     #: charge taken out since the last full charge, put in since the last cut-off, over the capacity, at most 1
     discharged: Any = 1.0

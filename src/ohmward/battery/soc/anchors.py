@@ -35,8 +35,8 @@ class Anchor(NamedTuple):
     #: a full charge, the cut-off of a load at empty, or a long rest. The first two are what charger and protection
     #: define, beyond what the voltage says; a rest says through the curve what its voltage says, and no more.
     kind: AnchorKind
-    time_s: float  #: in the log [s]; sample: the index there
-    sample: int
+    time_s: float  #: in the log [s]
+    sample: int  #: the index there
     soc: float  #: state of charge and its standard deviation
     soc_std: float  #: its standard deviation
     #: of that sample; nan where there is none

@@ -50,10 +50,10 @@ BANDS = ["95 % band on a working day", *(f"{T:g} degC" for T in TEMPERATURES_DEG
 class BatteryFindings(NamedTuple):
     """Findings on a battery file."""
 
-    path: str  #: of the file; bands: of the file; tests: those worth their time, the best first
+    path: str  #: of the file
     battery: Battery
-    bands: Sequence[BandForecast]
-    tests: Sequence[BandsAfterTest]
+    bands: Sequence[BandForecast]  #: of the file
+    tests: Sequence[BandsAfterTest]  #: those worth their time, the best first
 
 
 def run(args: argparse.Namespace) -> Outcome:

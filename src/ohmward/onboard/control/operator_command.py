@@ -25,8 +25,8 @@ class OperatorCommand(NamedTuple):
     """An operator's set-points."""
 
     armed: bool = False  #: the robot may drive
-    speed_m_s: float = 0.0  #: forward; yaw_rate_rad_s: > 0 to the left
-    yaw_rate_rad_s: float = 0.0
+    speed_m_s: float = 0.0  #: forward
+    yaw_rate_rad_s: float = 0.0  #: > 0 to the left
     slip_bound: float = 0.12  #: largest slip ratio while the speed is held
     slip_ratio: float = 0.0  #: to hold instead of a speed; 0 holds the speed. Its direction is that of the speed.
     said_s: float = -math.inf  #: time on the robot's clock after which the operator has said this
