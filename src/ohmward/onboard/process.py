@@ -19,6 +19,7 @@ from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
 from ohmward.onboard.clock import SourceClock, SystemClock
 from ohmward.onboard.estimation import Estimation
+from ohmward.onboard.evidence import AgeingModel
 from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
@@ -69,7 +70,7 @@ class Process:
         companions: what else runs; each begins again as sources do, and is cancelled at the end.
 
     Attributes:
-        state: that was passed on last, with no estimate whose sensors are silent.
+        state: that was passed on last, with bands as of its time.
         faults: messages of a source in a row that the estimators failed at, for a fault of their own.
         stopping: set once somebody stops it.
     """
@@ -93,6 +94,7 @@ class Process:
         self._own = {source.name for source in sources if not is_live(source)}
         promised = {source.name: getattr(source, "signals", ()) for source in sources if source.name not in self._own}
         self.watch = SensorWatch(estimation.battery, estimation.robot, promised)
+        self._ageing = AgeingModel(estimation.battery, estimation.robot)
         self.state = estimation.state
         self._told: tuple[Diagnostic, ...] = ()
         self._ahead_s = 0.0
@@ -262,7 +264,8 @@ class Process:
         behind_s = max(-self._ahead_s, 0.0)  # a simulation that is too slow shows what it simulates now
         unix_s = self.clock.unix_s() - (self._passed_s - behind_s - state.time_s)
         self._told = self._told or tuple(self.diagnostics.values())
-        self.state = self.watch.supported(state)._replace(unix_s=unix_s, diagnostics=self._told)
+        aged = self._ageing.aged(state, self.watch.ages(state.time_s), self.estimation.last_current_A)
+        self.state = aged._replace(unix_s=unix_s, diagnostics=self._told)
         for _, feed in self.sinks:
             feed.put(self.state)
 

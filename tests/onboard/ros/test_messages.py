@@ -134,7 +134,7 @@ def test_a_battery_that_is_silent_is_unknown():
     half = sent(translation, state._replace(diagnostics=tuple(silent[:1])))[types.BATTERY_STATE]
     assert math.isnan(half["voltage"]) and half["current"] == pytest.approx(-3.0)
     assert (half["percentage"], half["present"], half["power_supply_status"]) == (0.5, 1.0, 2.0)
-    dead = state._replace(time_s=12.0, sample={}, battery=None, diagnostics=tuple(silent))
+    dead = state._replace(time_s=12.0, sample={}, silent=("battery",), diagnostics=tuple(silent))
     none = sent(translation, dead)[types.BATTERY_STATE]
     assert all(math.isnan(none[name]) for name in ("voltage", "current", "percentage", "charge", "cell_voltage[1]"))
     assert (none["present"], none["power_supply_status"]) == (0.0, 0.0)
@@ -142,15 +142,26 @@ def test_a_battery_that_is_silent_is_unknown():
     assert back["voltage"] == pytest.approx(13.2) and back["present"] == 1.0
 
 
-def test_a_charge_that_is_unknown_has_no_sensors_even_before_they_are_looked_at():
+def test_a_battery_that_is_silent_has_no_sensors_even_before_they_are_looked_at():
     """Their conditions are a look behind; the thermometer of another device goes on."""
     translation, state = Translation(Ros2Sink()), driven()
     sample = {**state.sample, "battery_full": 1.0, "battery_temperature_degC": 21.0}
     assert sent(translation, state._replace(sample=sample))[types.BATTERY_STATE]["present"] == 1.0
-    dead = state._replace(time_s=12.0, sample={}, battery=None, battery_time_s=10.0)
+    dead = state._replace(time_s=12.0, sample={}, silent=("battery",), battery_time_s=10.0)
     none = sent(translation, dead)[types.BATTERY_STATE]
     assert all(math.isnan(none[name]) for name in ("voltage", "current", "percentage"))
     assert (none["present"], none["power_supply_status"], none["temperature"]) == (0.0, 0.0, 21.0)
+
+
+@pytest.mark.parametrize(
+    ("soc", "std", "silent", "percentage"),
+    [(0.5, 0.1, False, 0.304), (0.5, 0.1, True, 0.304), (0.1, 0.2, False, 0.0), (None, 0.0, True, 0.0)],
+)
+def test_a_cautious_percentage_is_the_low_end_of_the_band_and_never_nan_for_silence(soc, std, silent, percentage):
+    known = None if soc is None else charge(soc)._replace(soc_std=std)
+    state = driven()._replace(battery=known, silent=("battery",) if silent else ())
+    found = sent(Translation(Ros2Sink(percentage="low")), state)[types.BATTERY_STATE]
+    assert found["percentage"] == pytest.approx(percentage, abs=1e-3)
 
 
 def test_a_charger_that_said_full_once_is_not_believed_after_a_discharge():
@@ -163,12 +174,12 @@ def test_a_charger_that_said_full_once_is_not_believed_after_a_discharge():
 
 
 def test_a_drive_that_is_silent_sends_no_pose_and_says_so():
-    dead = driven()._replace(time_s=9.0, slip=None, pose=None, drive_time_s=8.0)
+    dead = driven()._replace(time_s=9.0, slip=None, pose=None, drive_time_s=8.0, silent=("battery", "drive"))
     assert not sent(Translation(Ros2Sink()), dead).keys() & {types.ODOMETRY, types.TWIST}
-    status = {one["name"]: one for one in messages.diagnostics(dead._replace(battery=None), "robot 1")["status"]}
-    for name, sensors in (("drive", "wheels"), ("charge", "battery")):
+    status = {one["name"]: one for one in messages.diagnostics(dead, "robot 1")["status"]}
+    for name, sensors, known in (("drive", "wheels", "unknown: "), ("charge", "battery", "50 ± 2 %: ")):
         assert status[f"ohmward: {name}"]["level"] == Level.STALE
-        assert f"the sensors of the {sensors} are silent" in status[f"ohmward: {name}"]["message"]
+        assert f"{known}the sensors of the {sensors} are silent" in status[f"ohmward: {name}"]["message"]
 
 
 def test_what_is_not_known_is_nan_and_the_share_is_one_of_one():

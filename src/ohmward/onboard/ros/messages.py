@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.onboard.robot_state import OF_CHARGE, Diagnostic, Level, RobotState
+from ohmward.filters.consistency import BAND_95
+from ohmward.onboard.evidence import OF_CHARGE
+from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.ros.types import BATTERY_STATE
 from ohmward.quantities import QUANTITIES
 
@@ -42,13 +44,16 @@ def header(state: RobotState, frame: str) -> Message:
     return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame}
 
 
-def battery_state(state: RobotState, measured: Mapping[str, float], battery: Battery | None, frames: Frames) -> Message:
+def battery_state(
+    state: RobotState, measured: Mapping[str, float], battery: Battery | None, frames: Frames, cautious: bool = False
+) -> Message:
     """`sensor_msgs/BatteryState`; nan where a quantity is not known, not present where nothing is.
 
     measured: signal -> latest value of the battery's sensors, nan for one that is silent.
     battery: its label, where it is known.
+    cautious: the percentage is the low end of the 95 % band, and goes down to 0 while the sensors are silent.
     """
-    charge, nan = state.battery, math.nan
+    charge, nan = None if "battery" in state.silent else state.battery, math.nan
     capacity_Ah = battery.capacity_Ah if battery else nan
     now_Ah = capacity_Ah * float(charge.soh_capacity) if charge and charge.soh_capacity == charge.soh_capacity else nan
     now_Ah = capacity_Ah if math.isnan(now_Ah) else now_Ah
@@ -59,7 +64,7 @@ def battery_state(state: RobotState, measured: Mapping[str, float], battery: Bat
         "charge": soc * now_Ah,
         "capacity": now_Ah,
         "design_capacity": capacity_Ah,
-        "percentage": soc,
+        "percentage": _cautious(state) if cautious else soc,
         "power_supply_status": _status(measured, charge, capacity_Ah),
         "power_supply_health": _UNKNOWN,
         "power_supply_technology": _TECHNOLOGY.get(battery.chemistry, _LION) if battery else _UNKNOWN,
@@ -70,6 +75,13 @@ def battery_state(state: RobotState, measured: Mapping[str, float], battery: Bat
         "location": "",
         "serial_number": battery.serial_number if battery else "",
     }
+
+
+def _cautious(state: RobotState) -> float:
+    """Low end of the band of the charge in [0, 1]; 0 where nothing is known any more, nan where nothing was yet."""
+    if state.battery is None:
+        return 0.0 if "battery" in state.silent else math.nan
+    return min(max(float(state.battery.soc) - BAND_95 * float(state.battery.soc_std), 0.0), 1.0)
 
 
 def _cells(measured: Mapping[str, float], battery: Battery | None) -> list[float]:
@@ -165,23 +177,28 @@ def _estimates(state: RobotState) -> list[Diagnostic]:
                 values |= {f"range_{quantile}_m": float(distance_m), f"time_left_{quantile}_s": float(duration_s)}
         text = f"{100 * float(charge.soc):.0f} ± {100 * float(charge.soc_std):.0f} %"
         found.append(Diagnostic("charge", Level.OK, text, values))
-    elif math.isfinite(state.battery_time_s):
-        found.append(_stale("charge", "battery", state.time_s - state.battery_time_s))
+    if "battery" in state.silent:
+        found = [_stale("charge", "battery", state.time_s - state.battery_time_s, found)]
     if slip := state.slip:
         ratios = {f"slip_ratio.{k}": float(ratio) for k, ratio in enumerate(slip.slip_ratio)}
         stuck = float(slip.immobilised) >= 0.5
         level = Level.ERROR if stuck else Level.WARN if np.any(np.asarray(slip.slipping) >= 0.5) else Level.OK
         text = "wheels turn, the robot does not" if stuck else "wheels slip" if level else "wheels grip"
         found.append(Diagnostic("drive", level, text, {"speed_m_s": float(slip.speed_m_s), **ratios}))
-    elif math.isfinite(state.drive_time_s):
+    elif "drive" in state.silent:
         found.append(_stale("drive", "wheels", state.time_s - state.drive_time_s))
     return found
 
 
-def _stale(estimate: str, sensors: str, age_s: float) -> Diagnostic:
-    """Condition of an estimate that there is no more."""
-    message = f"unknown: the sensors of the {sensors} are silent; look at them, their wires and their driver"
-    return Diagnostic(estimate, Level.STALE, message, {"age_s": age_s})
+def _stale(estimate: str, sensors: str, age_s: float, known: Sequence[Diagnostic] = ()) -> Diagnostic:
+    """Condition of an estimate whose sensors are silent.
+
+    known: the estimate, where something of it is still known.
+    """
+    said = " ".join(condition.message for condition in known) or "unknown"
+    message = f"{said}: the sensors of the {sensors} are silent; look at them, their wires and their driver"
+    values = {key: value for condition in known for key, value in condition.values.items()}
+    return Diagnostic(estimate, Level.STALE, message, {**values, "age_s": age_s})
 
 
 def _twist(forward_m_s: Any, left_m_s: Any, yaw_rate_rad_s: Any) -> Message:

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import load_battery
-from ohmward.checks import require_between
+from ohmward.checks import require_between, require_one_of
+from ohmward.onboard.evidence import OF_CHARGE
 from ohmward.onboard.feed import Feed
-from ohmward.onboard.robot_state import OF_CHARGE, Level, RobotState
+from ohmward.onboard.robot_state import Level, RobotState
 from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.ros.messages import Frames
@@ -39,6 +40,9 @@ class Ros2Sink(RosNetwork):
     interval_s: float = 0.02  #: least time between two messages of odometry and twist, >= 0
     #: the same of the state of the battery and of diagnostics, which are for people and behaviour trees
     slow_s: float = 0.5
+    #: of the state of the battery: "mean", or "low" for the low end of the 95 % band, which brings a robot home in time
+    #: and falls to 0 while the sensors of the battery are silent
+    percentage: str = "mean"
     robot: str = "robot"  #: name of the robot, as the hardware in diagnostics
     name: str = "ros2"  #: in diagnostics
 
@@ -46,6 +50,7 @@ class Ros2Sink(RosNetwork):
         super().__post_init__()
         require_between("interval_s", self.interval_s, 0.0, 3600.0)
         require_between("slow_s", self.slow_s, 0.0, 3600.0)
+        require_one_of("percentage", self.percentage, ("mean", "low"))
 
     def topics(self) -> dict[str, str]:
         """Topics by setting."""
@@ -94,7 +99,9 @@ class Translation:
             return
         self._slow_s = state.time_s
         if sink.battery_state and self._measured:
-            found = messages.battery_state(state, self._reporting(state), self.battery, self._frames)
+            found = messages.battery_state(
+                state, self._reporting(state), self.battery, self._frames, sink.percentage == "low"
+            )
             if found["power_supply_status"] != messages.FULL:
                 self._measured.pop("battery_full", None)  # until the charger says so again
             yield sink.battery_state, types.BATTERY_STATE, serialize(types.BATTERY_STATE, found)
@@ -105,9 +112,9 @@ class Translation:
     def _reporting(self, state: RobotState) -> dict[str, float]:
         """Latest values of the battery's sensors, nan for one that is silent or tells nothing true.
 
-        A charge that has become unknown says so of its sensors at once, their conditions at the next look.
+        A battery that is silent says so of its sensors at once, their conditions at the next look.
         """
         useless = {condition.name for condition in state.diagnostics if condition.level >= Level.ERROR}
-        if state.battery is None and math.isfinite(state.battery_time_s):
+        if "battery" in state.silent:
             useless |= {name for name in self._measured if name.partition(".")[0] in {*OF_CHARGE, "battery_full"}}
         return {signal: math.nan if signal in useless else value for signal, value in self._measured.items()}
