@@ -36,7 +36,7 @@ class RobotState(NamedTuple):
     """Everything that is known at an instant. What is not estimated, or not yet, is None."""
 
     time_s: float  #: of the sample, on the monotonic clock of the process
-    unix_s: float  #: the same on the wall clock
+    unix_s: float  #: the same as a date, seconds since 1970
     sample: Mapping[str, float] = {}  #: measured values that made this state, by signal
     #: charge; cells: of the pack; slip: speed and slip; pose: odometry; range: how far the rest reaches
     battery: SocEstimate | None = None
@@ -51,6 +51,9 @@ class RobotState(NamedTuple):
     battery_time_s: float = math.nan
     drive_time_s: float = math.nan
     cells_time_s: float = math.nan
+    #: the first two as dates: those that the source gave, as ROS and dated logs do, else by the wall clock
+    battery_unix_s: float = math.nan
+    drive_unix_s: float = math.nan
     silent: tuple[str, ...] = ()  #: "battery", "cells" and "drive", of those whose sensors are all silent
     wheels: tuple[str, ...] = ()  #: names of the driven wheels of the robot file, in the order of the arrays of `slip`
 
