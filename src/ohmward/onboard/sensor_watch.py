@@ -123,7 +123,7 @@ class WatchedSensor:
         wait_s = max(DUE_INTERVALS * self.interval_s, DUE_S) if self.interval_s else PROMISED_S
         return now_s - self.true_s <= wait_s
 
-    def has_told(self, now_s: float) -> bool:
+    def has_reported(self, now_s: float) -> bool:
         """True where its last value that may be true came no longer ago than a sensor that works may be silent."""
         return now_s - self.true_s <= (self.silent_after_s if self.interval_s else PROMISED_S)
 
@@ -210,7 +210,7 @@ class SensorWatch:
         for name, sensors in self._evidence.items():
             if sensors and not any(sensor.is_due(now_s) for sensor in sensors):
                 age_s = min(now_s - sensor.true_s for sensor in sensors)
-                found[name] = Age(age_s, not any(sensor.has_told(now_s) for sensor in sensors))
+                found[name] = Age(age_s, not any(sensor.has_reported(now_s) for sensor in sensors))
         return found
 
     def take(self, source: str, time_s: float, received_s: float, values: Mapping[str, float]) -> dict[str, float]:
