@@ -17,6 +17,9 @@ LEAP_S = 1.0
 #: less than `LEAP_S`, and a link that has become slower for good, are followed after it.
 DELAY_WINDOW_S = 30.0
 
+#: Dates of so many messages are remembered: those of the samples that still wait for others.
+_DATES = 4096
+
 
 class SystemClock:
     """The clocks of this machine."""
@@ -62,3 +65,22 @@ class SourceClock:
         self._stamp_s = stamp_s
         self._least_s = min(self._least_s, offset_s)
         return stamp_s + min(self._least_s, self._least_before_s)
+
+
+class Dates:
+    """Dates of recent messages, by their times on our clock: those that their sources gave."""
+
+    def __init__(self) -> None:
+        self._dates: dict[float, float] = {}
+
+    def put(self, time_s: float, date_s: float) -> None:
+        """Remember a message's; one without a date is none."""
+        if not math.isfinite(date_s):
+            return
+        self._dates[time_s] = date_s
+        if len(self._dates) > _DATES:
+            del self._dates[next(iter(self._dates))]
+
+    def at(self, time_s: float, otherwise_s: float) -> float:
+        """Date of the message that was measured at this time; another one where there is none."""
+        return self._dates.get(time_s, otherwise_s)

@@ -76,6 +76,7 @@ class Estimation:
         counts_per_turn: float | None = None,
         days: float = 0.0,
     ):
+        self._settings = battery, robot, consumption, delay_s, counts_per_turn, days
         self.battery, self.robot = battery, robot
         self.soc = SocEstimator(battery) if battery else None
         self.cells: PackEstimator | None = None
@@ -104,6 +105,10 @@ class Estimation:
         self._cell_inbox = MeanInbox((CURRENT, *self._cell_names))
         self._measured_s = -math.inf
         self._full_s, self._full_pending = -math.inf, False
+
+    def restart(self) -> None:
+        """Forget every sample, as where a simulation was reset or a bag begins again."""
+        vars(self).update(vars(Estimation(*self._settings)))
 
     def compile(self, from_disk: bool = False) -> None:
         """Compile what the first samples would wait for, on copies; takes a second or two.

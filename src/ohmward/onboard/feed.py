@@ -16,11 +16,11 @@ LONGEST_FEED = 10_000
 class Rate:
     """Limit of a rate that passes everything up to it: what is due does not depend on when the last one came.
 
-    A time counts from half an interval before it is due, so that samples at the very rate all pass; that which is
-    earlier than others before it is late, not due again.
+    Of those about a due time the nearest passes, so that samples at the very rate all do; one with an earlier time than
+    others before it is late, not due again.
 
     Args:
-        interval_s: between two on average at least, >= 0; 0 passes all.
+        interval_s: least time between two on average, >= 0; 0 passes all.
     """
 
     def __init__(self, interval_s: float):
@@ -28,16 +28,17 @@ class Rate:
         self._due_s = self._newest_s = -math.inf
 
     def passes(self, time_s: float) -> bool:
-        """True where the next one is due; a clock that was set back begins again."""
+        """True where one is due; a clock that was set back begins again."""
         if self.interval_s == 0.0:
             return True
         if time_s < self._newest_s - max(LEAP_S, self.interval_s):
             self._due_s = self._newest_s = -math.inf
+        spacing_s = max(time_s - self._newest_s, 0.0)
         self._newest_s = max(self._newest_s, time_s)
-        if self._newest_s < self._due_s - 0.5 * self.interval_s:
+        if self._newest_s < self._due_s - 0.5 * min(spacing_s, self.interval_s):
             return False
-        behind = self._newest_s > self._due_s + self.interval_s
-        self._due_s = (self._newest_s if behind else self._due_s) + self.interval_s
+        missed = self._newest_s > self._due_s + self.interval_s
+        self._due_s = (self._newest_s if missed else self._due_s) + self.interval_s
         return True
 
 
