@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ohmward.battery.file import load_battery
 from ohmward.energy.consumption_file import load_consumption
@@ -16,6 +17,7 @@ from ohmward.onboard.part import LOG, is_live
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
+from ohmward.onboard.ros.one_node import on_one_node
 from ohmward.onboard.signal_faults import NOT_COUNTED, doubled
 from ohmward.onboard.sinks import AnySink
 from ohmward.onboard.sinks.page import PageSink
@@ -29,8 +31,10 @@ from ohmward.traction.robot.robot import Robot
 STATE = "ohmward-state"
 
 
-def assemble(setup: Setup) -> Process:
+def assemble(setup: Setup, ros_node: Any = None) -> Process:
     """The process of a setup, ready to run.
+
+    ros_node: of rclpy that there is already, for all sources and sinks of ROS.
 
     Raises:
         InputError: a file that cannot be read; a control of a simulated robot that there is not.
@@ -39,6 +43,7 @@ def assemble(setup: Setup) -> Process:
     folder = state_folder(setup)
     estimation = estimation_of(setup, folder)
     sources, sinks = connect_simulated_drives(replays_in_step(setup.source), sinks_of(setup))
+    sources, sinks = on_one_node(sources, sinks, ros_node)
     process = Process(estimation, sources, sinks, strict=setup.strict)
     if folder:
         folder.begin(estimation)

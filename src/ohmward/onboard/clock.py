@@ -17,7 +17,7 @@ LEAP_S = 1.0
 #: less than `LEAP_S`, and a link that has become slower for good, are followed after it.
 DELAY_WINDOW_S = 30.0
 
-#: Dates of so many messages are remembered: those of the samples that still wait for others.
+#: MessageDates of so many messages are remembered: those of the samples that still wait for others.
 _DATES = 4096
 
 
@@ -67,8 +67,8 @@ class SourceClock:
         return stamp_s + min(self._least_s, self._least_before_s)
 
 
-class Dates:
-    """Dates of recent messages, by their times on our clock: those that their sources gave."""
+class MessageDates:
+    """MessageDates of recent messages, by their times on our clock: those that their sources gave."""
 
     def __init__(self) -> None:
         self._dates: dict[float, float] = {}

@@ -17,13 +17,13 @@ from typing import Any
 from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
-from ohmward.onboard.clock import LEAP_S, Dates, SourceClock, SystemClock
+from ohmward.onboard.clock import LEAP_S, MessageDates, SourceClock, SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.evidence import AgeingModel
 from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
-from ohmward.onboard.part import LOG, EndedError, Sink, Source, is_live, keep_running
+from ohmward.onboard.part import LOG, EndedError, Sink, Source, feed_interval_s, is_live, keep_running
 from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.sensor_watch import SensorWatch
 
@@ -87,7 +87,7 @@ class Process:
         self.estimation, self.sources, self.strict = estimation, sources, strict
         self.clock = clock or SystemClock()
         self.companions = list(companions)
-        self.sinks = [(sink, Feed(sink.interval_s)) for sink in sinks]
+        self.sinks = [(sink, Feed(feed_interval_s(sink))) for sink in sinks]
         self.diagnostics: dict[str, Diagnostic] = {}
         self._logged: dict[str, tuple[Level, str]] = {}
         self._own = {source.name for source in sources if not is_live(source)}
@@ -146,7 +146,7 @@ class Process:
     def _restart(self) -> None:
         """Forget all times: at the start, and where a simulation or a bag begins again."""
         self._clocks: defaultdict[tuple[str, str], SourceClock] = defaultdict(SourceClock)
-        self._dates = Dates()
+        self._dates = MessageDates()
         self._ahead_s, self._received_s, self._simulated_s = 0.0, -math.inf, math.nan
         self._calendar_s = math.nan
         promised = {s.name: getattr(s, "signals", ()) for s in self.sources if s.name not in self._own}
@@ -154,7 +154,7 @@ class Process:
 
     def add_sink(self, sink: Sink) -> None:
         """Add a sink before the process runs."""
-        self.sinks.append((sink, Feed(sink.interval_s)))
+        self.sinks.append((sink, Feed(feed_interval_s(sink))))
 
     def stop(self) -> None:
         """End the sources; sinks deliver what waits, and `run` returns. Asked for again, it waits for no sink."""
@@ -291,11 +291,10 @@ class Process:
             unix_s = state.time_s + self._calendar_s
         self._reported = self._reported or tuple(self.diagnostics.values())
         aged = self._ageing.aged(state, self.watch.ages(state.time_s), self.estimation.last_current_A)
-        battery_s, drive_s = state.battery_time_s, state.drive_time_s
         self.state = aged._replace(
             unix_s=unix_s,
-            battery_unix_s=self._dates.at(battery_s, unix_s - (state.time_s - battery_s)),
-            drive_unix_s=self._dates.at(drive_s, unix_s - (state.time_s - drive_s)),
+            battery_unix_s=self._dates.at(state.battery_time_s, unix_s - (state.time_s - state.battery_time_s)),
+            drive_unix_s=self._dates.at(state.drive_time_s, unix_s - (state.time_s - state.drive_time_s)),
             diagnostics=self._reported,
         )
         for _, feed in self.sinks:

@@ -51,11 +51,16 @@ class RobotState(NamedTuple):
     battery_time_s: float = math.nan
     drive_time_s: float = math.nan
     cells_time_s: float = math.nan
-    #: the first two as dates: those that the source gave, as ROS and dated logs do, else by the wall clock
+    #: the first two as dates that the source gave, as ROS and dated logs do; nan where the wall clock counts, see `date_s`
     battery_unix_s: float = math.nan
     drive_unix_s: float = math.nan
     silent: tuple[str, ...] = ()  #: "battery", "cells" and "drive", of those whose sensors are all silent
     wheels: tuple[str, ...] = ()  #: names of the driven wheels of the robot file, in the order of the arrays of `slip`
+
+    def date_s(self, group: str) -> float:
+        """Date of the sample behind the estimates of the "battery" or of the "drive", seconds since 1970."""
+        time_s, given_s = getattr(self, f"{group}_time_s"), getattr(self, f"{group}_unix_s")
+        return given_s if math.isfinite(given_s) else self.unix_s - (self.time_s - time_s)
 
 
 def stale(state: RobotState) -> str:

@@ -19,7 +19,7 @@ from ohmward.onboard.evidence import EVIDENCE, Age
 from ohmward.onboard.message_parts import no_such_part
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.signal_faults import doubled, implausible, missing, no_number
-from ohmward.quantities import limits_of, quantity_of
+from ohmward.quantities import EVENTS, limits_of, quantity_of
 from ohmward.traction.motion_check import MotionCheck
 from ohmward.traction.robot.robot import Robot
 
@@ -109,8 +109,8 @@ class WatchedSensor:
 
     @property
     def silent_after_s(self) -> float:
-        """Time without a value after which it is silent; never for one that has come once, as an event does."""
-        if self.interval_s == 0.0:
+        """Time without a value after which it is silent; never for an event, or one that has come once."""
+        if self.interval_s == 0.0 or self.signal in EVENTS:
             return math.inf
         return max(SILENT_INTERVALS * self.interval_s, SILENT_S)
 

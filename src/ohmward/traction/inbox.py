@@ -58,8 +58,8 @@ class SensorInbox:
         counts_per_turn: of the encoders; needed for `wheel_counts`.
         bits: of their counters, which start again after as many.
         prompt: close a sample as soon as every wheel that usually reports has done so, instead of with the next one;
-            what comes late then goes with the next sample, a wheel's speed within `gather_s`. Speeds that are later than
-            the sample before make a sample of their own time, also where other sensors have sent later ones already.
+            what comes late then goes with the next sample, a wheel's speed within `gather_s`. Speeds of a time after
+            the sample before make a sample of that time, also where other sensors have sent later messages already.
 
     Attributes:
         left_out: number of messages that came too late, or whose stamp was no time, or far from all others.

@@ -2,6 +2,7 @@
 
 import math
 from contextlib import suppress
+from functools import cache
 
 import numpy as np
 import pytest
@@ -26,6 +27,15 @@ def charge(soc: float = 0.5, offset_A: float = 0.0) -> SocEstimate:
     return SocEstimate(soc, 0.02, 13.2, 0.01, 0.0, offset_A, 0.01, 0.9, 0.03, 1.2, 0.1, 0)
 
 
+def at(time_s: float, state: RobotState) -> RobotState:
+    """The state at another time, with evidence 0.1 s old; dates are seconds after 1.7e9."""
+    old_s = time_s - 0.1
+    times = dict.fromkeys(("battery_time_s", "drive_time_s"), old_s)
+    dates = dict.fromkeys(("battery_unix_s", "drive_unix_s"), 1.7e9 + old_s)
+    return state._replace(time_s=time_s, unix_s=1.7e9 + time_s, **times, **dates)
+
+
+@cache
 def driven() -> RobotState:
     """A robot after a second of driving and turning."""
     slip, odometry = SlipEstimator(RLMA), Odometry(RLMA)
@@ -35,7 +45,7 @@ def driven() -> RobotState:
         pose = odometry.update(0.02 * k, speeds, 0.4, observed=found)
     told = (Diagnostic("source can0", Level.WARN, "no message for 2 s", {"silent_s": 2.0, "bus": "can0"}),)
     sample = {"battery_voltage_V": 13.2, "battery_current_A": -3.0, "cell_voltage_V.1": 3.31}
-    return RobotState(5.0, 1.7e9 + 0.25, sample, charge(), None, found, pose, None, told, 4.9, 4.9)
+    return at(5.0, RobotState(5.0, 1.7e9, sample, charge(), None, found, pose, None, told))
 
 
 def of_rosbags(type_: str, message: dict):
@@ -65,7 +75,7 @@ def every_message() -> dict[str, dict]:
         types.TWIST: messages.twist(state, frames),
         types.DIAGNOSTICS: messages.diagnostics(state, "robot 1"),
         types.JOINT_STATE: {
-            "header": messages.header(state, ""), "name": ["left_wheel", "r"], "position": [], "velocity": [1.0, 2.0],
+            "header": messages.header(1.7e9, ""), "name": ["left_wheel", "r"], "position": [], "velocity": [1.0, 2.0],
             "effort": [],
         },
     }  # fmt: skip
@@ -131,14 +141,14 @@ def test_a_battery_that_is_silent_is_unknown():
     """Its voltage falls silent first, then everything, and it comes back."""
     translation, state = Translation(Ros2Sink(), generic_battery("lfp", 12.0, 4, "test")), driven()
     silent = [Diagnostic(name, Level.STALE, "silent") for name in ("battery_voltage_V", *state.sample)]
-    half = sent(translation, state._replace(diagnostics=tuple(silent[:1])))[types.BATTERY_STATE]
+    half = sent(translation, at(5.0, state)._replace(diagnostics=tuple(silent[:1])))[types.BATTERY_STATE]
     assert math.isnan(half["voltage"]) and half["current"] == pytest.approx(-3.0)
     assert (half["percentage"], half["present"], half["power_supply_status"]) == (0.5, 1.0, 2.0)
-    dead = state._replace(time_s=12.0, sample={}, silent=("battery",), diagnostics=tuple(silent))
+    dead = at(12.0, state)._replace(sample={}, silent=("battery",), diagnostics=tuple(silent))
     none = sent(translation, dead)[types.BATTERY_STATE]
     assert all(math.isnan(none[name]) for name in ("voltage", "current", "percentage", "charge", "cell_voltage[1]"))
     assert (none["present"], none["power_supply_status"]) == (0.0, 0.0)
-    back = sent(translation, state._replace(time_s=13.0))[types.BATTERY_STATE]
+    back = sent(translation, at(13.0, state))[types.BATTERY_STATE]
     assert back["voltage"] == pytest.approx(13.2) and back["present"] == 1.0
 
 
@@ -147,7 +157,7 @@ def test_a_battery_that_is_silent_has_no_sensors_even_before_they_are_looked_at(
     translation, state = Translation(Ros2Sink()), driven()
     sample = {**state.sample, "battery_full": 1.0, "battery_temperature_degC": 21.0}
     assert sent(translation, state._replace(sample=sample))[types.BATTERY_STATE]["present"] == 1.0
-    dead = state._replace(time_s=12.0, sample={}, silent=("battery",), battery_time_s=10.0)
+    dead = at(12.0, state)._replace(sample={}, silent=("battery",))
     none = sent(translation, dead)[types.BATTERY_STATE]
     assert all(math.isnan(none[name]) for name in ("voltage", "current", "percentage"))
     assert (none["present"], none["power_supply_status"], none["temperature"]) == (0.0, 0.0, 21.0)
@@ -169,12 +179,12 @@ def test_a_charger_that_said_full_once_is_not_believed_after_a_discharge():
     currents = [(1.0, {"battery_full": 1.0}, 4.0), (0.5, {}, 4.0), (-3.0, {}, 2.0), (0.5, {}, 1.0)]
     for k, (current_A, more, status) in enumerate(currents):
         sample = {"battery_current_A": current_A} | more
-        found = sent(translation, state._replace(time_s=5.0 + k, sample=sample))
+        found = sent(translation, at(5.0 + k, state)._replace(sample=sample))
         assert found[types.BATTERY_STATE]["power_supply_status"] == status
 
 
 def test_a_drive_that_is_silent_sends_no_pose_and_says_so():
-    dead = driven()._replace(time_s=9.0, slip=None, pose=None, drive_time_s=8.0, silent=("battery", "drive"))
+    dead = at(9.0, driven())._replace(slip=None, pose=None, silent=("battery", "drive"))
     assert not sent(Translation(Ros2Sink()), dead).keys() & {types.ODOMETRY, types.TWIST}
     status = {one["name"]: one for one in messages.diagnostics(dead, "robot 1")["status"]}
     for name, sensors, known in (("drive", "wheels", "unknown: "), ("charge", "battery", "50 ± 2 %: ")):

@@ -38,10 +38,15 @@ class Frames:
     base: str = "base_link"  #: of the robot, at its centre of gravity
 
 
-def header(state: RobotState, frame: str) -> Message:
-    """Stamp and frame of a message about a state."""
-    sec, nanosec = divmod(round(state.unix_s * 1e9), 10**9) if math.isfinite(state.unix_s) else (0, 0)
+def header(date_s: float, frame: str) -> Message:
+    """Stamp and frame of a message; date_s: seconds since 1970, nan where it is not known."""
+    sec, nanosec = divmod(round(date_s * 1e9), 10**9) if math.isfinite(date_s) else (0, 0)
     return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame}
+
+
+def battery_date_s(state: RobotState) -> float:
+    """Date of what a message says about the battery: of its sample, or of now, where it says that nothing is known."""
+    return state.unix_s if "battery" in state.silent else state.date_s("battery")
 
 
 def battery_state(
@@ -59,7 +64,7 @@ def battery_state(
     now_Ah = capacity_Ah if math.isnan(now_Ah) else now_Ah
     soc = min(max(float(charge.soc), 0.0), 1.0) if charge else nan
     return {
-        "header": header(state, frames.base),
+        "header": header(battery_date_s(state), frames.base),
         **{q.ros_field: measured.get(q.name, nan) for q in QUANTITIES.values() if q.ros_type == BATTERY_STATE},
         "charge": soc * now_Ah,
         "capacity": now_Ah,
@@ -115,11 +120,23 @@ def odometry(state: RobotState, frames: Frames) -> Message:
     position = {"x": float(pose.x_m), "y": float(pose.y_m), "z": 0.0}
     twist = _twist(pose.speed_m_s, pose.speed_left_m_s, pose.yaw_rate_rad_s)
     return {
-        "header": header(state, frames.odom),
+        "header": header(state.date_s("drive"), frames.odom),
         "child_frame_id": frames.base,
         "pose": {"pose": {"position": position, "orientation": turned}, "covariance": _covariance(pose.pose_cov)},
         "twist": {"twist": twist, "covariance": _covariance(pose.twist_cov)},
     }
+
+
+def transform(state: RobotState, frames: Frames) -> Message:
+    """`tf2_msgs/TFMessage` with the pose as the transform from odom to base."""
+    found = odometry(state, frames)
+    pose = found["pose"]["pose"]
+    stamped = {
+        "header": found["header"],
+        "child_frame_id": frames.base,
+        "transform": {"translation": pose["position"], "rotation": pose["orientation"]},
+    }
+    return {"transforms": [stamped]}
 
 
 def twist(state: RobotState, frames: Frames) -> Message:
@@ -133,7 +150,10 @@ def twist(state: RobotState, frames: Frames) -> Message:
     left_var = UNKNOWN_VARIANCE if state.pose is None else float(state.pose.twist_cov[1, 1])
     covariance = np.diag([float(slip.speed_std_m_s) ** 2, left_var, float(slip.yaw_rate_std_rad_s) ** 2])
     moved = _twist(slip.speed_m_s, left, slip.yaw_rate_rad_s)
-    return {"header": header(state, frames.base), "twist": {"twist": moved, "covariance": _covariance(covariance)}}
+    return {
+        "header": header(state.date_s("drive"), frames.base),
+        "twist": {"twist": moved, "covariance": _covariance(covariance)},
+    }
 
 
 def diagnostics(state: RobotState, robot: str) -> Message:
@@ -142,7 +162,10 @@ def diagnostics(state: RobotState, robot: str) -> Message:
     robot: its name.
     """
     conditions = [*_estimates(state), *state.diagnostics]
-    return {"header": header(state, ""), "status": [_status_message(condition, robot) for condition in conditions]}
+    return {
+        "header": header(state.unix_s, ""),
+        "status": [_status_message(condition, robot) for condition in conditions],
+    }
 
 
 def _status_message(condition: Diagnostic, robot: str) -> Message:

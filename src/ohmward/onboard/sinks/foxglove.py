@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from ohmward.battery.file import load_battery
 from ohmward.checks import require_between
@@ -20,6 +20,7 @@ from ohmward.optional import require
 class FoxgloveSink:
     """A server for viewers, who connect to ws://HOST:PORT and cannot send anything."""
 
+    takes_all: ClassVar[bool] = True  #: states; each message has a rate of its own
     #: address that is listened on; loopback only, because the protocol knows no token: forward the port with `ssh -L
     #: 8765:localhost:8765 robot`
     host: str = "127.0.0.1"

@@ -40,13 +40,13 @@ class RowMaker:
 
     def rows(self, state: RobotState) -> Iterator[Row]:
         """Rows of a state: none where nothing was estimated since the one before."""
-        for kind, time_s, unix_s, values in (
-            ("battery", state.battery_time_s, state.battery_unix_s, _battery),
-            ("drive", state.drive_time_s, state.drive_unix_s, _drive),
+        for kind, time_s, values in (
+            ("battery", state.battery_time_s, _battery),
+            ("drive", state.drive_time_s, _drive),
         ):
             if not math.isnan(time_s) and time_s != self._seen_s[kind]:
                 self._seen_s[kind] = time_s
-                yield Row(kind, self._time_ns(kind, unix_s), _known(values(state)))
+                yield Row(kind, self._time_ns(kind, state.date_s(kind)), _known(values(state)))
 
     def conditions(self, state: RobotState) -> Iterator[ConditionRow]:
         """Conditions that are new or have changed."""
