@@ -40,12 +40,15 @@ class SourceClock:
     between both clocks is the smallest difference of receipt and stamp of late. A stamp that leaps back or ahead of its
     receipt begins anew; one that is merely late, in a burst after a silence of the link, does not.
 
+    Args:
+        window_s: the smallest difference of so long counts; inf where both clocks are one, as in a simulation.
+
     Attributes:
         steps: number of times that the source's clock was set.
     """
 
-    def __init__(self) -> None:
-        self.steps = 0
+    def __init__(self, window_s: float = DELAY_WINDOW_S) -> None:
+        self.window_s, self.steps = window_s, 0
         self._least_s = self._least_before_s = math.inf
         self._window_s = self._stamp_s = math.nan
 
@@ -59,7 +62,7 @@ class SourceClock:
             self.steps += not math.isnan(self._stamp_s)
             self._least_s = self._least_before_s = math.inf
             self._window_s = received_s
-        elif received_s - self._window_s > DELAY_WINDOW_S / 2:
+        elif received_s - self._window_s > self.window_s / 2:
             self._least_before_s, self._least_s = self._least_s, math.inf
             self._window_s = received_s
         self._stamp_s = stamp_s

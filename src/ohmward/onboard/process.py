@@ -8,7 +8,7 @@ import logging
 import math
 import signal
 import sys
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -17,7 +17,7 @@ from typing import Any
 from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
-from ohmward.onboard.clock import LEAP_S, MessageDates, SourceClock, SystemClock
+from ohmward.onboard.clock import DELAY_WINDOW_S, LEAP_S, MessageDates, SourceClock, SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.evidence import AgeingModel
 from ohmward.onboard.faulty import FaultyInput
@@ -145,7 +145,7 @@ class Process:
 
     def _restart(self) -> None:
         """Forget all times: at the start, and where a simulation or a bag begins again."""
-        self._clocks: defaultdict[tuple[str, str], SourceClock] = defaultdict(SourceClock)
+        self._clocks: dict[tuple[str, str], SourceClock] = {}
         self._dates = MessageDates()
         self._ahead_s, self._received_s, self._simulated_s = 0.0, -math.inf, math.nan
         self._calendar_s = math.nan
@@ -193,7 +193,9 @@ class Process:
             self._received_s = message.received_s
         if message.sets_time:
             self._simulated_s = message.received_s
-        clock = self._clocks[message.source, message.publisher]
+        publisher = message.source, message.publisher
+        if (clock := self._clocks.get(publisher)) is None:
+            clock = self._clocks[publisher] = SourceClock(math.inf if own else DELAY_WINDOW_S)
         steps = clock.steps
         time_s = clock.to_ours(message.stamp_s, message.received_s)
         self._dates.put(time_s, message.date_s)

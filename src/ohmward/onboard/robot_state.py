@@ -51,7 +51,7 @@ class RobotState(NamedTuple):
     battery_time_s: float = math.nan
     drive_time_s: float = math.nan
     cells_time_s: float = math.nan
-    #: the first two as dates that the source gave, as ROS and dated logs do; nan where the wall clock counts, see `date_s`
+    #: the first two as dates that the source gave, as ROS and dated logs do; nan where the wall clock counts: `date_s`
     battery_unix_s: float = math.nan
     drive_unix_s: float = math.nan
     silent: tuple[str, ...] = ()  #: "battery", "cells" and "drive", of those whose sensors are all silent

@@ -1,7 +1,7 @@
 """Numbers of a robot's state by their path, for sinks that send single ones.
 
-"battery.soc", "slip.slip_ratio.0"; "sample.battery_current_A" is a measured value; "age_s.battery" is the time since the
-sample behind the estimates of the battery, and so are those of drive and cells.
+"battery.soc", "slip.slip_ratio.0"; "sample.battery_current_A" is a measured value; "age_s.battery" is the time since
+the sample behind the estimates of the battery, and so are those of drive and cells.
 """
 
 from __future__ import annotations

@@ -27,6 +27,8 @@ _LOOK_S = 1.0
 _OF_JOINTS = {"wheel", "joint", "drive", "motor", "link"}
 #: A stamp that is further from now is that of another clock, such as one since a board was switched on: no date [s].
 DATED_S = 60.0
+#: /clock is late by no more than this [s of its own].
+_CLOCK_LATE_S = 5.0
 #: Services below the name of the node, of type `std_srvs/Trigger`: the event that each is, and its answer.
 SERVICES = (
     ("battery_full", "battery_full", "the battery is full"),
@@ -159,7 +161,10 @@ class Ros2Source(RosNetwork):
 
 
 class RosTime:
-    """Time of a simulation or of a bag: that of /clock; of the newest stamp where nobody publishes it.
+    """Time of a simulation or of a bag: that of /clock, and of no earlier than a stamp that has come.
+
+    /clock may be late by a part of a second, which is several at ten times the rate; a stamp that is further ahead of
+    it is of another clock. Where nobody publishes /clock it is that of the newest stamp.
 
     Attributes:
         now_s: seconds since 1970, or since the simulation began; nan before the first message.
@@ -167,19 +172,19 @@ class RosTime:
 
     def __init__(self) -> None:
         self.now_s = math.nan
-        self._published = False
+        self._ahead_s = DATED_S
 
     def set(self, clock_s: float) -> float:
-        """Take in a message of /clock."""
-        self.now_s, self._published = clock_s, True
-        return clock_s
+        """The time after a message of /clock; it goes back where the simulation or the bag begins again."""
+        self._ahead_s = _CLOCK_LATE_S
+        goes_on = self.now_s - 2.0 * _CLOCK_LATE_S < clock_s <= self.now_s
+        self.now_s = self.now_s if goes_on else clock_s
+        return self.now_s
 
     def received(self, stamp_s: float) -> float:
-        """Time at which a message with this stamp came; a stamp of another clock, far from the others, sets no time."""
-        if self._published:
-            return self.now_s
-        if not abs(stamp_s - self.now_s) > DATED_S:
-            self.now_s = stamp_s if math.isnan(self.now_s) else max(self.now_s, stamp_s)
+        """The time at which a message with this stamp has come."""
+        if math.isnan(self.now_s) or self.now_s < stamp_s < self.now_s + self._ahead_s:
+            self.now_s = stamp_s
         return self.now_s
 
 
