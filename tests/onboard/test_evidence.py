@@ -31,6 +31,7 @@ def test_the_band_of_the_charge_grows_by_an_unknown_current(current_A, rate_C):
     """An hour at this current moves the share `rate_C` of the capacity."""
     ages = {"battery": Age(600.0, True)}
     found = AgeingModel(BATTERY).aged(driven(), ages, current_A)
+    assert found.battery is not None
     assert found.battery.soc == 0.5
     assert found.battery.soc_std == pytest.approx(math.hypot(0.02, rate_C / 6.0))
     assert found.silent == ("battery",)
@@ -66,6 +67,7 @@ def test_no_motion_that_adhesion_and_motors_allow_leaves_the_bands(age_s, brakin
     """The robot brakes or accelerates as hard as its weight lets it, up to its motors' speed without load."""
     state, model = driven(), AgeingModel(BATTERY, RLMA)
     found = aged(state, model, drive=(age_s, False))
+    assert state.slip is not None
     times = np.linspace(0.0, age_s, 2001)
     speeds = np.clip(state.slip.speed_m_s + braking * GRAVITY * times, -model.fastest_m_s, model.fastest_m_s)
     assert abs(speeds[-1] - found.slip.speed_m_s) <= BAND_95 * found.slip.speed_std_m_s + 1e-9

@@ -54,13 +54,13 @@ def setup_of(parameters: Mapping[str, Any], node: str = "ohmward", namespace: st
 
 def state_folder(node: str, namespace: str) -> str:
     """Folder of the state of a robot: below ROS_HOME, one for each node."""
-    home = os.environ.get("ROS_HOME") or os.path.join("~", ".ros")
+    home = os.environ.get("ROS_HOME") or "~/.ros"
     return str(Path(home).expanduser().joinpath("ohmward", *filter(None, namespace.split("/")), node))
 
 
 def _path(given: str) -> str | None:
     """The path with ~ as the home; None where none is given."""
-    return os.path.expanduser(given) if given else None
+    return str(Path(given).expanduser()) if given else None
 
 
 def _joint(given: str) -> tuple[str, str]:

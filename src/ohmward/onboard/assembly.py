@@ -43,8 +43,7 @@ def assemble(setup: Setup, ros_node: Any = None) -> Process:
     folder = state_folder(setup)
     estimation = estimation_of(setup, folder)
     sources, sinks = connect_simulated_drives(replays_in_step(setup.source), sinks_of(setup))
-    sources, sinks = on_one_node(sources, sinks, ros_node)
-    process = Process(estimation, sources, sinks, strict=setup.strict)
+    process = Process(estimation, *on_one_node(sources, sinks, ros_node), strict=setup.strict)
     if folder:
         folder.begin(estimation)
         process.companions.append(("snapshots", folder.writer(estimation, process.now_s)))

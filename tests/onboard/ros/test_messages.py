@@ -30,9 +30,8 @@ def charge(soc: float = 0.5, offset_A: float = 0.0) -> SocEstimate:
 def at(time_s: float, state: RobotState) -> RobotState:
     """The state at another time, with evidence 0.1 s old; dates are seconds after 1.7e9."""
     old_s = time_s - 0.1
-    times = dict.fromkeys(("battery_time_s", "drive_time_s"), old_s)
-    dates = dict.fromkeys(("battery_unix_s", "drive_unix_s"), 1.7e9 + old_s)
-    return state._replace(time_s=time_s, unix_s=1.7e9 + time_s, **times, **dates)
+    aged = state._replace(battery_time_s=old_s, drive_time_s=old_s)
+    return aged._replace(time_s=time_s, unix_s=1.7e9 + time_s, battery_unix_s=1.7e9 + old_s, drive_unix_s=1.7e9 + old_s)
 
 
 @cache
@@ -74,6 +73,7 @@ def every_message() -> dict[str, dict]:
         types.ODOMETRY: messages.odometry(state, frames),
         types.TWIST: messages.twist(state, frames),
         types.DIAGNOSTICS: messages.diagnostics(state, "robot 1"),
+        types.TF: messages.transform(state, frames),
         types.JOINT_STATE: {
             "header": messages.header(1.7e9, ""), "name": ["left_wheel", "r"], "position": [], "velocity": [1.0, 2.0],
             "effort": [],
@@ -222,3 +222,26 @@ def test_diagnostics_name_what_is_wrong():
     assert status["ohmward: source can0"]["level"] == 1
     assert status["ohmward: charge"]["hardware_id"] == "robot 1"
     assert {"key": "soc_std", "value": "0.02"} in status["ohmward: charge"]["values"]
+
+
+def test_the_transform_is_the_pose_where_it_is_asked_for():
+    state = at(5.0, driven())
+    assert types.TF not in sent(Translation(Ros2Sink()), state)
+    found = sent(Translation(Ros2Sink(publish_tf=True)), state)[types.TF]
+    assert state.pose is not None
+    assert found["transforms[0].transform.translation.x"] == pytest.approx(state.pose.x_m)
+    yaw_rad = 2 * math.atan2(found["transforms[0].transform.rotation.z"], found["transforms[0].transform.rotation.w"])
+    assert yaw_rad == pytest.approx(state.pose.yaw_rad)
+    assert dict(Ros2Sink(publish_tf=True).advertised())["/tf"] == types.TF
+
+
+def test_dates_are_those_of_the_samples_and_never_go_back():
+    """States of a battery and of a drive, whose evidence is older than the state and than that of the state before."""
+    translation, dates = Translation(Ros2Sink(interval_s=0.0, slow_s=0.0)), []
+    for time_s, drive_s in ((5.0, 4.9), (5.1, 4.9), (5.2, 4.8), (5.3, 5.25)):
+        state = at(time_s, driven())._replace(drive_time_s=drive_s, drive_unix_s=1.7e9 + drive_s)
+        if (found := sent(translation, state)).get(types.ODOMETRY):
+            dates.append(
+                1e-9 * found[types.ODOMETRY]["header.stamp.nanosec"] + found[types.ODOMETRY]["header.stamp.sec"]
+            )
+    assert np.array(dates) - 1.7e9 == pytest.approx([4.9, 5.25], abs=1e-6)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from ohmward.onboard.part import Sink, Source
-from ohmward.onboard.ros.transport import RosNetwork, SharedNode
+from ohmward.onboard.ros.transport import SharedNode
 from ohmward.onboard.sinks.ros2 import Ros2Sink
 from ohmward.onboard.sources.ros2 import Ros2Source
 
@@ -42,7 +42,9 @@ class OnNode:
             await self.part.run_on(transport, other)
 
 
-def on_one_node(sources: Sequence[Source], sinks: Sequence[Sink], node: Any = None) -> tuple[list[Source], list[Sink]]:
+def on_one_node(
+    sources: Sequence[Source], sinks: Sequence[Sink], node: Any = None
+) -> tuple[Sequence[Source], Sequence[Sink]]:
     """The sources and sinks of a process; those with the same node, namespace and domain share it.
 
     node: of rclpy that there is already, for all of them.
@@ -50,7 +52,7 @@ def on_one_node(sources: Sequence[Source], sinks: Sequence[Sink], node: Any = No
     nodes: dict[tuple[object, ...], SharedNode] = {}
 
     def shared(part: Any) -> Any:
-        if not isinstance(part, RosNetwork) or not (part.uses_rclpy or node is not None):
+        if not isinstance(part, Ros2Source | Ros2Sink) or not (part.uses_rclpy or node is not None):
             return part
         key = () if node is not None else (part.node, part.namespace, part.domain)
         return OnNode(part, nodes.setdefault(key, SharedNode(part, node)))
