@@ -58,6 +58,10 @@ CORRELATED = (SLIP, SIDE_SLIP, TURN_SLIP)
 #: Standard deviation [rad] of a heading that may be any.
 ANY_HEADING_RAD = math.pi / math.sqrt(3.0)
 
+#: Time constant [s] of the usual yaw rate of the wheels, which may be but counts where its angle in that time is within
+#: so many standard deviations of counting.
+USUAL_TURN_S, COUNTED = 0.5, 5.0
+
 #: Acceleration [m/s2, m/s2, rad/s2] that is possible while nothing shows the motion.
 UNSEEN = np.array([0.5, 0.1, 0.5])
 
@@ -76,6 +80,8 @@ class MotionInput(NamedTuple):
     comparable: Any  #: the condition that the wheels show it too
     count_rad: Any  #: standard deviation of the turn that the wheels show, by counting
     unseen_s: np.ndarray  #: (3,) time for which nothing has shown each motion
+    usual_turn_rad_s: Any = 0.0  #: yaw rate of the wheels, averaged over the time before the step
+    turn_scale: Any = 0.0  #: k_w as it is known before the step
 
 
 def first_belief(noise: OdometryNoise, turn_per_slip: float, count_rad: float) -> Belief:
@@ -111,11 +117,17 @@ def moved(x: np.ndarray, u: MotionInput, rims: np.ndarray, time_s: Scalar) -> tu
     """Way (3,) forward, left [m] and turned [rad] by the wheels, and the turn by the gyro, both turns in its units.
 
     rims: (3,) the way as the rims show it in that time.
+
+    The scale of the wheels' turn is learnt over the turn of the step, or over the usual one where that may be but
+    counts: wheels and gyro differ by those, and the filter would learn the scale from them.
     """
     scale = 1.0 + u.scale * x[RADIUS]
     forward = rims[0] * scale + u.motion_std[0] * time_s * x[SLIP]
     left = rims[1] * scale + u.motion_std[1] * time_s * x[SIDE_SLIP]
-    turn = rims[2] * (1.0 + x[TURN_SCALE]) + rims[0] * x[CURVATURE] + u.motion_std[2] * time_s * x[TURN_SLIP]
+    turned = rims[2] * (1.0 + u.turn_scale) + rims[0] * x[CURVATURE] + u.motion_std[2] * time_s * x[TURN_SLIP]
+    counts = u.by_gyro & (abs(u.usual_turn_rad_s) * USUAL_TURN_S < COUNTED * u.count_rad)
+    scaled = where(counts, u.usual_turn_rad_s * time_s, rims[2])
+    turn = turned + scaled * (x[TURN_SCALE] - u.turn_scale)
     return np.array([forward, left, turn]), (u.gyro_rad_s - x[OFFSET]) * time_s
 
 

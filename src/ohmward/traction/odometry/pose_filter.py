@@ -40,6 +40,7 @@ from ohmward.traction.odometry.model import (
     OFFSET,
     RADIUS,
     SLIP,
+    TURN_SCALE,
     YAW,
     MotionInput,
     X,
@@ -138,7 +139,10 @@ class PoseFilter:
         gyro = self.hear(state.gyro, sensors, time)
         walk = walk_variance(gyro, self.noise.gyro_walk)
         motion = show(sensors, jump, time.dt_s, since_s, walk, self.robot, self.noise)
-        sensors = sensors._replace(followed_m_s=motion.grip.followed_m_s, reckoned=motion.reckoned)
+        sensors = sensors._replace(
+            followed_m_s=motion.grip.followed_m_s, reckoned=motion.reckoned, usual_turn_rad_s=motion.usual_turn_rad_s
+        )
+        motion = motion._replace(input=motion.input._replace(turn_scale=before.mean[TURN_SCALE]))
         reckoned = self.predict(opened(before, motion, motion.grip.beyond_m_s), motion.input)
         trail = extend(state.trail, twist(before.mean, motion.input), time.dt_s)
         speed_m_s = twist(reckoned.mean, motion.input)[0]

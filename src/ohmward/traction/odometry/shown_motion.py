@@ -10,10 +10,10 @@ import numpy as np
 from ohmward.filters.gate import choose
 from ohmward.filters.sanitize import CleanStep, every, some, within
 from ohmward.quantities import MOST_WHEEL_RAD_S
-from ohmward.trace import logical_not, maximum, minimum, sqrt, where
+from ohmward.trace import exp, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.odometry.grip import GripSpeed, speed_by_grip
-from ohmward.traction.odometry.model import MotionInput
+from ohmward.traction.odometry.model import USUAL_TURN_S, MotionInput
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import OdometrySample
 from ohmward.traction.robot.chassis import PLANAR, Differential
@@ -57,7 +57,7 @@ CREDIBLE = Observed(LOST_M_S, LOST_M_S, LOST_M_S, MOST_YAW_RAD_S, MOST_YAW_RAD_S
 
 
 #: A count is known from so many differences on, and no encoder has a larger one [rad].
-FEWEST_DIFFERENCES, MOST_COUNT_RAD = 20.0, 0.1
+FEWEST_DIFFERENCES, MOST_COUNT_RAD = 20.0, 0.5
 
 
 class CountOfEncoder(NamedTuple):
@@ -79,7 +79,8 @@ class MotionState(NamedTuple):
     #: (3,) way that was reckoned by the wheels since their last values [m, m, rad]
     reckoned: np.ndarray
     turned_rad: np.ndarray  #: (driven,) angles of the last steps
-    count: CountOfEncoder  #: as they have shown it
+    encoder: CountOfEncoder  #: as they have shown it
+    usual_turn_rad_s: Any  #: yaw rate by the driven wheels, averaged over `USUAL_TURN_S`
     observed: Observed  #: of the speed observer
     intervals: Intervals  #: of `WHEELS`, `GYRO`, `OBSERVER` and `PASSIVE`
 
@@ -90,7 +91,9 @@ class ShownMotion(NamedTuple):
     input: MotionInput  #: of the model
     white_variance: np.ndarray  #: (3,) of the twist, by counting and by the gyro's noise over one step
     rim_m: Scalar  #: way of the driven rims whatever its direction, their mean
-    reckoned: np.ndarray  #: `MotionState.reckoned` after the step
+    #: `MotionState` after the step
+    reckoned: np.ndarray
+    usual_turn_rad_s: Scalar
     grip: GripSpeed  #: forward speed of the rims
     by_driven: Scalar  #: the condition that the driven ones tell it, no observer and no wheel that rolls freely
     #: see `OdometryFlag`
@@ -103,7 +106,7 @@ def no_motion(robot: Robot) -> MotionState:
     """State before the first sample."""
     driven, passive = np.zeros(robot.driven), np.zeros(len(passive_wheels(robot)))
     return MotionState(
-        driven, driven + NEVER_S, passive, 0.0, 0.0, np.zeros(3), driven, CountOfEncoder(), Observed(), never(4)
+        driven, driven + NEVER_S, passive, 0.0, 0.0, np.zeros(3), driven, CountOfEncoder(), 0.0, Observed(), never(4)
     )
 
 
@@ -149,7 +152,8 @@ def sense(before: MotionState, sample: OdometrySample, time: CleanStep, robot: R
         followed_m_s=before.followed_m_s,
         reckoned=before.reckoned,
         turned_rad=where(rolled, turned_rad, before.turned_rad),
-        count=choose(rolled, count_seen(before, turned_rad), before.count),
+        encoder=choose(rolled, count_seen(before, turned_rad), before.encoder),
+        usual_turn_rad_s=before.usual_turn_rad_s,
         observed=Observed(*latest),
         intervals=advance(before.intervals, np.array([rolled, turned, observed, free]), time.dt_s),
     )
@@ -158,7 +162,7 @@ def sense(before: MotionState, sample: OdometrySample, time: CleanStep, robot: R
 
 def count_seen(before: MotionState, turned_rad: np.ndarray) -> CountOfEncoder:
     """The count after a step in which the wheels turned by these angles (driven,)."""
-    least, differences = before.count
+    least, differences = before.encoder
     for new, old, age_s in zip(turned_rad, before.turned_rad, before.wheel_age_s, strict=True):
         apart = abs(new - old)
         differs = (apart > SAME_RAD) & (age_s < NEVER_S)
@@ -201,7 +205,7 @@ def show(
     rolls, by_gyro, observed, free = holds(now.intervals)
     rims_m_s = robot.wheel.radius_m * now.wheel_speed_rad_s
     driven = rim_matrix(robot) @ rims_m_s
-    counted_m = counting_m(now.count, robot, noise)
+    counted_m = counting_m(now.encoder, robot, noise)
     count_m_s = math.sqrt(2.0) * counted_m / maximum(dt_s, LEAST_STEP_S)
     followed = now.gyro_rad_s, by_gyro, now.followed_m_s
     grip = speed_by_grip(rims_m_s, driven[0], *followed, since_s, count_m_s, robot, noise)
@@ -237,12 +241,14 @@ def show(
         & (free | rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_TURN_GRIP))),
         count_rad=turn_per_slip(robot) * counted_m,
         unseen_s=unseen(now.intervals, rolls | free | observed, by_gyro),
+        usual_turn_rad_s=now.usual_turn_rad_s,
     )  # fmt: skip
     no_gyro = was_seen(now.intervals)[GYRO] & logical_not(by_gyro)
     white = white_variance(u, observed, count_m_s, robot)
     rim_m = sum(abs(rims_m_s)) / robot.driven * dt_s
     by_driven, no_wheels = rolls & logical_not(observed | free), logical_not(rolls | free | observed)
-    return ShownMotion(u, white, rim_m, reckoned, grip, by_driven, no_wheels, no_gyro, jump)
+    usual = now.usual_turn_rad_s + (rim[2] - now.usual_turn_rad_s) * (1.0 - exp(-dt_s / USUAL_TURN_S))
+    return ShownMotion(u, white, rim_m, reckoned, usual, grip, by_driven, no_wheels, no_gyro, jump)
 
 
 def motion_std(
