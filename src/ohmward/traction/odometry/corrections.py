@@ -53,7 +53,7 @@ LEAST_TURN_RAD, SCRUBBING_SHARE = 0.01, (-0.95, 0.1)
 STOOD_M = 1e-6
 
 #: A robot that stands turns by so much [rad] unseen: a hundredth of a count; keeps its yaw's variance above rounding.
-UNSEEN_TURN_RAD = 1e-5
+STILL_TURN_RAD = 1e-5
 
 #: Least and longest length [s] of a pose increment.
 INCREMENT_S = (1e-3, 10.0)
@@ -151,7 +151,7 @@ def use_turn(
     stood = sums.rim_m <= STOOD_M
     rests = where(stood, sums.stood + 1.0, 0.0)
     counted = u.count_rad * u.count_rad / maximum(rests * rests, 1.0)
-    variance = counted + where(stood, sums.gyro_variance, 0.0) + UNSEEN_TURN_RAD**2
+    variance = counted + where(stood, sums.gyro_variance, 0.0) + STILL_TURN_RAD**2
     by_noise = where(stood, sums.gyro_variance, 0.0)
     shared = np.array([{YAW: -by_noise, APART: by_noise}.get(i, 0.0) for i in range(len(NAMES))])
 

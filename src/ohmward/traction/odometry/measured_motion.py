@@ -85,7 +85,7 @@ class MotionState(NamedTuple):
     intervals: Intervals  #: of `WHEELS`, `GYRO`, `OBSERVER` and `PASSIVE`
 
 
-class ShownMotion(NamedTuple):
+class MeasuredMotion(NamedTuple):
     """Motion over a step, and conditions on its sensors."""
 
     input: MotionInput  #: of the model
@@ -196,7 +196,7 @@ def show(
     gyro_variance: Scalar,
     robot: Robot,
     noise: OdometryNoise,
-) -> ShownMotion:
+) -> MeasuredMotion:
     """Motion over the step to this state of the sensors: an observer's before the wheels', a gyro's before both.
 
     since_s: time since the wheels were last measured, at its end.
@@ -240,7 +240,7 @@ def show(
         comparable=by_gyro
         & (free | rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_TURN_GRIP))),
         count_rad=turn_per_slip(robot) * counted_m,
-        unseen_s=unseen(now.intervals, rolls | free | observed, by_gyro),
+        unobserved_s=unobserved(now.intervals, rolls | free | observed, by_gyro),
         usual_turn_rad_s=now.usual_turn_rad_s,
     )  # fmt: skip
     no_gyro = was_seen(now.intervals)[GYRO] & logical_not(by_gyro)
@@ -248,7 +248,7 @@ def show(
     rim_m = sum(abs(rims_m_s)) / robot.driven * dt_s
     by_driven, no_wheels = rolls & logical_not(observed | free), logical_not(rolls | free | observed)
     usual = now.usual_turn_rad_s + (rim[2] - now.usual_turn_rad_s) * (1.0 - exp(-dt_s / USUAL_TURN_S))
-    return ShownMotion(u, white, rim_m, reckoned, usual, grip, by_driven, no_wheels, no_gyro, jump)
+    return MeasuredMotion(u, white, rim_m, reckoned, usual, grip, by_driven, no_wheels, no_gyro, jump)
 
 
 def motion_std(
@@ -289,8 +289,8 @@ def white_variance(u: MotionInput, observed: Scalar, count_m_s: Scalar, robot: R
 def counting_m(count: CountOfEncoder, robot: Robot, noise: OdometryNoise) -> Scalar:
     """Standard deviation [m] of the way of a rim by counting, even within a count; that of the noise at least."""
     known = (count.differences >= FEWEST_DIFFERENCES) & (count.least_rad < MOST_COUNT_RAD)
-    shown_rad = where(known, count.least_rad, 0.0) / math.sqrt(12.0)
-    return robot.wheel.radius_m * maximum(shown_rad, noise.encoder_std_rad / math.sqrt(2.0))
+    by_steps_rad = where(known, count.least_rad, 0.0) / math.sqrt(12.0)
+    return robot.wheel.radius_m * maximum(by_steps_rad, noise.encoder_std_rad / math.sqrt(2.0))
 
 
 def turn_per_slip(robot: Robot) -> float:
@@ -310,7 +310,7 @@ def side_std(speed_std_m_s: Scalar, rim_m_s: Scalar, turn_rad_s: Scalar, robot: 
     return hypot(side, speed_std_m_s) if rim_matrix(robot)[1].any() else side
 
 
-def unseen(intervals: Intervals, moves: Scalar, by_gyro: Scalar) -> np.ndarray:
+def unobserved(intervals: Intervals, moves: Scalar, by_gyro: Scalar) -> np.ndarray:
     """Time (3,) [s] for which nothing has shown each motion, since the start at most."""
     age_s, seen = intervals.age_s[WHEELS], was_seen(intervals)[WHEELS]
     since_s = where(moves, 0.0, age_s - where(seen, 0.0, NEVER_S))
