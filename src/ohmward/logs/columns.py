@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 from ohmward.errors import InputError
@@ -20,9 +21,32 @@ _OTHER_WORDS = word_set(
 _WALL_CLOCK = ("stamp", "date", "unix", "epoch", "dpt", "realtime", "datum", "changed")
 # Words of the time since the start of a test, beside which `Time` is that of a step.
 _WHOLE_TIME = word_set("total test elapsed prog program run cumulative")
+#: A longer word that is alike to this share may be a misspelled one.
+_SHORTEST_MISSPELLED, _ALIKE = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
 _BESIDE = (0, 1, 2, 4)
 _BARE_LETTER, _WALL_CLOCK_TIME, _LAST_WORD, _NEVER = 2, 3, 5, 99
+
+
+class UnclearColumnsError(InputError):
+    """Names do not tell the column of a quantity, or of several."""
+
+    def __init__(self, source: str, names: Sequence[str], faults: Mapping[str, str], choice: Mapping[str, str | None]):
+        self.faults = faults  #: quantity -> its fault, a clause
+        self.choice = choice  #: quantity -> a column that it may be, None where none is like it
+        given = {quantity: name or "NAME" for quantity, name in choice.items()}
+        options = [f"{quantity}={name}" for quantity, name in given.items()]
+        flags = " ".join(f"--column {argument(option)}" for option in options)
+        interval = (
+            ", or give the interval between rows with --sample-time 1 (FileHints(sample_time_s=1))"
+            if "time" in choice
+            else ""
+        )
+        super().__init__(
+            f"{source}: {'; '.join(faults.values())}; it has: {listed(names)}; choose with {flags} "
+            f"(columns={given}){interval}",
+            () if None in choice.values() else [word for option in options for word in ("--column", option)],
+        )
 
 
 class Column(NamedTuple):
@@ -37,6 +61,7 @@ def find_columns(
     names: Sequence[str],
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
+    head: Mapping[str, Sequence[str]] | None = None,
 ) -> dict[str, Column]:
     """The column of each quantity of a battery: `current_A`, `Current / mA`, `I (A)`, `pack.voltage`, `timestamp_ns`.
 
@@ -46,19 +71,34 @@ def find_columns(
     names: the columns of the file.
     columns: quantity -> column name, where the caller knows better.
     units: quantity -> unit ("mA", "mV", "ms", "K", ...), where the name is silent or wrong.
+    head: column -> its first cells, by which a time may be guessed.
     Returns: quantity -> Column; temperature may be missing.
 
     Raises:
-        InputError: a quantity is missing, two columns fit equally well, or an override names what does not exist.
+        UnclearColumnsError: quantities are missing, or two columns fit equally well; names all of them.
+        InputError: an override names what does not exist.
     """
     columns = columns or {}
     units = units or {}
     known = [channel.name for channel in BATTERY]
     if unknown := [quantity for quantity in (*columns, *units) if quantity not in known]:
         raise InputError(f"unknown quantity {unknown[0]!r}; ohmward knows {', '.join(known)}")
-    found = {channel.name: find_column(source, names, channel, columns, units) for channel in BATTERY}
-    chosen = {quantity: column for quantity, column in found.items() if column}
+    chosen: dict[str, Column] = {}
+    unclear: list[UnclearColumnsError] = []
+    for channel in BATTERY:
+        try:
+            if column := find_column(source, names, channel, columns, units):
+                chosen[channel.name] = column
+        except UnclearColumnsError as error:
+            unclear.append(error)
     require_own_columns(source, chosen)
+    if unclear:
+        faults = {quantity: fault for error in unclear for quantity, fault in error.faults.items()}
+        choice = {quantity: name for error in unclear for quantity, name in error.choice.items()}
+        if "time" in choice and choice["time"] is None:
+            free = [name for name in names if name not in {column.name for column in chosen.values()}]
+            choice["time"] = next((name for name in free if _counts_up((head or {}).get(name, ()))), None)
+        raise UnclearColumnsError(source, names, faults, choice)
     return chosen
 
 
@@ -96,7 +136,8 @@ def find_column(
     elif fitting := _best(source, free, channel):
         column = fitting
     elif channel.required:
-        raise _missing(source, names, quantity)
+        near = _nearest(names, channel)
+        raise UnclearColumnsError(source, names, {quantity: f"no column for the {quantity} found"}, {quantity: near})
     else:
         return None
     return column._replace(unit=given_unit(quantity, units[quantity])) if quantity in units else column
@@ -131,18 +172,16 @@ def given_unit(quantity: str, spelling: str) -> Unit:
     return unit
 
 
-def only_one(source: str, quantity: str, fits: Sequence[Column]) -> Column:
+def only_one(source: str, names: Sequence[str], quantity: str, fits: Sequence[Column]) -> Column:
     """The first column that fits.
 
     Raises:
-        InputError: another one fits as well.
+        UnclearColumnsError: another one fits as well.
     """
     first = fits[0].name
     if others := [column.name for column in fits if column.name != first]:
-        raise InputError(
-            f"{source}: both {first!r} and {others[0]!r} may be the {quantity}; "
-            f"choose with --column {argument(f'{quantity}={first}')} (columns={{{quantity!r}: {first!r}}})"
-        )
+        fault = f"both {first!r} and {others[0]!r} may be the {quantity}"
+        raise UnclearColumnsError(source, names, {quantity: fault}, {quantity: first})
     return fits[0]
 
 
@@ -154,7 +193,7 @@ def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
     fits = [column for rank, column in ranked if rank == best]
     if channel is TIME:
         fits = [column for column in fits if _WHOLE_TIME & set(letters(column.name))] or fits
-    return fits[0] if channel.first_of_many else only_one(source, channel.name, fits)
+    return fits[0] if channel.first_of_many else only_one(source, names, channel.name, fits)
 
 
 def _ranks(channel: Channel, name: str) -> Iterator[tuple[int, Column]]:
@@ -188,17 +227,22 @@ def _wall_clock(channel: Channel, stem: str) -> int:
     return _WALL_CLOCK_TIME * (channel is TIME and any(word in stem.lower() for word in _WALL_CLOCK))
 
 
-def _missing(source: str, names: Sequence[str], quantity: str) -> InputError:
-    near = next((name for name in names if quantity[:3] in name.lower()), "NAME")
-    interval = (
-        ", or give the interval between rows with --sample-time 1 (FileHints(sample_time_s=1))"
-        if quantity == "time"
-        else ""
-    )
-    return InputError(
-        f"{source}: no column for the {quantity} found; it has: {listed(names)}; "
-        f"name it with --column {argument(f'{quantity}={near}')} (columns={{{quantity!r}: {near!r}}}){interval}"
-    )
+def _nearest(names: Sequence[str], channel: Channel) -> str | None:
+    """The column whose name is most like that of a channel, by its first letters or misspelled; None for none."""
+    likely = [name for name in names if not _OTHER_WORDS & set(channel.split(name))]
+    by_letters = next((name for name in likely if channel.name[:3] in name.lower()), None)
+    known = [word for words in channel.words for word in words if len(word) > _SHORTEST_MISSPELLED]
+    misspelled = (n for n in likely if any(difflib.get_close_matches(w, known, 1, _ALIKE) for w in channel.split(n)))
+    return by_letters or next(misspelled, None)
+
+
+def _counts_up(cells: Sequence[str]) -> bool:
+    """True for cells that are numbers, each larger than the one before."""
+    try:
+        values = [float(cell) for cell in cells]
+    except ValueError:
+        return False
+    return len(values) > 2 and all(later > before for before, later in pairwise(values))
 
 
 def argument(text: str) -> str:
