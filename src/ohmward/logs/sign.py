@@ -247,12 +247,16 @@ def trend_test(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray)
 def change_test(current_A: np.ndarray, voltage_V: np.ndarray) -> int:
     """1 if the voltage moves with all changes of the current, -1 if against them, 0 unclear.
 
-    dV = R dI over changes of the current between samples, and over several of them, must give the same clear sign of R.
+    dV = R dI over changes of the current between samples, and over several of them, must give the same clear sign of R,
+    and so must its rises and its falls: a charger that tapers off lets the current fall while the voltage still rises.
 
     current_A, voltage_V: (T,), no NaN.
     """
-    signs = {_sign_of_changes(current_A[over:] - current_A[:-over], voltage_V[over:] - voltage_V[:-over])
-             for over in _CHANGES_OVER}  # fmt: skip
+    signs = set()
+    for over in _CHANGES_OVER:
+        dI, dV = current_A[over:] - current_A[:-over], voltage_V[over:] - voltage_V[:-over]
+        agree = all(np.sign(dI[way] @ dV[way]) == np.sign(dI @ dV) for way in (dI > 0.0, dI < 0.0))
+        signs.add(_sign_of_changes(dI, dV) if agree else 0)
     return signs.pop() if len(signs) == 1 else 0
 
 

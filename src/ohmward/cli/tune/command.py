@@ -42,7 +42,8 @@ def run(args: argparse.Namespace) -> Outcome:
     check_output("--output", args.output, (".toml",), [])
     battery, contradictions = load_battery_with_sensor(args.battery, args)
     with progress() as report:
-        logs = [read_battery_log(text, read_options(args), (), report) for text in log_files(args.logs)]
+        texts, reading = log_files(args.logs), read_options(args)
+        logs = [read_battery_log(text, reading, (), report, battery=battery, others=texts) for text in texts]
         given = dict(args.initial_soc)
         starts = {log.name: given[key] for log in logs for key in (log.name, "") if key in given}
         tuning = tune_noise(battery, logs, starts, counting(report, "looking for the most likely noise"))
