@@ -89,7 +89,11 @@ def test_overrides_win():
         ("time a_current voltage b_current", {}, r"columns=\{'current': 'a_current'\}"),
         ("time voltage power", {}, r"no column for the current found; it has: 'time', 'voltage', 'power'"),
         ("time curLeft voltage", {}, r"choose with --column current=curLeft"),
-        ("a b", {}, "time found; no column for the current found; no column for the voltage found.*time=NAME --column cur"),
+        (
+            "a b",
+            {},
+            "time found; no column for the current found; no column for the voltage found.*time=NAME --column cur",
+        ),
         ("time I_1 I_2 spannugn", {}, "both 'I_1' and 'I_2' .*current=I_1 --column voltage=spannugn"),
         ("time current voltage", {"units": {"current": "mV"}}, r"unit 'mV' of the current is not known; use .*mA"),
         ("time current voltage", {"units": {"soc": "%"}}, r"unknown quantity 'soc'"),

@@ -20,7 +20,7 @@ _OTHER_WORDS = word_set(
 # Words of clocks that may be set while a log runs.
 _WALL_CLOCK = ("stamp", "date", "unix", "epoch", "dpt", "realtime", "datum", "changed")
 # Words of the time since the start of a test, beside which `Time` is that of a step.
-_WHOLE_TIME = word_set("total test elapsed prog program run cumulative")
+_WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute")
 #: A longer word that is alike to this share may be a misspelled one.
 _SHORTEST_MISSPELLED, _ALIKE = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
@@ -100,6 +100,13 @@ def find_columns(
             choice["time"] = next((name for name in free if _counts_up((head or {}).get(name, ()))), None)
         raise UnclearColumnsError(source, names, faults, choice)
     return chosen
+
+
+def other_times(names: Sequence[str], chosen: str) -> list[Column]:
+    """The columns that may be the time beside the chosen one, the best first."""
+    ranked = [(rank, k, column) for k, name in enumerate(names) for rank, column in _ranks(TIME, name)]
+    fits = [column for rank, _, column in sorted(ranked, key=lambda one: one[:2]) if rank < _NEVER]
+    return [column for column in fits if column.name != chosen]
 
 
 def require_own_columns(source: str, columns: Mapping[str, Column]) -> None:

@@ -182,10 +182,10 @@ def read_log(
         raise _with_further(error, columns or {}, again) from None
     state = state_column(file) if current_sign != "discharge" else None
     columns_beside = extra if extra is None or state is None else {*extra, state}
-    wanted = Wanted(where or {}, columns_beside, sort_time, progress)
+    wanted = Wanted(where or {}, columns_beside, sort_time, progress, "time" in file.given(columns))
     rows = read_recording(file, chosen, wanted, lambda table: _to_numbers(table, chosen, state))
     left_out = {*wanted.where} if extra is None else set(file.names) - set(extra)
-    log = _as_log(file, rows, chosen, current_sign, left_out)
+    log = _as_log(file, rows, current_sign, left_out)
     part = window_s(log.name, log.start_unix_s, file.hints)
     return log if part is None else log.between(*part)
 
@@ -273,10 +273,9 @@ def as_logs(sources: LogSource | Sequence[LogSource]) -> tuple[Log, ...]:
     return tuple(map(as_log, sources))
 
 
-def _as_log(
-    file: TableFile, rows: RecordedTable, chosen: Mapping[str, Column], current_sign: CurrentSign, left_out: set[str]
-) -> Log:
+def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, left_out: set[str]) -> Log:
     """The log of the rows of one recording, without the columns that are left out."""
+    chosen = rows.columns
     table = merge_rates(rows.table, chosen)
     measured = {q: table.columns[column.name] for q, column in chosen.items() if column.name in table.columns}
     time_s, start_unix_s = _since_start(measured["time"], rows.start_unix_s, table.columns)

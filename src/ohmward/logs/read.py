@@ -24,16 +24,18 @@ from ohmward.logs.bags.choice import TOPIC
 from ohmward.logs.bags.files import is_recording
 from ohmward.logs.clean import drop_text, drop_untimed
 from ohmward.logs.clock import date_column, nanosecond_column, read_clock
-from ohmward.logs.columns import Column
+from ohmward.logs.columns import Column, other_times
 from ohmward.logs.csv_file import open_csv
 from ohmward.logs.folder import is_stream, open_folder, stored
 from ohmward.logs.frame import is_frame, open_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.long_table import as_wide
+from ohmward.logs.note import Note
 from ohmward.logs.order import (
     SeveralRecordingsError,
     find_repeats,
     find_restarts,
+    join_steps,
     require_one_instance,
     settle_equal_times,
     sort_rows,
@@ -52,12 +54,14 @@ class Wanted(NamedTuple):
     extra: Collection[str] | None = None
     sort_time: bool = False
     progress: Progress | None = None
+    time_given: bool = False  #: the caller or the file names the column of the time
 
 
 class RecordedTable(NamedTuple):
     """The rows of one recording in order of time, no time twice; only numbers."""
 
     table: Table  #: its time in seconds; its notes say what was done
+    columns: Mapping[str, Column]  #: channel -> column
     start_unix_s: float | None  #: Unix time of the clock's zero, None where it is not a wall clock
     own: frozenset[str]  #: the columns that are channels, labels or parts of the clock; all others are extra
     guessed_unit: bool = False  #: nothing told the unit of the time
@@ -144,12 +148,41 @@ def read_recording(
 ) -> RecordedTable:
     """Load the columns, choose the rows, read the clock, and put the rows in order of time.
 
+    Where the time starts again with each step of a test, another column that does not is the time, or else the steps
+    are joined.
+
     columns: channel -> column; among them the time.
     to_numbers: turns the channels' columns into numbers, with a note on each.
 
     Raises:
         InputError: a column, a label or a time that is not there, text among numbers, a time that does not increase.
     """
+    try:
+        return _read_rows(file, columns, wanted, to_numbers)
+    except SeveralRecordingsError as error:
+        if not error.are_steps:
+            raise
+    own = {column.name for column in columns.values()}
+    times = [] if wanted.time_given else other_times(file.names, columns["time"].name)
+    for time in times:
+        try:
+            rows = _read_rows(file, {**columns, "time": time}, wanted, to_numbers) if time.name not in own else None
+        except InputError:
+            continue
+        if rows:
+            note = Note(f"time from {time.name!r}: that in {columns['time'].name!r} starts again with each step")
+            return rows._replace(table=rows.table.with_notes(note))
+    return _read_rows(file, columns, wanted, to_numbers, joined=True)
+
+
+def _read_rows(
+    file: TableFile,
+    columns: Mapping[str, Column],
+    wanted: Wanted,
+    to_numbers: Callable[[Table], Table],
+    joined: bool = False,
+) -> RecordedTable:
+    """The rows of one recording; joined: those of steps one after the other. See `read_recording`."""
     time = columns["time"].name
     date = date_column(file, time)
     own = {column.name for column in columns.values()} | {nanosecond_column(file.names, time) or time, date or time}
@@ -168,7 +201,8 @@ def read_recording(
         table = select_rows(table.with_columns({RECORDING: numbers}), {RECORDING: number})
     channels = {column.name for channel, column in columns.items() if channel != "time"} & table.columns.keys()
     try:
-        table = sort_rows(to_numbers(table), time, sort_time=wanted.sort_time)
+        table = to_numbers(table)
+        table = sort_rows(join_steps(table, time) if joined else table, time, sort_time=wanted.sort_time)
         clock_parts = own - channels - {time}
         require_one_instance(_only(table, table.columns.keys() - clock_parts), time, channels)
         if wanted.extra is not None and find_repeats(table, time, channels).differ:
@@ -177,11 +211,13 @@ def read_recording(
         if wanted.extra is None:
             raise
         # one of the columns that are not wanted may tell the recordings apart: the same error, with its name
-        rows = read_recording(file, columns, wanted._replace(extra=None), to_numbers)
+        rows = _read_rows(file, columns, wanted._replace(extra=None), to_numbers, joined)
         return rows._replace(table=_only(rows.table, names))
     table = drop_text(_only(table, {*names, RECORDING}))
     settled = settle_equal_times(table, time, channels & table.columns.keys())
-    return RecordedTable(settled, clock.start_unix_s, frozenset({*own, RECORDING}), clock.guessed_unit, clock.time_zone)
+    return RecordedTable(
+        settled, columns, clock.start_unix_s, frozenset({*own, RECORDING}), clock.guessed_unit, clock.time_zone
+    )
 
 
 def _only(table: Table, names: Collection[str]) -> Table:
