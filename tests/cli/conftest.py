@@ -35,7 +35,7 @@ def refused(capsys) -> Callable[..., str]:
         out, err = capsys.readouterr()
         assert out == ""
         assert err.startswith("ohmward: error: ")
-        message, *command = err.splitlines()
+        _, *command = err.splitlines()
         assert not command or (len(command) == 1 and command[0].startswith("ohmward: try: ohmward "))
         return err
 

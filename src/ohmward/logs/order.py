@@ -89,8 +89,8 @@ def join_steps(table: Table, time: str) -> Table:
     rising = steps[steps > 0]
     steps[restarts] = np.maximum(time_s[restarts], np.median(rising) if rising.size else 1.0)
     note = Note(
-        f"the clock in {time!r} starts again {counted(restarts.size, 'time')}, with each step of the test: the steps are "
-        "joined; pauses between them are not known",
+        f"the clock in {time!r} starts again {counted(restarts.size, 'time')}, with each step of the test: the steps "
+        "are joined; pauses between them are not known",
         "warning",
     )
     return table.with_columns({time: time_s[0] + np.cumsum(steps)}, note)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.battery import Battery
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log, read_options
 from ohmward.cli.drive_inputs import DriveOptions, drive_options, make_terrain
