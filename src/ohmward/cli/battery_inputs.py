@@ -148,6 +148,7 @@ def read_options(args: argparse.Namespace) -> ReadOptions:
         stop=args.to,
         sample_time_s=getattr(args, "row_interval_s", None),
         temperature_degC=getattr(args, "temperature", None),
+        dbc=args.dbc,
     )
     sign = vars(args).get("current_sign", "auto")
     return ReadOptions(sign, tuple(args.column), tuple(args.unit), tuple(args.where), args.sort_time, hints)

@@ -236,11 +236,20 @@ def _wall_clock(channel: Channel, stem: str) -> int:
 
 def _nearest(names: Sequence[str], channel: Channel) -> str | None:
     """The column whose name is most like that of a channel, by its first letters or misspelled; None for none."""
-    likely = [name for name in names if not _OTHER_WORDS & set(channel.split(name))]
+    likely = [name for name in names if not _OTHER_WORDS & set(channel.split(name)) and _may_have_unit(name, channel)]
     by_letters = next((name for name in likely if channel.name[:3] in name.lower()), None)
-    known = [word for words in channel.words for word in words if len(word) > _SHORTEST_MISSPELLED]
+    beside = channel.beside[-1]
+    known = [
+        word for words in channel.words for word in words if len(word) > _SHORTEST_MISSPELLED and word not in beside
+    ]
     misspelled = (n for n in likely if any(difflib.get_close_matches(w, known, 1, _ALIKE) for w in channel.split(n)))
     return by_letters or next(misspelled, None)
+
+
+def _may_have_unit(name: str, channel: Channel) -> bool:
+    """False for a name with a unit of other quantities only."""
+    _, unit = next(split_unit(name))
+    return unit is None or unit.dimension in channel.dimensions
 
 
 def _counts_up(cells: Sequence[str]) -> bool:

@@ -371,19 +371,9 @@ def _without_rows(path: Path, lines: Sequence[str], numbered: Sequence[int], enc
     return CsvLayout(names, delimiter, Marks(), numbered[0] + 1, encoding)
 
 
-#: `(1770000000.000000) can0 356#0B0BFDFFFA00`
-_CAN_FRAME = re.compile(r"\(\d+\.\d+\)\s+\w+\s+[0-9A-Fa-f]{3,8}#")
-
-
 def _check_names(path: Path, names: Sequence[str], encoding: str) -> None:
     if len([name for name in names if name]) < 2:
         excerpt = names[0][:60] if names else ""
-        if _CAN_FRAME.match(excerpt):
-            raise InputError(
-                f"{path.name}: frames of a CAN bus as candump writes them, not signals; decode them with their DBC "
-                "file (cantools) to a CSV file and give that, or play them onto a virtual bus with `canplayer -I "
-                f"{path.name} vcan0=can0` and read it with `ohmward run` (docs/can.md)"
-            )
         other = f", or name another encoding than {encoding} with --encoding" if encoding in CODE_PAGES else ""
         raise InputError(
             f"{path.name}: only one column found ({excerpt!r}); "

@@ -22,6 +22,7 @@ from ohmward.logs.arrays_file import (
 from ohmward.logs.bags.bag_table import open_bag
 from ohmward.logs.bags.choice import TOPIC
 from ohmward.logs.bags.files import is_recording
+from ohmward.logs.can_file import BLF_MAGIC, MDF_MAGICS, can_reader, open_can, open_mdf
 from ohmward.logs.clean import drop_text, drop_untimed
 from ohmward.logs.clock import date_column, nanosecond_column, read_clock
 from ohmward.logs.columns import Column, other_times
@@ -112,6 +113,8 @@ def _open_file(path: Path, hints: FileHints) -> TableFile:
             return as_wide(opener(path, hints))
     if HDF5_MAGIC in head:
         return as_wide(open_hdf5(path, hints))
+    if (reader := can_reader(head)) is not None:
+        return open_can(path, hints, reader)
     if is_json(head) or is_echo(head):
         return as_wide(open_json(path, hints))
     return as_wide(open_csv(path, hints))
@@ -125,6 +128,8 @@ def _open_zip(path: Path, hints: FileHints) -> TableFile:
 #: First bytes of the formats that they tell.
 OPENERS: tuple[tuple[bytes, Callable[[Path, FileHints], TableFile]], ...] = (
     (ULOG_MAGIC, lambda path, hints: open_ulog(path)._replace(hints=hints)),
+    (BLF_MAGIC, lambda path, hints: open_can(path, hints, "BLFReader")._replace(hints=hints)),
+    *((magic, lambda path, hints: open_mdf(path, hints)._replace(hints=hints)) for magic in MDF_MAGICS),
     (b"PAR1", lambda path, hints: open_parquet(path)._replace(hints=hints)),
     (FEATHER_MAGIC, open_feather),
     (HDF5_MAGIC, open_hdf5),
