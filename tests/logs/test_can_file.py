@@ -41,9 +41,9 @@ def hints(folder: Path) -> FileHints:
 def frames():
     """A message of each kind, 10 ms apart, every tenth of a second; errors and one identifier nobody knows between."""
     for k in range(N):
-        volts = int(round(1000 * VOLTAGE_V[k])).to_bytes(2, "little") + b"\x01\x00"
-        amps = int(round(100 * CURRENT_A[k])).to_bytes(2, "little", signed=True) + (215).to_bytes(4, "little")
-        wheels = [int(round(10 * speed)).to_bytes(2, "little", signed=True) for speed in (0.1 * k, -0.2 * k)]
+        volts = round(1000 * VOLTAGE_V[k]).to_bytes(2, "little") + b"\x01\x00"
+        amps = round(100 * CURRENT_A[k]).to_bytes(2, "little", signed=True) + (215).to_bytes(4, "little")
+        wheels = [round(10 * speed).to_bytes(2, "little", signed=True) for speed in (0.1 * k, -0.2 * k)]
         for number, (identifier, payload) in enumerate(
             [(854, amps), (0x18FF5000, volts), (17, wheels[0]), (18, wheels[1]), (99, b"\0")]
         ):

@@ -102,6 +102,15 @@ def find_columns(
     return chosen
 
 
+def has_log(names: Sequence[str]) -> bool:
+    """True where the names are those of the log of a battery."""
+    try:
+        find_columns("", [name for name in names if name])
+    except InputError:
+        return False
+    return True
+
+
 def other_times(names: Sequence[str], chosen: str) -> list[Column]:
     """The columns that may be the time beside the chosen one, the best first."""
     ranked = [(rank, k, column) for k, name in enumerate(names) for rank, column in _ranks(TIME, name)]

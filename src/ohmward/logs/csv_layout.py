@@ -224,8 +224,8 @@ def _encoding_of(path: Path, head: bytes) -> str:
     # a power failure leaves zeros at the end of a file; elsewhere they mean that it is not text
     if not is_wide(encoding) and b"\0" in head.rstrip(b"\0\r\n"):
         raise InputError(
-            f"{path.name}: not a text table (binary data in its first bytes); if it is text, name its encoding with "
-            "--encoding utf-16 (FileHints(encoding='utf-16')), else export the log as CSV or Parquet"
+            f"{path.name}: not a text table (binary data in its first bytes), and no format that ohmward knows by "
+            "them; export the log as CSV, Parquet or Excel with the program that wrote it"
         )
     return encoding
 

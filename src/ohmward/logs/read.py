@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
+from ohmward.logs.ardupilot_file import DATAFLASH_MAGIC, DATAFLASH_TEXT, is_telemetry, open_dataflash, open_telemetry
 from ohmward.logs.arrays_file import (
     FEATHER_MAGIC,
     HDF5_MAGIC,
@@ -22,11 +24,13 @@ from ohmward.logs.arrays_file import (
 from ohmward.logs.bags.bag_table import open_bag
 from ohmward.logs.bags.choice import TOPIC
 from ohmward.logs.bags.files import is_recording
+from ohmward.logs.bags.sqlite_file import MAGIC as SQLITE_MAGIC
 from ohmward.logs.can_file import BLF_MAGIC, MDF_MAGICS, can_reader, open_can, open_mdf
 from ohmward.logs.clean import drop_text, drop_untimed
 from ohmward.logs.clock import date_column, nanosecond_column, read_clock
 from ohmward.logs.columns import Column, other_times
 from ohmward.logs.csv_file import open_csv
+from ohmward.logs.cycler_file import MPR_MAGIC, NDA_MAGIC, is_ndax, open_mpr, open_neware
 from ohmward.logs.folder import is_stream, open_folder, stored
 from ohmward.logs.frame import is_frame, open_frame
 from ohmward.logs.hints import FileHints
@@ -44,8 +48,10 @@ from ohmward.logs.order import (
 from ohmward.logs.parquet_file import open_parquet
 from ohmward.logs.rows_file import WORKBOOK_ENDINGS, is_echo, is_json, open_json, open_workbook
 from ohmward.logs.selection import RECORDING, names_instances, recording_numbers, select_rows
+from ohmward.logs.sqlite_table import open_sqlite_table
 from ohmward.logs.table import Progress, Table, TableFile
 from ohmward.logs.ulog_file import ULOG_MAGIC, open_ulog
+from ohmward.logs.unread import require_readable
 
 
 class Wanted(NamedTuple):
@@ -108,29 +114,45 @@ def _open_file(path: Path, hints: FileHints) -> TableFile:
         raise InputError(f"{path}: is a TOML file, not a log; give it with its option (--battery, --robot, --floors)")
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES)
-    for magic, opener in OPENERS:
-        if head.startswith(magic):
-            return as_wide(opener(path, hints))
-    if HDF5_MAGIC in head:
-        return as_wide(open_hdf5(path, hints))
-    if (reader := can_reader(head)) is not None:
-        return open_can(path, hints, reader)
-    if is_json(head) or is_echo(head):
-        return as_wide(open_json(path, hints))
-    return as_wide(open_csv(path, hints))
+    require_readable(path, head)
+    opener = next((opener for magic, opener in OPENERS if head.startswith(magic)), None)
+    if opener is None and HDF5_MAGIC in head:
+        opener = open_hdf5
+    elif opener is None and is_telemetry(head):
+        opener = _without_hints(open_telemetry)
+    elif opener is None and (reader := can_reader(head)) is not None:
+        opener = partial(open_can, reader=reader)
+    elif opener is None:
+        opener = open_json if is_json(head) or is_echo(head) else open_csv
+    return as_wide(opener(path, hints))
+
+
+Opener = Callable[[Path, FileHints], TableFile]
+
+
+def _without_hints(opener: Callable[[Path], TableFile]) -> Opener:
+    """The opener of a format that needs no hints; they stand beside its columns all the same."""
+    return lambda path, hints: opener(path)._replace(hints=hints)
 
 
 def _open_zip(path: Path, hints: FileHints) -> TableFile:
-    """A workbook, or the arrays of NumPy."""
+    """A workbook, the arrays of NumPy, or a file of Neware."""
+    if is_ndax(path):
+        return open_neware(path, hints)
     return open_npz(path, hints) if path.suffix.lower() == ".npz" else open_workbook(path, hints)
 
 
 #: First bytes of the formats that they tell.
-OPENERS: tuple[tuple[bytes, Callable[[Path, FileHints], TableFile]], ...] = (
-    (ULOG_MAGIC, lambda path, hints: open_ulog(path)._replace(hints=hints)),
-    (BLF_MAGIC, lambda path, hints: open_can(path, hints, "BLFReader")._replace(hints=hints)),
-    *((magic, lambda path, hints: open_mdf(path, hints)._replace(hints=hints)) for magic in MDF_MAGICS),
-    (b"PAR1", lambda path, hints: open_parquet(path)._replace(hints=hints)),
+OPENERS: tuple[tuple[bytes, Opener], ...] = (
+    (ULOG_MAGIC, _without_hints(open_ulog)),
+    (DATAFLASH_MAGIC, _without_hints(open_dataflash)),
+    (DATAFLASH_TEXT, _without_hints(open_dataflash)),
+    (BLF_MAGIC, partial(open_can, reader="BLFReader")),
+    *((magic, open_mdf) for magic in MDF_MAGICS),
+    (MPR_MAGIC, open_mpr),
+    (NDA_MAGIC, open_neware),
+    (SQLITE_MAGIC, open_sqlite_table),
+    (b"PAR1", _without_hints(open_parquet)),
     (FEATHER_MAGIC, open_feather),
     (HDF5_MAGIC, open_hdf5),
     (MATLAB_HDF5_MAGIC, open_hdf5),
@@ -142,8 +164,8 @@ OPENERS: tuple[tuple[bytes, Callable[[Path, FileHints], TableFile]], ...] = (
 HEAD_BYTES = 4096
 #: Endings of logs in a folder.
 LOG_ENDINGS = (
-    *(".csv", ".csv.gz", ".tsv", ".txt", ".mpt", ".lvm"),
-    *(".parquet", ".feather", ".ulg", ".mat", ".h5", ".hdf5", ".npz"),
+    *(".csv", ".csv.gz", ".tsv", ".txt", ".mpt", ".lvm", ".log", ".asc", ".trc", ".blf", ".mf4"),
+    *(".parquet", ".feather", ".ulg", ".bin", ".tlog", ".mat", ".h5", ".hdf5", ".npz", ".mpr", ".nda", ".ndax", ".db"),
     *(".jsonl", ".ndjson", ".json", *WORKBOOK_ENDINGS),
 )
 

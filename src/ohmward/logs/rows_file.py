@@ -16,7 +16,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.arrays import plain_array
 from ohmward.logs.cells import Marks, parse_cells
-from ohmward.logs.columns import find_columns
+from ohmward.logs.columns import has_log
 from ohmward.logs.header import Header, find_block, find_header, unique_names
 from ohmward.logs.hints import FileHints
 from ohmward.logs.note import Note
@@ -72,7 +72,7 @@ def open_workbook(path: Path, hints: FileHints) -> TableFile:
         if block is not None:
             header = find_header(rows, block)
             names = tuple(hints.names) if hints.names and len(hints.names) == block.width else header.names
-            found.append((_has_log(names), block.weight, name, rows, header._replace(names=names)))
+            found.append((has_log(names), block.weight, name, rows, header._replace(names=names)))
     if not found:
         raise InputError(f"{path.name}: no sheet has rows of numbers; its sheets are {', '.join(sheets) or 'none'}")
     _, _, sheet_name, rows, header = max(found, key=lambda one: one[:2])
@@ -229,14 +229,6 @@ def _packed_number(stream: IO[bytes], most: int) -> int | None:
         if byte[0] < 0x80:
             break
     return number
-
-
-def _has_log(names: Sequence[str]) -> bool:
-    try:
-        find_columns("", [name for name in names if name])
-    except InputError:
-        return False
-    return True
 
 
 def _table_file(
