@@ -41,7 +41,7 @@ _KNOWN = {
 }
 
 
-class _Message(NamedTuple):
+class _LoggedMessage(NamedTuple):
     """A message of a log: its type and instance, time and numbers."""
 
     type: str
@@ -122,7 +122,7 @@ def _named(stream: str, type_: str, columns: Mapping[str, array], count: int) ->
     return found
 
 
-def _of_dataflash(log: Any) -> Iterator[_Message]:
+def _of_dataflash(log: Any) -> Iterator[_LoggedMessage]:
     while (message := log.recv_msg()) is not None:
         values = message.to_dict()
         if (time_us := values.pop("TimeUS", None)) is not None:
@@ -130,10 +130,10 @@ def _of_dataflash(log: Any) -> Iterator[_Message]:
             fields = (message.fmt.instance_field, "Instance", "Inst", "I" if type_ in _KNOWN else None)
             instance = next((int(values[field]) for field in fields if field in values), 0)
             is_dated = message._timestamp > _YEAR_2001_S
-            yield _Message(type_, instance, message._timestamp if is_dated else 1e-6 * time_us, values)
+            yield _LoggedMessage(type_, instance, message._timestamp if is_dated else 1e-6 * time_us, values)
 
 
-def _of_telemetry(log: Any) -> Iterator[_Message]:
+def _of_telemetry(log: Any) -> Iterator[_LoggedMessage]:
     while (message := log.recv_msg()) is not None:
         type_ = message.get_type()
         if type_ == "BAD_DATA":
@@ -143,7 +143,7 @@ def _of_telemetry(log: Any) -> Iterator[_Message]:
         values |= {f"{name}[{k}]": item for name, items in lists.items() for k, item in enumerate(items)}
         if type_ == "BATTERY_STATUS":
             values = _battery_status(message)
-        yield _Message(type_, int(getattr(message, "id", 0)), message._timestamp, values)
+        yield _LoggedMessage(type_, int(getattr(message, "id", 0)), message._timestamp, values)
 
 
 def _battery_status(message: Any) -> dict[str, float]:

@@ -32,7 +32,7 @@ _TEXTS = (
 _MOST_BYTES = 8
 
 
-class Frames(NamedTuple):
+class CanFrames(NamedTuple):
     """The frames of one identifier."""
 
     identifier: int
@@ -143,7 +143,7 @@ def load_can_database(path: str) -> Any:
 
 
 def open_frames(
-    source: str, frames: Iterable[Frames], dbc: str, database: Any, notes: Iterable[Note] = ()
+    source: str, frames: Iterable[CanFrames], dbc: str, database: Any, notes: Iterable[Note] = ()
 ) -> TableFile:
     """The signals of frames by a database, a stream for each message.
 
@@ -183,7 +183,7 @@ def open_frames(
     return Streams(source, streams, f"messages of CAN by {dbc}", notes=(*notes, *left_out)).open()
 
 
-def _decoded(message: Any, frames: Frames) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def _decoded(message: Any, frames: CanFrames) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """(n,) bool, which frames could be decoded, and of these the signals that are numbers, by name and unit."""
     units = {signal.name: signal.unit for signal in message.signals}
     known: dict[bytes, Mapping[str, Any] | None] = {}
@@ -205,7 +205,7 @@ def _decoded(message: Any, frames: Frames) -> tuple[np.ndarray, dict[str, np.nda
     return whole, columns
 
 
-def _of_python_can(path: Path, reader: str, notes: list[Note]) -> list[Frames]:
+def _of_python_can(path: Path, reader: str, notes: list[Note]) -> list[CanFrames]:
     """The frames of a file by a reader of python-can; of one that is cut off those before the cut, with a note."""
     can = require("can", "a recording of CAN")
     gathered: dict[tuple[int, bool], tuple[list[float], list[bytes]]] = defaultdict(lambda: ([], []))
@@ -223,10 +223,10 @@ def _of_python_can(path: Path, reader: str, notes: list[Note]) -> list[Frames]:
         notes.append(Note(f"the file is damaged or cut off ({error}): the frames before that were read", "warning"))
     if not gathered:
         raise InputError(f"{path.name}: the recording holds no frame; record it again")
-    return [Frames(*key, np.array(times), payloads) for key, (times, payloads) in gathered.items()]
+    return [CanFrames(*key, np.array(times), payloads) for key, (times, payloads) in gathered.items()]
 
 
-def _of_savvycan(load: Callable[..., Table]) -> Iterator[Frames]:
+def _of_savvycan(load: Callable[..., Table]) -> Iterator[CanFrames]:
     """The frames of a table of SavvyCAN (GVRET): time [us], identifier and bytes in hexadecimal."""
     table = load(["Time Stamp", "ID", "Extended", "LEN", *(f"D{k + 1}" for k in range(_MOST_BYTES))])
     time_s = 1e-6 * numbers(table, "Time Stamp")
@@ -239,7 +239,7 @@ def _of_savvycan(load: Callable[..., Table]) -> Iterator[Frames]:
     ]
     for identifier in dict.fromkeys(identifiers.tolist()):
         at = np.flatnonzero(identifiers == identifier)
-        yield Frames(identifier, bool(extended[at[0]]), time_s[at], [rows[k] for k in at])
+        yield CanFrames(identifier, bool(extended[at[0]]), time_s[at], [rows[k] for k in at])
 
 
 def _hexadecimal(cell: Any) -> str:

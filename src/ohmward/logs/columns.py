@@ -25,7 +25,11 @@ _WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute"
 _SHORTEST_MISSPELLED, _ALIKE = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
 _BESIDE = (0, 1, 2, 4)
-_BARE_LETTER, _WALL_CLOCK_TIME, _LAST_WORD, _NEVER = 2, 3, 5, 99
+_BARE_LETTER, _WALL_CLOCK_TIME, _OF_AUXILIARY, _LAST_WORD, _NEVER = 2, 3, 3, 5, 99
+#: The temperature, beside a column of the time.
+_TEMPERATURE = "T"
+#: The battery beside that of a vehicle's drive.
+_AUXILIARY = re.compile(r"\b12 ?v\b|\baux", re.IGNORECASE)
 
 
 class UnclearColumnsError(InputError):
@@ -91,6 +95,9 @@ def find_columns(
                 chosen[channel.name] = column
         except UnclearColumnsError as error:
             unclear.append(error)
+    time = chosen.get(TIME.name)
+    if TEMPERATURE.name not in chosen and _TEMPERATURE in names and time and time.name != _TEMPERATURE:
+        chosen[TEMPERATURE.name] = Column(_TEMPERATURE, None)
     require_own_columns(source, chosen)
     if unclear:
         faults = {quantity: fault for error in unclear for quantity, fault in error.faults.items()}
@@ -208,6 +215,7 @@ def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
         return None
     fits = [column for rank, column in ranked if rank == best]
     if channel is TIME:
+        fits = [column for column in fits if column.name != _TEMPERATURE] or fits
         fits = [column for column in fits if _WHOLE_TIME & set(letters(column.name))] or fits
     return fits[0] if channel.first_of_many else only_one(source, names, channel.name, fits)
 
@@ -232,7 +240,8 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
         if frozenset(naming) in channel.words:
             # a letter without a unit may be another quantity: v is a speed beside `voltage`
             bare_letter = unit is None and len("".join(naming)) == 1
-            return rank + _BARE_LETTER * bare_letter + _wall_clock(channel, stem)
+            auxiliary = channel in BATTERY and _AUXILIARY.search(stem) is not None
+            return rank + _BARE_LETTER * bare_letter + _wall_clock(channel, stem) + _OF_AUXILIARY * auxiliary
     # `motor_current` is a current, `current_speed` is not
     last = channel in BATTERY and channel is not TIME and words[-1:] == [channel.name]
     return _LAST_WORD if last and not _OTHER_WORDS & set(words) else _NEVER

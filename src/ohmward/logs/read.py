@@ -34,6 +34,7 @@ from ohmward.logs.cycler_file import MPR_MAGIC, NDA_MAGIC, is_ndax, open_mpr, op
 from ohmward.logs.folder import is_stream, open_folder, stored
 from ohmward.logs.frame import is_frame, open_frame
 from ohmward.logs.hints import FileHints
+from ohmward.logs.labelled_lines import is_labelled
 from ohmward.logs.long_table import as_wide
 from ohmward.logs.note import Note
 from ohmward.logs.order import (
@@ -123,7 +124,7 @@ def _open_file(path: Path, hints: FileHints) -> TableFile:
     elif opener is None and (reader := can_reader(head)) is not None:
         opener = partial(open_can, reader=reader)
     elif opener is None:
-        opener = open_json if is_json(head) or is_echo(head) else open_csv
+        opener = open_json if is_json(head) or is_echo(head) or is_labelled(head) else open_csv
     return as_wide(opener(path, hints))
 
 
