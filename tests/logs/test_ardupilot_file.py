@@ -76,7 +76,7 @@ def test_a_battery_of_dataflash(tmp_path):
     np.testing.assert_array_equal(log.current_A, -CURRENT_A)
     np.testing.assert_array_equal(log.voltage_V, VOLTAGE_V)
     np.testing.assert_allclose(log.dt_s, 0.1, atol=1e-9)
-    np.testing.assert_allclose(log.temperature_degC, 21.5)
+    np.testing.assert_allclose(log.measured()["temperature_degC"], 21.5)
 
 
 def test_a_second_battery_is_named(tmp_path):
@@ -90,20 +90,20 @@ def test_wheels_and_the_gyro_of_dataflash_whose_z_points_down(tmp_path):
     drive = read_drive(write(tmp_path, "drive.bin", dataflash()), ("left", "right"), 2, radius_m=0.1)
     speed = drive.wheel_speed_rad_s[np.isfinite(drive.wheel_speed_rad_s).all(axis=1)]
     np.testing.assert_allclose(speed, [[2.0, 1.0]] * (N - 1), rtol=1e-3)
-    assert np.nanmedian(drive.yaw_rate_rad_s) == pytest.approx(0.3)
+    assert np.nanmedian(drive.columns()["yaw_rate_rad_s"]) == pytest.approx(0.3)
 
 
 def test_any_other_message_is_read_where_it_is_named(tmp_path):
     path = write(tmp_path, "flight.bin", dataflash())
     log = read_log(path, where={"topic": "BAT,PIDR"}, columns={"temperature": "PIDR/I"})
-    np.testing.assert_allclose(np.sort(log.temperature_degC[1:]), 0.1 * K[1:], atol=1e-4)
+    np.testing.assert_allclose(np.sort(log.measured()["temperature_degC"])[1:], 0.1 * K[1:], atol=1e-4)
 
 
 def test_a_battery_of_telemetry(tmp_path):
     log = read_log(write(tmp_path, "flight.tlog", telemetry()))
     np.testing.assert_allclose(log.current_A, -CURRENT_A, atol=0.006)
     np.testing.assert_allclose(log.voltage_V, VOLTAGE_V, atol=0.003)
-    np.testing.assert_allclose(log.temperature_degC, 21.5)
+    np.testing.assert_allclose(log.measured()["temperature_degC"], 21.5)
     assert log.start_unix_s == 1_770_000_000.0
 
 

@@ -95,7 +95,7 @@ def test_a_battery_in_two_messages(name, tmp_path):
     at = np.isfinite(log.voltage_V)
     np.testing.assert_allclose(log.time_s[at] - log.time_s[at][0], 0.1 * K, atol=2e-3)
     np.testing.assert_allclose(log.current_A[at][25:39], -8.25)
-    np.testing.assert_allclose(log.temperature_degC, 21.5)
+    np.testing.assert_allclose(log.measured()["temperature_degC"], 21.5)
     assert any("1 identifier not in" in note.text for note in log.notes)
 
 

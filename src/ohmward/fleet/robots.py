@@ -103,8 +103,8 @@ def _values(file: TableFile, column: str) -> list[str]:
         values = file.load({column}).columns.get(column, np.empty(0))
     except OhmwardError:
         return []
-    changes = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]])) if values.size else []
-    found = dict.fromkeys(as_text(value) for value in values[changes])
+    begins = np.concatenate([[True], values[1:] != values[:-1]])[: values.size]
+    found = dict.fromkeys(as_text(value) for value in values[begins])
     return [value for value in found if value.lower() not in MISSING]
 
 

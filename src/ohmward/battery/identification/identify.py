@@ -27,6 +27,7 @@ from ohmward.battery.chemistries import (
     AGED_CAPACITY_STD,
     CHEMISTRIES,
     MEASURED_CAPACITY_STD,
+    chemistry_name,
     start_model,
     start_noise,
 )
@@ -176,7 +177,8 @@ def identify_in_detail(
     """As `identify`, with the results of every stage."""
     logs = as_logs(logs)
     _check(settings, logs)
-    settings = settings._replace(name=settings.name or logs[0].name)
+    name, chemistry = settings.name or logs[0].name, chemistry_name(settings.chemistry)
+    settings = settings._replace(name=name, chemistry=chemistry)
     report = progress or (lambda stage, share: None)
     report("charge, rests and pulses", 0.0)
     records = tuple(r for log in logs for r in make_records(log, settings.capacity_Ah, settings.idle_current_A or 0.0))
@@ -289,8 +291,8 @@ def _fit(
         notes.append(note)
     else:
         fit = fit_circuit(problem, int(settings.model[len("thevenin-")]), progress)
-    if settings.chemistry and CHEMISTRIES[settings.chemistry].bends:
-        fit, note = try_bent(problem, fit, settings.n_series)
+    if settings.chemistry and CHEMISTRIES[settings.chemistry].charge_transfer:
+        fit, note = try_transfer(problem, fit, settings.n_series)
         notes.append(note)
     return fit, tuple(notes)
 
@@ -408,8 +410,6 @@ def _provenance(prepared: Preparation, settings: IdentificationSettings) -> Prov
 def _check(settings: IdentificationSettings, logs: Sequence[Log]) -> None:
     require_positive("capacity_Ah", settings.capacity_Ah)
     require_one_of("model", settings.model, MODELS)
-    if settings.chemistry:
-        require_one_of("chemistry", settings.chemistry, CHEMISTRIES)
     if not logs:
         raise InputError("identify needs at least one log")
     names = [log.name for log in logs]
@@ -425,15 +425,15 @@ def cells_transfer_V(reference_degC: float, n_series: int) -> float:
     return n_series * 2 * _GAS_J_PER_MOL_K * (reference_degC + KELVIN) / _FARADAY_C_PER_MOL
 
 
-def try_bent(problem: CircuitProblem, straight: CircuitFit, n_series: int) -> tuple[CircuitFit, Note]:
+def try_transfer(problem: CircuitProblem, straight: CircuitFit, n_series: int) -> tuple[CircuitFit, Note]:
     """The fit with a bent drop where the logs clearly show it, else the straight one; a note on it."""
     transfer_V = cells_transfer_V(problem.reference_degC, n_series)
     near = straight.solution.rates._replace(transfer_V=transfer_V)
-    bent = fit_circuit(problem._replace(transfer_V=transfer_V), len(near.tau_s), near=(near,))
-    left = bent.solution.misfit / straight.solution.misfit
+    with_transfer = fit_circuit(problem._replace(transfer_V=transfer_V), len(near.tau_s), near=(near,))
+    left = with_transfer.solution.misfit / straight.solution.misfit
     found = (
         f"one bent by charge transfer ({transfer_V:.2g} V) leaves {left:.0%} of the squared residuals of a straight one"
     )
     if left < _CLEARLY_BETTER:
-        return bent, Note(f"ohmic drop: {found}, and is taken")
+        return with_transfer, Note(f"ohmic drop: {found}, and is taken")
     return straight, Note(f"ohmic drop: straight; {found}")

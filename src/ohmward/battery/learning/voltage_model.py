@@ -188,11 +188,11 @@ class VoltageModel:
         ohm = ohmic_resistance(soc, u, self.model) * np.exp(log_ratio)
         linear_V, transfer_V = ohm * current_A, self.model.transfer_V
         drop_V = linear_V if transfer_V is None else linear_V * transfer_share(linear_V / transfer_V)
-        bent = 1.0 if transfer_V is None else 1.0 / np.sqrt(1.0 + (linear_V / transfer_V) ** 2)
-        columns[:, group("ohmic")] += (bent * linear_V)[:, None] * shape
+        share = 1.0 if transfer_V is None else 1.0 / np.sqrt(1.0 + (linear_V / transfer_V) ** 2)
+        columns[:, group("ohmic")] += (share * linear_V)[:, None] * shape
         if activation.size:
-            columns[:, group("activation").start] += bent * linear_V * cold
-        self._add_offset(columns, -ohm * bent)
+            columns[:, group("activation").start] += share * linear_V * cold
+        self._add_offset(columns, -ohm * share)
         return drop_V
 
     def _add_offset(self, columns: np.ndarray, volts_per_A: np.ndarray) -> None:
