@@ -39,8 +39,9 @@ _CELLS_APART = 2
 #: this for a cell [V], and than so many times those of the other. Of right files on measured cells, cold and aged ones
 #: among them, they are 1.6 times as large at most.
 _CELL_ERROR_V, _TIMES_BETTER = 0.03, 2.5
-#: And one sign of the current explains it better than the other where its errors are so many times smaller.
-_TIMES_WORSE = 2.0
+#: One sign of the current explains it better than the other where the errors of that are so many times larger, and
+#: larger than this [V].
+_TIMES_WORSE, _WRONG_V = 2.0, 0.003
 #: A log is explained in windows of at most this length, and as many as this of them; within one, the offset of the
 #: current sensor moves the charge by at most this share of the capacity, and the capacity is one of these over the
 #: file's.
@@ -160,7 +161,7 @@ def sign_by_model(log: Log, battery: Battery) -> CurrentSign | None:
         error_V[sign] = cell_error_V(windows, curve_V, int(battery.n_series), resistance_ratio=1.0)
     likely: CurrentSign = min(error_V, key=lambda sign: error_V[sign])
     least_V, other_V = sorted(error_V.values())
-    return likely if least_V < _CELL_ERROR_V and other_V > _TIMES_WORSE * least_V else None
+    return likely if least_V < _CELL_ERROR_V and other_V > max(_TIMES_WORSE * least_V, _WRONG_V) else None
 
 
 def cell_error_V(

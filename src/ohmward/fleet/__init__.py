@@ -3,7 +3,7 @@
 from ohmward.fleet.dask import on_dask
 from ohmward.fleet.job import Job
 from ohmward.fleet.lanes import estimate_logs
-from ohmward.fleet.overview import RobotState, robot_states
+from ohmward.fleet.overview import RobotRecord, robot_states
 from ohmward.fleet.robot_job import RobotJob
 from ohmward.fleet.robots import Robots, robots_of
 from ohmward.fleet.run import Finished, in_processes, run_fleet
@@ -14,7 +14,7 @@ __all__ = [
     "Job",
     "ReadOptions",
     "RobotJob",
-    "RobotState",
+    "RobotRecord",
     "Robots",
     "estimate_logs",
     "in_processes",

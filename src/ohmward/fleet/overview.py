@@ -21,7 +21,7 @@ _OUTLIER, _LEAST_SHARE, _FEWEST_ROBOTS = 3.5, 0.1, 5
 LOW_SOC = 0.1
 
 
-class RobotState(NamedTuple):
+class RobotRecord(NamedTuple):
     """A robot at the end of its last log; a quantity that its estimator does not have is None."""
 
     robot: str
@@ -43,7 +43,7 @@ class RobotState(NamedTuple):
     alarms: tuple[str, ...]
 
 
-def robot_states(rows: Sequence[Mapping[str, Any]]) -> list[RobotState]:
+def robot_states(rows: Sequence[Mapping[str, Any]]) -> list[RobotRecord]:
     """The robots of a finished job, the worst first: by the number of their alarms, then by their capacity.
 
     rows: of `RobotJob.run`.
@@ -59,12 +59,12 @@ def robot_states(rows: Sequence[Mapping[str, Any]]) -> list[RobotState]:
     return sorted(judged, key=lambda one: (-len(one.alarms), one.soh_capacity or 0.0, one.robot))
 
 
-def _state(row: Mapping[str, Any]) -> RobotState:
+def _state(row: Mapping[str, Any]) -> RobotRecord:
     used = [log for log in row["logs"] if not log["error"]]
     last: Mapping[str, Any] = used[-1] if used else {}
     dates = [log["begins"] for log in used if log["begins"]]
     soh = [log["soh_capacity"] for log in used if log["soh_capacity"] is not None]
-    return RobotState(
+    return RobotRecord(
         robot=row["robot"],
         logs=len(used),
         refused=len(row["logs"]) - len(used),
@@ -85,7 +85,7 @@ def _state(row: Mapping[str, Any]) -> RobotState:
     )
 
 
-def _alarms(state: RobotState, row: Mapping[str, Any]) -> Iterator[str]:
+def _alarms(state: RobotRecord, row: Mapping[str, Any]) -> Iterator[str]:
     """What is wrong with a robot by itself."""
     used = [log for log in row["logs"] if not log["error"]]
     if not used:
@@ -103,7 +103,7 @@ def _alarms(state: RobotState, row: Mapping[str, Any]) -> Iterator[str]:
         yield f"below {LOW_SOC:.0%} of charge in {counted(low, 'log')}"
 
 
-def _outliers(state: RobotState, fleet: Mapping[str, tuple[float, float] | None]) -> Iterator[str]:
+def _outliers(state: RobotRecord, fleet: Mapping[str, tuple[float, float] | None]) -> Iterator[str]:
     """In what a robot is worse than the fleet."""
     for name, what, way in (("soh_capacity", "capacity", -1.0), ("resistance_ratio", "resistance", 1.0)):
         value, own_std, known = getattr(state, name), getattr(state, f"{name}_std") or 0.0, fleet[name]
@@ -115,7 +115,7 @@ def _outliers(state: RobotState, fleet: Mapping[str, tuple[float, float] | None]
             yield f"{what} {_with_std(value, own_std)} of the battery file's, of the fleet {_with_std(usual, std)}"
 
 
-def _of_fleet(states: Sequence[RobotState], name: str) -> tuple[float, float] | None:
+def _of_fleet(states: Sequence[RobotRecord], name: str) -> tuple[float, float] | None:
     """Median and robust standard deviation of a quantity; None for too few robots."""
     values = np.array([value for state in states if (value := getattr(state, name)) is not None])
     return (float(np.median(values)), spread(values)) if values.size >= _FEWEST_ROBOTS else None

@@ -112,15 +112,15 @@ class RobotJob:
             if log.start_unix_s is None:
                 rows[text] = failed(text, f"{log.name}: no wall clock, but other logs of this robot have one")
         dated = sorted((first, text, log) for text, log in read if (first := _first_unix_s(log)) is not None)
-        kept: list[_Dated] = []
+        usable: list[_Dated] = []
         end_s, before = -math.inf, ""
         for first_s, text, log in dated:
             if first_s < end_s - _OVERLAP_S:
                 rows[text] = failed(text, f"{log.name}: overlaps in time with {before} of this robot: recorded twice?")
                 continue
-            kept.append(_Dated(text, log, first_s - dated[0][0]))
+            usable.append(_Dated(text, log, first_s - dated[0][0]))
             end_s, before = first_s + log.duration_s, log.name
-        return kept
+        return usable
 
     def _learn(self, robot: str, battery: Battery, estimator: SocEstimator) -> dict[str, Any]:
         """The file of the robot's battery as the estimator has learnt it; None for one that learns nothing."""

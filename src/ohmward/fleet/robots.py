@@ -33,16 +33,17 @@ class Robots(NamedTuple):
     logs: dict[str, list[str]]  #: robot -> its logs; with rows of a file where it holds several robots
 
 
-def robots_of(texts: Sequence[str], by: str = AUTO, hints: FileHints | None = None) -> Robots:
+def robots_of(texts: Sequence[str], by: str | None = None, hints: FileHints | None = None) -> Robots:
     """The robots of logs.
 
     texts: names of logs, or of logs and the rows wanted of them.
-    by: one of `WAYS`, or the name of a column; `auto` takes the first that gives a robot several logs: a column of
-        robots, serial numbers, names, folders; where none does, each log is alone.
+    by: one of `WAYS`, or the name of a column; `auto`, the default, takes the first that gives a robot several logs: a
+        column of robots, serial numbers, names, folders; where none does, each log is alone.
 
     Raises:
         InputError: no log has the column, or a serial number.
     """
+    by = by or AUTO
     files = {text: file for text in texts if (file := _opened(text, hints)) is not None}
     if by == ALONE:
         return Robots(by, {text: [text] for text in texts})

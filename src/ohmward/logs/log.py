@@ -206,11 +206,11 @@ def _with_further(error: UnclearColumnsError, columns: Mapping[str, str], read: 
             texts.append(str(unknown))
             options += unknown.options
             log = read(columns={**columns, **suggested}, current_sign=unknown.likely)
-        doubts = [note for note in log.notes if note.options]
+        mendable = [note for note in log.notes if note.options]
     except InputError:
-        doubts = []
-    texts += [note.text for note in doubts]
-    options += [word for note in doubts for word in note.options]
+        mendable = []
+    texts += [note.text for note in mendable]
+    options += [word for note in mendable for word in note.options]
     return InputError("; then: ".join(texts), options) if len(texts) > 1 else error
 
 

@@ -6,7 +6,6 @@ import argparse
 
 from ohmward.cli.options import add_log_options, add_sensor_options
 from ohmward.cli.parser import count, positive, share
-from ohmward.fleet.robots import AUTO
 
 EXAMPLES = """\
   ohmward fleet 'logs/*.parquet' --battery battery.toml -o results
@@ -27,7 +26,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--by",
-        default=AUTO,
         metavar="WAY",
         help="whose log it is: the name of a column (robot_id), serial, name (amr-3 of amr-3_2026-01-31.csv), folder; "
         "log: each alone; auto: the first of these that gives a robot several logs (default)",

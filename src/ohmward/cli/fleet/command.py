@@ -23,7 +23,17 @@ from ohmward.cli.wording import FOOTER, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures.fleet import battery_map, trend_figure
 from ohmward.filters.consistency import BAND_95
-from ohmward.fleet import Finished, Job, RobotJob, RobotState, in_processes, on_dask, robot_states, robots_of, run_fleet
+from ohmward.fleet import (
+    Finished,
+    Job,
+    RobotJob,
+    RobotRecord,
+    in_processes,
+    on_dask,
+    robot_states,
+    robots_of,
+    run_fleet,
+)
 from ohmward.fleet.robots import ALONE, FOLDER, NAME, SERIAL
 from ohmward.fleet.run import Executor
 from ohmward.report import Page
@@ -36,7 +46,7 @@ _CAPTION = (
     "Charge at the end of the last log; capacity and resistance over those of the battery file; change of the capacity "
     "since the first log, in points; 95 % bands."
 )
-_TOLD_BY = {SERIAL: "serial numbers", NAME: "the names of the files", FOLDER: "folders"}
+_WAYS = {SERIAL: "serial numbers", NAME: "the names of the files", FOLDER: "folders"}
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -57,7 +67,7 @@ def run(args: argparse.Namespace) -> Outcome:
     robots = robots_of(paths, args.by, given[3].hints)
     notes = [f"warning: {text}" for text in contradictions]
     if robots.by != ALONE:
-        notes.append(f"info: robots told by {_TOLD_BY.get(robots.by, f'the column {robots.by!r}')}: {len(robots.logs)}")
+        notes.append(f"info: robots told by {_WAYS.get(robots.by, f'the column {robots.by!r}')}: {len(robots.logs)}")
         return _of_robots(args, RobotJob(text, robots.logs, *given, str(folder / "batteries")), folder, notes)
     with progress() as report:
         finished = run_fleet(paths, Job(text, *given), folder, work(args), _progress_of(report))
@@ -134,7 +144,7 @@ def _most(function: Callable, rows: list[dict[str, Any]], name: str) -> float | 
     return function((row[name] for row in rows if row[name] is not None), default=None)
 
 
-def describe(figures: dict[str, Any], states: Sequence[RobotState] = ()) -> str:
+def describe(figures: dict[str, Any], states: Sequence[RobotRecord] = ()) -> str:
     """Text for people; states: of the robots, the worst first."""
     rows = {
         "logs": f"{figures['logs']:,}, {figures['resumed']:,} {'robots' if states else 'of them'} done before",
@@ -157,7 +167,7 @@ def describe(figures: dict[str, Any], states: Sequence[RobotState] = ()) -> str:
     )
 
 
-def robot_row(state: RobotState) -> list[str]:
+def robot_row(state: RobotRecord) -> list[str]:
     """A robot in the table of `ROBOTS`."""
     return [
         state.robot,
@@ -172,7 +182,7 @@ def robot_row(state: RobotState) -> list[str]:
     ]
 
 
-def make_page(figures: dict[str, Any], states: Sequence[RobotState], logs: Sequence[dict[str, Any]]) -> Page:
+def make_page(figures: dict[str, Any], states: Sequence[RobotRecord], logs: Sequence[dict[str, Any]]) -> Page:
     """The fleet on one page: alarms by name, ranking, map and trend of its batteries, logs that were refused."""
     page = Page(f"{len(states)} robots", "Charge, capacity and resistance of each, the worst first", FOOTER)
     page = page.numbers({
