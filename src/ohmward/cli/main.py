@@ -6,6 +6,7 @@ import argparse
 import difflib
 import io
 import os
+import shlex
 import sys
 import traceback
 import warnings
@@ -93,6 +94,8 @@ def _status(words: Sequence[str]) -> int:
         return outcome.status
     except OhmwardError as error:
         print(f"ohmward: error: {error}", file=sys.stderr)
+        if options := getattr(error, "options", ()):
+            print(f"ohmward: try: ohmward {shlex.join([*words, *options])}", file=sys.stderr)
         return REFUSED
     except MemoryError as error:
         print(f"ohmward: error: out of memory ({error}); cut the log into parts, or free memory", file=sys.stderr)
