@@ -30,7 +30,6 @@ from ohmward.battery.learning.open_circuit import CurvePlace, OpenCircuit, file_
 from ohmward.battery.learning.parameters import (
     ENTROPY_KNOTS,
     OCV_KNOTS,
-    RESISTANCE_KNOTS,
     Parameters,
     mean_slope_V,
     parameters_of,
@@ -38,6 +37,7 @@ from ohmward.battery.learning.parameters import (
 from ohmward.battery.models.noise import BatteryNoise, on_soc_grid
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc_elements import rc_of_thevenin
+from ohmward.battery.models.sensitivities import RESISTANCE_KNOTS
 from ohmward.battery.models.slip import slip_shape
 from ohmward.battery.models.thevenin import Thevenin, transfer_share
 from ohmward.logs.log import SECONDS_PER_HOUR

@@ -14,12 +14,11 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.sensitivities import RESISTANCE_KNOTS
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.augmented_thevenin import RESISTANCE_CORRELATION
 from ohmward.errors import InputError
 
-#: Resistances rise towards empty, so their knots are closer there.
-RESISTANCE_KNOTS = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
 #: Stages of graphite are 5 % of SoC wide and more; the ends are steep. The curves of the chemistries turn at knots, so
 #: that no SoC axis fits better than another because of where the turns of a curve that is not the cell's lie.
 OCV_KNOTS = np.concatenate([[0.0, 0.01, 0.02, 0.035], np.linspace(0.05, 0.95, 37), [0.98, 1.0]])

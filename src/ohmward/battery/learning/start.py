@@ -78,9 +78,9 @@ def _costs(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -
     prior = np.linalg.inv(prior_covariance(model.battery)[group, group] + _LEAST_V2 * np.eye(OCV_KNOTS.size))
     share = model.share_at(p.soc) + noise.resistance_std
     counts = min(1.0, model.samples.hours * SECONDS_PER_HOUR / (2 * noise.correlation_s) / max(p.soc.size, 1))
-    costs = []
+    costs, everywhere_soc = [], p.charge.soc
     for start in _GRID:
-        soc, everywhere = p.soc + (start - x[place]), p.soc_anywhere + (start - x[place])
+        soc, everywhere = p.soc + (start - x[place]), everywhere_soc + (start - x[place])
         curve_V = np.asarray(ocv.mean_V(soc, degC))
         slope_V = (np.asarray(ocv.mean_V(soc + _HALF_STEP, degC)) - curve_V) / _HALF_STEP
         residual_V = model.samples.voltage_V[model.rows] - over_V - curve_V

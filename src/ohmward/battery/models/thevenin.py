@@ -12,8 +12,9 @@ the R_j grow towards empty, where the last free sites of a layered oxide take li
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -39,11 +40,49 @@ class CircuitInput(NamedTuple):
     temperature_degC: Any
 
 
+class Health(Protocol):
+    """What has changed of a battery since it was identified, as ratios to the values of its file."""
+
+    @property
+    def soh_capacity(self) -> Scalar:
+        """Capacity over the file's."""
+
+    @property
+    def efficiency_ratio(self) -> Scalar:
+        """Coulombic efficiency over the file's."""
+
+    def ohmic_ratio(self, soc: Any, u: CircuitInput, p: Thevenin) -> Any:
+        """R_0 over the file's, at this SoC and temperature."""
+
+    def pair_ratios(self, soc: Any, u: CircuitInput, p: Thevenin) -> Sequence[Any]:
+        """R_1 ... R_n over the file's, (n,), at this SoC and temperature."""
+
+    def rate_ratios(self, p: Thevenin) -> Sequence[Any]:
+        """Rates 1 / tau_1 ... 1 / tau_n over the file's, (n,)."""
+
+
 class StateOfHealth(NamedTuple):
-    """Capacity and resistances over those of the battery file; 1 for a battery as it was identified."""
+    """Capacity, and all resistances together, over those of the file; 1 for a battery as it was identified."""
 
     soh_capacity: Scalar = 1.0
     resistance_ratio: Scalar = 1.0
+
+    @property
+    def efficiency_ratio(self) -> Scalar:
+        """Always 1."""
+        return 1.0
+
+    def ohmic_ratio(self, soc: Any, u: CircuitInput, p: Thevenin) -> Any:
+        """The common ratio."""
+        return self.resistance_ratio
+
+    def pair_ratios(self, soc: Any, u: CircuitInput, p: Thevenin) -> Sequence[Any]:
+        """The common ratio, (n,)."""
+        return (self.resistance_ratio,) * p.pairs
+
+    def rate_ratios(self, p: Thevenin) -> Sequence[Any]:
+        """Always 1, (n,)."""
+        return (1.0,) * p.pairs
 
 
 AS_IDENTIFIED = StateOfHealth()
@@ -163,25 +202,31 @@ class Thevenin:
         )
 
 
-def next_state(
-    x: np.ndarray, u: CircuitInput, p: Thevenin, dt_s: Scalar, health: StateOfHealth = AS_IDENTIFIED
-) -> np.ndarray:
+def without_curve(model: Thevenin) -> Thevenin:
+    """The circuit whose open-circuit voltage is that of its hysteresis alone."""
+    flat = (0.0,) * len(model.ocv.voltage_V)
+    return replace(model, ocv=replace(model.ocv, voltage_V=flat, temperature_V_per_K=flat))
+
+
+def next_state(x: np.ndarray, u: CircuitInput, p: Thevenin, dt_s: Scalar, health: Health = AS_IDENTIFIED) -> np.ndarray:
     """State after `dt_s` of constant current, exact for charge, RC pairs and hysteresis.
 
     x: (n + 2,) [soc, v_1 ... v_n, hysteresis], as `p.state_names`.  Returns: the same at the end of the step.
     """
     soc, *v, h = x
     i = u.current_A
-    drive = health.resistance_ratio * i
+    ratios = health.pair_ratios(soc, u, p)
     v_next = [
-        decay * vj + (1 - decay) * rj * drive
-        for decay, vj, rj in zip(pair_decays(u, p, dt_s), v, pair_resistances(soc, u, p), strict=True)
+        decay * vj + (1 - decay) * rj * (ratio * i)
+        for decay, vj, rj, ratio in zip(
+            pair_decays(u, p, dt_s, health), v, pair_resistances(soc, u, p), ratios, strict=True
+        )
     ]
-    d_soc = charge(i, dt_s, p) / (p.capacity_As * health.soh_capacity)
+    d_soc = charge(i, dt_s, p, health) / (p.capacity_As * health.soh_capacity)
     return np.array([soc + d_soc, *v_next, next_hysteresis(h, i, dt_s, p)])
 
 
-def voltage(x: np.ndarray, u: CircuitInput, p: Thevenin, health: StateOfHealth = AS_IDENTIFIED) -> np.ndarray:
+def voltage(x: np.ndarray, u: CircuitInput, p: Thevenin, health: Health = AS_IDENTIFIED) -> np.ndarray:
     """Terminal voltage [V] in state x at the current of this instant, as (1,)."""
     return np.array([open_circuit(x, u, p) + sum(overpotentials(x, u, p, health))])
 
@@ -192,15 +237,15 @@ def open_circuit(x: np.ndarray, u: CircuitInput, p: Thevenin) -> Any:
     return p.ocv.mean_V(soc, u.temperature_degC) + p.hysteresis_V_at(soc, u.temperature_degC) * h
 
 
-def overpotentials(x: np.ndarray, u: CircuitInput, p: Thevenin, health: StateOfHealth = AS_IDENTIFIED) -> list[Any]:
+def overpotentials(x: np.ndarray, u: CircuitInput, p: Thevenin, health: Health = AS_IDENTIFIED) -> list[Any]:
     """Overpotentials [V]: v_1 ... v_n of the RC pairs, then the ohmic drop."""
     soc, *v, _ = x
     return [*v, ohmic_drop(soc, u, p, health)]
 
 
-def ohmic_drop(soc: Any, u: CircuitInput, p: Thevenin, health: StateOfHealth = AS_IDENTIFIED) -> Any:
+def ohmic_drop(soc: Any, u: CircuitInput, p: Thevenin, health: Health = AS_IDENTIFIED) -> Any:
     """Ohmic drop [V]: R_0 i, or with `transfer_V` V_t asinh(R_0 i / V_t), the Butler-Volmer law of two equal halves."""
-    linear_V = ohmic_resistance(soc, u, p) * (health.resistance_ratio * u.current_A)
+    linear_V = ohmic_resistance(soc, u, p) * (health.ohmic_ratio(soc, u, p) * u.current_A)
     return linear_V if p.transfer_V is None else linear_V * transfer_share(linear_V * (1 / p.transfer_V))
 
 
@@ -210,17 +255,18 @@ def transfer_share(x: Any) -> Any:
     return log(size + sqrt(size * size + 1.0)) * (1.0 / size)
 
 
-def pair_decays(u: CircuitInput, p: Thevenin, dt_s: Any) -> list[Any]:
+def pair_decays(u: CircuitInput, p: Thevenin, dt_s: Any, health: Health = AS_IDENTIFIED) -> list[Any]:
     """Decay factors e^(-dt / tau_j) of the RC pairs at this temperature."""
     warm_s = dt_s * p.rate_arrhenius_factor(u.temperature_degC)
-    return [exp(warm_s * (-1.0 / tau)) for tau in p.tau_s]
+    return [exp(warm_s * (-1.0 / tau) * ratio) for tau, ratio in zip(p.tau_s, health.rate_ratios(p), strict=True)]
 
 
-def charge(current_A: Scalar, dt_s: Scalar, p: Thevenin) -> Any:
+def charge(current_A: Scalar, dt_s: Scalar, p: Thevenin, health: Health = AS_IDENTIFIED) -> Any:
     """Charge stored [A s] by `dt_s` of current; charging loses 1 - eta to side reactions."""
     if p.coulombic_efficiency == 1.0:
         return current_A * dt_s
-    return where(current_A > 0, p.coulombic_efficiency * current_A, current_A) * dt_s
+    stored = health.efficiency_ratio * p.coulombic_efficiency
+    return where(current_A > 0, stored * current_A, current_A) * dt_s
 
 
 def next_hysteresis(h: Scalar, current_A: Scalar, dt_s: Scalar, p: Thevenin) -> Any:

@@ -1,0 +1,252 @@
+"""Thevenin model along a log with its sensitivities to corrections of the file, made by the compiler.
+
+The step is that of `thevenin.next_state` and `thevenin.voltage`; q are the corrections theta and the start of the state:
+
+    x+ = f(x, theta)      S+ = df/dx S + df/dq        V = g(x+, theta)      dV/dq = dg/dx S+ + dg/dq
+
+A `Kernel` scans it. The corrections are a state that stays, so that one kernel serves every iteration of a fit. A
+parameter of the cell that a fit shall find is a field of `Corrections`, which says where it acts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.models.temperature import coldness_per_K
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, emptiness, next_state, overpotentials, voltage
+from ohmward.trace import Expression, Kernel, clip, exp, linearize, trace, where
+from ohmward.trace.expression import Scalar
+
+#: SoC at which corrections of a resistance stand. Resistances rise towards empty, so their knots are closer there.
+RESISTANCE_KNOTS = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
+
+
+class Corrections(NamedTuple):
+    """Corrections of a battery file, 0 for the file as it stands; a `thevenin.Health`. () is not corrected."""
+
+    efficiency: Any = ()  #: (1,) ln of the coulombic efficiency over the file's
+    ohmic: Any = ()  #: (5,) ln of R_0 over the file's on RESISTANCE_KNOTS
+    pair: Any = ()  #: (n * 5,) the same of R_1, then of R_2, ...
+    tau: Any = ()  #: (n,) ln of the time constants over the file's
+    activation: Any = ()  #: (2,) of the activation temperatures of R_0 and of the R_j [K]
+    empty_activation: Any = ()  #: (1,) of that of the R_j towards empty [K]
+    hysteresis: Any = ()  #: (1,) ln of the hysteresis voltage over the file's
+    offset: Any = ()  #: (1,) of the reading of the current sensor at zero current [A]
+
+    @property
+    def soh_capacity(self) -> Scalar:
+        """Always 1: a log shows the charge, of which the capacity of the file is the unit."""
+        return 1.0
+
+    @property
+    def efficiency_ratio(self) -> Scalar:
+        """Coulombic efficiency over the file's."""
+        return exp(self.efficiency[0]) if len(self.efficiency) else 1.0
+
+    def ohmic_ratio(self, soc: Any, u: CircuitInput, p: Thevenin) -> Any:
+        """R_0 over the file's."""
+        log_ratio = between_knots(self.ohmic, soc)
+        if len(self.activation):
+            log_ratio = log_ratio + self.activation[0] * coldness_per_K(u.temperature_degC, p.reference_degC)
+        return exp(log_ratio)
+
+    def pair_ratios(self, soc: Any, u: CircuitInput, p: Thevenin) -> Sequence[Any]:
+        """R_1 ... R_n over the file's."""
+        cold, common = coldness_per_K(u.temperature_degC, p.reference_degC), 0.0
+        if len(self.activation):
+            common = common + self.activation[1] * cold
+        if len(self.empty_activation):
+            common = common + self.empty_activation[0] * cold * emptiness(soc)
+        knots = RESISTANCE_KNOTS.size
+        return [exp(between_knots(self.pair[knots * j : knots * (j + 1)], soc) + common) for j in range(p.pairs)]
+
+    def rate_ratios(self, p: Thevenin) -> Sequence[Any]:
+        """Rates 1 / tau_1 ... 1 / tau_n over the file's."""
+        return [exp(-log_ratio) for log_ratio in self.tau] if len(self.tau) else (1.0,) * p.pairs
+
+    @property
+    def hysteresis_ratio(self) -> Scalar:
+        """Hysteresis voltage over the file's."""
+        return exp(self.hysteresis[0]) if len(self.hysteresis) else 1.0
+
+    @property
+    def offset_A(self) -> Scalar:
+        """Offset of the current sensor beyond the file's [A]."""
+        return self.offset[0] if len(self.offset) else 0.0
+
+
+class Sizes(NamedTuple):
+    """Number of each of the `Corrections`."""
+
+    efficiency: int
+    ohmic: int
+    pair: int
+    tau: int
+    activation: int
+    empty_activation: int
+    hysteresis: int
+    offset: int
+
+    @classmethod
+    def of(cls, sizes: Mapping[str, int]) -> Sizes:
+        """Those among the sizes of all groups of parameters."""
+        return cls(**{name: sizes[name] for name in cls._fields})
+
+    def split(self, theta: Any) -> Corrections:
+        """The corrections in one vector (P,)."""
+        ends = np.cumsum(self).tolist()
+        return Corrections(*(theta[end - size : end] for end, size in zip(ends, self, strict=True)))
+
+
+class CircuitSample(NamedTuple):
+    """Sample of a log; scalars, or arrays along it."""
+
+    dt_s: Any  #: since the sample before
+    mean_current_A: Any  #: between the two, by the sensor; 0 at the first sample and after a gap
+    current_A: Any  #: at the sample, by the sensor
+    temperature_degC: Any
+    counted: Any  #: 1.0, or 0.0 at the first sample and after a gap, where the current is not known
+    moved: Any  #: change of SoC beyond what the current of this interval shows
+    offset_A: Any  #: of the sensor at this time beyond the corrections [A]
+    start_V: Any  #: (n,) change of the RC voltages at the first sample and after a gap, else 0
+    start_h: Any  #: (3,) hysteresis there, see `CircuitState`
+
+
+class CircuitState(NamedTuple):
+    """State of the circuit along a log with its sensitivities."""
+
+    circuit: Any  #: (n + 1,) SoC and RC voltages
+    #: (3,) hysteresis from a start below the most likely one, from that, and from one above: a state that saturates is
+    #: not linear in its start
+    hysteresis: Any
+    sensitivities: Any  #: those of (n + 1, Q) that are not always 0
+    theta: Any  #: (P,) corrections
+
+
+class CircuitAlong(NamedTuple):
+    """Circuit at every sample (T, ...). The Q unknowns are the corrections, SoC and RC voltages at the start."""
+
+    soc: Any  #: by the capacity of the file
+    voltage_V: Any
+    over_V2: Any  #: sum of the squares of the overpotentials [V^2]
+    soc_columns: Any  #: (T, Q)
+    #: (T, Q) of the voltage; those of the RC voltages by the ones at the start or after the last gap before
+    voltage_columns: Any
+    hysteresis_V: Any  #: difference of the voltages from the upper and the lower hysteresis at the start
+    left: Any  #: (T, n) share that is left of the RC voltages of the start or the last gap before this sample
+
+
+class SensitiveCircuit(NamedTuple):
+    """Circuit with its sensitivities; `kernel` is the same for equal circuits."""
+
+    model: Thevenin  #: its open-circuit curve is part of the voltage; `without_curve` leaves it out
+    sizes: Sizes  #: of the corrections
+
+    @property
+    def unknowns(self) -> int:
+        """Number Q of unknowns: corrections, SoC, RC voltages."""
+        return sum(self.sizes) + self.model.pairs + 1
+
+    def along(self, theta: np.ndarray, soc: float, samples: CircuitSample) -> CircuitAlong:
+        """The circuit along a log with the corrections theta (P,), from this SoC."""
+        kernel, pattern = _kernel(self)
+        n = self.model.pairs
+        S = _with_start(np.zeros((n + 1, self.unknowns)), np.ones(n + 1), sum(self.sizes))
+        start = CircuitState(np.array([soc, *([0.0] * n)]), np.zeros(3), S[pattern].astype(float), theta)
+        found: CircuitAlong = kernel.scan(start, samples)[1]
+        return found
+
+    def step(self, pattern: np.ndarray, state: CircuitState, sample: CircuitSample) -> tuple[CircuitState, Any]:
+        """One sample; pattern: (n + 1, Q) True where a sensitivity is not always 0."""
+        p, n, P = self.model, self.model.pairs, sum(self.sizes)
+        S = np.zeros(pattern.shape, dtype=object)
+        S[pattern] = state.sensitivities
+        x, F = self.next_circuit(state, sample)
+        S = F[:, : n + 1] @ S
+        S[:, :P] = S[:, :P] + F[:, n + 1 :]
+        left = np.array([S[1 + j, P + 1 + j] for j in range(n)])
+        S = _with_start(S, np.array([1.0, *(where(sample.counted > 0.0, share, 1.0) for share in left)]), P)
+        h = self.next_hysteresis(state, sample)
+        u = CircuitInput(sample.current_A - sample.offset_A, sample.temperature_degC)
+
+        def terminal_V(z: np.ndarray) -> np.ndarray:
+            k = self.sizes.split(z[n + 2 :])
+            there = CircuitInput(u.current_A - k.offset_A, u.temperature_degC)
+            return voltage(np.array([*z[: n + 1], z[n + 1] * k.hysteresis_ratio]), there, p, k)
+
+        V, G = linearize(terminal_V, np.array([*x, h[1], *state.theta]))
+        columns = (G[:, : n + 1] @ S)[0]
+        columns[:P] = columns[:P] + G[0, n + 2 :]
+        k = self.sizes.split(state.theta)
+        over_V = overpotentials(np.array([*x, h[1]]), u._replace(current_A=u.current_A - k.offset_A), p, k)
+        after = CircuitState(x, h, S[pattern], state.theta)
+        out = CircuitAlong(x[0], V[0], sum(v * v for v in over_V), S[0], columns, G[0, n + 1] * (h[2] - h[0]), left)
+        return after, out
+
+    def next_circuit(self, state: CircuitState, sample: CircuitSample) -> tuple[np.ndarray, np.ndarray]:
+        """SoC and RC voltages (n + 1,) after the step, and their derivatives (n + 1, n + 1 + P) by state and theta."""
+        n = self.model.pairs
+
+        def after(z: np.ndarray) -> np.ndarray:
+            k = self.sizes.split(z[n + 1 :])
+            current_A = sample.mean_current_A - sample.counted * (sample.offset_A + k.offset_A)
+            u = CircuitInput(current_A, sample.temperature_degC)
+            soc, *v, _ = next_state(np.array([*z[: n + 1], 0.0]), u, self.model, sample.dt_s, k)
+            start_V = np.asarray(sample.start_V).tolist()
+            return np.array([soc + sample.moved, *(vj + more_V for vj, more_V in zip(v, start_V, strict=True))])
+
+        return linearize(after, np.array([*state.circuit, *state.theta]))
+
+    def next_hysteresis(self, state: CircuitState, sample: CircuitSample) -> np.ndarray:
+        """(3,) hysteresis after the step, by the current of the sensor: its offset is small beside what moves it."""
+        u = CircuitInput(sample.mean_current_A, sample.temperature_degC)
+        after = [next_state(np.array([*state.circuit, h]), u, self.model, sample.dt_s)[-1] for h in state.hysteresis]
+        starts = np.asarray(sample.start_h).tolist()
+        return np.array([where(sample.counted > 0.0, h, start) for h, start in zip(after, starts, strict=True)])
+
+
+def between_knots(values: Any, soc: Any) -> Any:
+    """Linear between values (5,) on RESISTANCE_KNOTS, constant beyond; 0 for no values."""
+    if not len(values):
+        return 0.0
+    at = RESISTANCE_KNOTS.tolist()
+    found = values[0]
+    for k in range(len(at) - 1):
+        found = found + (values[k + 1] - values[k]) * clip((soc - at[k]) * (1.0 / (at[k + 1] - at[k])), 0.0, 1.0)
+    return found
+
+
+@lru_cache(maxsize=8)
+def _kernel(circuit: SensitiveCircuit) -> tuple[Kernel, np.ndarray]:
+    """The compiled step of a circuit, and the pattern of its sensitivities."""
+    n, P = circuit.model.pairs, sum(circuit.sizes)
+    sample = CircuitSample(*([0.0] * 7), start_V=np.zeros(n), start_h=np.zeros(3))
+    bare = CircuitState(np.zeros(n + 1), np.zeros(3), np.zeros(0), np.zeros(P))
+    jacobian = trace(lambda state, sample: circuit.next_circuit(state, sample)[1], bare, sample).outputs
+    pattern = _pattern(
+        np.array([isinstance(entry, Expression) or entry != 0.0 for entry in jacobian]).reshape(n + 1, n + 1 + P)
+    )
+    example = bare._replace(sensitivities=np.zeros(np.count_nonzero(pattern)))
+    return Kernel(lambda state, sample: circuit.step(pattern, state, sample), example, sample), pattern
+
+
+def _pattern(jacobian: np.ndarray) -> np.ndarray:
+    """(n + 1, Q) True where a sensitivity is not always 0, by where the derivatives of the step are not."""
+    states = len(jacobian)
+    by_state, by_theta = jacobian[:, :states], jacobian[:, states:]
+    pattern = np.hstack([by_theta, np.eye(states, dtype=bool)])
+    for _ in range(states):
+        pattern = pattern | (by_state @ pattern)
+    return pattern
+
+
+def _with_start(S: np.ndarray, share: np.ndarray, P: int) -> np.ndarray:
+    """The sensitivities (n + 1, Q) with those of SoC and RC voltages to their own starts."""
+    found = S.copy()
+    for j, of_start in enumerate(share):
+        found[j, P + j] = of_start
+    return found
