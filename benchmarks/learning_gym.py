@@ -44,7 +44,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.learning.known import ocv_std_V
 from ohmward.battery.learning.learn import Learnt, learn
-from ohmward.battery.learning.lesson import Lesson
+from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.score import score
 from ohmward_lab.simulate.electrochemical import DayPlan
@@ -90,11 +90,11 @@ def _duration_s(cell: LifeCell, life: Life, count: int) -> float:
     return float(days(np.random.default_rng(life.seed), capacity_of(cell.new), life.plans[:count]).time_s[-1])
 
 
-def lessons(battery: Battery, recordings: tuple[Recording, ...]) -> Iterator[tuple[Battery, Lesson]]:
-    """The file and its last lesson after each recording, one after the other, as a robot's owner learns them."""
+def updates(battery: Battery, recordings: tuple[Recording, ...]) -> Iterator[tuple[Battery, LogUpdate]]:
+    """The file and its last update after each recording, one after the other, as a robot's owner learns them."""
     for log, _ in recordings:
-        battery, (lesson,) = learn(battery, [log])
-        yield battery, lesson
+        battery, (update,) = learn(battery, [log])
+        yield battery, update
 
 
 @cache
@@ -118,13 +118,13 @@ def before_the_week(cell: LifeCell) -> Iterator[Figure]:
 def week(cell: LifeCell) -> Iterator[Figure]:
     """From the label through five everyday days: the band on the day after each, all of it on the later ones."""
     data, parts = week_name(cell), recorded_days(cell, WEEK)
-    found = list(lessons(battery_from(cell, LABEL_ONLY), parts[:N_LEARNT]))
+    found = list(updates(battery_from(cell, LABEL_ONLY), parts[:N_LEARNT]))
     for day, (battery, _) in enumerate(found[:-1], start=1):
         words = f"after {day} day{'s' * (day > 1)}, start unknown"
         yield from first_days(data, words, errors(battery, parts[day : day + 1], None))
-    battery, lesson = found[-1]
-    yield from value_figures(data, LEARNT, "capacity", lesson.capacity_Ah, capacity_of(cell.new), _CAPACITY_BAR)
-    yield from value_figures(data, LEARNT, "resistance", lesson.resistance_ohm, pulse_ohm(cell.new))
+    battery, update = found[-1]
+    yield from value_figures(data, LEARNT, "capacity", update.capacity_Ah, capacity_of(cell.new), _CAPACITY_BAR)
+    yield from value_figures(data, LEARNT, "resistance", update.resistance_ohm, pulse_ohm(cell.new))
     for words, start in STARTS.items():
         bar = _TIMES_TESTED * tested_errors(cell)[words].rmse
         yield from error_figures(data, LEARNT, words, errors(battery, parts[N_LEARNT:], start), bar)
@@ -166,9 +166,9 @@ def aged(cell: LifeCell) -> Iterator[Figure]:
     """Five cycles of a cell with 80 % of its capacity and 1.5 times its resistance, with the file of the new cell."""
     data, parts = aged_name(cell), recorded_days(cell, AGED)
     older = aged_cell(cell.new, AGED_RATIO)
-    *_, (battery, lesson) = lessons(battery_from(cell, PULSES), parts[:N_LEARNT])
-    yield from value_figures(data, LEARNT, "capacity", lesson.capacity_Ah, capacity_of(older), _AGED_CAPACITY_BAR)
-    yield from value_figures(data, LEARNT, "resistance", lesson.resistance_ohm, pulse_ohm(older), _AGED_RESISTANCE_BAR)
+    *_, (battery, update) = updates(battery_from(cell, PULSES), parts[:N_LEARNT])
+    yield from value_figures(data, LEARNT, "capacity", update.capacity_Ah, capacity_of(older), _AGED_CAPACITY_BAR)
+    yield from value_figures(data, LEARNT, "resistance", update.resistance_ohm, pulse_ohm(older), _AGED_RESISTANCE_BAR)
     for words, start in STARTS.items():
         found = errors(battery, parts[N_LEARNT:], start)
         yield from error_figures(data, LEARNT, words, found, _AGED_RMSE_BAR)
@@ -204,7 +204,7 @@ def differences(one: Learnt, two: Learnt) -> dict[str, float]:
     The sigma of the curve is that of the file, the error of its SoC axis included: where the curve is steep, a
     difference in voltage is first of all one of the axis.
     """
-    a, b = one.lessons[-1], two.lessons[-1]
+    a, b = one.updates[-1], two.updates[-1]
     soc = np.linspace(0.1, 0.9, 33)
 
     def ocv_V(learnt: Learnt) -> np.ndarray:

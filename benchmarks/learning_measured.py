@@ -246,8 +246,8 @@ def nasa_live(name: str) -> dict[int, Normal]:
 def nasa_learnt(name: str) -> dict[int, Normal]:
     """Capacity of a discharge after the first half of each: from full to where those before it have ended."""
     shown = nasa_shown(name)
-    lessons = learn(generic_battery("nca", cells.NASA_AH), [log for _, _, log in shown]).lessons
-    found = zip(shown, used_capacities(lessons), strict=True)
+    updates = learn(generic_battery("nca", cells.NASA_AH), [log for _, _, log in shown]).updates
+    found = zip(shown, used_capacities(updates), strict=True)
     return {operation: used.capacity_Ah for (operation, kind, _), used in found if kind == "discharge"}
 
 
@@ -281,6 +281,6 @@ def bboxx() -> Iterator[Figure]:
     together = log.between(0.0, VRLA_LEARNT_DAYS * _DAY_S)
     for method, logs in ((LEARNT, days), ("learn, one log", [together])):
         learnt = learn(bboxx_label(), [without_truth(log) for log in logs])
-        refused = sum(lesson.verdict != "learnt" for lesson in learnt.lessons)
+        refused = sum(update.verdict != "learnt" for update in learnt.updates)
         yield at_most(_BBOXX, method, "logs refused", refused, 0.0, ".0f")
         yield from bboxx_figures(learnt.battery, method, _BBOXX_BAR)

@@ -217,7 +217,7 @@ def _three_floors(robot: Robot, floors: Mapping[str, Mapping[int, Run]]) -> Iter
         others = _every_other(of, 1)
         data = f"Robotino, {name}, one of three floors learnt from every other run"
         yield from _band(data, method, judge(known, others), within=0.9)
-        told = slip_on_floors(robot, (learnt[name],), told=True)
+        told = slip_on_floors(robot, (learnt[name],), known_only=True)
         yield from _band(data, f"{method}, told the floor", judge(told, others))
         unseen = slip_on_floors(robot, tuple(floor for key, floor in learnt.items() if key != name))
         data_unseen = f"Robotino, {name}, only the two other floors learnt"
@@ -278,9 +278,9 @@ def _filters(robot: Robot, floors: tuple[Floor, ...], odd: Mapping[int, Run]) ->
         yield at_most(data, f"{method.upper()}, {SENSORS}", "slip over time, RMSE", value, form=".4f")
     quantity = "slip over time, ratio of RMSE"
     yield at_most(data, "AUKF over UKF", quantity, rms["aukf"] / rms["ukf"], 1.0, form=".4f")
-    doubted = {m: _rms(judge(_half_the_noise(slip_on_floors(robot, floors, m)), odd)) for m in ("ukf", "aukf")}
+    at_half_noise = {m: _rms(judge(_half_the_noise(slip_on_floors(robot, floors, m)), odd)) for m in ("ukf", "aukf")}
     quantity += ", noise given half as large"
-    yield at_most(data, "AUKF over UKF", quantity, doubted["aukf"] / doubted["ukf"], form=".4f")
+    yield at_most(data, "AUKF over UKF", quantity, at_half_noise["aukf"] / at_half_noise["ukf"], form=".4f")
 
 
 def _half_the_noise(estimator: SlipOnFloors) -> SlipOnFloors:

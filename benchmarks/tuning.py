@@ -21,7 +21,7 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.logs import Log
 from ohmward_lab.assess import lives
 from ohmward_lab.assess.battery import BASE
-from ohmward_lab.assess.simulated_logs import drawn_log
+from ohmward_lab.assess.simulated_logs import simulated_log
 
 #: Days that a file is tuned to, and other days of the same battery on which its band is judged.
 DAYS, OTHERS = 4, 8
@@ -53,7 +53,7 @@ def drawn_days(battery: Battery, chemistry: str, count: int, seed: int) -> Days:
     rng, days = np.random.default_rng(seed), []
     for run in range(2 * count):
         one = SocSample(samples.dt_s, *(values[:, run] for values in samples[1:]))
-        log, soc = drawn_log(NoiseModel(battery), f"day {run}", one, float(truth[0, run]), rng)
+        log, soc = simulated_log(NoiseModel(battery), f"day {run}", one, float(truth[0, run]), rng)
         if SOC_RANGE[0] < soc.min() and soc.max() < SOC_RANGE[1]:
             days.append((log, soc))
     return days[:count]

@@ -20,7 +20,7 @@ from figure import Figure, at_least, at_most
 from lives_cells import CELLS, LABEL, PULSES, START_DEPTH, LifeCell, battery_from, capacity_of, truth_of
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator, PackRun
-from ohmward.battery.cells.weakest import unseen_weakest
+from ohmward.battery.cells.weakest import expected_weakest
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.logs import Log
@@ -130,12 +130,12 @@ def unseen_figures(data: str, file: Battery, found: Pack) -> Iterator[Figure]:
     late = run.time_s >= SETTLED_S
     weakest = found.soc[late].min(axis=1)
     plain = np.mean(np.abs(run.soc[late] - weakest) <= 1.96 * run.soc_std[late])
-    expected = unseen_weakest(run.soc[late], run.soc_std[late], file.n_series)
-    doubted = np.mean(np.abs(expected.mean - weakest) <= 1.96 * expected.std)
+    expected = expected_weakest(run.soc[late], run.soc_std[late], file.n_series)
+    covered = np.mean(np.abs(expected.mean - weakest) <= 1.96 * expected.std)
     rmse = float(np.sqrt(np.mean((run.soc[late] - weakest) ** 2)))
     yield at_most(data, "pack voltage", "weakest cell minus the estimate, RMS [%]", 100 * rmse, None, ".1f")
     yield at_least(data, "pack voltage", "weakest cell in the band of the pack [%]", 100 * float(plain), None, ".0f")
-    yield at_least(data, "pack voltage", "in the band of an unseen weakest cell [%]", 100 * float(doubted), None, ".0f")
+    yield at_least(data, "pack voltage", "in the band of an unseen weakest cell [%]", 100 * float(covered), None, ".0f")
 
 
 def many_cells(count: int = 28, days_: float = 44.0, interval_s: float = 30.0) -> Figure:

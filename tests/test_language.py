@@ -2,6 +2,7 @@
 
 import ast
 import io
+import re
 import tokenize
 from collections import defaultdict
 from pathlib import Path
@@ -23,10 +24,6 @@ PRIVATE = {
     "let_go": "gross_slip",
     "reconsider": "test_hypotheses",
     "unusualness": "squared_mahalanobis",
-    "bend": "curve shape",
-    "bend_std": "curve_shape_std",
-    "bend_s": "curve_shape_correlation_s",
-    "bend_response": "curve_shape_noise",
     "kept": "decay factor",
     "lasting": "Gauss-Markov state",
     "walked": "process variance",
@@ -41,15 +38,31 @@ PRIVATE = {
     "partly_linear": "conditionally_linear",
     "observer_for": "make_observer",
     "push": "disturbance",
-    "pushed": "disturbed",
     "carried": "supported",
-    "shown": "observable",
     "Charge": "BatteryState",
     "Need": "EnergyDemand",
     "Outlook": "MissionForecast",
     "Identification": "Provenance",
+}
+
+#: Words that no identifier may have in it, alone or in a compound: `try_bent` as little as `bent`.
+PRIVATE_INSIDE = {
+    "told": "given, reported",
+    "untold": "pending",
+    "lesson": "update",
+    "taught": "learnt, information",
+    "untaught": "not identified",
+    "wander": "walk",
+    "anew": "restarted",
+    "believed": "prior, estimated, used",
+    "doubt": "uncertainty, standard deviation",
+    "hill": "mode, peak",
+    "bend": "curvature, curve shape",
+    "bent": "curvature, curve shape",
+    "unseen": "new, unobserved, unvisited",
+    "shown": "measured, observable",
+    "pushed": "disturbed",
     "quiet": "below the rest threshold",
-    "quiet_A": "rest_threshold_A",
 }
 
 
@@ -70,3 +83,17 @@ def test_no_class_name_stands_twice():
 def test_names_are_those_of_the_field():
     found = {str(path.relative_to(SOURCE)): words for path in FILES if (words := identifiers(path) & set(PRIVATE))}
     assert found == {}, f"take the field's word instead: {PRIVATE}"
+
+
+def test_names_have_no_private_word_inside():
+    found = defaultdict(set)
+    for path in FILES:
+        for name in identifiers(path):
+            if PRIVATE_INSIDE.keys() & {word.removesuffix("s") for word in words_in(name)}:
+                found[str(path.relative_to(SOURCE))].add(name)
+    assert found == {}, f"take the field's word instead: {PRIVATE_INSIDE}"
+
+
+def words_in(name: str) -> list[str]:
+    """Words of an identifier, split at underscores and capitals."""
+    return [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ohmward.battery.fingerprint import fingerprint, overlap_s, unseen
+from ohmward.battery.fingerprint import fingerprint, overlap_s, unlearnt_parts
 from ohmward.logs import Log
 
 HOUR_S = 3600.0
@@ -28,21 +28,21 @@ def from_zero(log: Log) -> Log:
 
 def test_a_log_seen_twice_has_nothing_new():
     log = mission()
-    assert unseen(log, [fingerprint(log)]) == ()
+    assert unlearnt_parts(log, [fingerprint(log)]) == ()
     assert overlap_s(log, fingerprint(log)) == pytest.approx((0.0, log.duration_s), abs=1e-3)
 
 
 def test_without_fingerprints_everything_is_new():
     log = mission()
-    assert unseen(log, []) == (log,)
-    assert unseen(log, [fingerprint(mission(1)), ""]) == (log,)
+    assert unlearnt_parts(log, []) == (log,)
+    assert unlearnt_parts(log, [fingerprint(mission(1)), ""]) == (log,)
 
 
 @pytest.mark.parametrize("first, last", [(0.0, 0.5), (0.5, 1.0), (0.37, 0.62), (0.1, 0.3)])
 def test_a_part_is_known_by_the_whole_whatever_its_clock(first, last):
     log = mission()
     part = from_zero(log.between(first * log.duration_s, last * log.duration_s))
-    assert unseen(part, [fingerprint(log)]) == ()
+    assert unlearnt_parts(part, [fingerprint(log)]) == ()
     shared = overlap_s(log, fingerprint(part))
     assert shared is not None
     start_s, stop_s = shared
@@ -53,16 +53,16 @@ def test_a_part_is_known_by_the_whole_whatever_its_clock(first, last):
 def test_only_the_rest_of_a_log_is_new_when_its_first_half_was_seen():
     log = mission()
     first, second = log.between(0.0, 7200.0), log.between(7200.0, np.inf)
-    (new,) = unseen(log, [fingerprint(from_zero(first))])
+    (new,) = unlearnt_parts(log, [fingerprint(from_zero(first))])
     assert new.time_s[0] == pytest.approx(7200.0, abs=2.0)
     assert new.time_s[-1] == log.time_s[-1]
-    assert unseen(log, [fingerprint(first), fingerprint(from_zero(second))]) == ()
+    assert unlearnt_parts(log, [fingerprint(first), fingerprint(from_zero(second))]) == ()
 
 
 def test_two_logs_that_overlap_are_told_apart():
     log = mission()
     first, second = log.between(0.0, 9000.0), from_zero(log.between(6000.0, np.inf))
-    (new,) = unseen(second, [fingerprint(first)])
+    (new,) = unlearnt_parts(second, [fingerprint(first)])
     assert new.time_s[0] == pytest.approx(3000.0, abs=2.0)
 
 
@@ -70,33 +70,33 @@ def test_two_logs_that_overlap_are_told_apart():
 def test_a_log_with_fewer_samples_is_the_same_log(every):
     log = mission()
     thin = from_zero(log.select(slice(3, None, every)))
-    assert unseen(thin, [fingerprint(log)]) == ()
-    assert unseen(log, [fingerprint(thin)]) == ()
+    assert unlearnt_parts(thin, [fingerprint(log)]) == ()
+    assert unlearnt_parts(log, [fingerprint(thin)]) == ()
 
 
 def test_a_log_of_means_is_the_same_log():
     log = mission()
     time_s, current_A, voltage_V = (a.reshape(-1, 10).mean(axis=1) for a in (log.time_s, log.current_A, log.voltage_V))
-    assert unseen(Log("means", time_s - time_s[0], current_A, voltage_V), [fingerprint(log)]) == ()
+    assert unlearnt_parts(Log("means", time_s - time_s[0], current_A, voltage_V), [fingerprint(log)]) == ()
 
 
 def test_a_few_samples_that_were_repaired_do_not_make_it_another_log():
     log = mission()
     voltage_V = log.voltage_V.copy()
     voltage_V[1000:1030] = np.nan
-    assert unseen(replace(log, voltage_V=voltage_V), [fingerprint(log)]) == ()
+    assert unlearnt_parts(replace(log, voltage_V=voltage_V), [fingerprint(log)]) == ()
 
 
 def test_the_same_mission_driven_again_is_another_log():
     """Equal loads from an equal start: only the noise of the sensors differs."""
     again = mission(0, noise_seed=1)
-    assert unseen(again, [fingerprint(mission(0))]) == (again,)
+    assert unlearnt_parts(again, [fingerprint(mission(0))]) == (again,)
 
 
 def test_a_mission_of_another_day_is_another_log_at_any_rate():
     day = replace(mission(0), start_unix_s=1.7e9)
     again = replace(mission(0, noise_seed=1).select(slice(0, None, 5)), start_unix_s=1.7e9 + 86400.0)
-    assert unseen(again, [fingerprint(day)]) == (again,)
+    assert unlearnt_parts(again, [fingerprint(day)]) == (again,)
 
 
 def test_wall_clocks_find_a_log_that_was_thinned_too_much_to_be_found_by_its_content():
@@ -104,13 +104,13 @@ def test_wall_clocks_find_a_log_that_was_thinned_too_much_to_be_found_by_its_con
     day = replace(mission(0), start_unix_s=1.7e9)
     thin = from_zero(day.select(slice(600, None, 20)))
     thin = replace(thin, start_unix_s=1.7e9 + 600.0)
-    assert unseen(thin, [fingerprint(day)]) == ()
+    assert unlearnt_parts(thin, [fingerprint(day)]) == ()
 
 
 def test_a_rest_says_nothing_about_the_day():
     time_s = np.arange(0.0, 3600.0, 10.0)
     rest = Log("rest", time_s, np.zeros(time_s.size), np.full(time_s.size, 3.7))
-    assert unseen(rest, [fingerprint(rest)]) == (rest,)
+    assert unlearnt_parts(rest, [fingerprint(rest)]) == (rest,)
 
 
 def test_other_logs_are_never_known():
@@ -118,7 +118,7 @@ def test_other_logs_are_never_known():
     texts = {(log.name, log.duration_s): fingerprint(log) for log in logs}
     for log in logs:
         others = [text for key, text in texts.items() if key[0] != log.name]
-        assert unseen(log, others) == (log,)
+        assert unlearnt_parts(log, others) == (log,)
 
 
 def test_the_size_of_a_fingerprint_grows_slowly():
@@ -131,4 +131,4 @@ def test_the_size_of_a_fingerprint_grows_slowly():
 def test_a_log_of_one_sample_has_no_fingerprint():
     log = Log("one", np.zeros(1), np.ones(1), np.full(1, 3.7))
     assert fingerprint(log) == ""
-    assert unseen(log, [fingerprint(mission())]) == (log,)
+    assert unlearnt_parts(log, [fingerprint(mission())]) == (log,)

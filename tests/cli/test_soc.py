@@ -17,7 +17,7 @@ KEYS = {
     "command", "log", "battery", "filter", "steps", "seconds", "duration_s", "soc_initial", "soc_final",
     "soc_std_final", "soc_min", "soc_max", "voltage_rmse_V", "rejected_voltages", "current_offset_A",
     "soh_capacity", "resistance_ratio", "current_offset_std_A", "soh_capacity_std", "resistance_ratio_std",
-    "explanation", "fits", "anchors", "cells", "weakest_unseen", "flags", "truth", "notes", "output", "report",
+    "explanation", "fits", "anchors", "cells", "weakest_expected", "flags", "truth", "notes", "output", "report",
 }  # fmt: skip
 SCORES = {"soc_rmse", "soc_mae", "soc_max_error", "soc_error_mean", "soc_error_std", "coverage_95"}
 LATE = {f"{name}_after_1h" for name in SCORES}
@@ -190,7 +190,7 @@ def test_the_cells_of_a_log_are_estimated(of_cells, here, as_json, capsys):
     assert cells["weakest"] == "cell_voltage_2_V" and len(cells["cells"]) == 3
     assert {warning["cell"] for warning in cells["warnings"]} == {"cell_voltage_2_V"}
     assert cells["usable_Ah"] < 0.8 * CAPACITY_AH * found["soc_final"]
-    assert found["weakest_unseen"] is None
+    assert found["weakest_expected"] is None
     header = (here / "estimates.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
     assert {"pack_soc", "pack_usable_Ah", "weakest_cell", "weakest_soc", "cell_2_soc", "cell_2_soc_std"} <= set(header)
     main([*of_cells, "--report", "page.html"])
@@ -206,7 +206,7 @@ def test_a_filter_without_an_offset_leaves_the_cells(of_cells, as_json):
 def test_without_cell_voltages_the_weakest_cell_is_said_to_be_unseen(here, as_json, capsys):
     found = as_json(*SOC)
     assert found["cells"] is None
-    assert found["weakest_unseen"]["soc"] < found["soc_final"]
+    assert found["weakest_expected"]["soc"] < found["soc_final"]
     main([*SOC])
     assert "weakest cell     not measured; probably" in capsys.readouterr().out
 

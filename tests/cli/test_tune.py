@@ -10,7 +10,7 @@ from ohmward.battery.file import load_battery, save_battery
 from ohmward.battery.tuning.noise_model import NoiseModel, with_factors
 from ohmward.cli.main import main
 from ohmward.logs import write_log
-from ohmward_lab.assess.simulated_logs import drawn_log
+from ohmward_lab.assess.simulated_logs import simulated_log
 
 KEYS = {"command", "battery", "logs", "voltages", "noise", "innovations_before", "innovations", "log_likelihood_gain"}
 KEYS |= {"innovations_over_steps", "explains", "output", "backup", "report"}
@@ -21,7 +21,7 @@ def days(tmp_path_factory):
     """A folder with two days, and the battery file, whose voltage is not as noisy as it says."""
     folder, rng = tmp_path_factory.mktemp("days"), np.random.default_rng(4)
     for k in range(2):
-        log, _ = drawn_log(NoiseModel(battery()), f"day-{k}", driven(k, 3 * 3600 + 600), 0.95, rng)
+        log, _ = simulated_log(NoiseModel(battery()), f"day-{k}", driven(k, 3 * 3600 + 600), 0.95, rng)
         write_log(log, folder / f"day-{k}.csv")
     save_battery(battery(noise=with_factors(KNOWN, np.array([5.0, 1.0, 1.0]))), folder / "battery.toml")
     return folder

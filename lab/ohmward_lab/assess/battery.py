@@ -314,7 +314,7 @@ def soc_cell(chemistry: str, condition: Condition, method: SocMethod, runs: int,
     """Run the method along every shift of this condition."""
     samples, truth = measured(chemistry, condition, runs, seed)
     kernel, estimator = _compiled(chemistry, method.name)
-    told = np.clip(truth[0] + signs(runs) * (condition.start_error or 0.0), 0.0, 1.0)
+    assumed = np.clip(truth[0] + signs(runs) * (condition.start_error or 0.0), 0.0, 1.0)
     start_std = _RIGHT_START_STD if condition.start_error == 0.0 else _START_STD
     length = len(truth)
     width = max(1, _MOST_SAMPLES // length)
@@ -325,7 +325,7 @@ def soc_cell(chemistry: str, condition: Condition, method: SocMethod, runs: int,
         states = []
         for run in range(lanes.start, lanes.stop):
             beginning = SocSample(0.0, *(float(values[0, run]) for values in samples[1:]))
-            start = None if condition.start_error is None else float(told[run])
+            start = None if condition.start_error is None else float(assumed[run])
             states.append(estimator.init(beginning, start, start_std))
         began = time.perf_counter()
         _, (soc[:, lanes], std[:, lanes]) = kernel.scan_lanes(side_by_side(states), part)

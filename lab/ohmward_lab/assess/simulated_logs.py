@@ -15,7 +15,7 @@ from ohmward.logs.log import Log
 from ohmward.trace import Kernel, exp, maximum, sqrt
 
 
-class DrawnState(NamedTuple):
+class SimulatedState(NamedTuple):
     """True state (n + 1,) as the belief of `TuningState`, and the last current and temperature."""
 
     x: np.ndarray
@@ -30,7 +30,7 @@ class Draws(NamedTuple):
     voltage: Any
 
 
-def drawn_log(
+def simulated_log(
     model: NoiseModel, name: str, samples: SocSample, soc: float, rng: np.random.Generator
 ) -> tuple[Log, np.ndarray]:
     """A log along these currents and temperatures (T,), and its true state of charge (T,).
@@ -45,7 +45,7 @@ def drawn_log(
     x = np.append(belief.mean + np.sqrt(np.diag(belief.cov)) * rng.standard_normal(size - 1), rng.standard_normal())
     x[system.hysteresis_index] = np.clip(x[system.hysteresis_index], -1.0, 1.0)
     x[0] = soc
-    state = DrawnState(x, start.current_A, start.temperature_degC)
+    state = SimulatedState(x, start.current_A, start.temperature_degC)
     kernel = Kernel(lambda now, given: _step(model, now, *given), state, (first, Draws(np.zeros(size), 0.0)))
     draws = Draws(rng.standard_normal((steps, size)), rng.standard_normal(steps))
     _, (voltage_V, truth) = kernel.scan(state, (samples, draws))
@@ -54,7 +54,7 @@ def drawn_log(
     return Log(name, time_s, samples.current_A, voltage_V, temperature_degC), truth
 
 
-def _step(model: NoiseModel, state: DrawnState, sample: SocSample, draws: Draws) -> tuple[DrawnState, Any]:
+def _step(model: NoiseModel, state: SimulatedState, sample: SocSample, draws: Draws) -> tuple[SimulatedState, Any]:
     system, noise = model.system, model.battery.noise
     clean = sanitize(sample, CircuitInput(state.current_A, state.temperature_degC), model.filter.limits, 0.0)
     n = len(state.x) - 1
@@ -65,5 +65,5 @@ def _step(model: NoiseModel, state: DrawnState, sample: SocSample, draws: Draws)
     x = moved + np.array([std * w for std, w in zip(spread, draws.states, strict=True)])
     error = system.voltage_error(Belief(x[:n], np.zeros((n, n))), clean)
     voltage_V = system.voltage(x[:n], clean, error)[0] + sqrt(error.uncertain_V2) * x[n]
-    after = DrawnState(x, clean.now.current_A, clean.now.temperature_degC)
+    after = SimulatedState(x, clean.now.current_A, clean.now.temperature_degC)
     return after, (voltage_V + noise.voltage_std_V * draws.voltage, x[0])

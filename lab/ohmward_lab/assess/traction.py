@@ -57,7 +57,7 @@ class DriveCondition(NamedTuple):
     factor: str
     level: str
     world: World = World()  #: ground and robot
-    told: str = DEFAULT_TERRAIN  #: name of the ground that the observer is told
+    assumed: str = DEFAULT_TERRAIN  #: name of the ground that the observer is told
     interval_s: float = 0.02  #: between samples
     all_encoders: bool = False  #: of free wheels too
     counts_per_turn: int = 4096  #: of each encoder
@@ -89,8 +89,8 @@ DRIVE_CONDITIONS: tuple[DriveCondition, ...] = (
     BASE_DRIVE,
     *(DriveCondition("ground", f"{name}, told asphalt", World(name)) for name in ("gravel", "wet asphalt", "ice")),
     DriveCondition("ground", "sand, told asphalt", World("LETE sand")),
-    *(DriveCondition("ground told", name, World(name), told=name) for name in ("gravel", "wet asphalt", "ice")),
-    DriveCondition("ground told", "sand", World("LETE sand"), told="LETE sand"),
+    *(DriveCondition("ground told", name, World(name), assumed=name) for name in ("gravel", "wet asphalt", "ice")),
+    DriveCondition("ground told", "sand", World("LETE sand"), assumed="LETE sand"),
     DriveCondition("patches of ice", "under all wheels", _ICE),
     DriveCondition("patches of ice", "under the left wheels", _ICE._replace(one_side=True)),
     DriveCondition("ice and more sensors", "encoders on free wheels", _ICE, all_encoders=True),
@@ -122,8 +122,8 @@ GROUND_PAIRS = tuple(
     (right.name, wrong.name)
     for right in DRIVE_CONDITIONS
     for wrong in DRIVE_CONDITIONS
-    if wrong.told != right.told == right.world.ground
-    and wrong == right._replace(factor=wrong.factor, level=wrong.level, told=wrong.told)
+    if wrong.assumed != right.assumed == right.world.ground
+    and wrong == right._replace(factor=wrong.factor, level=wrong.level, assumed=wrong.assumed)
 )
 
 
@@ -493,7 +493,7 @@ class SlipFigures(NamedTuple):
 def slip_cell(name: str, condition: DriveCondition, method: SlipMethod, runs: int, seed: int) -> SlipFigures:
     """Run the method along every drive of this condition."""
     samples, truth = measured(name, condition, runs, seed)
-    kernel, observer = _compiled(name, condition.told, method.name)
+    kernel, observer = _compiled(name, condition.assumed, method.name)
     firsts = [SlipSample(0.0, *(values[0, ..., run] for values in samples[1:])) for run in range(runs)]
     states = side_by_side([observer.init(first) for first in firsts])
     began = time.perf_counter()

@@ -187,8 +187,8 @@ def instant_drop(i: Any, u: CircuitInput, soc: Any, battery: SimulatedBattery) -
     transfer_ohm = battery.transfer_V / np.sqrt(i * i + exchange_A * exchange_A)
     if p.transfer_V is None:
         return r0_ohm * i + transfer_V, r0_ohm + transfer_ohm
-    bend = r0_ohm * i / p.transfer_V
-    return p.transfer_V * np.arcsinh(bend) + transfer_V, r0_ohm / np.sqrt(1.0 + bend * bend) + transfer_ohm
+    ratio = r0_ohm * i / p.transfer_V
+    return p.transfer_V * np.arcsinh(ratio) + transfer_V, r0_ohm / np.sqrt(1.0 + ratio * ratio) + transfer_ohm
 
 
 def accepted_share(soc: Any, current_A: Any, battery: SimulatedBattery) -> Any:

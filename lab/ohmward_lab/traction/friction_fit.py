@@ -102,10 +102,10 @@ def select_law(data: ForceSlip, families: Sequence[Family], groups: np.ndarray) 
     if not families:
         raise InputError("families must hold at least one family")
 
-    def unseen_N(family: Family) -> float:
+    def left_out_N(family: Family) -> float:
         return float(np.sum(left_out_errors_N(data, groups, lambda seen, _: fit_law(seen, family, prior=True)) ** 2))
 
-    return fit_law(data, min(families, key=unseen_N), prior=True)
+    return fit_law(data, min(families, key=left_out_N), prior=True)
 
 
 def left_out_errors_N(

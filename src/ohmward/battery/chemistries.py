@@ -163,7 +163,9 @@ class Chemistry:
     prior: ChemistryPrior = _LITHIUM  #: of what a test may not show
     #: True where part of a charge makes gas near full, so that the voltage of a charge is not that of the cell
     gases: bool = False
-    bends: bool = False  #: True where transfer of charge, which bends the ohmic drop, may be most of it in a warm room
+    charge_transfer: bool = (
+        False  #: True where transfer of charge, which bends the ohmic drop, may be most of it in a warm room
+    )
 
     def gassing_V(self, ocv: OcvCurve) -> float | None:
         """Terminal voltage above which part of a charge makes gas [V]; None where none does."""
@@ -226,7 +228,7 @@ CHEMISTRIES: dict[str, Chemistry] = {
         _LEAD_ACID_EFFICIENCY,
         _LEAD_ACID,
         gases=True,
-        bends=True,
+        charge_transfer=True,
     ),
 }
 

@@ -77,7 +77,7 @@ def fingerprint(log: Log) -> str:
     return "" if log.duration_s <= 0 else _packed(_profile(log))
 
 
-def unseen(log: Log, fingerprints: Iterable[str]) -> tuple[Log, ...]:
+def unlearnt_parts(log: Log, fingerprints: Iterable[str]) -> tuple[Log, ...]:
     """The parts of the log that are in none of the logs with these fingerprints, in order of time; () for none."""
     seen = [overlap for text in fingerprints if (overlap := overlap_s(log, text)) is not None]
     if not seen:
@@ -166,8 +166,8 @@ def _likely_shifts(integrals: LogIntegrals, seen: LogProfile) -> np.ndarray:
     parts = np.array_split(shifts, 1 + shifts.size * seen.means.shape[1] // _NUMBERS_AT_ONCE)
     found = np.concatenate([_likelihood(integrals, seen, part) for part in parts])
     rim = np.concatenate([[-np.inf], found, [-np.inf]])
-    hills = np.flatnonzero((found >= rim[:-2]) & (found >= rim[2:]))
-    return shifts[hills[np.argsort(-found[hills])[:_REFINED]]]
+    peaks = np.flatnonzero((found >= rim[:-2]) & (found >= rim[2:]))
+    return shifts[peaks[np.argsort(-found[peaks])[:_REFINED]]]
 
 
 def _likelihood(integrals: LogIntegrals, seen: LogProfile, shift_s: np.ndarray) -> np.ndarray:
@@ -222,7 +222,7 @@ def _tolerances(seen: LogProfile, log: Log, shift_s: float, edges_s: np.ndarray)
     """
     exact = np.broadcast_to(_ROUNDING_LEVELS * seen.level, seen.means.shape)
     intervals_s = sorted((seen.interval_s, float(np.median(log.dt_s))))
-    clocks_differ = any(abs(told_s - shift_s) > _SAME_CLOCK_S for told_s in _clock_shift(seen, log))
+    clocks_differ = any(abs(other_s - shift_s) > _SAME_CLOCK_S for other_s in _clock_shift(seen, log))
     if intervals_s[1] < (1 + _SAME_INTERVAL) * intervals_s[0] or clocks_differ:
         return exact[None]
     lag = max(1, round(intervals_s[1] / float(np.median(log.dt_s))))

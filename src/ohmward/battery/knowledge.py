@@ -22,7 +22,7 @@ class SeenLog:
     start_unix_s: float | None = None
     end_unix_s: float | None = None
     hours: float = 0.0  #: its length
-    taught: str = ""  #: what it taught, in a line
+    summary: str = ""  #: what was learnt from it, in a line
     anchors: int = 0  #: number of times at which something else than the voltage told its state of charge
     end_soc: float | None = None  #: state of charge at its last sample, None in a file that did not keep it
     end_soc_std: float | None = None  #: its standard deviation

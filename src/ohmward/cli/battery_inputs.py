@@ -74,12 +74,12 @@ def with_sensor(battery: Battery, args: argparse.Namespace) -> tuple[Battery, li
             f"--sensor-offset must be below 1 C, {battery.capacity_Ah:g} A, got {offset_A:g} A; for milliamperes write "
             f"{offset_A / 1000:g}"
         )
-    said = "was used; the battery file says"
+    contradiction = "was used; the battery file says"
     contradictions = []
     if offset_A != known.offset_std_A:
-        contradictions.append(f"--sensor-offset {offset_A:g} A {said} {known.offset_std_A:g} A")
+        contradictions.append(f"--sensor-offset {offset_A:g} A {contradiction} {known.offset_std_A:g} A")
     if gain != known.gain_std:
-        contradictions.append(f"--sensor-gain {gain:g} {said} {known.gain_std:g}")
+        contradictions.append(f"--sensor-gain {gain:g} {contradiction} {known.gain_std:g}")
     return replace(battery, sensor=replace(known, offset_std_A=offset_A, gain_std=gain)), contradictions
 
 

@@ -54,7 +54,7 @@ class MissionSettings:
     cutoff_V: float | None = None  #: terminal voltage at which the robot stops; None takes the plan's
     payload_kg: float = 0.0  #: load during the log
     speed_column: str = "speed_m_s"  #: column of the log's speed [m/s], used without wheels
-    believed: Terrain | None = None  #: ground that the observer of the wheels believes at first; None is dry asphalt
+    terrain: Terrain | None = None  #: ground that the observer of the wheels believes at first; None is dry asphalt
     confidence: float = 0.95  #: probability with which the robot must come back from the latest point of return
 
 
@@ -208,7 +208,7 @@ def _motion(
     """Motion of wheels that are observed, else of a measured speed."""
     if robot is None or drive is None:
         return measured_motion(log, settings.speed_column)
-    return observe_motion(robot, drive, settings.believed or hard_terrain("dry asphalt"), log.time_s, progress)
+    return observe_motion(robot, drive, settings.terrain or hard_terrain("dry asphalt"), log.time_s, progress)
 
 
 def _with_plan(c: Consumption, plan: Plan | None) -> tuple[Consumption, list[Note]]:

@@ -38,7 +38,7 @@ _MOST_SLOW = 100_000
 #: More lines than this cannot be told apart: then the weakest and the fullest are drawn.
 _MOST_CELLS = 6
 #: Flags that are drawn, and what they mean for the eye.
-SHOWN: Mapping[SampleFlag, Meaning] = {
+FLAG_MEANINGS: Mapping[SampleFlag, Meaning] = {
     SocFlag.REST: "background",
     SocFlag.NO_CURRENT: "alert",
     SocFlag.NO_VOLTAGE: "alert",
@@ -165,7 +165,7 @@ def soc_errors_figure(log: Timed, estimates: Mapping[str, SocEstimate], truth: n
 
 def soc_flag_spans(log: Timed, flags: np.ndarray) -> list[Span]:
     """Stretches of samples that carry a flag, rests in grey and faults in red; flags: (T,) sums of `SocFlag` values."""
-    return flag_spans(log.time_s, flags, SHOWN)
+    return flag_spans(log.time_s, flags, FLAG_MEANINGS)
 
 
 def run_figures(run: SocRun) -> list[Figure]:

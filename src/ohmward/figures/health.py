@@ -97,7 +97,7 @@ def _band(fit: AgeingFit, health: Health, unit: float) -> Band:
 def _points(health: Health, quantity: str, unit: float) -> list[Series]:
     """Each log by itself."""
     first_s = health.points[0].time_s
-    known = [point for point in health.points if _is_shown(getattr(point, quantity))]
+    known = [point for point in health.points if _is_known(getattr(point, quantity))]
     if not known:
         return []
     days = np.array([(point.time_s - first_s) / DAY_S / unit for point in known])
@@ -105,5 +105,5 @@ def _points(health: Health, quantity: str, unit: float) -> list[Series]:
     return [Series(days, _PERCENT * value, "one log by itself", "points", "background")]
 
 
-def _is_shown(value: Normal) -> bool:
+def _is_known(value: Normal) -> bool:
     return value.std < SAYS_NOTHING_STD

@@ -58,7 +58,7 @@ def resistance_change_figure(before: Battery, after: Battery) -> Figure:
 def progress_figure(title: str, label: str, knowledge: Sequence[Mapping[str, Any]], scale: float = 1.0) -> Figure:
     """A quantity > 0 with its 95 % band before the first log and after each log.
 
-    knowledge: mean and std of each, as the lessons have them.
+    knowledge: mean and std of each, as the updates have them.
     """
     limits = (0.0, np.inf)
     number = np.arange(len(knowledge), dtype=float)

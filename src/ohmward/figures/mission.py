@@ -20,7 +20,7 @@ _STACK: dict[str, tuple[tuple[str, ...], Meaning]] = {
 _SMOOTH_S = 2.0
 _SPEEDS = 25
 #: Shorter stretches are starts and stops: their energy per metre says nothing.
-_SHORTEST_SHOWN_M = 5.0
+_SHORTEST_DRAWN_M = 5.0
 
 
 def plan_figures(forecast: MissionForecast, state: BatteryState) -> list[Figure]:
@@ -81,7 +81,7 @@ def terrain_figure(c: Consumption, name: str, record: DriveRecord | None) -> Fig
     expected = np.array([expected_J_per_m(c, name, float(v)) for v in speeds])
     series = [_line(speeds, expected)]
     there = [d for d in record.driven if d.stretch.terrain == name] if record else []
-    if there := [d for d in there if d.stretch.distance_m > _SHORTEST_SHOWN_M]:
+    if there := [d for d in there if d.stretch.distance_m > _SHORTEST_DRAWN_M]:
         v = np.array([d.stretch.speed_distance_m2_s / d.stretch.distance_m for d in there])
         points = np.array([d.energy_J / d.stretch.distance_m for d in there])
         series.append(Series(v, points, "stretches of this drive", "points", "comparison"))

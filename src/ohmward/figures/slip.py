@@ -16,7 +16,7 @@ from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipRun
 
 #: Flags that are drawn over the speed, and what they mean for the eye.
-SHOWN: Mapping[SampleFlag, Meaning] = {
+FLAG_MEANINGS: Mapping[SampleFlag, Meaning] = {
     SlipFlag.STANDSTILL: "background",
     SlipFlag.SPEED_UNOBSERVED: "comparison",
     SlipFlag.GROUND_CHANGED: "alert",
@@ -61,7 +61,7 @@ def speed_figure(run: SlipRun, rolled_m_s: np.ndarray | None = None, truth_m_s: 
     limits = _around(*(s.y for s in series))
     if rolled_m_s is not None:
         series.insert(0, Series(time_s, rolled_m_s, "wheels, as if none slipped", role="background"))
-    band, spans = band_95(time_s, e.speed_m_s, e.speed_std_m_s), flag_spans(time_s, e.flags, SHOWN)
+    band, spans = band_95(time_s, e.speed_m_s, e.speed_std_m_s), flag_spans(time_s, e.flags, FLAG_MEANINGS)
     return Figure("Speed", TIME, "Speed [m/s]", series, [band], spans=spans, y_limits=limits, height_px=300)
 
 

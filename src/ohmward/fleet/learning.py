@@ -18,12 +18,12 @@ from ohmward.logs.log import ReadOptions
 from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.serial_number import serial_numbers
 
-#: What a log has taught: its file and battery, then the fields of the lesson; of the journal: a log and its lessons.
+#: What a log has taught: its file and battery, then the fields of the update; of the journal: a log and its updates.
 Row = dict[str, Any]
 
 
 class LearningJob(NamedTuple):
-    """What lessons depend on beside the logs."""
+    """What updates depend on beside the logs."""
 
     start: Battery  #: what is known of each battery that has no file yet
     reading: ReadOptions
@@ -56,18 +56,18 @@ def learn_all(
         if text in done:
             for key, battery in done[text]["batteries"].items():
                 files.restore(key, BATTERY_FILE.parse(battery))
-            rows += done[text]["lessons"]
+            rows += done[text]["updates"]
             continue
         before = dict(files.after)
-        lessons = learn_log(text, job, files)
+        updates = learn_log(text, job, files)
         changed = {key: BATTERY_FILE.dump(b) for key, b in files.after.items() if before.get(key) is not b}
-        journal.add({"text": text, "lessons": lessons, "batteries": changed})
-        rows += lessons
+        journal.add({"text": text, "updates": updates, "batteries": changed})
+        rows += updates
     return rows
 
 
 def learn_log(text: str, job: LearningJob, files: BatteryFiles) -> list[Row]:
-    """The lessons of a log; the batteries in `files` have learnt them."""
+    """The updates of a log; the batteries in `files` have learnt them."""
     try:
         parts = by_battery(text, job.reading, files)
     except InputError as error:
@@ -115,8 +115,8 @@ def _learn(text: str, serial_number: str, job: LearningJob, files: BatteryFiles)
     head = {"path": path, "serial_number": serial_number or None, "battery_file": key or None}
     notes = [str(note) for note in log.notes]
     return [
-        head | lesson.as_dict() | {"reason": lesson.reason.removeprefix(f"{lesson.log}: "), "notes": notes}
-        for lesson in learnt.lessons
+        head | update.as_dict() | {"reason": update.reason.removeprefix(f"{update.log}: "), "notes": notes}
+        for update in learnt.updates
     ]
 
 
@@ -207,7 +207,7 @@ class Journal:
     """A file beside the output, one line for each log; it goes when the run is done.
 
     path: None keeps no journal.
-    job: what the lessons depend on beside the logs; a journal of another job is begun anew.
+    job: what the updates depend on beside the logs; a journal of another job is begun anew.
     """
 
     def __init__(self, path: Path | None, job: str):

@@ -252,14 +252,14 @@ def _as_log(
     clock = chosen["time"], time_s
     require_plausible(file.source, *clock, measured["current"], rows.guessed_unit)
     voltage_V, spikes = without_spikes(measured["voltage"])
-    doubts = guess_notes(*clock, rows.guessed_unit)
-    doubts += milliampere_notes(chosen["current"], measured["current"], voltage_V)
+    warnings = guess_notes(*clock, rows.guessed_unit)
+    warnings += milliampere_notes(chosen["current"], measured["current"], voltage_V)
     require_not_wrapped(file.source, measured["current"], voltage_V)
     current_A, sign_note = charging_current(file, current_sign, time_s, measured["current"], voltage_V)
     own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
     further, impossible = _further(measured)
-    doubts += impossible
-    temperature, told = _temperature(file, chosen.get("temperature"), measured.get("temperature"), time_s.size)
+    warnings += impossible
+    temperature, given_degC = _temperature(file, chosen.get("temperature"), measured.get("temperature"), time_s.size)
     return Log(
         name=file.stem,
         time_s=time_s,
@@ -267,7 +267,15 @@ def _as_log(
         voltage_V=voltage_V,
         temperature_degC=temperature,
         extra={**further, **{name: column for name, column in table.columns.items() if name not in own}},
-        notes=(*table.notes, *doubts, *spikes, *told, *missing_notes(table, chosen), *gap_notes(time_s), sign_note),
+        notes=(
+            *table.notes,
+            *warnings,
+            *spikes,
+            *given_degC,
+            *missing_notes(table, chosen),
+            *gap_notes(time_s),
+            sign_note,
+        ),
         start_unix_s=start_unix_s,
         time_zone=rows.time_zone,
     )
@@ -290,22 +298,22 @@ def _temperature(
 
     column: of the temperature, where there is one.
     """
-    told = file.hints.temperature_degC
+    given_degC = file.hints.temperature_degC
     notes: tuple[Note, ...] = ()
     if column is not None and measured is not None and _is_of_no_sensor(column, measured):
-        says = "" if told is not None else "; if it is right, or to give another, say --temperature 25"
+        says = "" if given_degC is not None else "; if it is right, or to give another, say --temperature 25"
         text = f"temperature {np.nanmax(measured):g} degC throughout, without any change: no sensor, left out{says}"
         measured, notes = None, (Note(text, "warning"),)
     elif measured is not None:
         measured, notes = without_impossible(QUANTITIES["battery_temperature_degC"], measured)
-    if told is None:
+    if given_degC is None:
         return measured, notes
     if measured is not None:
         return measured, (
             *notes,
-            Note(f"temperature of {told:g} degC not used: the log has its own", "warning"),
+            Note(f"temperature of {given_degC:g} degC not used: the log has its own", "warning"),
         )
-    return np.full(samples, told), (*notes, Note(f"temperature of {told:g} degC throughout, as told"))
+    return np.full(samples, given_degC), (*notes, Note(f"temperature of {given_degC:g} degC throughout, as told"))
 
 
 def _further(measured: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[Note, ...]]:

@@ -58,8 +58,8 @@ def read_ocv_table(source: Any) -> OcvTable:
     if whole.sum() < 2:
         raise InputError(f"{file.source}: a curve needs at least 2 rows with numbers, it has {whole.sum()}")
     used = {name: v[whole] for name, v in values.items()}
-    said = ", ".join(f"{name} from {column.name!r}" for name, column in columns.items())
-    notes = [Note(f"{file.source}: {said}")]
+    columns_read = ", ".join(f"{name} from {column.name!r}" for name, column in columns.items())
+    notes = [Note(f"{file.source}: {columns_read}")]
     if dropped := int((~whole).sum()):
         notes.append(Note(f"{file.source}: {counted(dropped, 'row')} with an empty cell left out", "warning"))
     soc, slope = _as_share(used["soc"], columns["soc"]), used.get("ocv_slope")

@@ -122,10 +122,10 @@ def charging_current(
     sign: str
     if wanted != "auto":
         sign = wanted
-        note = _told_note(sign, "given", evidence, directions)
+        note = _given_note(sign, "given", evidence, directions)
     elif bdf.is_bdf(file.source):
         sign = "charge"
-        note = _told_note(sign, "by definition of BDF", evidence, directions)
+        note = _given_note(sign, "by definition of BDF", evidence, directions)
     elif directions:
         raise UnknownSignError(f"{file.stem}: {directions}", evidence.verdict)
     elif evidence.verdict != "undecidable":
@@ -149,12 +149,12 @@ def charging_current(
     return -current_A if sign == "discharge" else current_A, note
 
 
-def _told_note(told: str, by: str, evidence: SignEvidence, directions: str) -> Note:
+def _given_note(given: str, by: str, evidence: SignEvidence, directions: str) -> Note:
     """A note on a sign that somebody told; a warning where the data say the opposite."""
-    text = f"positive current {told}s the battery ({by})"
+    text = f"positive current {given}s the battery ({by})"
     if directions:
         return Note(f"{text}, but {directions}", "warning")
-    if evidence.verdict in (told, "undecidable"):
+    if evidence.verdict in (given, "undecidable"):
         return Note(text)
     return Note(f"{text}, but the data say the opposite: {evidence}; check the sign", "warning")
 

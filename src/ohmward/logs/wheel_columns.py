@@ -173,9 +173,9 @@ def _of_wheel(name: str, channel: Channel) -> _OfWheel | None:
         corner = CORNERS & set(words)
         numbers = [int(word) for word in words if word.isdecimal()]
         rest = {word for word in words if word not in corner and not word.isdecimal()}
-        told = bool(rest & naming) or (channel is WHEEL_SPEED and unit is not None)
+        named = bool(rest & naming) or (channel is WHEEL_SPEED and unit is not None)
         known = rest <= naming | channel.beside[0] and len(numbers) <= 1
-        if told and known and (corner or numbers):
+        if named and known and (corner or numbers):
             return _OfWheel(Column(name, unit), corner, numbers[0] if numbers else None)
     return None
 

@@ -18,8 +18,8 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.given_soc import soc_after_absence, takes_given_soc
 from ohmward.battery.soc.sample import SocEstimate, SocSample
-from ohmward.battery.soc.told_soc import can_be_told, soc_after_absence
 from ohmward.energy.consumption import Consumption
 from ohmward.energy.drive_meter import DriveSample
 from ohmward.energy.range_estimator import RangeEstimator
@@ -103,7 +103,7 @@ class Estimation:
         self._cell_names = tuple(f"{CELL}.{k}" for k in range(int(battery.n_series))) if battery else ()
         self._cell_inbox = MeanInbox((CURRENT, *self._cell_names))
         self._measured_s = -math.inf
-        self._full_s, self._untold = -math.inf, False
+        self._full_s, self._full_pending = -math.inf, False
 
     def compile(self, from_disk: bool = False) -> None:
         """Compile what the first samples would wait for, on copies; takes a second or two.
@@ -183,10 +183,10 @@ class Estimation:
         sample = self._battery_inbox.put(time_s, values)
         states = [self._battery_state(sample)] if sample else []
         if values.get(FULL, 0.0) >= 0.5 and not time_s - self._full_s < FULL_AGAIN_S:
-            self._full_s, self._untold = time_s, True
-        if self._untold and self.soc and self.soc.last:
-            self._untold = False
-            states += self._told_full(time_s)
+            self._full_s, self._full_pending = time_s, True
+        if self._full_pending and self.soc and self.soc.last:
+            self._full_pending = False
+            states += self._full_declared(time_s)
         return states
 
     def _battery_state(self, sample: MeanSample) -> RobotState:
@@ -220,7 +220,7 @@ class Estimation:
     ) -> SocEstimate:
         """The estimate with the charge before an absence, unless the voltage contradicts it."""
         assert self.soc is not None
-        if not can_be_told(self.soc.settings):
+        if not takes_given_soc(self.soc.settings):
             return charge
         sample = SocSample(0.0, current_A, voltage_V, self._temperature_degC)
         return self.soc.tell_soc(*soc_after_absence(self.soc.settings, sample, before))
@@ -239,10 +239,10 @@ class Estimation:
         found = self.cells.update(sample.time_s + self.shift_s, current_A, cells_V, self._temperature_degC)
         self.state = self.state._replace(cells=found, cells_time_s=sample.time_s)
 
-    def _told_full(self, time_s: float) -> list[RobotState]:
+    def _full_declared(self, time_s: float) -> list[RobotState]:
         """The state after a charger has said that the battery is full."""
         assert self.soc is not None
-        if not can_be_told(self.soc.settings):
+        if not takes_given_soc(self.soc.settings):
             return []
         if self.cells and self.cells.typical.last:
             self.cells.typical.tell_soc()

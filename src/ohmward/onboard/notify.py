@@ -88,7 +88,7 @@ def status(process: Process) -> str:
     """A line for `systemctl status`: charge, and what is not in order."""
     charge = process.state.battery
     parts = [f"charge {100.0 * charge.soc:.0f} %"] if charge else []
-    worse = [told for told in process.diagnostics.values() if told.level != Level.OK]
-    parts += [f"{told.name}: {told.message}" for told in worse[:1]] or ["in order"]
+    worse = [found for found in process.diagnostics.values() if found.level != Level.OK]
+    parts += [f"{found.name}: {found.message}" for found in worse[:1]] or ["in order"]
     parts += [f"and {len(worse) - 1} more"] if len(worse) > 1 else []
     return ", ".join(parts)

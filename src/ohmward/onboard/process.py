@@ -30,7 +30,7 @@ from ohmward.onboard.sensor_watch import SensorWatch
 SENSOR_LOOK_S = 0.25
 
 #: A state goes out at least so often, with new diagnostics where no sensor reports.
-QUIET_S = 1.0
+IDLE_S = 1.0
 
 #: The range is forecast so often; at first, when little has been driven, more often, and at once when the charge leaps
 #: by so much.
@@ -94,7 +94,7 @@ class Process:
         promised = {source.name: getattr(source, "signals", ()) for source in sources if source.name not in self._own}
         self.watch = SensorWatch(estimation.battery, estimation.robot, promised)
         self.state = estimation.state
-        self._told: tuple[Diagnostic, ...] = ()
+        self._reported: tuple[Diagnostic, ...] = ()
         self._ahead_s = 0.0
         self._passed_s = self.clock.now_s()
         self._began_s = math.inf
@@ -187,8 +187,8 @@ class Process:
         """Take a condition in; the latest of each name stands in every state. A new one is logged."""
         before = self.diagnostics.get(diagnostic.name)
         self.diagnostics[diagnostic.name] = diagnostic
-        self._told = ()
-        if before and _said(before) == _said(diagnostic):
+        self._reported = ()
+        if before and _level_and_text(before) == _level_and_text(diagnostic):
             return
         if before and before.level > diagnostic.level == Level.OK:  # most of what has failed fails again at once
             asyncio.get_running_loop().call_later(RECOVERED_S, self._log, diagnostic)
@@ -200,9 +200,11 @@ class Process:
     def _log(self, diagnostic: Diagnostic) -> None:
         """Log a condition, unless it has passed meanwhile or is the one that was logged last."""
         first, last = diagnostic.name not in self._logged, self._logged.get(diagnostic.name)
-        if last == _said(diagnostic) or _said(self.diagnostics[diagnostic.name]) != _said(diagnostic):
+        if last == _level_and_text(diagnostic) or _level_and_text(self.diagnostics[diagnostic.name]) != _level_and_text(
+            diagnostic
+        ):
             return
-        self._logged[diagnostic.name] = _said(diagnostic)
+        self._logged[diagnostic.name] = _level_and_text(diagnostic)
         level = logging.DEBUG if first and diagnostic.level == Level.OK else _LOG_LEVELS.get(diagnostic.level)
         LOG.log(level or logging.ERROR, "%s: %s", diagnostic.name, diagnostic.message)
 
@@ -238,7 +240,7 @@ class Process:
                 self.tell(_delivery(sink.name, feed))
             if charge := self.estimation.state.battery:
                 self.tell(_fit(charge))
-            if self.clock.now_s() - self._passed_s > QUIET_S:
+            if self.clock.now_s() - self._passed_s > IDLE_S:
                 self._pass_on(self.estimation.state._replace(time_s=self.now_s(), sample={}))
 
     async def _forecast(self) -> None:
@@ -251,23 +253,23 @@ class Process:
                 continue
             due = self.now_s() - made_s > wait_s
             reach = self.estimation.state.range
-            told = assumed and reach is not None and not reach.assumed
-            if due or told or abs(charge.soc - soc) > FORECAST_SOC:
+            first_known = assumed and reach is not None and not reach.assumed
+            if due or first_known or abs(charge.soc - soc) > FORECAST_SOC:
                 wait_s = min(2.0 * wait_s, FORECAST_S) if due else wait_s
-                made_s, soc, assumed = self.now_s(), charge.soc, assumed and not told
+                made_s, soc, assumed = self.now_s(), charge.soc, assumed and not first_known
                 self.estimation.take_forecast(await asyncio.to_thread(compute))
 
     def _pass_on(self, state: RobotState) -> None:
         self._passed_s = self.clock.now_s()
         behind_s = max(-self._ahead_s, 0.0)  # a simulation that is too slow shows what it simulates now
         unix_s = self.clock.unix_s() - (self._passed_s - behind_s - state.time_s)
-        self._told = self._told or tuple(self.diagnostics.values())
-        self.state = self.watch.supported(state)._replace(unix_s=unix_s, diagnostics=self._told)
+        self._reported = self._reported or tuple(self.diagnostics.values())
+        self.state = self.watch.supported(state)._replace(unix_s=unix_s, diagnostics=self._reported)
         for _, feed in self.sinks:
             feed.put(self.state)
 
 
-def _said(diagnostic: Diagnostic) -> tuple[Level, str]:
+def _level_and_text(diagnostic: Diagnostic) -> tuple[Level, str]:
     """Level and sentence of a condition, without its figures."""
     return diagnostic.level, diagnostic.message
 

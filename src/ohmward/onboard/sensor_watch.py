@@ -115,7 +115,7 @@ class WatchedSensor:
         """True where no value has come for long; those of a slow link come late, but they come."""
         return now_s - self.received_s > self.silent_after_s
 
-    def has_told(self, now_s: float) -> bool:
+    def has_reported(self, now_s: float) -> bool:
         """True where its last value that may be true came no longer ago than a sensor that works may be silent."""
         return now_s - self.true_s <= (self.silent_after_s if self.interval_s else PROMISED_S)
 
@@ -200,7 +200,7 @@ class SensorWatch:
         """The state with None for the estimates whose sensors are all silent, or tell nothing true, at its time."""
         unknown: dict[str, Any] = {}
         for names, sensors in self._evidence.items():
-            if not any(sensor.has_told(state.time_s) for sensor in sensors):
+            if not any(sensor.has_reported(state.time_s) for sensor in sensors):
                 unknown |= dict.fromkeys(names)
         return state._replace(**unknown)
 

@@ -86,7 +86,7 @@ class StateFolder:
         found = read_snapshot(path)
         self.before, self.notes = found.content or {}, [found.note] if found.note else []
         if self.before and self.before.get("live", True) != live:
-            self._begin_anew()
+            self._start_over()
         self.away_s = self._away_s()
 
     def battery(self, given: str) -> Battery:
@@ -104,14 +104,14 @@ class StateFolder:
         if not in_use.exists() or in_use.stat().st_mtime < source.stat().st_mtime:
             return battery
         try:
-            taught = load_battery(in_use)
+            battery_learnt = load_battery(in_use)
         except InputError as error:
             self.notes.append(f"{error}; {given} is used")
             return battery
-        if is_another(label_of(battery), taught):
+        if is_another(label_of(battery), battery_learnt):
             self.notes.append(f"{in_use} has learnt another battery; {given} is used")
             return battery
-        return taught
+        return battery_learnt
 
     def consumption(self) -> tuple[Consumption | None, float]:
         """The consumption as learnt on earlier days, None before the first, and the days since then.
@@ -162,7 +162,7 @@ class StateFolder:
         """Give the folder back."""
         self._lock.close()
 
-    def _begin_anew(self) -> None:
+    def _start_over(self) -> None:
         """Forget a replay on a robot; never a robot in a replay."""
         if not self.live:
             raise OhmwardError(

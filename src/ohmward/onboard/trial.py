@@ -43,21 +43,21 @@ def try_setup(setup: Setup, seconds: float) -> Trial:
     battery = load_battery(Path(setup.battery)) if setup.battery else None
     robot = load_robot(setup.robot) if setup.robot else None
     recorder = Recorder()
-    told = asyncio.run(_listen(setup, recorder, seconds))
+    found_live = asyncio.run(_listen(setup, recorder, seconds))
     promised = {source.name: tuple(getattr(source, "signals", ())) for source in setup.source}
     found = recorder.signals()
     checked = check_wiring(found, promised, battery, robot, setup.counts_per_turn is not None)
-    return Trial(found, sorted([*told.values(), *checked], key=lambda finding: -finding.level))
+    return Trial(found, sorted([*found_live.values(), *checked], key=lambda finding: -finding.level))
 
 
 async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str, Diagnostic]:
     """Run sources and sinks for so long, or until every source has ended; the worst condition of each."""
-    told: dict[str, Diagnostic] = {}
+    found_live: dict[str, Diagnostic] = {}
 
     def tell(diagnostic: Diagnostic) -> None:
-        worst = told.get(diagnostic.name)
+        worst = found_live.get(diagnostic.name)
         if worst is None or diagnostic.level >= worst.level:
-            told[diagnostic.name] = diagnostic
+            found_live[diagnostic.name] = diagnostic
 
     begun = asyncio.Event()
 
@@ -84,4 +84,4 @@ async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str,
     for task in (*sources, *sinks):
         task.cancel()
     await asyncio.gather(*sources, *sinks, return_exceptions=True)
-    return told
+    return found_live

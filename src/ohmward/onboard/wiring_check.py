@@ -136,9 +136,11 @@ def _needed(
         yield Diagnostic("battery_voltage_V", Level.ERROR, "no source sends it; the charge cannot be told without")
     if robot:
         places = [place.name for place in robot.places]
-        told = {wheel_number(signal, places) for signal in wired if signal.startswith(("wheel_speed", "wheel_counts"))}
+        measured = {
+            wheel_number(signal, places) for signal in wired if signal.startswith(("wheel_speed", "wheel_counts"))
+        }
         for place in places[: robot.driven]:
-            if places.index(place) not in told:
+            if places.index(place) not in measured:
                 signal = f"wheel_speed_rad_s.{place}"
                 yield Diagnostic(
                     signal, Level.ERROR, "no source sends it; the wheel is driven and its slip unknown without"

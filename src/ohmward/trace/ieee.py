@@ -10,7 +10,7 @@ import numpy as np
 ERRORS = (ZeroDivisionError, OverflowError, ValueError)
 
 
-def _quiet(function: Callable[..., float], ufunc: np.ufunc) -> Callable[..., float]:
+def _silent(function: Callable[..., float], ufunc: np.ufunc) -> Callable[..., float]:
     """`function`, and NumPy's answer where `function` raises."""
 
     def call(*args: float) -> float:
@@ -24,20 +24,20 @@ def _quiet(function: Callable[..., float], ufunc: np.ufunc) -> Callable[..., flo
     return call
 
 
-divide = _quiet(operator.truediv, np.divide)
-remainder = _quiet(operator.mod, np.remainder)
-floor_divide = _quiet(operator.floordiv, np.floor_divide)
-power = _quiet(math.pow, np.power)
-sqrt = _quiet(math.sqrt, np.sqrt)
-exp = _quiet(math.exp, np.exp)
-expm1 = _quiet(math.expm1, np.expm1)
-log = _quiet(math.log, np.log)
-log1p = _quiet(math.log1p, np.log1p)
-sin = _quiet(math.sin, np.sin)
-cos = _quiet(math.cos, np.cos)
-tan = _quiet(math.tan, np.tan)
-sinh = _quiet(math.sinh, np.sinh)
-cosh = _quiet(math.cosh, np.cosh)
+divide = _silent(operator.truediv, np.divide)
+remainder = _silent(operator.mod, np.remainder)
+floor_divide = _silent(operator.floordiv, np.floor_divide)
+power = _silent(math.pow, np.power)
+sqrt = _silent(math.sqrt, np.sqrt)
+exp = _silent(math.exp, np.exp)
+expm1 = _silent(math.expm1, np.expm1)
+log = _silent(math.log, np.log)
+log1p = _silent(math.log1p, np.log1p)
+sin = _silent(math.sin, np.sin)
+cos = _silent(math.cos, np.cos)
+tan = _silent(math.tan, np.tan)
+sinh = _silent(math.sinh, np.sinh)
+cosh = _silent(math.cosh, np.cosh)
 tanh, arctan, arctan2, arcsinh = math.tanh, math.atan, math.atan2, math.asinh
 
 

@@ -95,8 +95,8 @@ class _Lines(NamedTuple):
 def _lines(values: tuple[float, ...]) -> _Lines | None:
     """The straight lines through values (n,), if they take less memory than the values; else None."""
     v = _checked(values)
-    bends = np.abs(np.diff(v, 2)) > _STRAIGHT * np.abs(v).max()
-    knots = np.flatnonzero(np.concatenate([[True], bends, [True]]))
+    kinks = np.abs(np.diff(v, 2)) > _STRAIGHT * np.abs(v).max()
+    knots = np.flatnonzero(np.concatenate([[True], kinks, [True]]))
     count, n = len(knots) - 1, len(v)
     bytes_of_lines = 8 * count + n + 1  # two singles for each line, one byte for each segment
     bytes_of_values = 4 * (n + 2)

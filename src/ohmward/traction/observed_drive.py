@@ -237,7 +237,7 @@ def observe_on_floors(
     faults = check_drive(robot, log)
     log = with_signed_speed(robot, log)
     began = time.perf_counter()
-    estimator = slip_on_floors(robot, known.named(on).floor if on else known.floor, method, told=bool(on))
+    estimator = slip_on_floors(robot, known.named(on).floor if on else known.floor, method, known_only=bool(on))
     on_floors = estimator.run(log)
     track = SlipRun(log.time_s, as_estimates(on_floors, robot), time.perf_counter() - began)
     notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors, on))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.cells.cell_sample import CellSpread
-from ohmward.battery.cells.weakest import largest_of, unseen_weakest
+from ohmward.battery.cells.weakest import expected_weakest, largest_of
 
 
 def test_the_largest_of_few_is_that_of_the_tables():
@@ -21,11 +21,11 @@ def test_packs_drawn_from_the_spread_are_covered():
     lower = spread.soc_std * rng.standard_normal((20000, n))
     capacity = 1.0 + spread.capacity_std * rng.standard_normal((20000, n))
     weakest = (1.0 - gone * (2.0 - capacity) + lower).min(axis=1)
-    expected = unseen_weakest(1.0 - gone, 0.0, n, spread)
+    expected = expected_weakest(1.0 - gone, 0.0, n, spread)
     assert expected.mean == pytest.approx(weakest.mean(), abs=2e-3)
     assert expected.std == pytest.approx(weakest.std(), rel=0.03)
 
 
 def test_cells_that_do_not_differ_are_the_pack():
     spread = CellSpread(soc_std=0.0, capacity_std=0.0)
-    assert unseen_weakest(0.5, 0.02, 28, spread) == pytest.approx((0.5, 0.02))
+    assert expected_weakest(0.5, 0.02, 28, spread) == pytest.approx((0.5, 0.02))

@@ -6,14 +6,14 @@ import pytest
 
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.history import used_capacities
-from ohmward.battery.learning.lesson import Lesson
+from ohmward.battery.learning.log_update import LogUpdate
 
 NOTHING = Normal(math.nan, math.inf)
 
 
-def lesson(log: str, soc_min: float, capacity_Ah: float = 10.0) -> Lesson:
+def update(log: str, soc_min: float, capacity_Ah: float = 10.0) -> LogUpdate:
     given = Normal(capacity_Ah * (1 - soc_min), 0.01 * capacity_Ah * (1 - soc_min))
-    return Lesson(
+    return LogUpdate(
         log=log,
         verdict="learnt",
         reason="",
@@ -35,19 +35,19 @@ def lesson(log: str, soc_min: float, capacity_Ah: float = 10.0) -> Lesson:
 
 
 def given(*lows: float) -> list:
-    found = used_capacities([lesson(f"log {k}", low) for k, low in enumerate(lows)])
+    found = used_capacities([update(f"log {k}", low) for k, low in enumerate(lows)])
     return [pytest.approx(each.capacity_Ah.mean) for each in found]
 
 
 def test_a_discharge_gives_all_above_its_end():
-    (found,) = used_capacities([lesson("one", 0.1)])
+    (found,) = used_capacities([update("one", 0.1)])
     assert found.latest is not None and found.latest.log == "one"
     assert found.capacity_Ah.mean == pytest.approx(9.0)
     assert found.capacity_Ah.std == pytest.approx(9.0 * math.hypot(0.01, 0.01))
 
 
 def test_a_battery_that_is_not_emptied_has_all_of_its_capacity():
-    (found,) = used_capacities([lesson("one", 0.5)])
+    (found,) = used_capacities([update("one", 0.5)])
     assert found.latest is None
     assert found.capacity_Ah == Normal(10.0, 0.3)
 
@@ -62,10 +62,10 @@ def test_an_end_that_rises_slowly_is_followed():
 
 
 def test_a_curve_that_was_learnt_moves_capacity_and_end_together_and_not_their_product():
-    lessons = [lesson("one", 0.05, 10.0), lesson("two", 0.13, 10.9), lesson("three", 0.6, 11.0)]
-    assert [each.capacity_Ah.mean for each in used_capacities(lessons)] == pytest.approx([9.5, 9.483, 9.483])
+    updates = [update("one", 0.05, 10.0), update("two", 0.13, 10.9), update("three", 0.6, 11.0)]
+    assert [each.capacity_Ah.mean for each in used_capacities(updates)] == pytest.approx([9.5, 9.483, 9.483])
 
 
 def test_a_log_that_was_set_aside_changes_nothing():
-    lessons = [lesson("one", 0.1), lesson("two", math.nan)]
-    assert [each.latest.log for each in used_capacities(lessons) if each.latest] == ["one", "one"]
+    updates = [update("one", 0.1), update("two", math.nan)]
+    assert [each.latest.log for each in used_capacities(updates) if each.latest] == ["one", "one"]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from battery.health.test_discharge_capacity import lesson
+from battery.health.test_discharge_capacity import update
 from ohmward.battery.chemistries import Normal, generic_battery
 from ohmward.battery.health.history import DatedLogs, in_order_of_time, newness, points_of, unlearnt
 from ohmward.battery.health.point import HealthPoint, Track, logarithm
@@ -44,8 +44,8 @@ def test_the_capacity_when_new_is_that_of_the_file_or_as_given():
 
 
 def test_the_resistance_when_new_of_a_label_is_that_of_the_first_log_that_shows_it():
-    shows = lesson("two", 0.1)._replace(own_resistance_ohm=Normal(0.2, 0.01))
-    new = newness(generic_battery("nmc", 10.0), [lesson("one", 0.1), shows])
+    shows = update("two", 0.1)._replace(own_resistance_ohm=Normal(0.2, 0.01))
+    new = newness(generic_battery("nmc", 10.0), [update("one", 0.1), shows])
     assert new.resistance_ohm == 0.2
     assert "nobody tested it" in new.notes[-1]
 
@@ -53,7 +53,7 @@ def test_the_resistance_when_new_of_a_label_is_that_of_the_first_log_that_shows_
 def test_the_resistance_when_new_of_a_tested_battery_is_that_of_its_file():
     label = generic_battery("nmc", 10.0)
     tested = replace(label, noise=replace(label.noise, resistance_std=0.1))
-    assert "the battery file's" in newness(tested, [lesson("one", 0.1)]).notes[-1]
+    assert "the battery file's" in newness(tested, [update("one", 0.1)]).notes[-1]
 
 
 def test_a_file_that_has_learnt_is_told_of_its_logs_once_more():
@@ -64,8 +64,8 @@ def test_a_file_that_has_learnt_is_told_of_its_logs_once_more():
 
 def test_points_hold_throughput_and_the_capacity_of_a_discharge():
     dated = DatedLogs((log("a"), log("b")), np.array([0.0, 86400.0]), True)
-    new = newness(generic_battery("nmc", 10.0), [lesson("a", 0.1)])
-    first, second = points_of(dated, [lesson("a", 0.1), lesson("b", 0.14)], new)
+    new = newness(generic_battery("nmc", 10.0), [update("a", 0.1)])
+    first, second = points_of(dated, [update("a", 0.1), update("b", 0.14)], new)
     assert first.cycles == pytest.approx(0.25)
     assert np.exp(first.log_capacity.mean) == pytest.approx(1.0)
     assert np.exp(second.log_capacity.mean) == pytest.approx(8.6 / 9.0)

@@ -11,7 +11,7 @@ from ohmward.battery.identification.circuit import circuit_of
 from ohmward.battery.identification.circuit_design import Rates
 from ohmward.battery.identification.circuit_fit import fit_circuit
 from ohmward.battery.identification.circuit_solve import solve
-from ohmward.battery.identification.identify import cells_transfer_V, try_bent
+from ohmward.battery.identification.identify import cells_transfer_V, try_transfer
 
 TRANSFER_V = cells_transfer_V(25.0, 1)
 #: Half a volt at 1 C, as a lead-acid cell with little charge left: ten times the bend.
@@ -39,7 +39,7 @@ def test_the_resistance_to_a_small_current_is_found_from_large_ones(problem):
 
 def test_a_bent_drop_is_taken_where_the_log_shows_it(problem):
     straight = fit_circuit(problem, 2)
-    fit, note = try_bent(problem, straight, 1)
+    fit, note = try_transfer(problem, straight, 1)
     assert fit.solution.misfit < 0.1 * straight.solution.misfit
     assert note.text.endswith("and is taken")
     model = circuit_of(fit.solution, problem, 1.0)
@@ -52,6 +52,6 @@ def test_a_straight_drop_stays_straight():
     ohmic = replace(BENT, r0_discharge_ohm=(0.05,) * 21, r0_charge_ohm=(0.05,) * 21, transfer_V=None)
     problem = problem_of(pulse_log(ohmic, count=5, rest_s=1800.0, std_V=0.001))
     straight = fit_circuit(problem, 2)
-    fit, note = try_bent(problem, straight, 1)
+    fit, note = try_transfer(problem, straight, 1)
     assert fit is straight
     assert "ohmic drop: straight" in note.text

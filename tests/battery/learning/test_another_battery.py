@@ -50,35 +50,35 @@ def pulse_ohm(model: Thevenin) -> float:
 @pytest.fixture(scope="module")
 def taught():
     learnt = learn(generic_battery("nmc", 12.0, 3), [day(MODEL, 1), day(MODEL, 2)])
-    assert [lesson.verdict for lesson in learnt.lessons] == ["learnt", "learnt"]
+    assert [update.verdict for update in learnt.updates] == ["learnt", "learnt"]
     return learnt.battery
 
 
 def test_a_third_day_of_the_same_battery_is_learnt(taught):
-    (lesson,) = learn(taught, [day(MODEL, 3)]).lessons
-    assert lesson.verdict == "learnt"
+    (update,) = learn(taught, [day(MODEL, 3)]).updates
+    assert update.verdict == "learnt"
     # three days down to a fifth leave the knee at empty open
-    assert abs(lesson.capacity_Ah.mean - MODEL.capacity_Ah) < 2 * lesson.capacity_Ah.std < 0.2 * MODEL.capacity_Ah
+    assert abs(update.capacity_Ah.mean - MODEL.capacity_Ah) < 2 * update.capacity_Ah.std < 0.2 * MODEL.capacity_Ah
 
 
 def test_a_swapped_battery_is_noticed_and_the_file_stays(taught):
     learnt = learn(taught, [day(worn(MODEL, 0.75, 1.7), 3)])
-    (lesson,) = learnt.lessons
-    assert lesson.verdict == "set aside"
-    assert lesson.reason.startswith("this is not the battery of the file: its ")
-    assert "resistance is" in lesson.reason
+    (update,) = learnt.updates
+    assert update.verdict == "set aside"
+    assert update.reason.startswith("this is not the battery of the file: its ")
+    assert "resistance is" in update.reason
     assert learnt.battery is taught
 
 
 def test_a_swap_is_noticed_by_a_file_that_many_days_have_confirmed(taught):
     days = [day(MODEL, k) for k in range(3, 9)]
-    lessons = learn(taught, [*days, day(worn(MODEL, 0.85, 1.35), 99)]).lessons
-    assert [lesson.verdict for lesson in lessons] == [*["learnt"] * 6, "set aside"]
+    updates = learn(taught, [*days, day(worn(MODEL, 0.85, 1.35), 99)]).updates
+    assert [update.verdict for update in updates] == [*["learnt"] * 6, "set aside"]
 
 
 def test_the_day_after_a_swap_back_is_learnt(taught):
-    lessons = learn(taught, [day(worn(MODEL, 0.75, 1.7), 3), day(MODEL, 4)]).lessons
-    assert [lesson.verdict for lesson in lessons] == ["set aside", "learnt"]
+    updates = learn(taught, [day(worn(MODEL, 0.75, 1.7), 3), day(MODEL, 4)]).updates
+    assert [update.verdict for update in updates] == ["set aside", "learnt"]
 
 
 def test_a_day_that_the_file_does_not_fit_by_the_check_of_soc_is_set_aside(monkeypatch):
@@ -86,34 +86,34 @@ def test_a_day_that_the_file_does_not_fit_by_the_check_of_soc_is_set_aside(monke
     wrong = (Note("the battery file does not fit the log: as soc says", "warning"),)
     monkeypatch.setattr(sys.modules[learn_log.__module__], "misfits", lambda *_: wrong)
     before = generic_battery("nmc", 12.0, 3)
-    after, lesson = learn_log(before, day(MODEL, 1))
-    assert after is before and lesson.verdict == "set aside"
-    assert lesson.reason == wrong[0].text
+    after, update = learn_log(before, day(MODEL, 1))
+    assert after is before and update.verdict == "set aside"
+    assert update.reason == wrong[0].text
 
 
 def test_a_day_whose_sensor_has_another_offset_is_set_aside(taught):
     third = day(MODEL, 3)
-    (lesson,) = learn(taught, [replace(third, current_A=third.current_A + 1.0)]).lessons
-    assert lesson.verdict == "set aside"
-    assert "its current sensor shows" in lesson.reason and "A where none flows" in lesson.reason
+    (update,) = learn(taught, [replace(third, current_A=third.current_A + 1.0)]).updates
+    assert update.verdict == "set aside"
+    assert "its current sensor shows" in update.reason and "A where none flows" in update.reason
 
 
 @pytest.mark.parametrize("known", [False, True])
 def test_a_current_without_its_sign_is_set_aside(taught, known):
     third = day(MODEL, 3)
     battery = taught if known else generic_battery("nmc", 12.0, 3)
-    (lesson,) = learn(battery, [replace(third, current_A=-np.abs(third.current_A))]).lessons
-    assert lesson.verdict == "set aside"
+    (update,) = learn(battery, [replace(third, current_A=-np.abs(third.current_A))]).updates
+    assert update.verdict == "set aside"
 
 
 def test_a_battery_of_twice_the_label_is_refused():
-    (lesson,) = learn(generic_battery("nmc", 6.0, 3), [day(MODEL, 1)]).lessons
-    assert lesson.verdict == "set aside" and "its capacity is" in lesson.reason
+    (update,) = learn(generic_battery("nmc", 6.0, 3), [day(MODEL, 1)]).updates
+    assert update.verdict == "set aside" and "its capacity is" in update.reason
 
 
 def test_an_aged_battery_may_still_have_its_label():
     learnt = learn(generic_battery("nmc", 12.0, 3), [day(worn(MODEL, 0.78, 1.6), k) for k in (1, 2)])
-    assert [lesson.verdict for lesson in learnt.lessons] == ["learnt", "learnt"]
-    mean, std = learnt.lessons[-1].capacity_Ah
+    assert [update.verdict for update in learnt.updates] == ["learnt", "learnt"]
+    mean, std = learnt.updates[-1].capacity_Ah
     assert mean == pytest.approx(0.78 * 12.0, abs=2.5 * std)
-    assert learnt.lessons[-1].resistance_ohm.mean == pytest.approx(1.6 * pulse_ohm(MODEL), rel=0.05)
+    assert learnt.updates[-1].resistance_ohm.mean == pytest.approx(1.6 * pulse_ohm(MODEL), rel=0.05)

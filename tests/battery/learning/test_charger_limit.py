@@ -71,10 +71,10 @@ def test_a_charger_that_stops_lower_defines_full(soc):
 def test_a_log_teaches_the_charge_below_the_limit_of_its_charger():
     log, truth = lower_charge()
     learnt = learn(label("nca"), [log])
-    (lesson,) = learnt.lessons
-    assert lesson.reason.startswith("full is where its charger stops, at 4.0")
+    (update,) = learnt.updates
+    assert update.reason.startswith("full is where its charger stops, at 4.0")
     of_robot = truth / own_full()
-    for found, true in ((lesson.soc_start, of_robot[0]), (lesson.soc_end, of_robot[-1])):
+    for found, true in ((update.soc_start, of_robot[0]), (update.soc_end, of_robot[-1])):
         assert abs(found.mean - true) < 2.5 * found.std
     assert require_thevenin(learnt.battery).ocv.voltage_V[-1] == pytest.approx(LIMIT_V, abs=0.015)
 

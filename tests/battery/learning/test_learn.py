@@ -125,10 +125,10 @@ def test_a_smaller_capacity_is_found_and_covered():
     tested = replace(TESTED, noise=replace(TESTED.noise, resistance_std=0.3, ocv_slip_std=0.0))
     tested = replace(tested, thevenin=replace(MODEL, ocv_slip=0.0))
     learnt = learn(tested, [day(older, 1), day(older, 2)])
-    lesson = learnt.lessons[-1]
-    assert lesson.capacity_Ah.mean == pytest.approx(0.85 * 12.0, rel=0.02)
-    assert abs(lesson.capacity_Ah.mean - 0.85 * 12.0) < 2 * lesson.capacity_Ah.std
-    assert lesson.resistance_ohm.std < 0.1 * lesson.resistance_ohm.mean
+    update = learnt.updates[-1]
+    assert update.capacity_Ah.mean == pytest.approx(0.85 * 12.0, rel=0.02)
+    assert abs(update.capacity_Ah.mean - 0.85 * 12.0) < 2 * update.capacity_Ah.std
+    assert update.resistance_ohm.std < 0.1 * update.resistance_ohm.mean
 
 
 def difference_in_sigmas(one: Battery, two: Battery) -> float:
@@ -165,7 +165,7 @@ def test_the_same_log_does_not_count_twice(tmp_path):
     save_battery(once, tmp_path / "battery.toml")
     stored = load_battery(tmp_path / "battery.toml")
     twice = learn(stored, [day(MODEL, 1)])
-    assert [lesson.verdict for lesson in twice.lessons] == ["seen"]
+    assert [update.verdict for update in twice.updates] == ["seen"]
     assert twice.battery is stored
     std = np.sqrt(np.diag(prior_covariance(once)))
     scale = np.outer(std, std)

@@ -50,8 +50,8 @@ def test_cycles_of_an_aged_cell_teach_its_capacity_and_its_resistance():
     # its curve stays as it is along SoC: the electrodes have not slipped
     unslipped = replace(MODEL, ocv_slip=0.0)
     file = replace(TESTED, thevenin=unslipped, noise=replace(TESTED.noise, resistance_std=0.3))
-    lesson = learn(file, [day(old, k) for k in (1, 2)]).lessons[-1]
+    update = learn(file, [day(old, k) for k in (1, 2)]).updates[-1]
     # down to a fifth, little tells the slip of the electrodes from the loss
-    assert lesson.capacity_Ah.mean == pytest.approx(old.capacity_Ah, rel=0.06)
-    assert abs(lesson.capacity_Ah.mean - old.capacity_Ah) < 2 * lesson.capacity_Ah.std
-    assert lesson.resistance_ohm.mean == pytest.approx(pulse_ohm(old), rel=0.05)
+    assert update.capacity_Ah.mean == pytest.approx(old.capacity_Ah, rel=0.06)
+    assert abs(update.capacity_Ah.mean - old.capacity_Ah) < 2 * update.capacity_Ah.std
+    assert update.resistance_ohm.mean == pytest.approx(pulse_ohm(old), rel=0.05)

@@ -106,7 +106,7 @@ def test_a_charger_says_that_the_battery_is_full(name, full):
     log, _ = day("lfp", 0.6, [(0.2, -0.3), (0.5, 0.3), (0.2, -0.3)])
     says = np.where(np.abs(log.time_s - 0.65 * HOUR) < 120.0, full, 0.0)
     (anchor,) = find_anchors(replace(log, extra={name: says}), label("lfp"))
-    assert (anchor.kind, anchor.told_by, anchor.soc) == ("full charge", name, 1.0)
+    assert (anchor.kind, anchor.source, anchor.soc) == ("full charge", name, 1.0)
     assert anchor.time_s == pytest.approx(0.65 * HOUR - 120.0, abs=10.0)
 
 

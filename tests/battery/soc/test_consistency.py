@@ -82,12 +82,12 @@ def test_the_band_covers_robots_whose_sensors_and_models_are_wrong(method, model
     current_A = drive(rng, steps, -0.4)
     errors = Errors(*(std * rng.standard_normal(RUNS) for std in (0.03, 0.05, 0.01, 0.05, 0.01, 0.05)))
     socs, clean_V = simulate_robots(model, current_A, soc + errors.soc, errors, rng)
-    shown_A = current_A[:, None] + errors.offset_A + SENSOR.noise_std_A * rng.standard_normal((steps, RUNS))
+    measured_A = current_A[:, None] + errors.offset_A + SENSOR.noise_std_A * rng.standard_normal((steps, RUNS))
     shown_V = clean_V + NOISE.voltage_std_V * rng.standard_normal((steps, RUNS))
     settings = TheveninFilter(model, NOISE, method=method, idle_current_A=0.0)
     first = SocSample(0.0, 0.0, np.nan, 25.0)
     start = settings.init(first, soc)
-    columns = SocSample(np.r_[0.0, np.ones(steps - 1)], shown_A, shown_V, np.full(steps, 25.0))
+    columns = SocSample(np.r_[0.0, np.ones(steps - 1)], measured_A, shown_V, np.full(steps, 25.0))
     _, estimates = Kernel(settings.step, start, first).scan_lanes(start, columns)
     z = (estimates.soc - socs) / estimates.soc_std
     assert np.mean(np.abs(z) < 1.96) > 0.9

@@ -77,4 +77,4 @@ def test_what_process_noise_brings_into_the_rc_voltages_is_that_of_the_filter_wi
     clean = sum_of_filters.member.sanitize(state.members[0], SocSample(0.0, -1.0, math.nan, 25.0))
     for k, (tau_s, ohm) in enumerate(zip(LFP.tau_s, sum_of_filters.system.pair_ohm(after.mean, clean), strict=True), 1):
         start = before[k, k] * math.exp(-2 * 3600.0 / tau_s)
-        assert state.wander_A2[k - 1] * ohm**2 == pytest.approx(after.cov[k, k] - start, rel=0.05)
+        assert state.walk_A2[k - 1] * ohm**2 == pytest.approx(after.cov[k, k] - start, rel=0.05)

@@ -15,10 +15,10 @@ from ohmward.battery.models.thevenin import CircuitInput, StateOfHealth, next_st
 from ohmward.battery.models.thevenin import pair_resistances as pair_ohms
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
+from ohmward.battery.soc.given_soc import tell_soc
 from ohmward.battery.soc.registry import available, make_estimator
 from ohmward.battery.soc.sample import STD_OF, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
-from ohmward.battery.soc.told_soc import tell_soc
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.consistency import BAND_95
 from ohmward.trace import Kernel

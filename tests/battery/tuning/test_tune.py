@@ -19,7 +19,7 @@ from ohmward.battery.tuning.tune import tune_noise, voltage_step_V
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, unpack
 from ohmward.trace import linearize
-from ohmward_lab.assess.simulated_logs import drawn_log
+from ohmward_lab.assess.simulated_logs import simulated_log
 
 HOURS = 3600
 SENSOR = CurrentSensor(noise_std_A=0.0, offset_std_A=0.01, offset_walk_A=0.0, gain_std=0.0)
@@ -39,13 +39,13 @@ def driven(seed, steps=3 * HOURS, mean_A=-0.3):
 def days():
     """Four drawn drives."""
     rng = np.random.default_rng(4)
-    return [drawn_log(NoiseModel(battery()), f"day {k}", driven(k), 0.95, rng)[0] for k in range(4)]
+    return [simulated_log(NoiseModel(battery()), f"day {k}", driven(k), 0.95, rng)[0] for k in range(4)]
 
 
 def test_of_a_linear_battery_it_is_that_of_a_kalman_filter():
     noise = replace(PLAIN, voltage_std_V=0.004, soc_axis_std=0.02, correlation_s=60.0)
     model = NoiseModel(battery(STRAIGHT, noise))
-    log, _ = drawn_log(model, "linear", driven(1, 200), 0.6, np.random.default_rng(1))
+    log, _ = simulated_log(model, "linear", driven(1, 200), 0.6, np.random.default_rng(1))
     log_factors = np.log([1.5, 0.7, 2.0])
     found = Likelihood(model, [log], {"linear": 0.6}).scored(log, log_factors[None]).log_density[:, 0]
     np.testing.assert_allclose(found, by_filterpy(model, log, log_factors), rtol=1e-7, atol=1e-9)
@@ -129,7 +129,7 @@ def test_steps_of_the_converter_hide_smaller_noise(days):
 def test_a_rest_tells_nothing_of_the_errors_that_come_with_current():
     still = driven(1)._replace(current_A=np.zeros(3 * HOURS))
     rng = np.random.default_rng(1)
-    logs = [drawn_log(NoiseModel(battery()), f"rest {k}", still, 0.6, rng)[0] for k in range(2)]
+    logs = [simulated_log(NoiseModel(battery()), f"rest {k}", still, 0.6, rng)[0] for k in range(2)]
     tuning = tune_noise(battery(), logs)
     _, model, correlation = tuning.factors
     assert "the charge moves by 0.0 % only" in model.refused and correlation.refused

@@ -30,7 +30,7 @@ def state(now_s, speed_m_s=0.0, wheel_speed_rad_s=0.0, std=0.005, turn=0.0):
 
 
 def operator(now_s, armed=True, speed=0.0, **more):
-    return OperatorCommand(armed, speed, said_s=now_s, **more)
+    return OperatorCommand(armed, speed, given_s=now_s, **more)
 
 
 def armed(limits=None, at_s=1.0):

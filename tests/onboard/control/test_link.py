@@ -253,7 +253,7 @@ def test_heartbeats_count_up_at_the_rate_of_the_loop(rig):
 def test_answers_that_were_held_up_are_no_heartbeat():
     """A burst of old answers is as old as the beats that they answer."""
     control = DriveControl(RLMA, DriveLimits())
-    old = OperatorCommand(armed=True, said_s=1.0)
+    old = OperatorCommand(armed=True, given_s=1.0)
     assert control.step(1.2, state(1.2), old).reason == "nothing from the operator for 200 ms"
 
 

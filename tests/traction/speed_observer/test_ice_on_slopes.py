@@ -37,4 +37,4 @@ def test_a_speed_from_outside_is_used_at_least_as_well_as_by_holding_it(grade_ra
     error = e.speed_m_s - truth.speed_m_s[1:]
     assert rmse(error) < 1.15 * rmse(held(samples.speed_m_s) - truth.speed_m_s[1:])
     assert np.mean(np.abs(error) < 1.96 * e.speed_std_m_s) > 0.65
-    assert (e.flags.astype(int) & SlipFlag.SPEED_TAKEN_ANEW).any()
+    assert (e.flags.astype(int) & SlipFlag.SPEED_RESET).any()

@@ -96,7 +96,7 @@ def test_a_speed_from_outside_that_the_wheels_exclude_is_refused_however_often_i
     samples.current_A[:] = current_A
     noise = ObserverNoise(gyro_std_rad_s=0.01, speed_std_m_s=0.05)
     e = observed(SpeedObserver(RLMA_ON_FLOOR, noise=noise, method=method), samples)[1]
-    assert has(e, SlipFlag.SPEED_REJECTED)[::10].all() and not has(e, SlipFlag.SPEED_TAKEN_ANEW).any()
+    assert has(e, SlipFlag.SPEED_REJECTED)[::10].all() and not has(e, SlipFlag.SPEED_RESET).any()
     assert np.abs(e.speed_m_s - x[:, 0]).max() < 0.1
 
 

@@ -94,10 +94,10 @@ def test_a_change_is_known_after_the_mean_delay_that_is_said(wheel, share):
     found = in_lanes(TEST, force, lanes, e)
     quiet = ~found.alarm[:changes].any(axis=0)
     late = found.alarm[changes:, quiet]
-    said_s = found.delay_s[changes - 1, wheel, quiet].mean()
+    given_s = found.delay_s[changes - 1, wheel, quiet].mean()
     assert quiet.mean() > 0.9 and late.any(axis=0).mean() > 0.97
-    assert 0.1 < said_s < 1.0
-    assert 0.03 * (0.5 + late.argmax(axis=0)[late.any(axis=0)]).mean() == pytest.approx(said_s, rel=0.15)
+    assert 0.1 < given_s < 1.0
+    assert 0.03 * (0.5 + late.argmax(axis=0)[late.any(axis=0)]).mean() == pytest.approx(given_s, rel=0.15)
 
 
 def test_the_delay_with_a_mean_that_is_known_is_siegmunds():

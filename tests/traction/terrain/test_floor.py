@@ -14,11 +14,11 @@ from ohmward.traction.terrain.floor import (
     STIFFNESS_STD,
     Floor,
     like,
+    new_floor,
     slip_at_force,
     slip_belief,
     slip_scale,
     slips_of_floors,
-    unseen_floor,
 )
 from traction.terrain.drives import SMOOTH, SOFT
 
@@ -118,10 +118,10 @@ def test_an_uncertain_force_counts_by_the_slope_of_the_law():
 
 
 def test_a_floor_never_met_is_any_floor_until_one_is_known_and_then_like_it():
-    nothing = unseen_floor()
+    nothing = new_floor()
     assert nothing.stiffness == pytest.approx(STIFFNESS)
     assert nothing.stiffness_std == pytest.approx(STIFFNESS_STD)
-    one, two = unseen_floor([SOFT]), unseen_floor([SOFT, replace(SOFT, name="other")])
+    one, two = new_floor([SOFT]), new_floor([SOFT, replace(SOFT, name="other")])
     assert STIFFNESS > one.stiffness > two.stiffness > SOFT.stiffness
     assert nothing.stiffness_std > one.stiffness_std > two.stiffness_std > BETWEEN_SHARE * STIFFNESS_STD
 

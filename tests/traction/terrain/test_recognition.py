@@ -42,12 +42,12 @@ def test_before_anything_is_measured_known_floors_are_alike_and_a_new_one_is_as_
 
 
 def test_a_robot_that_is_told_its_floor_knows_no_other():
-    r = Recognition(OMNI, (SOFT,), told=True)
+    r = Recognition(OMNI, (SOFT,), known_only=True)
     assert r.names == ("soft",)
     np.testing.assert_array_equal(r.by_name(r.by_wheel(r.init().combinations)), np.ones((3, 1)))
-    assert Recognition(OMNI, (SMOOTH, SOFT), told=True).names == ("smooth", "soft")
-    with pytest.raises(InputError, match="told needs the floors"):
-        Recognition(OMNI, told=True)
+    assert Recognition(OMNI, (SMOOTH, SOFT), known_only=True).names == ("smooth", "soft")
+    with pytest.raises(InputError, match="known_only needs the floors"):
+        Recognition(OMNI, known_only=True)
 
 
 def test_bayes_rule():

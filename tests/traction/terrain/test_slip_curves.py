@@ -7,11 +7,11 @@ import pytest
 
 from ohmward.trace import Kernel
 from ohmward.traction.terrain.demand import travel_speed, wheel_motion
-from ohmward.traction.terrain.floor import slip_belief, slip_scale, unseen_floor
+from ohmward.traction.terrain.floor import new_floor, slip_belief, slip_scale
 from ohmward.traction.terrain.slip_on_floors import MOST, SlipCurves
 from traction.terrain.drives import OMNI, SMOOTH, SOFT
 
-FLOORS = {"smooth": SMOOTH, "soft": SOFT, "unseen": unseen_floor((SMOOTH, SOFT))}
+FLOORS = {"smooth": SMOOTH, "soft": SOFT, "unseen": new_floor((SMOOTH, SOFT))}
 #: Largest error of mean, sigma and covariance. Where friction is unknown the law lets go at each node of the rule, in
 #: one step, which the curves take over one of their distances.
 MOST_OFF = {"smooth": (1e-3, 1e-3, 1e-3), "soft": (1e-4, 1e-4, 1e-4), "unseen": (0.05, 0.1, 0.05)}

@@ -15,10 +15,10 @@ from ohmward.traction.terrain.recognition import (
     FORCE_MEMORY_S,
     LIKE_SHARE,
     MIXED_SHARE,
+    NEW_FLOOR_ODDS,
     PERSISTENT_SHARE,
     RIGHT_SHARE,
     SETTLING_S,
-    UNSEEN_ODDS,
 )
 from ohmward.traction.terrain.wheel_filter import WheelSample
 
@@ -50,7 +50,7 @@ def floors_under(recognition, t, rim, force, noise, friction, events):
     """Bayes' rule over all combinations, from the mean force since the last event: -1 stands, 1 starts, 2 crosses."""
     floors, robot, known = recognition.all_floors, recognition.robot, len(recognition.floors)
     single = [*range(known), len(floors) - 1]
-    odds = [*[1.0] * known, *[UNSEEN_ODDS * LIKE_SHARE / known] * known, UNSEEN_ODDS * (1 - LIKE_SHARE)]
+    odds = [*[1.0] * known, *[NEW_FLOOR_ODDS * LIKE_SHARE / known] * known, NEW_FLOOR_ODDS * (1 - LIKE_SHARE)]
     mixed = [c for c in product(single, repeat=3) if len(set(c)) > 1]
     combinations = [*((k, k, k) for k in range(len(floors))), *mixed]
     weight = np.array([odds[c[0]] if len(set(c)) == 1 else np.prod([odds[f] for f in c]) for c in combinations])

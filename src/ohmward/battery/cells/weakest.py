@@ -79,7 +79,7 @@ def pack_state(cells: CellEstimate, typical_Ah: Any) -> PackState:
     )
 
 
-def unseen_weakest(soc: Any, soc_std: Any, n_series: int, spread: CellSpread | None = None) -> Normal:
+def expected_weakest(soc: Any, soc_std: Any, n_series: int, spread: CellSpread | None = None) -> Normal:
     """State of charge of the weakest of n cells in series, mean and standard deviation, numbers or (T,).
 
     soc, soc_std: of the typical cell.

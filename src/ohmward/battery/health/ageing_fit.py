@@ -31,7 +31,7 @@ _NEGLIGIBLE = 1e-5
 _THOUSAND_HOURS_S = 1000 * HOUR_S
 
 
-class CapacityDoubt(NamedTuple):
+class CapacityUncertainty(NamedTuple):
     """Standard deviations of ln(capacity) that hold for a battery and its sensor."""
 
     new: float  #: of the capacity when new against the reference
@@ -61,25 +61,25 @@ class AgeingFit(NamedTuple):
     #: (H,) those that are not negligible; the weights add up to 1
     laws: AgeingLaws
     weight: np.ndarray
-    doubt: CapacityDoubt  #: as assumed
+    uncertainty: CapacityUncertainty  #: as assumed
     track: Track  #: with the standard deviations as used, those of logs that are off by more than usual enlarged
     residual: np.ndarray  #: (n,) y_k less the mean of the mixture, in standard deviations of that log alone
 
     def level(self, days: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean (H, m) and covariance (m, m) of u at these times, given all logs."""
-        return _level(self.laws, self.doubt, self.track, days)
+        return _level(self.laws, self.uncertainty, self.track, days)
 
     def band(self, days: np.ndarray, cycles: np.ndarray) -> CapacityBand:
         """Capacity at these times (m,): moments of the mixture over the laws."""
         mean, cov = self.level(days)
         each = mean - self.laws.loss(days, cycles)
         middle = self.weight @ each
-        variance = np.diag(cov) + self.doubt.common**2 + self.weight @ (each - middle) ** 2
+        variance = np.diag(cov) + self.uncertainty.common**2 + self.weight @ (each - middle) ** 2
         return CapacityBand(middle, np.sqrt(variance))
 
 
 def fit_ageing(
-    laws: AgeingLaws, track: Track, doubt: CapacityDoubt, reversible_std: float = REVERSIBLE_STD
+    laws: AgeingLaws, track: Track, uncertainty: CapacityUncertainty, reversible_std: float = REVERSIBLE_STD
 ) -> AgeingFit:
     """The laws weighed by a track of capacities; without logs by their prior alone.
 
@@ -88,31 +88,33 @@ def fit_ageing(
     own_std = np.hypot(track.std, reversible_std)
     used = track._replace(std=own_std)
     for _ in range(_ROBUST_ROUNDS):
-        weight = _weights(laws, doubt, used)
+        weight = _weights(laws, uncertainty, used)
         likely = weight > _NEGLIGIBLE * weight.max()
-        fit = AgeingFit(laws.chosen(likely), weight[likely] / weight[likely].sum(), doubt, used, np.zeros(0))
+        fit = AgeingFit(laws.chosen(likely), weight[likely] / weight[likely].sum(), uncertainty, used, np.zeros(0))
         residual = (track.value - fit.band(track.days, track.cycles).mean) / own_std
         fit = fit._replace(residual=residual)
         used = track._replace(std=own_std * np.sqrt(np.maximum(1.0, np.abs(residual) / _HUBER)))
     return fit
 
 
-def _weights(laws: AgeingLaws, doubt: CapacityDoubt, track: Track) -> np.ndarray:
+def _weights(laws: AgeingLaws, uncertainty: CapacityUncertainty, track: Track) -> np.ndarray:
     """(H,) posterior probabilities: prior times N(y + loss; 0, K)."""
-    inverse = np.linalg.inv(observed_covariance(doubt, track))
+    inverse = np.linalg.inv(observed_covariance(uncertainty, track))
     u = track.value + laws.loss(track.days, track.cycles)
     log_weight = laws.log_prior - 0.5 * np.einsum("hn,hn->h", u @ inverse, u)
     weight = np.exp(log_weight - log_weight.max())
     return weight / weight.sum()
 
 
-def observed_covariance(doubt: CapacityDoubt, track: Track) -> np.ndarray:
+def observed_covariance(uncertainty: CapacityUncertainty, track: Track) -> np.ndarray:
     """(n, n) covariance of u + e at the times of the logs."""
-    return doubt.covariance(track.days, track.days) + np.diag(track.std**2)
+    return uncertainty.covariance(track.days, track.days) + np.diag(track.std**2)
 
 
-def _level(laws: AgeingLaws, doubt: CapacityDoubt, track: Track, days: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    cross = doubt.covariance(days, track.days)
-    gain = np.linalg.solve(observed_covariance(doubt, track), cross.T).T
+def _level(
+    laws: AgeingLaws, uncertainty: CapacityUncertainty, track: Track, days: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    cross = uncertainty.covariance(days, track.days)
+    gain = np.linalg.solve(observed_covariance(uncertainty, track), cross.T).T
     u = track.value + laws.loss(track.days, track.cycles)
-    return u @ gain.T, doubt.covariance(days, days) - gain @ cross.T
+    return u @ gain.T, uncertainty.covariance(days, days) - gain @ cross.T

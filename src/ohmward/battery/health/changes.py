@@ -102,7 +102,7 @@ def _most_evident(fit: AgeingFit) -> tuple[int, Normal] | None:
     if n < 4:
         return None
     after = np.tril(np.ones((n, n)))[:, 1:]  # column k: 1 from log k + 1 on
-    inverse = np.linalg.inv(observed_covariance(fit.doubt, track))
+    inverse = np.linalg.inv(observed_covariance(fit.uncertainty, track))
     r = track.value + fit.laws.chosen(np.array([best])).loss(track.days, track.cycles)[0]
     pull, precision = after.T @ inverse @ r, np.einsum("nk,nm,mk->k", after, inverse, after)
     total = precision + STEP_STD**-2

@@ -78,7 +78,7 @@ def _level_ahead(
 ) -> np.ndarray:
     """(M, m) draws of u at the times ahead: u now given all logs, then its random walk."""
     mean, cov = fit.level(np.array([now_days]))
-    std = math.sqrt(max(cov[0, 0], 0.0) + fit.doubt.common**2)
+    std = math.sqrt(max(cov[0, 0], 0.0) + fit.uncertainty.common**2)
     now = mean[rows, 0] + std * rng.standard_normal(len(rows))
-    walk_std = np.sqrt(fit.doubt.walk_variance(np.diff(ahead, prepend=0.0)))
+    walk_std = np.sqrt(fit.uncertainty.walk_variance(np.diff(ahead, prepend=0.0)))
     return now[:, None] + np.cumsum(walk_std * rng.standard_normal((len(rows), len(ahead))), axis=1)

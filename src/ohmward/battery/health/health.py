@@ -10,7 +10,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.health.ageing_fit import AgeingFit, CapacityDoubt, fit_ageing
+from ohmward.battery.health.ageing_fit import AgeingFit, CapacityUncertainty, fit_ageing
 from ohmward.battery.health.ageing_laws import WORN_SHARE, ageing_laws, no_law
 from ohmward.battery.health.changes import Outlier, SuddenChange, find_change, outliers, without_change
 from ohmward.battery.health.end_of_life import LifeAhead, life_ahead
@@ -84,31 +84,31 @@ def _without_changes(
     battery: Battery, usable: Sequence[HealthPoint], points: Sequence[HealthPoint], common_std: float | None
 ) -> tuple[AgeingFit, list[SuddenChange]]:
     """Trend of the capacity without its sudden changes, and these."""
-    laws, doubt = ageing_laws(battery.chemistry), _doubt(battery, common_std)
+    laws, uncertainty = ageing_laws(battery.chemistry), _uncertainty(battery, common_std)
     track = Track.of(points, "log_capacity")
     changes: list[SuddenChange] = []
-    fit = fit_ageing(laws, track, doubt)
+    fit = fit_ageing(laws, track, uncertainty)
     while len(changes) < _MOST_CHANGES and (change := find_change(fit, usable)):
         changes.append(change)
         track = without_change(track, change)
-        fit = fit_ageing(laws, track, doubt)
+        fit = fit_ageing(laws, track, uncertainty)
     return fit, sorted(changes, key=lambda change: change.days)
 
 
-def _doubt(battery: Battery, common_std: float | None) -> CapacityDoubt:
+def _uncertainty(battery: Battery, common_std: float | None) -> CapacityUncertainty:
     """Doubt about the capacity that no log settles."""
     noise = battery.noise
     if common_std is None:
         common_std = math.hypot(battery.sensor.gain_std, noise.soc_axis_std)
-    return CapacityDoubt(NEW_CAPACITY_STD, common_std, noise.capacity_walk)
+    return CapacityUncertainty(NEW_CAPACITY_STD, common_std, noise.capacity_walk)
 
 
 def _resistance(battery: Battery, points: Sequence[HealthPoint]) -> AgeingFit:
     """Trend of the resistance: no law, a random walk."""
     noise = battery.noise
     # the filter's walk in 100 hours is most of it what comes and goes; what stays takes ten times as long
-    doubt = CapacityDoubt(noise.resistance_std, battery.sensor.gain_std, noise.resistance_walk)
-    return fit_ageing(no_law(), Track.of(points, "log_resistance"), doubt, _RESISTANCE_REVERSIBLE_STD)
+    uncertainty = CapacityUncertainty(noise.resistance_std, battery.sensor.gain_std, noise.resistance_walk)
+    return fit_ageing(no_law(), Track.of(points, "log_resistance"), uncertainty, _RESISTANCE_REVERSIBLE_STD)
 
 
 def _at(fit: AgeingFit, days: float, cycles: float) -> Normal:

@@ -23,7 +23,7 @@ from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.ageing_fit import REVERSIBLE_STD
 from ohmward.battery.health.point import HealthPoint, logarithm
 from ohmward.battery.learning.fold import resistance_normal
-from ohmward.battery.learning.lesson import Lesson
+from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.battery.learning.parameters import prior_covariance
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
@@ -40,7 +40,7 @@ _FULL_SOC = 0.97
 #: A file whose resistances are known worse than this was not tested: the first logs stand for the new battery.
 _TESTED_RESISTANCE_STD = 0.35
 #: A log that tells the resistance better than this shows it.
-_SHOWN_RESISTANCE_STD = 0.1
+_KNOWN_RESISTANCE_STD = 0.1
 
 
 class DatedLogs(NamedTuple):
@@ -91,20 +91,20 @@ def unlearnt(battery: Battery) -> Battery:
     return battery if knowledge is None else replace(battery, knowledge=replace(knowledge, logs=()))
 
 
-def newness(battery: Battery, lessons: Sequence[Lesson], capacity_Ah: float | None = None) -> Newness:
+def newness(battery: Battery, updates: Sequence[LogUpdate], capacity_Ah: float | None = None) -> Newness:
     """The battery when new: that of the file, its resistance of the first logs where the file was not tested."""
     new_Ah = battery.capacity_Ah if capacity_Ah is None else capacity_Ah
     source = "the battery file's" if capacity_Ah is None else "as given"
     notes = [f"capacity when new: {new_Ah:.4g} Ah, {source}"]
     if capacity_Ah is None and battery.knowledge is not None:
         notes.append("the battery file has learnt since it was new, so its capacity is no longer that; say what it was")
-    learnt = [lesson for lesson in lessons if lesson.verdict != "set aside"]
+    learnt = [update for update in updates if update.verdict != "set aside"]
     if not learnt:
         return Newness(new_Ah, math.nan, tuple(notes))
     if battery.noise.resistance_std <= _TESTED_RESISTANCE_STD:
         new_ohm = resistance_normal(battery, prior_covariance(battery)).mean
         return Newness(new_Ah, new_ohm, (*notes, f"resistance when new: {1e3 * new_ohm:.3g} mΩ, the battery file's"))
-    known = next((x for x in learnt if _relative_std(x.own_resistance_ohm) < _SHOWN_RESISTANCE_STD), learnt[-1])
+    known = next((x for x in learnt if _relative_std(x.own_resistance_ohm) < _KNOWN_RESISTANCE_STD), learnt[-1])
     new_ohm = (
         known.own_resistance_ohm.mean if math.isfinite(known.own_resistance_ohm.std) else known.resistance_ohm.mean
     )
@@ -112,46 +112,46 @@ def newness(battery: Battery, lessons: Sequence[Lesson], capacity_Ah: float | No
     return Newness(new_Ah, new_ohm, (*notes, text))
 
 
-def points_of(dated: DatedLogs, lessons: Sequence[Lesson], new: Newness) -> list[HealthPoint]:
+def points_of(dated: DatedLogs, updates: Sequence[LogUpdate], new: Newness) -> list[HealthPoint]:
     """One point a log; one that taught nothing has its time and throughput.
 
     The capacity is that of a discharge as the battery is used, over what a new one would have given down to the end of
     its first discharge; where it is never emptied, all of its capacity.
     """
-    used = used_capacities(lessons)
+    used = used_capacities(updates)
     first = next((each.latest for each in used if each.latest), None)
     new_Ah = new.capacity_Ah * (1.0 if first is None else 1.0 - first.soc)
     points = []
-    for log, start_s, lesson, each in zip(dated.logs, dated.start_s, lessons, used, strict=True):
-        point = _point(log, start_s, lesson, new)
-        if lesson.verdict != "set aside":
-            own_Ah = lesson.own_capacity_Ah if first is None else _own_discharge(lesson, each)
+    for log, start_s, update, each in zip(dated.logs, dated.start_s, updates, used, strict=True):
+        point = _point(log, start_s, update, new)
+        if update.verdict != "set aside":
+            own_Ah = update.own_capacity_Ah if first is None else _own_discharge(update, each)
             point = point._replace(
                 log_capacity=logarithm(own_Ah, new_Ah),
-                log_resistance=logarithm(lesson.own_resistance_ohm, new.resistance_ohm),
+                log_resistance=logarithm(update.own_resistance_ohm, new.resistance_ohm),
             )
         points.append(point)
     return points
 
 
-def common_error(battery: Battery, lessons: Sequence[Lesson]) -> float:
+def common_error(battery: Battery, updates: Sequence[LogUpdate]) -> float:
     """Relative error that all logs share: of the sensor's gain, and of where the empty end of the curve lies.
 
     Where discharges are judged they are all measured against the first that shows their end, and share its error.
     """
-    first = next((lesson for lesson, each in zip(lessons, used_capacities(lessons), strict=True) if each.latest), None)
+    first = next((update for update, each in zip(updates, used_capacities(updates), strict=True) if each.latest), None)
     if first is not None:
         return _relative_std(first.capacity_Ah)
     return math.hypot(battery.sensor.gain_std, battery.noise.soc_axis_std)
 
 
-def _own_discharge(lesson: Lesson, used: UsedCapacity) -> Normal:
+def _own_discharge(update: LogUpdate, used: UsedCapacity) -> Normal:
     """Capacity of a discharge, where this log is the one that shows its end."""
-    shows = used.latest is not None and used.latest.log == lesson.log
+    shows = used.latest is not None and used.latest.log == update.log
     return used.capacity_Ah if shows else Normal(used.capacity_Ah.mean, math.inf)
 
 
-def _point(log: Log, start_s: float, lesson: Lesson, new: Newness) -> HealthPoint:
+def _point(log: Log, start_s: float, update: LogUpdate, new: Newness) -> HealthPoint:
     """Time, throughput, temperature and anchors of a log."""
     degC = log.temperature_degC
     return HealthPoint(
@@ -160,7 +160,7 @@ def _point(log: Log, start_s: float, lesson: Lesson, new: Newness) -> HealthPoin
         hours=log.duration_s / _HOUR_S,
         cycles=log.throughput_Ah() / (2 * new.capacity_Ah),
         temperature_degC=math.nan if degC is None or np.isnan(degC).all() else float(np.nanmean(degC)),
-        full=lesson.soc_max >= _FULL_SOC,
+        full=update.soc_max >= _FULL_SOC,
     )
 
 
@@ -177,38 +177,38 @@ class FullDischarge(NamedTuple):
 
 
 class UsedCapacity(NamedTuple):
-    """Capacity of a battery as it is used, after a lesson."""
+    """Capacity of a battery as it is used, after an update."""
 
     latest: FullDischarge | None  #: the discharge that shows it; None where the battery was not emptied yet
     capacity_Ah: Normal  #: of a discharge; the whole capacity where nobody has seen where discharges would end
 
 
-def used_capacities(lessons: Sequence[Lesson]) -> list[UsedCapacity]:
-    """Capacity of a discharge after each lesson."""
+def used_capacities(updates: Sequence[LogUpdate]) -> list[UsedCapacity]:
+    """Capacity of a discharge after each update."""
     found = []
     latest = None
-    for lesson in lessons:
-        latest = _next(latest, lesson)
-        found.append(UsedCapacity(latest, lesson.capacity_Ah if latest is None else _of_next(latest)))
+    for update in updates:
+        latest = _next(latest, update)
+        found.append(UsedCapacity(latest, update.capacity_Ah if latest is None else _of_next(latest)))
     return found
 
 
-def _next(latest: FullDischarge | None, lesson: Lesson) -> FullDischarge | None:
-    """The latest full discharge after one more lesson."""
+def _next(latest: FullDischarge | None, update: LogUpdate) -> FullDischarge | None:
+    """The latest full discharge after one more update."""
     if latest is None:
-        whole = lesson.soc_min < _EMPTIED_BELOW
+        whole = update.soc_min < _EMPTIED_BELOW
     else:
-        whole = lesson.given_Ah.mean >= _WHOLE * latest.given_Ah.mean
-    return FullDischarge(lesson.log, max(lesson.soc_min, 0.0), _as_counted(lesson)) if whole else latest
+        whole = update.given_Ah.mean >= _WHOLE * latest.given_Ah.mean
+    return FullDischarge(update.log, max(update.soc_min, 0.0), _as_counted(update)) if whole else latest
 
 
-def _as_counted(lesson: Lesson) -> Normal:
+def _as_counted(update: LogUpdate) -> Normal:
     """Charge from full down to the lowest SoC as the sensor counts it, its offset over the log left in.
 
     A charge and the discharge before it count the offset the other way; what a log turns around cancels.
     """
-    turned = (lesson.soc_end.mean - lesson.soc_start.mean) / max(lesson.soc_max - lesson.soc_min, 1e-3)
-    return lesson.given_Ah._replace(mean=lesson.given_Ah.mean + turned * lesson.offset_A.mean * lesson.hours)
+    turned = (update.soc_end.mean - update.soc_start.mean) / max(update.soc_max - update.soc_min, 1e-3)
+    return update.given_Ah._replace(mean=update.given_Ah.mean + turned * update.offset_A.mean * update.hours)
 
 
 def _of_next(latest: FullDischarge) -> Normal:

@@ -18,7 +18,7 @@ from ohmward.logs.log import Note
 #: Points of the OCV grid over which the gap is averaged: 5 % of SoC.
 _SHAPE_SMOOTHING = 11
 #: Largest share of a curve that may run backwards by more than noise, and that noise over the voltage of full.
-_MOST_BACKWARDS, _SMALL_BEND = 0.03, 3e-4
+_MOST_BACKWARDS, _SMALL_FALL = 0.03, 3e-4
 #: No resistance is a smaller share of its mean along SoC, however narrow the gap.
 _SMALLEST_SHAPE = 0.3
 
@@ -82,7 +82,7 @@ def curve_notes(solution: CircuitSolution, problem: CircuitProblem) -> tuple[Not
 def backward_share(curve_V: np.ndarray) -> float:
     """Share of a curve (N,) along SoC that `monotone` levels because it falls there by more than noise."""
     falls_V = np.maximum.accumulate(curve_V) - np.minimum.accumulate(curve_V[::-1])[::-1]
-    return float(np.mean(falls_V > _SMALL_BEND * curve_V[-1]))
+    return float(np.mean(falls_V > _SMALL_FALL * curve_V[-1]))
 
 
 def _fitted_curve_V(solution: CircuitSolution, problem: CircuitProblem) -> np.ndarray:

@@ -40,20 +40,22 @@ def not_identified(
 
     hysteresis: True where the OCV curve has two branches, whose distance gives the slow resistance its shape.
     """
-    said = [*_uncovered(fit.solution, samples, capacity_Ah, hysteresis), *_directions(samples, capacity_Ah)]
+    sentences = [*_uncovered(fit.solution, samples, capacity_Ah, hysteresis), *_directions(samples, capacity_Ah)]
     rate, tau = fit.solution.rates.hysteresis_rate, fit.solution.rates.tau_s
     std = np.sqrt(np.diag(fit.search_cov))
     at_bound = any(abs(np.log(rate / bound)) < 0.05 for bound in HYSTERESIS_RATES)
     if hysteresis and (at_bound or std[len(tau)] > _VAGUE_LOG):
         low, high = HYSTERESIS_RATES
-        said.append(f"hysteresis_rate: the data hardly depend on it; {rate:.3g} was taken within {low:g} to {high:g}")
+        sentences.append(
+            f"hysteresis_rate: the data hardly depend on it; {rate:.3g} was taken within {low:g} to {high:g}"
+        )
     longest_s = max(s.time_s[-1] - s.time_s[0] for s in samples)
-    said += [
+    sentences += [
         f"tau_{j}: {t:.3g} s is not short against the logs ({longest_s:.3g} s) or hardly shows in them"
         for j, t in enumerate(tau, start=1)
         if t > 0.5 * longest_s or _tau_std(fit, j) > _VAGUE_LOG
     ]
-    return tuple(said)
+    return tuple(sentences)
 
 
 def covered(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:

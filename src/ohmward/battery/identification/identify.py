@@ -289,8 +289,8 @@ def _fit(
         notes.append(note)
     else:
         fit = fit_circuit(problem, int(settings.model[len("thevenin-")]), progress)
-    if settings.chemistry and CHEMISTRIES[settings.chemistry].bends:
-        fit, note = try_bent(problem, fit, settings.n_series)
+    if settings.chemistry and CHEMISTRIES[settings.chemistry].charge_transfer:
+        fit, note = try_transfer(problem, fit, settings.n_series)
         notes.append(note)
     return fit, tuple(notes)
 
@@ -425,15 +425,15 @@ def cells_transfer_V(reference_degC: float, n_series: int) -> float:
     return n_series * 2 * _GAS_J_PER_MOL_K * (reference_degC + KELVIN) / _FARADAY_C_PER_MOL
 
 
-def try_bent(problem: CircuitProblem, straight: CircuitFit, n_series: int) -> tuple[CircuitFit, Note]:
+def try_transfer(problem: CircuitProblem, straight: CircuitFit, n_series: int) -> tuple[CircuitFit, Note]:
     """The fit with a bent drop where the logs clearly show it, else the straight one; a note on it."""
     transfer_V = cells_transfer_V(problem.reference_degC, n_series)
     near = straight.solution.rates._replace(transfer_V=transfer_V)
-    bent = fit_circuit(problem._replace(transfer_V=transfer_V), len(near.tau_s), near=(near,))
-    left = bent.solution.misfit / straight.solution.misfit
+    with_transfer = fit_circuit(problem._replace(transfer_V=transfer_V), len(near.tau_s), near=(near,))
+    left = with_transfer.solution.misfit / straight.solution.misfit
     found = (
         f"one bent by charge transfer ({transfer_V:.2g} V) leaves {left:.0%} of the squared residuals of a straight one"
     )
     if left < _CLEARLY_BETTER:
-        return bent, Note(f"ohmic drop: {found}, and is taken")
+        return with_transfer, Note(f"ohmic drop: {found}, and is taken")
     return straight, Note(f"ohmic drop: straight; {found}")

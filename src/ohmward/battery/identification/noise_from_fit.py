@@ -44,7 +44,7 @@ _PULSES_CORRELATION_S = 300.0
 #: Residuals count within this distance of a state of charge.
 _SOC_WINDOW = 0.05
 #: Error of a cell's model 0.1 of SoC away from any data [V].
-_UNSEEN_STD_V = 0.03
+_UNVISITED_STD_V = 0.03
 #: Relative error of the overpotential: usual, and largest.
 _USUAL_ERROR = 0.1
 _LARGEST_ERROR = 0.5
@@ -74,7 +74,7 @@ def noise_from_fit(
     residual_V = residual_std_V(solution, problem)
     axis_std = float(np.hypot(SOC_AXIS_STD, anchors_std))
     posterior_V = beyond_axis_V(posterior_std_V(solution, samples, p), p.ocv, axis_std)
-    posterior_V = np.maximum(posterior_V, volts * unseen_std_V(samples, p.capacity_Ah))
+    posterior_V = np.maximum(posterior_V, volts * unvisited_std_V(samples, p.capacity_Ah))
     posterior_V = np.hypot(posterior_V, lasting_error_V(p, typical_current_A(samples), longest_rest_s))
     posterior_V = np.hypot(posterior_V, unknown_hysteresis_V(problem))
     floor_V = volts * max(problem.prior.model_V, problem.prior.pulses_V if pulses_only else 0.0)
@@ -157,14 +157,14 @@ def posterior_std_V(solution: CircuitSolution, samples: Sequence[FitSamples], p:
     return np.sqrt(np.maximum(variance, 0.0))
 
 
-def unseen_std_V(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
+def unvisited_std_V(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
     """(21,) standard deviation of a lithium-ion cell's model away from the SoC at which a current flowed [V].
 
     Measured on cells identified from one half of their range: it grows with the root of the distance.
     """
     seen = RESISTANCE_GRID[covered(samples, capacity_Ah)]
     distance = np.abs(RESISTANCE_GRID[:, None] - seen).min(axis=1) if seen.size else np.ones(RESISTANCE_GRID.size)
-    return _UNSEEN_STD_V * np.sqrt(np.maximum(distance - _SOC_WINDOW, 0.0) / 0.1)
+    return _UNVISITED_STD_V * np.sqrt(np.maximum(distance - _SOC_WINDOW, 0.0) / 0.1)
 
 
 def typical_current_A(samples: Sequence[FitSamples]) -> float:

@@ -27,7 +27,7 @@ from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc_elements import rc_of_thevenin
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
-from ohmward.battery.soc.anchor_rule import BEYOND_DOUBT, AnchorRule
+from ohmward.battery.soc.anchor_rule import BEYOND_SIGMAS, AnchorRule
 from ohmward.battery.soc.anchors import VOLTAGE, Anchor, charger_limit_V, find_anchors
 from ohmward.logs.log import Log
 
@@ -99,7 +99,7 @@ def _full_charges(log: Log, battery: Battery) -> list[Anchor]:
     """The full charges that the voltage shows, of a battery whose full end may have been higher; else none."""
     if not _was_lowered(battery):
         return []
-    return [a for a in find_anchors(log, battery) if a.kind == "full charge" and a.told_by == VOLTAGE]
+    return [a for a in find_anchors(log, battery) if a.kind == "full charge" and a.source == VOLTAGE]
 
 
 def _was_lowered(battery: Battery) -> bool:
@@ -110,7 +110,7 @@ def _was_lowered(battery: Battery) -> bool:
     rule = AnchorRule(require_thevenin(label), label.noise, label.sensor)
     degC = require_thevenin(label).reference_degC
     still = rule.at_rest(require_thevenin(battery).ocv.voltage_V[-1], CircuitInput(0.0, degC))
-    return bool(1.0 - still.soc > max(BEYOND_DOUBT * still.std, 1.0 - 1.0 / _LEAST_RAISE))
+    return bool(1.0 - still.soc > max(BEYOND_SIGMAS * still.std, 1.0 - 1.0 / _LEAST_RAISE))
 
 
 def _input(anchor: Anchor) -> CircuitInput:

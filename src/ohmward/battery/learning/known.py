@@ -56,7 +56,7 @@ def ocv_std_V(battery: Battery, soc: Any) -> np.ndarray:
     return np.hypot(np.asarray(battery.noise.model_std_at(soc)), slope_V * battery.noise.soc_axis_std)
 
 
-def untaught_sentences(battery: Battery) -> tuple[str, ...]:
+def not_identified_sentences(battery: Battery) -> tuple[str, ...]:
     """The sentences on what is not known of the battery, those of its label brought up to what it has learnt."""
     others = tuple(text for text in battery.not_identified if not text.startswith(_OF_A_LABEL))
     if battery.knowledge is None or not any(text.startswith(_OF_A_LABEL[0]) for text in battery.not_identified):

@@ -31,10 +31,11 @@ from ohmward.battery.learning.fold import (
     resistance_normal,
     slip_direction,
 )
-from ohmward.battery.learning.known import untaught_sentences
-from ohmward.battery.learning.lesson import Lesson, narrowed, taught
+from ohmward.battery.learning.given_soc import full_at_start, given_at_start, soc_anchors, span_of
+from ohmward.battery.learning.known import not_identified_sentences
+from ohmward.battery.learning.log_estimates import LogEstimates, combined, log_estimates
+from ohmward.battery.learning.log_update import LogUpdate, narrowed, what_narrowed
 from ohmward.battery.learning.nuisances import nuisance_covariance
-from ohmward.battery.learning.own_share import OwnShares, combined, own_shares
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.same_battery import (
     LogFindings,
@@ -51,7 +52,6 @@ from ohmward.battery.learning.same_battery import (
 from ohmward.battery.learning.samples import Samples, samples_of
 from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve
 from ohmward.battery.learning.start import likely_starts, new_parts, prior_of_age
-from ohmward.battery.learning.told_soc import full_at_start, soc_anchors, span_of, told_at_start
 from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD
 from ohmward.battery.soc.anchors import Anchor, find_anchors
@@ -78,16 +78,16 @@ class Learnt(NamedTuple):
     """The battery after all logs, and what each of them taught."""
 
     battery: Battery
-    lessons: tuple[Lesson, ...]
+    updates: tuple[LogUpdate, ...]
 
 
 class _Part(NamedTuple):
-    """Lesson of a part of a log: the battery after it, its solution and model, and what it alone says."""
+    """Update by a part of a log: the battery after it, its solution and model, and what it alone says."""
 
     battery: Battery
     solution: Solution
     model: VoltageModel
-    own: OwnShares
+    own: LogEstimates
 
 
 def learn(
@@ -108,18 +108,18 @@ def learn(
     """
     require_battery(battery)
     logs = as_logs(logs)
-    lessons = []
+    updates = []
     for k, log in enumerate(logs):
         if progress:
             progress(log.name, k / len(logs))
-        battery, lesson = learn_log(battery, log, (initial_soc or {}).get(log.name))
-        lessons.append(lesson)
-    return Learnt(battery, tuple(lessons))
+        battery, update = learn_log(battery, log, (initial_soc or {}).get(log.name))
+        updates.append(update)
+    return Learnt(battery, tuple(updates))
 
 
 def learn_log(
     battery: Battery, log: Log, initial_soc: float | None = None, check_fit: bool = True
-) -> tuple[Battery, Lesson]:
+) -> tuple[Battery, LogUpdate]:
     """The battery after one log, and what it taught; the battery as it was where the log is set aside.
 
     check_fit: set a log aside that the file does not fit by the check of `ohmward soc`.
@@ -135,25 +135,25 @@ def learn_log(
         anchors = tuple(anchor for part in new.parts for anchor in find_anchors(part, ready))
         aged = aged_by(ready, hours_since_last(ready, log), log)
         at_start = new.parts[0].time_s[0] == log.time_s[0]
-        told = told_at_start(ready, log, initial_soc) if at_start else ()
-        parts = _learn_parts(aged, new.parts, anchors, told)
+        given = given_at_start(ready, log, initial_soc) if at_start else ()
+        parts = _learn_parts(aged, new.parts, anchors, given)
     except (InputError, np.linalg.LinAlgError) as refusal:
         if new.mostly_seen:
             return battery, _not_learnt(battery, log, "seen", f"but for a part that tells nothing: {refusal}")
         return battery, _not_learnt(battery, log, "set aside", str(refusal))
     after = parts[-1].battery
-    lesson = _lesson(ready, after, log, parts, anchors)._replace(hours=new.hours, left_out=new.left_out)
-    lesson = lesson._replace(reason=limit_sentence(battery, ready) + lesson.reason)
-    contradiction = _contradiction(aged, log, lesson)
+    update = _update(ready, after, log, parts, anchors)._replace(hours=new.hours, left_out=new.left_out)
+    update = update._replace(reason=limit_sentence(battery, ready) + update.reason)
+    contradiction = _contradiction(aged, log, update)
     if not contradiction and check_fit:
         contradiction = _misfit_of_file(battery, new.parts, initial_soc)
     if contradiction:
         return battery, _not_learnt(battery, log, "set aside", contradiction)
     anchored = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
-    return _remember(ready, after, _seen(log, new.fingerprint, lesson, anchored)), lesson
+    return _remember(ready, after, _seen(log, new.fingerprint, update, anchored)), update
 
 
-def _seen(log: Log, fingerprint: str, lesson: Lesson, anchored: int) -> SeenLog:
+def _seen(log: Log, fingerprint: str, update: LogUpdate, anchored: int) -> SeenLog:
     """A log as the battery file remembers it; anchored: times at which something else than the voltage told its SoC."""
     start_unix_s, end_unix_s = span_of(log)
     return SeenLog(
@@ -161,11 +161,11 @@ def _seen(log: Log, fingerprint: str, lesson: Lesson, anchored: int) -> SeenLog:
         fingerprint=fingerprint,
         start_unix_s=start_unix_s,
         end_unix_s=end_unix_s,
-        hours=lesson.hours,
-        taught=lesson.reason,
+        hours=update.hours,
+        summary=update.reason,
         anchors=anchored,
-        end_soc=lesson.soc_end.mean,
-        end_soc_std=lesson.soc_end.std,
+        end_soc=update.soc_end.mean,
+        end_soc_std=update.soc_end.std,
         end_current_A=float(np.nan_to_num(log.current_A[-1])),
     )
 
@@ -177,10 +177,10 @@ def _remember(before: Battery, after: Battery, log: SeenLog) -> Battery:
     learnt = replace(after, knowledge=replace(after.knowledge, logs=(*known, log)))
     if not any(seen.anchors for seen in (*known, log)):
         learnt = never_anchored(learnt, before)
-    return replace(learnt, not_identified=untaught_sentences(learnt))
+    return replace(learnt, not_identified=not_identified_sentences(learnt))
 
 
-def _contradiction(battery: Battery, log: Log, lesson: Lesson) -> str:
+def _contradiction(battery: Battery, log: Log, update: LogUpdate) -> str:
     """Contradiction of a log with the battery, as it has aged until then, or with itself; "" for none."""
     covariance = prior_covariance(battery)
     known = LogFindings(
@@ -188,8 +188,8 @@ def _contradiction(battery: Battery, log: Log, lesson: Lesson) -> str:
         resistance_normal(battery, covariance),
         offset_normal(battery, covariance),
     )
-    after = _log_findings(lesson)
-    if larger := too_small(lesson.capacity_Ah, lesson.soc_max - lesson.soc_min):
+    after = _log_findings(update)
+    if larger := too_small(update.capacity_Ah, update.soc_max - update.soc_min):
         return larger
     if is_label(battery):
         return unexplained(after) or other_label(known, after)
@@ -198,8 +198,8 @@ def _contradiction(battery: Battery, log: Log, lesson: Lesson) -> str:
     _, alone = learn_log(forgotten(battery), log, check_fit=False)
     if alone.verdict != "learnt":
         return alone.reason
-    seconds, correlation_s = SECONDS_PER_HOUR * lesson.hours, battery.noise.correlation_s
-    worse = explained_worse(seconds, correlation_s, lesson.residual_rms_V, alone.residual_rms_V)
+    seconds, correlation_s = SECONDS_PER_HOUR * update.hours, battery.noise.correlation_s
+    worse = explained_worse(seconds, correlation_s, update.residual_rms_V, alone.residual_rms_V)
     return other_battery(known, _log_findings(alone), worse) or moved_too_far(known, after) or unexplained(after)
 
 
@@ -212,9 +212,9 @@ def _misfit_of_file(battery: Battery, parts: Sequence[Log], initial_soc: float |
     return ""
 
 
-def _log_findings(lesson: Lesson) -> LogFindings:
+def _log_findings(update: LogUpdate) -> LogFindings:
     """Findings of a log about its battery."""
-    return LogFindings(lesson.capacity_Ah, lesson.resistance_ohm, lesson.offset_A, lesson.residual_rms_V, lesson.misfit)
+    return LogFindings(update.capacity_Ah, update.resistance_ohm, update.offset_A, update.residual_rms_V, update.misfit)
 
 
 def aged_by(battery: Battery, hours: float, log: Log) -> Battery:
@@ -250,9 +250,9 @@ def hours_since_last(battery: Battery, log: Log) -> float:
 
 
 def _learn_parts(
-    battery: Battery, logs: Sequence[Log], anchors: Sequence[Anchor], told: tuple[SocAnchor, ...]
+    battery: Battery, logs: Sequence[Log], anchors: Sequence[Anchor], given: tuple[SocAnchor, ...]
 ) -> list[_Part]:
-    """Lessons of the parts of a log, one after the other; raises InputError where there is nothing to learn from.
+    """Updates by the parts of a log, one after the other; raises InputError where there is nothing to learn from.
 
     told: state of charge at the first sample, where it is known.
     """
@@ -262,7 +262,7 @@ def _learn_parts(
             if not samples.rows.size:
                 continue
             now = parts[-1].battery if parts else battery
-            at_start = (told if not parts else ()) or full_at_start(now, samples)
+            at_start = (given if not parts else ()) or full_at_start(now, samples)
             parts.append(_learn_part(now, samples, (*at_start, *soc_anchors(anchors, samples))))
     if not parts:
         raise InputError("no stretch of it has two samples with a credible current and voltage; check the columns")
@@ -270,7 +270,7 @@ def _learn_parts(
 
 
 def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ...]) -> _Part:
-    """Lesson of one part."""
+    """Update by one part."""
     model = VoltageModel(battery, samples, samples.rows)
     prior = of_file = _prior(model)
     start = _best_start(model, prior, anchors)
@@ -283,7 +283,7 @@ def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ..
     seen = () if battery.knowledge is None else battery.knowledge.logs
     lowest_soc = float(found.charge.soc.min())
     after = fold(battery, found.x[:K], found.covariance[:K, :K], lowest_soc, seen)
-    return _Part(after, found, model, own_shares(model, prior, found, after))
+    return _Part(after, found, model, log_estimates(model, prior, found, after))
 
 
 def _prior(model: VoltageModel) -> Normals:
@@ -312,17 +312,17 @@ def _best_start(model: VoltageModel, prior: Normals, anchors: tuple[SocAnchor, .
     return min(tried, key=lambda solution: solution.cost).x
 
 
-def _lesson(before: Battery, after: Battery, log: Log, parts: list[_Part], anchors: tuple[Anchor, ...]) -> Lesson:
-    """Lesson of the log, from the batteries before and after it."""
+def _update(before: Battery, after: Battery, log: Log, parts: list[_Part], anchors: tuple[Anchor, ...]) -> LogUpdate:
+    """Update by the log, from the batteries before and after it."""
     old, new = prior_covariance(before), prior_covariance(after)
     p = parameters_of(after)
     socs = [part.solution.charge.soc for part in parts]
     residual_V = np.concatenate([part.solution.residual_V for part in parts])
     information = narrowed(p, old, new)
-    return Lesson(
+    return LogUpdate(
         log=log.name,
         verdict="learnt",
-        reason=taught(information),
+        reason=what_narrowed(information),
         hours=log.duration_s / SECONDS_PER_HOUR,
         soc_min=float(min(soc.min() for soc in socs)),
         soc_max=float(max(soc.max() for soc in socs)),
@@ -350,10 +350,10 @@ def _soc_at(part: _Part, sample: int) -> Normal:
     return Normal(float(charge.soc[sample]), float(np.sqrt(columns @ part.solution.covariance @ columns)))
 
 
-def _not_learnt(battery: Battery, log: Log, verdict: str, reason: str) -> Lesson:
-    """The lesson of a log that taught nothing."""
+def _not_learnt(battery: Battery, log: Log, verdict: str, reason: str) -> LogUpdate:
+    """The update by a log that showed nothing new."""
     covariance = prior_covariance(battery)
-    return Lesson(
+    return LogUpdate(
         log=log.name,
         verdict=verdict,
         reason=reason,

@@ -39,7 +39,7 @@ _SECONDS_PER_HOUR = 3600.0
 _ANY_SOC = 0.5
 
 
-class Taught(NamedTuple):
+class Information(NamedTuple):
     """Likelihood of what the samples have taught of z: information J (n, n) and vector b (n,)."""
 
     information: np.ndarray
@@ -63,12 +63,12 @@ def learnt_on_board(battery: Battery, estimator: SocEstimator) -> Battery:
     hours = max(estimator.time_s - estimator.memory.start_s, 0.0) / _SECONDS_PER_HOUR
     p = parameters_of(battery)
     names, H = seen_by_filter(p, system)
-    taught = _taught(system, belief, names)
+    information = _information(system, belief, names)
     before = aged(battery, hours if math.isfinite(hours) else 0.0, 0.0)
-    theta, covariance = _posterior(prior_covariance(before), H, taught)
+    theta, covariance = _posterior(prior_covariance(before), H, information)
     logs = () if battery.knowledge is None else battery.knowledge.logs
-    told = SeenLog("on board", hours=hours, taught="capacity, resistances and offset, as the filter found them")
-    return fold(before, theta, covariance, 1.0, (*logs, told))
+    on_board = SeenLog("on board", hours=hours, summary="capacity, resistances and offset, as the filter found them")
+    return fold(before, theta, covariance, 1.0, (*logs, on_board))
 
 
 def seen_by_filter(p: Parameters, system: AugmentedThevenin) -> tuple[list[str], np.ndarray]:
@@ -103,7 +103,7 @@ def _belief(estimator: SocEstimator) -> tuple[AugmentedThevenin, Belief]:
     return settings.system, unpack(state.belief)
 
 
-def _taught(system: AugmentedThevenin, belief: Belief, names: list[str]) -> Taught:
+def _information(system: AugmentedThevenin, belief: Belief, names: list[str]) -> Information:
     """Likelihood of these states by the samples, from the belief before them and now.
 
     A direction in which the belief has not narrowed, for it walks, has taught nothing.
@@ -118,7 +118,7 @@ def _taught(system: AugmentedThevenin, belief: Belief, names: list[str]) -> Taug
     whitened = axes.T @ np.linalg.solve(L, m)
     back = np.linalg.solve(L.T, axes)  # L^-T V
     information = np.where(np.isfinite(narrower), 1.0 / narrower - 1.0, 0.0)
-    return Taught((back * information) @ back.T, back @ (whitened / narrower))
+    return Information((back * information) @ back.T, back @ (whitened / narrower))
 
 
 def _corrections(
@@ -135,12 +135,12 @@ def _corrections(
     return m, C, C0
 
 
-def _posterior(P: np.ndarray, H: np.ndarray, taught: Taught) -> tuple[np.ndarray, np.ndarray]:
+def _posterior(P: np.ndarray, H: np.ndarray, found: Information) -> tuple[np.ndarray, np.ndarray]:
     """Corrections (K,) and covariance (K, K) after what was taught; no correction beyond `MOST_CORRECTION_STD`."""
     seen = H @ P
-    J = taught.information
+    J = found.information
     gain = seen.T @ J @ np.linalg.inv(np.eye(len(J)) + seen @ H.T @ J)
     covariance = P - gain @ seen
-    theta = covariance @ H.T @ taught.vector
+    theta = covariance @ H.T @ found.vector
     beyond = np.abs(H @ theta) / np.sqrt(np.diag(seen @ H.T))
     return theta / max(float(beyond.max()) / MOST_CORRECTION_STD, 1.0), 0.5 * (covariance + covariance.T)

@@ -181,13 +181,13 @@ class _Search:
         pseudo_huber = 2 * _ROBUST_AT**2 * (1.0 / robust - 1.0)
         of_soc, soc_columns = self.soc_rows(x, p.charge)
         of_offset, offset_columns = self.model.offset_rows(x)
-        told = np.concatenate([of_soc, of_offset / self.offset_std_A])
-        residual = np.concatenate([scale * residual_V, told])
+        of_anchors = np.concatenate([of_soc, of_offset / self.offset_std_A])
+        residual = np.concatenate([scale * residual_V, of_anchors])
         columns = np.vstack([scale[:, None] * p.voltage_columns, soc_columns, offset_columns / self.offset_std_A])
         off = x - self.mean
         # the width of the errors depends on x: without its logarithm a large overpotential would excuse any residual
         width = weight @ np.log(variance_V2)
-        cost = weight @ pseudo_huber + told @ told + off @ self.precision @ off + width
+        cost = weight @ pseudo_huber + of_anchors @ of_anchors + off @ self.precision @ off + width
         return _Rows(residual, columns, float(cost), p)
 
     def errors(self, p: VoltagePrediction) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
-from ohmward.battery.fingerprint import fingerprint, unseen
+from ohmward.battery.fingerprint import fingerprint, unlearnt_parts
 from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.learning.log_faults import usable_log
 from ohmward.battery.learning.parameters import OCV_KNOTS, mean_slope_V, prior_covariance
@@ -60,8 +60,8 @@ def likely_starts(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, 
     costs = _costs(coarse, x, anchors)
     lower_than_before = np.concatenate([[True], costs[1:] <= costs[:-1]])
     lower_than_after = np.concatenate([costs[:-1] <= costs[1:], [True]])
-    hills = np.flatnonzero(lower_than_before & lower_than_after & (costs < costs.min() + _CLEAR))
-    best = hills[np.argsort(costs[hills])][:_MOST_STARTS]
+    minima = np.flatnonzero(lower_than_before & lower_than_after & (costs < costs.min() + _CLEAR))
+    best = minima[np.argsort(costs[minima])][:_MOST_STARTS]
     return [float(_GRID[k]) for k in best]
 
 
@@ -90,8 +90,8 @@ def _costs(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -
         g = columns.T @ (weight * residual_V)
         explained = g @ np.linalg.solve(prior + columns.T @ (weight[:, None] * columns), g)
         beyond = max(float(everywhere.max()) - 1.0, -float(everywhere.min()), 0.0)
-        told = sum(((everywhere[a.sample] - a.soc) / a.std) ** 2 for a in anchors)
-        costs.append(weight @ residual_V**2 - explained + (beyond / _BOUND_STD) ** 2 + told)
+        of_anchors = sum(((everywhere[a.sample] - a.soc) / a.std) ** 2 for a in anchors)
+        costs.append(weight @ residual_V**2 - explained + (beyond / _BOUND_STD) ** 2 + of_anchors)
     return np.array(costs)
 
 
@@ -142,7 +142,7 @@ def new_parts(battery: Battery, log: Log) -> NewParts:
         InputError: the log cannot teach anything about this battery; says why.
     """
     usable = usable_log(log, battery)
-    parts = unseen(usable, _fingerprints(battery))
+    parts = unlearnt_parts(usable, _fingerprints(battery))
     hours, all_hours = _hours(parts), _hours([log])
     left_out = [note.text for note in usable.notes if note not in log.notes]
     if parts != (usable,):

@@ -1,6 +1,6 @@
 """Thevenin model along a log with its sensitivities to corrections of the file, made by the compiler.
 
-The step is that of `thevenin.next_state` and `thevenin.voltage`; q are the corrections theta and the start of the state:
+The step is that of `thevenin.next_state` and `thevenin.voltage`; q are the corrections theta and the state at start:
 
     x+ = f(x, theta)      S+ = df/dx S + df/dq        V = g(x+, theta)      dV/dq = dg/dx S+ + dg/dq
 

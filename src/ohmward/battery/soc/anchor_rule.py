@@ -40,7 +40,7 @@ _FULL_SOC, _BELOW_FULL = 0.985, 0.015
 _HELD_DROPS = 2.0
 #: That limit is below full where the curve says so by so many of its standard deviations. It is above this state of
 #: charge: less would be no charge for a day.
-BEYOND_DOUBT, _LOWEST_LIMIT_SOC = 2.0, 0.8
+BEYOND_SIGMAS, _LOWEST_LIMIT_SOC = 2.0, 0.8
 #: Last current of a full charge, in multiples of the capacity per hour, and the time at the limit before [s]: chargers
 #: of lithium stop at C/10 to C/30, monitors of lead-acid take 2 to 4 % of C for full.
 _TAPER_C, _GASSING_TAPER_C = 0.05, 0.03
@@ -136,9 +136,9 @@ class AnchorRule:
         ended = usable & (clean.now.current_A > _LOAD_ENDED * before.load_A) & clean.current_known
         empty = ended & self.was_low(before) & (before.charged > AGAIN)
         after = self.hold_low(held, clean, usable)
-        told_full = self.full(clean.voltage_V, clean.now)
+        at_full = self.full(clean.voltage_V, clean.now)
         event = AnchorEvent(
-            full, empty, where(full, told_full.soc, before.low_soc), where(full, told_full.std, before.low_std)
+            full, empty, where(full, at_full.soc, before.low_soc), where(full, at_full.std, before.low_std)
         )
         return after._replace(
             discharged=where(full, 0.0, after.discharged), charged=where(empty, 0.0, after.charged)
@@ -162,8 +162,8 @@ class AnchorRule:
         at_limit = clean.voltage_V > self.full_V
         if not self.gases:
             still = self.at_rest(self.relaxed_V(clean.voltage_V, clean.now), clean.now)
-            within_doubt = (1.0 - still.soc < BEYOND_DOUBT * still.std) & (still.std < _MOST_STD)
-            at_limit = at_limit | (self.is_held(memory, clean) & within_doubt)
+            within_sigmas = (1.0 - still.soc < BEYOND_SIGMAS * still.std) & (still.std < _MOST_STD)
+            at_limit = at_limit | (self.is_held(memory, clean) & within_sigmas)
         return at_limit & self.has_tapered(memory, clean) & (memory.discharged > AGAIN)
 
     def stops_below_full(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
@@ -171,7 +171,7 @@ class AnchorRule:
         if self.gases:
             return False
         still = self.at_rest(self.relaxed_V(clean.voltage_V, clean.now), clean.now)
-        below = (1.0 - still.soc > BEYOND_DOUBT * still.std) & (still.soc > _LOWEST_LIMIT_SOC)
+        below = (1.0 - still.soc > BEYOND_SIGMAS * still.std) & (still.soc > _LOWEST_LIMIT_SOC)
         return below & self.is_held(memory, clean) & self.has_tapered(memory, clean)
 
     def has_tapered(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
@@ -201,14 +201,14 @@ class AnchorRule:
             clean.dt_s * self.model.rate_arrhenius_factor(clean.now.temperature_degC) * (-1 / self.model.tau_s[-1])
         )
         peak = CircuitInput(minimum(clean.now.current_A, fade * memory.peak_load_A), clean.now.temperature_degC)
-        told = self.cut_off(clean.voltage_V, peak)
+        at_cut_off = self.cut_off(clean.voltage_V, peak)
         low = loaded & (self.but_for_drop_V(clean.voltage_V, peak) < self.empty_V)
         return memory._replace(
             load_A=where(loaded, clean.now.current_A, where(usable, 0.0, memory.load_A)),
             peak_load_A=peak.current_A,
             low_s=where(low, memory.low_s + clean.dt_s, maximum(memory.low_s - clean.dt_s, 0.0)),
-            low_soc=where(low, told.soc, memory.low_soc),
-            low_std=where(low, told.std, memory.low_std),
+            low_soc=where(low, at_cut_off.soc, memory.low_soc),
+            low_std=where(low, at_cut_off.std, memory.low_std),
         )
 
     def was_low(self, memory: AnchorMemory) -> Any:
@@ -219,12 +219,12 @@ class AnchorRule:
         """State of charge at which a load is cut off at this voltage."""
         still_V = self.but_for_drop_V(voltage_V, u)
         variance = self.noise.resistance_variance(coldness_per_K(u.temperature_degC, self.model.reference_degC))
-        doubt_V = sqrt(variance) * (still_V - voltage_V) + self.noise.model_std_V[0]
+        uncertain_V = sqrt(variance) * (still_V - voltage_V) + self.noise.model_std_V[0]
         soc = self.soc_at(still_V)
         left_s, left_std_s = _GASSING_LEFT_S if self.gases else _LEFT_S
         rate_per_s = maximum(-u.current_A, 0.0) / self.model.capacity_As
         slower = maximum(1.0 / self.model.rate_arrhenius_factor(u.temperature_degC), 1.0)
-        std = _hypot(_hypot(self.empty_std, rate_per_s * left_std_s * slower), self.soc_at(still_V + doubt_V) - soc)
+        std = _hypot(_hypot(self.empty_std, rate_per_s * left_std_s * slower), self.soc_at(still_V + uncertain_V) - soc)
         return SocNormal(soc + rate_per_s * left_s * slower, std)
 
     def but_for_drop_V(self, voltage_V: Scalar, u: CircuitInput) -> Scalar:
@@ -243,8 +243,8 @@ class AnchorRule:
         """State of charge of a battery at rest at this voltage, from the curve of the file and its doubts."""
         soc, noise = self.soc_at(voltage_V), self.noise
         hysteresis_V = HYSTERESIS_UNKNOWN_STD * self.model.hysteresis_V_at(soc, u.temperature_degC)
-        doubt_V = sqrt(noise.voltage_std_V**2 + noise.model_std_at(soc) ** 2 + hysteresis_V * hysteresis_V)
-        half = 0.5 * (self.soc_at(voltage_V + doubt_V) - self.soc_at(voltage_V - doubt_V))
+        uncertain_V = sqrt(noise.voltage_std_V**2 + noise.model_std_at(soc) ** 2 + hysteresis_V * hysteresis_V)
+        half = 0.5 * (self.soc_at(voltage_V + uncertain_V) - self.soc_at(voltage_V - uncertain_V))
         return SocNormal(soc, _hypot(noise.soc_axis_std, half))
 
     def steady_ohm(self, soc: float, u: CircuitInput) -> Scalar:

@@ -43,7 +43,7 @@ class Anchor(NamedTuple):
     voltage_V: float
     current_A: float
     temperature_degC: float
-    told_by: str = VOLTAGE  #: `VOLTAGE`, or the name of the column that says so
+    source: str = VOLTAGE  #: `VOLTAGE`, or the name of the column that says so
 
 
 class _Event(NamedTuple):
@@ -51,8 +51,8 @@ class _Event(NamedTuple):
 
     kind: AnchorKind
     sample: int
-    told: SocNormal
-    told_by: str = VOLTAGE
+    soc: SocNormal
+    source: str = VOLTAGE
 
 
 class FinderState(NamedTuple):
@@ -121,7 +121,7 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
     current_A = np.zeros(len(log))
     for stretch in _stretches(log, finder):
         current_A[stretch.inside] = stretch.output.state.current_A
-        events_inside = _shown(log.select(stretch.inside), finder, stretch.output)
+        events_inside = _events_inside(log.select(stretch.inside), finder, stretch.output)
         found = (event._replace(sample=stretch.inside.start + event.sample) for event in events_inside)
         measured += [event for event in found if stretch.first <= event.sample < stretch.first + _STRETCH]
     events = sorted([*measured, *_flagged(log, finder.rule)], key=lambda event: event.sample)
@@ -202,7 +202,7 @@ def _stretches(log: Log, finder: AnchorFinder) -> Iterator[_Stretch]:
         yield _Stretch(first, inside, output)
 
 
-def _shown(log: Log, finder: AnchorFinder, output: FinderOutput) -> Iterator[_Event]:
+def _events_inside(log: Log, finder: AnchorFinder, output: FinderOutput) -> Iterator[_Event]:
     """The events that current and voltage show."""
     rule, event, memory = finder.rule, output.event, output.state.memory
 
@@ -254,4 +254,4 @@ def _anchor(event: _Event, log: Log) -> Anchor:
     k = event.sample
     degC = math.nan if log.temperature_degC is None else float(log.temperature_degC[k])
     measured = float(log.voltage_V[k]), float(log.current_A[k]), degC
-    return Anchor(event.kind, float(log.time_s[k]), k, event.told.soc, event.told.std, *measured, event.told_by)
+    return Anchor(event.kind, float(log.time_s[k]), k, event.soc.soc, event.soc.std, *measured, event.source)

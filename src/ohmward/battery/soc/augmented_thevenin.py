@@ -147,12 +147,12 @@ class AugmentedThevenin:
     @property
     def error_names(self) -> tuple[str, ...]:
         """Names of the states of the errors, in order; without those that the file does not doubt."""
-        doubts = {
+        stds = {
             "ohmic_activation_error_K": self.noise.activation_std_K,
             "pair_activation_error_K": self.noise.activation_std_K,
             "hysteresis_log_ratio": self.noise.hysteresis_std * any(self.model.ocv.hysteresis_V),
         }
-        return tuple(name for name in AugmentedState._fields[1:] if doubts.get(name, 1.0))
+        return tuple(name for name in AugmentedState._fields[1:] if stds.get(name, 1.0))
 
     @property
     def hysteresis_index(self) -> int:
@@ -257,13 +257,13 @@ class AugmentedThevenin:
     def process_noise(self, x: np.ndarray, clean: CleanSocSample) -> np.ndarray:
         """Q of this step from the state x, (n, n) for n states."""
         noise, p, dt_s, state = self.noise, self.model, clean.dt_s, self.split(x)
-        wander_A = self.wander_A(clean)
-        wander_V = [wander_A * r for r in self.pair_ohm(x, clean)]
+        walk_A = self.walk_A(clean)
+        walk_V = [walk_A * r for r in self.pair_ohm(x, clean)]
         decays = pair_decays(clean.mean, p, dt_s)
         variances = AugmentedState(
             circuit=[
                 charge_variance(clean, self.sensor, p),
-                *(v**2 * (1 - a**2) for v, a in zip(wander_V, decays, strict=True)),
+                *(v**2 * (1 - a**2) for v, a in zip(walk_V, decays, strict=True)),
                 self.hysteresis_variance(state.circuit[-1], clean),
             ],
             offset_A=self.sensor.offset_walk_variance(dt_s),
@@ -274,7 +274,7 @@ class AugmentedThevenin:
         )
         return np.diag(self.vector(variances))
 
-    def wander_A(self, clean: CleanSocSample) -> Scalar:
+    def walk_A(self, clean: CleanSocSample) -> Scalar:
         """Standard deviation [A] of the current as if by which the RC voltages wander."""
         return where(clean.current_known, PAIR_CURRENT_C, MOMENTARY_C) * self.model.capacity_Ah
 

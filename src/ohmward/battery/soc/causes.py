@@ -109,9 +109,9 @@ def reasons(now: Conditions, causes: tuple[Cause, ...]) -> tuple[str, ...]:
     flat = is_flat(now)
     total = sum(cause.points**2 for cause in causes)
     main = [c for c in causes if c.points**2 >= _MAIN_SHARE * total and not (flat and c.name in ("curve", "history"))]
-    said = ["flat part of the curve"] if flat else []
-    said += [cause.text for cause in main[: _MOST_REASONS - 2 * flat]]
-    return (*said, _history(now)) if flat else tuple(said)
+    texts = ["flat part of the curve"] if flat else []
+    texts += [cause.text for cause in main[: _MOST_REASONS - 2 * flat]]
+    return (*texts, _history(now)) if flat else tuple(texts)
 
 
 def points(variance: float) -> float:

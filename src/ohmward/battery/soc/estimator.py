@@ -14,10 +14,10 @@ from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.charge_history import FULL_WITHIN, ChargeHistory, ChargeMemory
 from ohmward.battery.soc.clean_sample import LONGEST_PAUSE_S
 from ohmward.battery.soc.explanation import Explanation, explain
+from ohmward.battery.soc.given_soc import full_charge, takes_given_soc, tell_soc
 from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
-from ohmward.battery.soc.told_soc import can_be_told, full_charge, tell_soc
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, Progress, number
@@ -142,14 +142,14 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         require_between("soc", number("soc", soc), 0.0, 1.0)
         if soc_std is not None:
             require_positive("soc_std", number("soc_std", soc_std))
-        told = self._told(soc, soc_std)
-        self.last = SocEstimate._make([*map(float, told[:-1]), SocFlag(int(told.flags))])
+        estimate = self._with_given(soc, soc_std)
+        self.last = SocEstimate._make([*map(float, estimate[:-1]), SocFlag(int(estimate.flags))])
         self.memory = self.memory.after(self.time_s, self.last)
         return self.last
 
-    def _told(self, soc: float = 1.0, soc_std: float | None = None) -> SocEstimate:
+    def _with_given(self, soc: float = 1.0, soc_std: float | None = None) -> SocEstimate:
         """The estimate after the last one when the state of charge was told, and the state with it."""
-        std = full_charge(self.settings).std if soc_std is None and can_be_told(self.settings) else soc_std
+        std = full_charge(self.settings).std if soc_std is None and takes_given_soc(self.settings) else soc_std
         assert self.last is not None
         self.state, estimate = tell_soc(self.settings, self.state, self.last, SocNormal(soc, std))
         return estimate
@@ -157,14 +157,14 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
     def _scan_log(self, log: Log, progress: Progress | None) -> tuple[SocEstimate, float]:
         """Estimates along a log in pieces that end where a column says that the battery is full, and the seconds."""
         samples = samples_of(log, self.time_s)
-        says_full = {k for _, k in log.full_charges()} if can_be_told(self.settings) else set()
+        says_full = {k for _, k in log.full_charges()} if takes_given_soc(self.settings) else set()
         pieces, seconds, begin = [], 0.0, 0
         for stop in sorted({k + 1 for k in says_full} | {len(log)}):
             rows = SocSample(*(column[begin:stop] for column in samples))
             first = SocSample(*(float(column[0]) for column in rows))
             piece, took_s = self._scan(rows, first, float(log.time_s[stop - 1]), _from(begin, len(log), progress))
             if stop - 1 in says_full:
-                self.last = self._told()
+                self.last = self._with_given()
                 for column, value in zip(piece, self.last, strict=True):
                     column[-1] = value
             pieces.append(piece)

@@ -73,7 +73,7 @@ def explain(settings: Any, kernel: Kernel, state: Any, estimate: SocEstimate, hi
     if not math.isfinite(soc + half):
         return Explanation(soc, 0.0, 1.0, False, "SoC not known: the estimate is no number")
     low, high, known = max(soc - half, 0.0), min(soc + half, 1.0), half <= KNOWN_HALF_WIDTH
-    said: tuple[str, ...] = ()
+    why: tuple[str, ...] = ()
     causes: tuple[Cause, ...] = ()
     remedies: tuple[Remedy, ...] = ()
     if isinstance(settings, GaussianSumFilter):  # explained as one filter whose belief has the moments of the sum
@@ -82,10 +82,10 @@ def explain(settings: Any, kernel: Kernel, state: Any, estimate: SocEstimate, hi
     if isinstance(settings, TheveninFilter):
         now = conditions(settings, state, history)
         causes = causes_of(now, unpack(state.belief))
-        said = reasons(now, causes)
+        why = reasons(now, causes)
         remedies = () if known else rehearsed(settings, kernel, state)
     advice = best_remedy(50 * (high - low), causes, remedies)
-    sentence = known_sentence(soc, half) if known else unknown_sentence(low, high, said, advice)
+    sentence = known_sentence(soc, half) if known else unknown_sentence(low, high, why, advice)
     return Explanation(soc, low, high, known, sentence, causes, remedies)
 
 
@@ -102,11 +102,11 @@ def known_sentence(soc: float, half: float) -> str:
     return f"SoC {100 * soc:.{digits}f} % ± {100 * half:.2g} points"
 
 
-def unknown_sentence(low: float, high: float, said: tuple[str, ...], advice: str) -> str:
+def unknown_sentence(low: float, high: float, why: tuple[str, ...], advice: str) -> str:
     """Bounds of SoC, the reasons, and what would settle it."""
     anywhere = low <= 1 - ANYWHERE and high >= ANYWHERE
     bounds = "SoC not known" if anywhere else f"SoC between {100 * low:.0f} and {100 * high:.0f} %"
-    sentence = f"{bounds}: {', '.join(said)}" if said else bounds
+    sentence = f"{bounds}: {', '.join(why)}" if why else bounds
     return f"{sentence}; {advice}" if advice else sentence
 
 

@@ -49,7 +49,7 @@ class GaussianSumState(NamedTuple):
 
     members: tuple[FilterState, ...]  #: state of the filter of each hypothesis
     log_weights: np.ndarray  #: (K,), ln of the weights over that of the most likely hypothesis, at most 0
-    wander_A2: np.ndarray  #: (n,), variance of the current [A^2] as if by which each RC voltage has wandered
+    walk_A2: np.ndarray  #: (n,), variance of the current [A^2] as if by which each RC voltage has wandered
 
 
 @dataclass(frozen=True)
@@ -113,34 +113,34 @@ class GaussianSumFilter:
             self.member.advance(member, taken, diverged, forget)
             for member, forget in zip(state.members, self.restarts, strict=True)
         ]
-        believed = reduce(or_, (step.update.accepted for step in steps))
-        wander_A2 = self.wandered(state.wander_A2, taken.sample)
+        accepted = reduce(or_, (step.update.accepted for step in steps))
+        walk_A2 = self.walk_variance(state.walk_A2, taken.sample)
         evidence = [
-            self.evidence(member, step.update, wander_A2, taken.sample)
+            self.evidence(member, step.update, walk_A2, taken.sample)
             for member, step in zip(state.members, steps, strict=True)
         ]
         log_weights = relative(
             [
-                where(diverged, 0.0, log_weight) + where(believed, told, 0.0)
-                for log_weight, told in zip(state.log_weights, evidence, strict=True)
+                where(diverged, 0.0, log_weight) + where(accepted, log_evidence, 0.0)
+                for log_weight, log_evidence in zip(state.log_weights, evidence, strict=True)
             ]
         )
-        after = GaussianSumState(tuple(step.state for step in steps), log_weights, wander_A2)
+        after = GaussianSumState(tuple(step.state for step in steps), log_weights, walk_A2)
         return after, with_misfit(mixed([step.estimate for step in steps], log_weights), self.sensor)
 
-    def wandered(self, before_A2: np.ndarray, clean: CleanSocSample) -> np.ndarray:
+    def walk_variance(self, before_A2: np.ndarray, clean: CleanSocSample) -> np.ndarray:
         """(n,) variance of the current [A^2] as if by which each RC voltage has wandered, after this step."""
         decays = pair_decays(clean.mean, self.member.model, clean.dt_s)
-        now_A2 = self.system.wander_A(clean) ** 2
+        now_A2 = self.system.walk_A(clean) ** 2
         return np.array([now_A2 + a * a * (old - now_A2) for a, old in zip(decays, before_A2, strict=True)])
 
     def evidence(
-        self, before: FilterState, update: TheveninUpdate, wander_A2: np.ndarray, clean: CleanSocSample
+        self, before: FilterState, update: TheveninUpdate, walk_A2: np.ndarray, clean: CleanSocSample
     ) -> Scalar:
         """Log likelihood of the hypothesis that this filter holds; see `evidence.log_likelihood`."""
         fades = pair_decays(clean.mean, self.member.model, self.member.noise.correlation_s)
         ohm = self.system.pair_ohm(before.belief.mean, clean)
-        renewed_V2 = sum(r * r * v * (1 - a * a) for r, v, a in zip(ohm, wander_A2, fades, strict=True))
+        renewed_V2 = sum(r * r * v * (1 - a * a) for r, v, a in zip(ohm, walk_A2, fades, strict=True))
         return log_likelihood(update.correction.innovation, update.R, update.error, renewed_V2, self.member.gate)
 
     @property

@@ -199,7 +199,7 @@ class RcFilter:
         direction = self.charge_direction(slope_V)
         gain_variance = noise.capacity_std**2 + self.sensor.gain_std**2
         charge = charge_variance(clean, self.sensor, self.thevenin) + gain_variance * moved
-        uneven_V2 = (slope_V * parameters.capacitance_std) ** 2 + self.link.bend_variance_V2(self.link.soc(x))
+        uneven_V2 = (slope_V * parameters.capacitance_std) ** 2 + self.link.curvature_variance_V2(self.link.soc(x))
         walks = self.vector(
             model_error=1 - decay**2,
             offset_A=self.sensor.offset_walk_variance(clean.dt_s),

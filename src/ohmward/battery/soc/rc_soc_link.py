@@ -39,10 +39,10 @@ class SocByCurve:
         """Slope of the open-circuit voltage [V per unit of SoC]."""
         return on_soc_grid(self._slopes_V, soc)
 
-    def bend_variance_V2(self, soc: Scalar) -> Scalar:
+    def curvature_variance_V2(self, soc: Scalar) -> Scalar:
         """Process variance of both voltages [V^2 per unit of SoC moved] where the curve is not the straight line."""
-        bend_V = self.slope_V(soc) - line_slope_V(self.model, self.model.capacity_As)
-        return bend_V**2 * 2 * self.noise.model_soc_length
+        curvature_V = self.slope_V(soc) - line_slope_V(self.model, self.model.capacity_As)
+        return curvature_V**2 * 2 * self.noise.model_soc_length
 
     def model_std_V(self, soc: Scalar) -> Scalar:
         """Standard deviation of the model's voltage error [V]."""
@@ -108,7 +108,7 @@ class SocAsState:
         """Slope of the line [V per unit of SoC]."""
         return self._slope_V
 
-    def bend_variance_V2(self, soc: Scalar) -> Scalar:
+    def curvature_variance_V2(self, soc: Scalar) -> Scalar:
         """Process variance of the voltages for a bent curve [V^2 per unit of SoC moved]: none."""
         return 0.0
 
@@ -146,9 +146,9 @@ class SocAsState:
         square between 10 and 90 %.
         """
         soc, ocv_V = _curve(self.model)
-        bend_V = np.abs(ocv_V - self._empty_V - self._slope_V * soc)
-        usual_V = np.sqrt(np.mean(bend_V[(soc > 0.1) & (soc < 0.9)] ** 2))
-        return tuple(np.hypot(np.maximum(bend_V, usual_V), on_soc_grid(self.noise.model_std_V, soc)).tolist())
+        curvature_V = np.abs(ocv_V - self._empty_V - self._slope_V * soc)
+        usual_V = np.sqrt(np.mean(curvature_V[(soc > 0.1) & (soc < 0.9)] ** 2))
+        return tuple(np.hypot(np.maximum(curvature_V, usual_V), on_soc_grid(self.noise.model_std_V, soc)).tolist())
 
 
 SocLink = SocByCurve | SocAsState

@@ -35,7 +35,7 @@ def std_along_rest(settings: TheveninFilter, kernel: Kernel, state: FilterState,
     variance = 0.0
     for point in POINTS:
         x = truth_at(settings, unpack(state.belief), point)
-        samples = _steady(state, _shown_A(settings, x, settings.idle_current_A or 0.0), duration_s)
+        samples = _steady(state, _measured_A(settings, x, settings.idle_current_A or 0.0), duration_s)
         variance = variance + filtered(settings, kernel, state, x, samples).soc_std ** 2 / len(POINTS)
     return np.sqrt(variance)
 
@@ -50,7 +50,7 @@ def std_after_full_charge(settings: TheveninFilter, kernel: Kernel, state: Filte
         missing_s = (1.0 - float(x[SOC])) * settings.model.capacity_As / float(stored_A)
         steady = _steady(state, 0.0, missing_s + AFTER_CHARGE_S)
         true_A = np.where(np.cumsum(steady.dt_s) <= missing_s, charge_A, idle_A)
-        samples = steady._replace(current_A=_shown_A(settings, x, true_A))
+        samples = steady._replace(current_A=_measured_A(settings, x, true_A))
         variance += float(filtered(settings, kernel, state, x, samples).soc_std[-1]) ** 2 / len(POINTS)
     return float(np.sqrt(variance))
 
@@ -91,7 +91,7 @@ def true_voltage(settings: TheveninFilter, state: FilterState, x: np.ndarray, sa
     return voltage_V
 
 
-def _shown_A(settings: TheveninFilter, x: np.ndarray, true_A: Any) -> Any:
+def _measured_A(settings: TheveninFilter, x: np.ndarray, true_A: Any) -> Any:
     """Current that the sensor shows of a true one, where the true state is x."""
     return true_A + float(x[settings.system.offset_index])
 

@@ -115,5 +115,5 @@ class RestOcv:
         S = H * H * P + R
         K = P * H / S
         corrected = clip(state.soc + K * (voltage_V - ocv_V[0]), 0.0, 1.0)
-        anew = state._replace(soc=corrected, white_variance=P * (R / S), moved=0.0 * P, elapsed_s=0.0 * P)
-        return OcvUpdate(anew, ocv_V[0], np.sqrt(S))
+        restarted = state._replace(soc=corrected, white_variance=P * (R / S), moved=0.0 * P, elapsed_s=0.0 * P)
+        return OcvUpdate(restarted, ocv_V[0], np.sqrt(S))

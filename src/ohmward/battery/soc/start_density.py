@@ -79,12 +79,12 @@ def start_hypotheses(
     One part is the whole density.
     """
     first = _first_voltage(grid, voltage_V, expected)
-    *told, anywhere = _priors(grid, soc, soc_std)
+    *given, anywhere = _priors(grid, soc, soc_std)
     if count == 1:
-        priors = [sum(told) + anywhere]
+        priors = [sum(given) + anywhere]
     else:
-        cells = _cells_of_equal_mass(anywhere * first.likelihood, count - len(told))
-        priors = [*told, *(anywhere * cell for cell in cells)]
+        cells = _cells_of_equal_mass(anywhere * first.likelihood, count - len(given))
+        priors = [*given, *(anywhere * cell for cell in cells)]
     # beside a value that is told the voltage counts once more as it goes on: that is what finds a wrong one
     return tuple(_moments(grid, prior, first, joint=soc is None) for prior in priors)
 

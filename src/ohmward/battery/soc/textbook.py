@@ -130,9 +130,9 @@ class TextbookFilter:
         decays, pairs = pair_decays(self.input(current_A), self.model, dt_s), self.pairs(belief.mean[0])
         driven = [(1 - a) * r * current_A for a, r in zip(decays, pairs, strict=True)]
         moved = charge(current_A, dt_s, self.model) * (1 / self.model.capacity_As)
-        wandered = [(PAIR_CURRENT_C * r * self.model.capacity_Ah) ** 2 for r in pairs]
+        walk_V2 = [(PAIR_CURRENT_C * r * self.model.capacity_Ah) ** 2 for r in pairs]
         soc_variance = (self.sensor.noise_std_A / self.model.capacity_As) ** 2 * dt_s
-        Q = np.diag(np.array([soc_variance, *wandered]))
+        Q = np.diag(np.array([soc_variance, *walk_V2]))
         return kalman.predict(belief, np.diag(np.array([1.0, *decays])), Q, np.array([moved, *driven]))
 
     def correct(self, prior: Belief, y: np.ndarray, drop_V: Scalar, measured: Scalar) -> Correction:

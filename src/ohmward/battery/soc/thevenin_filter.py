@@ -260,28 +260,28 @@ class TheveninFilter:
 
         Charger and protection define full and empty, so that these pass every gate.
         """
-        system, told = self.system, event.tells_soc
+        system, anchored = self.system, event.tells_soc
         error = self.voltage_error(prior, clean)
-        error = choose(told, error._replace(variance=event.std * event.std, weight=1.0), error)
+        error = choose(anchored, error._replace(variance=event.std * event.std, weight=1.0), error)
         R = np.array([[error.variance * error.weight]])
-        R = R + where(told, 0.0, state.noise.residual[0, 0]) if self.matching else R
-        y = np.array([where(told, event.soc, clean.voltage_V)])
+        R = R + where(anchored, 0.0, state.noise.residual[0, 0]) if self.matching else R
+        y = np.array([where(anchored, event.soc, clean.voltage_V)])
 
         def measured(x: np.ndarray) -> np.ndarray:
-            return np.array([where(told, x[SOC], system.voltage(x, clean, error)[0])])
+            return np.array([where(anchored, x[SOC], system.voltage(x, clean, error)[0])])
 
         correction = METHODS[self.method].correct(prior, y, measured, R)
         (nu,), repeated = correction.innovation.value, R[0, 0] - error.variance
-        believed = clean.voltage_measured & passes(correction.innovation, self.gate) & logical_not(told)
+        used_now = clean.voltage_measured & passes(correction.innovation, self.gate) & logical_not(anchored)
         noise = self.learn(state, correction, y - system.voltage(correction.belief.mean, clean, error))
         return TheveninUpdate(
-            belief=choose(believed | told, correction.belief, prior),
+            belief=choose(used_now | anchored, correction.belief, prior),
             correction=correction,
-            voltage_V=where(told, system.voltage(prior.mean, clean, error)[0], clean.voltage_V - nu),
-            voltage_std_V=where(told, math.nan, np.sqrt(correction.innovation.cov[0, 0] - repeated)),
-            noise=choose(believed, noise, state.noise),
-            accepted=believed | told,
-            contradicts=self.contradicts(correction.innovation, repeated) & logical_not(told),
+            voltage_V=where(anchored, system.voltage(prior.mean, clean, error)[0], clean.voltage_V - nu),
+            voltage_std_V=where(anchored, math.nan, np.sqrt(correction.innovation.cov[0, 0] - repeated)),
+            noise=choose(used_now, noise, state.noise),
+            accepted=used_now | anchored,
+            contradicts=self.contradicts(correction.innovation, repeated) & logical_not(anchored),
             R=R[0, 0],
             error=error,
         )

@@ -107,8 +107,8 @@ class NoiseModel:
         before = CircuitInput(state.current_A, state.temperature_degC)
         clean = sanitize(sample, before, self.filter.limits, state.unknown_s)
         prior = self.predict(unpack(state.belief), clean, exp(state.log_factors[2]))
-        told, scored = self.correct(prior, clean, exp(state.log_factors[0]), exp(state.log_factors[1]))
-        within, _ = self.filter.within_limits(told)
+        corrected, scored = self.correct(prior, clean, exp(state.log_factors[0]), exp(state.log_factors[1]))
+        within, _ = self.filter.within_limits(corrected)
         after = TuningState(
             pack(within), state.log_factors, clean.now.current_A, clean.now.temperature_degC, clean.unknown_s
         )
@@ -144,6 +144,6 @@ class NoiseModel:
         nu, S = correction.innovation.value[0], correction.innovation.cov[0, 0]
         there = clean.voltage_measured & clean.current_measured
         density = -0.5 * (nu * nu / S + log(S))
-        told = choose(there, correction.belief, prior)
+        corrected = choose(there, correction.belief, prior)
         innovation, innovation_V = where(there, nu / sqrt(S), np.nan), where(there, nu, np.nan)
-        return told, ScoredSample(where(there, density, 0.0), innovation, innovation_V, told.mean[SOC])
+        return corrected, ScoredSample(where(there, density, 0.0), innovation, innovation_V, corrected.mean[SOC])

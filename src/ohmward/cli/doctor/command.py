@@ -94,9 +94,9 @@ def _read(path: str, reading: ReadOptions) -> Log:
     except UnknownSignError as error:
         sign: CurrentSign = "discharge" if error.likely == "discharge" else "charge"
         log = read_battery_log(path, replace(reading, current_sign=sign), file=file)
-        told = [note for note in log.notes if not note.text.startswith("positive current")]
+        others = [note for note in log.notes if not note.text.startswith("positive current")]
         taken = Note(f"{error}; here a positive current is taken to {sign} the battery", "warning")
-        return replace(log, notes=(*told, taken))
+        return replace(log, notes=(*others, taken))
     except InputError as error:
         if not (wheels := wheel_names(file.names)) or _is_of_battery(file, dict(reading.columns)):
             raise

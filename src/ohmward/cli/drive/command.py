@@ -50,7 +50,7 @@ class OperatorDesk:
         self.link, self.ended = link, False
         self._limits: dict[str, float] = {}
         self._inputs: list[tuple[int, Callable[[bytes], None]]] = []
-        self._shown = ""
+        self._printed = ""
 
     @contextmanager
     def opened(self, joystick: str | None) -> Iterator[None]:
@@ -136,8 +136,8 @@ class OperatorDesk:
         if sys.stderr.isatty():
             if number % _BEATS_A_LINE == 0:
                 print(f"\r{within_terminal(line(beat, self.link.command))}\x1b[K", end="", file=sys.stderr, flush=True)
-        elif (now := f"{beat.get('phase')}{beat.get('reason')}"[:20]) != self._shown:
-            self._shown = now
+        elif (now := f"{beat.get('phase')}{beat.get('reason')}"[:20]) != self._printed:
+            self._printed = now
             print(line(beat, self.link.command), file=sys.stderr, flush=True)
 
 

@@ -28,7 +28,7 @@ from ohmward.battery.health.history import (
 )
 from ohmward.battery.health.point import DAY_S, HealthPoint
 from ohmward.battery.learning.learn import learn
-from ohmward.battery.learning.lesson import Lesson
+from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log, read_options
 from ohmward.cli.log_files import log_files
@@ -69,7 +69,7 @@ class HealthTask(NamedTuple):
     battery: Battery
     new: Newness
     dated: DatedLogs
-    lessons: Sequence[Lesson]
+    updates: Sequence[LogUpdate]
     health: Health
     notes: list[str]
 
@@ -83,19 +83,19 @@ def run(args: argparse.Namespace) -> Outcome:
         logs, unread = read_logs(args.logs, read_options(args), report)
         dated = in_order_of_time(logs)
         learnt = learn(unlearnt(battery), dated.logs, progress=report)
-    if not any(lesson.verdict == "learnt" for lesson in learnt.lessons):  # the health would be that of the label
-        logs_read, first = counted(len(learnt.lessons), "log"), learnt.lessons[0]
+    if not any(update.verdict == "learnt" for update in learnt.updates):  # the health would be that of the label
+        logs_read, first = counted(len(learnt.updates), "log"), learnt.updates[0]
         raise InputError(f"none of {logs_read} tells the health of this battery; {first.log}: {first.reason}")
-    new = newness(battery, learnt.lessons, args.new_capacity_ah)
-    points = points_of(dated, learnt.lessons, new)
-    common = common_error(learnt.battery, learnt.lessons)
+    new = newness(battery, learnt.updates, args.new_capacity_ah)
+    points = points_of(dated, learnt.updates, new)
+    common = common_error(learnt.battery, learnt.updates)
     health = health_of(battery, points, np.random.default_rng(_SEED), args.worn, common)
     notes = [f"warning: {text}" for text in contradictions] + [f"info: {text}" for text in (*dated.notes, *new.notes)]
     notes += unread
     notes += [
         f"warning: {log.name}: {note.text}" for log in dated.logs for note in log.notes if note.level == "warning"
     ]
-    task = HealthTask(battery, new, dated, learnt.lessons, health, notes)
+    task = HealthTask(battery, new, dated, learnt.updates, health, notes)
     figures = summary(task) | {"report": args.report}
     return Outcome(figures, describe(figures), notes, partial(make_page, task, figures))
 
@@ -115,18 +115,18 @@ def read_logs(words: Sequence[str], reading: ReadOptions, report: Report | None)
 
 def summary(task: HealthTask) -> dict[str, Any]:
     """The object of --json, but for the files."""
-    health, lessons = task.health, task.lessons
-    used = used_capacities(lessons)
+    health, updates = task.health, task.updates
+    used = used_capacities(updates)
     days, cycles = health.now
     return {
         "command": "health",
         "battery": task.battery.name,
-        "logs": [_log(task, k, used[k].capacity_Ah) for k in range(len(lessons))],
+        "logs": [_log(task, k, used[k].capacity_Ah) for k in range(len(updates))],
         "days": days,
         "cycles": cycles,
         "capacity_new_Ah": task.new.capacity_Ah,
         "resistance_new_ohm": task.new.resistance_ohm,
-        "capacity_Ah": lessons[-1].capacity_Ah._asdict(),
+        "capacity_Ah": updates[-1].capacity_Ah._asdict(),
         "discharge_Ah": used[-1].capacity_Ah._asdict(),
         "emptied": used[-1].latest is not None,
         "soh_capacity": _ratio(health.capacity_now),
@@ -155,32 +155,32 @@ def summary(task: HealthTask) -> dict[str, Any]:
 
 
 def _log(task: HealthTask, k: int, discharge_Ah: Normal) -> dict[str, Any]:
-    lesson, point, start_s = task.lessons[k], task.health.points[k], float(task.dated.start_s[k])
+    update, point, start_s = task.updates[k], task.health.points[k], float(task.dated.start_s[k])
     return {
-        "log": lesson.log,
+        "log": update.log,
         "begins": f"{datetime.fromtimestamp(start_s, UTC):%Y-%m-%d %H:%M}" if task.dated.has_clock else None,
         "days": (start_s - float(task.dated.start_s[0])) / DAY_S,
         "hours": task.dated.logs[k].duration_s / 3600.0,
         "cycles": point.cycles,
         "temperature_degC": point.temperature_degC,
-        "verdict": lesson.verdict,
-        "reason": lesson.reason,
-        "soc_min": lesson.soc_min,
-        "soc_max": lesson.soc_max,
-        "capacity_Ah": lesson.capacity_Ah._asdict(),
+        "verdict": update.verdict,
+        "reason": update.reason,
+        "soc_min": update.soc_min,
+        "soc_max": update.soc_max,
+        "capacity_Ah": update.capacity_Ah._asdict(),
         "discharge_Ah": discharge_Ah._asdict(),
-        "resistance_ohm": lesson.resistance_ohm._asdict(),
+        "resistance_ohm": update.resistance_ohm._asdict(),
         "own_soh_capacity": _ratio(point.log_capacity) if point.shows_capacity else None,
         "own_resistance_ratio": _ratio(point.log_resistance) if point.shows_resistance else None,
-        "remark": remark(lesson, point, task.health.outliers),
+        "remark": remark(update, point, task.health.outliers),
     }
 
 
-def remark(lesson: Lesson, point: HealthPoint, outliers: Sequence[Outlier]) -> str:
+def remark(update: LogUpdate, point: HealthPoint, outliers: Sequence[Outlier]) -> str:
     """Remark on a log beside its numbers."""
-    if lesson.verdict != "learnt":
-        return f"{lesson.verdict}: {lesson.reason}" if lesson.reason else lesson.verdict
-    own = next((outlier for outlier in outliers if outlier.log == lesson.log), None)
+    if update.verdict != "learnt":
+        return f"{update.verdict}: {update.reason}" if update.reason else update.verdict
+    own = next((outlier for outlier in outliers if outlier.log == update.log), None)
     if own is not None:
         return f"{own.deviation:+.1f} sigma off the trend: {CAUSES[own.cause]}"
     return "" if point.shows_capacity else "says nothing of the capacity by itself"

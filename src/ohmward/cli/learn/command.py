@@ -56,9 +56,9 @@ def run(args: argparse.Namespace) -> Outcome:
         if name and name not in names
     ]
     # what every reader says of a good log is left out
-    told = [(row["log"], note) for row in rows for note in row["notes"] if note.startswith("warning: ")]
-    told += [(row["log"], note) for row in rows for note in row.get("left_out", [])]
-    notes += [f"warning: {log}: {note.removeprefix('warning: ')}" for log, note in told]
+    warnings = [(row["log"], note) for row in rows for note in row["notes"] if note.startswith("warning: ")]
+    warnings += [(row["log"], note) for row in rows for note in row.get("left_out", [])]
+    notes += [f"warning: {log}: {note.removeprefix('warning: ')}" for log, note in warnings]
     figures = {
         "command": "learn",
         "battery": args.battery,
@@ -238,8 +238,8 @@ def _battery(page: Page, files: BatteryFiles, file: Mapping[str, Any], rows: Seq
     page = page.table(CHANGES, change_rows(file), "With 95 % bands")
     page = page.plot(pictures.ocv_change_figure(before, after), pictures.ocv_correction_figure(before, after))
     page = page.plot(pictures.resistance_change_figure(before, after))
-    taught = [row for row in rows if row["verdict"] == "learnt"]
-    if not taught:
+    learnt = [row for row in rows if row["verdict"] == "learnt"]
+    if not learnt:
         return page
     steps = [
         ("Capacity", "Capacity [Ah]", "capacity_Ah", 1.0),
@@ -247,7 +247,7 @@ def _battery(page: Page, files: BatteryFiles, file: Mapping[str, Any], rows: Seq
     ]
     return page.plot(
         *(
-            pictures.progress_figure(name, label, [file["before"][key], *(row[key] for row in taught)], scale)
+            pictures.progress_figure(name, label, [file["before"][key], *(row[key] for row in learnt)], scale)
             for name, label, key, scale in steps
         )
     )

@@ -81,13 +81,21 @@ def run(args: argparse.Namespace) -> Outcome:
         cutoff_V=args.cutoff_v,
         payload_kg=args.payload_kg,
         speed_column=speed_column(read_options(args)),
-        believed=make_terrain(named, robot) if robot else None,
+        terrain=make_terrain(named, robot) if robot else None,
         confidence=args.confidence,
     )
     with progress() as report:
-        told = counting(report, "ukf") if drive else None
+        counter = counting(report, "ukf") if drive else None
         result = analyse(
-            battery, before, log, drive=drive, robot=robot, ground=ground, plan=plan, settings=settings, progress=told
+            battery,
+            before,
+            log,
+            drive=drive,
+            robot=robot,
+            ground=ground,
+            plan=plan,
+            settings=settings,
+            progress=counter,
         )
     if args.output:
         save_consumption(result.consumption, args.output)

@@ -67,14 +67,14 @@ def install(text: str, path: Path, *, replace: bool) -> Outcome:
     write_text(path, text)
     path.chmod(0o644)
     notes += [f"systemd-analyze verify: {line}" for line in verify(path)]
-    said = [
+    done = [
         f"{path} is written. Then:",
         "  sudo systemctl daemon-reload",
         "  sudo systemctl enable --now ohmward      begin now and at every start of the machine",
         "  systemctl status ohmward                 charge, and what is not in order",
         "  journalctl -u ohmward -f                 its log",
     ]
-    return Outcome({}, wording.paragraphs("\n".join(said), "\n".join(notes)), notes)
+    return Outcome({}, wording.paragraphs("\n".join(done), "\n".join(notes)), notes)
 
 
 def verify(path: Path) -> list[str]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.cells.pack_estimator import PackRun
-from ohmward.battery.cells.weakest import unseen_weakest
+from ohmward.battery.cells.weakest import expected_weakest
 from ohmward.battery.soc.anchors import judged_anchors
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.fit_check import misfits
@@ -65,10 +65,10 @@ def summary(task: SocTask, name: str, answer: SocRun, cells: PackRun | None) -> 
     """The object of --json, but for `fits` and the files."""
     log, estimates = task.log, answer.estimates
     figures = soc_figures(log, estimates)
-    unseen = None
+    weakest = None
     if cells is None and task.battery.n_series > 1:
-        expected = unseen_weakest(figures["soc_final"], figures["soc_std_final"], int(task.battery.n_series))
-        unseen = {"soc": float(expected.mean), "soc_std": float(expected.std)}
+        expected = expected_weakest(figures["soc_final"], figures["soc_std_final"], int(task.battery.n_series))
+        weakest = {"soc": float(expected.mean), "soc_std": float(expected.std)}
     return {
         "command": "soc",
         "log": log.name,
@@ -83,7 +83,7 @@ def summary(task: SocTask, name: str, answer: SocRun, cells: PackRun | None) -> 
         "explanation": answer.explain().as_dict(),
         "anchors": [anchor.as_dict() for anchor in judged_anchors(log, task.battery, answer)],
         "cells": cells.figures() if cells else None,
-        "weakest_unseen": unseen,
+        "weakest_expected": weakest,
         "flags": answer.counts(),
         **soc_scores(log, estimates, task.truth.soc if task.truth else None),
         "truth": task.truth.note if task.truth else None,
@@ -140,21 +140,21 @@ def describe(f: Mapping[str, Any]) -> str:
 
 def headline(f: Mapping[str, Any]) -> str:
     """State of charge in a sentence, that of the pack first where the log has its cells."""
-    doubt = "" if f["fits"] else "The battery file does not fit this log, do not trust the estimate. "
+    caveat = "" if f["fits"] else "The battery file does not fit this log, do not trust the estimate. "
     if cells := f["cells"]:
         pack = band(cells["soc"], cells["soc_std"])
-        doubt += f"Pack {pack} %: {cells['weakest']} will be empty first. Typical cell: "
-    return doubt + sentence(f["explanation"]["sentence"])
+        caveat += f"Pack {pack} %: {cells['weakest']} will be empty first. Typical cell: "
+    return caveat + sentence(f["explanation"]["sentence"])
 
 
 def result(f: Mapping[str, Any]) -> dict[str, str]:
     """The key figures of a run with their units, by name."""
     start, low, high = (percent(f[name], 1) for name in ("soc_initial", "soc_min", "soc_max"))
-    unseen, rejected = f["weakest_unseen"], f["rejected_voltages"]
+    weakest, rejected = f["weakest_expected"], f["rejected_voltages"]
     rows = {
         "SoC at the end": f"{_percent_band(f['soc_final'], f['soc_std_final'])} (95 %)",
         "SoC before": f"started at {start}, ran from {low} to {high}",
-        "weakest cell": f"not measured; probably {band(unseen['soc'], unseen['soc_std'])} %" if unseen else "",
+        "weakest cell": f"not measured; probably {band(weakest['soc'], weakest['soc_std'])} %" if weakest else "",
         "voltage error": quantity(f["voltage_rmse_V"], "mV RMS", 1e3)
         + (f", without {counted(rejected, 'rejected voltage')}" if rejected else ""),
         "current offset": f"{normal(learnt(f, 'current_offset_A'), 'mA', 1e3)} (95 %)",
@@ -200,7 +200,7 @@ def anchor_rows(f: Mapping[str, Any]) -> list[list[str]]:
         [
             anchor["kind"],
             duration(anchor["time_s"]),
-            anchor["told_by"] + (", used" if anchor["used"] else ""),
+            anchor["source"] + (", used" if anchor["used"] else ""),
             _percent_band(anchor["soc"], anchor["soc_std"]),
             _percent_band(anchor["soc_estimated"], anchor["soc_std_estimated"]),
         ]

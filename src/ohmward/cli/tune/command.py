@@ -31,7 +31,7 @@ _QUANTITIES = {
     "model": ("error of the model, over the file's", "", "", 1.0),
     "correlation": ("time for which it holds on", "correlation_s", "s", 1.0),
 }
-NOT_TOLD = (
+NOT_TUNED = (
     "Noise of the current sensor, walks of its offset, of capacity and resistance leave no trace in the voltage that "
     "could be told from these: the file keeps its own."
 )
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> Outcome:
         title,
         wording.table(HEADER, factor_rows(figures)),
         innovations(figures),
-        NOT_TOLD,
+        NOT_TUNED,
         wording.assumptions(notes),
         ending(figures),
     )
@@ -130,7 +130,7 @@ def make_page(
     page = Page(name, title, FOOTER)
     page = page.callout("info" if figures["explains"] else "warning", innovations(figures))
     page = page.table(HEADER, factor_rows(figures), "With 95 % intervals")
-    page = page.callout("info", f"{NOT_TOLD}\n\n{ending(figures)}")
+    page = page.callout("info", f"{NOT_TUNED}\n\n{ending(figures)}")
     for log, found in zip(logs, tuning.innovations, strict=True):
         page = page.heading(log.name).plot(
             innovation_figure(log.time_s, found[:, 0], "With the noise of the file"),

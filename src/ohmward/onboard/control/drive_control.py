@@ -115,7 +115,7 @@ class DriveControl:
             return None
         if self.phase == DrivePhase.ARMED and fault:
             self.stop(fault)
-        if operator is not None and not operator.armed and now_s - operator.said_s <= self.limits.operator_timeout_s:
+        if operator is not None and not operator.armed and now_s - operator.given_s <= self.limits.operator_timeout_s:
             if self.phase != DrivePhase.DISARMED:
                 LOG.info("slip control: disarmed")
             self.phase, self.reason = DrivePhase.DISARMED, "not armed"
@@ -153,8 +153,8 @@ class DriveControl:
         """The fault that stops the robot; empty without any."""
         if operator is None:
             return "the operator is gone"
-        if not now_s - operator.said_s <= self.limits.operator_timeout_s:
-            return f"nothing from the operator for {1e3 * (now_s - operator.said_s):.0f} ms"
+        if not now_s - operator.given_s <= self.limits.operator_timeout_s:
+            return f"nothing from the operator for {1e3 * (now_s - operator.given_s):.0f} ms"
         if state is None or state.slip is None:
             return "no estimate of speed and slip"
         if not now_s - state.drive_time_s <= self.limits.estimate_timeout_s:

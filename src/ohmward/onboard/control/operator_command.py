@@ -29,7 +29,7 @@ class OperatorCommand(NamedTuple):
     yaw_rate_rad_s: float = 0.0  #: > 0 to the left
     slip_bound: float = 0.12  #: largest slip ratio while the speed is held
     slip_ratio: float = 0.0  #: to hold instead of a speed; 0 holds the speed. Its direction is that of the speed.
-    said_s: float = -math.inf  #: time on the robot's clock after which the operator has said this
+    given_s: float = -math.inf  #: time on the robot's clock after which the operator has said this
 
     @property
     def at_rest(self) -> bool:
@@ -50,12 +50,12 @@ def _within(value: float, most: float) -> float:
     return min(max(value, -most), most)
 
 
-def command_of(found: Mapping[str, object], said_s: float) -> OperatorCommand | None:
+def command_of(found: Mapping[str, object], given_s: float) -> OperatorCommand | None:
     """The set-points of a JSON object; None where one is no finite number."""
     numbers = {name: as_number(found.get(name, default)) for name, default in _NUMBERS.items()}
     if not all(map(math.isfinite, numbers.values())):
         return None
-    return OperatorCommand(armed=found.get("armed") is True, said_s=said_s, **numbers)
+    return OperatorCommand(armed=found.get("armed") is True, given_s=given_s, **numbers)
 
 
 _NUMBERS = {"speed_m_s": 0.0, "yaw_rate_rad_s": 0.0, "slip_bound": 0.12, "slip_ratio": 0.0}

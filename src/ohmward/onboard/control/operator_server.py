@@ -97,10 +97,10 @@ class OperatorServer:
         if found.get("stop") is True:
             self.loop.control.request_stop("stopped by an operator")
             return
-        said_s = as_number(found.get("t"))
-        if not math.isfinite(said_s):  # it answers no beat yet
+        given_s = as_number(found.get("t"))
+        if not math.isfinite(given_s):  # it answers no beat yet
             return
-        command = command_of(found, min(said_s, time.monotonic()))
+        command = command_of(found, min(given_s, time.monotonic()))
         if self._driver is None:
             self._driver = writer
         if self._driver is writer and command is not None:
@@ -120,7 +120,7 @@ class OperatorServer:
         """State and commands, for the operator to see."""
         output, operator = self.loop.output, self.loop.operator or OperatorCommand()
         seen: dict[str, Any] = {"phase": "", "reason": ""} if output is None else _of_output(output)
-        seen["set"] = plain(operator._replace(said_s=0.0))
+        seen["set"] = plain(operator._replace(given_s=0.0))
         state: RobotState | None = self.loop.state
         if state and state.slip:
             slip = state.slip

@@ -99,8 +99,8 @@ class Translation:
                 self._measured.pop("battery_full", None)  # until the charger says so again
             yield sink.battery_state, types.BATTERY_STATE, serialize(types.BATTERY_STATE, found)
         if sink.diagnostics:
-            told = messages.diagnostics(state, sink.robot)
-            yield sink.diagnostics, types.DIAGNOSTICS, serialize(types.DIAGNOSTICS, told)
+            array = messages.diagnostics(state, sink.robot)
+            yield sink.diagnostics, types.DIAGNOSTICS, serialize(types.DIAGNOSTICS, array)
 
     def _reporting(self, state: RobotState) -> dict[str, float]:
         """Latest values of the battery's sensors, nan for one that is silent or tells nothing true.

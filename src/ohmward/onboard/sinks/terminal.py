@@ -55,8 +55,8 @@ def line_of(state: RobotState) -> str:
 
 
 def _parts(state: RobotState) -> Iterator[str]:
-    if said := stale(state):
-        yield said
+    if text := stale(state):
+        yield text
     if state.battery:
         yield f"charge {100 * state.battery.soc:.1f} ± {100 * BAND_95 * state.battery.soc_std:.1f} %"
     if state.range and state.range.distance_m.p50 == state.range.distance_m.p50:

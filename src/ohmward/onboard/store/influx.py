@@ -61,12 +61,12 @@ def post(url: str, text: str, token: str = "") -> None:
             if answer.status != _STORED:
                 raise OhmwardError(f"{place} does not say that it stored the rows ({answer.status}); check url")
     except urllib.error.HTTPError as error:
-        said = error.read(300).decode("utf-8", "replace").strip()
-        if _STORED_IN_PART in said:
-            LOG.warning("%s: %s", place, said)
+        answer = error.read(300).decode("utf-8", "replace").strip()
+        if _STORED_IN_PART in answer:
+            LOG.warning("%s: %s", place, answer)
             return
         raise OhmwardError(
-            f"{place} refuses the rows ({error.code} {said or error.reason}); check url and token"
+            f"{place} refuses the rows ({error.code} {answer or error.reason}); check url and token"
         ) from error
     except (OSError, http.client.HTTPException) as error:
         reason = getattr(error, "reason", error)

@@ -13,7 +13,7 @@ from ohmward.logs.log import Note
 from ohmward.traction.calibration.floor import learn_floor
 from ohmward.traction.calibration.motor import ROLLING, calibrate_motor
 from ohmward.traction.calibration.radius import calibrate_radius, calibrate_track
-from ohmward.traction.calibration.regression import Parameter, untold_floor, with_parameters
+from ohmward.traction.calibration.regression import Parameter, unidentified_floor, with_parameters
 from ohmward.traction.calibration.stretches import LENGTH_S, cut, stuck
 from ohmward.traction.calibration.truth import CalibrationDrive, motion_from_speed
 from ohmward.traction.drive_checks import with_signed_speed
@@ -73,7 +73,7 @@ def calibrate(
         robot = with_parameters(robot, found)
     learnt = learn_floor(floor, known, robot) if floor else None
     notes = stuck_notes(known, robot)
-    if learnt and (reason := untold_floor(learnt)):
+    if learnt and (reason := unidentified_floor(learnt)):
         notes, learnt = (*notes, Note(f"floor {floor!r} was not identified: {reason}", "warning")), None
     return Calibration(robot, tuple(found), learnt, tuple(known), notes)
 

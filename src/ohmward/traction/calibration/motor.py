@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.traction.calibration.regression import Parameter, Regression, is_told, regress
+from ohmward.traction.calibration.regression import Parameter, Regression, is_identified, regress
 from ohmward.traction.calibration.stretches import Stretches, cut
 from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.chassis import Omni
@@ -67,7 +67,7 @@ def calibrate_motor(
         prior_std[DAMPING] = _HELD
     fit = _fit(row, prior, prior_std)
     kappa = fit.beta[KAPPA]
-    identified = is_told(CONSTANT, float(kappa), float(np.sqrt(fit.cov[KAPPA, KAPPA])))
+    identified = is_identified(CONSTANT, float(kappa), float(np.sqrt(fit.cov[KAPPA, KAPPA])))
     if not identified:
         prior_std[KAPPA] = _HELD
         fit = _fit(row, prior, prior_std)
@@ -137,4 +137,4 @@ def _loss(name: str, i: int, fit: Regression, own: float, reason: str) -> Parame
     """The loss in column i where it is clearly more than nothing, else the robot's own."""
     value = float(fit.beta[i] / fit.beta[KAPPA])
     std = float(np.sqrt(fit.cov[i, i]) / fit.beta[KAPPA])
-    return Parameter(name, value, std) if is_told(name, value, std) else Parameter(name, own, std, reason)
+    return Parameter(name, value, std) if is_identified(name, value, std) else Parameter(name, own, std, reason)

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.traction.calibration.regression import MOST_RADIUS_RATIO, Parameter, is_told, regress
+from ohmward.traction.calibration.regression import MOST_RADIUS_RATIO, Parameter, is_identified, regress
 from ohmward.traction.calibration.stretches import SLOWEST_M_S, Stretches, cut
 from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.chassis import Omni
@@ -58,7 +58,7 @@ def calibrate_radius(drives: Sequence[CalibrationDrive], robot: Robot) -> Parame
             "radius of the robot file is wrong"
         )
         return Parameter(name, own_m, std_m, reason)
-    if not is_told(name, radius_m, std_m):
+    if not is_identified(name, radius_m, std_m):
         reason = f"the drives give {radius_m:.3g} ± {std_m:.2g} m: the wheels slip much, or there are too few stretches"
         return Parameter(name, own_m, std_m, reason)
     return Parameter(name, radius_m, std_m)
@@ -100,6 +100,6 @@ def calibrate_track(drives: Sequence[CalibrationDrive], robot: Robot) -> Paramet
     by_wheels, yaw_rate = rows.rim[turns, -1:], rows.motion[turns, -1]
     fit = regress(by_wheels, yaw_rate, rows.drive[turns], np.zeros(1), np.array([np.inf]))
     share, std = float(fit.beta[0]), float(np.sqrt(fit.cov[0, 0]))
-    if not is_told(name, share, std):
+    if not is_identified(name, share, std):
         return unknown
     return Parameter(name, track_m / share, track_m * std / share**2)

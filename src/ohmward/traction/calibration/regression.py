@@ -48,12 +48,12 @@ class Parameter(NamedTuple):
         return not self.reason
 
 
-def is_told(name: str, value: float, std: float) -> bool:
+def is_identified(name: str, value: float, std: float) -> bool:
     """True where drives tell the number `name` of the robot file: positive, and as certain as `MOST_STD` asks."""
     return value > 0 and std <= MOST_STD[name] * value
 
 
-def untold_floor(floor: Floor) -> str:
+def unidentified_floor(floor: Floor) -> str:
     """Reason why a floor is not one that the drives tell; empty where it is."""
     if floor.friction <= MOST_FRICTION and floor.friction_std <= MOST_FRICTION_STD:
         return ""

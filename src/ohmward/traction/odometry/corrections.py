@@ -51,7 +51,7 @@ LEAST_TURN_RAD, SCRUBBING_SHARE = 0.01, (-0.95, 0.1)
 STOOD_M = 1e-6
 
 #: A robot that stands turns by so much [rad] unseen: a hundredth of a count; keeps its yaw's variance above rounding.
-UNSEEN_TURN_RAD = 1e-5
+STILL_TURN_RAD = 1e-5
 
 #: Least and longest length [s] of a pose increment.
 INCREMENT_S = (1e-3, 10.0)
@@ -156,7 +156,7 @@ def use_turn(
     stood = sums.rim_m <= STOOD_M
     lag_rad = noise.turn_lag_s * (sums.end_rad_s - sums.start_rad_s)
     of_wheels = where(stood, 0.0, encoder_turn_rad**2 + lag_rad * lag_rad)
-    variance = sums.gyro_variance + of_wheels + UNSEEN_TURN_RAD**2
+    variance = sums.gyro_variance + of_wheels + STILL_TURN_RAD**2
     shared = np.array([-sums.gyro_variance if i == YAW else 0.0 for i in range(len(NAMES))])
 
     def difference(x: np.ndarray) -> np.ndarray:

@@ -49,7 +49,7 @@ CORRELATED = (SLIP, SIDE_SLIP, TURN_SLIP)
 ANY_HEADING_RAD = math.pi / math.sqrt(3.0)
 
 #: Acceleration [m/s2, m/s2, rad/s2] that is possible while nothing shows the motion.
-UNSEEN = np.array([0.5, 0.1, 0.5])
+UNOBSERVED = np.array([0.5, 0.1, 0.5])
 
 
 class MotionInput(NamedTuple):
@@ -62,7 +62,7 @@ class MotionInput(NamedTuple):
     gyro_rad_s: Scalar  #: yaw rate of the gyro
     gyro_variance: Scalar  #: of its angle over time [rad2/s]
     by_gyro: Any  #: the condition that it tells the turn
-    unseen_s: np.ndarray  #: (3,) time for which nothing has shown each motion
+    unobserved_s: np.ndarray  #: (3,) time for which nothing has shown each motion
 
 
 def first_belief(noise: OdometryNoise, turn_per_slip: float) -> Belief:
@@ -108,7 +108,7 @@ def next_state(x: np.ndarray, u: MotionInput, noise: OdometryNoise) -> np.ndarra
 def process_noise(x: np.ndarray, u: MotionInput, noise: OdometryNoise) -> np.ndarray:
     """Q (n, n) of a step from state x (n,)."""
     decay = exp(-u.dt_s / noise.correlation_s)
-    drift = unseen_variance(u)
+    drift = unobserved_variance(u)
     c, s = cos(x[YAW]), sin(x[YAW])
     along, across = drift[0], drift[1]
     turned = drift[2] + where(u.by_gyro, u.gyro_variance * u.dt_s, 0.0)
@@ -125,13 +125,13 @@ def process_noise(x: np.ndarray, u: MotionInput, noise: OdometryNoise) -> np.nda
     return Q
 
 
-def unseen_variance(u: MotionInput) -> np.ndarray:
+def unobserved_variance(u: MotionInput) -> np.ndarray:
     """Variance (3,) that the step adds to the way forward and left and to the turn, by motion that nothing shows.
 
     An acceleration a since then is a way of a t^2 / 2, wrong by its whole length: Var+ - Var = (a/2)^2 (t+^4 - t^4).
     """
-    before_s = maximum(u.unseen_s - u.dt_s, 0.0)
-    return (UNSEEN / 2.0) ** 2 * (u.unseen_s**4 - before_s**4)
+    before_s = maximum(u.unobserved_s - u.dt_s, 0.0)
+    return (UNOBSERVED / 2.0) ** 2 * (u.unobserved_s**4 - before_s**4)
 
 
 def position_std(cov: np.ndarray) -> Scalar:

@@ -35,6 +35,17 @@ from ohmward.traction.odometry.corrections import (
 )
 from ohmward.traction.odometry.grip import lever_m
 from ohmward.traction.odometry.gyro_noise import GyroNoise, learn, of_sheet, walk_variance
+from ohmward.traction.odometry.measured_motion import (
+    GYRO,
+    WHEELS,
+    MeasuredMotion,
+    MotionState,
+    no_motion,
+    passive_wheels,
+    rim_matrix,
+    sense,
+    show,
+)
 from ohmward.traction.odometry.model import (
     OFFSET,
     RADIUS,
@@ -51,17 +62,6 @@ from ohmward.traction.odometry.model import (
 )
 from ohmward.traction.odometry.noise import OdometryNoise, noise_of
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
-from ohmward.traction.odometry.shown_motion import (
-    GYRO,
-    WHEELS,
-    MotionState,
-    ShownMotion,
-    no_motion,
-    passive_wheels,
-    rim_matrix,
-    sense,
-    show,
-)
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
 from ohmward.traction.speed_observer.intervals import History, empty_history, remember
@@ -160,7 +160,7 @@ class PoseFilter:
         body: PoseCorrection,
         sums: TurnSums,
         sample: OdometrySample,
-        motion: ShownMotion,
+        motion: MeasuredMotion,
         history: History,
         trail: Trail,
     ) -> tuple[PoseCorrection, TurnSums]:
@@ -172,12 +172,12 @@ class PoseFilter:
         body = use_speeds(body, sample, u, history, noise, gate)
         return use_increment(body, sample, u, trail, noise, gate), sums
 
-    def slip_by_turn(self, body: PoseCorrection, motion: ShownMotion) -> Scalar:
+    def slip_by_turn(self, body: PoseCorrection, motion: MeasuredMotion) -> Scalar:
         """Slip [m/s] of the driven wheels that a turn they showed and the robot did not make tells of."""
         apart_m_s = lever_m(self.robot) * body.turn_apart_rad_s
         return where(body.turn_rejected, minimum(apart_m_s, motion.grip.loose_m_s), 0.0)
 
-    def conclude(self, belief: Belief, motion: ShownMotion, distance_m: Scalar) -> OdometryEstimate:
+    def conclude(self, belief: Belief, motion: MeasuredMotion, distance_m: Scalar) -> OdometryEstimate:
         """The estimate still without flags."""
         x, P = belief
         rates, J = linearize(lambda state: twist(state, motion.input), x)
@@ -199,7 +199,7 @@ class PoseFilter:
             flags=0.0,
         )
 
-    def flags(self, before: Belief, time: CleanStep, motion: ShownMotion, body: PoseCorrection) -> Scalar:
+    def flags(self, before: Belief, time: CleanStep, motion: MeasuredMotion, body: PoseCorrection) -> Scalar:
         """Flags of a sample."""
         return flags_of({
             OdometryFlag.BAD_TIME: logical_not(time.credible),
@@ -216,7 +216,7 @@ class PoseFilter:
         })  # fmt: skip
 
 
-def opened(belief: Belief, motion: ShownMotion, slip_m_s: Scalar) -> Belief:
+def opened(belief: Belief, motion: MeasuredMotion, slip_m_s: Scalar) -> Belief:
     """The belief with a slip of this standard deviation [m/s] at least, which is forgotten in `correlation_s`."""
     slip = minimum(slip_m_s / maximum(motion.input.motion_std[0], LEAST_REJECTED_STD), MOST_OPENED)
     wide = inflate(belief, SLIP, slip * slip - belief.cov[SLIP, SLIP])

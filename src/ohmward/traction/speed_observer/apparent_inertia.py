@@ -92,9 +92,9 @@ class ApparentInertia(NamedTuple):
     uncertain_m_s: Scalar  #: standard deviation of the speed, through a low pass
     pitch_rad: Scalar  #: last one measured
     no_pitch_s: Scalar  #: time since then
-    unseen_s: Scalar  #: time since a sensor of the body has shown the speed
+    unobserved_s: Scalar  #: time since a sensor of the body has shown the speed
     peak_N: Scalar  #: greatest force since the wheels have been sliding in the belief
-    pushed_m_s: Scalar  #: change of the speed by traction since then, while nothing else has shown the speed
+    disturbed_m_s: Scalar  #: change of the speed by traction since then, while nothing else has shown the speed
     open_m_s: Scalar  #: standard deviation of the speed by a slide that cannot be told from grip
 
 
@@ -135,14 +135,14 @@ def advance_inertia(
         return test
     test = with_evidence(test, body.belief, clean, model)
     test = with_unexplained(test, before, wheels, body.belief, clean, model)
-    unseen_s = where(some([body.observable, clean.resting]), 0.0, test.unseen_s + clean.dt_s)
-    seen = some([unseen_s < SEEN_S, grips(test)])
+    unobserved_s = where(some([body.observable, clean.resting]), 0.0, test.unobserved_s + clean.dt_s)
+    seen = some([unobserved_s < SEEN_S, grips(test)])
     rate_m_s2 = opening_m_s2(test, model)
     opened = maximum(test.open_m_s, BEFORE_S * rate_m_s2) + rate_m_s2 * clean.dt_s
     closing = exp(-clean.dt_s / MEMORY_S) * test.open_m_s
     suspicious = abs(test.unexplained_m_s) > usual_m_s(test, before, clean, model)
     open_m_s = where(seen, 0.0, where(suspicious, opened, closing))
-    test = test._replace(unseen_s=unseen_s)
+    test = test._replace(unobserved_s=unobserved_s)
     open_m_s = maximum(open_m_s, where(has_jumped(test), abs(test.jump_m_s), 0.0))
     return test._replace(open_m_s=minimum(open_m_s, UNKNOWN_M_S))
 
@@ -167,11 +167,11 @@ def reconsidered(
     omega = belief.mean[model.layout.wheel(0) : model.layout.robot_states]
     robot = model.scene.robot
     force_N = robot.rolling[: model.driven, 0] @ model.traction_N(belief.mean)
-    pushed_m_s = last.pushed_m_s + clean.modelled_s * force_N / robot.inertia[0]
-    alone = every([slides, logical_not(wrong), test.unseen_s >= SEEN_S])
+    disturbed_m_s = last.disturbed_m_s + clean.modelled_s * force_N / robot.inertia[0]
+    alone = every([slides, logical_not(wrong), test.unobserved_s >= SEEN_S])
     test = test._replace(
         peak_N=where(wrong, 0.0, peak_N),
-        pushed_m_s=where(alone, pushed_m_s, 0.0),
+        disturbed_m_s=where(alone, disturbed_m_s, 0.0),
         open_m_s=where(wrong, 0.0, maximum(test.open_m_s, lag_m_s)),
     )
     return InertiaTest(test, choose(wrong, model.first_belief(omega), belief), wrong)
@@ -179,13 +179,13 @@ def reconsidered(
 
 def by_mass_m_s(test: ApparentInertia) -> Scalar:
     """Standard deviation [m/s] of the speed by the mass, since nothing has shown the speed."""
-    return MASS_STD * abs(test.pushed_m_s)
+    return MASS_STD * abs(test.disturbed_m_s)
 
 
 def has_jumped(test: ApparentInertia) -> Scalar:
     """The condition that the wheels have taken the speed along as no force can have changed it."""
     jumped = abs(test.jump_m_s) > JUMP_M_S + JUMP_SIGMAS * test.uncertain_m_s
-    return every([jumped, logical_not(grips(test)), test.unseen_s >= SEEN_S])
+    return every([jumped, logical_not(grips(test)), test.unobserved_s >= SEEN_S])
 
 
 def slope_std_rad(test: ApparentInertia, model: Model) -> Scalar:
@@ -217,8 +217,8 @@ def with_evidence(test: ApparentInertia, belief: Belief, clean: CleanSlipSample,
     share = along / (along @ along)
     measured = every(clean.wheel_measured[:n])
     rim_age_s = where(measured, 0.0, test.rim_age_s + clean.dt_s)
-    shown_m_s = radius_m * (share @ belief.mean[model.layout.wheel(0) : model.layout.robot_states])
-    rim_m_s = where(measured, shown_m_s, test.rim_m_s)
+    measured_m_s = radius_m * (share @ belief.mean[model.layout.wheel(0) : model.layout.robot_states])
+    rim_m_s = where(measured, measured_m_s, test.rim_m_s)
     force_N = robot.motor.wheel_constant_Nm_per_A / radius_m * (along @ clean.current_A)
     sliding_kg = float(along**2 @ robot.inertia[robot.freedoms :]) / radius_m**2
     gripping_kg = float(robot.inertia[0]) + sliding_kg
@@ -232,8 +232,8 @@ def with_evidence(test: ApparentInertia, belief: Belief, clean: CleanSlipSample,
     slide_variance = SLIDE_M_S**2 + (SLIDE_SHARE * slide_m_s) ** 2
     L = 0.5 * ((U - slide_m_s) ** 2 / slide_variance - (U - grip_m_s) ** 2 / GRIP_M_S**2)
     known = every([*clean.current_measured, rim_age_s < HIGH_PASS_S])
-    told = where(known, clip(L, -MOST_EVIDENCE, MOST_EVIDENCE), 0.0)
-    evidence_s = exp(-clean.dt_s / EVIDENCE_S) * test.evidence_s + clean.modelled_s * told
+    evidence = where(known, clip(L, -MOST_EVIDENCE, MOST_EVIDENCE), 0.0)
+    evidence_s = exp(-clean.dt_s / EVIDENCE_S) * test.evidence_s + clean.modelled_s * evidence
     return test._replace(
         rim_m_s=rim_m_s,
         rim_age_s=rim_age_s,

@@ -28,7 +28,7 @@ from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.slip_step import SlipStep
 
 #: Least error [m/s^2] of the acceleration by a wheel whose encoder is not believed.
-DOUBT_M_S2 = 0.1
+ENCODER_GROWTH_M_S2 = 0.1
 
 #: A jump beyond what motor and ground can do is a spike if it lasts for less than this [s].
 SPIKE_S = 0.05
@@ -145,16 +145,16 @@ def correct_wheel(
     impossible = rejected & ((y < possible.least) | (y > possible.most))
     spike = clean.wheel_measured[k] & impossible & (before.impossible_s < SPIKE_S)
     diverged = before.gate_s > gate.reset_after_s
-    believed = clean.wheel_measured[k] & logical_not(diverged) & logical_not(spike)
+    used_now = clean.wheel_measured[k] & logical_not(diverged) & logical_not(spike)
 
     jumped = where(before.gate_s <= 0.0, nu, 0.0) if gate.jumps_teach else nu
-    opened = choose(believed & rejected, ground_unknown(prior, k, jumped, model), prior)
-    posterior = correct_speed(opened, i, y, R, believed, torque_noise, model)
-    doubt = where(believed, 0.0, doubted_variance(prior, k, clean.modelled_s, model))
+    opened = choose(used_now & rejected, ground_unknown(prior, k, jumped, model), prior)
+    posterior = correct_speed(opened, i, y, R, used_now, torque_noise, model)
+    added_variance = where(used_now, 0.0, rejected_variance(prior, k, clean.modelled_s, model))
     return WheelCorrection(
-        belief=inflate(posterior, 0, doubt),
-        used=believed & (nu * nu <= gate.nis * S),
-        ground_changed=believed & rejected,
+        belief=inflate(posterior, 0, added_variance),
+        used=used_now & (nu * nu <= gate.nis * S),
+        ground_changed=used_now & rejected,
         spike=spike,
         rejected=RejectedFor(
             time_rejected(before.gate_s, clean.dt_s, rejected, clean.wheel_measured[k] & logical_not(spike)),
@@ -251,10 +251,10 @@ def ground_unknown(belief: Belief, k: int, jump_rad_s: Scalar, model: Model) -> 
     return inflate(belief, i, model.noise.friction_std**2 - belief.cov[i, i])
 
 
-def doubted_variance(belief: Belief, k: int, dt_s: Scalar, model: Model) -> Scalar:
+def rejected_variance(belief: Belief, k: int, dt_s: Scalar, model: Model) -> Scalar:
     """Variance [m^2/s^2] that the speed gains in `dt_s` while the traction of driven wheel k is not known."""
     force_N = abs(model.traction_N(belief.mean)[k])
-    growth = maximum(force_N / model.scene.robot.inertia[0], DOUBT_M_S2) * dt_s
+    growth = maximum(force_N / model.scene.robot.inertia[0], ENCODER_GROWTH_M_S2) * dt_s
     return growth * (growth + 2 * std(belief.cov[0, 0]))
 
 

@@ -116,7 +116,7 @@ class SlipFlag(SampleFlag):
     ENCODER_DOUBTED = 32  # a wheel has contradicted the model for so long that its encoder is no longer used
     GYRO_REJECTED = 64  # outside its gate
     SPEED_REJECTED = 128  # outside its gate
-    SPEED_TAKEN_ANEW = 256  # it has contradicted the estimate for too long: the estimate was opened for it
+    SPEED_RESET = 256  # it has contradicted the estimate for too long: the estimate was opened for it
     STANDSTILL = 512  # wheels and motors at rest: speed is zero
     SPEED_UNOBSERVED = 1024  # nothing has shown the speed for a while: dead reckoning
     NOT_POSITIVE_DEFINITE = 2048  # the covariance had to be repaired

@@ -42,7 +42,7 @@ GIVEN_SAMPLES = 10.0
 MOST_RATIO = 20.0
 
 #: Share of the given torque's standard deviation that no current shows.
-UNSEEN_SHARE = 0.2
+UNMODELLED_SHARE = 0.2
 
 #: Offset of a gyro [rad/s] that its white noise does not show, where the given standard deviation is not less.
 GYRO_OFFSET_RAD_S = 0.003
@@ -93,11 +93,11 @@ def first(std: np.ndarray) -> WhiteNoise:
 def matched_stds(matched: MatchedNoise, model: Model) -> SensorStds:
     """The standard deviations that the sensors have shown, and what is never white besides."""
     given = model.given_stds
-    shown_Nm = model.scene.robot.motor.wheel_constant_Nm_per_A * sqrt(matched.current.variance)
+    measured_Nm = model.scene.robot.motor.wheel_constant_Nm_per_A * sqrt(matched.current.variance)
     offset_rad_s = np.minimum(given.gyro_rad_s, GYRO_OFFSET_RAD_S)
     return SensorStds(
         encoder_rad_s=sqrt(matched.encoder.variance),
-        torque_Nm=sqrt(shown_Nm**2 + (UNSEEN_SHARE * given.torque_Nm) ** 2),
+        torque_Nm=sqrt(measured_Nm**2 + (UNMODELLED_SHARE * given.torque_Nm) ** 2),
         gyro_rad_s=sqrt(matched.gyro.variance + offset_rad_s**2),
     )
 
@@ -142,10 +142,10 @@ def follow_channel(
     deviation = white.last - (1.0 - share) * white.earlier - share * y
     square = deviation**2 / (1.0 + (1.0 - share) ** 2 + share**2)
     repeats = (abs(y - white.last) <= 0.0) & (abs(white.last - white.earlier) <= 0.0)
-    told = every([measured, logical_not(repeats), white.between_s + age_s <= 2.0 * SLOWEST_S])
-    samples = where(told, minimum(white.samples + 1.0, window), white.samples)
+    informative = every([measured, logical_not(repeats), white.between_s + age_s <= 2.0 * SLOWEST_S])
+    samples = where(informative, minimum(white.samples + 1.0, window), white.samples)
     seen = minimum(square, CLIP * white.variance) / CLIPPED_MEAN
-    variance = where(told, white.variance + (seen - white.variance) / samples, white.variance)
+    variance = where(informative, white.variance + (seen - white.variance) / samples, white.variance)
     return WhiteNoise(
         earlier=where(measured, white.last, white.earlier),
         last=where(measured, y, white.last),

@@ -137,8 +137,8 @@ class Model:
         """Mean of the state after the step, (n,)."""
         step = self.slip_step(x, clean, start_m_s)
         first = self.layout.robot_states
-        wandering = zip(self.layout.names[first:], x[first:], strict=True)
-        decayed = [self.decay_factor(name, clean.dt_s) * value for name, value in wandering]
+        walking = zip(self.layout.names[first:], x[first:], strict=True)
+        decayed = [self.decay_factor(name, clean.dt_s) * value for name, value in walking]
         return np.array([*step.motion, *step.omega, *decayed])
 
     def input(self, x: np.ndarray, clean: CleanSlipSample) -> RobotInput:
@@ -156,8 +156,8 @@ class Model:
         Q = diag(random walks) + B B' + C C' + g^2 D,  B: `torque_noise`, C: `curve_shape_noise`, D: `gap_covariance`
         """
         own = self.layout.robot_states
-        wandering = [self.process_variance(name, clean.dt_s) for name in self.layout.names[own:]]
-        Q = np.diag(np.array([*self.motion_variances(clean), *wandering]))
+        walking = [self.process_variance(name, clean.dt_s) for name in self.layout.names[own:]]
+        Q = np.diag(np.array([*self.motion_variances(clean), *walking]))
         B = self.torque_noise(step, clean)
         C = self.curve_shape_noise(step, clean)
         gap = minimum(UNKNOWN_M_S2 * clean.unmodelled_s, UNKNOWN_M_S)

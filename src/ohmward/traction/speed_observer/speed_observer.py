@@ -208,14 +208,14 @@ class SpeedObserver:
         body = self.correct_body(state, turn._replace(belief=wheels.belief), prediction, sample, clean, history)
         slip_test = self.compare_hypotheses(state, before, prediction, body, clean)
         inertia = advance_inertia(state.inertia, before, wheels.belief, body, clean, self.model)
-        inertia, belief, started_anew = reconsidered(inertia, state.inertia, slip_test.belief, clean, self.model)
+        inertia, belief, reopened = reconsidered(inertia, state.inertia, slip_test.belief, clean, self.model)
         belief = belief._replace(mean=self.model.layout.bounded(belief.mean))
         reach = advance_reach(state.reach, belief, body.observable, state.unobserved_s, clean, self.model)
         rejected = rejected_for(wheels.wheels)
         lost = is_lost(belief, reach, rejected.gate_s, LOCKED_OUT * self.reset_after_s, self.model)
         new = restarted(before, clean, self.model)
         timers, estimate = self.conclude(state, choose(lost, new, belief), inertia, wheels, body, clean)
-        ground_changed = some([wheels.ground_changed, slip_test.gross_slip, started_anew])
+        ground_changed = some([wheels.ground_changed, slip_test.gross_slip, reopened])
         flags = self.flags(before, clean, wheels, body, ground_changed, timers, lost)
         after = state._replace(
             belief=pack(belief),
@@ -230,8 +230,8 @@ class SpeedObserver:
             stuck_s=timers.stuck_s,
             reach=reach,
         )
-        anew = started(new, self.model, self.late_steps, self.matching, state)
-        return choose(lost, anew, after), estimate._replace(flags=flags)
+        fresh = started(new, self.model, self.late_steps, self.matching, state)
+        return choose(lost, fresh, after), estimate._replace(flags=flags)
 
     def sanitize(self, state: ObserverState, sample: SlipSample) -> tuple[Belief, CleanSlipSample, ObserverState]:
         """The belief before the step, the sample without what no sensor can have shown, and the state with its clocks.
@@ -370,7 +370,7 @@ class SpeedObserver:
             SlipFlag.ENCODER_DOUBTED: some([wheels.doubted, body.passive_doubted]),
             SlipFlag.GYRO_REJECTED: body.gyro_rejected,
             SlipFlag.SPEED_REJECTED: body.speed_rejected,
-            SlipFlag.SPEED_TAKEN_ANEW: body.speed_reset,
+            SlipFlag.SPEED_RESET: body.speed_reset,
             SlipFlag.STANDSTILL: clean.resting,
             SlipFlag.SPEED_UNOBSERVED: timers.unobserved_s > UNOBSERVED_S,
             SlipFlag.NOT_POSITIVE_DEFINITE: is_healthy(before) <= 0.5,
@@ -391,9 +391,9 @@ def first_sight(belief: Belief, clean: CleanSlipSample, encoders: Intervals, mod
     """
     n, layout = model.driven, model.layout
     measured = clean.wheel_measured[:n]
-    believed = belief.mean[layout.wheel(0) : layout.robot_states]
+    estimated = belief.mean[layout.wheel(0) : layout.robot_states]
     first = measured & logical_not(was_seen(encoders)[:n])
-    speeds = where(measured, clean.wheel_speed_rad_s[:n], believed)
+    speeds = where(measured, clean.wheel_speed_rad_s[:n], estimated)
     return choose(some(first), model.first_belief(speeds), belief)
 
 
@@ -410,6 +410,6 @@ def without_impossible_currents(clean: CleanSlipSample, before: Belief, model: M
     taken_Nm = MOST_ADHESION * robot.wheel.radius_m * model.static_load_N[:n] + wheel_Nm
     given_Nm = robot.motor.wheel_constant_Nm_per_A * abs(clean.current_A)
     possible = np.array([given <= taken for given, taken in zip(given_Nm, taken_Nm, strict=True)])
-    untold = logical_not(clean.wheel_measured[:n])
-    refused = clean.current_measured & logical_not(possible | untold)
+    unmeasured = logical_not(clean.wheel_measured[:n])
+    refused = clean.current_measured & logical_not(possible | unmeasured)
     return clean._replace(current_measured=clean.current_measured & logical_not(refused), current_refused=some(refused))

@@ -245,7 +245,7 @@ def like(known: Floor) -> Floor:
     )
 
 
-def unseen_floor(known: Sequence[Floor] = ()) -> Floor:
+def new_floor(known: Sequence[Floor] = ()) -> Floor:
     """A floor that the robot has never met, from those that it has, as much as floors resemble each other.
 
     Precision-weighted mean of logarithms: each known floor with its own sigma and that from floor to floor, and the

@@ -30,13 +30,13 @@ from ohmward.trace import exp, log, maximum, minimum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.demand import drag_columns, mean_load
-from ohmward.traction.terrain.floor import Floor, like, unseen_floor
+from ohmward.traction.terrain.floor import Floor, like, new_floor
 
 #: More combinations than this are refused: every sample weighs each of them.
 MOST_COMBINATIONS = 1000
 #: Prior odds of a floor never met against a known one: a robot comes to new floors as often as to each known one. With
 #: 0.5, a carpet left out of three floors was covered by the band in 63 % of its runs, with 1 in all.
-UNSEEN_ODDS = 1.0
+NEW_FLOOR_ODDS = 1.0
 #: Share of the time in which the wheels are on several floors: a robot's length over some metres of a floor.
 MIXED_SHARE = 0.05
 #: Share of the floors never met that ask for about the forces of a known one; the rest may ask for any. The carpets of
@@ -80,14 +80,14 @@ class Recognition:
 
     robot: Robot  #: calibrated
     floors: Sequence[Floor] = ()  #: that it has learnt, each with its own name
-    told: bool = False  #: the robot is told that it drives on these floors and on no other one
+    known_only: bool = False  #: the robot is told that it drives on these floors and on no other one
     crossing_rate: float = 0.1  #: rate at which a wheel meets another floor [1/s]
     correlation_s: float = 0.3  #: tau, correlation time of the part of the unexplained forces that does not last
 
     def __post_init__(self) -> None:
         require_each_positive("", self, "crossing_rate", "correlation_s")
-        if self.told and not self.floors:
-            raise InputError("told needs the floors that the robot drives on; floors is empty")
+        if self.known_only and not self.floors:
+            raise InputError("known_only needs the floors that the robot drives on; floors is empty")
         if len(set(self.names)) < len(self.names):
             raise InputError(f"floors must have different names, and none may be 'unseen'; got {', '.join(self.names)}")
         if len(self.combinations) > MOST_COMBINATIONS:
@@ -99,15 +99,15 @@ class Recognition:
     @cached_property
     def all_floors(self) -> tuple[Floor, ...]:
         """The floors; unless told, one never met that is like each of them, and last any floor never met."""
-        if self.told:
+        if self.known_only:
             return tuple(self.floors)
-        return (*self.floors, *map(like, self.floors), unseen_floor(self.floors))
+        return (*self.floors, *map(like, self.floors), new_floor(self.floors))
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the floors, and last of all that were never met."""
         known = tuple(f.name for f in self.floors)
-        return known if self.told else (*known, self.all_floors[-1].name)
+        return known if self.known_only else (*known, self.all_floors[-1].name)
 
     @cached_property
     def combinations(self) -> np.ndarray:
@@ -133,9 +133,9 @@ class Recognition:
         """Weight (C,) of each combination before anything is measured: known floors are likelier than one never met."""
         known = len(self.floors)
         of_floor = np.ones(max(known, 1))
-        if known and not self.told:
-            like_each = UNSEEN_ODDS * LIKE_SHARE / known
-            of_floor = np.repeat([1.0, like_each, UNSEEN_ODDS * (1 - LIKE_SHARE)], [known, known, 1])
+        if known and not self.known_only:
+            like_each = NEW_FLOOR_ODDS * LIKE_SHARE / known
+            of_floor = np.repeat([1.0, like_each, NEW_FLOOR_ODDS * (1 - LIKE_SHARE)], [known, known, 1])
         same = (self.combinations == self.combinations[:, :1]).all(axis=1)
         weights = of_floor[self.combinations]
         return np.where(same, weights[:, 0], np.prod(weights, axis=1))
@@ -238,7 +238,7 @@ class Recognition:
     def by_name(self, by_wheel: np.ndarray) -> np.ndarray:
         """Probability (wheels, floors) of the floors as in `names`: all that were never met are one."""
         known = len(self.floors)
-        return by_wheel if self.told else np.array([[*row[:known], row[known:].sum()] for row in by_wheel])
+        return by_wheel if self.known_only else np.array([[*row[:known], row[known:].sum()] for row in by_wheel])
 
 
 def sparse_dot(weights: np.ndarray, values: np.ndarray) -> Scalar:

@@ -194,8 +194,8 @@ class SlipOnFloors:
         outside = loss_sample(clean, belief.rim, belief.rim_std, rate, maximum(travel_speed(belief.rim), SLOWEST_M_S))
         unsettled = some([result.alarm, result.restart, logical_not(moving)])
         loss = averaged(state.loss, outside, unsettled, clean.dt_s)
-        told = log_likelihood(seen(loss), self.recognition.combinations, slips, self.share_lost[0])
-        recognised = self.recognise(state.recognised, forces, result, moving, clean.dt_s, told)
+        by_outside_speed = log_likelihood(seen(loss), self.recognition.combinations, slips, self.share_lost[0])
+        recognised = self.recognise(state.recognised, forces, result, moving, clean.dt_s, by_outside_speed)
         probability = self.recognition.by_wheel(recognised.combinations)
         slip = corrected(self.mixture(slips, probability), seen(loss), self.share_lost[0])
         estimate = self.conclude(belief, slip, probability, moving)._replace(
@@ -220,13 +220,13 @@ class SlipOnFloors:
         result: CrossingResult,
         moving: Scalar,
         dt_s: Scalar,
-        told: Sequence[Scalar],
+        by_outside_speed: Sequence[Scalar],
     ) -> RecognitionState:
         """Belief in the floors after a sample; forces of wheels that stand tell nothing.
 
-        told: (C,) logarithm of the likelihood of what outside speeds have shown.
+        by_outside_speed: (C,) logarithm of the likelihood of what outside speeds have shown.
         """
-        after = self.recognition.step(state, forces, result.alarm, result.restart, dt_s, told)
+        after = self.recognition.step(state, forces, result.alarm, result.restart, dt_s, by_outside_speed)
         return RecognitionState(*(where(moving, new, old) for new, old in zip(after, state, strict=True)))
 
     @cached_property
@@ -329,13 +329,17 @@ class SlipOnFloors:
         return tuple(SlipCurves(floor) for floor in self.recognition.all_floors)
 
 
-def slip_on_floors(robot: Robot, floors: Sequence[Floor] = (), method: str = "ukf", told: bool = False) -> SlipOnFloors:
+def slip_on_floors(
+    robot: Robot, floors: Sequence[Floor] = (), method: str = "ukf", known_only: bool = False
+) -> SlipOnFloors:
     """The estimator of a calibrated robot that has learnt these floors.
 
     method: as in `wheel_filter.METHODS`.
-    told: it drives on these floors and on no other one.
+    known_only: it drives on these floors and on no other one.
     """
-    return SlipOnFloors(Recognition(robot, tuple(floors), told), WheelFilter(robot, method), crossing_test(floors))
+    return SlipOnFloors(
+        Recognition(robot, tuple(floors), known_only), WheelFilter(robot, method), crossing_test(floors)
+    )
 
 
 def with_friction(robot: Robot, belief: WheelBelief) -> WheelBelief:

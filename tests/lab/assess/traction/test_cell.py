@@ -38,7 +38,7 @@ def test_a_cell_is_what_the_observer_gives():
             speed_std_m_s=samples.speed_std_m_s[:, run],
             speed_age_s=samples.speed_age_s[:, run],
         )
-        estimates = observe(default_observer(robot, condition.told, "ekf"), log).estimates
+        estimates = observe(default_observer(robot, condition.assumed, "ekf"), log).estimates
         motion = DriveTruth(truth.speed_m_s[:, run], truth.yaw_rate_rad_s[:, run], None, truth.slip_ratio[..., run])
         scores.append(score_drive(robot, estimates, motion))
     found = slip_cell("rlma", condition, BY_NAME["ekf"], runs, 3)

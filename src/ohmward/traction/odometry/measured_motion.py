@@ -64,7 +64,7 @@ class MotionState(NamedTuple):
     intervals: Intervals  #: of `WHEELS`, `GYRO`, `OBSERVER` and `PASSIVE`
 
 
-class ShownMotion(NamedTuple):
+class MeasuredMotion(NamedTuple):
     """Motion over a step, and conditions on its sensors."""
 
     input: MotionInput  #: of the model
@@ -155,7 +155,7 @@ def show(
     gyro_variance: Scalar,
     robot: Robot,
     noise: OdometryNoise,
-) -> ShownMotion:
+) -> MeasuredMotion:
     """Motion over the step to this state of the sensors: an observer's before the wheels', a gyro's before both.
 
     since_s: time since the wheels were last measured, at its end.
@@ -184,13 +184,13 @@ def show(
         gyro_rad_s=now.gyro_rad_s,
         gyro_variance=gyro_variance,
         by_gyro=by_gyro,
-        unseen_s=unseen(now.intervals, rolls | free | observed, by_gyro),
+        unobserved_s=unobserved(now.intervals, rolls | free | observed, by_gyro),
     )  # fmt: skip
     comparable = by_gyro & (free | rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_TURN_GRIP)))
     no_gyro = was_seen(now.intervals)[GYRO] & logical_not(by_gyro)
     white = white_variance(u, observed, robot, noise)
     by_driven, no_wheels = rolls & logical_not(observed | free), logical_not(rolls | free | observed)
-    return ShownMotion(u, white, rim_m_s, grip, by_driven, comparable, no_wheels, no_gyro, jump)
+    return MeasuredMotion(u, white, rim_m_s, grip, by_driven, comparable, no_wheels, no_gyro, jump)
 
 
 def motion_std(
@@ -245,7 +245,7 @@ def side_std(speed_std_m_s: Scalar, rim_m_s: Scalar, turn_rad_s: Scalar, robot: 
     return hypot(side, speed_std_m_s) if rim_matrix(robot)[1].any() else side
 
 
-def unseen(intervals: Intervals, moves: Scalar, by_gyro: Scalar) -> np.ndarray:
+def unobserved(intervals: Intervals, moves: Scalar, by_gyro: Scalar) -> np.ndarray:
     """Time (3,) [s] for which nothing has shown each motion, since the start at most."""
     age_s, seen = intervals.age_s[WHEELS], was_seen(intervals)[WHEELS]
     since_s = where(moves, 0.0, age_s - where(seen, 0.0, NEVER_S))

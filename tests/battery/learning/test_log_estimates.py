@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.learning.own_share import combined, own_share
+from ohmward.battery.learning.log_estimates import combined, log_estimate
 
 
 def posterior(P: np.ndarray, L: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -17,7 +17,7 @@ def posterior(P: np.ndarray, L: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, 
 def test_a_parameter_that_is_measured_alone_gives_back_its_measurement():
     P, L, z = np.diag([0.04, 0.01]), np.diag([100.0, 50.0]), np.array([0.3, -0.2])
     m, pull, information = posterior(P, L, z)
-    own = own_share(10.0 * np.exp(m[0]), np.array([1.0, 0.0]), pull, information)
+    own = log_estimate(10.0 * np.exp(m[0]), np.array([1.0, 0.0]), pull, information)
     assert np.log(own.mean / 10.0) == pytest.approx(0.3)
     assert own.std / own.mean == pytest.approx(0.1)
 
@@ -28,7 +28,7 @@ def test_along_a_direction_it_is_the_minimum_of_the_likelihood_alone():
     P, L, z = A @ A.T / 4, 20 * B @ B.T, rng.standard_normal(4)
     m, pull, information = posterior(P, L, z)
     d = np.array([1.0, 1.0, 0.0, 0.0])
-    own = own_share(float(np.exp(d @ m / 2)), d, pull, information)
+    own = log_estimate(float(np.exp(d @ m / 2)), d, pull, information)
     steps = np.linspace(-20.0, 20.0, 400_001)
     off = (m - z)[:, None] + d[:, None] * steps
     best = steps[np.argmin(np.einsum("ks,kl,ls->s", off[:, ::100], L, off[:, ::100])) * 100]
@@ -36,8 +36,8 @@ def test_along_a_direction_it_is_the_minimum_of_the_likelihood_alone():
 
 
 def test_a_log_that_tells_nothing_says_nothing():
-    assert own_share(1.0, np.ones(2), np.ones(2), np.zeros((2, 2))).std == np.inf
-    assert own_share(1.0, np.ones(2), np.ones(2), 1e-9 * np.eye(2)).std == np.inf
+    assert log_estimate(1.0, np.ones(2), np.ones(2), np.zeros((2, 2))).std == np.inf
+    assert log_estimate(1.0, np.ones(2), np.ones(2), 1e-9 * np.eye(2)).std == np.inf
 
 
 def test_parts_of_a_log_are_weighed_by_their_information():

@@ -29,7 +29,7 @@ _LEAST_INFORMATION = 1.0
 _SAYS_NOTHING = Normal(float("nan"), float("inf"))
 
 
-class OwnShares(NamedTuple):
+class LogEstimates(NamedTuple):
     """Statements of a part of a log by itself."""
 
     #: with std inf where it says nothing
@@ -39,7 +39,7 @@ class OwnShares(NamedTuple):
     given_Ah: Normal  #: charge D = Q (1 - s) from full down to it, in which errors of Q and s cancel
 
 
-def own_shares(model: VoltageModel, prior: Normals, found: Solution, after: Battery) -> OwnShares:
+def log_estimates(model: VoltageModel, prior: Normals, found: Solution, after: Battery) -> LogEstimates:
     """Statements of a part by itself; after: the battery with its corrections."""
     p = model.parameters
     K = p.size
@@ -48,9 +48,9 @@ def own_shares(model: VoltageModel, prior: Normals, found: Solution, after: Batt
     pull = precision @ found.x[:K]
     now_ohm = resistance_normal(after, found.covariance[:K, :K]).mean
     lowest_soc, given_Ah = _given(model, found, after)
-    return OwnShares(
-        own_share(after.capacity_Ah, ageing_direction(model.battery, p), pull, information),
-        own_share(now_ohm, _resistances(p), pull, information),
+    return LogEstimates(
+        log_estimate(after.capacity_Ah, ageing_direction(model.battery, p), pull, information),
+        log_estimate(now_ohm, _resistances(p), pull, information),
         lowest_soc,
         given_Ah,
     )
@@ -58,11 +58,11 @@ def own_shares(model: VoltageModel, prior: Normals, found: Solution, after: Batt
 
 def combined(shares: Sequence[Normal]) -> Normal:
     """The normal distributions of one positive quantity that several parts say, as one."""
-    said = [share for share in shares if np.isfinite(share.std)]
-    if not said:
+    known = [share for share in shares if np.isfinite(share.std)]
+    if not known:
         return _SAYS_NOTHING
-    weights = np.array([(share.mean / share.std) ** 2 for share in said])
-    mean = float(np.exp(weights @ np.log([share.mean for share in said]) / weights.sum()))
+    weights = np.array([(share.mean / share.std) ** 2 for share in known])
+    mean = float(np.exp(weights @ np.log([share.mean for share in known]) / weights.sum()))
     return Normal(mean, mean * float(weights.sum() ** -0.5))
 
 
@@ -73,7 +73,7 @@ def _resistances(p: Parameters) -> np.ndarray:
     return d
 
 
-def own_share(now: float, d: np.ndarray, pull: np.ndarray, information: np.ndarray) -> Normal:
+def log_estimate(now: float, d: np.ndarray, pull: np.ndarray, information: np.ndarray) -> Normal:
     """A quantity that is `now` in the corrected file, whose logarithm grows along d."""
     of_part = float(d @ information @ d)
     if not of_part > _LEAST_INFORMATION:

@@ -1,4 +1,4 @@
-"""Lesson of one log: what it taught a battery file, or why it taught nothing."""
+"""Update of a battery file by one log, or the reason why there is none."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ohmward.battery.learning.parameters import TITLES, Parameters
 from ohmward.battery.soc.anchors import Anchor
 
 
-class Lesson(NamedTuple):
-    """Lesson of one log."""
+class LogUpdate(NamedTuple):
+    """Update by one log."""
 
     log: str  #: its name
     verdict: str  #: "learnt", "set aside" or "seen"
@@ -42,7 +42,7 @@ class Lesson(NamedTuple):
     left_out: tuple[str, ...] = ()  #: stretches and samples of the log that were not used, and why
 
     def as_dict(self) -> dict[str, Any]:
-        """The lesson for JSON; a number that is not known is None."""
+        """The update for JSON; a number that is not known is None."""
         records = {name: value._asdict() for name, value in self._asdict().items() if isinstance(value, Normal)}
         found = self._asdict() | records | {"anchors": [anchor._asdict() for anchor in self.anchors]}
         return {name: None if value != value else value for name, value in found.items()}
@@ -59,8 +59,8 @@ def narrowed(p: Parameters, before: np.ndarray, after: np.ndarray) -> dict[str, 
     return factors
 
 
-def taught(information: Mapping[str, float]) -> str:
+def what_narrowed(information: Mapping[str, float]) -> str:
     """The groups that narrowed most, in a line."""
     most = sorted(information.items(), key=lambda item: -item[1])[:3]
-    said = [f"{TITLES[name]} {factor:.2g} times narrower" for name, factor in most if factor >= 1.05]
-    return ", ".join(said) if said else "nothing new"
+    parts = [f"{TITLES[name]} {factor:.2g} times narrower" for name, factor in most if factor >= 1.05]
+    return ", ".join(parts) if parts else "nothing new"

@@ -26,7 +26,7 @@ from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.kalman import correct_state
 
 
-def can_be_told(settings: Any) -> bool:
+def takes_given_soc(settings: Any) -> bool:
     """True for an estimator that takes a state of charge from outside."""
     return isinstance(settings, TheveninFilter | GaussianSumFilter)
 
@@ -52,25 +52,25 @@ def _single(settings: TheveninFilter | GaussianSumFilter) -> TheveninFilter:
     return settings.member if isinstance(settings, GaussianSumFilter) else settings
 
 
-def tell_soc(settings: Any, state: Any, estimate: SocEstimate, told: SocNormal) -> tuple[Any, SocEstimate]:
+def tell_soc(settings: Any, state: Any, estimate: SocEstimate, given: SocNormal) -> tuple[Any, SocEstimate]:
     """State and estimate after the state of charge was told; estimate: of the sample before.
 
     Raises:
         InputError: the estimator cannot be told.
     """
     if isinstance(settings, GaussianSumFilter):
-        return _tell_sum(settings, state, estimate, told)
+        return _tell_sum(settings, state, estimate, given)
     if isinstance(settings, TheveninFilter):
-        return _tell_filter(settings, state, estimate, told)
+        return _tell_filter(settings, state, estimate, given)
     raise InputError(
         f"{type(settings).__name__} takes no state of charge from outside; choose the filter gsf, ekf or ukf"
     )
 
 
 def _tell_filter(
-    settings: TheveninFilter, state: FilterState, estimate: SocEstimate, told: SocNormal
+    settings: TheveninFilter, state: FilterState, estimate: SocEstimate, given: SocNormal
 ) -> tuple[FilterState, SocEstimate]:
-    belief = with_told_soc(unpack(state.belief), told, settings.gate)
+    belief = with_given_soc(unpack(state.belief), given, settings.gate)
     belief, _ = settings.within_limits(belief)
     known = {name: float(value) for name, value in settings.system.known(belief).items()}
     after = state._replace(belief=pack(belief), rejected_s=0.0, anchors=state.anchors._replace(discharged=0.0))
@@ -78,28 +78,28 @@ def _tell_filter(
 
 
 def _tell_sum(
-    settings: GaussianSumFilter, state: GaussianSumState, estimate: SocEstimate, told: SocNormal
+    settings: GaussianSumFilter, state: GaussianSumState, estimate: SocEstimate, given: SocNormal
 ) -> tuple[GaussianSumState, SocEstimate]:
     """All hypotheses after it; their weights by how well each foresaw it."""
-    foreseen = [_log_density(unpack(member.belief), told) for member in state.members]
-    parts = [_tell_filter(settings.member, member, estimate, told) for member in state.members]
+    foreseen = [_log_density(unpack(member.belief), given) for member in state.members]
+    parts = [_tell_filter(settings.member, member, estimate, given) for member in state.members]
     log_weights = relative(np.asarray(state.log_weights, dtype=float) + foreseen)
     members = tuple(member for member, _ in parts)
     return state._replace(members=members, log_weights=log_weights), mixed([part for _, part in parts], log_weights)
 
 
-def with_told_soc(belief: Belief, told: SocNormal, gate: float) -> Belief:
+def with_given_soc(belief: Belief, given: SocNormal, gate: float) -> Belief:
     """The belief after its SoC was told; the first equation."""
-    P, R = float(belief.cov[SOC, SOC]), told.std**2
-    if (told.soc - belief.mean[SOC]) ** 2 > gate * (P + R):
+    P, R = float(belief.cov[SOC, SOC]), given.std**2
+    if (given.soc - belief.mean[SOC]) ** 2 > gate * (P + R):
         belief = forget_soc(belief)
         P = float(belief.cov[SOC, SOC])
     if P <= R:
         return belief
-    return correct_state(belief, SOC, told.soc, 1.0 / (1.0 / R - 1.0 / P))
+    return correct_state(belief, SOC, given.soc, 1.0 / (1.0 / R - 1.0 / P))
 
 
-def _log_density(belief: Belief, told: SocNormal) -> float:
+def _log_density(belief: Belief, given: SocNormal) -> float:
     """Ln N(s; mean, P + std^2) up to a constant; a repetition weighs nothing that is as likely before."""
-    S = float(belief.cov[SOC, SOC]) + told.std**2
-    return -0.5 * (float(told.soc - belief.mean[SOC]) ** 2 / S + math.log(S))
+    S = float(belief.cov[SOC, SOC]) + given.std**2
+    return -0.5 * (float(given.soc - belief.mean[SOC]) ** 2 / S + math.log(S))

@@ -17,7 +17,7 @@ from ohmward.battery.soc.anchors import Anchor
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
 #: Standard deviation of a state of charge that the user gives for the start of a log, as the filter takes it.
-_TOLD_STD = 0.03
+_GIVEN_STD = 0.03
 #: A log goes on with the charge of the one before if no longer than this [s] lies between them, and then that charge is
 #: as unsure as this at least.
 _CONTINUES_S, _CONTINUED_STD = 1800.0, 0.01
@@ -27,13 +27,13 @@ _BETWEEN_C = 0.05
 _REST_C, _FULL_AT_REST_STD = 0.01, 0.03
 
 
-def told_at_start(battery: Battery, log: Log, initial_soc: float | None) -> tuple[SocAnchor, ...]:
+def given_at_start(battery: Battery, log: Log, initial_soc: float | None) -> tuple[SocAnchor, ...]:
     """State of charge at the first sample by the user, or by the log that ended just before; () where neither tells.
 
     The current of either log may have gone on between the two.
     """
     if initial_soc is not None:
-        return (SocAnchor(0, initial_soc, _TOLD_STD),)
+        return (SocAnchor(0, initial_soc, _GIVEN_STD),)
     start, _ = span_of(log)
     if start is None or battery.knowledge is None:
         return ()

@@ -9,8 +9,8 @@ import pytest
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.knowledge import Knowledge, SeenLog
 from ohmward.battery.learning import learn
+from ohmward.battery.learning.given_soc import full_at_start, given_at_start
 from ohmward.battery.learning.samples import samples_of
-from ohmward.battery.learning.told_soc import full_at_start, told_at_start
 from ohmward.logs import Log
 
 LABEL = generic_battery("nmc", 10.0)
@@ -32,7 +32,7 @@ def after(*logs: SeenLog):
 
 def test_the_user_knows_better_than_the_log_before():
     battery = after(SeenLog("day", "", MIDNIGHT_S - 86400.0, MIDNIGHT_S, end_soc=0.4, end_soc_std=0.02))
-    (told,) = told_at_start(battery, evening(), 0.7)
+    (told,) = given_at_start(battery, evening(), 0.7)
     assert (told.sample, told.soc, told.std) == (0, 0.7, 0.03)
 
 
@@ -45,7 +45,7 @@ def test_a_log_goes_on_with_the_charge_of_the_one_before(gap_s, end_A, start_A, 
         ),
         SeenLog("a day without a clock", end_soc=0.9, end_soc_std=0.01),
     )
-    (told,) = told_at_start(battery, evening(current_A=start_A), None)
+    (told,) = given_at_start(battery, evening(current_A=start_A), None)
     assert told.soc == 0.4
     # the current of either side may have gone on in between
     assert told.std == pytest.approx(math.hypot(0.02, 0.01, rate_C * gap_s / 3600.0))
@@ -60,8 +60,8 @@ def test_a_log_goes_on_with_the_charge_of_the_one_before(gap_s, end_A, start_A, 
     ],
 )
 def test_another_log_tells_nothing(seen):
-    assert told_at_start(after(seen), evening(), None) == ()
-    assert told_at_start(after(seen), evening(None), None) == ()
+    assert given_at_start(after(seen), evening(), None) == ()
+    assert given_at_start(after(seen), evening(None), None) == ()
 
 
 @pytest.mark.parametrize(
@@ -77,9 +77,9 @@ def test_a_rest_at_the_voltage_of_a_full_battery_is_full(voltage_V, current_A, f
 
 def test_what_was_learnt_at_the_end_of_a_log_is_kept_in_the_file():
     learnt = learn(LABEL, [evening()])
-    (lesson,) = learnt.lessons
+    (update,) = learnt.updates
     assert learnt.battery.knowledge is not None
     (seen,) = learnt.battery.knowledge.logs
-    assert (seen.end_soc, seen.end_soc_std) == tuple(lesson.soc_end)
-    (told,) = told_at_start(learnt.battery, evening(MIDNIGHT_S + 3600.0), None)
-    assert told.soc == lesson.soc_end.mean
+    assert (seen.end_soc, seen.end_soc_std) == tuple(update.soc_end)
+    (told,) = given_at_start(learnt.battery, evening(MIDNIGHT_S + 3600.0), None)
+    assert told.soc == update.soc_end.mean

@@ -10,8 +10,8 @@ from battery.anchor_examples import HOUR, day, label
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.given_soc import with_given_soc
 from ohmward.battery.soc.sample import SocFlag
-from ohmward.battery.soc.told_soc import with_told_soc
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, unpack
 
@@ -31,7 +31,7 @@ def a_charge():
 
 def test_the_soc_is_as_told_and_all_else_follows_its_covariance():
     before = belief()
-    after = with_told_soc(before, SocNormal(1.0, 0.01), GATE)
+    after = with_given_soc(before, SocNormal(1.0, 0.01), GATE)
     assert after.mean[SOC] == pytest.approx(0.9 + (1 - 0.01**2 / 0.05**2) * 0.1)
     assert after.cov[SOC, SOC] == pytest.approx(0.01**2)
     slope = before.cov[1, SOC] / before.cov[SOC, SOC]
@@ -40,17 +40,17 @@ def test_the_soc_is_as_told_and_all_else_follows_its_covariance():
 
 
 def test_an_unknown_soc_takes_the_kalman_update():
-    after = with_told_soc(belief(0.5, 0.3), SocNormal(1.0, 0.01), GATE)
+    after = with_given_soc(belief(0.5, 0.3), SocNormal(1.0, 0.01), GATE)
     assert after.mean[SOC] == pytest.approx(1.0, abs=1e-3)
 
 
 def test_what_is_known_better_stays():
     sure = belief(0.99, 0.005)
-    assert with_told_soc(sure, SocNormal(1.0, 0.01), GATE) is sure
+    assert with_given_soc(sure, SocNormal(1.0, 0.01), GATE) is sure
 
 
 def test_a_contradicted_belief_forgets():
-    after = with_told_soc(belief(0.5, 0.005), SocNormal(1.0, 0.01), GATE)
+    after = with_given_soc(belief(0.5, 0.005), SocNormal(1.0, 0.01), GATE)
     assert after.mean[SOC] == pytest.approx(1.0, abs=2e-3)
     assert after.cov[SOC, SOC] == pytest.approx(0.01**2)
 
