@@ -144,7 +144,7 @@ def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
     """(K,) change of the parameters by a change of the logarithm of the capacity with age, whose electrodes slip."""
     model, direction = require_thevenin(battery), np.zeros(p.size)
     seen_from = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
-    pinned = 1.0 - OCV_KNOTS - CurvePlace(seen_from, 0.0).by_log_ratio(OCV_KNOTS)
+    pinned = 1.0 - OCV_KNOTS - CurvePlace(seen_from, 0.0).columns(OCV_KNOTS)[:, 0]
     direction[p.group("capacity")] = 1.0
     direction[p.group("ocv")] = mean_slope_V(model.ocv, OCV_KNOTS) * pinned
     return direction + model.ocv_slip * slip_direction(battery, p)
@@ -271,7 +271,7 @@ def _curve_error(battery: Battery, p: Parameters, covariance: np.ndarray) -> tup
     # the curve is known over the charge below full; along SoC it is as wrong as the capacity is
     slope_V = mean_slope_V(require_thevenin(battery).ocv, _NOISE_GRID)
     seen_from = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
-    stretched = CurvePlace(seen_from, 0.0).by_log_ratio(_NOISE_GRID)
+    stretched = CurvePlace(seen_from, 0.0).columns(_NOISE_GRID)[:, 0]
     rows[:, p.group("capacity")] = -(slope_V * (1.0 - _NOISE_GRID - stretched))[:, None]
     error = rows @ covariance @ rows.T
     variance = np.diag(error)
