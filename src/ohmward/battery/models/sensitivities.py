@@ -176,7 +176,7 @@ class SensitiveCircuit(NamedTuple):
         def terminal_V(z: np.ndarray) -> np.ndarray:
             k = self.sizes.split(z[n + 2 :])
             there = CircuitInput(u.current_A - k.offset_A, u.temperature_degC)
-            return voltage(np.array([*z[: n + 1], z[n + 1] * k.hysteresis_ratio]), there, p, k)
+            return voltage(np.array([x[0], *z[1 : n + 1], z[n + 1] * k.hysteresis_ratio]), there, p, k)
 
         V, G = linearize(terminal_V, np.array([*x, h[1], *state.theta]))
         columns = (G[:, : n + 1] @ S)[0]
@@ -195,9 +195,10 @@ class SensitiveCircuit(NamedTuple):
             k = self.sizes.split(z[n + 1 :])
             current_A = sample.mean_current_A - sample.counted * (sample.offset_A + k.offset_A)
             u = CircuitInput(current_A, sample.temperature_degC)
-            soc, *v, _ = next_state(np.array([*z[: n + 1], 0.0]), u, self.model, sample.dt_s, k)
+            at = state.circuit[0]
+            soc, *v, _ = next_state(np.array([at, *z[1 : n + 1], 0.0]), u, self.model, sample.dt_s, k)
             start_V = np.asarray(sample.start_V).tolist()
-            return np.array([soc + sample.moved, *(vj + more_V for vj, more_V in zip(v, start_V, strict=True))])
+            return np.array([z[0] + (soc - at) + sample.moved, *(vj + more_V for vj, more_V in zip(v, start_V, strict=True))])
 
         return linearize(after, np.array([*state.circuit, *state.theta]))
 
