@@ -6,10 +6,9 @@ Resistance to a pulse, as testers of batteries measure it and people quote it.
 
 After a rest a current I of one capacity per hour flows for t = 10 s:
 
-    R = (f(R_0 I) R_0 I + sum R_j (1 - exp(-t / tau_j)) I + (I t / Q) dOCV/ds) / I
+    R = (overpotentials of `models.thevenin` after it + (I t / Q) dOCV/ds) / I
 
-f is the share of the ohmic drop that the transfer of charge leaves at this current (`models.thevenin`). The last term
-is what the charge drawn moves the open-circuit voltage: a tester's voltage falls by it as well.
+The last term is what the charge drawn moves the open-circuit voltage: a tester's voltage falls by it as well.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.chemistries import CELL_V, Normal, chemistry_prior
-from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.identification.circuit_prior import LFP_WITHOUT_LOW_RATE_V
 from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD, beyond_axis_V
 from ohmward.battery.identification.ocv_from_low_rate import monotone
@@ -34,13 +32,13 @@ from ohmward.battery.learning.parameters import (
     mean_slope_V,
     parameters_of,
 )
-from ohmward.battery.models.noise import BatteryNoise, on_soc_grid
+from ohmward.battery.models.knots import hat
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc_elements import rc_of_thevenin
 from ohmward.battery.models.sensitivities import RESISTANCE_KNOTS
 from ohmward.battery.models.slip import slip_shape
-from ohmward.battery.models.thevenin import Thevenin, transfer_share
-from ohmward.logs.log import SECONDS_PER_HOUR
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_state, overpotentials
 
 #: Duration of the pulse [s], and the state of charge before the one that is quoted.
 PULSE_S, _HALF = 10.0, 0.5
@@ -325,10 +323,7 @@ def pulse_ohm(model: Thevenin) -> float:
 
 def pulse_ohm_along(model: Thevenin, soc: np.ndarray) -> np.ndarray:
     """Resistance [ohm] to ten seconds of 1 C at these states of charge and the temperature of the file."""
-    current_A = model.capacity_Ah
-    ohm = np.asarray(on_soc_grid(model.r0_discharge_ohm, soc))
-    if model.transfer_V is not None:
-        ohm = ohm * np.asarray(transfer_share(ohm * current_A / model.transfer_V))
-    for row, tau_s in zip(model.r_ohm, model.tau_s, strict=True):
-        ohm = ohm + np.asarray(on_soc_grid(row, soc)) * (1.0 - np.exp(-PULSE_S / tau_s))
-    return ohm + mean_slope_V(model.ocv, soc) * PULSE_S / SECONDS_PER_HOUR / current_A
+    u, nothing = CircuitInput(-model.capacity_Ah, model.reference_degC), np.zeros(soc.size)
+    _, *v, h = next_state(np.array([soc, *([nothing] * (model.pairs + 1))]), u, model, PULSE_S)
+    ohm = sum(overpotentials(np.array([soc, *v, h]), u, model)) / u.current_A
+    return ohm + mean_slope_V(model.ocv, soc) * PULSE_S / model.capacity_As

@@ -26,8 +26,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
-from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.learning.parameters import ENTROPY_KNOTS, OCV_KNOTS, Parameters, parameters_of
+from ohmward.battery.models.knots import hat
 from ohmward.battery.models.slip import slip_shape
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.trace import Kernel, exp, linearize, where

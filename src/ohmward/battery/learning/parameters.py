@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.models.knots import correlation
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.sensitivities import RESISTANCE_KNOTS
@@ -178,7 +179,7 @@ class _Prior(NamedTuple):
         """Covariance of the logarithm of a resistance along SoC about its level."""
         factors = _GASSING_SHAPE_FACTORS if self.model.gassing_V else _SHAPE_FACTORS
         std = _SHAPE_SHARES * self.share * factors
-        return np.outer(std, std) * _correlation(RESISTANCE_KNOTS, _RESISTANCE_LENGTH)
+        return np.outer(std, std) * correlation(RESISTANCE_KNOTS, _RESISTANCE_LENGTH)
 
     @property
     def ohmic(self) -> np.ndarray:
@@ -193,18 +194,18 @@ class _Prior(NamedTuple):
     @property
     def ocv(self) -> np.ndarray:
         std_V = np.interp(OCV_KNOTS, np.linspace(0, 1, len(self.noise.model_std_V)), self.noise.model_std_V)
-        curve = np.outer(std_V, std_V) * _correlation(OCV_KNOTS, self.noise.model_soc_length)
+        curve = np.outer(std_V, std_V) * correlation(OCV_KNOTS, self.noise.model_soc_length)
         whole_std = self.noise.soc_axis_std
         full_std = whole_std if self.model.gassing_V else min(_FULL_SHARE * whole_std, _FULL_STD)
         axis_std = np.interp(OCV_KNOTS, [_FULL_FROM, 1.0], [whole_std, full_std])
         axis_V = axis_std * mean_slope_V(self.model.ocv, OCV_KNOTS)
-        whole, local = (_correlation(OCV_KNOTS, length) for length in (_AXIS_LENGTH, _LOCAL_LENGTH))
+        whole, local = (correlation(OCV_KNOTS, length) for length in (_AXIS_LENGTH, _LOCAL_LENGTH))
         return curve + np.outer(axis_V, axis_V) * ((1.0 - _LOCAL_SHARE) * whole + _LOCAL_SHARE * local)
 
     @property
     def entropy(self) -> Group:
         std, names = self.noise.ocv_std_V_per_K, tuple(f"ocv_V_per_K at {at}" for at in _along(ENTROPY_KNOTS))
-        return Group(names if std else (), std**2 * _correlation(ENTROPY_KNOTS[: 3 * bool(std)], _ENTROPY_LENGTH))
+        return Group(names if std else (), std**2 * correlation(ENTROPY_KNOTS[: 3 * bool(std)], _ENTROPY_LENGTH))
 
 
 def mean_slope_V(ocv: OcvCurve, soc: np.ndarray) -> np.ndarray:
@@ -222,8 +223,3 @@ def _each(names: list[str], stds: list[float]) -> Group:
 
 def _along(knots: np.ndarray) -> list[str]:
     return [f"soc {knot:g}" for knot in knots]
-
-
-def _correlation(knots: np.ndarray, length: float) -> np.ndarray:
-    """Correlation of a Gauss-Markov process along SoC, as that of the filter's model error."""
-    return np.exp(-np.abs(knots[:, None] - knots) / length)

@@ -5,8 +5,8 @@
     V     = V_ocv(c, T) + M(c, T) h + v_0 + sum v_j
 
 The corrections stand along the charge c, since that is what a log shows; `open_circuit` has the voltage V_ocv. Charge,
-overpotentials and hysteresis with their derivatives are the model's own, see `sensitivities`; what a change in the
-middle of a log does is what the same change does from its start on, as long as RC pairs have settled.
+overpotentials and hysteresis with their derivatives are the model's own, see `sensitivities`. An offset that changes in
+the middle of a log acts from there on as one that was there from the start.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
-from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.learning.nuisances import MISFIT_KNOTS, Nuisances, nuisances_of
 from ohmward.battery.learning.open_circuit import OpenCircuit, true_soc
 from ohmward.battery.learning.parameters import Parameters, parameters_of
 from ohmward.battery.learning.samples import Samples
+from ohmward.battery.models.knots import hat
 from ohmward.battery.models.sensitivities import CircuitAlong, CircuitSample, SensitiveCircuit, Sizes
 from ohmward.battery.models.thevenin import Thevenin, without_curve
 
@@ -176,20 +176,15 @@ class VoltageModel:
         of_log = columns[:, self.parameters.size :]
         found = along.voltage_columns[rows]
         columns[:, self.places] = found[:, :P]
-        of_log[:, nuisances.soc] = found[:, P]
-        of_log[:, nuisances.jumps] = found[:, P, None] * (rows[:, None] >= self.jump_starts)
         if nuisances.offset_from_s.size:
-            # without the charge that the offset has moved before it changed
-            before = along.soc_columns[self.offset_starts - 1, P - 1]
-            since = found[:, P - 1, None] - before * found[:, P, None]
-            of_log[:, nuisances.offsets] = since * (rows[:, None] >= self.offset_starts)
+            of_log[:, nuisances.offsets] = found[:, P - 1, None] * (rows[:, None] >= self.offset_starts)
         segment = np.searchsorted(self.starts, rows, side="right") - 1
         for j in range(self.model.pairs):
             # what is left of the voltage at the start of each segment at the start of each later one
             left = np.tril(np.ones((self.starts.size, self.starts.size)))
             for k, share in enumerate(along.left[self.starts[1:], j], start=1):
                 left[k:, :k] *= share
-            of_log[:, nuisances.pair(j)] = found[:, P + 1 + j, None] * left[segment]
+            of_log[:, nuisances.pair(j)] = found[:, P + j, None] * left[segment]
         if nuisances.has_hysteresis:
             slope_V = along.hysteresis_V[rows] / np.maximum(width, 1e-9)[segment]
             of_log[np.arange(rows.size), nuisances.hysteresis.start + segment] = slope_V
@@ -202,7 +197,7 @@ class ChargeAlong(NamedTuple):
     of: VoltageModel
     x: np.ndarray  #: (K + M,) unknowns
     charge: np.ndarray  #: (T,)
-    by_circuit: np.ndarray  #: (T, Q) derivatives by the unknowns of the circuit
+    by_circuit: np.ndarray  #: (T, P) derivatives by the corrections of the circuit, the last of them the offset
 
     @property
     def log_ratio(self) -> float:
@@ -216,15 +211,15 @@ class ChargeAlong(NamedTuple):
 
     def columns(self, at: np.ndarray) -> np.ndarray:
         """(N, K + M) derivatives of the charge in these samples."""
-        places, nuisances, P = self.of.places, self.of.nuisances, self.of.places.size
+        places, nuisances = self.of.places, self.of.nuisances
         columns = np.zeros((at.size, self.x.size))
         of_log = columns[:, self.of.parameters.size :]
-        columns[:, places] = self.by_circuit[at, :P]
+        columns[:, places] = self.by_circuit[at]
         of_log[:, nuisances.soc] = 1.0
         of_log[:, nuisances.jumps] = at[:, None] >= self.of.jump_starts
         if nuisances.offset_from_s.size:
-            before = self.by_circuit[self.of.offset_starts - 1, P - 1]
-            of_log[:, nuisances.offsets] = np.minimum(self.by_circuit[at, P - 1, None] - before, 0.0)
+            before = self.by_circuit[self.of.offset_starts - 1, -1]
+            of_log[:, nuisances.offsets] = np.minimum(self.by_circuit[at, -1, None] - before, 0.0)
         return columns
 
     def soc_columns(self, at: np.ndarray) -> np.ndarray:

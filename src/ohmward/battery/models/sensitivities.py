@@ -1,11 +1,15 @@
 """Thevenin model along a log with its sensitivities to corrections of the file, made by the compiler.
 
-The step is that of `thevenin.next_state` and `thevenin.voltage`; q are the corrections theta and the state at start:
+The step is that of `thevenin.next_state` and `thevenin.voltage`; q are the corrections theta and the RC voltages at the
+start:
 
     x+ = f(x, theta)      S+ = df/dx S + df/dq        V = g(x+, theta)      dV/dq = dg/dx S+ + dg/dq
 
-A `Kernel` scans it. The corrections are a state that stays, so that one kernel serves every iteration of a fit. A
-parameter of the cell that a fit shall find is a field of `Corrections`, which says where it acts.
+A `Kernel` scans it. The corrections are a state that stays, so that one kernel serves every iteration of a fit. The
+derivatives of the voltage are those at the SoC of the state: through the curve SoC acts as the user of the curve says,
+and a resistance that depends on SoC tells nothing of it, since its course along SoC is known far less than the curve.
+
+A parameter of the cell that a fit shall find is a field of `Corrections`, which says where it acts.
 """
 
 from __future__ import annotations
@@ -16,9 +20,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.models.knots import between_knots
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, emptiness, next_state, overpotentials, voltage
-from ohmward.trace import Expression, Kernel, clip, exp, linearize, trace, where
+from ohmward.trace import Expression, Kernel, exp, linearize, trace, where
 from ohmward.trace.expression import Scalar
 
 #: SoC at which corrections of a resistance stand. Resistances rise towards empty, so their knots are closer there.
@@ -49,7 +54,7 @@ class Corrections(NamedTuple):
 
     def ohmic_ratio(self, soc: Any, u: CircuitInput, p: Thevenin) -> Any:
         """R_0 over the file's."""
-        log_ratio = between_knots(self.ohmic, soc)
+        log_ratio = between_knots(self.ohmic, RESISTANCE_KNOTS, soc) if len(self.ohmic) else 0.0
         if len(self.activation):
             log_ratio = log_ratio + self.activation[0] * coldness_per_K(u.temperature_degC, p.reference_degC)
         return exp(log_ratio)
@@ -62,7 +67,10 @@ class Corrections(NamedTuple):
         if len(self.empty_activation):
             common = common + self.empty_activation[0] * cold * emptiness(soc)
         knots = RESISTANCE_KNOTS.size
-        return [exp(between_knots(self.pair[knots * j : knots * (j + 1)], soc) + common) for j in range(p.pairs)]
+        return [
+            exp(between_knots(self.pair[knots * j : knots * (j + 1)], RESISTANCE_KNOTS, soc) + common)
+            for j in range(p.pairs)
+        ]
 
     def rate_ratios(self, p: Thevenin) -> Sequence[Any]:
         """Rates 1 / tau_1 ... 1 / tau_n over the file's."""
@@ -128,13 +136,13 @@ class CircuitState(NamedTuple):
 
 
 class CircuitAlong(NamedTuple):
-    """Circuit at every sample (T, ...). The Q unknowns are the corrections, SoC and RC voltages at the start."""
+    """Circuit at every sample (T, ...). The Q unknowns are the P corrections, then the n RC voltages at the start."""
 
     soc: Any  #: by the capacity of the file
     voltage_V: Any
     over_V2: Any  #: sum of the squares of the overpotentials [V^2]
-    soc_columns: Any  #: (T, Q)
-    #: (T, Q) of the voltage; those of the RC voltages by the ones at the start or after the last gap before
+    soc_columns: Any  #: (T, P)
+    #: (T, Q) of the voltage at this SoC; those of the RC voltages by the ones at the start or after the last gap before
     voltage_columns: Any
     hysteresis_V: Any  #: difference of the voltages from the upper and the lower hysteresis at the start
     left: Any  #: (T, n) share that is left of the RC voltages of the start or the last gap before this sample
@@ -143,20 +151,20 @@ class CircuitAlong(NamedTuple):
 class SensitiveCircuit(NamedTuple):
     """Circuit with its sensitivities; `kernel` is the same for equal circuits."""
 
-    model: Thevenin  #: its open-circuit curve is part of the voltage; `without_curve` leaves it out
+    model: Thevenin  #: its open-circuit curve is part of the voltage, not of the columns; `without_curve` has none
     sizes: Sizes  #: of the corrections
 
     @property
     def unknowns(self) -> int:
-        """Number Q of unknowns: corrections, SoC, RC voltages."""
-        return sum(self.sizes) + self.model.pairs + 1
+        """Number Q of unknowns."""
+        return sum(self.sizes) + self.model.pairs
 
     def along(self, theta: np.ndarray, soc: float, samples: CircuitSample) -> CircuitAlong:
         """The circuit along a log with the corrections theta (P,), from this SoC."""
         kernel, pattern = _kernel(self)
         n = self.model.pairs
-        S = _with_start(np.zeros((n + 1, self.unknowns)), np.ones(n + 1), sum(self.sizes))
-        start = CircuitState(np.array([soc, *([0.0] * n)]), np.zeros(3), S[pattern].astype(float), theta)
+        none = np.zeros(np.count_nonzero(pattern))
+        start = CircuitState(np.array([soc, *([0.0] * n)]), np.zeros(3), none, theta)
         found: CircuitAlong = kernel.scan(start, samples)[1]
         return found
 
@@ -168,8 +176,9 @@ class SensitiveCircuit(NamedTuple):
         x, F = self.next_circuit(state, sample)
         S = F[:, : n + 1] @ S
         S[:, :P] = S[:, :P] + F[:, n + 1 :]
-        left = np.array([S[1 + j, P + 1 + j] for j in range(n)])
-        S = _with_start(S, np.array([1.0, *(where(sample.counted > 0.0, share, 1.0) for share in left)]), P)
+        left = np.array([S[1 + j, P + j] for j in range(n)])
+        for j, share in enumerate(left):
+            S[1 + j, P + j] = where(sample.counted > 0.0, share, 1.0)
         h = self.next_hysteresis(state, sample)
         u = CircuitInput(sample.current_A - sample.offset_A, sample.temperature_degC)
 
@@ -184,7 +193,8 @@ class SensitiveCircuit(NamedTuple):
         k = self.sizes.split(state.theta)
         over_V = overpotentials(np.array([*x, h[1]]), u._replace(current_A=u.current_A - k.offset_A), p, k)
         after = CircuitState(x, h, S[pattern], state.theta)
-        out = CircuitAlong(x[0], V[0], sum(v * v for v in over_V), S[0], columns, G[0, n + 1] * (h[2] - h[0]), left)
+        width_V = G[0, n + 1] * (h[2] - h[0])
+        out = CircuitAlong(x[0], V[0], sum(v * v for v in over_V), S[0, :P], columns, width_V, left)
         return after, out
 
     def next_circuit(self, state: CircuitState, sample: CircuitSample) -> tuple[np.ndarray, np.ndarray]:
@@ -198,7 +208,9 @@ class SensitiveCircuit(NamedTuple):
             at = state.circuit[0]
             soc, *v, _ = next_state(np.array([at, *z[1 : n + 1], 0.0]), u, self.model, sample.dt_s, k)
             start_V = np.asarray(sample.start_V).tolist()
-            return np.array([z[0] + (soc - at) + sample.moved, *(vj + more_V for vj, more_V in zip(v, start_V, strict=True))])
+            return np.array(
+                [z[0] + (soc - at) + sample.moved, *(vj + more_V for vj, more_V in zip(v, start_V, strict=True))]
+            )
 
         return linearize(after, np.array([*state.circuit, *state.theta]))
 
@@ -208,17 +220,6 @@ class SensitiveCircuit(NamedTuple):
         after = [next_state(np.array([*state.circuit, h]), u, self.model, sample.dt_s)[-1] for h in state.hysteresis]
         starts = np.asarray(sample.start_h).tolist()
         return np.array([where(sample.counted > 0.0, h, start) for h, start in zip(after, starts, strict=True)])
-
-
-def between_knots(values: Any, soc: Any) -> Any:
-    """Linear between values (5,) on RESISTANCE_KNOTS, constant beyond; 0 for no values."""
-    if not len(values):
-        return 0.0
-    at = RESISTANCE_KNOTS.tolist()
-    found = values[0]
-    for k in range(len(at) - 1):
-        found = found + (values[k + 1] - values[k]) * clip((soc - at[k]) * (1.0 / (at[k + 1] - at[k])), 0.0, 1.0)
-    return found
 
 
 @lru_cache(maxsize=8)
@@ -239,15 +240,7 @@ def _pattern(jacobian: np.ndarray) -> np.ndarray:
     """(n + 1, Q) True where a sensitivity is not always 0, by where the derivatives of the step are not."""
     states = len(jacobian)
     by_state, by_theta = jacobian[:, :states], jacobian[:, states:]
-    pattern = np.hstack([by_theta, np.eye(states, dtype=bool)])
+    pattern = np.hstack([by_theta, np.eye(states, dtype=bool)[:, 1:]])
     for _ in range(states):
         pattern = pattern | (by_state @ pattern)
     return pattern
-
-
-def _with_start(S: np.ndarray, share: np.ndarray, P: int) -> np.ndarray:
-    """The sensitivities (n + 1, Q) with those of SoC and RC voltages to their own starts."""
-    found = S.copy()
-    for j, of_start in enumerate(share):
-        found[j, P + j] = of_start
-    return found
