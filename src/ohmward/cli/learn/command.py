@@ -29,7 +29,7 @@ from ohmward.logs.selection import split_selection
 from ohmward.report import Page
 
 #: Columns of the logs.
-LOGS = ["log", "verdict", "hours", "SoC", "capacity", "resistance", "error", "taught"]
+LOGS = ["log", "verdict", "hours", "SoC", "capacity", "resistance", "error", "learnt"]
 #: Columns of a battery file.
 CHANGES = ["", "before", "after"]
 _VERDICTS = ("learnt", "seen", "set aside")
@@ -128,7 +128,7 @@ def describe(f: Mapping[str, Any]) -> str:
         title(f),
         *(f"{headline(file)}\n{wording.table(CHANGES, change_rows(file))}" for file in f["files"]),
         wording.table(LOGS[:-1], [row[:-1] for row in log_rows(rows)]) if rows else "",
-        wording.bullets("Taught", [f"{row['log']}: {row['reason']}" for row in rows if row["verdict"] == "learnt"]),
+        wording.bullets("Learnt", [f"{row['log']}: {row['reason']}" for row in rows if row["verdict"] == "learnt"]),
         wording.bullets("Not learnt from", left),
         wording.assumptions(f["notes"]),
         ending(f),
