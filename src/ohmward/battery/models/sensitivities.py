@@ -226,7 +226,7 @@ class SensitiveCircuit(NamedTuple):
 def _kernel(circuit: SensitiveCircuit) -> tuple[Kernel, np.ndarray]:
     """The compiled step of a circuit, and the pattern of its sensitivities."""
     n, P = circuit.model.pairs, sum(circuit.sizes)
-    sample = CircuitSample(*([0.0] * 7), start_V=np.zeros(n), start_h=np.zeros(3))
+    sample = CircuitSample(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.zeros(n), np.zeros(3))
     bare = CircuitState(np.zeros(n + 1), np.zeros(3), np.zeros(0), np.zeros(P))
     jacobian = trace(lambda state, sample: circuit.next_circuit(state, sample)[1], bare, sample).outputs
     pattern = _pattern(

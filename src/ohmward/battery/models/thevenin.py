@@ -208,10 +208,11 @@ def without_curve(model: Thevenin) -> Thevenin:
     return replace(model, ocv=replace(model.ocv, voltage_V=flat, temperature_V_per_K=flat))
 
 
-def next_state(x: np.ndarray, u: CircuitInput, p: Thevenin, dt_s: Scalar, health: Health = AS_IDENTIFIED) -> np.ndarray:
+def next_state(x: np.ndarray, u: CircuitInput, p: Thevenin, dt_s: Any, health: Health = AS_IDENTIFIED) -> np.ndarray:
     """State after `dt_s` of constant current, exact for charge, RC pairs and hysteresis.
 
-    x: (n + 2,) [soc, v_1 ... v_n, hysteresis], as `p.state_names`.  Returns: the same at the end of the step.
+    x: (n + 2,) [soc, v_1 ... v_n, hysteresis], as `p.state_names`; or (n + 2, N), N states at once.
+    Returns: the same at the end of the step.
     """
     soc, *v, h = x
     i = u.current_A
