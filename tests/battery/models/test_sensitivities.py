@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.sensitivities import CircuitAlong, CircuitSample, SensitiveCircuit, Sizes
-from ohmward.battery.models.thevenin import Thevenin, without_curve
+from ohmward.battery.models.sensitivities import CircuitAlong, CircuitSample, SensitiveCircuit
+from ohmward.battery.models.thevenin import Corrections, Thevenin, without_curve
 from ohmward.logs import Log
 from ohmward_lab.simulate.voltage import simulate_voltage
 
@@ -28,7 +28,7 @@ RICH = Thevenin(
     net_charge_hysteresis=True,
     hysteresis_activation_K=500.0,
 )
-ALL = Sizes(efficiency=1, ohmic=5, pair=10, tau=2, activation=2, empty_activation=1, hysteresis=1, offset=1)
+ALL = Corrections(efficiency=1, ohmic=5, pair=10, tau=2, activation=2, empty_activation=1, hysteresis=1, offset=1)
 #: Typical corrections of each kind.
 SCALES = np.repeat([0.01, 0.2, 0.2, 0.2, 500.0, 1000.0, 0.2, 0.05], ALL)
 T, GAP = 1200, 700
@@ -78,7 +78,7 @@ def test_the_columns_are_central_differences(net_charge: bool) -> None:
     model = replace(RICH, net_charge_hysteresis=net_charge)
     theta = 0.5 * SCALES * np.random.default_rng(2).standard_normal(sum(ALL))
     found = along(model, theta)
-    for k in np.flatnonzero(np.repeat(np.array(Sizes._fields) != "efficiency", ALL))[:-1]:
+    for k in np.flatnonzero(np.repeat(np.array(Corrections._fields) != "efficiency", ALL))[:-1]:
         difference_V, _ = differences(model, theta, k)
         assert found.voltage_columns[:, k] == pytest.approx(difference_V, rel=1e-5, abs=1e-8 / SCALES[k])
 

@@ -36,9 +36,15 @@ from ohmward.battery.models.knots import hat
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc_elements import rc_of_thevenin
-from ohmward.battery.models.sensitivities import RESISTANCE_KNOTS
 from ohmward.battery.models.slip import slip_shape
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_state, overpotentials
+from ohmward.battery.models.thevenin import (
+    RESISTANCE_KNOTS,
+    CircuitInput,
+    Corrections,
+    Thevenin,
+    next_state,
+    overpotentials,
+)
 
 #: Duration of the pulse [s], and the state of charge before the one that is quoted.
 PULSE_S, _HALF = 10.0, 0.5
@@ -57,10 +63,8 @@ _ENTROPY_SHARE = 0.5
 #: Where nothing but the curve has told the charge, a log cannot see a shift of the axis: so much of the error that the
 #: chemistry's curves have is left.
 _UNANCHORED_SHARE = 0.5
-#: Grid of the error along SoC in the noise, and of resistances that were constant before.
+#: Grid of the error along SoC in the noise.
 _NOISE_GRID = np.linspace(0.0, 1.0, 21)
-#: Time constants stay apart by this factor at least.
-_TAU_RATIO = 1.5
 #: Correlations between knots of the curve that tell how long its error lasts.
 _NEIGHBOUR = 0.1
 
@@ -158,22 +162,12 @@ def slip_direction(battery: Battery, p: Parameters) -> np.ndarray:
 def folded_model(curve: OpenCircuit) -> Thevenin:
     """The circuit with the corrections made."""
     model, p, theta = curve.model, curve.parameters, curve.theta
-    capacity_Ah = model.capacity_Ah * float(np.exp(curve.place.log_ratio))
-    activation, empty = theta[p.group("activation")], theta[p.group("empty_activation")]
-    pair_K = model.activation_K if model.pair_activation_K is None else model.pair_activation_K
+    corrections = Corrections(*(theta[p.group(name)] for name in Corrections._fields))
     return replace(
-        model,
-        capacity_Ah=capacity_Ah,
+        corrections.made(model),
+        capacity_Ah=model.capacity_Ah * float(np.exp(curve.place.log_ratio)),
         ocv=folded_curve(curve),
         ocv_slip=model.ocv_slip + float(theta[p.group("slip")].sum()),
-        r0_discharge_ohm=_times(model.r0_discharge_ohm, theta[p.group("ohmic")]),
-        r0_charge_ohm=_times(model.r0_charge_ohm, theta[p.group("ohmic")]),
-        r_ohm=tuple(_times(row, theta[p.pair(j)]) for j, row in enumerate(model.r_ohm)),
-        tau_s=_apart(np.asarray(model.tau_s) * np.exp(theta[p.group("tau")])),
-        coulombic_efficiency=min(model.coulombic_efficiency * float(np.exp(theta[p.group("efficiency")].sum())), 1.0),
-        activation_K=model.activation_K + float(activation[0] if activation.size else 0.0),
-        pair_activation_K=pair_K + float(activation[-1] if activation.size else 0.0),
-        empty_activation_K=model.empty_activation_K + float(empty.sum()),
     )
 
 
@@ -294,21 +288,6 @@ def _share(noise: BatteryNoise, p: Parameters, std: np.ndarray) -> float | tuple
     before = np.asarray(noise.overpotential_share)
     found = np.minimum(np.maximum(before, 0.0), np.hypot(_SHARE, 0.25 * np.sqrt(shape)))
     return tuple(found.tolist()) if found.ndim else float(found)
-
-
-def _times(ohm: tuple[float, ...], log_ratio: np.ndarray) -> tuple[float, ...]:
-    """Resistances along SoC times a factor on the knots; on a grid that shows it."""
-    grid = np.linspace(0.0, 1.0, len(ohm))
-    fine = grid if grid.size >= _NOISE_GRID.size else _NOISE_GRID
-    return tuple((np.interp(fine, grid, ohm) * np.exp(hat(fine, RESISTANCE_KNOTS) @ log_ratio)).tolist())
-
-
-def _apart(tau_s: np.ndarray) -> tuple[float, ...]:
-    """Time constants that increase from pair to pair."""
-    found = tau_s.tolist()
-    for j in range(1, len(found)):
-        found[j] = max(found[j], _TAU_RATIO * found[j - 1])
-    return tuple(found)
 
 
 def _between(floor: float, found: float, before: float) -> float:

@@ -15,8 +15,7 @@ from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.knots import correlation
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.sensitivities import RESISTANCE_KNOTS
-from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.models.thevenin import RESISTANCE_KNOTS, Thevenin
 from ohmward.battery.soc.augmented_thevenin import RESISTANCE_CORRELATION
 from ohmward.errors import InputError
 
@@ -112,8 +111,15 @@ def parameters_of(battery: Battery) -> Parameters:
 def prior_covariance(battery: Battery) -> np.ndarray:
     """(K, K) covariance of the corrections: what the file has learnt, or what its noise says before any log."""
     prior = _Prior(battery, require_thevenin(battery))
-    learnt = battery.knowledge
-    return learnt.matrix if learnt and learnt.names == prior.parameters.names else prior.covariance
+    learnt, names, P = battery.knowledge, prior.parameters.names, prior.covariance
+    if learnt is None or not set(learnt.names) <= set(names):
+        return P
+    # a parameter that the file did not know when it learnt is as before any log
+    known = [names.index(name) for name in learnt.names]
+    P[known, :] = 0.0
+    P[:, known] = 0.0
+    P[np.ix_(known, known)] = learnt.matrix
+    return P
 
 
 class _Prior(NamedTuple):

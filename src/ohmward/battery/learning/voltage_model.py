@@ -23,8 +23,8 @@ from ohmward.battery.learning.open_circuit import OpenCircuit, true_soc
 from ohmward.battery.learning.parameters import Parameters, parameters_of
 from ohmward.battery.learning.samples import Samples
 from ohmward.battery.models.knots import hat
-from ohmward.battery.models.sensitivities import CircuitAlong, CircuitSample, SensitiveCircuit, Sizes
-from ohmward.battery.models.thevenin import Thevenin, without_curve
+from ohmward.battery.models.sensitivities import CircuitAlong, CircuitSample, SensitiveCircuit
+from ohmward.battery.models.thevenin import Corrections, Thevenin, without_curve
 
 #: Half step of the hysteresis at the start for its derivative, since a state that saturates is not linear in it.
 _HYSTERESIS_STEP = 0.5
@@ -114,12 +114,13 @@ class VoltageModel:
     @cached_property
     def sensitive(self) -> SensitiveCircuit:
         """The circuit without its curve."""
-        return SensitiveCircuit(without_curve(self.model), Sizes.of(self.parameters.sizes))
+        sizes = Corrections(*(self.parameters.sizes[name] for name in Corrections._fields))
+        return SensitiveCircuit(without_curve(self.model), sizes)
 
     @cached_property
     def places(self) -> np.ndarray:
         """(P,) places of the corrections of the circuit among the unknowns."""
-        groups = [self.parameters.group(name) for name in Sizes._fields]
+        groups = [self.parameters.group(name) for name in Corrections._fields]
         return np.concatenate([np.arange(group.start, group.stop) for group in groups])
 
     def circuit(self, x: np.ndarray) -> Circuit:

@@ -8,106 +8,17 @@ start:
 A `Kernel` scans it. The corrections are a state that stays, so that one kernel serves every iteration of a fit. The
 derivatives of the voltage are those at the SoC of the state: through the curve SoC acts as the user of the curve says,
 and a resistance that depends on SoC tells nothing of it, since its course along SoC is known far less than the curve.
-
-A parameter of the cell that a fit shall find is a field of `Corrections`, which says where it acts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.knots import between_knots
-from ohmward.battery.models.temperature import coldness_per_K
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin, emptiness, next_state, overpotentials, voltage
-from ohmward.trace import Expression, Kernel, exp, linearize, trace, where
-from ohmward.trace.expression import Scalar
-
-#: SoC at which corrections of a resistance stand. Resistances rise towards empty, so their knots are closer there.
-RESISTANCE_KNOTS = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
-
-
-class Corrections(NamedTuple):
-    """Corrections of a battery file, 0 for the file as it stands; a `thevenin.Health`. () is not corrected."""
-
-    efficiency: Any = ()  #: (1,) ln of the coulombic efficiency over the file's
-    ohmic: Any = ()  #: (5,) ln of R_0 over the file's on RESISTANCE_KNOTS
-    pair: Any = ()  #: (n * 5,) the same of R_1, then of R_2, ...
-    tau: Any = ()  #: (n,) ln of the time constants over the file's
-    activation: Any = ()  #: (2,) of the activation temperatures of R_0 and of the R_j [K]
-    empty_activation: Any = ()  #: (1,) of that of the R_j towards empty [K]
-    hysteresis: Any = ()  #: (1,) ln of the hysteresis voltage over the file's
-    offset: Any = ()  #: (1,) of the reading of the current sensor at zero current [A]
-
-    @property
-    def soh_capacity(self) -> Scalar:
-        """Always 1: a log shows the charge, of which the capacity of the file is the unit."""
-        return 1.0
-
-    @property
-    def efficiency_ratio(self) -> Scalar:
-        """Coulombic efficiency over the file's."""
-        return exp(self.efficiency[0]) if len(self.efficiency) else 1.0
-
-    def ohmic_ratio(self, soc: Any, u: CircuitInput, p: Thevenin) -> Any:
-        """R_0 over the file's."""
-        log_ratio = between_knots(self.ohmic, RESISTANCE_KNOTS, soc) if len(self.ohmic) else 0.0
-        if len(self.activation):
-            log_ratio = log_ratio + self.activation[0] * coldness_per_K(u.temperature_degC, p.reference_degC)
-        return exp(log_ratio)
-
-    def pair_ratios(self, soc: Any, u: CircuitInput, p: Thevenin) -> Sequence[Any]:
-        """R_1 ... R_n over the file's."""
-        cold, common = coldness_per_K(u.temperature_degC, p.reference_degC), 0.0
-        if len(self.activation):
-            common = common + self.activation[1] * cold
-        if len(self.empty_activation):
-            common = common + self.empty_activation[0] * cold * emptiness(soc)
-        knots = RESISTANCE_KNOTS.size
-        return [
-            exp(between_knots(self.pair[knots * j : knots * (j + 1)], RESISTANCE_KNOTS, soc) + common)
-            for j in range(p.pairs)
-        ]
-
-    def rate_ratios(self, p: Thevenin) -> Sequence[Any]:
-        """Rates 1 / tau_1 ... 1 / tau_n over the file's."""
-        return [exp(-log_ratio) for log_ratio in self.tau] if len(self.tau) else (1.0,) * p.pairs
-
-    @property
-    def hysteresis_ratio(self) -> Scalar:
-        """Hysteresis voltage over the file's."""
-        return exp(self.hysteresis[0]) if len(self.hysteresis) else 1.0
-
-    @property
-    def offset_A(self) -> Scalar:
-        """Offset of the current sensor beyond the file's [A]."""
-        return self.offset[0] if len(self.offset) else 0.0
-
-
-class Sizes(NamedTuple):
-    """Number of each of the `Corrections`."""
-
-    efficiency: int
-    ohmic: int
-    pair: int
-    tau: int
-    activation: int
-    empty_activation: int
-    hysteresis: int
-    offset: int
-
-    @classmethod
-    def of(cls, sizes: Mapping[str, int]) -> Sizes:
-        """Those among the sizes of all groups of parameters."""
-        return cls(**{name: sizes[name] for name in cls._fields})
-
-    def split(self, theta: Any) -> Corrections:
-        """The corrections in one vector (P,)."""
-        ends = np.cumsum(self).tolist()
-        return Corrections(*(theta[end - size : end] for end, size in zip(ends, self, strict=True)))
+from ohmward.battery.models.thevenin import CircuitInput, Corrections, Thevenin, next_state, overpotentials, voltage
+from ohmward.trace import Expression, Kernel, linearize, trace, where
 
 
 class CircuitSample(NamedTuple):
@@ -152,12 +63,17 @@ class SensitiveCircuit(NamedTuple):
     """Circuit with its sensitivities; `kernel` is the same for equal circuits."""
 
     model: Thevenin  #: its open-circuit curve is part of the voltage, not of the columns; `without_curve` has none
-    sizes: Sizes  #: of the corrections
+    sizes: Corrections  #: number of each of the corrections
 
     @property
     def unknowns(self) -> int:
         """Number Q of unknowns."""
         return sum(self.sizes) + self.model.pairs
+
+    def corrections(self, theta: Any) -> Corrections:
+        """The corrections of a vector (P,)."""
+        ends = np.cumsum(self.sizes).tolist()
+        return Corrections(*(theta[end - size : end] for end, size in zip(ends, self.sizes, strict=True)))
 
     def along(self, theta: np.ndarray, soc: float, samples: CircuitSample) -> CircuitAlong:
         """The circuit along a log with the corrections theta (P,), from this SoC."""
@@ -183,14 +99,14 @@ class SensitiveCircuit(NamedTuple):
         u = CircuitInput(sample.current_A - sample.offset_A, sample.temperature_degC)
 
         def terminal_V(z: np.ndarray) -> np.ndarray:
-            k = self.sizes.split(z[n + 2 :])
+            k = self.corrections(z[n + 2 :])
             there = CircuitInput(u.current_A - k.offset_A, u.temperature_degC)
             return voltage(np.array([x[0], *z[1 : n + 1], z[n + 1] * k.hysteresis_ratio]), there, p, k)
 
         V, G = linearize(terminal_V, np.array([*x, h[1], *state.theta]))
         columns = (G[:, : n + 1] @ S)[0]
         columns[:P] = columns[:P] + G[0, n + 2 :]
-        k = self.sizes.split(state.theta)
+        k = self.corrections(state.theta)
         over_V = overpotentials(np.array([*x, h[1]]), u._replace(current_A=u.current_A - k.offset_A), p, k)
         after = CircuitState(x, h, S[pattern], state.theta)
         width_V = G[0, n + 1] * (h[2] - h[0])
@@ -202,7 +118,7 @@ class SensitiveCircuit(NamedTuple):
         n = self.model.pairs
 
         def after(z: np.ndarray) -> np.ndarray:
-            k = self.sizes.split(z[n + 1 :])
+            k = self.corrections(z[n + 1 :])
             current_A = sample.mean_current_A - sample.counted * (sample.offset_A + k.offset_A)
             u = CircuitInput(current_A, sample.temperature_degC)
             at = state.circuit[0]

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from ohmward.battery.models.knots import between_knots, hat
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC, arrhenius_factor, coldness_per_K
 from ohmward.checks import require_between, require_finite, require_length, require_positive
@@ -31,6 +32,11 @@ _ROUND = 1e-4
 #: Below this SoC the activation of the RC pairs grows, linearly towards empty: pulses of NCA between -10 and 25 degC
 #: show 2300 to 3200 K at 0.5, 4000 at 0.3, 7500 at 0.2 and 9500 at 0.15.
 EMPTYING_SOC = 0.35
+
+#: Points of a resistance along SoC that was corrected, at least.
+_CORRECTED_POINTS = 21
+#: Corrected time constants stay apart by this factor at least.
+_TAU_RATIO = 1.5
 
 
 class CircuitInput(NamedTuple):
@@ -200,6 +206,105 @@ class Thevenin:
             gassing_V=None if self.gassing_V is None else cells * self.gassing_V,
             transfer_V=None if self.transfer_V is None else cells * self.transfer_V,
         )
+
+
+#: SoC at which corrections of a resistance stand. Resistances rise towards empty, so their knots are closer there.
+RESISTANCE_KNOTS = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
+
+
+class Corrections(NamedTuple):
+    """Corrections of a battery file that a fit looks for: a `Health`, and what it does to the file.
+
+    All are 0 for the file as it stands. Logarithms cannot turn a resistance negative, and make twice as large as likely
+    as half as large. () is not corrected. Their prior is that of `learning.parameters`, by these names.
+    """
+
+    efficiency: Any = ()  #: (1,) ln of the coulombic efficiency over the file's
+    ohmic: Any = ()  #: (5,) ln of R_0 over the file's on RESISTANCE_KNOTS
+    pair: Any = ()  #: (n * 5,) the same of R_1, then of R_2, ...
+    tau: Any = ()  #: (n,) ln of the time constants over the file's
+    activation: Any = ()  #: (2,) of the activation temperatures of R_0 and of the R_j [K]
+    empty_activation: Any = ()  #: (1,) of that of the R_j towards empty [K]
+    hysteresis: Any = ()  #: (1,) ln of the hysteresis voltage over the file's
+    offset: Any = ()  #: (1,) of the reading of the current sensor at zero current [A]
+
+    @property
+    def soh_capacity(self) -> Scalar:
+        """Always 1: a log shows the charge, of which the capacity of the file is the unit."""
+        return 1.0
+
+    @property
+    def efficiency_ratio(self) -> Scalar:
+        """Coulombic efficiency over the file's."""
+        return exp(self.efficiency[0]) if len(self.efficiency) else 1.0
+
+    def ohmic_ratio(self, soc: Any, u: CircuitInput, p: Thevenin) -> Any:
+        """R_0 over the file's."""
+        log_ratio = between_knots(self.ohmic, RESISTANCE_KNOTS, soc) if len(self.ohmic) else 0.0
+        if len(self.activation):
+            log_ratio = log_ratio + self.activation[0] * coldness_per_K(u.temperature_degC, p.reference_degC)
+        return exp(log_ratio)
+
+    def pair_ratios(self, soc: Any, u: CircuitInput, p: Thevenin) -> Sequence[Any]:
+        """R_1 ... R_n over the file's."""
+        cold, common = coldness_per_K(u.temperature_degC, p.reference_degC), 0.0
+        if len(self.activation):
+            common = common + self.activation[1] * cold
+        if len(self.empty_activation):
+            common = common + self.empty_activation[0] * cold * emptiness(soc)
+        knots = RESISTANCE_KNOTS.size
+        return [
+            exp(between_knots(self.pair[knots * j : knots * (j + 1)], RESISTANCE_KNOTS, soc) + common)
+            for j in range(p.pairs)
+        ]
+
+    def rate_ratios(self, p: Thevenin) -> Sequence[Any]:
+        """Rates 1 / tau_1 ... 1 / tau_n over the file's."""
+        return [exp(-log_ratio) for log_ratio in self.tau] if len(self.tau) else (1.0,) * p.pairs
+
+    @property
+    def hysteresis_ratio(self) -> Scalar:
+        """Hysteresis voltage over the file's."""
+        return exp(self.hysteresis[0]) if len(self.hysteresis) else 1.0
+
+    @property
+    def offset_A(self) -> Scalar:
+        """Offset of the current sensor beyond the file's [A]."""
+        return self.offset[0] if len(self.offset) else 0.0
+
+    def made(self, p: Thevenin) -> Thevenin:
+        """The circuit with the corrections made; its curve stays."""
+        ohmic, pair_K = np.asarray(self.ohmic), p.activation_K if p.pair_activation_K is None else p.pair_activation_K
+        pairs = np.reshape(np.asarray(self.pair), (p.pairs, -1))
+        ohmic_K, more_pair_K = self.activation if len(self.activation) else (0.0, 0.0)
+        return replace(
+            p,
+            r0_discharge_ohm=_times(p.r0_discharge_ohm, ohmic),
+            r0_charge_ohm=_times(p.r0_charge_ohm, ohmic),
+            r_ohm=tuple(_times(row, log_ratio) for row, log_ratio in zip(p.r_ohm, pairs, strict=True)),
+            tau_s=_apart([tau / ratio for tau, ratio in zip(p.tau_s, self.rate_ratios(p), strict=True)]),
+            coulombic_efficiency=min(float(p.coulombic_efficiency * self.efficiency_ratio), 1.0),
+            activation_K=float(p.activation_K + ohmic_K),
+            pair_activation_K=float(pair_K + more_pair_K),
+            empty_activation_K=float(p.empty_activation_K + np.sum(self.empty_activation)),
+        )
+
+
+def _times(ohm: tuple[float, ...], log_ratio: np.ndarray) -> tuple[float, ...]:
+    """Resistances along SoC times a factor on RESISTANCE_KNOTS, on a grid that shows it; none for ()."""
+    if not log_ratio.size:
+        return ohm
+    grid = np.linspace(0.0, 1.0, len(ohm))
+    fine = np.linspace(0.0, 1.0, max(grid.size, _CORRECTED_POINTS))
+    return tuple((np.interp(fine, grid, ohm) * np.exp(hat(fine, RESISTANCE_KNOTS) @ log_ratio)).tolist())
+
+
+def _apart(tau_s: Sequence[float]) -> tuple[float, ...]:
+    """Time constants that increase from pair to pair by `_TAU_RATIO` at least."""
+    found = [float(tau) for tau in tau_s]
+    for j in range(1, len(found)):
+        found[j] = max(found[j], _TAU_RATIO * found[j - 1])
+    return tuple(found)
 
 
 def without_curve(model: Thevenin) -> Thevenin:
