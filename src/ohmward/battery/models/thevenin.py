@@ -275,13 +275,13 @@ class Corrections(NamedTuple):
     def made(self, p: Thevenin) -> Thevenin:
         """The circuit with the corrections made; its curve stays."""
         ohmic, pair_K = np.asarray(self.ohmic), p.activation_K if p.pair_activation_K is None else p.pair_activation_K
-        pairs = np.reshape(np.asarray(self.pair), (p.pairs, -1))
+        pairs, knots = np.asarray(self.pair), RESISTANCE_KNOTS.size
         ohmic_K, more_pair_K = self.activation if len(self.activation) else (0.0, 0.0)
         return replace(
             p,
             r0_discharge_ohm=_times(p.r0_discharge_ohm, ohmic),
             r0_charge_ohm=_times(p.r0_charge_ohm, ohmic),
-            r_ohm=tuple(_times(row, log_ratio) for row, log_ratio in zip(p.r_ohm, pairs, strict=True)),
+            r_ohm=tuple(_times(row, pairs[knots * j : knots * (j + 1)]) for j, row in enumerate(p.r_ohm)),
             tau_s=_apart([tau / ratio for tau, ratio in zip(p.tau_s, self.rate_ratios(p), strict=True)]),
             coulombic_efficiency=min(float(p.coulombic_efficiency * self.efficiency_ratio), 1.0),
             activation_K=float(p.activation_K + ohmic_K),
