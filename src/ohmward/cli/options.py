@@ -7,6 +7,8 @@ import argparse
 from ohmward.cli.parser import gain_std, number, offset_std, pair, positive, share
 from ohmward.logs.bags.choice import TOPIC
 
+#: What an argument that names a chemistry takes.
+CHEMISTRY = "lfp, nmc, nca, lipo, lead-acid, lto, sodium-ion or nimh, or as the label says: LiFePO4, AGM"
 #: Robots that come with the package, by the name that --robot takes; any other is a file.
 BUILT_IN = ("rlma", "robotino", "seeder")
 #: What an argument that names a robot takes.
