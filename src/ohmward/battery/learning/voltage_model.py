@@ -123,13 +123,13 @@ class VoltageModel:
         groups = [self.parameters.group(name) for name in Corrections._fields]
         return np.concatenate([np.arange(group.start, group.stop) for group in groups])
 
-    def circuit(self, x: np.ndarray) -> Circuit:
+    def circuit(self, x: np.ndarray) -> CircuitInRows:
         """The circuit along the part, with the derivatives of its voltage in the rows."""
         nu = x[self.parameters.size :]
         low, high = self._hysteresis_starts(nu)
         along = self.sensitive.along(x[self.places], nu[self.nuisances.soc], self._circuit_samples(nu, low, high))
         charge = ChargeAlong(self, x, along.soc, along.soc_columns)
-        return Circuit(
+        return CircuitInRows(
             charge, along.voltage_V[self.rows], along.over_V2[self.rows], self._columns(x, along, high - low)
         )
 
@@ -230,7 +230,7 @@ class ChargeAlong(NamedTuple):
         return columns
 
 
-class Circuit(NamedTuple):
+class CircuitInRows(NamedTuple):
     """Charge along a part, and the voltage of the circuit without its curve in the rows."""
 
     charge: ChargeAlong
@@ -243,11 +243,11 @@ class LinearCircuit(NamedTuple):
     """Charge and voltage of the circuit as linear functions of the unknowns about x."""
 
     x: np.ndarray
-    circuit: Circuit
+    circuit: CircuitInRows
     moving: np.ndarray  #: places of the unknowns on which the charge depends
     charge_columns: np.ndarray  #: its derivatives by these at every sample
 
-    def at(self, x: np.ndarray) -> Circuit:
+    def at(self, x: np.ndarray) -> CircuitInRows:
         """Both at other unknowns."""
         there, step = self.circuit, x - self.x
         charge = there.charge.charge + self.charge_columns @ step[self.moving]
