@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ohmward.battery.chemistries import CHEMISTRIES, generic_battery, start_model, start_noise
-from ohmward.battery.file import BATTERY_FILE
+from ohmward.battery.chemistries import CHEMISTRIES, chemistry_name, generic_battery, start_model, start_noise
+from ohmward.battery.file import BATTERY_FILE, load_battery, save_battery
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -58,6 +58,22 @@ def test_the_rc_filter_of_a_generic_battery_covers_a_cell_of_its_chemistry(name)
     assert error[3600:].max() < (0.25 if name == "lfp" else 0.12)
 
 
+@pytest.mark.parametrize(
+    ("name", "known"),
+    [("LFP", "lfp"), ("LiFePO4", "lfp"), ("AGM", "lead-acid"), ("Li-ion", "nmc"), ("Lead Acid", "lead-acid"), ("", "")],
+)
+def test_a_chemistry_has_the_names_that_labels_have(name, known, tmp_path):
+    assert chemistry_name(name) == known
+    save_battery(replace(generic_battery("lfp", 2.0), chemistry=name), tmp_path / "b.toml")
+    assert load_battery(tmp_path / "b.toml").chemistry == known
+
+
+def test_an_unknown_chemistry_is_refused_with_the_known_ones(tmp_path):
+    save_battery(replace(generic_battery("lfp", 2.0), chemistry="unobtainium"), tmp_path / "b.toml")
+    with pytest.raises(InputError, match=r"b.toml: chemistry must be one of nmc, .*, got 'unobtainium'"):
+        load_battery(tmp_path / "b.toml")
+
+
 #: Open-circuit voltage that Safari and Delacourt 2011 measured of the electrodes of an A123 cell, and Afshar of another
 #: LFP cathode against the graphite of an 18650 cell (About:Energy), at these SoC; not rounded into the curve here.
 PUBLISHED_SOC = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -68,6 +84,16 @@ PUBLISHED_LFP = ((3.199, 3.283, 3.308, 3.324, 3.344), (3.189, 3.268, 3.279, 3.30
 def test_published_cells_lie_within_two_sigma_of_the_label(published):
     curve, noise = start_model("lfp", 2.0).ocv, start_noise("lfp")
     for soc, voltage_V in zip(PUBLISHED_SOC, published, strict=True):
+        assert abs(voltage_V - curve.mean_V(soc, 25.0)) < 2 * noise.model_std_at(soc)
+
+
+#: Voltage at C/50 in the model of Chayambuka et al. 2022, a sodium-ion cell of another positive electrode.
+CHAYAMBUKA = {0.1: 2.851, 0.3: 3.418, 0.5: 3.843, 0.7: 4.043, 0.9: 4.083}
+
+
+def test_the_label_of_a_sodium_ion_cell_covers_one_of_another_kind():
+    curve, noise = start_model("sodium-ion", 2.0).ocv, start_noise("sodium-ion")
+    for soc, voltage_V in CHAYAMBUKA.items():
         assert abs(voltage_V - curve.mean_V(soc, 25.0)) < 2 * noise.model_std_at(soc)
 
 
@@ -102,8 +128,8 @@ def test_a_known_curve_takes_the_place_of_the_chemistrys():
 
 
 def test_refusals():
-    with pytest.raises(InputError, match="chemistry must be one of nmc, nca, lipo, lfp, lead-acid, got 'nimh'"):
-        start_model("nimh", 2.0)
+    with pytest.raises(InputError, match=r"chemistry must be one of nmc, nca, lipo, lfp, .*, got 'nicd'"):
+        start_model("nicd", 2.0)
     with pytest.raises(InputError, match="capacity_Ah must be > 0, got 0"):
         generic_battery("lfp", 0.0)
 

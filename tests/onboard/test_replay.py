@@ -58,7 +58,10 @@ def test_a_replay_begins_anew_and_leaves_the_state_of_the_robot_alone(setup, tmp
     first, second = states(setup, tmp_path), states(setup, tmp_path)
     assert len(first) == len(second) == 20
     for k in (0, -1):
-        assert first[k]["battery"] == second[k]["battery"]
+        # to rounding: a second replay in one process may run as machine code where the first still ran as Python
+        was, now = first[k]["battery"], second[k]["battery"]
+        assert now.pop("flags") == was.pop("flags")
+        assert now == pytest.approx(was, rel=1e-9)
     assert [path.name for path in (tmp_path / STATE).iterdir()] == [NAME]
     assert (tmp_path / STATE / NAME).read_text() == "of the robot"
 

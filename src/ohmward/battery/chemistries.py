@@ -19,6 +19,7 @@ from ohmward.battery.models.rc_elements import rc_of_thevenin
 from ohmward.battery.models.sensor import usual_sensor
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
+from ohmward.errors import InputError
 
 #: Of a label: capacity, as batteries that are some years old have lost 10 to 30 % of it; logarithm of the resistances,
 #: which over the label's were 0.3 to 3.6 on ten measured cells and packs.
@@ -36,7 +37,7 @@ CELL_V = 3.7
 OCV_POINTS = 201
 #: A battery that gases does so above this share of the voltage of a full one at rest: about 2.23 V of a lead-acid cell.
 _GASSING_SHARE = 1.03
-#: Lowest voltage over that of an empty battery, highest over that of a full one; lead-acid is charged further above it.
+#: Lowest voltage over that of an empty battery, highest over that of a full one; a charge with gas goes further above.
 _LOWEST, _HIGHEST, _GASSING = 0.9, 1.05, 1.2
 
 
@@ -120,6 +121,30 @@ _NICKEL_MANGANESE_COBALT = _LITHIUM._replace(curve=_NMC_CURVE, ocv_slip=Normal(0
 #: Pulses of a Panasonic NCA cell at -10 to 25 degC: the transfer of lithium into a nearly full layered oxide. Slip of a
 #: cell whose positive electrode ends the discharge: -0.18 +- 0.27, and as much again in another shape.
 _NICKEL_COBALT_ALUMINIUM = _LITHIUM._replace(empty_activation_K=Normal(11000.0, 8000.0), ocv_slip=Normal(0.0, 0.6))
+#: Lithium titanate stays at 1.55 V against lithium, so that a cell follows its positive electrode: mostly NMC, as here,
+#: or manganese oxide, whose cells lie 0.1 V higher in the middle. No cell was measured here.
+_TITANATE = _LITHIUM._replace(curve=CurvePrior((0.3, 0.12, *(0.09,) * 7, 0.06, 0.05), 0.05), ocv_slip=Normal(0.0, 0.5))
+#: Hard carbon against a layered oxide, as the first cells on the market, 1.5 to 3.95 V; a cell with a vanadium
+#: fluorophosphate (Chayambuka et al., Electrochimica Acta 404, 139764, 2022) is 0.35 to 0.85 V higher. No cell was
+#: measured here: a test is worth more than with any other chemistry.
+_SODIUM = _LITHIUM._replace(
+    activation_K=Normal(2700.0, 1200.0),
+    curve=CurvePrior((0.6, 0.5, *(0.45,) * 6, 0.35, 0.25, 0.15), 0.05),
+    hysteresis_V=0.01,
+)
+#: Rested voltages after charge and discharge differ by some 50 mV over most of the charge (Verbrugge and Tate, J. Power
+#: Sources 126, 236, 2004); the electrolyte is alkaline water, and a cell moves by some 0.4 mV/K.
+_NICKEL = ChemistryPrior(
+    Normal(1500.0, 1000.0),
+    Normal(2500.0, 1500.0),
+    Normal(1500.0, 1500.0),
+    1200.0,
+    1.2e-3,
+    CurvePrior((0.12, 0.04, *(0.025,) * 7, 0.03, 0.04), 0.05, 0.5),
+    0.07,
+)
+#: Near full more and more of a charge makes oxygen instead.
+_NICKEL_EFFICIENCY = 0.95
 #: Acid conducts with about 1500 K; a cell of 2 V moves by 0.2 mV/K (Bode, Lead-Acid Batteries, 1977).
 _LEAD_ACID = ChemistryPrior(
     Normal(1500.0, 700.0),
@@ -163,9 +188,8 @@ class Chemistry:
     prior: ChemistryPrior = _LITHIUM  #: of what a test may not show
     #: True where part of a charge makes gas near full, so that the voltage of a charge is not that of the cell
     gases: bool = False
-    charge_transfer: bool = (
-        False  #: True where transfer of charge, which bends the ohmic drop, may be most of it in a warm room
-    )
+    #: True where transfer of charge, which bends the ohmic drop, may be most of it in a warm room
+    charge_transfer: bool = False
 
     def gassing_V(self, ocv: OcvCurve) -> float | None:
         """Terminal voltage above which part of a charge makes gas [V]; None where none does."""
@@ -186,6 +210,10 @@ _LFP_SOC = (0.0, 0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.65, 0.7
 _LFP = (
     2.60, 2.80, 2.95, 3.12, 3.20, 3.22, 3.25, 3.28, 3.290, 3.295, 3.300, 3.31, 3.325, 3.330, 3.335, 3.345, 3.36, 3.50,
 )  # fmt: skip
+
+_LTO = (1.75, 2.02, 2.10, 2.18, 2.22, 2.26, 2.31, 2.39, 2.48, 2.56, 2.63, 2.72)
+_SODIUM_ION = (1.60, 2.30, 2.48, 2.69, 2.83, 2.94, 3.05, 3.17, 3.30, 3.45, 3.64, 3.90)
+_NIMH = (1.00, 1.215, 1.240, 1.262, 1.275, 1.285, 1.295, 1.303, 1.312, 1.325, 1.345, 1.40)
 
 CHEMISTRIES: dict[str, Chemistry] = {
     "nmc": Chemistry(
@@ -230,11 +258,76 @@ CHEMISTRIES: dict[str, Chemistry] = {
         gases=True,
         charge_transfer=True,
     ),
+    "lto": Chemistry(
+        "lithium titanate against lithium nickel manganese cobalt oxide",
+        _TENTHS,
+        _LTO,
+        0.003,
+        0.03,
+        0.015,
+        0.02,
+        (20.0, 500.0),
+        prior=_TITANATE,
+    ),
+    "sodium-ion": Chemistry(
+        "sodium-ion (layered oxide and hard carbon)",
+        _TENTHS,
+        _SODIUM_ION,
+        0.01,
+        0.06,
+        0.03,
+        0.05,
+        (20.0, 500.0),
+        prior=_SODIUM,
+    ),
+    "nimh": Chemistry(
+        "nickel metal hydride",
+        _TENTHS,
+        _NIMH,
+        0.025,
+        0.05,
+        0.02,
+        0.04,
+        (30.0, 1500.0),
+        _NICKEL_EFFICIENCY,
+        _NICKEL,
+        gases=True,
+    ),
 }
+
+#: What else the chemistries are called, on labels and in shops. A cell that says no more than lithium-ion may be any of
+#: those with cobalt, and the band of NMC is the widest.
+_OTHER_NAMES = {
+    "lfp": ("lifepo4", "life", "lifepo", "lithium-iron-phosphate"),
+    "nmc": ("ncm", "linimncoo2", "li-ion", "liion", "lithium-ion", "lion"),
+    "nca": ("lincao2",),
+    "lipo": ("li-po", "li-poly", "lithium-polymer", "lco", "licoo2"),
+    "lead-acid": ("lead", "pb", "agm", "sla", "vrla", "gel"),
+    "lto": ("lithium-titanate", "li4ti5o12"),
+    "sodium-ion": ("na-ion", "sodium", "sib"),
+    "nimh": ("ni-mh", "nickel-metal-hydride"),
+}
+_NAMES = {other: name for name, others in _OTHER_NAMES.items() for other in (name, *others)}
+
+
+def chemistry_name(name: str) -> str:
+    """The name that a chemistry has here: "lfp" for "LiFePO4", "lead-acid" for "AGM"; "" stays, for an unknown one.
+
+    Raises:
+        InputError: there is no such chemistry; it lists what there is.
+    """
+    if not name:
+        return ""
+    words = name.lower().replace("_", " ").replace("-", " ").split()
+    known = _NAMES.get("-".join(words))
+    if known is None:
+        raise InputError(f"chemistry must be one of {', '.join(CHEMISTRIES)}, got {name!r}")
+    return known
 
 
 def chemistry(name: str) -> Chemistry:
-    """The chemistry called `name`; InputError lists what there is."""
+    """The chemistry called `name`, by any of its names; InputError lists what there is."""
+    name = chemistry_name(name)
     require_one_of("chemistry", name, CHEMISTRIES)
     return CHEMISTRIES[name]
 
@@ -279,6 +372,7 @@ def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str
 
     label: its name; by default "generic" and the chemistry.
     """
+    name = chemistry_name(name)
     c, model = chemistry(name), start_model(name, capacity_Ah, n_series)
     curve_V = model.ocv.voltage_V
     return Battery(
@@ -287,7 +381,7 @@ def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str
         chemistry=name,
         n_series=n_series,
         voltage_min_V=_LOWEST * curve_V[0],
-        voltage_max_V=(_GASSING if name == "lead-acid" else _HIGHEST) * curve_V[-1],
+        voltage_max_V=(_GASSING if c.gases else _HIGHEST) * curve_V[-1],
         thevenin=model,
         rc=rc_of_thevenin(model),
         noise=start_noise(name, n_series),

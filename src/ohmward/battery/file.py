@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
 from ohmward.atomic import replacing
 from ohmward.battery.battery import Battery, require_battery
+from ohmward.battery.chemistries import chemistry_name
+from ohmward.errors import InputError
 from ohmward.toml_file import TomlFile
 
 _HEADER = """\
@@ -58,4 +61,8 @@ def load_battery(path: str | PathLike[str]) -> Battery:
     Raises:
         InputError: the file cannot be read or says something that a battery cannot be; names file, key, rule and fix.
     """
-    return BATTERY_FILE.load(path)
+    battery = BATTERY_FILE.load(path)
+    try:
+        return replace(battery, chemistry=chemistry_name(battery.chemistry))
+    except InputError as error:
+        raise InputError(f"battery file {path}: {error}") from error

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict
 
-from ohmward.cli.options import add_sensor_options
+from ohmward.cli.options import CHEMISTRY, add_sensor_options
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import count, positive
 
@@ -17,7 +17,12 @@ EXAMPLES = """\
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
-    parser.add_argument("--chemistry", required=True, metavar="NAME", help="lfp, nmc, nca, lipo or lead-acid")
+    parser.add_argument(
+        "--chemistry",
+        required=True,
+        metavar="NAME",
+        help=CHEMISTRY,
+    )
     parser.add_argument("--capacity-ah", type=positive, required=True, metavar="Q", help="as on the label [Ah]")
     parser.add_argument("--n-series", type=count, default=1, metavar="N", help="cells in series (default 1)")
     parser.add_argument("--name", default="", help="what to call the battery; default: generic and the chemistry")

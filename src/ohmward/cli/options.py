@@ -7,6 +7,8 @@ import argparse
 from ohmward.cli.parser import gain_std, number, offset_std, pair, positive, share
 from ohmward.logs.bags.choice import TOPIC
 
+#: What an argument that names a chemistry takes.
+CHEMISTRY = "lfp, nmc, nca, lipo, lead-acid, lto, sodium-ion or nimh, or as the label says: LiFePO4, AGM"
 #: Robots that come with the package, by the name that --robot takes; any other is a file.
 BUILT_IN = ("rlma", "robotino", "seeder")
 #: What an argument that names a robot takes.
@@ -198,6 +200,7 @@ def _add_hint_options(group: argparse._ActionsContainer) -> None:
         ("--timezone", "ZONE", "zone of dates that name none: Europe/Berlin (UTC unless given)"),
         ("--from", "TIME", "begin of the part that is wanted: seconds of the log, h:mm:ss, or a date"),
         ("--to", "TIME", "its end, not included"),
+        ("--dbc", "FILE", "database of the bus (DBC, KCD, SYM, ARXML), of a recording of CAN frames"),
     ):
         group.add_argument(option, metavar=metavar, dest=option.strip("-").replace("-", "_"), help=text)
 

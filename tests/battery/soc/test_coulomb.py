@@ -136,5 +136,3 @@ def test_no_rest_while_the_current_is_unknown():
 def test_refuses(kind):
     with pytest.raises(InputError, match="gap_s must be > 0, got 0"):
         kind(NMC, gap_s=0.0)
-    with pytest.raises(InputError, match="current_limit_C must be > 0, got -1"):
-        kind(NMC, current_limit_C=-1.0)

@@ -341,7 +341,7 @@ def test_traced_step_is_the_step(name):
         np.testing.assert_allclose(traced, np.array(floats, dtype=float), rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["gap_s", "gate", "current_limit_C"])
+@pytest.mark.parametrize("name", ["gap_s", "gate"])
 def test_bad_settings_are_refused(name):
     settings: dict[str, Any] = {name: 0.0}
     with pytest.raises(InputError, match=f"{name} must be > 0, got 0"):

@@ -250,7 +250,6 @@ def test_names_of_the_belief():
         ({"gap_s": 0.0}, "gap_s must be > 0, got 0"),
         ({"gate": -1.0}, "gate must be > 0, got -1"),
         ({"window": 0.5}, "window must be >= 1, got 0.5"),
-        ({"current_limit_C": math.nan}, "current_limit_C must be finite, got nan"),
         ({"rest_hold_s": -1.0}, "rest_hold_s must be >= 0, got -1"),
         ({"reset_after_s": -1.0}, "reset_after_s must be >= 0, got -1"),
         ({"idle_current_A": math.inf}, "idle_current_A must be finite, got inf"),

@@ -26,12 +26,12 @@ def test_colcon_builds_and_tests_the_package(tmp_path):
     if version.stdout.strip() != str(sys.version_info[:2]):
         pytest.skip("colcon runs another Python than these tests")
     shutil.copytree(PACKAGE, tmp_path / "src" / "ohmward_ros")
-    own = tmp_path / "own"  # the em of colcon: wheels of rclpy bring another one
-    own.mkdir()
-    if (em := Path("/usr/lib/python3/dist-packages/em.py")).exists():
-        (own / "em.py").symlink_to(em)
-    packages = [own, Path(ohmward.__file__).parents[1], Path(np.__file__).parents[1]]
-    environment = os.environ | {"PYTHONPATH": ":".join(map(str, packages))}
+    # what the node needs without its neighbours: the `em` of the tests' environment is not the one of colcon
+    beside, installed = tmp_path / "packages", Path(np.__file__).parents[1]
+    beside.mkdir()
+    for path in (*installed.glob("numpy*"), *installed.glob("msgspec*")):
+        (beside / path.name).symlink_to(path)
+    environment = os.environ | {"PYTHONPATH": f"{Path(ohmward.__file__).parents[1]}:{beside}"}
 
     def run(*words: str) -> str:
         done = subprocess.run([colcon, *words], cwd=tmp_path, env=environment, capture_output=True, text=True)

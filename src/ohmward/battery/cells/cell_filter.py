@@ -40,12 +40,19 @@ from ohmward.battery.models.thevenin import (
     CircuitInput,
     Thevenin,
     charge,
+    next_state,
     ohmic_resistance,
-    pair_decays,
     pair_resistances,
 )
 from ohmward.battery.soc.augmented_thevenin import LEAST_CHARGE_GAIN, RESISTANCE_CORRELATION
-from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, CleanSocSample, SampleLimits, first_input, sanitize
+from ohmward.battery.soc.clean_sample import (
+    CURRENT_GAP_S,
+    CleanSocSample,
+    SampleLimits,
+    first_input,
+    sample_limits,
+    sanitize,
+)
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.checks import require_positive
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, pack, unpack
@@ -53,7 +60,6 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, passes, require_gate, time_rejected
 from ohmward.filters.kalman import gain, joseph
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.quantities import MOST_C
 from ohmward.trace import clip, exp, logical_not, maximum, minimum
 from ohmward.trace.expression import Scalar
 
@@ -88,7 +94,6 @@ class CellFilter:
     gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
     gate: float = 25.0  #: largest NIS of a voltage that is used
     reset_after_s: float = 600.0  #: time of contradiction after which the differences are declared unknown
-    current_limit_C: float = MOST_C  #: a larger current, in multiples of the capacity per hour, is its sensor's fault
 
     def __post_init__(self) -> None:
         require_positive("n_series", self.n_series)
@@ -102,7 +107,7 @@ class CellFilter:
     @property
     def limits(self) -> SampleLimits:
         """Limits of what is believed of a sample."""
-        return SampleLimits(self.gap_s, self.current_limit_C * self.model.capacity_Ah, self.model.ocv.voltage_V[-1])
+        return sample_limits(self.model, self.gap_s)
 
     def init(self, first: CellSample) -> CellState:
         """State before the first sample: the cell is a typical one, within the spread."""
@@ -206,10 +211,9 @@ class CellFilter:
 
     def next_pairs(self, state: CellState, clean: CleanSocSample, typical: TypicalCell) -> np.ndarray:
         """(n,) RC voltages after the step."""
-        current_A = clean.mean.current_A - typical.current_offset_A
-        decays = pair_decays(clean.mean, self.model, clean.dt_s)
-        pairs = pair_resistances(typical.soc, clean.mean, self.model)
-        return np.array([a * v + (1 - a) * r * current_A for a, v, r in zip(decays, state.pair_V, pairs, strict=True)])
+        u = clean.mean._replace(current_A=clean.mean.current_A - typical.current_offset_A)
+        before = np.array([typical.soc, *state.pair_V, 0.0])
+        return next_state(before, u, self.model, clean.dt_s)[1:-1]
 
     def correct(
         self, prior: Belief, clean: CleanSocSample, typical: TypicalCell, pair_V: np.ndarray
@@ -221,7 +225,7 @@ class CellFilter:
         u = CircuitInput(clean.now.current_A - typical.current_offset_A, clean.now.temperature_degC)
         expected = self.voltage.expect(prior, typical, 1.0 / self.soh(typical), (u, pair_V))
         R = np.array([[expected.variance * self.noise.samples_per_error(clean.dt_s)]])
-        H = np.array([[*expected.slopes]])
+        H = expected.slopes
         C = prior.cov @ H.T
         S = mirror_lower(H @ C + R)
         K = gain(C, S)

@@ -27,6 +27,7 @@ from ohmward.battery.chemistries import (
     AGED_CAPACITY_STD,
     CHEMISTRIES,
     MEASURED_CAPACITY_STD,
+    chemistry_name,
     start_model,
     start_noise,
 )
@@ -176,7 +177,8 @@ def identify_in_detail(
     """As `identify`, with the results of every stage."""
     logs = as_logs(logs)
     _check(settings, logs)
-    settings = settings._replace(name=settings.name or logs[0].name)
+    name, chemistry = settings.name or logs[0].name, chemistry_name(settings.chemistry)
+    settings = settings._replace(name=name, chemistry=chemistry)
     report = progress or (lambda stage, share: None)
     report("charge, rests and pulses", 0.0)
     records = tuple(r for log in logs for r in make_records(log, settings.capacity_Ah, settings.idle_current_A or 0.0))
@@ -408,8 +410,6 @@ def _provenance(prepared: Preparation, settings: IdentificationSettings) -> Prov
 def _check(settings: IdentificationSettings, logs: Sequence[Log]) -> None:
     require_positive("capacity_Ah", settings.capacity_Ah)
     require_one_of("model", settings.model, MODELS)
-    if settings.chemistry:
-        require_one_of("chemistry", settings.chemistry, CHEMISTRIES)
     if not logs:
         raise InputError("identify needs at least one log")
     names = [log.name for log in logs]

@@ -12,11 +12,10 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.anchor_rule import AGAIN, AnchorEvent, AnchorMemory, AnchorRule, SocNormal
-from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, Rest, SampleLimits, first_input, sanitize
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, Rest, SampleLimits, first_input, sample_limits, sanitize
 from ohmward.battery.soc.estimator import SocRun, samples_of
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.logs.log import Log
-from ohmward.quantities import MOST_C
 from ohmward.trace import Kernel, where
 
 AnchorKind = Literal["full charge", "empty", "rest"]
@@ -84,7 +83,7 @@ class AnchorFinder:
     def limits(self) -> SampleLimits:
         """Limits of what is believed of a sample."""
         model = self.rule.model
-        return SampleLimits(self.gap_s, MOST_C * model.capacity_Ah, model.ocv.voltage_V[-1])
+        return sample_limits(model, self.gap_s)
 
     def no_sample(self) -> SocSample:
         """A sample in which nothing was measured."""

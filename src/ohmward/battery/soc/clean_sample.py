@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.temperature import ROOM_DEGC
-from ohmward.battery.models.thevenin import CircuitInput
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.filters.flags import flags_of
 from ohmward.filters.sanitize import between, hold, is_step, sanitize_step, within
-from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
+from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, MOST_C
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 
@@ -38,6 +39,11 @@ class SampleLimits(NamedTuple):
     current_A: float = math.inf
     #: of the battery; no such battery shows more than `HIGHEST_VOLTAGE_RATIO` times as much
     highest_ocv_V: float = math.inf
+
+
+def sample_limits(model: Thevenin | RcModel, gap_s: float) -> SampleLimits:
+    """Limits of what is believed of a sample of a battery."""
+    return SampleLimits(gap_s, MOST_C * model.capacity_Ah, model.ocv.voltage_V[-1])
 
 
 class CleanSocSample(NamedTuple):

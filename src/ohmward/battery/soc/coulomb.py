@@ -12,13 +12,19 @@ import numpy as np
 from ohmward.battery.models.noise import PATH_SHARE, SOC_UNKNOWN_STD, USUAL_C, BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, charge
-from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, CleanSocSample, SampleLimits, first_input, sanitize
+from ohmward.battery.soc.clean_sample import (
+    CURRENT_GAP_S,
+    CleanSocSample,
+    SampleLimits,
+    first_input,
+    sample_limits,
+    sanitize,
+)
 from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
-from ohmward.checks import require_each_positive
+from ohmward.checks import require_positive
 from ohmward.filters.flags import flags_of
-from ohmward.quantities import MOST_C
 from ohmward.trace import clip, minimum, where
 from ohmward.trace.expression import Scalar
 
@@ -45,16 +51,14 @@ class CoulombCounting:
     noise: BatteryNoise = field(default_factory=BatteryNoise)
     sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: of the current
     gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
-    current_limit_C: float = MOST_C  #: a larger current, in multiples of the capacity per hour, is its sensor's fault
 
     def __post_init__(self) -> None:
-        require_each_positive("", self, "gap_s", "current_limit_C")
+        require_positive("gap_s", self.gap_s)
 
     @property
     def limits(self) -> SampleLimits:
         """Limits of what is believed of a sample."""
-        model = self.model
-        return SampleLimits(self.gap_s, self.current_limit_C * model.capacity_Ah, model.ocv.voltage_V[-1])
+        return sample_limits(self.model, self.gap_s)
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> CoulombState:
         """State before the first sample; `soc` None takes it from the first voltage."""

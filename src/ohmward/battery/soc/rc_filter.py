@@ -24,7 +24,14 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.temperature import ROOM_DEGC, coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
-from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, CleanSocSample, SampleLimits, first_input, sanitize
+from ohmward.battery.soc.clean_sample import (
+    CURRENT_GAP_S,
+    CleanSocSample,
+    SampleLimits,
+    first_input,
+    sample_limits,
+    sanitize,
+)
 from ohmward.battery.soc.coulomb import charge_variance
 from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.rc_soc_link import (
@@ -39,12 +46,11 @@ from ohmward.battery.soc.rc_soc_link import (
 )
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis, InitialSoc
-from ohmward.checks import require_each_positive, require_one_of
+from ohmward.checks import require_one_of, require_positive
 from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, require_gate, time_rejected
-from ohmward.quantities import MOST_C
 from ohmward.trace import exp, logical_not, maximum, sqrt, where
 from ohmward.trace.expression import Scalar
 
@@ -93,11 +99,10 @@ class RcFilter:
     gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
     gate: float = 25.0  #: largest NIS of a voltage that is used
     reset_after_s: float = 60.0  #: time of rejection after which the filter has diverged and inflates its covariance
-    current_limit_C: float = MOST_C  #: a larger current, in multiples of the capacity per hour, is its sensor's fault
 
     def __post_init__(self) -> None:
         require_one_of("soc_as", self.soc_as, LINKS)
-        require_each_positive("", self, "gap_s", "current_limit_C")
+        require_positive("gap_s", self.gap_s)
         require_gate(self.gate, self.reset_after_s)
 
     @property
@@ -108,8 +113,7 @@ class RcFilter:
     @property
     def limits(self) -> SampleLimits:
         """Limits of what is believed of a sample."""
-        model = self.model
-        return SampleLimits(self.gap_s, self.current_limit_C * model.capacity_Ah, model.ocv.voltage_V[-1])
+        return sample_limits(self.model, self.gap_s)
 
     @cached_property
     def link(self) -> SocLink:

@@ -19,7 +19,6 @@ from ohmward.battery.soc.start_density import Hypothesis
 from ohmward.checks import require_each_positive
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
-from ohmward.quantities import MOST_C
 from ohmward.trace import clip, linearize, where
 from ohmward.trace.expression import Scalar
 
@@ -49,7 +48,7 @@ class RestOcv:
     """Settings.
 
     Attributes:
-        model, noise, sensor, gap_s, current_limit_C: as for coulomb counting.
+        model, noise, sensor, gap_s: as for coulomb counting.
         rest_share: current below this share of 1 C, and three sigma of its noise, counts as rest.
         settle_s: length of a rest before its voltage is used.
     """
@@ -60,15 +59,14 @@ class RestOcv:
     gap_s: float = CURRENT_GAP_S
     rest_share: float = 0.03
     settle_s: float = 900.0
-    current_limit_C: float = MOST_C
 
     def __post_init__(self) -> None:
-        require_each_positive("", self, "gap_s", "current_limit_C", "rest_share")
+        require_each_positive("", self, "gap_s", "rest_share")
 
     @property
     def counting(self) -> CoulombCounting:
         """Estimator between the rests."""
-        return CoulombCounting(self.model, self.noise, self.sensor, self.gap_s, self.current_limit_C)
+        return CoulombCounting(self.model, self.noise, self.sensor, self.gap_s)
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RestOcvState:
         """State before the first sample; `soc` None takes it from the first voltage."""

@@ -23,18 +23,24 @@ from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.anchor_rule import NO_EVENT, AnchorEvent, AnchorMemory, AnchorRule
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
-from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, CleanSocSample, SampleLimits, first_input, sanitize
+from ohmward.battery.soc.clean_sample import (
+    CURRENT_GAP_S,
+    CleanSocSample,
+    SampleLimits,
+    first_input,
+    sample_limits,
+    sanitize,
+)
 from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis
-from ohmward.checks import require_between, require_each_positive, require_finite, require_one_of
+from ohmward.checks import require_between, require_finite, require_one_of, require_positive
 from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, Innovation, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, inflate, passes, require_gate, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.quantities import MOST_C
 from ohmward.trace import clip, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 
@@ -114,12 +120,11 @@ class TheveninFilter:
     #: largest NIS of a voltage that is used, and largest square of an error that holds on, in its variance
     gate: float = 25.0
     reset_after_s: float = 60.0  #: time of contradiction after which the filter has diverged: SoC is declared unknown
-    current_limit_C: float = MOST_C  #: a larger current, in multiples of the capacity per hour, is its sensor's fault
     anchors: bool = False  #: let a full charge and a cut-off tell SoC
 
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)
-        require_each_positive("", self, "gap_s", "current_limit_C")
+        require_positive("gap_s", self.gap_s)
         require_gate(self.gate, self.reset_after_s)
         require_between("window", self.window, 1.0, math.inf)
         require_between("rest_hold_s", self.rest_hold_s, 0.0, math.inf)
@@ -144,8 +149,7 @@ class TheveninFilter:
     @property
     def limits(self) -> SampleLimits:
         """Limits of what is believed of a sample."""
-        model = self.model
-        return SampleLimits(self.gap_s, self.current_limit_C * model.capacity_Ah, model.ocv.voltage_V[-1])
+        return sample_limits(self.model, self.gap_s)
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> FilterState:
         """State before the first sample, which it looks at: a SoC that its voltage contradicts is overruled.

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import add_initial_soc_option, add_log_options, add_output_options, add_sensor_options
+from ohmward.cli.options import (
+    CHEMISTRY,
+    add_initial_soc_option,
+    add_log_options,
+    add_output_options,
+    add_sensor_options,
+)
 from ohmward.cli.parser import count, number, positive
 
 EXAMPLES = """\
@@ -38,7 +44,12 @@ def _add_battery_options(group: argparse._ArgumentGroup) -> None:
         help="thevenin, its number of RC pairs chosen by evidence, or thevenin-0rc to thevenin-3rc, or rc (default "
         "%(default)s)",
     )
-    group.add_argument("--chemistry", default="", metavar="NAME", help="such as lfp, nmc, nca, lipo, lead-acid")
+    group.add_argument(
+        "--chemistry",
+        default="",
+        metavar="NAME",
+        help=CHEMISTRY,
+    )
     group.add_argument("--n-series", type=count, default=1, metavar="N", help="cells in series (default 1)")
     group.add_argument("--name", default="", help="what to call the battery; default: the first log's name")
     add_initial_soc_option(group, "they do not tell it")

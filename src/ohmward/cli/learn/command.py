@@ -29,7 +29,7 @@ from ohmward.logs.selection import split_selection
 from ohmward.report import Page
 
 #: Columns of the logs.
-LOGS = ["log", "verdict", "hours", "SoC", "capacity", "resistance", "error", "taught"]
+LOGS = ["log", "verdict", "hours", "SoC", "capacity", "resistance", "error", "learnt"]
 #: Columns of a battery file.
 CHANGES = ["", "before", "after"]
 _VERDICTS = ("learnt", "seen", "set aside")
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> Outcome:
     require_thevenin(start)
     texts = log_files(args.logs)
     files = open_files(start, args.output, [str(split_selection(text)[0]) for text in texts])
-    job = LearningJob(start, read_options(args), dict(args.initial_soc))
+    job = LearningJob(start, read_options(args), dict(args.initial_soc), texts)
     journal = Journal(None if args.dry_run else journal_path(args.output), job.digest)
     resumed, began = len(journal.rows), time.perf_counter()
     with progress() as report:
@@ -128,7 +128,7 @@ def describe(f: Mapping[str, Any]) -> str:
         title(f),
         *(f"{headline(file)}\n{wording.table(CHANGES, change_rows(file))}" for file in f["files"]),
         wording.table(LOGS[:-1], [row[:-1] for row in log_rows(rows)]) if rows else "",
-        wording.bullets("Taught", [f"{row['log']}: {row['reason']}" for row in rows if row["verdict"] == "learnt"]),
+        wording.bullets("Learnt", [f"{row['log']}: {row['reason']}" for row in rows if row["verdict"] == "learnt"]),
         wording.bullets("Not learnt from", left),
         wording.assumptions(f["notes"]),
         ending(f),

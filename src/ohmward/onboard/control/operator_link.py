@@ -72,5 +72,5 @@ class OperatorLink:
         if self.stop:
             return {"stop": True}
         found = self.command._asdict()
-        del found["said_s"]
+        del found["given_s"]
         return found | {"t": beat.get("t")}

@@ -26,8 +26,15 @@ _PLANAR = (0, 1, 5)
 _IDLE_C = 0.01
 #: Constants of BatteryState.
 _UNKNOWN, _CHARGING, _DISCHARGING, _NOT_CHARGING, FULL = range(5)
-_LION, _LIPO, _LIFE, _VRLA = 2, 3, 4, 8
-_TECHNOLOGY = {"lfp": _LIFE, "lipo": _LIPO, "lead-acid": _VRLA, "": _UNKNOWN}
+_NIMH, _LION, _LIPO, _LIFE, _VRLA = 1, 2, 3, 4, 8
+_TECHNOLOGY = {
+    "lfp": _LIFE,
+    "lipo": _LIPO,
+    "lead-acid": _VRLA,
+    "nimh": _NIMH,
+    "sodium-ion": _UNKNOWN,
+    "": _UNKNOWN,
+}
 
 
 @dataclass(frozen=True)
