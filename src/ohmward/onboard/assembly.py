@@ -69,12 +69,19 @@ def state_folder(setup: Setup) -> StateFolder | None:
 
 
 def sinks_of(setup: Setup) -> list[AnySink]:
-    """The sinks of a setup; a page without a store shows the history of the one beside it."""
+    """The sinks of a setup, with its name; a page without a store shows the history of the one beside it."""
     folder = next((sink.folder for sink in setup.sink if isinstance(sink, StoreSink)), None)
     return [
         replace(sink, store=folder) if isinstance(sink, PageSink) and sink.store is None else sink
-        for sink in setup.sink
+        for sink in (_named(sink, setup.name) for sink in setup.sink)
     ]
+
+
+def _named(sink: AnySink, name: str) -> AnySink:
+    """The sink with the robot's name, where its own settings give none."""
+    usual = {"robot": ("robot", name), "topic": ("ohmward/robot", f"ohmward/{name}")}
+    changed = {key: of_robot for key, (default, of_robot) in usual.items() if getattr(sink, key, "") == default}
+    return replace(sink, **changed)
 
 
 def wiring_faults(setup: Setup, robot: Robot | None) -> Iterator[tuple[str, str]]:

@@ -11,7 +11,7 @@ from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.ros.types import definition_text
-from ohmward.onboard.sinks.page import is_loopback
+from ohmward.onboard.secrets import is_loopback
 from ohmward.onboard.sinks.ros2 import Ros2Sink, Translation
 from ohmward.optional import require
 
