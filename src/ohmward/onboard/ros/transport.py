@@ -171,6 +171,8 @@ class RclpyTransport:
         self._publishers: dict[str, Any] = {}
         self._subscriptions: list[Any] = []
         self._services: list[Any] = []
+        #: Their defaults warn of readers that fit no writer, which cannot be here, and cost much of every spin.
+        self._events = require("rclpy.event_handler", 'transport = "rclpy"')
         executors = require("rclpy.executors", 'transport = "rclpy"')
         self._executor = executors.SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
@@ -180,7 +182,9 @@ class RclpyTransport:
     def advertise(self, topic: str, type_: str) -> None:
         """Make the publisher of a topic, reliable and volatile: matches readers of either reliability."""
         if topic not in self._publishers:
-            self._publishers[topic] = self._node.create_publisher(message_class(type_), topic, 10)
+            events = self._events.PublisherEventCallbacks(use_default_callbacks=False)
+            made = self._node.create_publisher(message_class(type_), topic, 10, event_callbacks=events)
+            self._publishers[topic] = made
 
     def publish(self, topic: str, type_: str, payload: bytes) -> None:
         """Send a serialised message."""
@@ -190,7 +194,9 @@ class RclpyTransport:
     def subscribe(self, topic: str, type_: str, receive: Receive) -> None:
         """Receive messages as sensors send them, best effort: matches every writer."""
         qos = require("rclpy.qos", 'transport = "rclpy"').qos_profile_sensor_data
-        made = self._node.create_subscription(message_class(type_), topic, receive, qos, raw=True)
+        events = self._events.SubscriptionEventCallbacks(use_default_callbacks=False)
+        message_type = message_class(type_)
+        made = self._node.create_subscription(message_type, topic, receive, qos, event_callbacks=events, raw=True)
         self._subscriptions.append(made)
 
     def serve(self, name: str, act: Callable[[], str]) -> None:
