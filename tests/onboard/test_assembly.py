@@ -1,3 +1,5 @@
+from typing import Any
+
 import pytest
 
 from ohmward import InputError, generic_battery, save_battery
@@ -53,5 +55,6 @@ def test_strict_refuses_it(tmp_path, name):
 
 def test_the_name_of_the_setup_is_that_of_the_robot_in_every_sink_that_has_none_of_its_own():
     sinks = (PageSink(), MqttSink(), InfluxSink(url="http://h/write?db=r"), PageSink(robot="cart 2", name="other"))
-    page, mqtt, influx, other = sinks_of(Setup(name="cart", robot="rlma", sink=sinks))
+    found: list[Any] = [*sinks_of(Setup(name="cart", robot="rlma", sink=sinks))]
+    page, mqtt, influx, other = found
     assert (page.robot, mqtt.topic, influx.robot, other.robot) == ("cart", "ohmward/cart", "cart", "cart 2")

@@ -80,7 +80,7 @@ def sinks_of(setup: Setup) -> list[AnySink]:
 def _named(sink: AnySink, name: str) -> AnySink:
     """The sink with the robot's name, where its own settings give none."""
     usual = {"robot": ("robot", name), "topic": ("ohmward/robot", f"ohmward/{name}")}
-    changed = {key: of_robot for key, (default, of_robot) in usual.items() if getattr(sink, key, "") == default}
+    changed: dict[str, Any] = {k: own for k, (default, own) in usual.items() if getattr(sink, k, "") == default}
     return replace(sink, **changed)
 
 
