@@ -7,7 +7,7 @@ logarithms of time constants and rates only.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -138,7 +138,8 @@ def _to_search(rates: Rates, problem: CircuitProblem) -> np.ndarray:
 def _to_rates(theta: np.ndarray, problem: CircuitProblem, pairs: int) -> Rates:
     tau = tuple(float(t) for t in np.exp(np.cumsum(theta[:pairs])))
     rest = zip(problem.sought, theta[pairs:].tolist(), strict=True)
-    return problem.usual_rates(tau)._replace(**{rate.name: rate.value(parameter) for rate, parameter in rest})
+    found: dict[str, Any] = {rate.name: rate.value(parameter) for rate, parameter in rest}
+    return problem.usual_rates(tau)._replace(**found)
 
 
 def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray]:

@@ -137,10 +137,13 @@ class CircuitProblem(NamedTuple):
         cold as activations of the resistances.
         """
         usual, branches = self.prior.untested, bool(self.branches)
+        ohmic_K, pairs_K, tau_K = (A.mean for A in usual.activations_K)
         return Rates(
-            tau_s,
-            _UNUSED_RATE,
-            *(A.mean for A in usual.activations_K),
+            tau_s=tau_s,
+            hysteresis_rate=_UNUSED_RATE,
+            activation_K=ohmic_K,
+            pair_activation_K=pairs_K,
+            tau_activation_K=tau_K,
             transfer_V=_TRANSFER_V * self.volts if self.seeks_transfer else self.transfer_V,
             empty_activation_K=usual.empty_activation_K.mean,
             net_charge_hysteresis=branches,
