@@ -188,6 +188,14 @@ class AugmentedThevenin:
         cov[i, j] = cov[j, i] = RESISTANCE_CORRELATION * noise.resistance_std**2
         return Belief(self.vector(mean), cov)
 
+    def at_rest(self, belief: Belief, dt_s: float, temperature_degC: float) -> Belief:
+        """The belief after `dt_s` [s] without any current, not even a sensor's: RC voltages fade, all else stays."""
+        decays = pair_decays(CircuitInput(0.0, temperature_degC), self.model, dt_s)
+        F, Q = np.eye(len(belief.mean)), np.zeros_like(belief.cov)
+        for j, a in enumerate(decays, start=1):
+            F[j, j], Q[j, j] = a, LEAST_PAIR_STD_V**2 * (1 - a * a)
+        return Belief(F @ belief.mean, F @ belief.cov @ F.T + Q)
+
     def split(self, x: np.ndarray) -> AugmentedState:
         """The elements of a state vector."""
         n = self.model.pairs + 2
