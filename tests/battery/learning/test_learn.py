@@ -79,6 +79,14 @@ def test_the_columns_are_the_derivatives_of_the_voltage():
     assert columns[:, p.group("tau").start] == pytest.approx(difference, rel=0.05, abs=2e-4)
 
 
+def test_an_offset_that_changes_acts_the_same_whether_the_file_doubts_it_or_not():
+    sure = replace(TESTED, sensor=replace(TESTED.sensor, offset_std_A=0.0))
+    (model, prior), (other, other_prior) = problem(TESTED, day(MODEL, 1)), problem(sure, day(MODEL, 1))
+    columns, others = model.predict(prior.mean).voltage_columns, other.predict(other_prior.mean).voltage_columns
+    assert model.nuisances.offset_from_s.size == 1
+    assert columns[:, model.parameters.size :] == pytest.approx(others[:, other.parameters.size :], abs=1e-12)
+
+
 def test_a_file_without_corrections_stays_as_it_is():
     p = parameters_of(TESTED)
     folded = fold(TESTED, np.zeros(p.size), prior_covariance(TESTED), 1.0, ())
