@@ -151,6 +151,13 @@ def difference_in_sigmas(one: Battery, two: Battery) -> float:
     return float(max(abs(log_ratio) / std[p.group("capacity")].sum(), of_curve.max()))
 
 
+def test_a_circuit_without_rc_pairs_learns_too():
+    bare = replace(MODEL, r_ohm=(), tau_s=())
+    (update,) = learn(replace(TESTED, thevenin=bare), [day(bare, 1)]).updates
+    assert update.verdict == "learnt"
+    assert abs(update.capacity_Ah.mean - 12.0) < 2 * update.capacity_Ah.std
+
+
 def test_the_order_of_the_logs_does_not_matter():
     label = generic_battery("nmc", 12.0, 3)
     one = learn(label, [day(MODEL, 1), day(MODEL, 2)]).battery
