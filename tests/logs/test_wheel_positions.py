@@ -90,3 +90,28 @@ def test_a_speed_that_is_only_a_guess_is_a_warning(name, warns, tmp_path):
     write_table({"time_s": T, name: SPEED, right: SPEED}, tmp_path / "drive.csv")
     notes = read_drive(tmp_path / "drive.csv", RLMA).notes
     assert any(n.level == "warning" and "--unit wheel_speed=m/s" in n.text for n in notes) == warns
+
+
+@pytest.mark.parametrize("held_up", [0.1, 0.6])
+def test_positions_that_arrive_in_bursts_lose_no_way_and_show_no_spike(held_up, tmp_path):
+    """A share of the rows waits for up to half a second; those that came meanwhile arrive with it."""
+    rng = np.random.default_rng(1)
+    waited_s = np.where(rng.random(T.size) < held_up, rng.uniform(0.0, 0.5, T.size), 0.002)
+    arrived_s = np.maximum.accumulate(T + waited_s) + 1e-4 * np.arange(T.size)
+    names = [f"front_{side}_wheel_position_rad" for side in ("left", "right")]
+    write_table({"time_s": arrived_s, **dict.fromkeys(names, ANGLE)}, tmp_path / "drive.csv")
+    log = read_drive(tmp_path / "drive.csv", RLMA)
+    speed = log.wheel_speed_rad_s[:, 0]
+    turned = np.nansum(speed * np.diff(log.time_s, prepend=log.time_s[0]))
+    assert turned == pytest.approx(ANGLE[-1] - ANGLE[1], abs=1e-6)
+    assert np.nanmax(speed) < 1.25 * SPEED.max()
+    assert any("arrived in bursts" in note.text for note in log.notes)
+
+
+def test_positions_that_come_evenly_or_with_pauses_keep_their_times(tmp_path):
+    kept = (T < 3.0) | (T > 5.0)
+    names = [f"front_{side}_wheel_position_rad" for side in ("left", "right")]
+    write_table({"time_s": T[kept], **dict.fromkeys(names, ANGLE[kept])}, tmp_path / "drive.csv")
+    log = read_drive(tmp_path / "drive.csv", RLMA)
+    assert not any("bursts" in note.text for note in log.notes)
+    np.testing.assert_allclose(np.diff(log.time_s)[:50], 0.05, rtol=1e-9)

@@ -12,14 +12,18 @@ from ohmward.logs.channels import BODY, MOTOR_CURRENT, WHEEL, WHEEL_SPEED, chann
 from ohmward.logs.clean import find_gaps, finite
 from ohmward.logs.columns import Column
 from ohmward.logs.motor_currents import mend_currents
-from ohmward.logs.note import Note
+from ohmward.logs.note import Note, counted
 from ohmward.logs.table import Table, numbers
 from ohmward.logs.wheel_columns import Found, Wheels
-from ohmward.logs.wheel_speed import Mechanics, unit_notes, unit_of_channel, wheel_speed
+from ohmward.logs.wheel_speed import POSITIONS, Mechanics, even_times, unit_notes, unit_of_channel, wheel_speed
 
 #: A heading counts clockwise where the gyro has turned by this standard deviation [rad] at least, and the heading by at
 #: least this share of it the other way.
 _TURNED_RAD, _CLOCKWISE = 0.3, 0.5
+
+
+#: A row that comes after less than this share of the interval in which it was measured is one of a burst.
+_BURST = 1 / 3
 
 
 class DriveChannels(NamedTuple):
@@ -58,16 +62,42 @@ def drive_channels(table: Table, found: Found, wheels: Wheels, mechanics: Mechan
     time_s = table.columns[found.columns["time"].name]
     measured = [q for q in wheels.quantities[1:] if q in found.columns and found.columns[q].name in table.columns]
     columns = {quantity: found.columns[quantity] for quantity in measured}
+    time_s, burst_notes = _without_bursts(table, time_s, columns, mechanics)
     channels, conversion_notes = _in_si(table, time_s, columns, mechanics)
     speed_rad_s, turn_notes = _at_once(time_s, _side_by_side(channels, wheels.of(WHEEL_SPEED), time_s))
     current_A = _side_by_side(channels, wheels.of(MOTOR_CURRENT), time_s)
     names = [columns[q].name if q in columns else "" for q in wheels.of(MOTOR_CURRENT).values()]
     current_A, current_notes = mend_currents(time_s, current_A, speed_rad_s, names, wheels.driven_places)
     body = {channel.name: channels[channel.name] for channel in BODY if channel.name in channels}
-    notes = [*unit_notes(columns, mechanics), *conversion_notes, *turn_notes]
+    notes = [*unit_notes(columns, mechanics), *conversion_notes, *burst_notes, *turn_notes]
     notes += _use_angles(time_s, body)
     absent = _absent_notes(columns, wheels)
     return DriveChannels(time_s, speed_rad_s, current_A, body, (*notes, *current_notes), absent)
+
+
+def _without_bursts(
+    table: Table, time_s: np.ndarray, columns: Mapping[str, Column], mechanics: Mechanics
+) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The times (T,) of the rows where positions of wheels arrived in bursts as they were measured, and a note.
+
+    A position over the time between two arrivals is no speed where the second did not wait for its turn.
+    """
+    positions = [
+        table.columns[column.name]
+        for quantity, column in columns.items()
+        if channel_of(quantity) is WHEEL_SPEED and unit_of_channel(quantity, column, mechanics).dimension in POSITIONS
+    ]
+    if not positions:
+        return time_s, ()
+    known = np.isfinite(np.column_stack(positions)).all(axis=1)
+    arrived_s = time_s[known]
+    even_s = even_times(arrived_s)
+    in_bursts = int(np.count_nonzero(np.diff(arrived_s) < _BURST * np.diff(even_s)))
+    if not in_bursts:
+        return time_s, ()
+    text = f"{counted(in_bursts, 'row')} with positions of wheels arrived in bursts: their times are made even"
+    moved_s = np.interp(time_s, arrived_s, even_s - arrived_s)
+    return time_s + moved_s, (Note(text),)
 
 
 def _in_si(

@@ -69,6 +69,10 @@ def unit_of_channel(quantity: str, column: Column, mechanics: Mechanics) -> Unit
 
 #: So many rows, turns and counts at least show that counts go up and down, in this share of the steps.
 _FEWEST_ROWS, _FEWEST_TURNS, _FEWEST_COUNTS, _UP_AND_DOWN = 50, 3.0, 2.0, 0.2
+#: Share of the usual interval of rows that lies between two at least; below 1, so that clocks that drift stay.
+_USUAL = 0.98
+#: So many rows in a row show the usual interval, however they arrived.
+_TOGETHER = 20
 _POSITION_WORDS = frozenset(word for words in WHEEL_COUNTS.words for word in words)
 
 
@@ -122,6 +126,21 @@ def are_since_last_row(counts: np.ndarray, counts_per_turn: float) -> bool:
     ways = ways[ways != 0.0]
     turns_round = np.count_nonzero(ways[1:] != ways[:-1])
     return bool(np.ptp(values) >= _FEWEST_COUNTS and turns_round > _UP_AND_DOWN * ways.size)
+
+
+def even_times(time_s: np.ndarray) -> np.ndarray:
+    """Times (T,) [s] of positions that were measured evenly and arrived in bursts, as they would have without waiting.
+
+    A row cannot have been measured later than any that came after it, less the usual interval for each in between.
+    Rows that come evenly, or with pauses, keep their times.
+
+    time_s: (T,) [s] of arrival, increasing.
+    """
+    if time_s.size < _FEWEST_ROWS:
+        return time_s
+    step_s = _USUAL * float(np.median(time_s[_TOGETHER:] - time_s[:-_TOGETHER])) / _TOGETHER
+    counted_s = step_s * np.arange(time_s.size)
+    return np.minimum.accumulate((time_s - counted_s)[::-1])[::-1] + counted_s
 
 
 def speed_from_counts(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float) -> EncoderSpeed:

@@ -9,10 +9,10 @@ from ohmward.traction.odometry.gyro_noise import learn, of_sheet, walk_variance
 WALK, DT_S = 3e-4, 0.02
 
 
-def heard(rates, dt_s=DT_S):
+def heard(rates, dt_s=DT_S, stands=False):
     known = of_sheet(WALK)
     for rate in rates:
-        known = learn(known, rate, True, dt_s, WALK)
+        known = learn(known, rate, True, stands, dt_s, WALK)
     return known
 
 
@@ -36,13 +36,15 @@ def test_one_spike_counts_as_five_sigmas():
     assert walk_variance(heard(rates), WALK) < 3 * WALK**2
 
 
-def test_a_slow_gyro_shows_motion_not_noise():
-    assert heard(np.random.default_rng(1).standard_normal(50), 0.2).variance == WALK**2
+def test_a_slow_gyro_shows_motion_not_noise_but_where_the_robot_stands():
+    rates = np.random.default_rng(1).standard_normal(500)
+    assert heard(rates, 0.2).variance == WALK**2
+    assert heard(rates, 0.2, stands=True).variance == pytest.approx(0.2, rel=0.3)
 
 
 def test_missing_samples_change_nothing():
     known = heard(np.random.default_rng(1).standard_normal(50))
-    after = learn(known, np.nan, False, DT_S, WALK)
+    after = learn(known, np.nan, False, False, DT_S, WALK)
     assert after._replace(since_s=known.since_s).variance == known.variance
     assert np.array_equal(after.last_rad_s, known.last_rad_s)
 

@@ -19,7 +19,7 @@ from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.terrain.floor import ROLLING, STIFFNESS
 from traction.odometry.examples import DT_S, NOISE, drive, gauss_markov, samples
 
-FREE = ("encoder_std_rad", "correlation_s", "speed_std_m_s", "increment_walk")
+FREE = ("encoder_std_rad", "correlation_s", "turn_correlation_s", "speed_std_m_s", "increment_walk")
 EXACT = replace(OdometryNoise(), **{f.name: 0.0 for f in fields(OdometryNoise) if f.name not in FREE})  # type: ignore[arg-type]
 FILTER = PoseFilter(RLMA, OdometryNoise())  # rims without creep
 KERNELS: dict[PoseFilter, Kernel] = {}
@@ -126,7 +126,7 @@ def test_the_offset_is_learnt_at_rest_as_well_as_its_noise_allows():
     """Var of the mean of white noise of density q^2 over T is q^2 / T."""
     steps = 500
     rng = np.random.default_rng(1)
-    noise = replace(OdometryNoise(), gyro_offset_walk=0.0)
+    noise = replace(OdometryNoise(), gyro_offset_walk=0.0, encoder_std_rad=0.0)
     gyro = 0.01 + noise.gyro_walk / math.sqrt(DT_S) * rng.standard_normal(steps)
     settings = PoseFilter(RLMA, noise)
     e = run(settings, samples(settings, wheel_speed_rad_s=np.zeros((steps, 2)), yaw_rate_rad_s=gyro))

@@ -18,8 +18,9 @@ from ohmward.filters.sanitize import between, every, some, within
 from ohmward.trace import clip, cos, exp, isfinite, linearize, logical_not, maximum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.odometry.model import (
-    CURVATURE,
-    GYRO_SCALE,
+    AHEAD,
+    APART,
+    DELAY,
     HEADING_ZERO,
     NAMES,
     OFFSET,
@@ -30,6 +31,7 @@ from ohmward.traction.odometry.model import (
     YAW,
     MotionInput,
     twist,
+    yaw_now,
 )
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import OdometrySample
@@ -79,20 +81,16 @@ LEAST_REJECTED_STD = 1e-4
 
 
 class TurnSums(NamedTuple):
-    """Sums over the time in which gyro and wheels have turned since they were last compared."""
+    """Sums over the time since gyro and wheels were last compared."""
 
     time_s: Any = 0.0  #: time
     #: angles that they show
     wheels_rad: Any = 0.0
     gyro_rad: Any = 0.0
-    #: signed way of the rims forward, and the way of the wheels whatever its direction
-    path_m: Any = 0.0
-    rim_m: Any = 0.0
+    rim_m: Any = 0.0  #: way of the rims, whatever its direction
     gyro_variance: Any = 0.0  #: of the gyro's angle by its noise [rad2]
-    slip_rad: Any = 0.0  #: angle of one standard deviation of the wheels' correlated error
-    #: yaw rate of the gyro at the start and at the end
-    start_rad_s: Any = 0.0
-    end_rad_s: Any = 0.0
+    start_rad_s: Any = 0.0  #: yaw rate of the gyro at the start
+    stood: Any = 0.0  #: comparisons in a row in which the wheels have not moved
     rejected_s: Any = 0.0  #: time for which the comparison has been outside its gate
 
 
@@ -116,51 +114,51 @@ class PoseCorrection(NamedTuple):
     increment_too_old: Any = False
 
 
-def add_turn(sums: TurnSums, u: MotionInput, rim_m_s: Scalar, comparable: Scalar) -> TurnSums:
-    """The sums with one more step; nothing where gyro and wheels are not comparable in it."""
-    added = TurnSums(
-        sums.time_s + u.dt_s,
-        sums.wheels_rad + u.motion[2] * u.dt_s,
-        sums.gyro_rad + u.gyro_rad_s * u.dt_s,
-        sums.path_m + u.motion[0] * u.dt_s,
-        sums.rim_m + rim_m_s * u.dt_s,
-        sums.gyro_variance + u.gyro_variance * u.dt_s,
-        sums.slip_rad + u.motion_std[2] * u.dt_s,
-        where(sums.time_s > 0.0, sums.start_rad_s, u.gyro_rad_s),
-        u.gyro_rad_s,
-        sums.rejected_s,
+def add_turn(sums: TurnSums, u: MotionInput, rim_m: Scalar) -> TurnSums:
+    """The sums with one more step; nothing where gyro and wheels are not comparable in it.
+
+    rim_m: way of the rims in it, whatever its direction.
+    """
+    added = sums._replace(
+        time_s=sums.time_s + u.dt_s,
+        wheels_rad=sums.wheels_rad + u.way[2],
+        gyro_rad=sums.gyro_rad + u.gyro_rad_s * u.dt_s,
+        rim_m=sums.rim_m + rim_m,
+        gyro_variance=sums.gyro_variance + u.gyro_variance * u.dt_s,
+        start_rad_s=where(sums.time_s > 0.0, sums.start_rad_s, u.gyro_rad_s),
     )
-    return choose(comparable, added, TurnSums(rejected_s=sums.rejected_s))
+    return choose(u.comparable, added, TurnSums(rejected_s=sums.rejected_s))
 
 
 def use_turn(
-    body: PoseCorrection,
-    sums: TurnSums,
-    noise: OdometryNoise,
-    encoder_turn_rad: float,
-    gate: float,
-    reset_after_s: float,
+    body: PoseCorrection, sums: TurnSums, u: MotionInput, fresh: Scalar, gate: float, reset_after_s: float
 ) -> tuple[PoseCorrection, TurnSums]:
-    """Correct with the difference of the angles that wheels and gyro have turned, once they are due; new sums then.
+    """Correct with the angles that wheels and gyro have turned, once a comparison is due; new sums then.
 
-    0 = theta_w (1 + k_w) + q s + sigma z_w - (theta_g - b T)(1 + k_g) + noise
+    Wheels that turned:   0 = d - (t_g + t_w) w + e,                            e a part of a count
+    wheels that stood:    0 = (t_g + t_w) (w - w_0) - (theta_g - b T) + e
 
-    The noise of the gyro over that time is in the yaw too: Cov(yaw, noise) = -N^2 T, so that the wheels take back from
-    the yaw what a bad gyro has turned it by.
+    The noise of the gyro over the time T at rest is in the yaw and in d too, Cov(yaw, e) = -N^2 T = -Cov(d, e), so
+    that the wheels take back from both what a bad gyro has turned them by. A robot whose counts stay may still turn by
+    a part of one, in the n-th comparison at rest by a part 1 / n of it: then it has turned by less in all those before.
 
-    Where a robot that stands has turned by its gyro for longer than `reset_after_s`, the offset has changed.
+    Where a robot that stands has turned by its gyro for longer than `reset_after_s`, the offset has changed. Where
+    wheels and gyro disagree, nothing is known of d.
 
-    encoder_turn_rad: error of the wheels' angle by counting.
+    fresh: the condition that the step ended with a value of the wheels.
     """
-    due = sums.time_s >= COMPARED_S
+    due = fresh & (sums.time_s >= COMPARED_S)
     stood = sums.rim_m <= STOOD_M
-    lag_rad = noise.turn_lag_s * (sums.end_rad_s - sums.start_rad_s)
-    of_wheels = where(stood, 0.0, encoder_turn_rad**2 + lag_rad * lag_rad)
-    variance = sums.gyro_variance + of_wheels + STILL_TURN_RAD**2
-    shared = np.array([-sums.gyro_variance if i == YAW else 0.0 for i in range(len(NAMES))])
+    rests = where(stood, sums.stood + 1.0, 0.0)
+    counted = u.count_rad * u.count_rad / maximum(rests * rests, 1.0)
+    variance = counted + where(stood, sums.gyro_variance, 0.0) + STILL_TURN_RAD**2
+    by_noise = where(stood, sums.gyro_variance, 0.0)
+    shared = np.array([{YAW: -by_noise, APART: by_noise}.get(i, 0.0) for i in range(len(NAMES))])
 
     def difference(x: np.ndarray) -> np.ndarray:
-        return turned_apart(x, sums)
+        moving = x[APART] - (x[DELAY] + x[AHEAD]) * (u.gyro_rad_s - x[OFFSET])
+        at_rest = (x[DELAY] + x[AHEAD]) * (u.gyro_rad_s - sums.start_rad_s) - (sums.gyro_rad - x[OFFSET] * sums.time_s)
+        return np.array([where(stood, at_rest, moving)])
 
     nu = -difference(body.belief.mean)[0]
     diverged = due & stood & (sums.rejected_s > reset_after_s)
@@ -168,10 +166,16 @@ def use_turn(
     prior = choose(diverged, inflate(body.belief, OFFSET, rate * rate), body.belief)
     belief, accepted = correct_scalar(prior, where(due, 0.0, np.nan), difference, variance, gate, shared)
     rejected = due & logical_not(accepted)
-    belief = choose(rejected, scrubbing(belief, sums), belief)
+    belief = choose(rejected, forget(scrubbing(belief, sums), APART, u.count_rad * u.count_rad), belief)
     rejected_s = where(stood, time_rejected(sums.rejected_s, sums.time_s, rejected, due), 0.0)
     body = body._replace(belief=belief, turn_apart_rad_s=abs(rate), turn_rejected=rejected)
-    return body, choose(due, TurnSums(rejected_s=rejected_s), sums)
+    return body, choose(due, TurnSums(stood=rests, rejected_s=rejected_s), sums)
+
+
+def forget(belief: Belief, i: int, variance: Scalar) -> Belief:
+    """The belief in which nothing is known of element i but that it is zero but for this variance."""
+    keep = np.array([0.0 if k == i else 1.0 for k in range(len(belief.mean))])
+    return inflate(Belief(belief.mean * keep, belief.cov * np.outer(keep, keep)), i, variance)
 
 
 def scrubbing(belief: Belief, sums: TurnSums) -> Belief:
@@ -186,13 +190,6 @@ def scrubbing(belief: Belief, sums: TurnSums) -> Belief:
     apart = share - k
     scrubs = between(share, *SCRUBBING_SHARE)
     return choose(scrubs, inflate(belief, TURN_SCALE, maximum(apart * apart - variance, 0.0)), belief)
-
-
-def turned_apart(x: np.ndarray, sums: TurnSums) -> np.ndarray:
-    """Angle (1,) by which wheels and gyro differ in state x: zero for the true one."""
-    wheels = sums.wheels_rad * (1.0 + x[TURN_SCALE]) + sums.path_m * x[CURVATURE] + sums.slip_rad * x[TURN_SLIP]
-    gyro = (sums.gyro_rad - x[OFFSET] * sums.time_s) * (1.0 + x[GYRO_SCALE])
-    return np.array([wheels - gyro])
 
 
 def use_speeds(
@@ -224,7 +221,7 @@ def use_heading(
     body: PoseCorrection,
     sample: OdometrySample,
     times: HeadingTimes,
-    dt_s: Scalar,
+    u: MotionInput,
     noise: OdometryNoise,
     gate: float,
     reset_after_s: float,
@@ -240,11 +237,11 @@ def use_heading(
     """
 
     def heading(x: np.ndarray) -> np.ndarray:
-        return np.array([x[YAW] + x[HEADING_ZERO]])
+        return np.array([yaw_now(x, u) + x[HEADING_ZERO]])
 
     own = sample.heading_std_rad
     std_rad = where(between(own, *HEADING_STD), own, noise.heading_std_rad)
-    wait_s = maximum(times.wait_s - dt_s, 0.0)
+    wait_s = maximum(times.wait_s - u.dt_s, 0.0)
     measured = within(sample.heading_rad, MOST_HEADING_RAD) & (wait_s <= 0.0)
     expected_rad = heading(body.belief.mean)[0]
     turned_rad = where(measured, sample.heading_rad, expected_rad) - expected_rad + math.pi
@@ -253,7 +250,7 @@ def use_heading(
     prior = choose(diverged, inflate(body.belief, HEADING_ZERO, nu * nu), body.belief)
     belief, accepted = correct_scalar(prior, where(measured, expected_rad + nu, np.nan), heading, std_rad**2, gate)
     rejected = measured & logical_not(accepted)
-    rejected_s = time_rejected(times.rejected_s, dt_s, rejected, measured, sparse=True)
+    rejected_s = time_rejected(times.rejected_s, u.dt_s, rejected, measured, sparse=True)
     body = body._replace(belief=belief, heading_rejected=rejected)
     return body, HeadingTimes(where(accepted, HEADING_WAIT * noise.correlation_s, wait_s), rejected_s)
 

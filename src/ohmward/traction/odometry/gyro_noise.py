@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.trace import maximum, minimum, where
+from ohmward.trace import logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
 
 #: Weights of the third difference, and the sum of their squares.
@@ -26,7 +26,7 @@ FORGOTTEN_S = 5.0
 #: The data sheet counts as much as so many samples.
 SHEET_SAMPLES = 20.0
 
-#: Samples farther apart than this [s] hold motion in their third difference.
+#: Samples farther apart than this [s] hold motion in their third difference, but those of a robot that stands.
 LONGEST_INTERVAL_S = 0.1
 
 #: A square larger than so many variances counts as that many: five sigmas, so that one spike is no noise.
@@ -48,10 +48,16 @@ def of_sheet(gyro_walk: float) -> GyroNoise:
     return GyroNoise(gyro_walk**2, SHEET_SAMPLES, np.zeros(3), 0.0, 0.0)
 
 
-def learn(known: GyroNoise, rate_rad_s: Scalar, new: Scalar, dt_s: Scalar, gyro_walk: float) -> GyroNoise:
-    """The noise after a step; new: the condition that it ended with a sample of the gyro."""
+def learn(
+    known: GyroNoise, rate_rad_s: Scalar, new: Scalar, stands: Scalar, dt_s: Scalar, gyro_walk: float
+) -> GyroNoise:
+    """The noise after a step.
+
+    new: the condition that it ended with a sample of the gyro.
+    stands: the condition that no wheel turned in it.
+    """
     interval_s = known.since_s + dt_s
-    in_row = where(interval_s > LONGEST_INTERVAL_S, 0.0, known.in_row)
+    in_row = where((interval_s > LONGEST_INTERVAL_S) & logical_not(stands), 0.0, known.in_row)
     rate_rad_s = where(new, rate_rad_s, 0.0)
     window = np.array([rate_rad_s, *known.last_rad_s])
     difference = WEIGHTS @ window

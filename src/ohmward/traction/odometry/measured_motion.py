@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.filters.gate import choose
 from ohmward.filters.sanitize import CleanStep, every, some, within
 from ohmward.quantities import MOST_WHEEL_RAD_S
-from ohmward.trace import logical_not, maximum, sqrt, where
+from ohmward.trace import exp, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.odometry.grip import GripSpeed, speed_by_grip
-from ohmward.traction.odometry.model import MotionInput
+from ohmward.traction.odometry.model import USUAL_TURN_S, MotionInput
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import OdometrySample
 from ohmward.traction.robot.chassis import PLANAR, Differential
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.body_sensors import LOST_M_S, MOST_YAW_RAD_S
-from ohmward.traction.speed_observer.intervals import NEVER_S, Intervals, advance, holds, never, was_seen
+from ohmward.traction.speed_observer.intervals import LOST, NEVER_S, Intervals, advance, holds, never, was_seen
 
 #: A rim whose speed changes by more than that of counting [m/s] and an acceleration of 2 g [m/s2] is not the robot's.
 JUMP_M_S, JUMP_M_S2 = 0.2, 20.0
 
 #: A shorter step [s] is none, and counts over it show no speed.
 LEAST_STEP_S = 1e-3
+
+#: Angles [rad] that differ by less are the same: rounding of a file.
+SAME_RAD = 1e-4
 
 #: Wheels with less grip than this show no turn.
 LEAST_TURN_GRIP = 0.5
@@ -51,6 +56,17 @@ class Observed(NamedTuple):
 CREDIBLE = Observed(LOST_M_S, LOST_M_S, LOST_M_S, MOST_YAW_RAD_S, MOST_YAW_RAD_S, 1.0, 1.0)
 
 
+#: A count is known from so many differences on, and no encoder has a larger one [rad].
+FEWEST_DIFFERENCES, MOST_COUNT_RAD = 20.0, 0.5
+
+
+class CountOfEncoder(NamedTuple):
+    """The angle of one count, by which the steps of a wheel differ that shows angles by counting."""
+
+    least_rad: Any = MOST_COUNT_RAD  #: by which two steps in a row have differed
+    differences: Any = 0.0  #: how many there were
+
+
 class MotionState(NamedTuple):
     """The last values of the sensors and their clocks."""
 
@@ -60,6 +76,11 @@ class MotionState(NamedTuple):
     passive_rad_s: np.ndarray  #: (passive,)
     gyro_rad_s: Any  #: yaw rate of the gyro
     followed_m_s: Any  #: forward speed of the rims, changed no faster than friction can
+    #: (3,) way that was reckoned by the wheels since their last values [m, m, rad]
+    reckoned: np.ndarray
+    turned_rad: np.ndarray  #: (driven,) angles of the last steps
+    encoder: CountOfEncoder  #: as they have shown it
+    usual_turn_rad_s: Any  #: yaw rate by the driven wheels, averaged over `USUAL_TURN_S`
     observed: Observed  #: of the speed observer
     intervals: Intervals  #: of `WHEELS`, `GYRO`, `OBSERVER` and `PASSIVE`
 
@@ -69,10 +90,12 @@ class MeasuredMotion(NamedTuple):
 
     input: MotionInput  #: of the model
     white_variance: np.ndarray  #: (3,) of the twist, by counting and by the gyro's noise over one step
-    rim_m_s: Scalar  #: speed of the rims whatever its direction
+    rim_m: Scalar  #: way of the driven rims whatever its direction, their mean
+    #: `MotionState` after the step
+    reckoned: np.ndarray
+    usual_turn_rad_s: Scalar
     grip: GripSpeed  #: forward speed of the rims
     by_driven: Scalar  #: the condition that the driven ones tell it, no observer and no wheel that rolls freely
-    comparable: Scalar  #: gyro and wheels both show the turn
     #: see `OdometryFlag`
     no_wheels: Scalar
     no_gyro: Scalar
@@ -82,7 +105,9 @@ class MeasuredMotion(NamedTuple):
 def no_motion(robot: Robot) -> MotionState:
     """State before the first sample."""
     driven, passive = np.zeros(robot.driven), np.zeros(len(passive_wheels(robot)))
-    return MotionState(driven, driven + NEVER_S, passive, 0.0, 0.0, Observed(), never(4))
+    return MotionState(
+        driven, driven + NEVER_S, passive, 0.0, 0.0, np.zeros(3), driven, CountOfEncoder(), 0.0, Observed(), never(4)
+    )
 
 
 def rim_matrix(robot: Robot) -> np.ndarray:
@@ -112,6 +137,7 @@ def sense(before: MotionState, sample: OdometrySample, time: CleanStep, robot: R
     taken = np.array([rolled & logical_not(bad) for bad in jumps])
     free = passive_rolled(before, sample, time, robot)
     turned = within(sample.yaw_rate_rad_s, MOST_YAW_RAD_S)
+    turned_rad = where(taken, sample.wheel_speed_rad_s * (before.wheel_age_s + time.dt_s), before.turned_rad)
     new = Observed(*sample[-len(Observed._fields) :])
     credible = [within(value, limit) for value, limit in zip(new, CREDIBLE, strict=True)]
     observed = credible[0] & credible[1] & (new.speed_std_m_s >= 0.0)
@@ -124,10 +150,25 @@ def sense(before: MotionState, sample: OdometrySample, time: CleanStep, robot: R
         passive_rad_s=where(free, sample.passive_rad_s, before.passive_rad_s),
         gyro_rad_s=where(turned, sample.yaw_rate_rad_s, before.gyro_rad_s),
         followed_m_s=before.followed_m_s,
+        reckoned=before.reckoned,
+        turned_rad=where(rolled, turned_rad, before.turned_rad),
+        encoder=choose(rolled, count_seen(before, turned_rad), before.encoder),
+        usual_turn_rad_s=before.usual_turn_rad_s,
         observed=Observed(*latest),
         intervals=advance(before.intervals, np.array([rolled, turned, observed, free]), time.dt_s),
     )
     return after, jump
+
+
+def count_seen(before: MotionState, turned_rad: np.ndarray) -> CountOfEncoder:
+    """The count after a step in which the wheels turned by these angles (driven,)."""
+    least, differences = before.encoder
+    for new, old, age_s in zip(turned_rad, before.turned_rad, before.wheel_age_s, strict=True):
+        apart = abs(new - old)
+        differs = (apart > SAME_RAD) & (age_s < NEVER_S)
+        least = where(differs, minimum(least, apart), least)
+        differences = differences + where(differs, 1.0, 0.0)
+    return CountOfEncoder(least, minimum(differences, FEWEST_DIFFERENCES))
 
 
 def jumped(now: np.ndarray, last: np.ndarray, age_s: np.ndarray, time: CleanStep, robot: Robot) -> list[Scalar]:
@@ -164,33 +205,50 @@ def show(
     rolls, by_gyro, observed, free = holds(now.intervals)
     rims_m_s = robot.wheel.radius_m * now.wheel_speed_rad_s
     driven = rim_matrix(robot) @ rims_m_s
-    count_m_s = counting_m_s(dt_s, robot, noise)
+    counted_m = counting_m(now.encoder, robot, noise)
+    count_m_s = math.sqrt(2.0) * counted_m / maximum(dt_s, LEAST_STEP_S)
     followed = now.gyro_rad_s, by_gyro, now.followed_m_s
     grip = speed_by_grip(rims_m_s, driven[0], *followed, since_s, count_m_s, robot, noise)
     rim = where(free, free_motion(now, robot), driven)
     forward_m_s = where(free, rim[0], (1.0 - noise.creep) * grip.forward_m_s)
     rim_m_s = sqrt(rim[0] * rim[0] + rim[1] * rim[1])
+    motion = np.array([forward_m_s, rim[1], rim[2]])
+    # A speed by counting is the mean since the last value, so that no way is lost where one is late or missing.
+    fresh, usual_s = now.intervals.age_s[WHEELS] <= 0.0, now.intervals.usual_s[WHEELS]
+    whole = fresh & (since_s <= (LOST + 1) * usual_s)
+    way = where(whole, motion * since_s - now.reckoned, motion * dt_s)
+    reckoned = where(fresh, 0.0, now.reckoned + way)
     o = now.observed
     turn_observed = observed & logical_not(by_gyro)
     u = MotionInput(
         dt_s=dt_s,
         motion=np.array([
-            where(observed, o.speed_m_s, forward_m_s),
-            where(observed, o.left_m_s, rim[1]),
-            where(turn_observed, o.yaw_rate_rad_s, rim[2]),
+            where(observed, o.speed_m_s, motion[0]),
+            where(observed, o.left_m_s, motion[1]),
+            where(turn_observed, o.yaw_rate_rad_s, motion[2]),
+        ]),
+        way=np.array([
+            where(observed, o.speed_m_s * dt_s, way[0]),
+            where(observed, o.left_m_s * dt_s, way[1]),
+            where(turn_observed, o.yaw_rate_rad_s * dt_s, way[2]),
         ]),
         motion_std=motion_std(now, observed, turn_observed, rim_m_s, rim[2], robot, noise),
         scale=where(observed, o.scale, where(free, FREE_SHARE, 1.0)),
         gyro_rad_s=now.gyro_rad_s,
         gyro_variance=gyro_variance,
         by_gyro=by_gyro,
+        comparable=by_gyro
+        & (free | rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_TURN_GRIP))),
+        count_rad=turn_per_slip(robot) * counted_m,
         unobserved_s=unobserved(now.intervals, rolls | free | observed, by_gyro),
+        usual_turn_rad_s=now.usual_turn_rad_s,
     )  # fmt: skip
-    comparable = by_gyro & (free | rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_TURN_GRIP)))
     no_gyro = was_seen(now.intervals)[GYRO] & logical_not(by_gyro)
-    white = white_variance(u, observed, robot, noise)
+    white = white_variance(u, observed, count_m_s, robot)
+    rim_m = sum(abs(rims_m_s)) / robot.driven * dt_s
     by_driven, no_wheels = rolls & logical_not(observed | free), logical_not(rolls | free | observed)
-    return MeasuredMotion(u, white, rim_m_s, grip, by_driven, comparable, no_wheels, no_gyro, jump)
+    usual = now.usual_turn_rad_s + (rim[2] - now.usual_turn_rad_s) * (1.0 - exp(-dt_s / USUAL_TURN_S))
+    return MeasuredMotion(u, white, rim_m, reckoned, usual, grip, by_driven, no_wheels, no_gyro, jump)
 
 
 def motion_std(
@@ -221,21 +279,28 @@ def free_motion(now: MotionState, robot: Robot) -> np.ndarray:
     return motion_of_rims(robot, passive_wheels(robot)) @ (robot.wheel.radius_m * now.passive_rad_s)
 
 
-def white_variance(u: MotionInput, observed: Scalar, robot: Robot, noise: OdometryNoise) -> np.ndarray:
+def white_variance(u: MotionInput, observed: Scalar, count_m_s: Scalar, robot: Robot) -> np.ndarray:
     """Variance (3,) of the twist by counts over the step and by the noise of the gyro; an observer has its own in."""
-    rims = np.linalg.norm(rim_matrix(robot), axis=1) ** 2 * counting_m_s(u.dt_s, robot, noise) ** 2
+    rims = np.linalg.norm(rim_matrix(robot), axis=1) ** 2 * count_m_s * count_m_s
     gyro = u.gyro_variance / maximum(u.dt_s, LEAST_STEP_S)
     return np.array([where(observed, 0.0, rims[0]), where(observed, 0.0, rims[1]), where(u.by_gyro, gyro, rims[2])])
 
 
-def counting_m_s(dt_s: Scalar, robot: Robot, noise: OdometryNoise) -> Scalar:
-    """Standard deviation [m/s] of the speed of a rim by counts over the step."""
-    return robot.wheel.radius_m * noise.encoder_std_rad / maximum(dt_s, LEAST_STEP_S)
+def counting_m(count: CountOfEncoder, robot: Robot, noise: OdometryNoise) -> Scalar:
+    """Standard deviation [m] of the way of a rim by counting, even within a count; that of the noise at least."""
+    known = (count.differences >= FEWEST_DIFFERENCES) & (count.least_rad < MOST_COUNT_RAD)
+    by_steps_rad = where(known, count.least_rad, 0.0) / math.sqrt(12.0)
+    return robot.wheel.radius_m * maximum(by_steps_rad, noise.encoder_std_rad / math.sqrt(2.0))
+
+
+def turn_per_slip(robot: Robot) -> float:
+    """Yaw rate by independent slip of the wheels over its standard deviation [1/m]."""
+    return float(np.linalg.norm(rim_matrix(robot)[2]))
 
 
 def turn_std(rim_m_s: Scalar, turn_rad_s: Scalar, robot: Robot, noise: OdometryNoise) -> Scalar:
     """Standard deviation [rad/s] of the yaw rate of the wheels: of slip that differs, and of that in turns."""
-    apart = noise.slip_difference_share * float(np.linalg.norm(rim_matrix(robot)[2]))
+    apart = noise.slip_difference_share * turn_per_slip(robot)
     return hypot(apart * rim_m_s, noise.turn_share * turn_rad_s)
 
 

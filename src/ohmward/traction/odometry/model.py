@@ -1,8 +1,15 @@
 """Dead reckoning with the errors of its sensors as states.
 
     v = c v_r (1 + k) + sigma_v z_v,   l = l_r (1 + k) + sigma_l z_l
-    w = (w_g - b)(1 + k_g) with a gyro, else w_r (1 + k_w) + q v_r + sigma_w z_w
-    x+ = x + dt (v cos m - l sin m),   y+ = y + dt (v sin m + l cos m),   m = yaw + w dt/2,   yaw+ = yaw + w dt
+    w_s = w_g - b with a gyro, else w_w = w_r (1 + k_w) + q v_r + sigma_w z_w,   w = w_s (1 + k_g)
+    x+ = x + dt (v cos m - l sin m),   y+ = y + dt (v sin m + l cos m),   m = yaw + w (t_g + dt/2),   yaw+ = yaw + w dt
+    d+ = d + dt (w_w - (w_g - b))
+
+The yaw is the gyro's, which is t_g late. d is the angle by which the wheels have turned more than the gyro shows.
+Counts are angles, wrong by a part of a count however far the wheels have turned: d stays within such a part of
+(t_g + t_w) w, where wheels slip t_w ahead to begin a turn. It is in the units of the gyro, whose scale k_g enters only
+where the pose is reckoned: in (w_g - b)(1 + k_g) the noise of a gyro at rest would be likelier for a smaller scale, and
+the filter would learn that.
 
 A compass shows yaw + h, with its heading h at the yaw 0, which lasts.
 
@@ -36,17 +43,24 @@ NAMES = (
     "turn_scale",
     "curvature_1_m",
     "heading_zero_rad",
+    "gyro_delay_s",
+    "wheels_ahead_s",
+    "turned_apart_rad",
     "slip",
     "side_slip",
     "turn_slip",
 )
-X, Y, YAW, OFFSET, GYRO_SCALE, RADIUS, TURN_SCALE, CURVATURE, HEADING_ZERO = range(len(NAMES) - 3)
+X, Y, YAW, OFFSET, GYRO_SCALE, RADIUS, TURN_SCALE, CURVATURE, HEADING_ZERO, DELAY, AHEAD, APART = range(len(NAMES) - 3)
 SLIP, SIDE_SLIP, TURN_SLIP = range(len(NAMES) - 3, len(NAMES))
 #: Gauss-Markov states of unit variance.
 CORRELATED = (SLIP, SIDE_SLIP, TURN_SLIP)
 
 #: Standard deviation [rad] of a heading that may be any.
 ANY_HEADING_RAD = math.pi / math.sqrt(3.0)
+
+#: Time constant [s] of the usual yaw rate of the wheels, which may be but counts where its angle in that time is within
+#: so many standard deviations of counting.
+USUAL_TURN_S, COUNTED = 0.5, 5.0
 
 #: Acceleration [m/s2, m/s2, rad/s2] that is possible while nothing shows the motion.
 UNOBSERVED = np.array([0.5, 0.1, 0.5])
@@ -57,16 +71,25 @@ class MotionInput(NamedTuple):
 
     dt_s: Scalar  #: step [s]
     motion: np.ndarray  #: (3,) forward, left [m/s] and turning [rad/s], of the wheels or of an observer
+    way: np.ndarray  #: (3,) the way of the step [m, m, rad] as they show it
     motion_std: np.ndarray  #: (3,) standard deviations of its correlated errors
     scale: Scalar  #: share of the radius's standard deviation that is in its speed
     gyro_rad_s: Scalar  #: yaw rate of the gyro
     gyro_variance: Scalar  #: of its angle over time [rad2/s]
     by_gyro: Any  #: the condition that it tells the turn
+    comparable: Any  #: the condition that the wheels show it too
+    count_rad: Any  #: standard deviation of the turn that the wheels show, by counting
     unobserved_s: np.ndarray  #: (3,) time for which nothing has shown each motion
+    usual_turn_rad_s: Any = 0.0  #: yaw rate of the wheels, averaged over the time before the step
+    turn_scale: Any = 0.0  #: k_w as it is known before the step
 
 
-def first_belief(noise: OdometryNoise, turn_per_slip: float) -> Belief:
-    """Belief at the start of the frame `odom`; turn_per_slip: yaw rate over independent slip of the wheels [1/m]."""
+def first_belief(noise: OdometryNoise, turn_per_slip: float, count_rad: float) -> Belief:
+    """Belief at the start of the frame `odom`.
+
+    turn_per_slip: yaw rate over independent slip of the wheels [1/m].
+    count_rad: standard deviation of the turn that the wheels show, by counting.
+    """
     stds = {
         OFFSET: noise.gyro_offset_std_rad_s,
         GYRO_SCALE: noise.gyro_scale_std,
@@ -74,6 +97,9 @@ def first_belief(noise: OdometryNoise, turn_per_slip: float) -> Belief:
         TURN_SCALE: noise.turn_scale_std,
         CURVATURE: noise.wheel_difference_std * turn_per_slip,
         HEADING_ZERO: ANY_HEADING_RAD,
+        DELAY: noise.gyro_delay_std_s,
+        AHEAD: noise.wheels_ahead_std_s,
+        APART: count_rad,
         SLIP: 1.0,
         SIDE_SLIP: 1.0,
         TURN_SLIP: 1.0,
@@ -81,47 +107,71 @@ def first_belief(noise: OdometryNoise, turn_per_slip: float) -> Belief:
     return Belief(np.zeros(len(NAMES)), np.diag([stds.get(i, 0.0) ** 2 for i in range(len(NAMES))]))
 
 
-def turn_of_wheels(x: np.ndarray, u: MotionInput) -> Scalar:
-    """Yaw rate [rad/s] of the robot as its wheels show it."""
-    return u.motion[2] * (1.0 + x[TURN_SCALE]) + u.motion[0] * x[CURVATURE] + u.motion_std[2] * x[TURN_SLIP]
-
-
 def twist(x: np.ndarray, u: MotionInput) -> np.ndarray:
     """Forward and leftward speed [m/s] and yaw rate [rad/s], (3,), in state x (n,)."""
+    by_wheels, by_gyro = moved(x, u, u.motion, 1.0)
+    return np.array([*by_wheels[:2], where(u.by_gyro, by_gyro, by_wheels[2]) * (1.0 + x[GYRO_SCALE])])
+
+
+def moved(x: np.ndarray, u: MotionInput, rims: np.ndarray, time_s: Scalar) -> tuple[np.ndarray, Scalar]:
+    """Way (3,) forward, left [m] and turned [rad] by the wheels, and the turn by the gyro, both turns in its units.
+
+    rims: (3,) the way as the rims show it in that time.
+
+    The scale of the wheels' turn is learnt over the turn of the step, or over the usual one where that may be but
+    counts: wheels and gyro differ by those, and the filter would learn the scale from them.
+    """
     scale = 1.0 + u.scale * x[RADIUS]
-    forward = u.motion[0] * scale + u.motion_std[0] * x[SLIP]
-    left = u.motion[1] * scale + u.motion_std[1] * x[SIDE_SLIP]
-    gyro = (u.gyro_rad_s - x[OFFSET]) * (1.0 + x[GYRO_SCALE])
-    return np.array([forward, left, where(u.by_gyro, gyro, turn_of_wheels(x, u))])
+    forward = rims[0] * scale + u.motion_std[0] * time_s * x[SLIP]
+    left = rims[1] * scale + u.motion_std[1] * time_s * x[SIDE_SLIP]
+    turned = rims[2] * (1.0 + u.turn_scale) + rims[0] * x[CURVATURE] + u.motion_std[2] * time_s * x[TURN_SLIP]
+    counts = u.by_gyro & (abs(u.usual_turn_rad_s) * USUAL_TURN_S < COUNTED * u.count_rad)
+    scaled = where(counts, u.usual_turn_rad_s * time_s, rims[2])
+    turn = turned + scaled * (x[TURN_SCALE] - u.turn_scale)
+    return np.array([forward, left, turn]), (u.gyro_rad_s - x[OFFSET]) * time_s
 
 
 def next_state(x: np.ndarray, u: MotionInput, noise: OdometryNoise) -> np.ndarray:
     """State (n,) after the step."""
-    forward, left, turn = twist(x, u) * u.dt_s
-    middle = x[YAW] + turn / 2.0
+    (forward, left, by_wheels), by_gyro = moved(x, u, u.way, u.dt_s)
+    turn = where(u.by_gyro, by_gyro, by_wheels) * (1.0 + x[GYRO_SCALE])
+    middle = yaw_now(x, u) + turn / 2.0
     c, s = cos(middle), sin(middle)
     pose = [x[X] + forward * c - left * s, x[Y] + forward * s + left * c, x[YAW] + turn]
-    decay = exp(-u.dt_s / noise.correlation_s)
-    return np.array([*pose, *x[OFFSET:SLIP], *(decay * x[i] for i in CORRELATED)])
+    apart = where(u.comparable, x[APART] + by_wheels - by_gyro, 0.0)
+    return np.array([*pose, *x[OFFSET:APART], apart, *(decays(u, noise) * x[SLIP:])])
+
+
+def yaw_now(x: np.ndarray, u: MotionInput) -> Scalar:
+    """Yaw [rad] in state x, with what a gyro that is late has still to show."""
+    return x[YAW] + where(u.by_gyro, x[DELAY] * (u.gyro_rad_s - x[OFFSET]), 0.0)
+
+
+def decays(u: MotionInput, noise: OdometryNoise) -> np.ndarray:
+    """Shares (3,) of the `CORRELATED` errors that are left after the step."""
+    slips, turn = exp(-u.dt_s / noise.correlation_s), exp(-u.dt_s / noise.turn_correlation_s)
+    return np.array([slips, slips, turn])
 
 
 def process_noise(x: np.ndarray, u: MotionInput, noise: OdometryNoise) -> np.ndarray:
     """Q (n, n) of a step from state x (n,)."""
-    decay = exp(-u.dt_s / noise.correlation_s)
+    decay = decays(u, noise)
     drift = unobserved_variance(u)
     c, s = cos(x[YAW]), sin(x[YAW])
     along, across = drift[0], drift[1]
-    turned = drift[2] + where(u.by_gyro, u.gyro_variance * u.dt_s, 0.0)
+    by_gyro = where(u.by_gyro, u.gyro_variance * u.dt_s, 0.0)
+    turned = drift[2] + by_gyro
     pose = np.array([
         [along * c * c + across * s * s, (along - across) * c * s, 0.0],
         [(along - across) * c * s, along * s * s + across * c * c, 0.0],
         [0.0, 0.0, turned],
     ])  # fmt: skip
-    variances = [0.0] * (SLIP - OFFSET) + [1.0 - decay * decay] * len(CORRELATED)
-    variances[0] = noise.gyro_offset_walk**2 * u.dt_s
+    apart = where(u.comparable, by_gyro, u.count_rad * u.count_rad)
+    variances = [noise.gyro_offset_walk**2 * u.dt_s, *[0.0] * (APART - OFFSET - 1), apart, *(1.0 - decay * decay)]
     Q = np.zeros((len(NAMES), len(NAMES)), dtype=np.result_type(pose, np.asarray(variances)))
     Q[:3, :3] = pose
     Q[range(3, len(NAMES)), range(3, len(NAMES))] = variances
+    Q[YAW, APART] = Q[APART, YAW] = where(u.comparable, -by_gyro, 0.0)
     return Q
 
 

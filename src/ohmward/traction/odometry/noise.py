@@ -29,18 +29,20 @@ class OdometryNoise:
     #: slip ratio of the driven wheels of a robot that keeps its speed; 0 where its radius contains it, because it was
     #: calibrated by driving
     creep: float = 0.0
-    #: of the offset [rad/s over the root of a second]; a tenth of a degree a second in an hour
-    gyro_offset_walk: float = 3e-5
+    #: of the offset [rad/s over the root of a second]; a fifth of a degree a second in an hour, as it warms up
+    gyro_offset_walk: float = 6e-5
     slip_share: float = 0.005  #: slip of the wheels over their speed, where no observer tells it
     slip_difference_share: float = 3e-4  #: slip of one wheel beyond that of the others, over their speed
     turn_share: float = 0.06  #: error of the yaw rate that the wheels show, over it, by their slip in turns
-    #: angle by which the wheels turn more than the robot while its yaw rate changes, by the slip that turns it, over
-    #: that change: I B^2 v / (k N), 0.04 s for [T]'s robot at 0.6 m/s on a hard floor
-    turn_lag_s: float = 0.05
+    gyro_delay_std_s: float = 0.05  #: of the gyro after the wheels, by its filter and its way to the computer
+    #: time by which the wheels show a turn before the robot makes it, by the slip that turns it: I B^2 v / (k N), for
+    #: [T]'s robot 0.04 s at 0.6 m/s on a hard floor
+    wheels_ahead_std_s: float = 0.05
     side_slip_share: float = 0.003  #: sideways speed over the speed
     #: sideways speed over the yaw rate, by a centre of rotation beside that of the robot file [m]
     side_arm_std_m: float = 0.005
     correlation_s: float = 2.0  #: time constant of these [s], > 0
+    turn_correlation_s: float = 10.0  #: that of the errors of the yaw rate [s], > 0
     #: angle random walk of the gyro [rad over the root of a second]; that of MEMS gyros is 0.2 to 1 degree over the
     #: root of an hour
     gyro_walk: float = 3e-4
@@ -54,6 +56,7 @@ class OdometryNoise:
         for field in fields(self):
             require_between(f"noise.{field.name}", getattr(self, field.name), 0.0, float("inf"))
         require_positive("noise.correlation_s", self.correlation_s)
+        require_positive("noise.turn_correlation_s", self.turn_correlation_s)
         require_length("noise.increment_walk", self.increment_walk, 3, "forward, left, turn")
 
 

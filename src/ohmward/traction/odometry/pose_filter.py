@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -15,7 +16,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, inflate
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.filters.linear_algebra import std as std_of
-from ohmward.filters.sanitize import CleanStep, every, sanitize_step
+from ohmward.filters.sanitize import CleanStep, every, sanitize_step, some
 from ohmward.trace import linearize, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.odometry.corrections import (
@@ -37,6 +38,7 @@ from ohmward.traction.odometry.grip import lever_m
 from ohmward.traction.odometry.gyro_noise import GyroNoise, learn, of_sheet, walk_variance
 from ohmward.traction.odometry.measured_motion import (
     GYRO,
+    PASSIVE,
     WHEELS,
     MeasuredMotion,
     MotionState,
@@ -45,11 +47,13 @@ from ohmward.traction.odometry.measured_motion import (
     rim_matrix,
     sense,
     show,
+    turn_per_slip,
 )
 from ohmward.traction.odometry.model import (
     OFFSET,
     RADIUS,
     SLIP,
+    TURN_SCALE,
     YAW,
     MotionInput,
     X,
@@ -59,12 +63,13 @@ from ohmward.traction.odometry.model import (
     position_std,
     process_noise,
     twist,
+    yaw_now,
 )
 from ohmward.traction.odometry.noise import OdometryNoise, noise_of
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
-from ohmward.traction.speed_observer.intervals import History, empty_history, remember
+from ohmward.traction.speed_observer.intervals import History, empty_history, remember, was_seen
 
 
 class PoseState(NamedTuple):
@@ -79,6 +84,8 @@ class PoseState(NamedTuple):
     heading: HeadingTimes  #: times of headings
     speed_m_s: Any = 0.0  #: after the last step
     distance_m: Any = 0.0  #: length of the path
+    #: (2,) standard deviation of x and y by the square of the yaw's error, one random number for both [m]
+    second_order_m: np.ndarray = np.zeros(2)
 
 
 @dataclass(frozen=True)
@@ -108,7 +115,7 @@ class PoseFilter:
     @cached_property
     def turn_per_slip(self) -> float:
         """Yaw rate by independent slip of the wheels over its standard deviation [1/m]."""
-        return float(np.linalg.norm(self.rims[2]))
+        return turn_per_slip(self.robot)
 
     def no_sample(self) -> OdometrySample:
         """A sample without any measurement, to be filled with `_replace`."""
@@ -116,7 +123,8 @@ class PoseFilter:
 
     def init(self, first: OdometrySample) -> PoseState:
         """State before the first sample: the origin of the frame `odom`."""
-        belief = first_belief(self.noise, self.turn_per_slip)
+        counted_m = self.robot.wheel.radius_m * self.noise.encoder_std_rad / math.sqrt(2.0)
+        belief = first_belief(self.noise, self.turn_per_slip, self.turn_per_slip * counted_m)
         steps = self.late_steps
         gyro = of_sheet(self.noise.gyro_walk)
         history, trail = empty_history(steps), empty_trail(steps)
@@ -131,24 +139,34 @@ class PoseFilter:
         gyro = self.hear(state.gyro, sensors, time)
         walk = walk_variance(gyro, self.noise.gyro_walk)
         motion = show(sensors, jump, time.dt_s, since_s, walk, self.robot, self.noise)
-        sensors = sensors._replace(followed_m_s=motion.grip.followed_m_s)
+        sensors = sensors._replace(
+            followed_m_s=motion.grip.followed_m_s, reckoned=motion.reckoned, usual_turn_rad_s=motion.usual_turn_rad_s
+        )
+        motion = motion._replace(input=motion.input._replace(turn_scale=before.mean[TURN_SCALE]))
         reckoned = self.predict(opened(before, motion, motion.grip.beyond_m_s), motion.input)
         trail = extend(state.trail, twist(before.mean, motion.input), time.dt_s)
         speed_m_s = twist(reckoned.mean, motion.input)[0]
         history = remember(state.history, time.dt_s, speed_m_s - state.speed_m_s)
-        sums = add_turn(state.sums, motion.input, motion.rim_m_s, motion.comparable)
-        body, sums = self.correct(PoseCorrection(reckoned), sums, sample, motion, history, trail)
-        body, heading = use_heading(body, sample, state.heading, time.dt_s, self.noise, self.gate, self.reset_after_s)
+        sums = add_turn(state.sums, motion.input, motion.rim_m)
+        fresh = some([sensors.intervals.age_s[WHEELS] <= 0.0, sensors.intervals.age_s[PASSIVE] <= 0.0])
+        body, sums = self.correct(PoseCorrection(reckoned), sums, sample, motion, fresh, history, trail)
+        body, heading = use_heading(
+            body, sample, state.heading, motion.input, self.noise, self.gate, self.reset_after_s
+        )
         distance_m = state.distance_m + travelled(body.belief, motion.input)
-        estimate = self.conclude(body.belief, motion, distance_m)
+        second_order_m = state.second_order_m + second_order(before, reckoned)
+        estimate = self.conclude(body.belief, motion, distance_m, second_order_m)
         flags = self.flags(before, time, motion, body)
-        after = PoseState(pack(body.belief), sensors, gyro, sums, history, trail, heading, speed_m_s, distance_m)
+        after = PoseState(
+            pack(body.belief), sensors, gyro, sums, history, trail, heading, speed_m_s, distance_m, second_order_m
+        )
         return after, estimate._replace(flags=flags)
 
     def hear(self, known: GyroNoise, sensors: MotionState, time: CleanStep) -> GyroNoise:
         """Noise of the gyro after the step, which ended with a sample of it where that is of no age."""
         new = sensors.intervals.age_s[GYRO] <= 0.0
-        return learn(known, sensors.gyro_rad_s, new, time.dt_s, self.noise.gyro_walk)
+        stands = every([speed == 0.0 for speed in sensors.wheel_speed_rad_s]) & was_seen(sensors.intervals)[WHEELS]
+        return learn(known, sensors.gyro_rad_s, new, stands, time.dt_s, self.noise.gyro_walk)
 
     def predict(self, before: Belief, u: MotionInput) -> Belief:
         """Belief at the end of a step by dead reckoning."""
@@ -161,13 +179,13 @@ class PoseFilter:
         sums: TurnSums,
         sample: OdometrySample,
         motion: MeasuredMotion,
+        fresh: Scalar,
         history: History,
         trail: Trail,
     ) -> tuple[PoseCorrection, TurnSums]:
         """Correct with wheels against gyro, with external speeds and with a pose increment."""
         noise, gate, u = self.noise, self.gate, motion.input
-        counting_rad = self.turn_per_slip * self.robot.wheel.radius_m * noise.encoder_std_rad
-        body, sums = use_turn(body, sums, noise, counting_rad, gate, self.reset_after_s)
+        body, sums = use_turn(body, sums, u, fresh, gate, self.reset_after_s)
         body = body._replace(belief=opened(body.belief, motion, self.slip_by_turn(body, motion)))
         body = use_speeds(body, sample, u, history, noise, gate)
         return use_increment(body, sample, u, trail, noise, gate), sums
@@ -177,16 +195,26 @@ class PoseFilter:
         apart_m_s = lever_m(self.robot) * body.turn_apart_rad_s
         return where(body.turn_rejected, minimum(apart_m_s, motion.grip.loose_m_s), 0.0)
 
-    def conclude(self, belief: Belief, motion: MeasuredMotion, distance_m: Scalar) -> OdometryEstimate:
+    def conclude(
+        self, belief: Belief, motion: MeasuredMotion, distance_m: Scalar, second_order_m: np.ndarray
+    ) -> OdometryEstimate:
         """The estimate still without flags."""
         x, P = belief
+        yaw, along = linearize(lambda state: np.array([yaw_now(state, motion.input)]), x)
+        to_yaw = P @ along[0]
+        across = np.array([*second_order_m, 0.0])
+        pose_cov = np.outer(across, across) + np.array([
+            [P[X, X], P[X, Y], to_yaw[X]],
+            [P[Y, X], P[Y, Y], to_yaw[Y]],
+            [to_yaw[X], to_yaw[Y], along[0] @ to_yaw],
+        ])  # fmt: skip
         rates, J = linearize(lambda state: twist(state, motion.input), x)
         return OdometryEstimate(
             x_m=x[X],
             y_m=x[Y],
-            yaw_rad=x[YAW],
-            pose_cov=P[:3, :3],
-            position_std_m=position_std(P),
+            yaw_rad=yaw[0],
+            pose_cov=pose_cov,
+            position_std_m=position_std(pose_cov),
             speed_m_s=rates[0],
             speed_left_m_s=rates[1],
             yaw_rate_rad_s=rates[2],
@@ -221,6 +249,17 @@ def opened(belief: Belief, motion: MeasuredMotion, slip_m_s: Scalar) -> Belief:
     slip = minimum(slip_m_s / maximum(motion.input.motion_std[0], LEAST_REJECTED_STD), MOST_OPENED)
     wide = inflate(belief, SLIP, slip * slip - belief.cov[SLIP, SLIP])
     return choose(motion.by_driven, wide, belief)
+
+
+def second_order(before: Belief, after: Belief) -> np.ndarray:
+    """What a step adds to `PoseState.second_order_m` (2,).
+
+    A yaw that is e wrong shortens the way d along its direction by d (1 - cos e), of which the root of the mean square
+    is sqrt(3)/2 d s^2 for a normal e of a small standard deviation s, and sqrt(3/2) d for a yaw that may be any. The
+    yaw's errors last, so that these add up.
+    """
+    share = minimum(0.5 * math.sqrt(3.0) * after.cov[YAW, YAW], math.sqrt(1.5))
+    return share * (after.mean[:YAW] - before.mean[:YAW])
 
 
 def travelled(belief: Belief, u: MotionInput) -> Scalar:

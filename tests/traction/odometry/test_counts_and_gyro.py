@@ -1,0 +1,173 @@
+"""Counts against a gyro: what is learnt, what is not, and poses of robots that stop and go."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from ohmward.filters.belief import unpack
+from ohmward.filters.consistency import mean_bounds
+from ohmward.trace import Kernel
+from ohmward.traction import RLMA, Motor, Robot, TwoWheeled, Wheel
+from ohmward.traction.odometry.model import APART, CURVATURE, GYRO_SCALE, NAMES, RADIUS, TURN_SCALE
+from ohmward.traction.odometry.noise import OdometryNoise
+from ohmward.traction.odometry.pose_filter import PoseFilter, PoseState, pose_filter
+from ohmward.traction.odometry.sample import OdometryEstimate
+from traction.odometry.examples import DT_S, integrate, samples
+
+FILTER = PoseFilter(RLMA, OdometryNoise())  # rims without creep
+TRACK_M = 0.35
+INDOOR = Robot("indoor", 15.0, 0.6, TwoWheeled(0.03, TRACK_M, (-0.2,)), Wheel(0.08, 0.03, 2e-3), Motor(0.03, 1.0))
+_KERNELS: dict[PoseFilter, Kernel] = {}
+
+
+def scan(settings: PoseFilter, given) -> tuple[PoseState, OdometryEstimate]:
+    """State at the end, and estimates (T, ...)."""
+    nothing = settings.no_sample()
+    if settings not in _KERNELS:
+        _KERNELS[settings] = Kernel(settings.step, settings.init(nothing), nothing)
+    return _KERNELS[settings].scan(settings.init(nothing), given)
+
+
+class StopAndGo(NamedTuple):
+    """Speeds of the wheels (T, 2) by their counts, the gyro (T,), the true pose (T, 3), and the gyro's offset."""
+
+    wheel_speed_rad_s: np.ndarray
+    gyro_rad_s: np.ndarray
+    pose: np.ndarray
+    offset_rad_s: float
+
+
+def stop_and_go(seed: int, counts: int, late_s: float = 0.0, every: int = 1, seconds: float = 120.0) -> StopAndGo:
+    """A robot that drives, turns on the spot and rests in turn, on floors that change its slip and its track."""
+    rng = np.random.default_rng(seed)
+    steps, start = round(seconds / DT_S), round(3.0 / DT_S)
+    wanted = np.zeros((steps, 2))
+    while start < steps:
+        end = start + round(rng.uniform(2.0, 8.0) / DT_S)
+        kinds = (rng.uniform(0.3, 0.9), 0.0), (rng.uniform(0.3, 0.8), rng.uniform(-0.6, 0.6)), (0.0, rng.uniform(-1, 1))
+        wanted[start:end] = (*kinds, (0.0, 0.0))[rng.integers(4)]
+        start = end
+    most, motion = np.array([0.5, 1.5]) * DT_S, np.zeros((steps, 2))
+    for k in range(1, steps):
+        motion[k] = motion[k - 1] + np.clip(wanted[k] - motion[k - 1], -most, most)
+    v, w = motion.T
+    pose = integrate(v, np.zeros(steps), w)
+    patch = (np.cumsum(np.abs(v)) * DT_S // rng.uniform(3.0, 8.0)).astype(int)
+    slip, turned = (share * rng.standard_normal(patch.max() + 1)[patch] for share in (0.003, 0.02))
+    radii = 1.0 + 0.005 * rng.standard_normal() + 0.0006 * rng.standard_normal(2)
+    half_m = TRACK_M / 2
+    rims = np.column_stack([v - half_m * w * (1 + turned), v + half_m * w * (1 + turned)]) * (1 + slip)[:, None]
+    count = 2 * math.pi / counts
+    angles = np.cumsum(rims / radii * DT_S, axis=0) / INDOOR.wheel.radius_m
+    angles = count * np.floor(angles / count + rng.random(2))[every - 1 :: every]
+    time_s = DT_S * np.arange(steps)
+    yaw = np.interp(time_s - late_s, time_s, pose[:, 2])[every - 1 :: every]
+    step_s = every * DT_S
+    offset = 0.01 * rng.choice([-1.0, 1.0])
+    gyro = np.diff(yaw, prepend=0.0) / step_s * (1 + 0.01 * rng.standard_normal()) + offset
+    gyro += 0.002 * rng.standard_normal(len(gyro))
+    return StopAndGo(np.diff(angles, axis=0, prepend=angles[:1]) / step_s, gyro, pose[every - 1 :: every], offset)
+
+
+@pytest.mark.parametrize(
+    ("counts", "late_s", "every"), [(4096, 0.0, 1), (1024, 0.0, 1), (4096, 0.1, 1), (4096, 0.0, 10)]
+)
+def test_stop_and_go_is_as_good_as_the_gyro_less_its_mean_at_rest_and_its_band_is_true(counts, late_s, every):
+    """Thirty robots by 4096 and by 1024 counts, with a gyro that is 100 ms late, and at 5 Hz."""
+    settings, step_s = pose_filter(INDOOR), every * DT_S
+    errors, plain, nees = [], [], []
+    for seed in range(30):
+        drive = stop_and_go(seed, counts, late_s, every)
+        given = {"wheel_speed_rad_s": drive.wheel_speed_rad_s, "yaw_rate_rad_s": drive.gyro_rad_s}
+        _, e = scan(settings, samples(settings, **given)._replace(dt_s=np.full(len(drive.pose), step_s)))
+        error = np.array([e.x_m[-1], e.y_m[-1], e.yaw_rad[-1]]) - drive.pose[-1]
+        yaw = np.cumsum(drive.gyro_rad_s - drive.gyro_rad_s[: int(3.0 / step_s)].mean()) * step_s
+        way = drive.wheel_speed_rad_s.mean(axis=1) * INDOOR.wheel.radius_m * step_s
+        middle = yaw - np.diff(yaw, prepend=0.0) / 2
+        reckoned = np.array([way @ np.cos(middle), way @ np.sin(middle)])
+        errors.append(np.hypot(*error[:2]))
+        plain.append(np.hypot(*(reckoned - drive.pose[-1, :2])))
+        nees.append(error @ np.linalg.solve(e.pose_cov[-1], error))
+    assert np.mean(errors) < 1.1 * np.mean(plain)
+    lower, upper = mean_bounds(3, len(nees), 0.9999)
+    assert lower / 2 < np.mean(nees) < upper
+
+
+def test_no_scale_is_learnt_at_rest_or_straight_on():
+    """Ten minutes of noise at rest, and as much of a drive straight on, by counts: scales are as they were."""
+    rng = np.random.default_rng(3)
+    steps = 30_000
+    count = 2 * math.pi / 1024
+    way = np.floor(np.cumsum(np.full(steps, 3.0 * DT_S))[:, None] / count + rng.random(2)) * count
+    speeds = np.diff(way, axis=0, prepend=way[:1]) / DT_S
+    gyro = 0.01 + 0.005 * rng.standard_normal(steps)
+    for wheels in (np.zeros((steps, 2)), speeds):
+        state, _ = scan(FILTER, samples(FILTER, wheel_speed_rad_s=wheels, yaw_rate_rad_s=gyro))
+        mean, cov = unpack(state.belief)
+        assert mean[GYRO_SCALE] == 0.0 and mean[RADIUS] == 0.0
+        assert abs(mean[TURN_SCALE]) < 0.5 * math.sqrt(cov[TURN_SCALE, TURN_SCALE])
+        assert abs(mean[CURVATURE]) < 3 * math.sqrt(cov[CURVATURE, CURVATURE]) + 1e-9
+
+
+def test_wheels_alone_are_plain_odometry():
+    rng = np.random.default_rng(2)
+    motion = np.cumsum(0.05 * rng.standard_normal((500, 2)), axis=0)
+    speeds = motion @ RLMA.rolling[:2].T / RLMA.wheel.radius_m
+    _, e = scan(FILTER, samples(FILTER, wheel_speed_rad_s=speeds))
+    plain = integrate(motion[:, 0], np.zeros(500), motion[:, 1])
+    assert_allclose(np.column_stack([e.x_m, e.y_m, e.yaw_rad]), plain, atol=1e-9)
+
+
+@pytest.mark.parametrize("gyro", [True, False])
+def test_counts_of_rows_that_come_late_or_are_lost_keep_their_way(gyro):
+    """Of the counts of a robot that speeds up and slows down, one row in three is missing: no way is."""
+    rng = np.random.default_rng(5)
+    steps, count = 600, 2 * math.pi / 1024
+    angle = np.floor(np.cumsum(3.0 * DT_S * (1 + np.sin(DT_S * np.arange(steps)))) / count) * count
+    known = np.flatnonzero((np.arange(steps) < 10) | (rng.random(steps) < 2 / 3) | (np.arange(steps) == steps - 1))
+    speeds = np.full((steps, 2), np.nan)
+    speeds[known[1:]] = (np.diff(angle[known]) / np.diff(known) / DT_S)[:, None]
+    given = {"wheel_speed_rad_s": speeds} | ({"yaw_rate_rad_s": np.zeros(steps)} if gyro else {})
+    _, e = scan(FILTER, samples(FILTER, **given))
+    assert e.x_m[-1] == pytest.approx(RLMA.wheel.radius_m * (angle[-1] - angle[0]), rel=1e-9)
+
+
+@pytest.mark.parametrize("counts", [60, 1024])
+def test_a_count_is_seen_where_steps_differ_by_it(counts):
+    drive = stop_and_go(1, counts, seconds=30.0)
+    given = {"wheel_speed_rad_s": drive.wheel_speed_rad_s, "yaw_rate_rad_s": drive.gyro_rad_s}
+    state, _ = scan(pose_filter(INDOOR), samples(pose_filter(INDOOR), **given))
+    assert state.motion.encoder.least_rad == pytest.approx(2 * math.pi / counts, rel=1e-6)
+
+
+def test_an_angle_between_wheels_and_gyro_stays_within_a_count():
+    drive = stop_and_go(2, 1024)
+    given = {"wheel_speed_rad_s": drive.wheel_speed_rad_s, "yaw_rate_rad_s": drive.gyro_rad_s}
+    state, _ = scan(pose_filter(INDOOR), samples(pose_filter(INDOOR), **given))
+    mean, cov = unpack(state.belief)
+    count_m = 2 * math.pi / 1024 * INDOOR.wheel.radius_m
+    assert len(mean) == len(NAMES)
+    assert abs(mean[APART]) < 2 * count_m / TRACK_M
+    assert math.sqrt(cov[APART, APART]) < count_m / TRACK_M
+
+
+def test_a_yaw_that_is_unsure_shortens_the_way_by_its_square():
+    """After a turn of a gyro whose scale is unsure, straight on: E[(1 - cos e)^2] by quadrature, e ~ N(0, s^2)."""
+    noise = OdometryNoise(
+        gyro_offset_std_rad_s=0.0, gyro_offset_walk=0.0, gyro_walk=1e-9, gyro_delay_std_s=0.0, wheels_ahead_std_s=0.0,
+        radius_std=0.0, slip_share=0.0, side_slip_share=0.0, side_arm_std_m=0.0, gyro_scale_std=0.02,
+    )  # fmt: skip
+    settings = PoseFilter(RLMA, noise)
+    steps, turn = 1500, 2 * math.pi
+    rate = np.where(np.arange(steps) < 500, turn / (500 * DT_S), 0.0)
+    speed = np.where(np.arange(steps) < 500, 0.0, 0.5)
+    wheels = np.column_stack([speed, rate]) @ RLMA.rolling[:2].T / RLMA.wheel.radius_m
+    _, e = scan(settings, samples(settings, wheel_speed_rad_s=wheels, yaw_rate_rad_s=rate))
+    s, way_m = 0.02 * turn, 0.5 * 1000 * DT_S
+    nodes, weights = np.polynomial.hermite_e.hermegauss(40)
+    mean_square = weights @ (1 - np.cos(s * nodes)) ** 2 / math.sqrt(2 * math.pi)
+    assert math.sqrt(e.pose_cov[-1, 0, 0]) == pytest.approx(way_m * math.sqrt(mean_square), rel=0.02)
+    assert math.sqrt(e.pose_cov[-1, 1, 1]) == pytest.approx(way_m * s, rel=0.01)
