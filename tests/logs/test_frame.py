@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 from typing import Any
@@ -252,6 +253,10 @@ def test_values_of_any_kind_become_plain_arrays(values, expected):
     np.testing.assert_array_equal(plain_array(values), np.asarray(expected))
 
 
+def _arrow(frame):
+    return pytest.importorskip("pyarrow").Table.from_pandas(frame)
+
+
 def _polars(frame):
     return pytest.importorskip("polars").from_pandas(frame)
 
@@ -261,10 +266,10 @@ def _duckdb(frame):
     return duckdb.connect().from_arrow(pytest.importorskip("pyarrow").Table.from_pandas(frame))
 
 
-KINDS = {
-    "Arrow": lambda frame: pytest.importorskip("pyarrow").Table.from_pandas(frame),
+KINDS: dict[str, Callable[[Any], Any]] = {
+    "Arrow": _arrow,
     "Arrow, chunks": lambda frame: pytest.importorskip("pyarrow").concat_tables(
-        [KINDS["Arrow"](frame[k : k + 100]) for k in range(0, len(frame), 100)]
+        [_arrow(frame[k : k + 100]) for k in range(0, len(frame), 100)]
     ),
     "polars": _polars,
     "polars, lazy": lambda frame: _polars(frame).lazy(),
