@@ -91,8 +91,8 @@ _BATTERY_STATE, _IMU, _ODOMETRY = "sensor_msgs/msg/BatteryState", "sensor_msgs/m
 _TABLE = (
     Quantity(
         "battery_current_A", "current of the battery, > 0 charges", "battery", "A", ValueLimits(-5000.0, 5000.0),
-        words_of("current", "i", "cur", "curr", "ipack", "amps", "amperage", "ibat", "ibus", "ibatt", "strom",
-                 "courant", "corriente", "corrente", "prąd", "ток", "电流", "電流", "전류"),
+        words_of("current", "i", "cur", "curr", "ipack", "amps", "amperage", "ibat", "ibus", "ibatt", "iinst",
+                 "itot", "strom", "courant", "corriente", "corrente", "prąd", "ток", "电流", "電流", "전류"),
         "A or mA", required=True, ros_type=_BATTERY_STATE, ros_field="current", axis_label="Current [A], > 0 charges",
     ),
     Quantity(
