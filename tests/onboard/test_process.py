@@ -109,6 +109,17 @@ def test_what_waits_for_other_messages_is_estimated_at_the_end(battery):
     assert len(sink.states) == 4
 
 
+def test_the_last_state_is_as_of_now_however_old_what_waited_is(battery):
+    """A wheel is silent, then the current alone comes once, and nothing for long: the speed is not shown again."""
+    now_s = time.monotonic()
+    messages = [Message(math.nan, now_s - 9.0 + 0.1 * k, "script", moving(PACK | WHEELS, k)) for k in range(30)]
+    messages.append(Message(math.nan, now_s - 5.9, "script", {"battery_current_A": -1.0}))
+    sink = Collector()
+    run(Process(Estimation(battery, load_robot("rlma")), [Script(messages)], [sink]), seconds=1.5)
+    assert {"battery", "drive"} <= set(sink.states[-1].silent)
+    assert sink.states[-1].slip is None
+
+
 def test_a_source_that_fails_is_named_and_begins_again(battery):
     source, sink = Script(samples(1), then=OhmwardError("nobody there; plug it in")), Collector()
     process = Process(Estimation(battery), [source], [sink])

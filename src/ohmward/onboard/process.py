@@ -129,8 +129,9 @@ class Process:
             await asyncio.wait([stopped, ended], return_when=asyncio.FIRST_COMPLETED)
         finally:
             await _cancel([stopped, ended, *sources, watch])  # what ends now is not called silent
-            for state in self.estimation.flush():
-                self._pass_on(state)
+            last_s = self.state.time_s if self._own else self.now_s()
+            for state in self.estimation.flush():  # as of now, which may be long after what waited was measured
+                self._pass_on(state._replace(time_s=max(state.time_s, last_s)))
             for _, feed in self.sinks:
                 feed.end()
             hurried, delivered = asyncio.create_task(self._hurried.wait()), asyncio.create_task(_all(sinks))
