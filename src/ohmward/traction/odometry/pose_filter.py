@@ -34,7 +34,6 @@ from ohmward.traction.odometry.corrections import (
     use_speeds,
     use_turn,
 )
-from ohmward.traction.odometry.grip import lever_m
 from ohmward.traction.odometry.gyro_noise import GyroNoise, learn, of_sheet, walk_variance
 from ohmward.traction.odometry.measured_motion import (
     GYRO,
@@ -53,7 +52,6 @@ from ohmward.traction.odometry.model import (
     OFFSET,
     RADIUS,
     SLIP,
-    TURN_SCALE,
     YAW,
     MotionInput,
     X,
@@ -65,6 +63,7 @@ from ohmward.traction.odometry.model import (
     twist,
     yaw_now,
 )
+from ohmward.traction.odometry.modes import lever_m
 from ohmward.traction.odometry.noise import OdometryNoise, noise_of
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
 from ohmward.traction.robot.robot import Robot
@@ -83,6 +82,7 @@ class PoseState(NamedTuple):
     trail: Trail  #: the last steps, for pose increments
     heading: HeadingTimes  #: times of headings
     speed_m_s: Any = 0.0  #: after the last step
+    slip_std_m_s: Any = 0.0  #: standard deviation that the slip was scaled by in it
     distance_m: Any = 0.0  #: length of the path
     #: (2,) standard deviation of x and y by the square of the yaw's error, one random number for both [m]
     second_order_m: np.ndarray = np.zeros(2)
@@ -138,12 +138,12 @@ class PoseFilter:
         since_s = state.motion.intervals.age_s[WHEELS] + time.dt_s
         gyro = self.hear(state.gyro, sensors, time)
         walk = walk_variance(gyro, self.noise.gyro_walk)
-        motion = show(sensors, jump, time.dt_s, since_s, walk, self.robot, self.noise)
+        motion = show(sensors, jump, time.dt_s, since_s, walk, before, self.robot, self.noise)
         sensors = sensors._replace(
-            followed_m_s=motion.grip.followed_m_s, reckoned=motion.reckoned, usual_turn_rad_s=motion.usual_turn_rad_s
+            modes=motion.modes, reckoned=motion.reckoned, usual_turn_rad_s=motion.usual_turn_rad_s
         )
-        motion = motion._replace(input=motion.input._replace(turn_scale=before.mean[TURN_SCALE]))
-        reckoned = self.predict(opened(before, motion, motion.grip.beyond_m_s), motion.input)
+        prior = with_slip_of(before, state.slip_std_m_s, motion.input.motion_std[0])
+        reckoned = self.predict(opened(prior, motion, motion.speed.std_m_s), motion.input)
         trail = extend(state.trail, twist(before.mean, motion.input), time.dt_s)
         speed_m_s = twist(reckoned.mean, motion.input)[0]
         history = remember(state.history, time.dt_s, speed_m_s - state.speed_m_s)
@@ -158,8 +158,9 @@ class PoseFilter:
         estimate = self.conclude(body.belief, motion, distance_m, second_order_m)
         flags = self.flags(before, time, motion, body)
         after = PoseState(
-            pack(body.belief), sensors, gyro, sums, history, trail, heading, speed_m_s, distance_m, second_order_m
-        )
+            pack(body.belief), sensors, gyro, sums, history, trail, heading, speed_m_s, motion.input.motion_std[0],
+            distance_m, second_order_m,
+        )  # fmt: skip
         return after, estimate._replace(flags=flags)
 
     def hear(self, known: GyroNoise, sensors: MotionState, time: CleanStep) -> GyroNoise:
@@ -191,9 +192,10 @@ class PoseFilter:
         return use_increment(body, sample, u, trail, noise, gate), sums
 
     def slip_by_turn(self, body: PoseCorrection, motion: MeasuredMotion) -> Scalar:
-        """Slip [m/s] of the driven wheels that a turn they showed and the robot did not make tells of."""
+        """Slip [m/s] of the driven wheels that a turn they showed and the robot did not make tells of, if they roll."""
         apart_m_s = lever_m(self.robot) * body.turn_apart_rad_s
-        return where(body.turn_rejected, minimum(apart_m_s, motion.grip.loose_m_s), 0.0)
+        rolls = motion.modes.probability[0]
+        return where(body.turn_rejected, rolls * minimum(apart_m_s, motion.speed.loose_m_s), 0.0)
 
     def conclude(
         self, belief: Belief, motion: MeasuredMotion, distance_m: Scalar, second_order_m: np.ndarray
@@ -224,6 +226,7 @@ class PoseFilter:
             gyro_offset_std_rad_s=std_of(P[OFFSET, OFFSET]),
             radius_ratio=1.0 + x[RADIUS],
             radius_std=std_of(P[RADIUS, RADIUS]),
+            slip_probability=motion.speed.slips,
             flags=0.0,
         )
 
@@ -235,6 +238,7 @@ class PoseFilter:
             OdometryFlag.NO_WHEELS: motion.no_wheels,
             OdometryFlag.NO_GYRO: motion.no_gyro,
             OdometryFlag.WHEEL_JUMP: motion.jump,
+            OdometryFlag.WHEEL_SLIPS: motion.by_driven & motion.speed.named,
             OdometryFlag.TURN_REJECTED: body.turn_rejected,
             OdometryFlag.SPEED_REJECTED: body.speed_rejected,
             OdometryFlag.HEADING_REJECTED: body.heading_rejected,
@@ -242,6 +246,14 @@ class PoseFilter:
             OdometryFlag.INCREMENT_TOO_OLD: body.increment_too_old,
             OdometryFlag.NOT_POSITIVE_DEFINITE: logical_not(every([v >= 0.0 for v in np.diag(before.cov)])),
         })  # fmt: skip
+
+
+def with_slip_of(belief: Belief, before_m_s: Scalar, now_m_s: Scalar) -> Belief:
+    """The belief with a slip that was opened as large in m/s as it was before its standard deviation grew to this."""
+    most = 1.0 / sqrt(maximum(belief.cov[SLIP, SLIP], 1.0))
+    share = minimum(maximum(before_m_s / maximum(now_m_s, LEAST_REJECTED_STD), most), 1.0)
+    scale = np.array([share if i == SLIP else 1.0 for i in range(len(belief.mean))])
+    return Belief(belief.mean * scale, belief.cov * np.outer(scale, scale))
 
 
 def opened(belief: Belief, motion: MeasuredMotion, slip_m_s: Scalar) -> Belief:
