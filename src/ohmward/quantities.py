@@ -91,14 +91,14 @@ _BATTERY_STATE, _IMU, _ODOMETRY = "sensor_msgs/msg/BatteryState", "sensor_msgs/m
 _TABLE = (
     Quantity(
         "battery_current_A", "current of the battery, > 0 charges", "battery", "A", ValueLimits(-5000.0, 5000.0),
-        words_of("current", "i", "cur", "curr", "ipack", "amps", "amperage", "ibat", "ibatt", "strom", "courant",
-                 "corriente", "corrente", "prąd", "ток", "电流", "電流", "전류"),
+        words_of("current", "i", "cur", "curr", "ipack", "amps", "amperage", "ibat", "ibus", "ibatt", "strom",
+                 "courant", "corriente", "corrente", "prąd", "ток", "电流", "電流", "전류"),
         "A or mA", required=True, ros_type=_BATTERY_STATE, ros_field="current", axis_label="Current [A], > 0 charges",
     ),
     Quantity(
         "battery_voltage_V", "voltage at the terminals of the pack", "battery", "V", ValueLimits(0.0, 2000.0),
         words_of("voltage", "v", "u", "vol", "volt", "volts", "potential", "vtot", "vpack", "upack", "vfas", "vbat",
-                 "vbatt", "ubat", "ubatt", "ecell", "ewe",
+                 "vbus", "vbatt", "ubat", "ubatt", "ecell", "ewe",
                  "spannung", "tension", "tensión", "voltaje", "tensione", "tensão", "napięcie", "напряжение", "电压",
                  "電圧", "電壓", "전압"),
         "V or mV", required=True, ros_type=_BATTERY_STATE, ros_field="voltage",

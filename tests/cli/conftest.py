@@ -28,14 +28,15 @@ def here(files, tmp_path, monkeypatch) -> Path:
 
 @pytest.fixture
 def refused(capsys) -> Callable[..., str]:
-    """Run a command line that must be refused; the message, which is all that it may print."""
+    """Run a command line that must be refused; the message and the command that mends it, which is all it may print."""
 
     def run(*words: str) -> str:
         assert main(words) == 2
         out, err = capsys.readouterr()
         assert out == ""
         assert err.startswith("ohmward: error: ")
-        assert err.count("\n") == 1
+        _, *command = err.splitlines()
+        assert not command or (len(command) == 1 and command[0].startswith("ohmward: try: ohmward "))
         return err
 
     return run

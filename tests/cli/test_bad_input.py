@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cli.examples import drive, pulse_test
+from ohmward.cli.main import main
 
 LOG_COMMANDS = {
     "doctor": ("doctor", "{log}"),
@@ -209,3 +211,16 @@ def test_tests_that_cannot_identify(here, refused):
         comments="",
     )
     assert "moving" in refused("identify", "moving.csv", "--capacity-ah", "12", "--current-sign", "charge")
+
+
+def test_all_that_a_log_lacks_is_asked_at_once_with_a_command_that_works(tmp_path, monkeypatch, refused):
+    """No name of a time, a misspelled voltage, milliamperes without a unit, and a sign that nothing tells."""
+    monkeypatch.chdir(tmp_path)
+    current = np.where(np.arange(900) < 15, 8, 420)
+    lines = [f"{k},{3.9 + 0.003 * np.cos(k) - 2e-5 * i:.3f},{i}" for k, i in enumerate(current)]
+    Path("charger.csv").write_text("\n".join(["Nr,Votlage,Current", *lines, ""]))
+    command = refused("doctor", "charger.csv").splitlines()[1].removeprefix("ohmward: try: ohmward ")
+    assert command == (
+        "doctor charger.csv --column time=Nr --column voltage=Votlage --current-sign discharge --unit current=mA"
+    )
+    assert main(shlex.split(command)) == 0

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cli import test_calibrate, test_health, test_slip, test_tune, test_twin
+from cli import test_calibrate, test_health, test_slip, test_twin
 from cli.test_soc import KEYS, SCORES
 from markdown_pages import redirected
 from ohmward.cli.main import COMMANDS, main
@@ -52,10 +52,6 @@ def listed(command: str) -> set[str]:
 
 def test_keys_of_soc_are_all_listed():
     assert listed("soc") >= KEYS | SCORES
-
-
-def test_keys_of_tune_are_all_listed():
-    assert listed("tune") >= test_tune.KEYS
 
 
 def test_keys_of_slip_are_all_listed():

@@ -7,15 +7,18 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import save_battery
 from ohmward.cli.main import main
-from ohmward.logs import Log, write_log
+from ohmward.logs import Log, read_log, write_log
 
 
 @pytest.fixture
@@ -72,6 +75,35 @@ def test_a_battery_file_that_does_not_fit_is_named_for_each_log(folder, capsys):
     assert {Path(row["path"]).stem: row["fits"] for row in rows} == {"pack": "False", "right": "True"}
     assert main(command) == 1
     assert "Not to be trusted" in capsys.readouterr().out
+
+
+def test_the_robots_of_a_fleet_are_on_one_page(folder, capsys):
+    """Told by the names of the files; one log is none."""
+    for k in range(3):
+        for date in ("2026-01-05", "2026-01-06"):
+            log = read_log(folder / "logs" / f"robot{k}.csv", current_sign="charge")
+            start_s = datetime.fromisoformat(f"{date}T08:00:00+00:00").timestamp()
+            write_log(replace(log, start_unix_s=start_s), folder / "logs" / f"amr-{k}_{date}.csv")
+    (folder / "logs" / "amr-1_2026-01-07.csv").write_text("nothing\n")
+    command = ["fleet", str(folder / "logs" / "amr*.csv"), "--battery", str(folder / "cell.toml"), "--filter", "ekf"]
+    command += ["-o", str(folder / "out"), "--processes", "1"]
+    assert main([*command, "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert (figures["logs"], figures["failed"], len(figures["robots"])) == (7, 1, 3)
+    assert {(robot["robot"], robot["logs"], robot["refused"]) for robot in figures["robots"]} == {
+        ("amr-0", 2, 0),
+        ("amr-1", 2, 1),
+        ("amr-2", 2, 0),
+    }
+    page = (folder / "out" / "report.html").read_text()
+    assert all(
+        word in page for word in ("amr-0", "Logs that were refused", "amr-1_2026-01-07.csv", "Capacity over time")
+    )
+    assert sorted(path.name for path in (folder / "out" / "batteries").iterdir()) == [f"amr-{k}.toml" for k in range(3)]
+    table = pyarrow.parquet.read_table(folder / "out" / "summary.parquet")
+    assert table.num_rows == 7 and "robot" in table.column_names
+    assert main(command) == 0
+    assert "3 robots done before" in capsys.readouterr().out
 
 
 def test_a_fleet_whose_logs_are_all_refused_exits_as_soc_does(folder, capsys):

@@ -362,3 +362,36 @@ def test_rows_that_are_no_measurement_do_not_hide_the_sign(write_text, pulses):
 def test_the_set_point_of_a_chamber_and_a_cold_that_changes_stay(write_text, pulses, cells):
     log = read_log(write_text(csv(["time_s", "current_A", "voltage_V", "temperature_degC"], *pulses, cells)))
     assert log.temperature_degC is not None
+
+
+def cycler_text(columns: dict[str, list]) -> str:
+    """Three cycles of four steps, the time counted in each step from zero; further columns before the rows."""
+    rows = [
+        (cycle, step, 5 * k, current, 3.6 + 0.03 * current)
+        for cycle in (1, 2, 3)
+        for step, (current, count) in enumerate([(0, 30), (-2, 100), (0, 50), (1.5, 120)])
+        for k in range(count)
+    ]
+    cells = [[*row, *(values[k] for values in columns.values())] for k, row in enumerate(rows)]
+    names = ["Cycle", "Step", "Time", "Current(A)", "Voltage(V)", *columns]
+    return "\n".join(",".join(map(str, row)) for row in (names, *cells))
+
+
+def test_a_time_that_starts_again_with_each_step_is_joined(write_text):
+    log = read_log(write_text(cycler_text({})))
+    np.testing.assert_allclose(log.time_s, 5.0 * np.arange(900))
+    assert [note.level for note in log.notes if "starts again 11 times, with each step" in note.text] == ["warning"]
+
+
+@pytest.mark.parametrize("name", ["Date", "Absolute Time", "Test Time"])
+def test_another_time_than_that_of_the_step_is_taken(write_text, name):
+    """With a pause of a minute between the steps, which the time of the step does not know."""
+    paused = [5 * k + 60 * (k // 100) for k in range(900)]
+    dates = [str(np.datetime64("2026-04-07T08:30:00") + s).replace("T", " ") for s in paused]
+    log = read_log(write_text(cycler_text({name: dates if name == "Date" else paused})))
+    np.testing.assert_allclose(log.time_s, paused)
+
+
+def test_the_time_that_is_named_is_taken(write_text):
+    path = write_text(cycler_text({"Test Time": list(range(900))}))
+    assert read_log(path, columns={"time": "Time"}).duration_s == 4495.0

@@ -190,3 +190,13 @@ def test_a_size_for_charge_and_discharge_has_lost_its_sign(charge_A, discharge_A
 def test_one_direction_has_not_lost_its_sign():
     time_s, current_A, voltage_V = _cycled(0.0, 2.0)
     assert _read(time_s, -current_A, voltage_V).current_A == pytest.approx(current_A)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("creeps_V", [0.0, 0.02])
+def test_a_charger_that_tapers_off_does_not_tell_the_wrong_sign(sign, creeps_V):
+    """The current falls while the voltage rises: dV / dI is negative in every sample, and no resistance is."""
+    fading = np.exp(-np.arange(700) / 150.0)
+    current_A, voltage_V = sign * 4.0 * fading, np.round(4.2 - creeps_V * fading, 4)
+    assert change_test(current_A, voltage_V) == 0
+    assert sign_evidence(10.0 * np.arange(700), current_A, voltage_V).verdict == "undecidable"

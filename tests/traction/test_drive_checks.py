@@ -251,7 +251,19 @@ def test_a_mirrored_side_is_named_without_a_gyro(side):
     columns = [k for k, place in enumerate(RLMA.places) if ("left", "right")[side] in place.name]
     wheels = np.array(log.wheel_speed_rad_s)
     wheels[:, columns] *= -1.0
-    assert any("one side are mounted mirrored" in text for text in texts(RLMA, replace(log, wheel_speed_rad_s=wheels)))
+    mirrored = replace(log, wheel_speed_rad_s=wheels)
+    assert any("on the spot: the encoders of one side are mounted mirrored" in text for text in texts(RLMA, mirrored))
+
+
+@pytest.mark.parametrize("noise_rad_s", [0.0, 0.05])
+def test_a_robot_that_only_turns_on_the_spot_is_asked_whether_it_did(noise_rad_s):
+    """Two ways round with ramps, four turns in all: the wheels of a mirrored side on a straight line do the same."""
+    yaw = 1.5 * np.clip(4.0 * np.sin(0.4 * TIME), -1.0, 1.0)
+    wheels = np.column_stack([0.0 * yaw, yaw]) @ RLMA.rolling.T / RLMA.wheel.radius_m
+    wheels += noise_rad_s * np.random.default_rng(1).standard_normal(wheels.shape)
+    log = DriveLog("spin", TIME, wheels, np.full((TIME.size, 2), np.nan))
+    (text,) = texts(RLMA, log)
+    assert "turned 4 times on the spot; if it did not, the encoders of one side" in text
 
 
 def test_a_robot_that_turns_on_the_spot_once_is_not_mirrored():

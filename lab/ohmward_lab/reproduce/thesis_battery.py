@@ -270,10 +270,6 @@ def _variance_rows(
     return rows
 
 
-def _voltage_std_mV(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
-    return 1e3 * _root(found.joint.voltage_variance_V2)
-
-
 def _soc_std(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
     return 100.0 * _root(found.soc.soc_variance)
 

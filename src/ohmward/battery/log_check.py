@@ -20,6 +20,7 @@ from ohmward.battery.models.temperature import KELVIN
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_voltage
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
+from ohmward.logs.sign import CurrentSign
 from ohmward.quantities import MOST_C
 from ohmward.runs import runs
 
@@ -38,6 +39,9 @@ _CELLS_APART = 2
 #: this for a cell [V], and than so many times those of the other. Of right files on measured cells, cold and aged ones
 #: among them, they are 1.6 times as large at most.
 _CELL_ERROR_V, _TIMES_BETTER = 0.03, 2.5
+#: One sign of the current explains it better than the other where the errors of that are so many times larger, and
+#: larger than this [V].
+_TIMES_WORSE, _WRONG_V = 2.0, 0.003
 #: A log is explained in windows of at most this length, and as many as this of them; within one, the offset of the
 #: current sensor moves the charge by at most this share of the capacity, and the capacity is one of these over the
 #: file's.
@@ -139,9 +143,39 @@ class _WindowMeans(NamedTuple):
     overpotentials: np.ndarray  #: (T, 2) the overpotential of a cell by the file's resistances, quick and slow [V]
 
 
-def cell_error_V(windows: Sequence[_WindowMeans], curve_V: np.ndarray, cells: int, enough_V: float = 0.0) -> float:
-    """RMS error [V] of the mean cell voltage that this number of cells leaves; `enough_V` ends a search."""
-    squares = [_unexplained_V2(rows, curve_V, cells, enough_V**2) for rows in windows]
+def sign_by_model(log: Log, battery: Battery) -> CurrentSign | None:
+    """Effect of a positive current in a log of unknown sign, by the curve and the resistances of the battery file.
+
+    None where both signs explain the voltage about as well, or neither does.
+    """
+    if battery.thevenin is None:
+        return None
+    curve_V = np.asarray(battery.thevenin.ocv.voltage_V) / battery.n_series
+    error_V: dict[CurrentSign, float] = {}
+    signs: tuple[CurrentSign, CurrentSign] = ("charge", "discharge")
+    for sign, factor in zip(signs, (1.0, -1.0), strict=True):
+        signed = Log(log.name, log.time_s, factor * log.current_A, log.voltage_V)
+        windows = [rows for window in _windows(signed, battery) if (rows := _rows(window, battery))]
+        if not windows:
+            return None
+        error_V[sign] = cell_error_V(windows, curve_V, int(battery.n_series), resistance_ratio=1.0)
+    likely: CurrentSign = min(error_V, key=lambda sign: error_V[sign])
+    least_V, other_V = sorted(error_V.values())
+    return likely if least_V < _CELL_ERROR_V and other_V > max(_TIMES_WORSE * least_V, _WRONG_V) else None
+
+
+def cell_error_V(
+    windows: Sequence[_WindowMeans],
+    curve_V: np.ndarray,
+    cells: int,
+    enough_V: float = 0.0,
+    resistance_ratio: float = 0.0,
+) -> float:
+    """RMS error [V] of the mean cell voltage that this number of cells leaves.
+
+    enough_V: ends a search.  resistance_ratio: that of the file which is likely beforehand.
+    """
+    squares = [_unexplained_V2(rows, curve_V, cells, enough_V**2, resistance_ratio) for rows in windows]
     return float(np.sqrt(np.average(squares, weights=[rows.voltage_V.size for rows in windows])))
 
 
@@ -204,17 +238,20 @@ def _without_spikes(values: np.ndarray) -> np.ndarray:
     return np.median(np.lib.stride_tricks.sliding_window_view(padded, MEDIAN_OF), axis=1)
 
 
-def _unexplained_V2(rows: _WindowMeans, curve_V: np.ndarray, cells: int, enough_V2: float) -> float:
+def _unexplained_V2(
+    rows: _WindowMeans, curve_V: np.ndarray, cells: int, enough_V2: float, resistance_ratio: float
+) -> float:
     """Mean square [V^2] of the cell voltage that the curve and the overpotentials leave, at the best start."""
     grid, least_V2 = np.linspace(0.0, 1.0, curve_V.size), np.inf
     least_rows = max(int(_WITHOUT_SPIKES * rows.charge.size), 1)
     C = rows.overpotentials
+    by_file_V = resistance_ratio * C.mean(axis=1)  # half of the resistance to a steady current at once, half slowly
     to_ratios = C @ np.linalg.inv(C.T @ C + rows.charge.size * _PER_RATIO_V**2 * np.eye(2))
     for capacity, offset_charge in product(_CAPACITIES, rows.offset_charge):
         moved = rows.charge / capacity - offset_charge
         room = 1.0 - np.ptp(moved)
         first = -moved.min() + (np.linspace(0.0, room, _STARTS) if room > 0.0 else np.array([0.5 * room]))
-        left_V = rows.voltage_V / cells - np.interp(first[:, None] + moved, grid, curve_V)
+        left_V = rows.voltage_V / cells - np.interp(first[:, None] + moved, grid, curve_V) - by_file_V
         ratios = left_V @ to_ratios
         left_V -= ratios @ C.T
         squares_V2 = np.sort(left_V**2, axis=1)[:, :least_rows].mean(axis=1) + _PER_RATIO_V**2 * (ratios**2).sum(axis=1)

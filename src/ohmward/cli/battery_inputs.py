@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from ohmward.battery.soc.sample import SocSample
 from ohmward.cli.options import UNKNOWN
 from ohmward.cli.progress import Report, counting
 from ohmward.errors import InputError
+from ohmward.fleet.reading import read_one_of
 from ohmward.logs import DriveLog, FileHints, Log
 from ohmward.logs.cell_columns import CellVoltages, cell_names, find_cells
 from ohmward.logs.charger_flag import charger_columns
@@ -147,6 +148,7 @@ def read_options(args: argparse.Namespace) -> ReadOptions:
         stop=args.to,
         sample_time_s=getattr(args, "row_interval_s", None),
         temperature_degC=getattr(args, "temperature", None),
+        dbc=args.dbc,
     )
     sign = vars(args).get("current_sign", "auto")
     return ReadOptions(sign, tuple(args.column), tuple(args.unit), tuple(args.where), args.sort_time, hints)
@@ -158,9 +160,12 @@ def read_battery_log(
     extra: Collection[str] | None = None,
     report: Report | None = None,
     file: TableFile | None = None,
+    battery: Battery | None = None,
+    others: Sequence[str] = (),
 ) -> Log:
-    """The log that an argument names, see `ReadOptions.read`; report: is told how much of it is read."""
-    return reading.read(text, extra, counting(report, f"reading {split_selection(text)[0].name}"), file)
+    """The log that an argument names, see `read_one_of`; report: is told how much of it is read."""
+    progress = counting(report, f"reading {split_selection(text)[0].name}")
+    return read_one_of(text, reading, others, battery, extra, progress, file)
 
 
 def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> SocTask:
@@ -171,7 +176,7 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
     file = open_table(path, reading.hints).part("battery", dict(reading.where) | where)
     cells_too = cell_names(file.names) if battery.n_series > 1 else ()
     extra = None if args.truth else (*cells_too, *charger_columns(file.names))
-    log = check_log(read_battery_log(args.log, reading, extra, report, file), battery)
+    log = check_log(read_battery_log(args.log, reading, extra, report, file, battery), battery)
     cells, notes = find_cells(log.extra, log.voltage_V, int(battery.n_series))
     log = log.with_notes(*notes)
     given, idle_A = args.rest_current, battery.idle_current_A

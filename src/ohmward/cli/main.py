@@ -6,6 +6,7 @@ import argparse
 import difflib
 import io
 import os
+import shlex
 import sys
 import traceback
 import warnings
@@ -25,7 +26,6 @@ COMMANDS = {
     "identify": "from logs of tests to a battery file",
     "learn": "from everyday logs to a battery file that knows more, log by log",
     "generic": "a battery file from chemistry and capacity alone, to start with",
-    "tune": "noise of a battery file by maximum likelihood, on logs without a truth",
     "health": "capacity and resistance of a battery over months of logs, and when it will be worn out",
     "soc": "state of charge along a log, with its uncertainty",
     "compare": "all estimators on one log, side by side",
@@ -62,7 +62,7 @@ with your own logs (CSV and other text tables, Excel, MATLAB, HDF5, Parquet, BDF
   ohmward slip drive.csv --robot robot.toml         speed and wheel slip of a drive
   ohmward mission drive.csv --robot robot.toml --battery battery.toml
 
-exit status: 0 done, 1 a log has errors (doctor) or fits no model (slip, tune), 2 refused: the message says what to
+exit status: 0 done, 1 a log has errors (doctor) or fits no model (slip), 2 refused: the message says what to
              change, 70 a fault of ohmward itself
 """
 
@@ -94,6 +94,8 @@ def _status(words: Sequence[str]) -> int:
         return outcome.status
     except OhmwardError as error:
         print(f"ohmward: error: {error}", file=sys.stderr)
+        if options := getattr(error, "options", ()):
+            print(f"ohmward: try: ohmward {shlex.join([*words, *options])}", file=sys.stderr)
         return REFUSED
     except MemoryError as error:
         print(f"ohmward: error: out of memory ({error}); cut the log into parts, or free memory", file=sys.stderr)

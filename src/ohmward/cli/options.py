@@ -200,6 +200,7 @@ def _add_hint_options(group: argparse._ActionsContainer) -> None:
         ("--timezone", "ZONE", "zone of dates that name none: Europe/Berlin (UTC unless given)"),
         ("--from", "TIME", "begin of the part that is wanted: seconds of the log, h:mm:ss, or a date"),
         ("--to", "TIME", "its end, not included"),
+        ("--dbc", "FILE", "database of the bus (DBC, KCD, SYM, ARXML), of a recording of CAN frames"),
     ):
         group.add_argument(option, metavar=metavar, dest=option.strip("-").replace("-", "_"), help=text)
 

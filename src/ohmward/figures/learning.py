@@ -14,7 +14,7 @@ from ohmward.battery.models.thevenin import Thevenin
 from ohmward.figures.battery import SOC_AXIS
 from ohmward.figures.parts import band_95
 from ohmward.filters.consistency import BAND_95
-from ohmward.report import TIME, Band, Figure, Series
+from ohmward.report import Band, Figure, Series
 from ohmward.report.figure import Style
 from ohmward.report.palette import Meaning
 
@@ -104,18 +104,3 @@ def _log_resistance_std(battery: Battery, soc: Any) -> np.ndarray:
 def _model(battery: Battery) -> Thevenin:
     assert battery.thevenin is not None
     return battery.thevenin
-
-
-def innovation_figure(time_s: np.ndarray, innovation: np.ndarray, name: str) -> Figure:
-    """Innovations in their standard deviations, and the band in which 95 % of them should lie."""
-    ends = time_s[[0, -1]]
-    limit = np.full(2, BAND_95)
-    return Figure(
-        name,
-        TIME,
-        "Innovation [σ]",
-        [Series(time_s, innovation, "innovation", "points", "estimate")],
-        [Band(ends, -limit, limit, "95 % of them", "reference")],
-        y_limits=(-6.0, 6.0),
-        height_px=200,
-    )

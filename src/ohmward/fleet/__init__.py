@@ -3,7 +3,23 @@
 from ohmward.fleet.dask import on_dask
 from ohmward.fleet.job import Job
 from ohmward.fleet.lanes import estimate_logs
+from ohmward.fleet.overview import RobotRecord, robot_states
+from ohmward.fleet.robot_job import RobotJob
+from ohmward.fleet.robots import Robots, robots_of
 from ohmward.fleet.run import Finished, in_processes, run_fleet
 from ohmward.logs.log import ReadOptions
 
-__all__ = ["Finished", "Job", "ReadOptions", "estimate_logs", "in_processes", "on_dask", "run_fleet"]
+__all__ = [
+    "Finished",
+    "Job",
+    "ReadOptions",
+    "RobotJob",
+    "RobotRecord",
+    "Robots",
+    "estimate_logs",
+    "in_processes",
+    "on_dask",
+    "robot_states",
+    "robots_of",
+    "run_fleet",
+]

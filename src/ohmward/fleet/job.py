@@ -19,6 +19,7 @@ from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.battery.soc.score import soc_figures
 from ohmward.errors import OhmwardError
 from ohmward.fleet.lanes import estimate_logs
+from ohmward.fleet.reading import read_one_of
 from ohmward.logs import Log, write_table
 from ohmward.logs.log import ReadOptions
 
@@ -47,7 +48,7 @@ class Job:
         rows: dict[str, dict[str, Any]] = {}
         for path in paths:
             try:
-                logs[path] = check_log(self.reading.read(path, extra=()), battery)
+                logs[path] = check_log(read_one_of(path, self.reading, paths, battery, ()), battery)
             except OhmwardError as error:
                 rows[path] = failed(path, str(error))
         estimates = estimate_logs(estimator, list(logs.values()), self.initial_soc, self.initial_soc_std)

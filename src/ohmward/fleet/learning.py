@@ -14,6 +14,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.file import BATTERY_FILE, load_battery, replace_battery
 from ohmward.battery.learning.learn import learn
 from ohmward.errors import InputError, OhmwardError
+from ohmward.fleet.reading import read_one_of
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.serial_number import serial_numbers
@@ -28,6 +29,7 @@ class LearningJob(NamedTuple):
     start: Battery  #: what is known of each battery that has no file yet
     reading: ReadOptions
     starts: Mapping[str, float]  #: initial state of charge by the log's name, that of "" holds for all others
+    others: Sequence[str] = ()  #: logs of which those of equal columns tell the sign of the current where one does not
 
     @property
     def digest(self) -> str:
@@ -105,7 +107,7 @@ def by_battery(text: str, reading: ReadOptions, files: BatteryFiles) -> list[tup
 
 def _learn(text: str, serial_number: str, job: LearningJob, files: BatteryFiles) -> list[Row]:
     key = files.open(serial_number)
-    log = job.reading.read(text)
+    log = read_one_of(text, job.reading, job.others, files.after[key])
     start = job.starts.get(log.name, job.starts.get(""))
     learnt = learn(files.after[key], [log], initial_soc={} if start is None else {log.name: start})
     if learnt.battery is not files.after[key]:

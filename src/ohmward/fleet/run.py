@@ -2,7 +2,7 @@
 
 Every finished batch is appended to `progress.jsonl` in the output folder before the next is counted, so a run that was
 interrupted goes on where it stopped; logs that failed are tried again. At the end `summary.csv` has one row for each
-log, sorted by path.
+log, sorted by path, and `summary.parquet` the same where pyarrow is installed.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from typing import Any, NamedTuple, Protocol
 from ohmward.atomic import replacing
 from ohmward.checks import require_positive
 from ohmward.errors import InputError, OhmwardError
+from ohmward.logs.arrow import import_arrow
+from ohmward.optional import require
 
 PROGRESS, SUMMARY = "progress.jsonl", "summary.csv"
 
@@ -152,7 +154,7 @@ def run_fleet(
         if progress:
             progress(len(done.keys() & set(wanted)), len(wanted))
     rows = [done[path] for path in wanted]
-    _write_summary(rows, folder / SUMMARY)
+    _write_summary([log for row in rows for log in row.get("logs", [row])], folder / SUMMARY)
     return Finished(rows, resumed, folder / SUMMARY)
 
 
@@ -196,6 +198,11 @@ def _append(path: Path, rows: list[dict[str, Any]]) -> None:
 
 def _write_summary(rows: list[dict[str, Any]], path: Path) -> None:
     names = list(dict.fromkeys(name for row in sorted(rows, key=len, reverse=True) for name in row))
+    rows = [{name: "; ".join(v) if isinstance(v, list) else v for name, v in row.items()} for row in rows]
+    if (arrow := import_arrow()) is not None:
+        columns = {name: [row.get(name) for row in rows] for name in names}
+        with replacing(path.with_suffix(".parquet")) as temporary:
+            require("pyarrow.parquet", "Parquet").write_table(arrow.table(columns), temporary)
     with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, names)
         writer.writeheader()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 from ohmward.errors import InputError
@@ -19,10 +20,37 @@ _OTHER_WORDS = word_set(
 # Words of clocks that may be set while a log runs.
 _WALL_CLOCK = ("stamp", "date", "unix", "epoch", "dpt", "realtime", "datum", "changed")
 # Words of the time since the start of a test, beside which `Time` is that of a step.
-_WHOLE_TIME = word_set("total test elapsed prog program run cumulative")
+_WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute")
+#: A longer word that is alike to this share may be a misspelled one.
+_SHORTEST_MISSPELLED, _ALIKE = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
 _BESIDE = (0, 1, 2, 4)
-_BARE_LETTER, _WALL_CLOCK_TIME, _LAST_WORD, _NEVER = 2, 3, 5, 99
+_BARE_LETTER, _WALL_CLOCK_TIME, _OF_AUXILIARY, _LAST_WORD, _NEVER = 2, 3, 3, 5, 99
+#: The temperature, beside a column of the time.
+_TEMPERATURE = "T"
+#: The battery beside that of a vehicle's drive.
+_AUXILIARY = re.compile(r"\b12 ?v\b|\baux", re.IGNORECASE)
+
+
+class UnclearColumnsError(InputError):
+    """Names do not tell the column of a quantity, or of several."""
+
+    def __init__(self, source: str, names: Sequence[str], faults: Mapping[str, str], choice: Mapping[str, str | None]):
+        self.faults = faults  #: quantity -> its fault, a clause
+        self.choice = choice  #: quantity -> a column that it may be, None where none is like it
+        given = {quantity: name or "NAME" for quantity, name in choice.items()}
+        options = [f"{quantity}={name}" for quantity, name in given.items()]
+        flags = " ".join(f"--column {argument(option)}" for option in options)
+        interval = (
+            ", or give the interval between rows with --sample-time 1 (FileHints(sample_time_s=1))"
+            if "time" in choice
+            else ""
+        )
+        super().__init__(
+            f"{source}: {'; '.join(faults.values())}; it has: {listed(names)}; choose with {flags} "
+            f"(columns={given}){interval}",
+            () if None in choice.values() else [word for option in options for word in ("--column", option)],
+        )
 
 
 class Column(NamedTuple):
@@ -37,6 +65,7 @@ def find_columns(
     names: Sequence[str],
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
+    head: Mapping[str, Sequence[str]] | None = None,
 ) -> dict[str, Column]:
     """The column of each quantity of a battery: `current_A`, `Current / mA`, `I (A)`, `pack.voltage`, `timestamp_ns`.
 
@@ -46,20 +75,54 @@ def find_columns(
     names: the columns of the file.
     columns: quantity -> column name, where the caller knows better.
     units: quantity -> unit ("mA", "mV", "ms", "K", ...), where the name is silent or wrong.
+    head: column -> its first cells, by which a time may be guessed.
     Returns: quantity -> Column; temperature may be missing.
 
     Raises:
-        InputError: a quantity is missing, two columns fit equally well, or an override names what does not exist.
+        UnclearColumnsError: quantities are missing, or two columns fit equally well; names all of them.
+        InputError: an override names what does not exist.
     """
     columns = columns or {}
     units = units or {}
     known = [channel.name for channel in BATTERY]
     if unknown := [quantity for quantity in (*columns, *units) if quantity not in known]:
         raise InputError(f"unknown quantity {unknown[0]!r}; ohmward knows {', '.join(known)}")
-    found = {channel.name: find_column(source, names, channel, columns, units) for channel in BATTERY}
-    chosen = {quantity: column for quantity, column in found.items() if column}
+    chosen: dict[str, Column] = {}
+    unclear: list[UnclearColumnsError] = []
+    for channel in BATTERY:
+        try:
+            if column := find_column(source, names, channel, columns, units):
+                chosen[channel.name] = column
+        except UnclearColumnsError as error:
+            unclear.append(error)
+    time = chosen.get(TIME.name)
+    if TEMPERATURE.name not in chosen and _TEMPERATURE in names and time and time.name != _TEMPERATURE:
+        chosen[TEMPERATURE.name] = Column(_TEMPERATURE, None)
     require_own_columns(source, chosen)
+    if unclear:
+        faults = {quantity: fault for error in unclear for quantity, fault in error.faults.items()}
+        choice = {quantity: name for error in unclear for quantity, name in error.choice.items()}
+        if "time" in choice and choice["time"] is None:
+            free = [name for name in names if name not in {column.name for column in chosen.values()}]
+            choice["time"] = next((name for name in free if _counts_up((head or {}).get(name, ()))), None)
+        raise UnclearColumnsError(source, names, faults, choice)
     return chosen
+
+
+def has_log(names: Sequence[str]) -> bool:
+    """True where the names are those of the log of a battery."""
+    try:
+        find_columns("", [name for name in names if name])
+    except InputError:
+        return False
+    return True
+
+
+def other_times(names: Sequence[str], chosen: str) -> list[Column]:
+    """The columns that may be the time beside the chosen one, the best first."""
+    ranked = [(rank, k, column) for k, name in enumerate(names) for rank, column in _ranks(TIME, name)]
+    fits = [column for rank, _, column in sorted(ranked, key=lambda one: one[:2]) if rank < _NEVER]
+    return [column for column in fits if column.name != chosen]
 
 
 def require_own_columns(source: str, columns: Mapping[str, Column]) -> None:
@@ -96,7 +159,8 @@ def find_column(
     elif fitting := _best(source, free, channel):
         column = fitting
     elif channel.required:
-        raise _missing(source, names, quantity)
+        near = _nearest(names, channel)
+        raise UnclearColumnsError(source, names, {quantity: f"no column for the {quantity} found"}, {quantity: near})
     else:
         return None
     return column._replace(unit=given_unit(quantity, units[quantity])) if quantity in units else column
@@ -131,18 +195,16 @@ def given_unit(quantity: str, spelling: str) -> Unit:
     return unit
 
 
-def only_one(source: str, quantity: str, fits: Sequence[Column]) -> Column:
+def only_one(source: str, names: Sequence[str], quantity: str, fits: Sequence[Column]) -> Column:
     """The first column that fits.
 
     Raises:
-        InputError: another one fits as well.
+        UnclearColumnsError: another one fits as well.
     """
     first = fits[0].name
     if others := [column.name for column in fits if column.name != first]:
-        raise InputError(
-            f"{source}: both {first!r} and {others[0]!r} may be the {quantity}; "
-            f"choose with --column {argument(f'{quantity}={first}')} (columns={{{quantity!r}: {first!r}}})"
-        )
+        fault = f"both {first!r} and {others[0]!r} may be the {quantity}"
+        raise UnclearColumnsError(source, names, {quantity: fault}, {quantity: first})
     return fits[0]
 
 
@@ -153,8 +215,9 @@ def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
         return None
     fits = [column for rank, column in ranked if rank == best]
     if channel is TIME:
+        fits = [column for column in fits if column.name != _TEMPERATURE] or fits
         fits = [column for column in fits if _WHOLE_TIME & set(letters(column.name))] or fits
-    return fits[0] if channel.first_of_many else only_one(source, channel.name, fits)
+    return fits[0] if channel.first_of_many else only_one(source, names, channel.name, fits)
 
 
 def _ranks(channel: Channel, name: str) -> Iterator[tuple[int, Column]]:
@@ -177,7 +240,8 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
         if frozenset(naming) in channel.words:
             # a letter without a unit may be another quantity: v is a speed beside `voltage`
             bare_letter = unit is None and len("".join(naming)) == 1
-            return rank + _BARE_LETTER * bare_letter + _wall_clock(channel, stem)
+            auxiliary = channel in BATTERY and _AUXILIARY.search(stem) is not None
+            return rank + _BARE_LETTER * bare_letter + _wall_clock(channel, stem) + _OF_AUXILIARY * auxiliary
     # `motor_current` is a current, `current_speed` is not
     last = channel in BATTERY and channel is not TIME and words[-1:] == [channel.name]
     return _LAST_WORD if last and not _OTHER_WORDS & set(words) else _NEVER
@@ -188,17 +252,31 @@ def _wall_clock(channel: Channel, stem: str) -> int:
     return _WALL_CLOCK_TIME * (channel is TIME and any(word in stem.lower() for word in _WALL_CLOCK))
 
 
-def _missing(source: str, names: Sequence[str], quantity: str) -> InputError:
-    near = next((name for name in names if quantity[:3] in name.lower()), "NAME")
-    interval = (
-        ", or give the interval between rows with --sample-time 1 (FileHints(sample_time_s=1))"
-        if quantity == "time"
-        else ""
-    )
-    return InputError(
-        f"{source}: no column for the {quantity} found; it has: {listed(names)}; "
-        f"name it with --column {argument(f'{quantity}={near}')} (columns={{{quantity!r}: {near!r}}}){interval}"
-    )
+def _nearest(names: Sequence[str], channel: Channel) -> str | None:
+    """The column whose name is most like that of a channel, by its first letters or misspelled; None for none."""
+    likely = [name for name in names if not _OTHER_WORDS & set(channel.split(name)) and _may_have_unit(name, channel)]
+    by_letters = next((name for name in likely if channel.name[:3] in name.lower()), None)
+    beside = channel.beside[-1]
+    known = [
+        word for words in channel.words for word in words if len(word) > _SHORTEST_MISSPELLED and word not in beside
+    ]
+    misspelled = (n for n in likely if any(difflib.get_close_matches(w, known, 1, _ALIKE) for w in channel.split(n)))
+    return by_letters or next(misspelled, None)
+
+
+def _may_have_unit(name: str, channel: Channel) -> bool:
+    """False for a name with a unit of other quantities only."""
+    _, unit = next(split_unit(name))
+    return unit is None or unit.dimension in channel.dimensions
+
+
+def _counts_up(cells: Sequence[str]) -> bool:
+    """True for cells that are numbers, each larger than the one before."""
+    try:
+        values = [float(cell) for cell in cells]
+    except ValueError:
+        return False
+    return len(values) > 2 and all(later > before for before, later in pairwise(values))
 
 
 def argument(text: str) -> str:

@@ -7,6 +7,7 @@ import gzip
 import io
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TextIO
@@ -31,7 +32,7 @@ class KnownTable(NamedTuple):
     """A table that its columns give away."""
 
     columns: frozenset[str]  #: all of which it has
-    time: str  #: the column of its time
+    time: str | None  #: the column of its time, None where its name tells
     units: Mapping[str, str]  #: quantity -> unit
     positive_current: str | None = None  #: "charge" or "discharge"
 
@@ -41,6 +42,15 @@ _KNOWN = (
     KnownTable(
         frozenset(("timestamp", "voltage_v", "current_a", "discharged_mah")), "timestamp", {"time": "us"}, "discharge"
     ),
+    # a blackbox of Betaflight, as its explorer exports it
+    KnownTable(
+        frozenset(("loopIteration", "vbatLatest", "amperageLatest")),
+        None,
+        {"time": "us", "voltage": "cV", "current": "cA"},
+        "discharge",
+    ),
+    # a power supply under Linux, /sys/class/power_supply: tenths of a degree
+    KnownTable(frozenset(("voltage_now", "current_now", "temp")), None, {"temperature": "0.1 degC"}),
 )
 
 
@@ -74,6 +84,8 @@ _SEPARATOR_LINE = re.compile(r'^"?sep=(?P<mark>.)"?$', re.IGNORECASE)
 _INTERVAL = re.compile(r"^Delta_X\s+(?P<seconds>[\d.,Ee+-]+)")
 #: Lines that are looked at together.
 _BLOCK_LINES = 5_000
+#: Behind the time that the serial monitor of Arduino writes before a line.
+_ARROW = " -> "
 #: Marks win over spaces, which stand in dates and names, where they divide this share of the rows.
 _MOSTLY = 0.5
 #: Cells of each column that are looked at to tell its notation.
@@ -224,8 +236,8 @@ def _encoding_of(path: Path, head: bytes) -> str:
     # a power failure leaves zeros at the end of a file; elsewhere they mean that it is not text
     if not is_wide(encoding) and b"\0" in head.rstrip(b"\0\r\n"):
         raise InputError(
-            f"{path.name}: not a text table (binary data in its first bytes); if it is text, name its encoding with "
-            "--encoding utf-16 (FileHints(encoding='utf-16')), else export the log as CSV or Parquet"
+            f"{path.name}: not a text table (binary data in its first bytes), and no format that ohmward knows by "
+            "them; export the log as CSV, Parquet or Excel with the program that wrote it"
         )
     return encoding
 
@@ -245,6 +257,11 @@ def split_cells(line: str, delimiter: str) -> list[str]:
 
 def _best_split(lines: Sequence[str], mark: str) -> _Split | None:
     """The way to divide the lines by which most of them are rows of values."""
+    if sum(_ARROW in line for line in lines) > _MOSTLY * len(lines):
+        arrows = [
+            _split_by(lines, delimiter, partial(_at_arrow, delimiter=delimiter)) for delimiter in mark or _DELIMITERS
+        ]
+        return _heaviest(arrows)
     marked = _heaviest([_split_by(lines, delimiter, None) for delimiter in mark or _DELIMITERS])
     if mark or (marked is not None and marked.block.length >= _MOSTLY * len(lines)):
         return marked
@@ -270,6 +287,10 @@ def _split_by(lines: Sequence[str], delimiter: str, split: Callable[[str], str] 
     if split is _at_spaces and len({len(row) for row in rows[block.first :][: block.length]}) > 1:
         return None  # of a table with holes spaces do not tell the columns
     return _Split(delimiter, split, rows, block)
+
+
+def _at_arrow(line: str, delimiter: str) -> str:
+    return line.replace(_ARROW, delimiter, 1)
 
 
 def _at_spaces(line: str) -> str:
@@ -371,19 +392,9 @@ def _without_rows(path: Path, lines: Sequence[str], numbered: Sequence[int], enc
     return CsvLayout(names, delimiter, Marks(), numbered[0] + 1, encoding)
 
 
-#: `(1770000000.000000) can0 356#0B0BFDFFFA00`
-_CAN_FRAME = re.compile(r"\(\d+\.\d+\)\s+\w+\s+[0-9A-Fa-f]{3,8}#")
-
-
 def _check_names(path: Path, names: Sequence[str], encoding: str) -> None:
     if len([name for name in names if name]) < 2:
         excerpt = names[0][:60] if names else ""
-        if _CAN_FRAME.match(excerpt):
-            raise InputError(
-                f"{path.name}: frames of a CAN bus as candump writes them, not signals; decode them with their DBC "
-                "file (cantools) to a CSV file and give that, or play them onto a virtual bus with `canplayer -I "
-                f"{path.name} vcan0=can0` and read it with `ohmward run` (docs/can.md)"
-            )
         other = f", or name another encoding than {encoding} with --encoding" if encoding in CODE_PAGES else ""
         raise InputError(
             f"{path.name}: only one column found ({excerpt!r}); "

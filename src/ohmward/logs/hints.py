@@ -25,6 +25,7 @@ class FileHints(NamedTuple):
     stop: str | None = None
     sample_time_s: float | None = None  #: interval [s] between the rows of a table without a time
     temperature_degC: float | None = None  #: of the battery, where the log has none
+    dbc: str | None = None  #: path of the database of the CAN bus, of a recording of its frames
 
     def checked(self) -> FileHints:
         """The same hints.

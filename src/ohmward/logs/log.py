@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from os import PathLike
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from ohmward.errors import InputError
 from ohmward.logs import bdf
 from ohmward.logs.both_ways import with_both_ways, with_power
 from ohmward.logs.cell_columns import with_pack_voltage
@@ -21,14 +23,14 @@ from ohmward.logs.clean import (
     without_rows,
     without_spikes,
 )
-from ohmward.logs.columns import Column, find_columns
+from ohmward.logs.columns import Column, UnclearColumnsError, find_columns
 from ohmward.logs.frame import is_frame, to_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.note import Note, counted
 from ohmward.logs.plausible import guess_notes, milliampere_notes, require_plausible
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.selection import selected_name, split_selection
-from ohmward.logs.sign import CurrentSign, charging_current
+from ohmward.logs.sign import CurrentSign, UnknownSignError, charging_current
 from ohmward.logs.state_column import state_column, with_direction
 from ohmward.logs.table import Progress, Table, TableFile, with_sample_time
 from ohmward.logs.time_series import TimeSeries
@@ -168,19 +170,48 @@ def read_log(
         InputError: the file cannot be read as a log; the message names the file, the place and the fix.
         OhmwardError: Parquet without pyarrow, a recording of ROS without rosbags.
     """
-    file = open_table(source, hints).part("battery", where)
+    opened = open_table(source, hints)
+    file = opened.part("battery", where)
     file = with_power(with_both_ways(with_pack_voltage(file, columns), columns), columns, units)
     file = with_sample_time(file)
     bdf.check_names(file.source, file.names)
-    chosen = find_columns(file.source, file.names, file.given(columns), {**file.units, **(units or {})})
+    try:
+        chosen = find_columns(file.source, file.names, file.given(columns), {**file.units, **(units or {})}, file.head)
+    except UnclearColumnsError as error:
+        again = partial(read_log, opened, current_sign=current_sign, units=units, where=where, sort_time=sort_time)
+        raise _with_further(error, columns or {}, again) from None
     state = state_column(file) if current_sign != "discharge" else None
     columns_beside = extra if extra is None or state is None else {*extra, state}
-    wanted = Wanted(where or {}, columns_beside, sort_time, progress)
+    wanted = Wanted(where or {}, columns_beside, sort_time, progress, "time" in file.given(columns))
     rows = read_recording(file, chosen, wanted, lambda table: _to_numbers(table, chosen, state))
     left_out = {*wanted.where} if extra is None else set(file.names) - set(extra)
-    log = _as_log(file, rows, chosen, current_sign, left_out)
+    log = _as_log(file, rows, current_sign, left_out)
     part = window_s(log.name, log.start_unix_s, file.hints)
     return log if part is None else log.between(*part)
+
+
+def _with_further(error: UnclearColumnsError, columns: Mapping[str, str], read: Callable[..., Log]) -> InputError:
+    """The error, and in it the sign and the units that the columns which it suggests do not tell either.
+
+    columns: those that the caller named.  read: reads the log with others.
+    """
+    suggested = {quantity: name for quantity, name in error.choice.items() if name}
+    if len(suggested) < len(error.choice):
+        return error
+    texts, options = [str(error)], [*error.options]
+    try:
+        try:
+            log = read(columns={**columns, **suggested})
+        except UnknownSignError as unknown:
+            texts.append(str(unknown))
+            options += unknown.options
+            log = read(columns={**columns, **suggested}, current_sign=unknown.likely)
+        mendable = [note for note in log.notes if note.options]
+    except InputError:
+        mendable = []
+    texts += [note.text for note in mendable]
+    options += [word for note in mendable for word in note.options]
+    return InputError("; then: ".join(texts), options) if len(texts) > 1 else error
 
 
 @dataclass(frozen=True)
@@ -242,10 +273,9 @@ def as_logs(sources: LogSource | Sequence[LogSource]) -> tuple[Log, ...]:
     return tuple(map(as_log, sources))
 
 
-def _as_log(
-    file: TableFile, rows: RecordedTable, chosen: Mapping[str, Column], current_sign: CurrentSign, left_out: set[str]
-) -> Log:
+def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, left_out: set[str]) -> Log:
     """The log of the rows of one recording, without the columns that are left out."""
+    chosen = rows.columns
     table = merge_rates(rows.table, chosen)
     measured = {q: table.columns[column.name] for q, column in chosen.items() if column.name in table.columns}
     time_s, start_unix_s = _since_start(measured["time"], rows.start_unix_s, table.columns)

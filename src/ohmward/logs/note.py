@@ -10,6 +10,7 @@ class Note(NamedTuple):
 
     text: str
     level: str = "info"
+    options: tuple[str, ...] = ()  #: words of a command line that mend it, if it is a fault
 
     def __str__(self) -> str:
         return f"{self.level}: {self.text}"

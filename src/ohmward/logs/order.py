@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.channels import letters, word_set
 from ohmward.logs.note import Note, counted
 from ohmward.logs.selection import (
     count_unnamed_instances,
@@ -15,6 +16,7 @@ from ohmward.logs.selection import (
     explain_recordings,
     explain_unnamed_instances,
     find_instances,
+    find_separators,
 )
 from ohmward.logs.table import Table
 
@@ -22,7 +24,18 @@ from ohmward.logs.table import Table
 class SeveralRecordingsError(InputError):
     """A file holds several recordings, and one must be chosen."""
 
+    def __init__(self, text: str, separators: Sequence[str] = ()) -> None:
+        super().__init__(text)
+        self.separators = tuple(separators)  #: columns that tell apart the parts after which the clock starts again
 
+    @property
+    def are_steps(self) -> bool:
+        """True where the parts are steps and cycles of one test."""
+        return bool(self.separators) and all(_STEPS & set(letters(name)) for name in self.separators)
+
+
+#: Words in the name of a column that counts the steps of a test.
+_STEPS = word_set("step cycle cyc loop schritt zyklus 工步 循环")
 # More rows than this fraction out of order are not a few that were written late.
 _MOST_LATE = 0.05
 #: Where more than this fraction of the rows is measured again at the same time, the stamps are too coarse.
@@ -63,6 +76,24 @@ def sort_rows(table: Table, time: str, *, sort_time: bool = False) -> Table:
         _require_late_rows_only(table, time, late)
     note = Note(f"{counted(late.sum(), 'row')} out of order: sorted by time", "warning" if sort_time else "info")
     return table.pick(np.argsort(time_s, kind="stable")).with_notes(note)
+
+
+def join_steps(table: Table, time: str) -> Table:
+    """The table with one time for steps whose clock starts again at each: a usual interval after the one before.
+
+    time: the column with the time [s].
+    """
+    time_s = table.columns[time]
+    steps = np.diff(time_s, prepend=time_s[0])
+    restarts = find_restarts(time_s)
+    rising = steps[steps > 0]
+    steps[restarts] = np.maximum(time_s[restarts], np.median(rising) if rising.size else 1.0)
+    note = Note(
+        f"the clock in {time!r} starts again {counted(restarts.size, 'time')}, with each step of the test: the steps "
+        "are joined; pauses between them are not known",
+        "warning",
+    )
+    return table.with_columns({time: time_s[0] + np.cumsum(steps)}, note)
 
 
 def require_one_instance(table: Table, time: str, channels: Collection[str]) -> None:
@@ -188,7 +219,8 @@ def _require_late_rows_only(table: Table, time: str, late: np.ndarray) -> None:
     if restarts.size:
         before, after = time_s[restarts[0] - 1], time_s[restarts[0]]
         if before - after >= 0.5 * (before - time_s[0]):  # back over most of the time that had passed
-            raise SeveralRecordingsError(explain_recordings(table, time, restarts))
+            separators = find_separators(table, time, restarts)
+            raise SeveralRecordingsError(explain_recordings(table, time, restarts, separators), separators)
     if restarts.size or late.mean() > _MOST_LATE:
         raise InputError(_backwards(table, time_s, late))
 

@@ -92,6 +92,7 @@ def guess_notes(time: Column, time_s: np.ndarray, guessed: bool) -> tuple[Note, 
             f"column {time.name!r} names no unit; as seconds it gives one sample every {interval:.3g} s: if these are "
             "milliseconds, say --unit time=ms",
             "warning",
+            ("--unit", "time=ms"),
         ),
     )
 
@@ -117,7 +118,7 @@ def milliampere_notes(current: Column, current_A: np.ndarray, voltage_V: np.ndar
         f"{1e3 * abs(edges.resistance_ohm):.2g} mohm, less than cells have: if these are milliamperes, say "
         "--unit current=mA"
     )
-    return (Note(text, "warning"),)
+    return (Note(text, "warning", ("--unit", "current=mA")),)
 
 
 def usual_interval_s(time_s: np.ndarray) -> float:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
+from ohmward.logs.ardupilot_file import DATAFLASH_MAGIC, DATAFLASH_TEXT, is_telemetry, open_dataflash, open_telemetry
 from ohmward.logs.arrays_file import (
     FEATHER_MAGIC,
     HDF5_MAGIC,
@@ -22,18 +24,24 @@ from ohmward.logs.arrays_file import (
 from ohmward.logs.bags.bag_table import open_bag
 from ohmward.logs.bags.choice import TOPIC
 from ohmward.logs.bags.files import is_recording
+from ohmward.logs.bags.sqlite_file import MAGIC as SQLITE_MAGIC
+from ohmward.logs.can_file import BLF_MAGIC, MDF_MAGICS, can_reader, open_can, open_mdf
 from ohmward.logs.clean import drop_text, drop_untimed
 from ohmward.logs.clock import date_column, nanosecond_column, read_clock
-from ohmward.logs.columns import Column
+from ohmward.logs.columns import Column, other_times
 from ohmward.logs.csv_file import open_csv
+from ohmward.logs.cycler_file import MPR_MAGIC, NDA_MAGIC, is_ndax, open_mpr, open_neware
 from ohmward.logs.folder import is_stream, open_folder, stored
 from ohmward.logs.frame import is_frame, open_frame
 from ohmward.logs.hints import FileHints
+from ohmward.logs.labelled_lines import is_labelled
 from ohmward.logs.long_table import as_wide
+from ohmward.logs.note import Note
 from ohmward.logs.order import (
     SeveralRecordingsError,
     find_repeats,
     find_restarts,
+    join_steps,
     require_one_instance,
     settle_equal_times,
     sort_rows,
@@ -41,8 +49,10 @@ from ohmward.logs.order import (
 from ohmward.logs.parquet_file import open_parquet
 from ohmward.logs.rows_file import WORKBOOK_ENDINGS, is_echo, is_json, open_json, open_workbook
 from ohmward.logs.selection import RECORDING, names_instances, recording_numbers, select_rows
+from ohmward.logs.sqlite_table import open_sqlite_table
 from ohmward.logs.table import Progress, Table, TableFile
 from ohmward.logs.ulog_file import ULOG_MAGIC, open_ulog
+from ohmward.logs.unread import require_readable
 
 
 class Wanted(NamedTuple):
@@ -52,12 +62,14 @@ class Wanted(NamedTuple):
     extra: Collection[str] | None = None
     sort_time: bool = False
     progress: Progress | None = None
+    time_given: bool = False  #: the caller or the file names the column of the time
 
 
 class RecordedTable(NamedTuple):
     """The rows of one recording in order of time, no time twice; only numbers."""
 
     table: Table  #: its time in seconds; its notes say what was done
+    columns: Mapping[str, Column]  #: channel -> column
     start_unix_s: float | None  #: Unix time of the clock's zero, None where it is not a wall clock
     own: frozenset[str]  #: the columns that are channels, labels or parts of the clock; all others are extra
     guessed_unit: bool = False  #: nothing told the unit of the time
@@ -103,25 +115,45 @@ def _open_file(path: Path, hints: FileHints) -> TableFile:
         raise InputError(f"{path}: is a TOML file, not a log; give it with its option (--battery, --robot, --floors)")
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES)
-    for magic, opener in OPENERS:
-        if head.startswith(magic):
-            return as_wide(opener(path, hints))
-    if HDF5_MAGIC in head:
-        return as_wide(open_hdf5(path, hints))
-    if is_json(head) or is_echo(head):
-        return as_wide(open_json(path, hints))
-    return as_wide(open_csv(path, hints))
+    require_readable(path, head)
+    opener = next((opener for magic, opener in OPENERS if head.startswith(magic)), None)
+    if opener is None and HDF5_MAGIC in head:
+        opener = open_hdf5
+    elif opener is None and is_telemetry(head):
+        opener = _without_hints(open_telemetry)
+    elif opener is None and (reader := can_reader(head)) is not None:
+        opener = partial(open_can, reader=reader)
+    elif opener is None:
+        opener = open_json if is_json(head) or is_echo(head) or is_labelled(head) else open_csv
+    return as_wide(opener(path, hints))
+
+
+Opener = Callable[[Path, FileHints], TableFile]
+
+
+def _without_hints(opener: Callable[[Path], TableFile]) -> Opener:
+    """The opener of a format that needs no hints; they stand beside its columns all the same."""
+    return lambda path, hints: opener(path)._replace(hints=hints)
 
 
 def _open_zip(path: Path, hints: FileHints) -> TableFile:
-    """A workbook, or the arrays of NumPy."""
+    """A workbook, the arrays of NumPy, or a file of Neware."""
+    if is_ndax(path):
+        return open_neware(path, hints)
     return open_npz(path, hints) if path.suffix.lower() == ".npz" else open_workbook(path, hints)
 
 
 #: First bytes of the formats that they tell.
-OPENERS: tuple[tuple[bytes, Callable[[Path, FileHints], TableFile]], ...] = (
-    (ULOG_MAGIC, lambda path, hints: open_ulog(path)._replace(hints=hints)),
-    (b"PAR1", lambda path, hints: open_parquet(path)._replace(hints=hints)),
+OPENERS: tuple[tuple[bytes, Opener], ...] = (
+    (ULOG_MAGIC, _without_hints(open_ulog)),
+    (DATAFLASH_MAGIC, _without_hints(open_dataflash)),
+    (DATAFLASH_TEXT, _without_hints(open_dataflash)),
+    (BLF_MAGIC, partial(open_can, reader="BLFReader")),
+    *((magic, open_mdf) for magic in MDF_MAGICS),
+    (MPR_MAGIC, open_mpr),
+    (NDA_MAGIC, open_neware),
+    (SQLITE_MAGIC, open_sqlite_table),
+    (b"PAR1", _without_hints(open_parquet)),
     (FEATHER_MAGIC, open_feather),
     (HDF5_MAGIC, open_hdf5),
     (MATLAB_HDF5_MAGIC, open_hdf5),
@@ -133,8 +165,8 @@ OPENERS: tuple[tuple[bytes, Callable[[Path, FileHints], TableFile]], ...] = (
 HEAD_BYTES = 4096
 #: Endings of logs in a folder.
 LOG_ENDINGS = (
-    *(".csv", ".csv.gz", ".tsv", ".txt", ".mpt", ".lvm"),
-    *(".parquet", ".feather", ".ulg", ".mat", ".h5", ".hdf5", ".npz"),
+    *(".csv", ".csv.gz", ".tsv", ".txt", ".mpt", ".lvm", ".log", ".asc", ".trc", ".blf", ".mf4"),
+    *(".parquet", ".feather", ".ulg", ".bin", ".tlog", ".mat", ".h5", ".hdf5", ".npz", ".mpr", ".nda", ".ndax", ".db"),
     *(".jsonl", ".ndjson", ".json", *WORKBOOK_ENDINGS),
 )
 
@@ -144,12 +176,41 @@ def read_recording(
 ) -> RecordedTable:
     """Load the columns, choose the rows, read the clock, and put the rows in order of time.
 
+    Where the time starts again with each step of a test, another column that does not is the time, or else the steps
+    are joined.
+
     columns: channel -> column; among them the time.
     to_numbers: turns the channels' columns into numbers, with a note on each.
 
     Raises:
         InputError: a column, a label or a time that is not there, text among numbers, a time that does not increase.
     """
+    try:
+        return _read_rows(file, columns, wanted, to_numbers)
+    except SeveralRecordingsError as error:
+        if not error.are_steps:
+            raise
+    own = {column.name for column in columns.values()}
+    times = [] if wanted.time_given else other_times(file.names, columns["time"].name)
+    for time in times:
+        try:
+            rows = _read_rows(file, {**columns, "time": time}, wanted, to_numbers) if time.name not in own else None
+        except InputError:
+            continue
+        if rows:
+            note = Note(f"time from {time.name!r}: that in {columns['time'].name!r} starts again with each step")
+            return rows._replace(table=rows.table.with_notes(note))
+    return _read_rows(file, columns, wanted, to_numbers, joined=True)
+
+
+def _read_rows(
+    file: TableFile,
+    columns: Mapping[str, Column],
+    wanted: Wanted,
+    to_numbers: Callable[[Table], Table],
+    joined: bool = False,
+) -> RecordedTable:
+    """The rows of one recording; joined: those of steps one after the other. See `read_recording`."""
     time = columns["time"].name
     date = date_column(file, time)
     own = {column.name for column in columns.values()} | {nanosecond_column(file.names, time) or time, date or time}
@@ -168,7 +229,8 @@ def read_recording(
         table = select_rows(table.with_columns({RECORDING: numbers}), {RECORDING: number})
     channels = {column.name for channel, column in columns.items() if channel != "time"} & table.columns.keys()
     try:
-        table = sort_rows(to_numbers(table), time, sort_time=wanted.sort_time)
+        table = to_numbers(table)
+        table = sort_rows(join_steps(table, time) if joined else table, time, sort_time=wanted.sort_time)
         clock_parts = own - channels - {time}
         require_one_instance(_only(table, table.columns.keys() - clock_parts), time, channels)
         if wanted.extra is not None and find_repeats(table, time, channels).differ:
@@ -177,11 +239,13 @@ def read_recording(
         if wanted.extra is None:
             raise
         # one of the columns that are not wanted may tell the recordings apart: the same error, with its name
-        rows = read_recording(file, columns, wanted._replace(extra=None), to_numbers)
+        rows = _read_rows(file, columns, wanted._replace(extra=None), to_numbers, joined)
         return rows._replace(table=_only(rows.table, names))
     table = drop_text(_only(table, {*names, RECORDING}))
     settled = settle_equal_times(table, time, channels & table.columns.keys())
-    return RecordedTable(settled, clock.start_unix_s, frozenset({*own, RECORDING}), clock.guessed_unit, clock.time_zone)
+    return RecordedTable(
+        settled, columns, clock.start_unix_s, frozenset({*own, RECORDING}), clock.guessed_unit, clock.time_zone
+    )
 
 
 def _only(table: Table, names: Collection[str]) -> Table:

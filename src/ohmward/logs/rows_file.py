@@ -16,9 +16,10 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.arrays import plain_array
 from ohmward.logs.cells import Marks, parse_cells
-from ohmward.logs.columns import find_columns
+from ohmward.logs.columns import has_log
 from ohmward.logs.header import Header, find_block, find_header, unique_names
 from ohmward.logs.hints import FileHints
+from ohmward.logs.labelled_lines import is_labelled, rows_of_lines
 from ohmward.logs.note import Note
 from ohmward.logs.table import Progress, Table, TableFile, row_numbers
 from ohmward.optional import require
@@ -72,7 +73,7 @@ def open_workbook(path: Path, hints: FileHints) -> TableFile:
         if block is not None:
             header = find_header(rows, block)
             names = tuple(hints.names) if hints.names and len(hints.names) == block.width else header.names
-            found.append((_has_log(names), block.weight, name, rows, header._replace(names=names)))
+            found.append((has_log(names), block.weight, name, rows, header._replace(names=names)))
     if not found:
         raise InputError(f"{path.name}: no sheet has rows of numbers; its sheets are {', '.join(sheets) or 'none'}")
     _, _, sheet_name, rows, header = max(found, key=lambda one: one[:2])
@@ -231,14 +232,6 @@ def _packed_number(stream: IO[bytes], most: int) -> int | None:
     return number
 
 
-def _has_log(names: Sequence[str]) -> bool:
-    try:
-        find_columns("", [name for name in names if name])
-    except InputError:
-        return False
-    return True
-
-
 def _table_file(
     source: str, rows: Sequence[Sequence[str]], header: Header, hints: FileHints, notes: tuple[Note, ...]
 ) -> TableFile:
@@ -277,7 +270,9 @@ def _text(cell: Any) -> str:
 
 
 def open_json(path: Path, hints: FileHints) -> TableFile:
-    """The columns of echoed messages or of JSON: an object a line, an array of objects, or an object of columns.
+    """The columns of echoed messages, of labelled lines or of JSON.
+
+    That is an object a line, an array of objects, or an object of columns.
 
     Inner names stand after a point.
 
@@ -286,7 +281,9 @@ def open_json(path: Path, hints: FileHints) -> TableFile:
     """
     text = path.read_text(encoding=hints.encoding or "utf-8-sig", errors="replace")
     echoed = is_echo(text[:_ECHO_BYTES].encode())
-    columns = _columns(path.name, _echoed(text) if echoed else _content(path.name, text))
+    labelled = not echoed and is_labelled(text[:_ECHO_BYTES].encode())
+    content = _echoed(text) if echoed else rows_of_lines(text) if labelled else _content(path.name, text)
+    columns = _columns(path.name, content)
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
         chosen = {name: values for name, values in columns.items() if name in names}

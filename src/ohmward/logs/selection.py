@@ -57,10 +57,10 @@ def recording_numbers(restarts: np.ndarray, size: int) -> np.ndarray:
     return 1.0 + np.isin(np.arange(size), restarts).cumsum()
 
 
-def explain_recordings(table: Table, time: str, restarts: np.ndarray) -> str:
+def explain_recordings(table: Table, time: str, restarts: np.ndarray, separators: Sequence[str]) -> str:
     """The message on a clock that starts again at the rows `restarts` (K,): the place, and a way to choose a recording.
 
-    time: the column with the time [s].
+    time: the column with the time [s].  separators: as of `find_separators`.
     """
     at = int(restarts[0])
     time_s = table.columns[time]
@@ -68,7 +68,6 @@ def explain_recordings(table: Table, time: str, restarts: np.ndarray) -> str:
         f"{table.source} holds several recordings: the time falls from {time_s[at - 1]:g} s to {time_s[at]:g} s "
         f"at {table.place} {table.line[at]}"
     )
-    separators = find_separators(table, time, restarts)
     if not separators:
         return (
             f"{what}, and no column tells them apart; choose one by its number with --where {RECORDING}=1 "

@@ -52,9 +52,10 @@ _CHANGES_OVER = (1, 4)
 class UnknownSignError(InputError):
     """The data do not tell whether a positive current charges the battery; `likely` is what most of them say."""
 
-    def __init__(self, text: str, likely: str) -> None:
-        super().__init__(text)
+    def __init__(self, text: str, likely: CurrentSign, is_lost: bool = False) -> None:
+        super().__init__(text, () if is_lost else ("--current-sign", likely))
         self.likely = likely
+        self.is_lost = is_lost  #: charge and discharge are written alike: no sign is right
 
 
 class EdgeTest(NamedTuple):
@@ -80,6 +81,12 @@ class SignEvidence(NamedTuple):
     edges: EdgeTest  #: the fast test
     trend: int  #: the slow test; 1 charge, -1 discharge, 0 unclear
     changes: int = 0  #: the regression over all changes; 1 charge, -1 discharge, 0 unclear
+
+    @property
+    def likely(self) -> CurrentSign:
+        """The verdict, or what the edges say where that is not clear."""
+        discharges = self.edges.t_value < 0.0 if self.verdict == "undecidable" else self.verdict == "discharge"
+        return "discharge" if discharges else "charge"
 
     def __str__(self) -> str:
         count = counted(self.edges.edges, "edge")
@@ -127,7 +134,7 @@ def charging_current(
         sign = "charge"
         note = _given_note(sign, "by definition of BDF", evidence, directions)
     elif directions:
-        raise UnknownSignError(f"{file.stem}: {directions}", evidence.verdict)
+        raise UnknownSignError(f"{file.stem}: {directions}", evidence.likely, is_lost=True)
     elif evidence.verdict != "undecidable":
         sign = evidence.verdict
         note = Note(f"positive current {sign}s the battery, told from the data: {evidence}")
@@ -144,7 +151,7 @@ def charging_current(
         raise UnknownSignError(
             f"{file.stem}: the data do not tell whether a positive current charges or discharges the battery "
             f"({evidence}); say it with --current-sign charge or --current-sign discharge (current_sign='charge')",
-            evidence.verdict,
+            evidence.likely,
         )
     return -current_A if sign == "discharge" else current_A, note
 
@@ -180,7 +187,7 @@ def _both_ways(current_A: np.ndarray, voltage_V: np.ndarray) -> str:
     return (
         "the current has lost its sign: where it rises, the voltage steps up and goes on rising in one place, and "
         "steps down in another, so charge and discharge are written alike; let the logger write the sign, or a column "
-        "beside it that says charge or discharge, or keep one direction with --start, --stop and its --current-sign"
+        "beside it that says charge or discharge, or keep one direction with --from, --to and its --current-sign"
     )
 
 
@@ -240,12 +247,16 @@ def trend_test(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray)
 def change_test(current_A: np.ndarray, voltage_V: np.ndarray) -> int:
     """1 if the voltage moves with all changes of the current, -1 if against them, 0 unclear.
 
-    dV = R dI over changes of the current between samples, and over several of them, must give the same clear sign of R.
+    dV = R dI over changes of the current between samples, and over several of them, must give the same clear sign of R,
+    and so must its rises and its falls: a charger that tapers off lets the current fall while the voltage still rises.
 
     current_A, voltage_V: (T,), no NaN.
     """
-    signs = {_sign_of_changes(current_A[over:] - current_A[:-over], voltage_V[over:] - voltage_V[:-over])
-             for over in _CHANGES_OVER}  # fmt: skip
+    signs = set()
+    for over in _CHANGES_OVER:
+        dI, dV = current_A[over:] - current_A[:-over], voltage_V[over:] - voltage_V[:-over]
+        agree = all(np.sign(dI[way] @ dV[way]) == np.sign(dI @ dV) for way in (dI > 0.0, dI < 0.0))
+        signs.add(_sign_of_changes(dI, dV) if agree else 0)
     return signs.pop() if len(signs) == 1 else 0
 
 

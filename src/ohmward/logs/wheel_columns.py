@@ -136,7 +136,9 @@ def _find_wheels(source: str, names: Sequence[str], channel: Channel, wheels: Wh
     candidates = [found for name in names if (found := _of_wheel(name, channel))]
     for find in (_by_corner, _by_number):
         fits = {place: find(candidates, place, wheels) for place in wanted}
-        columns = {wanted[place]: only_one(source, wanted[place], found) for place, found in fits.items() if found}
+        columns = {
+            wanted[place]: only_one(source, names, wanted[place], found) for place, found in fits.items() if found
+        }
         if columns:
             return Found(columns, find is _by_number)
     return Found({}, False)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
+from ohmward.logs.can_file import load_can_database
 from ohmward.onboard.message import ScaledSignal, Wiring
-from ohmward.optional import require
 from ohmward.quantities import quantity_of
 
 #: Units that databases give, as factors to that of a quantity's name.
@@ -44,17 +44,8 @@ class CanDatabase:
     """
 
     def __init__(self, path: str):
-        cantools = require("cantools", "decoding CAN")
-
         self.path = path
-        try:
-            database = cantools.database.load_file(path)
-            self._frames = {frame.name: frame for frame in database.messages}
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
-        except Exception as error:  # parsers raise of every kind
-            reason = " ".join(str(error).split())[:200]
-            raise InputError(f"{path}: is no CAN database that can be read ({reason}); give a DBC file") from error
+        self._frames = {frame.name: frame for frame in load_can_database(path).messages}
 
     def find(self, name: str) -> CanSignal:
         """The signal of a name.

@@ -18,8 +18,8 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.given_soc import soc_after_absence, takes_given_soc
-from ohmward.battery.soc.sample import SocEstimate, SocSample
+from ohmward.battery.soc.given_soc import after_first_voltage, takes_given_soc
+from ohmward.battery.soc.sample import SocSample
 from ohmward.energy.consumption import Consumption
 from ohmward.energy.drive_meter import DriveSample
 from ohmward.energy.range_estimator import RangeEstimator
@@ -85,8 +85,8 @@ class Estimation:
         self.inbox = SensorInbox(robot, delay_s, counts_per_turn=counts_per_turn, prompt=True) if robot else None
         #: Time of the estimators of the battery minus that of the messages: they go on from before a restart.
         self.shift_s = 0.0
-        #: Charge before a long absence, which the first voltage after it may contradict.
-        self.last_charge: SocNormal | None = None
+        #: Time of a long absence [s] and the charge before it, which the first voltage after it may contradict.
+        self.absence: tuple[float, SocNormal] | None = None
         #: Last current of the battery, nan before the first.
         self.last_current_A = math.nan
         self._sorter = MessageSorter(robot, counted=counts_per_turn is not None)
@@ -193,12 +193,14 @@ class Estimation:
         assert self.soc is not None
         time_s = sample.time_s + self.shift_s
         current_A, voltage_V = sample.values.get(CURRENT, math.nan), sample.values.get(VOLTAGE, math.nan)
+        if self.absence and math.isfinite(voltage_V):
+            away_s, before = self.absence
+            first = SocSample(away_s, current_A, voltage_V, self._temperature_degC)
+            self.soc.state = after_first_voltage(self.soc.settings, self.soc.state, first, before)
+            self.absence = None
         charge = self.soc.update(time_s, current_A, voltage_V, self._temperature_degC)
         if math.isfinite(current_A):
             self.last_current_A = current_A
-        if self.last_charge and math.isfinite(voltage_V):
-            charge = self._with_last_charge(self.last_charge, charge, current_A, voltage_V)
-            self.last_charge = None
         reach = None
         if self.range:
             speed_m_s = self._travel_speed_m_s()
@@ -214,16 +216,6 @@ class Estimation:
         if self.state.slip is None or self.robot is None or self.robot.freedoms < 3:
             return self.state.slip.speed_m_s if self.state.slip else None
         return float(travel_speed(motion_of(self.robot, self.state.slip)))
-
-    def _with_last_charge(
-        self, before: SocNormal, charge: SocEstimate, current_A: float, voltage_V: float
-    ) -> SocEstimate:
-        """The estimate with the charge before an absence, unless the voltage contradicts it."""
-        assert self.soc is not None
-        if not takes_given_soc(self.soc.settings):
-            return charge
-        sample = SocSample(0.0, current_A, voltage_V, self._temperature_degC)
-        return self.soc.tell_soc(*soc_after_absence(self.soc.settings, sample, before))
 
     def _update_cells(self, sample: MeanSample) -> None:
         """The estimate of every cell, which begins where the pack's stands."""

@@ -1,12 +1,13 @@
 """Estimators that go on after a restart or a loss of power.
 
-In a short absence nothing but time has passed. In a long one the filter no longer knows the charge, and its voltage,
-which is then that of a rest, tells it anew; the charge of before counts beside it, with
+In a short absence nothing but time has passed. In a long one the RC voltages fade and the charge becomes less known,
 
 std^2 = std_before^2 + (I t / Q)^2 + (c t)^2
 
 where the robot may have gone on for a while with its last current I, and electronics that are off draw a share c of the
-capacity. Where the voltage contradicts that, somebody has charged or used the battery, and the voltage alone counts.
+capacity. What the filter knows of the errors of its curve stays, together with how they go with the charge: the first
+voltage after the absence errs as the last one before it, and many restarts tell no more than none. Where that voltage
+contradicts the charge, somebody has charged or used the battery, and the voltage alone counts.
 Speed and pose begin anew: the robot may have been moved.
 """
 
@@ -21,6 +22,7 @@ from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.given_soc import after_absence, takes_given_soc
 from ohmward.checks import require_between, require_positive
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.errors import InputError
@@ -92,15 +94,20 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
         return [f"the snapshot cannot be used: {error}"]
     if is_another(label, estimation.battery):
         return ["the battery file is that of another battery than before: its charge begins anew"]
-    known = SocNormal(charge["soc"], _std_after(charge, estimation.battery.capacity_Ah, away_s))
+    moved_std = _moved_std(charge, estimation.battery.capacity_Ah, away_s)
+    known = SocNormal(charge["soc"], math.hypot(charge["std"], moved_std))
     try:
         estimation.soc = SocEstimator.restore(estimation.battery, content["soc"])
     except InputError:
         begin = min(max(known.soc, 0.0), 1.0), known.std
         estimation.soc = SocEstimator(estimation.battery, *begin)
         return ["the battery file has changed since: the charge goes on, what the filter had learnt begins anew"]
-    estimation.last_charge = known if away_s > SHORT_ABSENCE_S else None
     passed_s = away_s if away_s <= SHORT_ABSENCE_S else max(away_s, _GAP_S)
+    if away_s > SHORT_ABSENCE_S and takes_given_soc(estimation.soc.settings):
+        soc = estimation.soc
+        soc.state = after_absence(soc.settings, soc.state, away_s, moved_std)
+        soc.time_s += passed_s
+        estimation.absence = away_s, known
     estimation.shift_s = content["time_s"] + passed_s - now_s
     return [*_resume_cells(estimation, content), *_resume_range(estimation, content, away_s)]
 
@@ -149,11 +156,11 @@ def is_another(label: Mapping[str, Any], battery: Battery) -> bool:
     return more > _MOST_LEARNT or label.get("n_series", battery.n_series) != battery.n_series
 
 
-def _std_after(charge: _Charge, capacity_Ah: float, away_s: float) -> float:
-    """Standard deviation of the charge of before after the absence; the equation at the head."""
+def _moved_std(charge: _Charge, capacity_Ah: float, away_s: float) -> float:
+    """Standard deviation of what the charge moved by in the absence; the equation at the head."""
     drawn = abs(charge["current_A"] or 0.0) * min(away_s, _STILL_ON_S) / _SECONDS_PER_HOUR / capacity_Ah
     standby = _STANDBY_PER_HOUR * away_s / _SECONDS_PER_HOUR
-    return math.hypot(charge["std"], drawn, standby)
+    return math.hypot(drawn, standby)
 
 
 def _resume_cells(estimation: Estimation, content: Mapping[str, Any]) -> list[str]:

@@ -37,6 +37,9 @@ SIGN_CURED = 0.1
 
 #: Sides turn against each other in this share of the samples, for so many turns of the robot, where one is mirrored.
 SPINS_SHARE, FEWEST_SPINS = 0.9, 3.0
+#: A robot that spins on the spot turns its sides alike; one with a mirrored side drives curves too, in which the speeds
+#: of the sides differ by more than this share of their sum in that share of the samples.
+UNLIKE, UNLIKE_SHARE = 0.1, 0.1
 
 #: A motor brakes all the way where its current in the direction of its wheel is below this share of its size.
 BRAKES = -0.3
@@ -208,7 +211,10 @@ def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
 
 
 def _mirrored_side(robot: Robot, log: DriveLog) -> Iterator[str]:
-    """Sides that turn against each other nearly always, so that a robot without a gyro only spins on the spot."""
+    """Sides that turn against each other nearly always, so that a robot without a gyro only spins on the spot.
+
+    Where their speeds are alike all the time, it may do just that.
+    """
     sides = _sides(robot)
     if log.yaw_rate_rad_s is not None or log.speed_m_s is not None or sides is None:
         return
@@ -223,9 +229,11 @@ def _mirrored_side(robot: Robot, log: DriveLog) -> Iterator[str]:
     turns = float(np.abs(yaw) @ np.diff(log.time_s, prepend=log.time_s[0])) / (2 * math.pi)
     if turns < FEWEST_SPINS:
         return
+    unlike = np.abs(np.abs(left) - np.abs(right))[turn] > UNLIKE * (np.abs(left) + np.abs(right))[turn]
+    cause = ": the" if unlike.mean() > UNLIKE_SHARE else "; if it did not, the"
     yield (
         f"the wheels of both sides turn against each other nearly always, as if the robot turned {turns:.0f} times on "
-        "the spot: the encoders of one side are mounted mirrored; change the signs of that side in the file"
+        f"the spot{cause} encoders of one side are mounted mirrored: change the signs of that side in the file"
     )
 
 

@@ -13,7 +13,6 @@ from ohmward.battery.identification.circuit_design import (
     ParameterLayout,
     Rates,
     design,
-    hat,
 )
 from ohmward.battery.identification.circuit_fit import fit_circuit
 from ohmward.battery.identification.circuit_prior import CircuitPrior, ocv_precision
@@ -23,6 +22,7 @@ from ohmward.battery.identification.fit_samples import thin
 from ohmward.battery.identification.open_loop import simulate
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.identification.soc_axis import anchor_soc
+from ohmward.battery.models.knots import hat
 
 FLAT = np.ones(RESISTANCE_GRID.size)
 # The prior of the slowest pair is centred on the true one where a test is about exactness.

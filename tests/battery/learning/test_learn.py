@@ -45,11 +45,11 @@ def test_the_solution_is_that_of_a_kalman_filter_through_all_rows():
     # linear about the solution, the robust factor of each row as the solution has it
     robust = np.sqrt(1.0 + found.residual_V**2 / (found.variance_V2 * found.misfit) / 2.5**2)
     rows = [*zip(p.voltage_columns, found.residual_V, found.variance_V2 / found.weight * robust, strict=True)]
-    rows.append((model.soc_columns(found.x, np.array([0]))[0], 1.0 - p.soc_anywhere[0], 0.01**2))
-    highest = int(np.argmax(p.soc_anywhere))
-    if p.soc_anywhere[highest] > 1.0:
-        of_highest = model.soc_columns(found.x, np.array([highest]))[0]
-        rows.append((of_highest, 1.0 - p.soc_anywhere[highest], 0.01**2))
+    rows.append((p.charge.soc_columns(np.array([0]))[0], 1.0 - p.charge.soc[0], 0.01**2))
+    highest = int(np.argmax(p.charge.soc))
+    if p.charge.soc[highest] > 1.0:
+        of_highest = p.charge.soc_columns(np.array([highest]))[0]
+        rows.append((of_highest, 1.0 - p.charge.soc[highest], 0.01**2))
     mean, P = prior.mean.copy(), prior.covariance.copy()
     for column, residual, variance in rows:
         gain = P @ column / (column @ P @ column + variance)
@@ -110,7 +110,7 @@ def test_the_curve_stretches_only_where_no_log_has_been():
     assert part.at(charge[charge >= 0.4]) == pytest.approx(charge[charge >= 0.4])
     assert part.at(np.array([part.empty])) == pytest.approx([0.0])
     difference = (CurvePlace(0.4, 0.0501).at(charge) - CurvePlace(0.4, 0.0499).at(charge)) / 2e-4
-    assert part.by_log_ratio(charge) == pytest.approx(difference, abs=1e-3)
+    assert part.columns(charge)[:, 0] == pytest.approx(difference, abs=1e-3)
 
 
 def test_moments_of_a_normal_density_are_its_own():

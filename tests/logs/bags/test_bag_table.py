@@ -129,7 +129,7 @@ def test_a_folder_without_a_recording_and_an_empty_one_are_refused(tmp_path):
 def test_a_database_of_something_else_is_refused(tmp_path):
     with sqlite3.connect(tmp_path / "other.db3") as database:
         database.execute("CREATE TABLE things (a)")
-    with pytest.raises(InputError, match="no bag of ROS 2"):
+    with pytest.raises(InputError, match="no table of this database"):
         open_table(tmp_path / "other.db3")
 
 

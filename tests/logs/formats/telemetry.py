@@ -130,7 +130,81 @@ GRAFANA_ROWS = rows_of(LOG, lambda t, i, u, c, at: (
     f'"{at:%Y-%m-%d %H:%M:%S}"', f'"{i} A"', f'"{u} V"', f'"{c} °C"'))  # fmt: skip
 SHELLY = rows_of(LOG, lambda t, i, u, c, at: (int(at.timestamp()), u, i, c))
 
+EDGETX = ("Date", "Time", "1RSS(dB)", "RxBt(V)", "VFAS(V)", "Curr(A)", "Capa(mAh)", "GPS", "Thr")
+EDGETX_ROWS = rows_of(LOG, lambda t, i, u, c, at: (
+    at.strftime("%Y-%m-%d"), at.strftime("%H:%M:%S.000"), -60, 5.1, u, -i, 0, "", 0))  # fmt: skip
+BETAFLIGHT = ("loopIteration", " time (us)", " axisP[0]", " vbatLatest (V)", " amperageLatest (A)", " gyroADC[2]")
+BETAFLIGHT_ROWS = rows_of(LOG, lambda t, i, u, c, at: (int(t), round(1e6 * t) + 5_000_000, 0, u, -i, 1))
+#: Hundredths of a volt and of an ampere; the voltages of the known log have three decimals.
+EXPLORER = ("loopIteration", "time", "axisP[0]", "vbatLatest", "amperageLatest")
+EXPLORER_ROWS = rows_of(LOG, lambda t, i, u, c, at: (int(t), round(1e6 * t) + 5_000_000, 0, 100 * u, -100 * i))
+VESC = ("ms_today", "input_voltage", "temp_mos_max", "temp_motor", "current_motor", "current_in", "d_axis_current",
+        "q_axis_current", "erpm", "duty_cycle")  # fmt: skip
+VESC_ROWS = rows_of(LOG, lambda t, i, u, c, at: (
+    round(1000 * t) + 36_000_000, u, c + 5, c + 3, -2 * i, -i, 0, -2 * i, 1000, 0.3))  # fmt: skip
+LEAFSPY = ("Date/Time", "Lat", "Long", "Elv", "Speed", "Gids", "SOC", "AHr", "Pack Volts", "Pack Amps", "Max CP mV",
+           "Pack T1 C", "Pack T2 C", "12V Bat Amps", "Hx", "12V Bat Volts", "Odo(km)")  # fmt: skip
+LEAFSPY_ROWS = rows_of(LOG, lambda t, i, u, c, at: (
+    at.strftime("%m/%d/%Y %H:%M:%S"), "51 2.1", "7 1.1", 20, 10, 200, "80%", 100, u, -i, 3300, c, c, 1.2, 90, 14.1, 1000
+))  # fmt: skip
+EBC = "EBC-A20\nD-CC 5.20A\n" + lines(
+    ("Time(S)", "Cur(A)", "Vol(V)"), rows_of(LOG, lambda t, i, u, c, at: (int(t), i, u))
+)
+SYSFS = ("time", "status", "voltage_now", "current_now", "temp")
+SYSFS_ROWS = rows_of(LOG, lambda t, i, u, c, at: (
+    at.timestamp(), "Discharging", round(1e6 * u), round(1e6 * i), round(10 * c)))  # fmt: skip
+INA219 = ("ms", "busVoltage", "shuntVoltage_mV", "current_mA", "power_mW")
+INA219_ROWS = rows_of(LOG, lambda t, i, u, c, at: (round(1000 * t), u, 0.3, round(-1000 * i, 1), 7000))
+PACK_ROWS = rows_of(LOG, lambda t, i, u, c, at: (at.strftime("%Y-%m-%d %H:%M:%S"), u, i, *cells_of(u), c))
+DATAFLASH = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n" + (
+    "FMT, 130, 40, BAT, QBfff, TimeUS,Inst,Volt,Curr,Temp\n"
+) + "".join(f"BAT, {round(1e6 * t) + 12_345_678}, 0, {u}, {-i}, {c}\n" for t, i, u, c in LOG.rows())  # fmt: skip
+
+
+def each_line(write: Callable[..., str]) -> str:
+    return "".join(write(*row, at) + "\n" for row, at in zip(LOG.rows(), LOG.moments, strict=True))
+
+
+#: Tags, a text and a whole number beside the fields.
+PROTOCOL = each_line(lambda t, i, u, c, at: (
+    f'battery,robot=r1,pack=a voltage={u},current={i},temperature={c},state="ok",n=5i {us(at) * 1000}'))  # fmt: skip
+PROTOCOLS = each_line(lambda t, i, u, c, at: "\n".join(
+    f"{name},robot=r\\ 1 value={value} {us(at) * 1000}"
+    for name, value in (("voltage", u), ("current", i), ("temperature", c))))  # fmt: skip
+MQTT = each_line(lambda t, i, u, c, at: json.dumps(
+    {"ts": at.timestamp(), "topic": "robot/bms", "payload": {"pack": {"v": u, "i": i}, "temperatures": [c, c]}}
+))  # fmt: skip
+
 TELEMETRY = (
+    f("EdgeTX", lines(EDGETX, EDGETX_ROWS), warm=False),
+    f("Betaflight, blackbox_decode", lines(BETAFLIGHT, BETAFLIGHT_ROWS, ", "), warm=False),
+    f("Betaflight, explorer", lines(EXPLORER, EXPLORER_ROWS), warm=False),
+    f("VESC Tool", lines(VESC, VESC_ROWS, ";"), warm=False),
+    f("LeafSpy", lines(LEAFSPY, LEAFSPY_ROWS)),
+    f("EBC tester", EBC, warm=False),
+    f("Linux power_supply", lines(SYSFS, SYSFS_ROWS), dated=True),
+    f("INA219", lines(INA219, INA219_ROWS), warm=False),
+    f("BMS, Pack_V, Cell1_V", lines(("Timestamp", "Pack_V", "Pack_I", *(f"Cell{k}_V" for k in (1, 2, 3, 4)), "T1"),
+                                    PACK_ROWS), dated=True),
+    f("FarDriver", lines(("Time", "Voltage(V)", "LineCurr(A)", "RPM"), rows_of(
+        LOG, lambda t, i, u, c, at: (t, u, -i, 100))), warm=False),
+    f("ODrive", lines(("time", "vbus_voltage", "ibus", "pos_estimate"), rows_of(
+        LOG, lambda t, i, u, c, at: (t, u, -i, 1))), warm=False),
+    f("ArduPilot, text of DataFlash", DATAFLASH, package="pymavlink"),
+    f("line protocol of InfluxDB", PROTOCOL, dated=True),
+    f("line protocol, a measurement a line", PROTOCOLS, dated=True),
+    f("MQTT, nested JSON", MQTT, "log.jsonl", dated=True, warm=False),
+    f("lines of a microcontroller, `V:12.3,I:-1.2`", each_line(lambda t, i, u, c, at: f"t:{t} V:{u},I:{i} T:{c}")),
+    f("lines of a microcontroller, `voltage=12.3 V`", each_line(
+        lambda t, i, u, c, at: f"time={t}, voltage={u} V, current={i} A, temp={c}")),
+    f("Arduino monitor, `09:15:00.000 -> V:12.3`", each_line(
+        lambda t, i, u, c, at: f"{at:%H:%M:%S}.000 -> V:{u},I:{i},T:{c}")),
+    f("Arduino monitor, values alone", each_line(lambda t, i, u, c, at: f"{at:%H:%M:%S}.000 -> {u},{i},{c}"),
+      flags=("--names", "time_s,voltage_V,current_A,temperature_degC")),
+    f("power and voltage", lines(("Time", "Battery Voltage (V)", "Battery Power (W)", "Temp (C)"), rows_of(
+        LOG, lambda t, i, u, c, at: (t, u, i * u, c)))),
+    f("a column for each direction", lines(("t [s]", "U [V]", "I_chg [A]", "I_dsg [A]"), rows_of(
+        LOG, lambda t, i, u, c, at: (t, u, max(i, 0), max(-i, 0)))), warm=False),
     f("JK BMS", lines(JK, JK_ROWS), dated=True),
     f("Daly BMS", lines(DALY, DALY_ROWS), dated=True),
     f("Xiaoxiang (JBD) BMS", lines(XIAOXIANG, XIAOXIANG_ROWS, ";"), dated=True),

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from ohmward.errors import InputError
 from ohmward.logs import read_drive, read_log
 
 STAMP = "header:\n  stamp:\n    sec: {}\n    nanosec: {}\n  frame_id: ''\n"
@@ -30,9 +29,3 @@ def test_joint_states_are_read(write_text, dash):
     path = echoed(write_text, lambda k: f"name:\n{dash}left\n{dash}right\nvelocity:\n{dash}{k}.0\n{dash}{2 * k}.0\n")
     log = read_drive(path, ("left", "right"), 2)
     np.testing.assert_allclose(log.wheel_speed_rad_s, np.column_stack([np.arange(40), 2 * np.arange(40)]))
-
-
-@pytest.mark.parametrize("frame", ["can0 356#0B0BFDFFFA00", "vcan1 18FF50E5#0011223344556677"])
-def test_frames_of_a_can_bus_are_named(write_text, frame):
-    with pytest.raises(InputError, match=r"frames of a CAN bus .* DBC file"):
-        read_log(write_text("".join(f"({k}.000000) {frame}\n" for k in range(20)), "dump.log"))

@@ -40,8 +40,8 @@ from ohmward.battery.models.thevenin import (
     CircuitInput,
     Thevenin,
     charge,
+    next_state,
     ohmic_resistance,
-    pair_decays,
     pair_resistances,
 )
 from ohmward.battery.soc.augmented_thevenin import LEAST_CHARGE_GAIN, RESISTANCE_CORRELATION
@@ -211,10 +211,9 @@ class CellFilter:
 
     def next_pairs(self, state: CellState, clean: CleanSocSample, typical: TypicalCell) -> np.ndarray:
         """(n,) RC voltages after the step."""
-        current_A = clean.mean.current_A - typical.current_offset_A
-        decays = pair_decays(clean.mean, self.model, clean.dt_s)
-        pairs = pair_resistances(typical.soc, clean.mean, self.model)
-        return np.array([a * v + (1 - a) * r * current_A for a, v, r in zip(decays, state.pair_V, pairs, strict=True)])
+        u = clean.mean._replace(current_A=clean.mean.current_A - typical.current_offset_A)
+        before = np.array([typical.soc, *state.pair_V, 0.0])
+        return next_state(before, u, self.model, clean.dt_s)[1:-1]
 
     def correct(
         self, prior: Belief, clean: CleanSocSample, typical: TypicalCell, pair_V: np.ndarray
@@ -226,7 +225,7 @@ class CellFilter:
         u = CircuitInput(clean.now.current_A - typical.current_offset_A, clean.now.temperature_degC)
         expected = self.voltage.expect(prior, typical, 1.0 / self.soh(typical), (u, pair_V))
         R = np.array([[expected.variance * self.noise.samples_per_error(clean.dt_s)]])
-        H = np.array([[*expected.slopes]])
+        H = expected.slopes
         C = prior.cov @ H.T
         S = mirror_lower(H @ C + R)
         K = gain(C, S)

@@ -9,10 +9,11 @@ import numpy as np
 
 from ohmward.battery.cells.cell_sample import COMMON, GAIN, SOC, CellSpread, Differences, TypicalCell
 from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.ocv import beyond_line
 from ohmward.battery.models.slip import slip_shape
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop
+from ohmward.battery.models.thevenin import CircuitInput, StateOfHealth, Thevenin, overpotentials
 from ohmward.filters.belief import Belief
-from ohmward.trace import clip, exp, maximum
+from ohmward.trace import clip, exp, linearize, maximum
 from ohmward.trace.expression import Scalar
 
 #: Least variance of a state of charge: no voltage tells it better.
@@ -33,7 +34,7 @@ class Expected(NamedTuple):
     """Expected voltage of a cell minus that of the typical one."""
 
     voltage_V: Scalar  #: mean [V]
-    slopes: Differences  #: its derivatives by the state
+    slopes: np.ndarray  #: (1, 6) its derivatives by the state, `Differences`
     variance: Scalar  #: of what the states do not describe [V^2]
 
 
@@ -61,26 +62,28 @@ class CellVoltage:
         own = self.curve(soc, variance, slip * (charge_gain + x.charge_gain - 1.0), u)
         common = self.curve(typical.soc, P[COMMON, COMMON], slip * (charge_gain - 1.0), u)
         curve_std_V = self.curve_std_V(prior, typical, (own, common), u)
-        ratio, drop_V, pairs_V = typical.resistance_ratio, ohmic_drop(typical.soc, u, self.model), sum(pair_V)
-        own_drop_V = ratio * exp(x.ohmic_log) * ohmic_drop(soc, u, self.model)
-        own_pairs_V = ratio * exp(x.pair_log) * pairs_V
-        return Expected(
-            voltage_V=own.voltage_V
-            - common.voltage_V
-            + own_drop_V
-            + own_pairs_V
-            - ratio * (drop_V + pairs_V)
-            + curve_std_V * x.curve,
-            slopes=Differences(
-                common_soc=own.slope - common.slope,
-                soc=own.slope,
-                charge_gain=own.slope * slip * slip_shape(soc, slip),
-                ohmic_log=own_drop_V,
-                pair_log=own_pairs_V,
-                curve=curve_std_V,
-            ),
-            variance=self.white_variance(x, typical, (own_drop_V, own_pairs_V)) + own.variance + common.variance,
-        )
+        ratio = typical.resistance_ratio
+
+        def overpotentials_V(soc: Scalar, ohmic: Scalar, pair: Scalar) -> list[Scalar]:
+            state = np.array([soc, *(pair * v for v in pair_V), 0.0])
+            return overpotentials(state, u, self.model, StateOfHealth(resistance_ratio=ohmic))
+
+        def own_overpotentials_V(d: Differences) -> list[Scalar]:
+            return overpotentials_V(soc, ratio * exp(d.ohmic_log), ratio * exp(d.pair_log))
+
+        def difference_V(z: np.ndarray) -> np.ndarray:
+            d = Differences(*z)
+            slipped = slip * slip_shape(soc, slip) * (d.charge_gain - x.charge_gain)
+            own_V = (
+                own.voltage_V + own.slope * (d.common_soc + (d.soc - x.soc) + slipped) + sum(own_overpotentials_V(d))
+            )
+            common_V = common.voltage_V + common.slope * d.common_soc + sum(overpotentials_V(typical.soc, ratio, ratio))
+            return np.array([own_V - common_V + curve_std_V * d.curve])
+
+        voltage_V, slopes = linearize(difference_V, np.array([0.0, *prior.mean[1:]]))
+        *pairs_V, drop_V = own_overpotentials_V(x)
+        variance = self.white_variance(x, typical, (drop_V, sum(pairs_V))) + own.variance + common.variance
+        return Expected(voltage_V[0], slopes, variance)
 
     def white_variance(self, x: Differences, typical: TypicalCell, over_V: tuple[Scalar, Scalar]) -> Scalar:
         """Variance of the channel, and of the overpotentials (ohmic, RC) beyond a common factor of each [V^2]."""
@@ -103,10 +106,9 @@ class CellVoltage:
             return self.model.ocv.mean_V(on_curve, u.temperature_degC)
 
         low, middle, high = voltage(soc - step), voltage(soc), voltage(soc + step)
-        below, above = low - middle, high - middle
-        mean, slope = (below + above) / 6.0, (high - low) / (2.0 * step)
-        left = (below * below + above * above) / 6.0 - mean * mean - slope * slope * step * step / 3.0
-        return LinearCurve(middle + mean, slope, maximum(left, 0.0))
+        slope = (high - low) / (2.0 * step)
+        mean, variance = beyond_line(high - middle - slope * step, low - middle + slope * step)
+        return LinearCurve(middle + mean, slope, maximum(variance, 0.0))
 
     def curve_std_V(
         self, prior: Belief, typical: TypicalCell, curves: tuple[LinearCurve, LinearCurve], u: CircuitInput

@@ -33,17 +33,9 @@ def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: f
         r0_discharge_ohm=discharge,
         r0_charge_ohm=charge,
         r_ohm=tuple(pairs),
-        tau_s=solution.rates.tau_s,
-        hysteresis_rate=solution.rates.hysteresis_rate,
         coulombic_efficiency=efficiency,
-        activation_K=solution.rates.activation_K,
         reference_degC=problem.reference_degC,
-        pair_activation_K=solution.rates.pair_activation_K,
-        tau_activation_K=solution.rates.tau_activation_K,
-        transfer_V=solution.rates.transfer_V,
-        empty_activation_K=solution.rates.empty_activation_K,
-        net_charge_hysteresis=solution.rates.net_charge_hysteresis,
-        hysteresis_activation_K=solution.rates.hysteresis_activation_K,
+        **solution.rates._asdict(),
         ocv_slip=problem.prior.untested.ocv_slip.mean,
     )
 

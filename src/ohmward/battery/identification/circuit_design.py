@@ -12,15 +12,15 @@ record.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.battery.identification.fit_samples import FitSamples
-from ohmward.battery.identification.open_loop import hysteresis_decay, net_charge_hysteresis, scan
+from ohmward.battery.identification.open_loop import hysteresis_along, pair_steps, scan
+from ohmward.battery.models.knots import hat
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.temperature import arrhenius_factor
-from ohmward.battery.models.thevenin import emptying_factor
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop
 
 RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
 OCV_KNOTS = np.concatenate(
@@ -31,7 +31,7 @@ ENTROPY_KNOTS = np.linspace(0.0, 1.0, 11)
 
 
 class Rates(NamedTuple):
-    """Parameters that the voltage is not linear in."""
+    """Parameters that the voltage is not linear in, by their names in `Thevenin`."""
 
     tau_s: tuple[float, ...]  #: (n,) time constants
     hysteresis_rate: float  #: gamma
@@ -116,62 +116,37 @@ def design(
     reference_degC: float,
 ) -> np.ndarray:
     """(N, K) columns of one record: voltage = ocv(soc) + columns @ x."""
+    # linear in the resistances: those of 1 ohm give the columns
+    ones = (1.0, 1.0)
+    unit = Thevenin(
+        capacity_Ah,
+        ocv,
+        ones,
+        ones,
+        (ones,) * layout.pairs,
+        reference_degC=reference_degC,
+        **rates._replace(transfer_V=None)._asdict(),
+    )
     A = np.zeros((samples.soc.size, layout.size))
-    ohmic, pairs, faster = arrhenius_factors(samples.temperature_degC, rates, reference_degC)
-    here = hat(samples.soc, RESISTANCE_GRID) * (ohmic * samples.current_A)[:, None]
-    emptying = emptying_factor(samples.soc_before, samples.temperature_degC, rates.empty_activation_K, reference_degC)
-    driven = hat(samples.soc_before, RESISTANCE_GRID) * (pairs * emptying * samples.mean_current_A)[:, None]
+    drop_V = ohmic_drop(samples.soc, CircuitInput(samples.current_A, samples.temperature_degC), unit)
+    here, before = hat(samples.soc, RESISTANCE_GRID) * drop_V[:, None], hat(samples.soc_before, RESISTANCE_GRID)
     A[:, layout.block(0)] = np.where(samples.current_A[:, None] > 0, 0.0, here)
     A[:, layout.block(1)] = np.where(samples.current_A[:, None] > 0, here, 0.0)
     initial = layout.initial(record).start
-    for j, tau in enumerate(rates.tau_s):
-        decay = np.exp(-samples.dt_s * faster / tau)
-        A[:, layout.block(2 + j)] = scan(decay, (1 - decay)[:, None] * driven)
-        A[:, initial + j] = np.cumprod(decay)
+    for j, pair in enumerate(pair_steps(samples, unit)):
+        A[:, layout.block(2 + j)] = scan(pair.decay, before * pair.drive_V[:, None])
+        A[:, initial + j] = np.cumprod(pair.decay)
     A[:, layout.correction] = hat(samples.soc, OCV_KNOTS)
     if layout.entropy:
         warmer_K = samples.temperature_degC - ocv.reference_degC
         A[:, layout.entropic] = warmer_K[:, None] * hat(samples.soc, ENTROPY_KNOTS)
     if layout.hysteresis:
-        wider = arrhenius_factor(samples.temperature_degC, rates.hysteresis_activation_K, reference_degC)
-        gap_V = wider * ocv.hysteresis_at(samples.soc)
-        h, of_start = _hysteresis(samples, rates, capacity_Ah)
-        A[:, layout.scale] = (gap_V * h)[:, None]
-        A[:, initial + layout.pairs] = gap_V * of_start
+        gap_V = unit.hysteresis_V_at(samples.soc, samples.temperature_degC)
+        # a state that saturates is not linear in its start; the mean slope between the branches takes its place
+        low, middle, high = hysteresis_along(samples, unit, (-1.0, 0.0, 1.0)).T
+        A[:, layout.scale] = (gap_V * middle)[:, None]
+        A[:, initial + layout.pairs] = gap_V * 0.5 * (high - low)
     return A
-
-
-def _hysteresis(samples: FitSamples, rates: Rates, capacity_Ah: float) -> tuple[np.ndarray, np.ndarray]:
-    """(N,) hysteresis state from the middle at the start, and what is left of a state at the start.
-
-    A state that saturates is not linear in its start; the mean slope between the branches takes its place.
-    """
-    if rates.net_charge_hysteresis:
-        low, middle, high = (
-            net_charge_hysteresis(samples, capacity_Ah, rates.hysteresis_rate, start) for start in (-1.0, 0.0, 1.0)
-        )
-        return middle, 0.5 * (high - low)
-    decay = hysteresis_decay(samples, capacity_Ah, rates.hysteresis_rate)
-    return scan(decay, (1 - decay) * np.sign(samples.mean_current_A)), np.cumprod(decay)
-
-
-def arrhenius_factors(temperature_degC: np.ndarray, rates: Rates, reference_degC: float) -> tuple[Any, Any, Any]:
-    """Factors at each sample, (N,) or 1: of r0, of r_1 ... r_n, and of the rates 1 / tau_j."""
-    ohmic_K, pairs_K, tau_K = rates.activations_K
-    ohmic, pairs, faster = (arrhenius_factor(temperature_degC, A, reference_degC) for A in (ohmic_K, pairs_K, -tau_K))
-    return ohmic, pairs, faster
-
-
-def hat(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
-    """(N, K) weights of linear interpolation between the knots, held beyond the ends."""
-    x = np.clip(x, knots[0], knots[-1])
-    left = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
-    share = (x - knots[left]) / (knots[left + 1] - knots[left])
-    weights = np.zeros((x.size, knots.size))
-    rows = np.arange(x.size)
-    weights[rows, left] = 1 - share
-    weights[rows, left + 1] += share
-    return weights
 
 
 def pair_names(pairs: int) -> Sequence[str]:

@@ -16,6 +16,7 @@ from ohmward.battery.identification.circuit_design import (
     RESISTANCE_GRID,
     ParameterLayout,
 )
+from ohmward.battery.models.knots import correlation
 from ohmward.battery.models.ocv import OcvCurve
 
 
@@ -138,7 +139,7 @@ def with_branches(prior: CircuitPrior) -> CircuitPrior:
 
 
 class GaussianPrior(NamedTuple):
-    """Prior of x: precision (K, K) and precision times mean (K,)."""
+    """Gaussian density of x: precision (K, K) and precision times mean (K,)."""
 
     precision: np.ndarray
     information: np.ndarray
@@ -198,12 +199,12 @@ def ocv_precision(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> np.ndarra
     gap = np.asarray(ocv.hysteresis_at(OCV_KNOTS))
     axis = np.hypot(prior.ocv_soc, prior.ocv_axis_std * axis_bridge(OCV_KNOTS))
     std = np.sqrt((volts * prior.ocv_V) ** 2 + (axis * slope) ** 2 + (prior.ocv_gap * gap) ** 2)
-    return np.linalg.inv(std[:, None] * _correlation(OCV_KNOTS, prior.ocv_length) * std)
+    return np.linalg.inv(std[:, None] * correlation(OCV_KNOTS, prior.ocv_length) * std)
 
 
 def entropy_precision(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> np.ndarray:
     """(K, K) precision of the change of the OCV curve with temperature on ENTROPY_KNOTS."""
-    return np.linalg.inv(entropy_std(prior, ocv, volts) ** 2 * _correlation(ENTROPY_KNOTS, _ENTROPY_LENGTH))
+    return np.linalg.inv(entropy_std(prior, ocv, volts) ** 2 * correlation(ENTROPY_KNOTS, _ENTROPY_LENGTH))
 
 
 def entropy_std(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> float:
@@ -221,11 +222,6 @@ def axis_bridge(soc: Any) -> Any:
 def add_rows(precision: np.ndarray, where: slice, rows: np.ndarray) -> None:
     """Add the precision of `rows` @ x[where] ~ N(., 1) to precision (K, K), in place."""
     precision[where, where] += rows.T @ rows
-
-
-def _correlation(knots: np.ndarray, length: float) -> np.ndarray:
-    """(K, K) correlation of a curve on knots of SoC, exponential with this length."""
-    return np.exp(-np.abs(knots[:, None] - knots) / length)
 
 
 def _walk(prior: CircuitPrior, level: float) -> np.ndarray:

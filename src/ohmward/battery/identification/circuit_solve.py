@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+from functools import cache, cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,10 @@ from ohmward.battery.identification.circuit_prior import (
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.battery.models.thevenin import transfer_share
 from ohmward.filters.consistency import BAND_95
 from ohmward.optional import require
+from ohmward.trace import Kernel, linearize
 
 #: Error of the model and the sensor in a sample of a lithium-ion cell [V].
 VOLTAGE_STD_V = 0.003
@@ -89,6 +91,17 @@ class CircuitProblem(NamedTuple):
         return float(np.nanmean(np.concatenate([s.voltage_V for s in self.samples]))) / CELL_V
 
 
+@cache
+def _transferred() -> Kernel:
+    """An ohmic drop over the V_t of charge transfer, and its derivative, by the drop without it over V_t."""
+
+    def step(nothing: Any, x: Any) -> tuple[Any, tuple[Any, Any]]:
+        value, slope = linearize(lambda z: z * transfer_share(z[0]), np.array([x]))
+        return nothing, (value[0], slope[0, 0])
+
+    return Kernel(step, 0.0, 0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class CircuitSolution:
     """Solution for the linear unknowns at given rates."""
@@ -122,45 +135,46 @@ class CircuitSolution:
 
 
 class LinearSystem(NamedTuple):
-    """Voltage less OCV curve of every record as y = A x."""
+    """Voltage less OCV curve of every record as y = A x, where the ohmic columns of A count `slopes` times."""
 
-    #: A (N, K) of each record; targets: y (N,); weights: (N,) one over the standard deviation of each sample
-    columns: list[np.ndarray]
+    columns: list[np.ndarray]  #: A (N, K) of each record
+    targets: list[np.ndarray]  #: y (N,)
+    weights: list[np.ndarray]  #: (N,) one over the standard deviation of each sample
+    ohmic: slice  #: the columns of R_0
+    slopes: list[np.ndarray]  #: (N,) of the ohmic drop along one in proportion to the current
 
-    targets: list[np.ndarray]
-    weights: list[np.ndarray]
-
-    def about(self, x: np.ndarray, resistances: slice, transfer_V: float) -> LinearSystem:
+    def about(self, x: np.ndarray, transfer_V: float) -> LinearSystem:
         """The system whose ohmic drop is that of charge transfer, linear about the resistances in x.
 
-        V_t asinh(u) with u = r0 i / V_t is d r0 i + V_t (asinh(u) - d u), where d = 1 / sqrt(1 + u^2).
+        V_t f(u) with u = r0 i / V_t is d r0 i + V_t (f(u) - d u), where d is the derivative of f at u.
         """
-        columns, targets = [], []
+        slopes, targets = [], []
         for A, y in zip(self.columns, self.targets, strict=True):
-            u = A[:, resistances] @ x[resistances] / transfer_V
-            slope = 1 / np.sqrt(1 + u * u)
-            tangent = A.copy()
-            tangent[:, resistances] *= slope[:, None]
-            columns.append(tangent)
-            targets.append(y - transfer_V * (np.arcsinh(u) - slope * u))
-        return self._replace(columns=columns, targets=targets)
+            u = A[:, self.ohmic] @ x[self.ohmic] / transfer_V
+            drop, slope = _transferred().scan(0.0, u)[1]
+            slopes.append(slope)
+            targets.append(y - transfer_V * (drop - slope * u))
+        return self._replace(slopes=slopes, targets=targets)
 
     def weighed_by(self, robust: Sequence[np.ndarray]) -> LinearSystem:
         """The system with the variance of each sample divided by its robust weight."""
         return self._replace(weights=[w * np.sqrt(r) for w, r in zip(self.weights, robust, strict=True)])
 
-    def normal_equations(self, prior: GaussianPrior) -> tuple[np.ndarray, np.ndarray]:
-        """H (K, K) and g (K,) of the least-squares problem H x = g with a prior."""
-        H, g = prior.precision.copy(), prior.information.copy()
-        for A, y, w in zip(self.columns, self.targets, self.weights, strict=True):
+    def information(self) -> GaussianPrior:
+        """What the records say of x: the normal equations H x = g as precision H (K, K) and information g (K,)."""
+        size = self.columns[0].shape[1]
+        H, g = np.zeros((size, size)), np.zeros(size)
+        for A, y, w, slope in zip(self.columns, self.targets, self.weights, self.slopes, strict=True):
             weighted = A * w[:, None]
+            weighted[:, self.ohmic] *= slope[:, None]
             H += weighted.T @ weighted
             g += weighted.T @ (y * w)
-        return H, g
+        return GaussianPrior(H, g)
 
     def residuals(self, x: np.ndarray) -> list[np.ndarray]:
         """Y - A x of each record, (N,) [V]."""
-        return [y - A @ x for A, y in zip(self.columns, self.targets, strict=True)]
+        rows = zip(self.columns, self.targets, self.slopes, strict=True)
+        return [y - A @ x - (slope - 1.0) * (A[:, self.ohmic] @ x[self.ohmic]) for A, y, slope in rows]
 
 
 def solve(
@@ -175,12 +189,13 @@ def solve(
     layout = ParameterLayout(len(rates.tau_s), len(problem.records), hysteresis, problem.fit_activation)
     plain = system = _linear_system(problem, layout, rates)
     if near is not None:
-        system = _tangent(plain, layout, rates, near.x).weighed_by(near.robust)
-    prior = _prior(problem, layout, system)
-    for _ in range(reweightings if near is None else 1):
-        H, g = system.normal_equations(prior)
+        system = _tangent(plain, rates, near.x).weighed_by(near.robust)
+    of_records = system.information()
+    prior = _prior(problem, layout, of_records)
+    for k in range(reweightings if near is None else 1):
+        H, g = prior.times(system.information() if k else of_records)
         x = _nonnegative(H, g, layout.scale.stop)
-        tangent = _tangent(plain, layout, rates, x)
+        tangent = _tangent(plain, rates, x)
         residuals = tangent.residuals(x)
         found = near.robust if near else [_pseudo_huber(r, VOLTAGE_STD_V * problem.volts) for r in residuals]
         system = tangent.weighed_by(found)
@@ -200,13 +215,14 @@ def _linear_system(problem: CircuitProblem, layout: ParameterLayout, rates: Rate
         for k, s in enumerate(problem.records)
     ]
     targets = [_target(problem, s) for s in problem.records]
-    return LinearSystem(columns, targets, [_weights(problem, s) for s in problem.records])
-
-
-def _tangent(plain: LinearSystem, layout: ParameterLayout, rates: Rates, x: np.ndarray) -> LinearSystem:
-    """The system about the resistances in x; as it is where the ohmic drop is in proportion to the current."""
+    weights = [_weights(problem, s) for s in problem.records]
     ohmic = slice(layout.block(0).start, layout.block(1).stop)
-    return plain if rates.transfer_V is None else plain.about(x, ohmic, rates.transfer_V)
+    return LinearSystem(columns, targets, weights, ohmic, [np.ones_like(y) for y in targets])
+
+
+def _tangent(plain: LinearSystem, rates: Rates, x: np.ndarray) -> LinearSystem:
+    """The system about the resistances in x; as it is where the ohmic drop is in proportion to the current."""
+    return plain if rates.transfer_V is None else plain.about(x, rates.transfer_V)
 
 
 def _target(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
@@ -252,14 +268,17 @@ def _pseudo_huber(residual_V: np.ndarray, std_V: float) -> np.ndarray:
     return 1 / np.sqrt(1 + (residual_V / (_ROBUST_RESIDUAL * std_V)) ** 2)
 
 
-def _prior(problem: CircuitProblem, layout: ParameterLayout, system: LinearSystem) -> GaussianPrior:
-    """The prior about the levels that the resistances would have if each took its expected course along SoC."""
+def _prior(problem: CircuitProblem, layout: ParameterLayout, records: GaussianPrior) -> GaussianPrior:
+    """The prior about the levels that the resistances would have if each took its expected course along SoC.
+
+    records: what these say of x.
+    """
     shapes = np.ones((layout.blocks, RESISTANCE_GRID.size))
     if layout.pairs:
         shapes[-1] = problem.slow_shape
     at_rest = [s.starts_at_rest for s in problem.records]
     nuisance = nuisance_prior(problem.prior, layout, problem.ocv, at_rest, problem.volts)
-    levels = _levels(layout, shapes, *system.normal_equations(nuisance))
+    levels = _levels(layout, shapes, *nuisance.times(records))
     return nuisance.times(resistance_prior(problem.prior, layout, levels, shapes))
 
 

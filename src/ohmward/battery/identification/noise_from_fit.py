@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ohmward.battery.chemistries import AGED_RESISTANCE_STD
-from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID, hat
+from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID
 from ohmward.battery.identification.circuit_fit import CircuitFit
 from ohmward.battery.identification.circuit_solve import (
     CircuitProblem,
@@ -23,6 +23,7 @@ from ohmward.battery.identification.untested import (
     ocv_std_V_per_K,
     unknown_hysteresis_V,
 )
+from ohmward.battery.models.knots import hat
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin

@@ -1,16 +1,24 @@
-"""Open-loop simulation of the Thevenin model along a whole record, at a known state of charge."""
+"""The Thevenin model along a whole record, at a known state of charge.
+
+The steps are `thevenin.next_state`, all of a record at once: with the SoC known, an RC pair is a recursion that is
+linear in its voltage.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import accumulate
+from dataclasses import replace
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.battery.identification.fit_samples import FitSamples
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop, pair_decays, pair_resistances
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_hysteresis, next_state, pair_decays, voltage
 from ohmward.logs.log import SECONDS_PER_HOUR
 from ohmward.optional import require
+from ohmward.trace import Kernel
 
 
 def scan(decay: np.ndarray, drive: np.ndarray) -> np.ndarray:
@@ -23,36 +31,51 @@ def scan(decay: np.ndarray, drive: np.ndarray) -> np.ndarray:
     return solve_banded((1, 0), band, drive, check_finite=False)
 
 
-def hysteresis_decay(samples: FitSamples, capacity_Ah: float, rate: float) -> np.ndarray:
-    """(N,) decay factor of the hysteresis state over each interval, e^(-|gamma i dt / Q|)."""
-    moved_Ah = np.abs(samples.mean_current_A * samples.dt_s) / SECONDS_PER_HOUR
-    return np.exp(-rate * moved_Ah / capacity_Ah)
-
-
-def net_charge_hysteresis(samples: FitSamples, capacity_Ah: float, rate: float, start: float) -> np.ndarray:
-    """(N,) hysteresis state where it follows the net charge, `start` at the first sample."""
-    steps = (rate * samples.mean_current_A * samples.dt_s / (SECONDS_PER_HOUR * capacity_Ah))[1:]
-    return np.array(list(accumulate(steps.tolist(), lambda h, step: min(max(h + step, -1.0), 1.0), initial=start)))
-
-
 def simulate(samples: FitSamples, p: Thevenin, start_V: Sequence[float] = (), hysteresis: float = 0.0) -> np.ndarray:
     """(N,) terminal voltage [V] along the samples; the SoC is that of the samples, not counted again.
 
     start_V: (n,) RC voltages at the first sample, () for rest; hysteresis: state h there.
     """
-    at = CircuitInput(samples.current_A, samples.temperature_degC)
-    before = CircuitInput(samples.mean_current_A, samples.temperature_degC)
-    if p.net_charge_hysteresis:
-        h = net_charge_hysteresis(samples, p.capacity_Ah, p.hysteresis_rate, hysteresis)
-    else:
-        decay_h = hysteresis_decay(samples, p.capacity_Ah, p.hysteresis_rate)
-        h = scan(decay_h, np.append(hysteresis, ((1 - decay_h) * np.sign(samples.mean_current_A))[1:]))
-    voltage = (
-        p.ocv.mean_V(samples.soc, samples.temperature_degC)
-        + p.hysteresis_V_at(samples.soc, samples.temperature_degC) * h
+    starts = start_V or (0.0,) * p.pairs
+    pairs = [scan(s.decay, np.append(v0, s.drive_V[1:])) for s, v0 in zip(pair_steps(samples, p), starts, strict=True)]
+    h = hysteresis_along(samples, p, (hysteresis,))[:, 0]
+    return voltage(np.array([samples.soc, *pairs, h]), CircuitInput(samples.current_A, samples.temperature_degC), p)[0]
+
+
+class PairSteps(NamedTuple):
+    """Steps of an RC pair along a record: v_k = decay_k v_(k-1) + drive_k."""
+
+    decay: np.ndarray  #: (N,)
+    drive_V: np.ndarray  #: (N,)
+
+
+def pair_steps(samples: FitSamples, p: Thevenin) -> list[PairSteps]:
+    """The steps of each RC pair."""
+    u = CircuitInput(samples.mean_current_A, samples.temperature_degC)
+    nothing = np.zeros(samples.soc.size)
+    _, *drives_V, _ = next_state(np.array([samples.soc_before, *([nothing] * (p.pairs + 1))]), u, p, samples.dt_s)
+    decays = pair_decays(u, p, samples.dt_s)
+    return [PairSteps(decay, drive_V) for decay, drive_V in zip(decays, drives_V, strict=True)]
+
+
+def hysteresis_along(samples: FitSamples, p: Thevenin, starts: Sequence[float]) -> np.ndarray:
+    """(N, S) hysteresis state from each of these at the first sample."""
+    moved = samples.dt_s * (p.hysteresis_rate / p.capacity_As)
+    start = np.array(starts, dtype=float)
+    return np.asarray(
+        _hysteresis_kernel(p.net_charge_hysteresis, start.size).scan(start, (samples.mean_current_A, moved))[1]
     )
-    resistances = pair_resistances(samples.soc_before, before, p)
-    decays = pair_decays(before, p, samples.dt_s)
-    for decay, resistance, v0 in zip(decays, resistances, start_V or (0.0,) * p.pairs, strict=True):
-        voltage = voltage + scan(decay, np.append(v0, ((1 - decay) * resistance * samples.mean_current_A)[1:]))
-    return voltage + ohmic_drop(samples.soc, at, p)
+
+
+@cache
+def _hysteresis_kernel(net_charge: bool, starts: int) -> Kernel:
+    """The step of the hysteresis, compiled once for all batteries: a capacity of 1 A s, a rate of 1."""
+    unit = Thevenin(1.0 / SECONDS_PER_HOUR, OcvCurve((0.0, 1.0)), (0.0, 0.0), (0.0, 0.0), (), (), hysteresis_rate=1.0)
+    unit = replace(unit, net_charge_hysteresis=net_charge)
+
+    def step(h: np.ndarray, sample: tuple[Any, Any]) -> tuple[np.ndarray, np.ndarray]:
+        current_A, moved = sample
+        after = np.array([next_hysteresis(each, current_A, moved, unit) for each in h])
+        return after, after
+
+    return Kernel(step, np.zeros(starts), (0.0, 0.0))

@@ -99,7 +99,7 @@ def with_capacity(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnch
     other part tells nothing of it: along the charge below full the curve is the same whatever the capacity is.
     """
     q, knowledge = model.parameters.group("capacity").start, model.battery.knowledge
-    lowest_soc = float(found.soc.min())
+    lowest_soc = float(found.charge.soc.min())
     if knowledge is None or lowest_soc < knowledge.seen_from_soc - _DEEPER:
         return with_marginal(model, prior, anchors, found, capacity_marginal(model, prior, anchors, found))
     if any(anchor.soc < _HALF for anchor in anchors):

@@ -6,10 +6,9 @@ Resistance to a pulse, as testers of batteries measure it and people quote it.
 
 After a rest a current I of one capacity per hour flows for t = 10 s:
 
-    R = (f(R_0 I) R_0 I + sum R_j (1 - exp(-t / tau_j)) I + (I t / Q) dOCV/ds) / I
+    R = (overpotentials of `models.thevenin` after it + (I t / Q) dOCV/ds) / I
 
-f is the share of the ohmic drop that the transfer of charge leaves at this current (`models.thevenin`). The last term
-is what the charge drawn moves the open-circuit voltage: a tester's voltage falls by it as well.
+The last term is what the charge drawn moves the open-circuit voltage: a tester's voltage falls by it as well.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.chemistries import CELL_V, Normal, chemistry_prior
-from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.identification.circuit_prior import LFP_WITHOUT_LOW_RATE_V
 from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD, beyond_axis_V
 from ohmward.battery.identification.ocv_from_low_rate import monotone
@@ -30,17 +28,23 @@ from ohmward.battery.learning.open_circuit import CurvePlace, OpenCircuit, file_
 from ohmward.battery.learning.parameters import (
     ENTROPY_KNOTS,
     OCV_KNOTS,
-    RESISTANCE_KNOTS,
     Parameters,
     mean_slope_V,
     parameters_of,
 )
-from ohmward.battery.models.noise import BatteryNoise, on_soc_grid
+from ohmward.battery.models.knots import hat
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc_elements import rc_of_thevenin
 from ohmward.battery.models.slip import slip_shape
-from ohmward.battery.models.thevenin import Thevenin, transfer_share
-from ohmward.logs.log import SECONDS_PER_HOUR
+from ohmward.battery.models.thevenin import (
+    RESISTANCE_KNOTS,
+    CircuitInput,
+    Corrections,
+    Thevenin,
+    next_state,
+    overpotentials,
+)
 
 #: Duration of the pulse [s], and the state of charge before the one that is quoted.
 PULSE_S, _HALF = 10.0, 0.5
@@ -59,10 +63,8 @@ _ENTROPY_SHARE = 0.5
 #: Where nothing but the curve has told the charge, a log cannot see a shift of the axis: so much of the error that the
 #: chemistry's curves have is left.
 _UNANCHORED_SHARE = 0.5
-#: Grid of the error along SoC in the noise, and of resistances that were constant before.
+#: Grid of the error along SoC in the noise.
 _NOISE_GRID = np.linspace(0.0, 1.0, 21)
-#: Time constants stay apart by this factor at least.
-_TAU_RATIO = 1.5
 #: Correlations between knots of the curve that tell how long its error lasts.
 _NEIGHBOUR = 0.1
 
@@ -144,7 +146,7 @@ def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
     """(K,) change of the parameters by a change of the logarithm of the capacity with age, whose electrodes slip."""
     model, direction = require_thevenin(battery), np.zeros(p.size)
     seen_from = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
-    pinned = 1.0 - OCV_KNOTS - CurvePlace(seen_from, 0.0).by_log_ratio(OCV_KNOTS)
+    pinned = 1.0 - OCV_KNOTS - CurvePlace(seen_from, 0.0).columns(OCV_KNOTS)[:, 0]
     direction[p.group("capacity")] = 1.0
     direction[p.group("ocv")] = mean_slope_V(model.ocv, OCV_KNOTS) * pinned
     return direction + model.ocv_slip * slip_direction(battery, p)
@@ -160,22 +162,12 @@ def slip_direction(battery: Battery, p: Parameters) -> np.ndarray:
 def folded_model(curve: OpenCircuit) -> Thevenin:
     """The circuit with the corrections made."""
     model, p, theta = curve.model, curve.parameters, curve.theta
-    capacity_Ah = model.capacity_Ah * float(np.exp(curve.place.log_ratio))
-    activation, empty = theta[p.group("activation")], theta[p.group("empty_activation")]
-    pair_K = model.activation_K if model.pair_activation_K is None else model.pair_activation_K
+    corrections = Corrections(*(theta[p.group(name)] for name in Corrections._fields))
     return replace(
-        model,
-        capacity_Ah=capacity_Ah,
+        corrections.made(model),
+        capacity_Ah=model.capacity_Ah * float(np.exp(curve.place.log_ratio)),
         ocv=folded_curve(curve),
         ocv_slip=model.ocv_slip + float(theta[p.group("slip")].sum()),
-        r0_discharge_ohm=_times(model.r0_discharge_ohm, theta[p.group("ohmic")]),
-        r0_charge_ohm=_times(model.r0_charge_ohm, theta[p.group("ohmic")]),
-        r_ohm=tuple(_times(row, theta[p.pair(j)]) for j, row in enumerate(model.r_ohm)),
-        tau_s=_apart(np.asarray(model.tau_s) * np.exp(theta[p.group("tau")])),
-        coulombic_efficiency=min(model.coulombic_efficiency * float(np.exp(theta[p.group("efficiency")].sum())), 1.0),
-        activation_K=model.activation_K + float(activation[0] if activation.size else 0.0),
-        pair_activation_K=pair_K + float(activation[-1] if activation.size else 0.0),
-        empty_activation_K=model.empty_activation_K + float(empty.sum()),
     )
 
 
@@ -271,7 +263,7 @@ def _curve_error(battery: Battery, p: Parameters, covariance: np.ndarray) -> tup
     # the curve is known over the charge below full; along SoC it is as wrong as the capacity is
     slope_V = mean_slope_V(require_thevenin(battery).ocv, _NOISE_GRID)
     seen_from = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
-    stretched = CurvePlace(seen_from, 0.0).by_log_ratio(_NOISE_GRID)
+    stretched = CurvePlace(seen_from, 0.0).columns(_NOISE_GRID)[:, 0]
     rows[:, p.group("capacity")] = -(slope_V * (1.0 - _NOISE_GRID - stretched))[:, None]
     error = rows @ covariance @ rows.T
     variance = np.diag(error)
@@ -298,21 +290,6 @@ def _share(noise: BatteryNoise, p: Parameters, std: np.ndarray) -> float | tuple
     return tuple(found.tolist()) if found.ndim else float(found)
 
 
-def _times(ohm: tuple[float, ...], log_ratio: np.ndarray) -> tuple[float, ...]:
-    """Resistances along SoC times a factor on the knots; on a grid that shows it."""
-    grid = np.linspace(0.0, 1.0, len(ohm))
-    fine = grid if grid.size >= _NOISE_GRID.size else _NOISE_GRID
-    return tuple((np.interp(fine, grid, ohm) * np.exp(hat(fine, RESISTANCE_KNOTS) @ log_ratio)).tolist())
-
-
-def _apart(tau_s: np.ndarray) -> tuple[float, ...]:
-    """Time constants that increase from pair to pair."""
-    found = tau_s.tolist()
-    for j in range(1, len(found)):
-        found[j] = max(found[j], _TAU_RATIO * found[j - 1])
-    return tuple(found)
-
-
 def _between(floor: float, found: float, before: float) -> float:
     """The value found, not below the floor and never above the one before."""
     return min(max(found, floor), before)
@@ -325,10 +302,7 @@ def pulse_ohm(model: Thevenin) -> float:
 
 def pulse_ohm_along(model: Thevenin, soc: np.ndarray) -> np.ndarray:
     """Resistance [ohm] to ten seconds of 1 C at these states of charge and the temperature of the file."""
-    current_A = model.capacity_Ah
-    ohm = np.asarray(on_soc_grid(model.r0_discharge_ohm, soc))
-    if model.transfer_V is not None:
-        ohm = ohm * np.asarray(transfer_share(ohm * current_A / model.transfer_V))
-    for row, tau_s in zip(model.r_ohm, model.tau_s, strict=True):
-        ohm = ohm + np.asarray(on_soc_grid(row, soc)) * (1.0 - np.exp(-PULSE_S / tau_s))
-    return ohm + mean_slope_V(model.ocv, soc) * PULSE_S / SECONDS_PER_HOUR / current_A
+    u, nothing = CircuitInput(-model.capacity_Ah, model.reference_degC), np.zeros(soc.size)
+    _, *v, h = next_state(np.array([soc, *([nothing] * (model.pairs + 1))]), u, model, PULSE_S)
+    ohm = sum(overpotentials(np.array([soc, *v, h]), u, model)) / u.current_A
+    return ohm + mean_slope_V(model.ocv, soc) * PULSE_S / model.capacity_As

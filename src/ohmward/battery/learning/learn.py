@@ -281,7 +281,7 @@ def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ..
     found = with_capacity(model, prior, anchors, found)
     K = model.parameters.size
     seen = () if battery.knowledge is None else battery.knowledge.logs
-    lowest_soc = float(found.soc.min())
+    lowest_soc = float(found.charge.soc.min())
     after = fold(battery, found.x[:K], found.covariance[:K, :K], lowest_soc, seen)
     return _Part(after, found, model, log_estimates(model, prior, found, after))
 
@@ -316,7 +316,7 @@ def _update(before: Battery, after: Battery, log: Log, parts: list[_Part], ancho
     """Update by the log, from the batteries before and after it."""
     old, new = prior_covariance(before), prior_covariance(after)
     p = parameters_of(after)
-    socs = [part.solution.soc for part in parts]
+    socs = [part.solution.charge.soc for part in parts]
     residual_V = np.concatenate([part.solution.residual_V for part in parts])
     information = narrowed(p, old, new)
     return LogUpdate(
@@ -345,8 +345,9 @@ def _update(before: Battery, after: Battery, log: Log, parts: list[_Part], ancho
 
 def _soc_at(part: _Part, sample: int) -> Normal:
     """State of charge at a sample of a part."""
-    columns = part.model.soc_columns(part.solution.x, np.array([sample]))[0]
-    return Normal(float(part.solution.soc[sample]), float(np.sqrt(columns @ part.solution.covariance @ columns)))
+    charge = part.solution.charge
+    columns = charge.soc_columns(np.array([sample]))[0]
+    return Normal(float(charge.soc[sample]), float(np.sqrt(columns @ part.solution.covariance @ columns)))
 
 
 def _not_learnt(battery: Battery, log: Log, verdict: str, reason: str) -> LogUpdate:

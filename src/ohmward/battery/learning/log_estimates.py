@@ -84,10 +84,10 @@ def log_estimate(now: float, d: np.ndarray, pull: np.ndarray, information: np.nd
 
 def _given(model: VoltageModel, found: Solution, after: Battery) -> tuple[float, Normal]:
     """Lowest SoC s of a part, and D = Q (1 - s): d ln D = d ln Q - ds / (1 - s)."""
-    soc = found.soc
+    soc = found.charge.soc
     lowest = int(np.argmin(soc))
     given = max(1.0 - float(soc[lowest]), _LEAST_GIVEN)
-    columns = -model.soc_columns(found.x, np.array([lowest]))[0] / given
+    columns = -found.charge.soc_columns(np.array([lowest]))[0] / given
     columns[model.parameters.group("capacity")] += 1.0
     given_Ah = after.capacity_Ah * given
     return float(soc[lowest]), Normal(given_Ah, given_Ah * float(np.sqrt(columns @ found.covariance @ columns)))

@@ -8,6 +8,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.learning.samples import Samples
+from ohmward.battery.models.knots import correlation
 from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, walk_variance
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs.log import SECONDS_PER_HOUR
@@ -102,8 +103,7 @@ def nuisance_covariance(
         std[nuisances.pair(j)] = least_V + _START_C * model.capacity_Ah * float(np.mean(row))
     std[nuisances.hysteresis] = HYSTERESIS_UNKNOWN_STD
     covariance = np.diag(std**2)
-    correlation = np.exp(-np.abs(MISFIT_KNOTS[:, None] - MISFIT_KNOTS) / _MISFIT_LENGTH)
-    covariance[nuisances.misfit, nuisances.misfit] = misfit_V**2 * correlation
+    covariance[nuisances.misfit, nuisances.misfit] = misfit_V**2 * correlation(MISFIT_KNOTS, _MISFIT_LENGTH)
     return covariance
 
 

@@ -20,16 +20,17 @@ No log has been seen with l = 1: then z is the state of charge.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+from functools import cache, cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
-from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.learning.parameters import ENTROPY_KNOTS, OCV_KNOTS, Parameters, parameters_of
+from ohmward.battery.models.knots import hat
 from ohmward.battery.models.slip import slip_shape
 from ohmward.battery.models.thevenin import Thevenin
+from ohmward.trace import Kernel, exp, linearize, where
 
 #: A shorter stretch than this above empty is not stretched: it is as good as seen.
 _SHORTEST = 0.02
@@ -38,32 +39,41 @@ _SHORTEST = 0.02
 class CurvePlace(NamedTuple):
     """Places z on the curve of the file."""
 
-    seen_from_soc: float  #: l
-    log_ratio: float  #: of the capacity over the file's
+    seen_from_soc: Any  #: l
+    log_ratio: Any  #: of the capacity over the file's
+    slip: Any = 0.0  #: share of a loss of capacity by which the electrodes slip
+    full_stays: bool = True  #: False where slip leaves empty where it is, see `slip`
 
     @property
-    def empty(self) -> float:
+    def empty(self) -> Any:
         """Charge e at empty."""
-        return 1.0 - float(np.exp(self.log_ratio))
+        return 1.0 - exp(self.log_ratio)
 
-    @property
-    def stretches(self) -> bool:
-        """True where a stretch of the curve has not been seen."""
-        return self.seen_from_soc > _SHORTEST and self.seen_from_soc - self.empty > _SHORTEST
-
-    def at(self, charge: np.ndarray) -> np.ndarray:
-        """Places (N,) of these charges c."""
-        if not self.stretches:
-            return charge
+    def at(self, charge: Any) -> Any:
+        """Places (N,) of these charges c; traced as well."""
         low, empty = self.seen_from_soc, self.empty
-        return np.where(charge < low, low * (charge - empty) / (low - empty), charge)
+        stretches = (low > _SHORTEST) & (low - empty > _SHORTEST) & (charge < low)
+        z = where(stretches, low * (charge - empty) / where(stretches, low - empty, 1.0), charge)
+        loss = exp(-self.log_ratio) - 1.0  # over the capacity that is left
+        return z + self.slip * loss * slip_shape(z, 1.0 if self.full_stays else -1.0)
 
-    def by_log_ratio(self, charge: np.ndarray) -> np.ndarray:
-        """(N,) derivative of the places by the logarithm of the capacity."""
-        if not self.stretches:
-            return np.zeros_like(charge)
-        low, empty = self.seen_from_soc, self.empty
-        return np.where(charge < low, low * (low - charge) * (1.0 - empty) / (low - empty) ** 2, 0.0)
+    def columns(self, charge: np.ndarray) -> np.ndarray:
+        """(N, 2) derivatives of the places by the logarithm of the capacity and by the slip."""
+        place = np.array(self[:3], dtype=float)
+        return np.asarray(_columns(self.full_stays).scan(place, np.asarray(charge, dtype=float))[1])
+
+
+@cache
+def _columns(full_stays: bool) -> Kernel:
+    """The derivatives of a place, compiled once for all batteries."""
+
+    def step(place: np.ndarray, charge: Any) -> tuple[np.ndarray, np.ndarray]:
+        def at(z: np.ndarray) -> np.ndarray:
+            return np.array([CurvePlace(place[0], z[0], z[1], full_stays).at(charge)])
+
+        return place, linearize(at, place[1:])[1][0]
+
+    return Kernel(step, np.zeros(3), 0.0)
 
 
 def true_soc(charge: np.ndarray, log_ratio: float) -> np.ndarray:
@@ -100,27 +110,17 @@ class OpenCircuit:
 
     @cached_property
     def place(self) -> CurvePlace:
-        """Places on the curve without slip."""
-        knowledge = self.battery.knowledge
-        seen_from_soc = 1.0 if knowledge is None else knowledge.seen_from_soc
-        return CurvePlace(seen_from_soc, float(self.theta[self.parameters.group("capacity")].sum()))
-
-    @cached_property
-    def slip(self) -> float:
-        """Share of a loss of capacity by which the electrodes slip; 0 for a battery whose curve was learnt."""
-        if self.battery.knowledge is not None:
-            return 0.0
-        return self.model.ocv_slip + float(self.theta[self.parameters.group("slip")].sum())
-
-    @cached_property
-    def loss(self) -> float:
-        """Loss of capacity over the capacity that is left."""
-        return float(np.expm1(-self.place.log_ratio))
+        """Places on the curve; the electrodes of a battery whose curve was learnt do not slip."""
+        knowledge, share = self.battery.knowledge, self.model.ocv_slip
+        log_ratio = float(self.theta[self.parameters.group("capacity")].sum())
+        if knowledge is not None:
+            return CurvePlace(knowledge.seen_from_soc, log_ratio)
+        return CurvePlace(1.0, log_ratio, share + float(self.theta[self.parameters.group("slip")].sum()), share >= 0.0)
 
     def at(self, charge: np.ndarray, temperature_degC: np.ndarray | float) -> np.ndarray:
         """Voltage [V] without hysteresis at these charges (N,)."""
         group, curve = self.parameters.group, self.model.ocv
-        voltage_V = np.asarray(curve.mean_V(self._place(charge), temperature_degC))
+        voltage_V = np.asarray(curve.mean_V(self.place.at(charge), temperature_degC))
         voltage_V = voltage_V + hat(charge, OCV_KNOTS) @ self.theta[group("ocv")]
         entropy = self.theta[group("entropy")]
         if not entropy.size:
@@ -136,20 +136,14 @@ class OpenCircuit:
         """(N, K) derivatives of the voltage by the corrections."""
         group, curve = self.parameters.group, self.model.ocv
         columns = np.zeros((charge.size, self.parameters.size))
-        z, degC = self._place(charge), temperature_degC
+        z, degC = self.place.at(charge), temperature_degC
         steep_V = (curve.mean_V(z + _HALF_STEP, degC) - curve.mean_V(z - _HALF_STEP, degC)) / (2 * _HALF_STEP)
-        shape = slip_shape(self.place.at(charge), self.model.ocv_slip)
-        moved = self.place.by_log_ratio(charge) - self.slip * shape * np.exp(-self.place.log_ratio)
-        columns[:, group("capacity")] = (steep_V * moved)[:, None]
+        by_capacity, by_slip = self.place.columns(charge).T
+        columns[:, group("capacity")] = (steep_V * by_capacity)[:, None]
         if self.battery.knowledge is None:
-            columns[:, group("slip")] = (steep_V * shape * self.loss)[:, None]
+            columns[:, group("slip")] = (steep_V * by_slip)[:, None]
         columns[:, group("ocv")] = hat(charge, OCV_KNOTS)
         if self.theta[group("entropy")].size:
             warmer_K = np.broadcast_to(degC - curve.reference_degC, charge.shape)
             columns[:, group("entropy")] = warmer_K[:, None] * hat(charge, ENTROPY_KNOTS)
         return columns
-
-    def _place(self, charge: np.ndarray) -> np.ndarray:
-        """Places z (N,) on the curve of the file."""
-        z = self.place.at(charge)
-        return z + self.slip * slip_shape(z, self.model.ocv_slip) * self.loss if self.slip else z

@@ -12,14 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.models.knots import correlation
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.models.thevenin import RESISTANCE_KNOTS, Thevenin
 from ohmward.battery.soc.augmented_thevenin import RESISTANCE_CORRELATION
 from ohmward.errors import InputError
 
-#: Resistances rise towards empty, so their knots are closer there.
-RESISTANCE_KNOTS = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
 #: Stages of graphite are 5 % of SoC wide and more; the ends are steep. The curves of the chemistries turn at knots, so
 #: that no SoC axis fits better than another because of where the turns of a curve that is not the cell's lie.
 OCV_KNOTS = np.concatenate([[0.0, 0.01, 0.02, 0.035], np.linspace(0.05, 0.95, 37), [0.98, 1.0]])
@@ -112,8 +111,15 @@ def parameters_of(battery: Battery) -> Parameters:
 def prior_covariance(battery: Battery) -> np.ndarray:
     """(K, K) covariance of the corrections: what the file has learnt, or what its noise says before any log."""
     prior = _Prior(battery, require_thevenin(battery))
-    learnt = battery.knowledge
-    return learnt.matrix if learnt and learnt.names == prior.parameters.names else prior.covariance
+    learnt, names, P = battery.knowledge, prior.parameters.names, prior.covariance
+    if learnt is None or not set(learnt.names) <= set(names):
+        return P
+    # a parameter that the file did not know when it learnt is as before any log
+    known = [names.index(name) for name in learnt.names]
+    P[known, :] = 0.0
+    P[:, known] = 0.0
+    P[np.ix_(known, known)] = learnt.matrix
+    return P
 
 
 class _Prior(NamedTuple):
@@ -179,7 +185,7 @@ class _Prior(NamedTuple):
         """Covariance of the logarithm of a resistance along SoC about its level."""
         factors = _GASSING_SHAPE_FACTORS if self.model.gassing_V else _SHAPE_FACTORS
         std = _SHAPE_SHARES * self.share * factors
-        return np.outer(std, std) * _correlation(RESISTANCE_KNOTS, _RESISTANCE_LENGTH)
+        return np.outer(std, std) * correlation(RESISTANCE_KNOTS, _RESISTANCE_LENGTH)
 
     @property
     def ohmic(self) -> np.ndarray:
@@ -194,18 +200,18 @@ class _Prior(NamedTuple):
     @property
     def ocv(self) -> np.ndarray:
         std_V = np.interp(OCV_KNOTS, np.linspace(0, 1, len(self.noise.model_std_V)), self.noise.model_std_V)
-        curve = np.outer(std_V, std_V) * _correlation(OCV_KNOTS, self.noise.model_soc_length)
+        curve = np.outer(std_V, std_V) * correlation(OCV_KNOTS, self.noise.model_soc_length)
         whole_std = self.noise.soc_axis_std
         full_std = whole_std if self.model.gassing_V else min(_FULL_SHARE * whole_std, _FULL_STD)
         axis_std = np.interp(OCV_KNOTS, [_FULL_FROM, 1.0], [whole_std, full_std])
         axis_V = axis_std * mean_slope_V(self.model.ocv, OCV_KNOTS)
-        whole, local = (_correlation(OCV_KNOTS, length) for length in (_AXIS_LENGTH, _LOCAL_LENGTH))
+        whole, local = (correlation(OCV_KNOTS, length) for length in (_AXIS_LENGTH, _LOCAL_LENGTH))
         return curve + np.outer(axis_V, axis_V) * ((1.0 - _LOCAL_SHARE) * whole + _LOCAL_SHARE * local)
 
     @property
     def entropy(self) -> Group:
         std, names = self.noise.ocv_std_V_per_K, tuple(f"ocv_V_per_K at {at}" for at in _along(ENTROPY_KNOTS))
-        return Group(names if std else (), std**2 * _correlation(ENTROPY_KNOTS[: 3 * bool(std)], _ENTROPY_LENGTH))
+        return Group(names if std else (), std**2 * correlation(ENTROPY_KNOTS[: 3 * bool(std)], _ENTROPY_LENGTH))
 
 
 def mean_slope_V(ocv: OcvCurve, soc: np.ndarray) -> np.ndarray:
@@ -223,8 +229,3 @@ def _each(names: list[str], stds: list[float]) -> Group:
 
 def _along(knots: np.ndarray) -> list[str]:
     return [f"soc {knot:g}" for knot in knots]
-
-
-def _correlation(knots: np.ndarray, length: float) -> np.ndarray:
-    """Correlation of a Gauss-Markov process along SoC, as that of the filter's model error."""
-    return np.exp(-np.abs(knots[:, None] - knots) / length)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.learning.voltage_model import VoltageModel, VoltagePrediction
+from ohmward.battery.learning.voltage_model import ChargeAlong, VoltageModel, VoltagePrediction
 from ohmward.battery.models.noise import BatteryNoise
 
 #: Errors beyond so many standard deviations count less.
@@ -59,7 +59,7 @@ class Solution(NamedTuple):
     cost: sum of squares at the minimum.
     residual_V: (N,) measured minus expected voltage in the rows; variance_V2: (N,) what was expected of its square.
     weight: (N,) of each row.  misfit: factor by which the residuals exceed their variance, 1 where they do not.
-    soc: (T,) state of charge at every sample.
+    charge: charge and state of charge at every sample.
     """
 
     x: np.ndarray
@@ -70,7 +70,7 @@ class Solution(NamedTuple):
     variance_V2: np.ndarray
     weight: np.ndarray
     misfit: float
-    soc: np.ndarray
+    charge: ChargeAlong
 
 
 class _Rows(NamedTuple):
@@ -108,8 +108,8 @@ def solve(
         if misfit is not None or found <= _SAME_MISFIT * factor:
             break
         factor = found
-    soc = there.prediction.soc_anywhere
-    return Solution(x, H, np.linalg.inv(H), there.cost, residual_V, variance_V2, weight / factor, factor, soc)
+    charge = there.prediction.charge
+    return Solution(x, H, np.linalg.inv(H), there.cost, residual_V, variance_V2, weight / factor, factor, charge)
 
 
 def misfit_of(residual_V: np.ndarray, variance_V2: np.ndarray) -> float:
@@ -179,7 +179,7 @@ class _Search:
         robust = 1.0 / np.sqrt(1.0 + square / _ROBUST_AT**2)
         scale = np.sqrt(weight * robust / (variance_V2 * misfit))
         pseudo_huber = 2 * _ROBUST_AT**2 * (1.0 / robust - 1.0)
-        of_soc, soc_columns = self.soc_rows(x, p)
+        of_soc, soc_columns = self.soc_rows(x, p.charge)
         of_offset, offset_columns = self.model.offset_rows(x)
         of_anchors = np.concatenate([of_soc, of_offset / self.offset_std_A])
         residual = np.concatenate([scale * residual_V, of_anchors])
@@ -197,16 +197,17 @@ class _Search:
         variance = self.white_V2 + share**2 * p.over_V2 + (_SOC_STD * slope) ** 2
         return self.measured_V - p.voltage_V, variance, self.weight
 
-    def soc_rows(self, x: np.ndarray, p: VoltagePrediction) -> tuple[np.ndarray, np.ndarray]:
+    def soc_rows(self, x: np.ndarray, charge: ChargeAlong) -> tuple[np.ndarray, np.ndarray]:
         """Rows of the anchors, and of SoC where it would leave 0 to 1 most."""
-        highest, lowest = int(np.argmax(p.soc_anywhere)), int(np.argmin(p.soc_anywhere))
+        soc = charge.soc
+        highest, lowest = int(np.argmax(soc)), int(np.argmin(soc))
         rows = list(self.anchors)
-        if p.soc_anywhere[highest] > 1.0:
+        if soc[highest] > 1.0:
             rows.append(SocAnchor(highest, 1.0, _BOUND_STD))
-        if p.soc_anywhere[lowest] < 0.0:
+        if soc[lowest] < 0.0:
             rows.append(SocAnchor(lowest, 0.0, _BOUND_STD))
         if not rows:
             return np.zeros(0), np.zeros((0, x.size))
         at, std = np.array([row.sample for row in rows]), np.array([row.std for row in rows])
-        residual = np.array([row.soc for row in rows]) - p.soc_anywhere[at]
-        return residual / std, self.model.soc_columns(x, at) / std[:, None]
+        residual = np.array([row.soc for row in rows]) - soc[at]
+        return residual / std, charge.soc_columns(at) / std[:, None]

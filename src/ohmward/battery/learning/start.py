@@ -22,11 +22,11 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.fingerprint import fingerprint, unlearnt_parts
-from ohmward.battery.identification.circuit_design import hat
 from ohmward.battery.learning.log_faults import usable_log
 from ohmward.battery.learning.parameters import OCV_KNOTS, mean_slope_V, prior_covariance
 from ohmward.battery.learning.solve import Normals, SocAnchor
 from ohmward.battery.learning.voltage_model import VoltageModel
+from ohmward.battery.models.knots import correlation, hat
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
 #: Scale of ageing over a change: the median of p(lambda | q) for a change of 0.2.
@@ -78,9 +78,9 @@ def _costs(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -
     prior = np.linalg.inv(prior_covariance(model.battery)[group, group] + _LEAST_V2 * np.eye(OCV_KNOTS.size))
     share = model.share_at(p.soc) + noise.resistance_std
     counts = min(1.0, model.samples.hours * SECONDS_PER_HOUR / (2 * noise.correlation_s) / max(p.soc.size, 1))
-    costs = []
+    costs, everywhere_soc = [], p.charge.soc
     for start in _GRID:
-        soc, everywhere = p.soc + (start - x[place]), p.soc_anywhere + (start - x[place])
+        soc, everywhere = p.soc + (start - x[place]), everywhere_soc + (start - x[place])
         curve_V = np.asarray(ocv.mean_V(soc, degC))
         slope_V = (np.asarray(ocv.mean_V(soc + _HALF_STEP, degC)) - curve_V) / _HALF_STEP
         residual_V = model.samples.voltage_V[model.rows] - over_V - curve_V
@@ -103,8 +103,7 @@ def prior_of_age(model: VoltageModel, prior: Normals, x: np.ndarray) -> Normals:
     together = np.ix_(resistances, resistances)
     covariance[together] += _scale2(max(float(x[resistances].mean()), 0.0), covariance[together])
     axis_V = _shape_V(model, max(float(np.expm1(-x[q].sum())), 0.0))
-    correlation = np.exp(-np.abs(OCV_KNOTS[:, None] - OCV_KNOTS) / _SHAPE_LENGTH)
-    covariance[p.group("ocv"), p.group("ocv")] += np.outer(axis_V, axis_V) * correlation
+    covariance[p.group("ocv"), p.group("ocv")] += np.outer(axis_V, axis_V) * correlation(OCV_KNOTS, _SHAPE_LENGTH)
     return Normals(prior.mean, covariance)
 
 

@@ -13,6 +13,18 @@ from ohmward.errors import InputError
 from ohmward.trace import table
 
 
+def beyond_line(above_V: Any, below_V: Any) -> tuple[Any, Any]:
+    """Mean [V] and variance [V^2] of what a line through the mean leaves out of a curve over a normal SoC.
+
+    By the points of Gauss and Hermite, sqrt(3) sigma above and below the mean: derivatives would take the unevenness of
+    a measured curve for its shape (statistical linearisation, Gelb 1974, 6.2).
+
+    above_V, below_V: the curve less the line at the outer points.
+    """
+    mean_V = (above_V + below_V) / 6.0
+    return mean_V, (above_V * above_V + below_V * below_V) / 6.0 - mean_V * mean_V
+
+
 @dataclass(frozen=True)
 class OcvCurve:
     """Open-circuit voltage on a uniform grid of SoC from 0 to 1, ends included.

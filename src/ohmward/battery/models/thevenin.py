@@ -12,11 +12,13 @@ the R_j grow towards empty, where the last free sites of a layered oxide take li
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from ohmward.battery.models.knots import between_knots, hat
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC, arrhenius_factor, coldness_per_K
 from ohmward.checks import require_between, require_finite, require_length, require_positive
@@ -31,6 +33,11 @@ _ROUND = 1e-4
 #: show 2300 to 3200 K at 0.5, 4000 at 0.3, 7500 at 0.2 and 9500 at 0.15.
 EMPTYING_SOC = 0.35
 
+#: Points of a resistance along SoC that was corrected, at least.
+_CORRECTED_POINTS = 21
+#: Corrected time constants stay apart by this factor at least.
+_TAU_RATIO = 1.5
+
 
 class CircuitInput(NamedTuple):
     """Inputs of the circuit: current [A] (> 0 charges) and temperature [degC]; scalars, or arrays along a log."""
@@ -39,11 +46,49 @@ class CircuitInput(NamedTuple):
     temperature_degC: Any
 
 
+class CircuitRatios(Protocol):
+    """What has changed of a battery since it was identified, as ratios to the values of its file."""
+
+    @property
+    def soh_capacity(self) -> Scalar:
+        """Capacity over the file's."""
+
+    @property
+    def efficiency_ratio(self) -> Scalar:
+        """Coulombic efficiency over the file's."""
+
+    def ohmic_ratio(self, soc: Any, u: CircuitInput, p: Thevenin) -> Any:
+        """R_0 over the file's, at this SoC and temperature."""
+
+    def pair_ratios(self, soc: Any, u: CircuitInput, p: Thevenin) -> Sequence[Any]:
+        """R_1 ... R_n over the file's, (n,), at this SoC and temperature."""
+
+    def rate_ratios(self, p: Thevenin) -> Sequence[Any]:
+        """Rates 1 / tau_1 ... 1 / tau_n over the file's, (n,)."""
+
+
 class StateOfHealth(NamedTuple):
-    """Capacity and resistances over those of the battery file; 1 for a battery as it was identified."""
+    """Capacity, and all resistances together, over those of the file; 1 for a battery as it was identified."""
 
     soh_capacity: Scalar = 1.0
     resistance_ratio: Scalar = 1.0
+
+    @property
+    def efficiency_ratio(self) -> Scalar:
+        """Always 1."""
+        return 1.0
+
+    def ohmic_ratio(self, soc: Any, u: CircuitInput, p: Thevenin) -> Any:
+        """The common ratio."""
+        return self.resistance_ratio
+
+    def pair_ratios(self, soc: Any, u: CircuitInput, p: Thevenin) -> Sequence[Any]:
+        """The common ratio, (n,)."""
+        return (self.resistance_ratio,) * p.pairs
+
+    def rate_ratios(self, p: Thevenin) -> Sequence[Any]:
+        """Always 1, (n,)."""
+        return (1.0,) * p.pairs
 
 
 AS_IDENTIFIED = StateOfHealth()
@@ -163,25 +208,133 @@ class Thevenin:
         )
 
 
+#: SoC at which corrections of a resistance stand. Resistances rise towards empty, so their knots are closer there.
+RESISTANCE_KNOTS = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
+
+
+class Corrections(NamedTuple):
+    """Corrections of a battery file that a fit looks for: a `CircuitRatios`, and what it does to the file.
+
+    All are 0 for the file as it stands. Logarithms cannot turn a resistance negative, and make twice as large as likely
+    as half as large. () is not corrected. Their prior is that of `learning.parameters`, by these names.
+    """
+
+    efficiency: Any = ()  #: (1,) ln of the coulombic efficiency over the file's
+    ohmic: Any = ()  #: (5,) ln of R_0 over the file's on RESISTANCE_KNOTS
+    pair: Any = ()  #: (n * 5,) the same of R_1, then of R_2, ...
+    tau: Any = ()  #: (n,) ln of the time constants over the file's
+    activation: Any = ()  #: (2,) of the activation temperatures of R_0 and of the R_j [K]
+    empty_activation: Any = ()  #: (1,) of that of the R_j towards empty [K]
+    hysteresis: Any = ()  #: (1,) ln of the hysteresis voltage over the file's
+    offset: Any = ()  #: (1,) of the reading of the current sensor at zero current [A]
+
+    @property
+    def soh_capacity(self) -> Scalar:
+        """Always 1: a log shows the charge, of which the capacity of the file is the unit."""
+        return 1.0
+
+    @property
+    def efficiency_ratio(self) -> Scalar:
+        """Coulombic efficiency over the file's."""
+        return exp(self.efficiency[0]) if len(self.efficiency) else 1.0
+
+    def ohmic_ratio(self, soc: Any, u: CircuitInput, p: Thevenin) -> Any:
+        """R_0 over the file's."""
+        log_ratio = between_knots(self.ohmic, RESISTANCE_KNOTS, soc) if len(self.ohmic) else 0.0
+        if len(self.activation):
+            log_ratio = log_ratio + self.activation[0] * coldness_per_K(u.temperature_degC, p.reference_degC)
+        return exp(log_ratio)
+
+    def pair_ratios(self, soc: Any, u: CircuitInput, p: Thevenin) -> Sequence[Any]:
+        """R_1 ... R_n over the file's."""
+        cold, common = coldness_per_K(u.temperature_degC, p.reference_degC), 0.0
+        if len(self.activation):
+            common = common + self.activation[1] * cold
+        if len(self.empty_activation):
+            common = common + self.empty_activation[0] * cold * emptiness(soc)
+        knots = RESISTANCE_KNOTS.size
+        return [
+            exp(between_knots(self.pair[knots * j : knots * (j + 1)], RESISTANCE_KNOTS, soc) + common)
+            for j in range(p.pairs)
+        ]
+
+    def rate_ratios(self, p: Thevenin) -> Sequence[Any]:
+        """Rates 1 / tau_1 ... 1 / tau_n over the file's."""
+        return [exp(-log_ratio) for log_ratio in self.tau] if len(self.tau) else (1.0,) * p.pairs
+
+    @property
+    def hysteresis_ratio(self) -> Scalar:
+        """Hysteresis voltage over the file's."""
+        return exp(self.hysteresis[0]) if len(self.hysteresis) else 1.0
+
+    @property
+    def offset_A(self) -> Scalar:
+        """Offset of the current sensor beyond the file's [A]."""
+        return self.offset[0] if len(self.offset) else 0.0
+
+    def made(self, p: Thevenin) -> Thevenin:
+        """The circuit with the corrections made; its curve stays."""
+        ohmic, pair_K = np.asarray(self.ohmic), p.activation_K if p.pair_activation_K is None else p.pair_activation_K
+        pairs, knots = np.asarray(self.pair), RESISTANCE_KNOTS.size
+        ohmic_K, more_pair_K = self.activation if len(self.activation) else (0.0, 0.0)
+        return replace(
+            p,
+            r0_discharge_ohm=_times(p.r0_discharge_ohm, ohmic),
+            r0_charge_ohm=_times(p.r0_charge_ohm, ohmic),
+            r_ohm=tuple(_times(row, pairs[knots * j : knots * (j + 1)]) for j, row in enumerate(p.r_ohm)),
+            tau_s=_apart([tau / ratio for tau, ratio in zip(p.tau_s, self.rate_ratios(p), strict=True)]),
+            coulombic_efficiency=min(float(p.coulombic_efficiency * self.efficiency_ratio), 1.0),
+            activation_K=float(p.activation_K + ohmic_K),
+            pair_activation_K=float(pair_K + more_pair_K),
+            empty_activation_K=float(p.empty_activation_K + np.sum(self.empty_activation)),
+        )
+
+
+def _times(ohm: tuple[float, ...], log_ratio: np.ndarray) -> tuple[float, ...]:
+    """Resistances along SoC times a factor on RESISTANCE_KNOTS, on a grid that shows it; none for ()."""
+    if not log_ratio.size:
+        return ohm
+    grid = np.linspace(0.0, 1.0, len(ohm))
+    fine = np.linspace(0.0, 1.0, max(grid.size, _CORRECTED_POINTS))
+    return tuple((np.interp(fine, grid, ohm) * np.exp(hat(fine, RESISTANCE_KNOTS) @ log_ratio)).tolist())
+
+
+def _apart(tau_s: Sequence[float]) -> tuple[float, ...]:
+    """Time constants that increase from pair to pair by `_TAU_RATIO` at least."""
+    found = [float(tau) for tau in tau_s]
+    for j in range(1, len(found)):
+        found[j] = max(found[j], _TAU_RATIO * found[j - 1])
+    return tuple(found)
+
+
+def without_curve(model: Thevenin) -> Thevenin:
+    """The circuit whose open-circuit voltage is that of its hysteresis alone."""
+    flat = (0.0,) * len(model.ocv.voltage_V)
+    return replace(model, ocv=replace(model.ocv, voltage_V=flat, temperature_V_per_K=flat))
+
+
 def next_state(
-    x: np.ndarray, u: CircuitInput, p: Thevenin, dt_s: Scalar, health: StateOfHealth = AS_IDENTIFIED
+    x: np.ndarray, u: CircuitInput, p: Thevenin, dt_s: Any, health: CircuitRatios = AS_IDENTIFIED
 ) -> np.ndarray:
     """State after `dt_s` of constant current, exact for charge, RC pairs and hysteresis.
 
-    x: (n + 2,) [soc, v_1 ... v_n, hysteresis], as `p.state_names`.  Returns: the same at the end of the step.
+    x: (n + 2,) [soc, v_1 ... v_n, hysteresis], as `p.state_names`; or (n + 2, N), N states at once.
+    Returns: the same at the end of the step.
     """
     soc, *v, h = x
     i = u.current_A
-    drive = health.resistance_ratio * i
+    ratios = health.pair_ratios(soc, u, p)
     v_next = [
-        decay * vj + (1 - decay) * rj * drive
-        for decay, vj, rj in zip(pair_decays(u, p, dt_s), v, pair_resistances(soc, u, p), strict=True)
+        decay * vj + (1 - decay) * rj * (ratio * i)
+        for decay, vj, rj, ratio in zip(
+            pair_decays(u, p, dt_s, health), v, pair_resistances(soc, u, p), ratios, strict=True
+        )
     ]
-    d_soc = charge(i, dt_s, p) / (p.capacity_As * health.soh_capacity)
+    d_soc = charge(i, dt_s, p, health) / (p.capacity_As * health.soh_capacity)
     return np.array([soc + d_soc, *v_next, next_hysteresis(h, i, dt_s, p)])
 
 
-def voltage(x: np.ndarray, u: CircuitInput, p: Thevenin, health: StateOfHealth = AS_IDENTIFIED) -> np.ndarray:
+def voltage(x: np.ndarray, u: CircuitInput, p: Thevenin, health: CircuitRatios = AS_IDENTIFIED) -> np.ndarray:
     """Terminal voltage [V] in state x at the current of this instant, as (1,)."""
     return np.array([open_circuit(x, u, p) + sum(overpotentials(x, u, p, health))])
 
@@ -192,15 +345,15 @@ def open_circuit(x: np.ndarray, u: CircuitInput, p: Thevenin) -> Any:
     return p.ocv.mean_V(soc, u.temperature_degC) + p.hysteresis_V_at(soc, u.temperature_degC) * h
 
 
-def overpotentials(x: np.ndarray, u: CircuitInput, p: Thevenin, health: StateOfHealth = AS_IDENTIFIED) -> list[Any]:
+def overpotentials(x: np.ndarray, u: CircuitInput, p: Thevenin, health: CircuitRatios = AS_IDENTIFIED) -> list[Any]:
     """Overpotentials [V]: v_1 ... v_n of the RC pairs, then the ohmic drop."""
     soc, *v, _ = x
     return [*v, ohmic_drop(soc, u, p, health)]
 
 
-def ohmic_drop(soc: Any, u: CircuitInput, p: Thevenin, health: StateOfHealth = AS_IDENTIFIED) -> Any:
+def ohmic_drop(soc: Any, u: CircuitInput, p: Thevenin, health: CircuitRatios = AS_IDENTIFIED) -> Any:
     """Ohmic drop [V]: R_0 i, or with `transfer_V` V_t asinh(R_0 i / V_t), the Butler-Volmer law of two equal halves."""
-    linear_V = ohmic_resistance(soc, u, p) * (health.resistance_ratio * u.current_A)
+    linear_V = ohmic_resistance(soc, u, p) * (health.ohmic_ratio(soc, u, p) * u.current_A)
     return linear_V if p.transfer_V is None else linear_V * transfer_share(linear_V * (1 / p.transfer_V))
 
 
@@ -210,17 +363,18 @@ def transfer_share(x: Any) -> Any:
     return log(size + sqrt(size * size + 1.0)) * (1.0 / size)
 
 
-def pair_decays(u: CircuitInput, p: Thevenin, dt_s: Any) -> list[Any]:
+def pair_decays(u: CircuitInput, p: Thevenin, dt_s: Any, health: CircuitRatios = AS_IDENTIFIED) -> list[Any]:
     """Decay factors e^(-dt / tau_j) of the RC pairs at this temperature."""
     warm_s = dt_s * p.rate_arrhenius_factor(u.temperature_degC)
-    return [exp(warm_s * (-1.0 / tau)) for tau in p.tau_s]
+    return [exp(warm_s * (-1.0 / tau) * ratio) for tau, ratio in zip(p.tau_s, health.rate_ratios(p), strict=True)]
 
 
-def charge(current_A: Scalar, dt_s: Scalar, p: Thevenin) -> Any:
+def charge(current_A: Scalar, dt_s: Scalar, p: Thevenin, health: CircuitRatios = AS_IDENTIFIED) -> Any:
     """Charge stored [A s] by `dt_s` of current; charging loses 1 - eta to side reactions."""
     if p.coulombic_efficiency == 1.0:
         return current_A * dt_s
-    return where(current_A > 0, p.coulombic_efficiency * current_A, current_A) * dt_s
+    stored = health.efficiency_ratio * p.coulombic_efficiency
+    return where(current_A > 0, stored * current_A, current_A) * dt_s
 
 
 def next_hysteresis(h: Scalar, current_A: Scalar, dt_s: Scalar, p: Thevenin) -> Any:

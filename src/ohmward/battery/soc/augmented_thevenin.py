@@ -35,6 +35,7 @@ from ohmward.battery.models.noise import (
     USUAL_C,
     BatteryNoise,
 )
+from ohmward.battery.models.ocv import beyond_line
 from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.slip import slip_shape
 from ohmward.battery.models.temperature import coldness_per_K
@@ -187,6 +188,14 @@ class AugmentedThevenin:
         cov[i, j] = cov[j, i] = RESISTANCE_CORRELATION * noise.resistance_std**2
         return Belief(self.vector(mean), cov)
 
+    def at_rest(self, belief: Belief, dt_s: float, temperature_degC: float) -> Belief:
+        """The belief after `dt_s` [s] without any current, not even a sensor's: RC voltages fade, all else stays."""
+        decays = pair_decays(CircuitInput(0.0, temperature_degC), self.model, dt_s)
+        F, Q = np.eye(len(belief.mean)), np.zeros_like(belief.cov)
+        for j, a in enumerate(decays, start=1):
+            F[j, j], Q[j, j] = a, LEAST_PAIR_STD_V**2 * (1 - a * a)
+        return Belief(F @ belief.mean, F @ belief.cov @ F.T + Q)
+
     def split(self, x: np.ndarray) -> AugmentedState:
         """The elements of a state vector."""
         n = self.model.pairs + 2
@@ -324,18 +333,13 @@ class AugmentedThevenin:
     def tangent_error(
         self, soc: Scalar, slope: Scalar, std: Scalar, circuit: np.ndarray, u: CircuitInput
     ) -> tuple[Scalar, Scalar]:
-        """Mean [V] and variance [V^2] of what the tangent of the open-circuit voltage leaves out over a normal SoC.
-
-        By the points of Gauss and Hermite, sqrt(3) sigma away: derivatives would take the unevenness of a measured
-        curve for its shape.
-        """
+        """Mean [V] and variance [V^2] of what the tangent of the open-circuit voltage leaves out over a normal SoC."""
         away, near = math.sqrt(3.0) * std, math.sqrt(3.0) * minimum(std, END_STD)
         low = maximum(soc - away, minimum(soc - near, STEEP_END))
         high = minimum(soc + away, maximum(soc + near, 1.0 - STEEP_END))
         low_V, middle_V, high_V = (open_circuit(np.array([s, *circuit[1:]]), u, self.model) for s in (low, soc, high))
         above_V, below_V = high_V - middle_V - slope * (high - soc), low_V - middle_V - slope * (low - soc)
-        mean_V = (above_V + below_V) / 6.0
-        return mean_V, (above_V * above_V + below_V * below_V) / 6.0 - mean_V * mean_V
+        return beyond_line(above_V, below_V)
 
     def overpotentials(self, state: AugmentedState, u: CircuitInput) -> list[Any]:
         """Overpotentials [V] in this state: of the RC pairs, then the ohmic drop."""

@@ -10,20 +10,25 @@ its SoC first: charger and user know.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.augmented_thevenin import SOC
-from ohmward.battery.soc.clean_sample import first_input
+from ohmward.battery.soc.clean_sample import first_input, sanitize
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, GaussianSumState, mixed, relative
 from ohmward.battery.soc.initial_soc import initial_soc
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, forget_soc
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, pack, unpack
+from ohmward.filters.gate import inflate
 from ohmward.filters.kalman import correct_state
+
+#: A voltage that moves the charge of before an absence by so many of its standard deviations contradicts it.
+CONTRADICTS_STD = 3.0
 
 
 def takes_given_soc(settings: Any) -> bool:
@@ -36,15 +41,44 @@ def full_charge(settings: TheveninFilter | GaussianSumFilter) -> SocNormal:
     return SocNormal(1.0, _single(settings).anchor_rule.full_std)
 
 
-def soc_after_absence(settings: TheveninFilter | GaussianSumFilter, sample: SocSample, before: SocNormal) -> SocNormal:
-    """SoC at the first sample after an absence, from its voltage and from what was known before.
+def after_absence(settings: Any, state: Any, away_s: float, moved_std: float) -> Any:
+    """State after `away_s` [s] without samples or current, in which SoC moved by some `moved_std`.
 
-    A value that the voltage contradicts is overruled, as at every start.
+    The errors of the curve stay with SoC as they were: the first voltage afterwards errs as the last one did.
+    """
+
+    def rested(member: FilterState) -> FilterState:
+        belief = _single(settings).system.at_rest(unpack(member.belief), away_s, float(member.temperature_degC))
+        return member._replace(belief=pack(inflate(belief, SOC, moved_std**2)), current_A=0.0, rest_s=0.0)
+
+    return _of_each(rested, settings, state)
+
+
+def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: SocNormal) -> Any:
+    """State after the first voltage of an absence, which is one more look; `sample` has the time away as its step.
+
+    Where it contradicts the charge `before` it, somebody has charged or used the battery: the voltage alone counts.
     """
     filter_ = _single(settings)
     u = first_input(sample, filter_.limits.current_A)
     start = initial_soc(sample.voltage_V, u, filter_.model, filter_.noise, filter_.sensor, *before)
-    return SocNormal(start.soc, start.std)
+    contradicts = abs(start.soc - before.soc) > CONTRADICTS_STD * before.std
+    clean = sanitize(sample, u, filter_.limits._replace(gap_s=sample.dt_s))
+
+    def seen(member: FilterState) -> FilterState:
+        belief = unpack(member.belief)
+        if contradicts:
+            return member._replace(belief=pack(with_given_soc(forget_soc(belief), SocNormal(start.soc, start.std))))
+        return member._replace(belief=pack(filter_.correct(member, belief, clean).belief))
+
+    return _of_each(seen, settings, state)
+
+
+def _of_each(change: Callable[[FilterState], FilterState], settings: Any, state: Any) -> Any:
+    """The state with that of every hypothesis changed."""
+    if isinstance(settings, GaussianSumFilter):
+        return state._replace(members=tuple(change(member) for member in state.members))
+    return change(state)
 
 
 def _single(settings: TheveninFilter | GaussianSumFilter) -> TheveninFilter:
@@ -88,7 +122,7 @@ def _tell_sum(
     return state._replace(members=members, log_weights=log_weights), mixed([part for _, part in parts], log_weights)
 
 
-def with_given_soc(belief: Belief, given: SocNormal, gate: float) -> Belief:
+def with_given_soc(belief: Belief, given: SocNormal, gate: float = math.inf) -> Belief:
     """The belief after its SoC was told; the first equation."""
     P, R = float(belief.cov[SOC, SOC]), given.std**2
     if (given.soc - belief.mean[SOC]) ** 2 > gate * (P + R):

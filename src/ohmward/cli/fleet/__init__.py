@@ -9,6 +9,7 @@ from ohmward.cli.parser import count, positive, share
 
 EXAMPLES = """\
   ohmward fleet 'logs/*.parquet' --battery battery.toml -o results
+  ohmward fleet logs/ --battery battery.toml --by robot_id -o results
   ohmward fleet 'logs/**/*.csv' --battery battery.toml --filter ukf --processes 8 --estimates -o results --json
   ohmward fleet '/shared/logs/*.parquet' --battery battery.toml --dask tcp://10.0.0.5:8786 -o results
 """
@@ -20,7 +21,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "logs", nargs="+", metavar="LOGS", help="files, folders, or patterns, quoted: 'logs/**/*.parquet'"
     )
     parser.add_argument("--battery", required=True, metavar="FILE.toml", help="battery file of all of them")
-    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="folder for summary.csv and progress")
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="DIR", help="folder for report.html, summary.csv and progress"
+    )
+    parser.add_argument(
+        "--by",
+        metavar="WAY",
+        help="whose log it is: the name of a column (robot_id), serial, name (amr-3 of amr-3_2026-01-31.csv), folder; "
+        "log: each alone; auto: the first of these that gives a robot several logs (default)",
+    )
     group = parser.add_argument_group("estimation")
     group.add_argument("--filter", default="default", metavar="NAME", help="as in `ohmward soc` (default %(default)s)")
     group.add_argument("--initial-soc", type=share, metavar="S", help="at the start of every log; default: its voltage")

@@ -1,13 +1,16 @@
-"""`ohmward fleet`: thousands of logs of one battery type, one row for each."""
+"""`ohmward fleet`: the robots of a fleet by their logs, or thousands of logs of one battery type, one row for each."""
 
 from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.registry import chosen_name, make_estimator
@@ -16,12 +19,34 @@ from ohmward.cli.battery_inputs import load_battery_with_sensor, read_options
 from ohmward.cli.log_files import log_files
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
+from ohmward.cli.wording import FOOTER, with_assumptions
 from ohmward.errors import InputError
-from ohmward.fleet import Finished, Job, in_processes, on_dask, run_fleet
+from ohmward.figures.fleet import battery_map, trend_figure
+from ohmward.filters.consistency import BAND_95
+from ohmward.fleet import (
+    Finished,
+    Job,
+    RobotJob,
+    RobotRecord,
+    in_processes,
+    on_dask,
+    robot_states,
+    robots_of,
+    run_fleet,
+)
+from ohmward.fleet.robots import ALONE, FOLDER, NAME, SERIAL
 from ohmward.fleet.run import Executor
+from ohmward.report import Page
 
-#: Logs of one kind that are listed for people.
-_MOST_LISTED = 10
+#: Logs of one kind and robots that are listed for people.
+_MOST_LISTED, _MOST_RANKED = 10, 30
+PAGE = "report.html"
+ROBOTS = ["robot", "logs", "hours", "last log", "charge", "capacity", "change", "resistance", "alarms"]
+_CAPTION = (
+    "Charge at the end of the last log; capacity and resistance over those of the battery file; change of the capacity "
+    "since the first log, in points; 95 % bands."
+)
+_WAYS = {SERIAL: "serial numbers", NAME: "the names of the files", FOLDER: "folders"}
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -36,26 +61,44 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.dask:  # workers have other working folders
         folder = folder.absolute()
         paths = [str(Path(path).absolute()) for path in paths]
-    job = Job(
-        battery=BATTERY_FILE.dump(battery) if contradictions else Path(args.battery).read_text(encoding="utf-8"),
-        filter=name,
-        initial_soc=args.initial_soc,
-        initial_soc_std=args.initial_soc_std,
-        reading=read_options(args),
-        estimates=str(folder / "estimates") if args.estimates else None,
-    )
-    with progress() as report:
-        finished = run_fleet(paths, job, folder, work(args), _progress_of(report))
+    text = BATTERY_FILE.dump(battery) if contradictions else Path(args.battery).read_text(encoding="utf-8")
+    estimates = str(folder / "estimates") if args.estimates else None
+    given = (name, args.initial_soc, args.initial_soc_std, read_options(args), estimates)
+    robots = robots_of(paths, args.by, given[3].hints)
     notes = [f"warning: {text}" for text in contradictions]
-    figures = summary(args, finished) | {"filter": name, "notes": notes}
-    return Outcome(figures, describe(figures, finished), notes, status=status(figures))
+    if robots.by != ALONE:
+        notes.append(f"info: robots told by {_WAYS.get(robots.by, f'the column {robots.by!r}')}: {len(robots.logs)}")
+        return _of_robots(args, RobotJob(text, robots.logs, *given, str(folder / "batteries")), folder, notes)
+    with progress() as report:
+        finished = run_fleet(paths, Job(text, *given), folder, work(args), _progress_of(report))
+    figures = summary(args, finished.rows, finished) | {"filter": name, "notes": notes}
+    return Outcome(figures, describe(figures), notes, status=status(figures))
 
 
-def _progress_of(report: Report | None) -> Callable[[int, int], None] | None:
-    """Progress callback (done, total) that counts the logs; None where nobody watches."""
+def _of_robots(args: argparse.Namespace, job: RobotJob, folder: Path, notes: list[str]) -> Outcome:
+    """Estimate the logs of each robot one after the other, and write the page of the fleet."""
+    Path(str(job.batteries)).mkdir(parents=True, exist_ok=True)
+    with progress() as report:
+        finished = run_fleet(job.items, job, folder, work(args), _progress_of(report, "robots"), batch=1)
+    states = robot_states(finished.rows)
+    logs = [log for row in finished.rows for log in row["logs"]]
+    page = folder / PAGE
+    figures = summary(args, logs, finished) | {
+        "filter": job.filter,
+        "robots": [state._asdict() for state in states],
+        "report": str(page),
+        "notes": notes,
+    }
+    make_page(figures, states, logs).write(page)
+    alarms = any(state.alarms for state in states)
+    return Outcome(figures, describe(figures, states), notes, status=max(status(figures), int(alarms)))
+
+
+def _progress_of(report: Report | None, what: str = "logs") -> Callable[[int, int], None] | None:
+    """Progress callback (done, total) that counts the logs or robots; None where nobody watches."""
     if report is None:
         return None
-    return lambda done, total: report(f"{done:,} of {total:,} logs", done / total)
+    return lambda done, total: report(f"{done:,} of {total:,} {what}", done / total)
 
 
 def work(args: argparse.Namespace) -> Executor:
@@ -72,14 +115,18 @@ def status(figures: dict[str, Any]) -> int:
     return int(bool(figures["misfits"]))
 
 
-def summary(args: argparse.Namespace, finished: Finished) -> dict[str, Any]:
-    """The object of --json."""
-    good = [row for row in finished.rows if not row.get("error")]
+def summary(args: argparse.Namespace, logs: list[dict[str, Any]], finished: Finished) -> dict[str, Any]:
+    """The object of --json.
+
+    logs: a row of each log.
+    """
+    good = [row for row in logs if not row["error"]]
+    bad = [row for row in logs if row["error"]]
     return {
         "command": "fleet",
         "battery": args.battery,
-        "logs": len(finished.rows),
-        "failed": len(finished.failed),
+        "logs": len(logs),
+        "failed": len(bad),
         "resumed": finished.resumed,
         "samples": sum(row["samples"] for row in good),
         "hours": sum(row["duration_s"] for row in good) / 3600.0,
@@ -87,7 +134,7 @@ def summary(args: argparse.Namespace, finished: Finished) -> dict[str, Any]:
         "soh_capacity_min": _most(min, good, "soh_capacity"),
         "resistance_ratio_max": _most(max, good, "resistance_ratio"),
         "summary": str(finished.summary),
-        "errors": [{"path": row["path"], "error": row["error"]} for row in finished.failed],
+        "errors": [{"path": row["path"], "error": row["error"]} for row in bad],
         "misfits": [{"path": row["path"], "misfit": row["misfit"]} for row in good if row.get("misfit")],
     }
 
@@ -97,28 +144,99 @@ def _most(function: Callable, rows: list[dict[str, Any]], name: str) -> float | 
     return function((row[name] for row in rows if row[name] is not None), default=None)
 
 
-def describe(figures: dict[str, Any], finished: Finished) -> str:
-    """Text for people."""
+def describe(figures: dict[str, Any], states: Sequence[RobotRecord] = ()) -> str:
+    """Text for people; states: of the robots, the worst first."""
     rows = {
-        "logs": f"{figures['logs']:,}, {figures['resumed']:,} of them done before",
+        "logs": f"{figures['logs']:,}, {figures['resumed']:,} {'robots' if states else 'of them'} done before",
         "hours": f"{figures['hours']:,.1f} in {figures['samples']:,} samples",
         "least charge at the end": wording.percent(figures["soc_final_min"], 1),
         "least capacity": f"{wording.percent(figures['soh_capacity_min'], 1)} of the battery file's",
         "largest resistance": f"{wording.percent(figures['resistance_ratio_max'], 1)} of the battery file's",
         "could not be used": f"{figures['failed']:,}",
         "battery file does not fit": f"{len(figures['misfits']):,}",
-        "written": figures["summary"],
+        "written": ", ".join(path for path in (figures.get("report"), figures["summary"]) if path),
     }
+    alarms = [f"{state.robot}: {alarm}" for state in states for alarm in state.alarms]
     return wording.paragraphs(
         wording.fields(rows),
+        wording.table(ROBOTS, [robot_row(state) for state in states[:_MOST_RANKED]]) if states else "",
+        wording.bullets("Alarms", _cut(alarms, "see the page")),
         wording.bullets("Not used", _first(figures["errors"], "error")),
-        wording.bullets("Not to be trusted", _first(figures["misfits"], "misfit")),
+        "" if states else wording.bullets("Not to be trusted", _first(figures["misfits"], "misfit")),
         wording.assumptions(figures["notes"]),
     )
 
 
+def robot_row(state: RobotRecord) -> list[str]:
+    """A robot in the table of `ROBOTS`."""
+    return [
+        state.robot,
+        f"{state.logs}" + (f" (+ {state.refused} refused)" if state.refused else ""),
+        f"{state.hours:,.1f}",
+        (state.last or "-")[:10],
+        _share(state.soc, state.soc_std),
+        _share(state.soh_capacity, state.soh_capacity_std),
+        "-" if state.soh_change is None else f"{100 * state.soh_change:+.1f}",
+        _share(state.resistance_ratio, state.resistance_ratio_std),
+        str(len(state.alarms)),
+    ]
+
+
+def make_page(figures: dict[str, Any], states: Sequence[RobotRecord], logs: Sequence[dict[str, Any]]) -> Page:
+    """The fleet on one page: alarms by name, ranking, map and trend of its batteries, logs that were refused."""
+    page = Page(f"{len(states)} robots", "Charge, capacity and resistance of each, the worst first", FOOTER)
+    page = page.numbers({
+        "Robots": str(len(states)),
+        "With alarms": str(sum(bool(state.alarms) for state in states)),
+        "Logs": f"{figures['logs']:,}",
+        "Refused": f"{figures['failed']:,}",
+        "Hours": f"{figures['hours']:,.0f}",
+    })  # fmt: skip
+    for state in states:
+        for alarm in state.alarms:
+            page = page.callout("warning", f"{state.robot}: {alarm}")
+    page = page.heading("Robots").table(ROBOTS, [robot_row(state) for state in states], _CAPTION)
+    known = {s.robot: (s.soh_capacity, s.resistance_ratio) for s in states}
+    points = {robot: (c, r) for robot, (c, r) in known.items() if c is not None and r is not None}
+    if points:
+        page = page.heading("Batteries").plot(battery_map(points, [s.robot for s in states if s.alarms]))
+    names = [state.robot for state in states]
+    for field, title in (("soh_capacity", "Capacity"), ("resistance_ratio", "Resistance")):
+        if trends := _trends(logs, names, field):
+            page = page.plot(trend_figure(f"{title} over time, of the first of the ranking", f"{title} [%]", trends))
+    refused = [[log.get("robot") or "-", log["path"], log["error"]] for log in logs if log["error"]]
+    if refused:
+        page = page.heading("Logs that were refused").table(["Robot", "Log", "Why"], refused)
+    return with_assumptions(page, figures["notes"])
+
+
+def _trends(
+    logs: Sequence[dict[str, Any]], robots: Sequence[str], field: str
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Time and value of a quantity at each log of each robot, of those that have several with a date."""
+    found = {}
+    for robot in robots:
+        used = [log for log in logs if not log["error"] and log["robot"] == robot and log["begins"]]
+        known = [log for log in used if log[field] is not None]
+        if len(known) > 1:
+            times = [datetime.fromisoformat(log["begins"]).timestamp() for log in known]
+            found[robot] = np.array(times), np.array([log[field] for log in known])
+    return found
+
+
+def _share(value: float | None, std: float | None) -> str:
+    """A share with its 95 % band, in percent."""
+    if value is None:
+        return "-"
+    return f"{100 * value:.0f} %" if std is None else f"{100 * value:.0f} ± {100 * BAND_95 * std:.0f} %"
+
+
 def _first(rows: list[dict[str, Any]], column: str) -> list[str]:
     """The logs with something in a column, at most `_MOST_LISTED` of them."""
-    listed = [f"{row['path']}: {row[column]}" for row in rows[:_MOST_LISTED]]
-    more = len(rows) - len(listed)
-    return listed + ([f"and {more} more, see the column `{column}`"] if more > 0 else [])
+    return _cut([f"{row['path']}: {row[column]}" for row in rows], f"see the column `{column}`")
+
+
+def _cut(lines: list[str], where: str) -> list[str]:
+    """At most `_MOST_LISTED` lines, and where the others are."""
+    more = len(lines) - _MOST_LISTED
+    return lines[:_MOST_LISTED] + ([f"and {more} more, {where}"] if more > 0 else [])

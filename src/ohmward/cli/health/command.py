@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> Outcome:
         raise InputError(f"--worn must be above 0, got {args.worn:g}; 0.8 is 80 % of the capacity when new")
     battery, contradictions = load_battery_with_sensor(args.battery, args)
     with progress() as report:
-        logs, unread = read_logs(args.logs, read_options(args), report)
+        logs, unread = read_logs(args.logs, read_options(args), battery, report)
         dated = in_order_of_time(logs)
         learnt = learn(unlearnt(battery), dated.logs, progress=report)
     if not any(update.verdict == "learnt" for update in learnt.updates):  # the health would be that of the label
@@ -100,12 +100,15 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(figures, describe(figures), notes, partial(make_page, task, figures))
 
 
-def read_logs(words: Sequence[str], reading: ReadOptions, report: Report | None) -> tuple[list[Log], list[str]]:
+def read_logs(
+    words: Sequence[str], reading: ReadOptions, battery: Battery, report: Report | None
+) -> tuple[list[Log], list[str]]:
     """The logs that can be read, and a warning for each that cannot; raises InputError where none can."""
     logs, refusals = [], []
-    for text in log_files(words):
+    texts = log_files(words)
+    for text in texts:
         try:
-            logs.append(read_battery_log(text, reading, report=report))
+            logs.append(read_battery_log(text, reading, report=report, battery=battery, others=texts))
         except InputError as refusal:
             refusals.append(refusal)
     if not logs:

@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> Outcome:
     require_thevenin(start)
     texts = log_files(args.logs)
     files = open_files(start, args.output, [str(split_selection(text)[0]) for text in texts])
-    job = LearningJob(start, read_options(args), dict(args.initial_soc))
+    job = LearningJob(start, read_options(args), dict(args.initial_soc), texts)
     journal = Journal(None if args.dry_run else journal_path(args.output), job.digest)
     resumed, began = len(journal.rows), time.perf_counter()
     with progress() as report:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.battery import Battery
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log, read_options
 from ohmward.cli.drive_inputs import DriveOptions, drive_options, make_terrain
@@ -69,7 +70,7 @@ def run(args: argparse.Namespace) -> Outcome:
     log, drive, ground = None, None, args.terrain
     if args.log is not None:
         drives = drive_options(args, robot) if robot else None
-        log, drive, ground = MissionReader(args.log, read_options(args), drives, args.terrain).read()
+        log, drive, ground = MissionReader(args.log, read_options(args), drives, args.terrain, battery).read()
     named = args.terrain if args.terrain in {*ADHESION, *ROADS, *SOILS} else DEFAULT_TERRAIN
     settings = MissionSettings(
         soc=args.soc,
@@ -139,6 +140,7 @@ class MissionReader(NamedTuple):
     reading: ReadOptions
     drive: DriveOptions | None  #: None without a robot
     ground: str  #: where the file does not name it
+    battery: Battery  #: of the log
 
     def of_kinds(self, of_battery: bool) -> ReadOptions:
         """The options with those columns and units only that are the battery's, or the drive's; the time is both."""
@@ -152,7 +154,7 @@ class MissionReader(NamedTuple):
     def read(self) -> tuple[Log, DriveLog | None, Ground]:
         """Logs of battery and wheels and the ground, from the file, which is read once."""
         file = open_table(split_selection(self.text)[0], self.reading.hints).read_once()
-        log = read_battery_log(self.text, self.of_kinds(of_battery=True), file=file)
+        log = read_battery_log(self.text, self.of_kinds(of_battery=True), file=file, battery=self.battery)
         drive_of_log = self.read_wheels(file, log)
         if TERRAIN_COLUMN not in file.names:
             return log.with_notes(Note(f"the whole drive on {self.ground!r}")), drive_of_log, self.ground

@@ -70,7 +70,8 @@ def _part(path: Path) -> tuple[int, str]:
 
 
 def _magic(path: Path) -> bytes | None:
-    """The first bytes of a file, as far as they tell a format."""
+    """The first bytes of a file, as far as they tell a format; None for a database of something else."""
     with path.open("rb") as stream:
         head = stream.read(max(map(len, _OPENERS)))
-    return next((magic for magic in _OPENERS if head.startswith(magic)), None)
+    magic = next((magic for magic in _OPENERS if head.startswith(magic)), None)
+    return None if magic == sqlite_file.MAGIC and not sqlite_file.is_bag(path) else magic

@@ -22,11 +22,11 @@ def open_sqlite(path: Path) -> Recording:
     Raises:
         InputError: a database of something else.
     """
-    with closing(_connect(path)) as database:
+    with closing(connect(path)) as database:
         topics = _topics(path, database)
 
     def read(recording: Recording, names: Collection[str] | None) -> Iterator[Recorded]:
-        with closing(_connect(path)) as database:
+        with closing(connect(path)) as database:
             wanted = {key: topic for key, topic in topics.items() if names is None or topic.name in names}
             try:
                 for key, received_ns, payload in database.execute("SELECT topic_id, timestamp, data FROM messages"):
@@ -38,7 +38,17 @@ def open_sqlite(path: Path) -> Recording:
     return Recording(path.name, read, {topic.name: topic for topic in topics.values()}, all_known=True)
 
 
-def _connect(path: Path) -> sqlite3.Connection:
+def is_bag(path: Path) -> bool:
+    """True for the database of a recording, and for one whose tables cannot be read."""
+    try:
+        with closing(connect(path)) as database:
+            names = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    except sqlite3.DatabaseError:
+        return True
+    return {"topics", "messages"} <= names or not names
+
+
+def connect(path: Path) -> sqlite3.Connection:
     """The database, which is not written to: a log of changes beside it is read where there is one."""
     mode = "mode=ro" if path.with_name(path.name + "-wal").exists() else "immutable=1"
     database = sqlite3.connect(f"file:{quote(str(path.resolve()))}?{mode}", uri=True)

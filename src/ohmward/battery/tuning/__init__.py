@@ -1,1 +1,0 @@
-"""Noise of a battery file tuned to logs without a truth, by maximum likelihood."""

@@ -1,0 +1,86 @@
+"""A log whose own data do not tell the sign of its current, with the sign of others like it, or of its battery file."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.log_check import sign_by_model
+from ohmward.errors import OhmwardError
+from ohmward.logs.log import Log, ReadOptions
+from ohmward.logs.note import Note, counted
+from ohmward.logs.read import open_table
+from ohmward.logs.selection import split_selection
+from ohmward.logs.sign import CurrentSign, UnknownSignError, sign_evidence
+from ohmward.logs.table import Progress, TableFile
+
+#: So many other logs are looked at.
+_MOST_OTHERS = 9
+
+
+def read_one_of(
+    text: str,
+    reading: ReadOptions,
+    others: Sequence[str] = (),
+    battery: Battery | None = None,
+    extra: Collection[str] | None = None,
+    progress: Progress | None = None,
+    file: TableFile | None = None,
+) -> Log:
+    """The log of this name, see `ReadOptions.read`; where its data do not tell the sign, others or the battery do.
+
+    others: names of logs, of which those of equal columns have the same sign.
+    battery: of the log, if it is known.
+
+    Raises:
+        UnknownSignError: neither tells.
+        InputError, OhmwardError: as `ReadOptions.read`.
+    """
+    try:
+        return reading.read(text, extra, progress, file)
+    except UnknownSignError as error:
+        if error.is_lost:
+            raise
+        log = replace(reading, current_sign="charge").read(text, extra, progress, file)
+        sign, by = _sign_of_others(text, tuple(others), reading)
+        if sign is None and battery is not None:
+            sign, by = sign_by_model(log, battery), "the battery file: the other sign explains the voltage worse"
+        if sign is None:
+            raise
+        note = Note(f"positive current {sign}s the battery, told by {by}; its own data do not tell")
+        notes = tuple(note for note in log.notes if not note.text.startswith("positive current "))
+        return replace(log, current_A=log.current_A if sign == "charge" else 0.0 - log.current_A, notes=(*notes, note))
+
+
+def _sign_of_others(text: str, others: tuple[str, ...], reading: ReadOptions) -> tuple[CurrentSign | None, str]:
+    """The sign that all other logs of equal columns tell, as far as they tell one, and who tells it."""
+    names = _columns(text, reading)
+    alike = [other for other in others if other != text and _columns(other, reading) == names]
+    chosen = alike[:: max(len(alike) // _MOST_OTHERS, 1)][:_MOST_OTHERS]
+    verdicts = [sign for other in chosen if (sign := _own_sign(other, reading))]
+    if len(set(verdicts)) != 1:
+        return None, ""
+    return verdicts[0], f"{counted(len(verdicts), 'other log')} with the same columns"
+
+
+@lru_cache(maxsize=1024)
+def _columns(text: str, reading: ReadOptions) -> tuple[str, ...] | None:
+    """Names of the columns of a log; None where it cannot be opened."""
+    try:
+        return open_table(Path(split_selection(text)[0]), reading.hints).names
+    except OhmwardError:
+        return None
+
+
+@lru_cache(maxsize=1024)
+def _own_sign(text: str, reading: ReadOptions) -> CurrentSign | None:
+    """The sign that the data of a log tell; None where they do not, or it cannot be read."""
+    try:
+        log = replace(reading, current_sign="charge").read(text, ())
+    except OhmwardError:
+        return None
+    verdict = sign_evidence(log.time_s, log.current_A, log.voltage_V).verdict
+    return "charge" if verdict == "charge" else "discharge" if verdict == "discharge" else None

@@ -1,0 +1,258 @@
+"""Recordings of a CAN bus (candump, ASC, BLF, TRC, CSV, MDF): signals of the frames by the database of the bus."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.csv_file import open_csv
+from ohmward.logs.hints import FileHints
+from ohmward.logs.note import Note, counted
+from ohmward.logs.streams import Stream, Streams
+from ohmward.logs.table import Table, TableFile, numbers
+from ohmward.logs.units import unit_of
+from ohmward.optional import require
+
+BLF_MAGIC = b"LOGG"
+MDF_MAGICS = (b"MDF     ", b"UnFinMF ")
+#: Beginnings of texts, and the reader of python-can for each; "" for SavvyCAN's own table.
+_TEXTS = (
+    (re.compile(rb"\(\d+\.\d+\) +\S+ +[0-9A-Fa-f]{3,8}#"), "CanutilsLogReader"),
+    (re.compile(rb"date [^\n]*\n(?:[^\n]*\n)?base +(?:hex|dec)", re.IGNORECASE), "ASCReader"),
+    (re.compile(rb";\$FILEVERSION=|;#{10,}"), "TRCReader"),
+    (re.compile(rb"timestamp,arbitration_id,extended,"), "CSVReader"),
+    (re.compile(rb"\"?Time Stamp\"?,\"?ID\"?,\"?Extended\"?,"), ""),
+)
+_MOST_BYTES = 8
+
+
+class CanFrames(NamedTuple):
+    """The frames of one identifier."""
+
+    identifier: int
+    is_extended: bool
+    time_s: np.ndarray  #: (n,)
+    payloads: list[bytes]  #: (n,)
+
+
+def can_reader(head: bytes) -> str | None:
+    """The reader of python-can for a text that begins so, "" for the table of SavvyCAN, None where it is no CAN."""
+    return next((reader for beginning, reader in _TEXTS if beginning.match(head.lstrip(b"\xef\xbb\xbf"))), None)
+
+
+def open_can(path: Path, hints: FileHints, reader: str) -> TableFile:
+    """The signals of the frames in a recording of a CAN bus.
+
+    reader: as of `can_reader`, or "BLFReader".
+
+    Raises:
+        InputError: no database is named, it knows none of the frames, or there are none.
+        OhmwardError: python-can or cantools is not installed.
+    """
+    if hints.dbc is None:
+        raise _without_database(path)
+    database = load_can_database(hints.dbc)
+    notes: list[Note] = []
+    frames = _of_savvycan(open_csv(path, hints).load) if reader == "" else _of_python_can(path, reader, notes)
+    return open_frames(path.name, frames, hints.dbc, database, notes)
+
+
+def open_mdf(path: Path, hints: FileHints) -> TableFile:
+    """The signals in a file of ASAM MDF, or in the CAN frames that it holds.
+
+    Raises:
+        InputError: damaged, empty, or frames without a database.
+        OhmwardError: asammdf is not installed.
+    """
+    asammdf = require("asammdf", "an MDF file")
+    try:
+        with asammdf.MDF(str(path)) as file:
+            of_bus = any(group.channel_group.flags & _BUS_EVENT for group in file.groups) if _is_4(file) else False
+            if of_bus and hints.dbc is None:
+                raise _without_database(path)
+            if of_bus:
+                with file.extract_bus_logging({"CAN": [(hints.dbc, 0)]}) as signals:
+                    streams = _groups(signals)
+            else:
+                streams = _groups(file)
+    except InputError:
+        raise
+    except Exception as error:  # of its parser, many kinds
+        raise InputError(f"{path.name}: no readable MDF file ({error}); export it again, as MDF 4 or CSV") from error
+    if not streams:
+        raise InputError(f"{path.name}: no signal has samples{f' by {hints.dbc}' if of_bus else ''}; check the file")
+    return Streams(path.name, streams, "groups of MDF").open()
+
+
+#: Flag of a group of channels that holds events of a bus.
+_BUS_EVENT = 0x2
+
+
+def _is_4(file: Any) -> bool:
+    return str(file.version).startswith("4")
+
+
+def _groups(file: Any) -> dict[str, Stream]:
+    """The groups of channels; the columns are called by their channels, and groups by their first one."""
+    start_s = file.header.start_time.timestamp()
+    seen: set[str] = set()
+    streams = {}
+    for number, signals in enumerate(_each(file)):
+        columns, time_s = {}, np.empty(0)
+        for signal in signals:
+            if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "iufb" or not signal.timestamps.size:
+                continue
+            name = signal.name if signal.name not in seen else f"{signal.name} of group {number}"
+            name = f"{name} [{signal.unit}]" if signal.unit and unit_of(signal.unit) else name
+            seen.add(signal.name)
+            columns[name], time_s = signal.samples.astype(float), signal.timestamps
+        if columns:
+            streams[f"group {number}"] = Stream("group", start_s + time_s, columns)
+    return streams
+
+
+def _each(file: Any) -> Iterator[list[Any]]:
+    """The signals of each group, without its clock."""
+    for number, group in enumerate(file.groups):
+        clock = file.masters_db.get(number)
+        chosen = [(None, number, k) for k in range(len(group.channels)) if k != clock]
+        yield file.select(chosen) if chosen else []
+
+
+def load_can_database(path: str) -> Any:
+    """The database of a bus: DBC, KCD, SYM or ARXML.
+
+    Raises:
+        InputError: it cannot be read.
+        MissingPackageError: cantools is not installed.
+    """
+    cantools = require("cantools", "decoding CAN")
+    try:
+        return cantools.database.load_file(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
+    except Exception as error:  # parsers raise of every kind
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(f"{path}: is no CAN database that can be read ({reason}); give a DBC file") from error
+
+
+def open_frames(
+    source: str, frames: Iterable[CanFrames], dbc: str, database: Any, notes: Iterable[Note] = ()
+) -> TableFile:
+    """The signals of frames by a database, a stream for each message.
+
+    A signal whose name stands in several messages is called `MESSAGE.SIGNAL`.
+
+    Raises:
+        InputError: the database knows none of the frames.
+    """
+    decoded: dict[str, tuple[np.ndarray, dict[str, np.ndarray]]] = {}
+    unknown, broken = 0, 0
+    for of_one in frames:
+        try:
+            message = database.get_message_by_frame_id(of_one.identifier, force_extended_id=of_one.is_extended)
+        except KeyError:
+            unknown += 1
+            continue
+        whole, columns = _decoded(message, of_one)
+        broken += int(np.count_nonzero(~whole))
+        if whole.any():
+            decoded[message.name] = of_one.time_s[whole], columns
+    if not decoded:
+        raise InputError(
+            f"{source}: {dbc} knows none of its frames; name the database of this bus with --dbc, or check whether "
+            f"identifiers are of 11 or 29 bits ({counted(unknown, 'identifier')}, {broken} frames not decoded)"
+        )
+    all_names = [name for _, columns in decoded.values() for name in columns]
+    streams = {
+        message: Stream(
+            message,
+            time_s,
+            {name if all_names.count(name) == 1 else f"{message}.{name}": v for name, v in columns.items()},
+        )
+        for message, (time_s, columns) in decoded.items()
+    }
+    left_out = [Note(f"{counted(broken, 'frame')} could not be decoded: left out", "warning")] if broken else []
+    left_out += [Note(f"{counted(unknown, 'identifier')} not in {dbc}: left out")] if unknown else []
+    return Streams(source, streams, f"messages of CAN by {dbc}", notes=(*notes, *left_out)).open()
+
+
+def _decoded(message: Any, frames: CanFrames) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """(n,) bool, which frames could be decoded, and of these the signals that are numbers, by name and unit."""
+    units = {signal.name: signal.unit for signal in message.signals}
+    known: dict[bytes, Mapping[str, Any] | None] = {}
+    for payload in dict.fromkeys(frames.payloads):
+        try:
+            known[payload] = message.decode(payload, decode_choices=False)
+        except Exception:  # too short, or an unknown multiplexer
+            known[payload] = None
+    rows = [known[payload] for payload in frames.payloads]
+    whole = np.array([row is not None for row in rows])
+    good = [row for row in rows if row is not None]
+    names = dict.fromkeys(name for row in good for name in row)
+    columns = {}
+    for name in names:
+        values = [row.get(name) for row in good]
+        unit = units.get(name)
+        column = f"{name} [{unit}]" if unit and unit_of(unit) else name
+        columns[column] = np.array([float(v) if isinstance(v, int | float) else np.nan for v in values])
+    return whole, columns
+
+
+def _of_python_can(path: Path, reader: str, notes: list[Note]) -> list[CanFrames]:
+    """The frames of a file by a reader of python-can; of one that is cut off those before the cut, with a note."""
+    can = require("can", "a recording of CAN")
+    gathered: dict[tuple[int, bool], tuple[list[float], list[bytes]]] = defaultdict(lambda: ([], []))
+    try:
+        with getattr(can, reader)(str(path)) as messages:
+            for message in messages:
+                if message.is_error_frame or message.is_remote_frame:
+                    continue
+                times, payloads = gathered[message.arbitration_id, message.is_extended_id]
+                times.append(message.timestamp)
+                payloads.append(bytes(message.data))
+    except Exception as error:  # of its parsers, many kinds
+        if not gathered:
+            raise InputError(f"{path.name}: no readable recording of CAN ({error}); record it again") from error
+        notes.append(Note(f"the file is damaged or cut off ({error}): the frames before that were read", "warning"))
+    if not gathered:
+        raise InputError(f"{path.name}: the recording holds no frame; record it again")
+    return [CanFrames(*key, np.array(times), payloads) for key, (times, payloads) in gathered.items()]
+
+
+def _of_savvycan(load: Callable[..., Table]) -> Iterator[CanFrames]:
+    """The frames of a table of SavvyCAN (GVRET): time [us], identifier and bytes in hexadecimal."""
+    table = load(["Time Stamp", "ID", "Extended", "LEN", *(f"D{k + 1}" for k in range(_MOST_BYTES))])
+    time_s = 1e-6 * numbers(table, "Time Stamp")
+    extended = np.array([str(cell).strip().lower() == "true" for cell in table.columns["Extended"]])
+    identifiers = np.array([int(_hexadecimal(cell), 16) for cell in table.columns["ID"]])
+    cells = [table.columns[f"D{k + 1}"] for k in range(_MOST_BYTES) if f"D{k + 1}" in table.columns]
+    rows = [
+        bytes(int(_hexadecimal(cell), 16) for cell in row if str(cell).strip() not in ("", "nan"))
+        for row in zip(*cells, strict=True)
+    ]
+    for identifier in dict.fromkeys(identifiers.tolist()):
+        at = np.flatnonzero(identifiers == identifier)
+        yield CanFrames(identifier, bool(extended[at[0]]), time_s[at], [rows[k] for k in at])
+
+
+def _hexadecimal(cell: Any) -> str:
+    """The digits of a cell that a table reads as a number where it has no letter."""
+    return str(int(cell)) if isinstance(cell, float) and cell.is_integer() else str(cell).strip()
+
+
+def _without_database(path: Path) -> InputError:
+    """The refusal of frames without a database, with the one that lies beside them."""
+    beside = sorted(found for found in path.parent.glob("*") if found.suffix.lower() in (".dbc", ".kcd", ".sym"))
+    name = str(beside[0]) if beside else "FILE.dbc"
+    return InputError(
+        f"{path.name}: frames of a CAN bus, not signals; name the database of the bus with --dbc {name} "
+        f"(FileHints(dbc={name!r}))",
+        ("--dbc", name) if beside else (),
+    )

@@ -1,0 +1,74 @@
+"""The sign of a current that a log itself does not tell: from others of equal columns, or from the battery file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ohmward as ow
+from ohmward.battery.log_check import sign_by_model
+from ohmward.fleet.reading import read_one_of
+from ohmward.logs.log import ReadOptions
+from ohmward.logs.sign import UnknownSignError
+
+BATTERY = ow.generic_battery("nmc", 10.0)
+RAMP_S = np.arange(0.0, 7200.0, 10.0)
+
+
+def ramp(sign=1.0, start_soc=0.8):
+    """A current that rises for two hours without an edge, through a voltmeter of 10 mV: only the charge tells."""
+    current_A = -1.0 - 3.0 * RAMP_S / RAMP_S[-1]
+    soc = start_soc + np.cumsum(current_A) * 10.0 / 3600.0 / BATTERY.capacity_Ah
+    assert BATTERY.thevenin is not None
+    curve = BATTERY.thevenin.ocv.voltage_V
+    voltage_V = np.interp(soc, np.linspace(0.0, 1.0, len(curve)), curve) + 0.01 * current_A
+    return ow.Log("ramp", RAMP_S, sign * current_A, np.round(voltage_V, 2))
+
+
+def pulses(sign=1.0):
+    current_A = np.where(RAMP_S % 600.0 < 300.0, 0.0, -5.0)
+    return ow.Log("pulses", RAMP_S, sign * current_A, 3.8 + 0.02 * current_A)
+
+
+def write(folder: Path, name: str, log: ow.Log) -> str:
+    path = folder / name
+    ow.write_log(log, path)
+    return str(path)
+
+
+@pytest.mark.parametrize(("sign", "expected"), [(1.0, "charge"), (-1.0, "discharge")])
+def test_the_battery_tells_the_sign_by_the_charge(sign, expected):
+    assert sign_by_model(ramp(sign), BATTERY) == expected
+
+
+def test_a_rest_and_a_battery_that_does_not_fit_tell_nothing():
+    assert sign_by_model(ow.Log("rest", RAMP_S, np.zeros(RAMP_S.size), np.full(RAMP_S.size, 3.7)), BATTERY) is None
+    assert sign_by_model(ramp(), ow.generic_battery("lfp", 10.0)) is None
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_log_that_tells_nothing_has_the_sign_of_its_battery(tmp_path, sign):
+    path = write(tmp_path, "ramp.csv", ramp(sign))
+    with pytest.raises(UnknownSignError):
+        read_one_of(path, ReadOptions())
+    log = read_one_of(path, ReadOptions(), battery=BATTERY)
+    np.testing.assert_array_equal(log.current_A, ramp().current_A)
+    assert [str(note) for note in log.notes if "by the battery file" in note.text]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_log_that_tells_nothing_has_the_sign_of_the_others_with_its_columns(tmp_path, sign):
+    paths = [write(tmp_path, f"{k}.csv", pulses(sign)) for k in range(2)]
+    path = write(tmp_path, "ramp.csv", ramp(sign))
+    assert read_one_of(path, ReadOptions(), [*paths, path]).current_A == pytest.approx(ramp().current_A)
+    paths.append(write(tmp_path, "other.csv", pulses(-sign)))
+    with pytest.raises(UnknownSignError):  # the others contradict each other
+        read_one_of(path, ReadOptions(), paths)
+
+
+def test_logs_with_other_columns_tell_nothing(tmp_path):
+    other = write(tmp_path, "other.csv", pulses())
+    text = Path(other).read_text().replace("current_A", "current_B_A")
+    Path(other).write_text(text)
+    with pytest.raises(UnknownSignError):
+        read_one_of(write(tmp_path, "ramp.csv", ramp()), ReadOptions(), [other])

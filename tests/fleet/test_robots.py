@@ -1,0 +1,153 @@
+"""Robots of a fleet: whose log a file is, their logs in order of time through one estimator, and the alarms of each."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ohmward as ow
+from ohmward.battery.file import BATTERY_FILE, load_battery
+from ohmward.errors import InputError
+from ohmward.fleet import ReadOptions, RobotJob, robot_states, robots_of, run_fleet
+from ohmward.logs import write_table
+
+BATTERY = ow.generic_battery("nmc", 10.0)
+MODEL = BATTERY.thevenin
+START_S = datetime(2026, 1, 5, 8, tzinfo=UTC).timestamp()
+DAY_S = 86400.0
+
+
+def day(number: int, soc: float, resistance: float = 1.0, hours: float = 2.0) -> dict[str, np.ndarray]:
+    """A day of pulses from a charge on, of the battery of the label but for its resistance."""
+    assert MODEL is not None
+    time_s = np.arange(0.0, 3600.0 * hours, 10.0)
+    current_A = np.where(time_s % 600.0 < 300.0, -4.0, -0.2)
+    soc_after = soc + np.cumsum(current_A) * 10.0 / 3600.0 / 10.0
+    ocv_V = np.interp(soc_after, np.linspace(0.0, 1.0, len(MODEL.ocv.voltage_V)), MODEL.ocv.voltage_V)
+    ohm = resistance * (float(np.median(MODEL.r0_discharge_ohm)) + sum(float(np.median(r)) for r in MODEL.r_ohm))
+    unix_s = START_S + DAY_S * number + time_s
+    return {"unix_time_s": unix_s, "current_A": current_A, "voltage_V": ocv_V + ohm * current_A}
+
+
+def write(path: Path, columns: dict[str, np.ndarray], **labels: str) -> str:
+    rows = len(columns["current_A"])
+    write_table(columns | {name: np.full(rows, value, object) for name, value in labels.items()}, path)
+    return str(path)
+
+
+def job(logs: dict[str, list[str]], **options) -> RobotJob:
+    return RobotJob(BATTERY_FILE.dump(BATTERY), logs, "ekf", reading=ReadOptions(current_sign="charge"), **options)
+
+
+NAMES = ("amr-1_2026-01-05.csv", "amr-1_2026-01-06.csv", "amr-2_2026-01-05.csv")
+
+
+@pytest.mark.parametrize(
+    ("names", "robots"),
+    [
+        (NAMES, {"amr-1": 2, "amr-2": 1}),
+        (("mower 3 run 12.csv", "mower 3 run 13.csv", "mower 4 run 1.csv"), {"mower 3": 2, "mower 4": 1}),
+        (("rover_20260105T080000.csv", "rover_20260106T080000.csv"), {"rover": 2}),
+        (("r2_1767600000.csv", "r2_1767700000.csv", "r1_1767600000.csv"), {"r1": 1, "r2": 2}),
+    ],
+)
+def test_the_name_before_a_date_or_a_number_is_the_robot(tmp_path, names, robots):
+    texts = [write(tmp_path / name, day(k, 0.9)) for k, name in enumerate(names)]
+    found = robots_of(texts)
+    assert found.by == "name"
+    assert {robot: len(logs) for robot, logs in found.logs.items()} == robots
+
+
+def test_a_column_of_robots_wins_and_serves_files_that_cannot_be_read(tmp_path):
+    texts = [write(tmp_path / name, day(k, 0.9), robot_id=f"R{k % 2}") for k, name in enumerate(NAMES)]
+    (tmp_path / "R1_2026-02-01.csv").write_text("nothing\n")
+    texts.append(str(tmp_path / "R1_2026-02-01.csv"))
+    found = robots_of(texts)
+    assert found.by == "robot_id"
+    assert {robot: len(logs) for robot, logs in found.logs.items()} == {"R0": 2, "R1": 2}
+
+
+def test_a_file_of_several_robots_is_split_by_its_column(tmp_path):
+    one, two = day(0, 0.9), day(0, 0.8)
+    both = {name: np.concatenate([one[name], two[name]]) for name in one}
+    labels = np.repeat(["a", "b"], len(one["current_A"])).astype(object)
+    write_table(both | {"machine": labels}, tmp_path / "all.csv")
+    found = robots_of([str(tmp_path / "all.csv")], "machine")
+    assert found.logs == {key: [f"{tmp_path / 'all.csv'}:machine={key}"] for key in ("a", "b")}
+    assert job(found.logs).run(["a x"])[0]["error"] is None
+
+
+def test_folders_and_logs_alone(tmp_path):
+    for robot in ("left", "right"):
+        (tmp_path / robot).mkdir()
+    texts = [write(tmp_path / robot / f"{name}.csv", day(0, 0.9)) for robot in ("left", "right") for name in ("x", "y")]
+    assert {robot: len(logs) for robot, logs in robots_of(texts).logs.items()} == {"left": 2, "right": 2}
+    assert robots_of(texts, "log").logs == {text: [text] for text in texts}
+    assert robots_of(texts[:1]).by == "log"
+    with pytest.raises(InputError, match="no log has the column 'robot'; name another column, or one of auto"):
+        robots_of(texts, "robot")
+
+
+def test_the_second_log_begins_with_what_the_first_has_found(tmp_path):
+    """As one log of both days with the pause between them."""
+    texts = [write(tmp_path / f"r_{k}.csv", day(k, 0.9 - 0.42 * k)) for k in range(2)]
+    (row,) = job({"r": texts}).run(["r x"])
+    logs = [ow.read_log(text, current_sign="charge") for text in texts]
+    whole = ow.Log(
+        "both",
+        np.concatenate([logs[0].time_s, logs[1].time_s + DAY_S]),
+        np.concatenate([log.current_A for log in logs]),
+        np.concatenate([log.voltage_V for log in logs]),
+    )
+    run = ow.SocEstimator(BATTERY, filter="ekf").run(whole)
+    assert [log["begins"] for log in row["logs"]] == ["2026-01-05T08:00:00+00:00", "2026-01-06T08:00:00+00:00"]
+    assert row["logs"][1]["soc_final"] == pytest.approx(run.soc[-1], abs=1e-9)
+    assert row["logs"][1]["soh_capacity_std"] == pytest.approx(run.estimates.soh_capacity_std[-1], abs=1e-9)
+
+
+def test_logs_are_taken_in_order_of_time_and_those_recorded_twice_are_refused(tmp_path):
+    texts = [write(tmp_path / f"{name}.csv", day(k, 0.9 - 0.42 * k)) for name, k in (("z", 0), ("a", 1), ("m", 1))]
+    (row,) = job({"r": texts}).run(["r x"])
+    assert [Path(log["path"]).stem for log in row["logs"]] == ["z", "a", "m"]
+    assert "overlaps in time with a of this robot" in row["logs"][2]["error"]
+
+
+def test_a_log_without_a_clock_among_others_is_refused_and_alone_they_follow_each_other(tmp_path):
+    bare = {name: values for name, values in day(1, 0.5).items() if name != "unix_time_s"}
+    bare["time_s"] = day(1, 0.5)["unix_time_s"] - START_S - DAY_S
+    without = [write(tmp_path / f"{k}.csv", bare) for k in range(2)]
+    dated = write(tmp_path / "dated.csv", day(0, 0.9))
+    (row,) = job({"r": [dated, *without]}).run(["r x"])
+    assert [log["error"] is None for log in row["logs"]] == [True, False, False]
+    (row,) = job({"r": without}).run(["r x"])
+    assert [log["error"] for log in row["logs"]] == [None, None]
+
+
+def test_the_battery_of_each_robot_is_learnt(tmp_path):
+    texts = [write(tmp_path / f"r_{k}.csv", day(k, 0.9 - 0.02 * k, resistance=1.5)) for k in range(3)]
+    (row,) = job({"r": texts}, batteries=str(tmp_path)).run(["r x"])
+    learnt = load_battery(row["battery"])
+    assert learnt.name == "r" and learnt.thevenin is not None and MODEL is not None
+    assert np.median(learnt.thevenin.r0_discharge_ohm) > 1.1 * np.median(MODEL.r0_discharge_ohm)
+
+
+def test_alarms_name_the_robot_and_the_worst_is_first(tmp_path):
+    fleet = {f"r{k}": [write(tmp_path / f"r{k}_{n}.csv", day(n, 0.9, 3.5 if k == 3 else 1.0)) for n in range(2)]
+             for k in range(6)}  # fmt: skip
+    (tmp_path / "r2_9.csv").write_text("nothing\n")
+    fleet["r2"].append(str(tmp_path / "r2_9.csv"))
+    states = robot_states(job(fleet).run([f"{robot} x" for robot in fleet]))
+    assert states[0].robot == "r3" and states[0].resistance_ratio is not None and states[0].resistance_ratio > 2.0
+    assert any("resistance" in alarm for alarm in states[0].alarms)
+    assert all(not state.alarms for state in states[1:])
+    assert {state.robot: state.refused for state in states} == {f"r{k}": int(k == 2) for k in range(6)}
+
+
+def test_a_run_goes_on_with_the_robots_whose_logs_have_not_changed(tmp_path):
+    fleet = {f"r{k}": [write(tmp_path / f"r{k}_0.csv", day(0, 0.9))] for k in range(2)}
+    first = run_fleet(job(fleet).items, job(fleet), tmp_path / "out", batch=1)
+    fleet["r1"].append(write(tmp_path / "r1_1.csv", day(1, 0.48)))
+    again = run_fleet(job(fleet).items, job(fleet), tmp_path / "out", batch=1)
+    assert (first.resumed, again.resumed) == (0, 1)
+    assert len((tmp_path / "out" / "summary.csv").read_text().splitlines()) == 1 + 3

@@ -1,0 +1,178 @@
+"""Recordings of a CAN bus, written by python-can and asammdf, read by the database of the bus."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.logs import FileHints, read_drive, read_log
+
+can = pytest.importorskip("can")
+pytest.importorskip("cantools")
+
+#: The battery in two messages of which one has an extended identifier, and two drives whose signals have one name.
+DBC = """VERSION ""
+BU_: ECU
+BO_ 854 Pack: 6 ECU
+ SG_ pack_current : 0|16@1- (0.01,0) [-300|300] "A" ECU
+ SG_ temperature : 16|16@1- (0.1,0) [-50|75] "degC" ECU
+BO_ 2566868992 Volts: 4 ECU
+ SG_ pack_voltage : 0|16@1+ (0.001,0) [0|65] "V" ECU
+ SG_ flags : 16|16@1+ (1,0) [0|65535] "" ECU
+BO_ 17 left_wheel: 2 ECU
+ SG_ speed : 0|16@1- (0.1,0) [-3000|3000] "rpm" ECU
+BO_ 18 right_wheel: 2 ECU
+ SG_ speed : 0|16@1- (0.1,0) [-3000|3000] "rpm" ECU
+"""
+N = 400
+START_S = 1_770_000_000.0
+K = np.arange(N)
+CURRENT_A = np.where(K % 40 < 20, -0.5, -8.25)
+VOLTAGE_V = np.round(28.0 + 0.04 * CURRENT_A - 0.001 * K, 3)
+
+
+def hints(folder: Path) -> FileHints:
+    path = folder / "bus.dbc"
+    path.write_text(DBC)
+    return FileHints(dbc=str(path))
+
+
+def frames():
+    """A message of each kind, 10 ms apart, every tenth of a second; errors and one identifier nobody knows between."""
+    for k in range(N):
+        volts = round(1000 * VOLTAGE_V[k]).to_bytes(2, "little") + b"\x01\x00"
+        amps = round(100 * CURRENT_A[k]).to_bytes(2, "little", signed=True) + (215).to_bytes(4, "little")
+        wheels = [round(10 * speed).to_bytes(2, "little", signed=True) for speed in (0.1 * k, -0.2 * k)]
+        for number, (identifier, payload) in enumerate(
+            [(854, amps), (0x18FF5000, volts), (17, wheels[0]), (18, wheels[1]), (99, b"\0")]
+        ):
+            yield can.Message(
+                timestamp=round(START_S + 0.1 * k + 0.01 * number, 3),
+                arbitration_id=identifier,
+                is_extended_id=identifier > 0x7FF,
+                data=payload,
+            )
+
+
+def written(name: str, writer: str):
+    def write(folder: Path) -> Path:
+        path = folder / name
+        with getattr(can, writer)(str(path)) as out:
+            for frame in frames():
+                out(frame)
+        return path
+
+    return write
+
+
+def savvycan(folder: Path) -> Path:
+    rows = ["Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8"]
+    for frame in frames():
+        cells = [f"{byte:02X}" for byte in frame.data] + [""] * (8 - len(frame.data))
+        us = round(1e6 * (frame.timestamp - START_S))
+        rows.append(
+            f"{us},{frame.arbitration_id:08X},{str(frame.is_extended_id).lower()},Rx,0,{frame.dlc},{','.join(cells)}"
+        )
+    (folder / "log.csv").write_text("\n".join([*rows, ""]))
+    return folder / "log.csv"
+
+
+WRITERS = {
+    "candump": written("bus.log", "CanutilsLogWriter"),
+    "Vector ASC": written("bus.asc", "ASCWriter"),
+    "Vector BLF": written("bus.blf", "BLFWriter"),
+    "PEAK TRC": written("bus.trc", "TRCWriter"),
+    "python-can": written("bus.csv", "CSVWriter"),
+    "SavvyCAN": savvycan,
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_battery_in_two_messages(name, tmp_path):
+    log = read_log(WRITERS[name](tmp_path), hints=hints(tmp_path))
+    np.testing.assert_allclose(log.voltage_V[np.isfinite(log.voltage_V)], VOLTAGE_V)
+    at = np.isfinite(log.voltage_V)
+    np.testing.assert_allclose(log.time_s[at] - log.time_s[at][0], 0.1 * K, atol=2e-3)
+    np.testing.assert_allclose(log.current_A[at][25:39], -8.25)
+    np.testing.assert_allclose(log.measured()["temperature_degC"], 21.5)
+    assert any("1 identifier not in" in note.text for note in log.notes)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_wheels_whose_signals_have_one_name(name, tmp_path):
+    log = read_drive(WRITERS[name](tmp_path), ("left", "right"), 2, hints=hints(tmp_path))
+    left, right = log.wheel_speed_rad_s.T
+    np.testing.assert_allclose(left[np.isfinite(left)][5], 0.05 * 10 * np.pi / 30, rtol=0.1)
+    assert np.nanmin(right) == pytest.approx(-0.2 * (N - 1) * np.pi / 30, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_without_the_database_the_error_names_the_one_beside(name, tmp_path):
+    path = WRITERS[name](tmp_path)
+    with pytest.raises(InputError, match=r"frames of a CAN bus.*--dbc FILE.dbc") as refused:
+        read_log(path)
+    assert refused.value.options == ()
+    hints(tmp_path)
+    with pytest.raises(InputError) as refused:
+        read_log(path)
+    assert refused.value.options == ("--dbc", str(tmp_path / "bus.dbc"))
+
+
+@pytest.mark.parametrize("name", ["candump", "Vector BLF", "SavvyCAN"])
+def test_another_database_and_none_are_refused(name, tmp_path):
+    path = WRITERS[name](tmp_path)
+    other = tmp_path / "other.dbc"
+    other.write_text(
+        DBC.replace("854", "855").replace("2566868992", "2566868993").replace(" 17 ", " 27 ").replace(" 18 ", " 28 ")
+    )
+    with pytest.raises(InputError, match="knows none of its frames"):
+        read_log(path, hints=FileHints(dbc=str(other)))
+    with pytest.raises(InputError, match="cannot be read"):
+        read_log(path, hints=FileHints(dbc=str(tmp_path / "none.dbc")))
+    other.write_bytes(bytes(range(200)))
+    with pytest.raises(InputError, match="is no CAN database"):
+        read_log(path, hints=FileHints(dbc=str(other)))
+
+
+def test_frames_that_are_too_short_are_left_out_and_counted(tmp_path):
+    path = WRITERS["candump"](tmp_path)
+    lines = path.read_text().splitlines()
+    lines[5] = lines[5][:-6]
+    path.write_text("\n".join(lines))
+    log = read_log(path, hints=hints(tmp_path))
+    assert any("1 frame could not be decoded" in note.text and note.level == "warning" for note in log.notes)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9])
+def test_a_recording_that_was_cut_off_gives_what_is_before_the_cut(share, tmp_path):
+    path = WRITERS["Vector BLF"](tmp_path)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    try:
+        log = read_log(path, hints=hints(tmp_path), current_sign="charge")
+    except InputError as error:
+        assert "no readable recording of CAN" in str(error) or "holds no frame" in str(error)
+    else:
+        assert 0 < log.duration_s < 0.1 * N
+
+
+def test_signals_of_mdf(tmp_path):
+    asammdf = pytest.importorskip("asammdf")
+    file = asammdf.MDF(version="4.10")
+    time_s = 0.1 * K
+    for name, unit, values in (("PackCurrent", "A", CURRENT_A), ("PackVoltage", "V", VOLTAGE_V)):
+        file.append([asammdf.Signal(values, time_s, name=name, unit=unit)])
+    file.save(tmp_path / "signals.mf4")
+    log = read_log(tmp_path / "signals.mf4")
+    np.testing.assert_allclose(log.current_A, CURRENT_A)
+    np.testing.assert_allclose(log.voltage_V, VOLTAGE_V)
+
+
+def test_frames_in_mdf(tmp_path):
+    pytest.importorskip("asammdf")
+    path = written("bus.mf4", "MF4Writer")(tmp_path)
+    with pytest.raises(InputError, match="--dbc"):
+        read_log(path)
+    log = read_log(path, hints=hints(tmp_path))
+    np.testing.assert_allclose(log.voltage_V[np.isfinite(log.voltage_V)], VOLTAGE_V)

@@ -1,0 +1,70 @@
+"""Databases of SQLite of loggers: the table that holds a log, rows for each value, and what is damaged."""
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from logs.formats.known import LOG
+from ohmward.errors import InputError
+from ohmward.logs import read_log
+
+DATES = [at.strftime("%Y-%m-%d %H:%M:%S") for at in LOG.moments]
+
+
+def database(folder: Path, *statements: tuple[str, list]) -> Path:
+    path = folder / "logger.db"
+    with closing(sqlite3.connect(path)) as found, found:
+        for statement, rows in statements:
+            found.executemany(statement, rows) if rows else found.execute(statement)
+    return path
+
+
+def with_log(folder: Path, name: str = "battery log") -> Path:
+    rows = [(k, date, i, u) for k, (date, (_, i, u, _)) in enumerate(zip(DATES, LOG.rows(), strict=True))]
+    return database(
+        folder,
+        ("CREATE TABLE settings (name TEXT, value TEXT)", []),
+        ("INSERT INTO settings VALUES (?, ?)", [(f"setting {k}", "on") for k in range(2 * len(rows))]),
+        (f'CREATE TABLE "{name}" (id INTEGER PRIMARY KEY, timestamp TEXT, current REAL, voltage REAL)', []),
+        (f'INSERT INTO "{name}" VALUES (?, ?, ?, ?)', rows),
+    )
+
+
+@pytest.mark.parametrize("name", ["battery log", 'a "quoted" one', "log; DROP TABLE settings"])
+def test_the_table_that_holds_a_log_is_read_whatever_its_name(tmp_path, name):
+    path = with_log(tmp_path, name.replace('"', '""'))
+    log = read_log(path)
+    np.testing.assert_array_equal(log.current_A, LOG.current_A)
+    np.testing.assert_array_equal(log.voltage_V, LOG.voltage_V)
+    assert log.start_unix_s == LOG.start.timestamp()
+
+
+def test_a_table_can_be_named(tmp_path):
+    path = with_log(tmp_path)
+    with pytest.raises(InputError, match="no column for the time"):
+        read_log(path, where={"topic": "settings"})
+    with pytest.raises(InputError, match=r"there is no table 'other'; it has: 'settings', 'battery log'"):
+        read_log(path, where={"topic": "other"})
+
+
+def test_a_row_for_each_value_becomes_a_column_for_each_name(tmp_path):
+    rows = [(date, name, value) for date, (_, i, u, _) in zip(DATES, LOG.rows(), strict=True)
+            for name, value in (("current", i), ("voltage", u))]  # fmt: skip
+    path = database(
+        tmp_path,
+        ("CREATE TABLE measurements (timestamp TEXT, name TEXT, value REAL)", []),
+        ("INSERT INTO measurements VALUES (?, ?, ?)", rows),
+    )
+    np.testing.assert_array_equal(read_log(path).voltage_V, LOG.voltage_V)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.4, 0.9])
+def test_a_database_that_was_cut_off_is_read_or_refused(tmp_path, share):
+    content = with_log(tmp_path).read_bytes()
+    path = tmp_path / "cut.db"
+    path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(InputError, match=r"cut.db.*(SQLite|database|bag|table)"):
+        read_log(path)

@@ -1,0 +1,33 @@
+"""Files that are known and not read: each is named, with the way out."""
+
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.logs import read_log
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"\x00\x01\x00\x00Standard Jet DB\x00" + bytes(90), r"an Access database, as .res of Arbin.*res2sqlite"),
+        (b"\x00\x01\x00\x00Standard ACE DB\x00" + bytes(90), r"an Access database"),
+        (b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n", "blackbox_decode"),
+        (b"TDSm\x0e\x00\x00\x00" + bytes(90), "TDMS file of LabVIEW.*npTDMS"),
+        (b"***BUSMASTER Ver 3.2.2***\n***PROTOCOL CAN***\n", "BUSMASTER; open it in SavvyCAN"),
+        (b"1320745424.000 CXX OVMS Car log\n1320745424.002 R11 402 FA 01\n", "CRTD.*SavvyCAN"),
+        (b"1700000000.002 1R29 18FF5000 FA 01\n", "CRTD.*SavvyCAN"),
+        (b"  can0  123   [8]  00 11 22 33 44 55 66 77\n", "candump -l can0"),
+        (b" (1700000000.000001)  vcan0  123   [2]  00 11\n", "candump -l can0"),
+        (b"\x80\x04\x95" + bytes(90), "pickle of Python"),
+        (b"%PDF-1.7\n" + bytes(90), "PDF document"),
+        (b"7z\xbc\xaf\x27\x1c" + bytes(90), "packed file; unpack it"),
+        (b"\x28\xb5\x2f\xfd" + bytes(90), "packed file; unpack it"),
+        (bytes(range(256)), "no format that ohmward knows"),
+    ],
+)
+def test_a_file_that_is_known_is_named_with_the_way_out(content, message, tmp_path):
+    path = tmp_path / "log.dat"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=message) as refused:
+        read_log(path)
+    assert "utf-16" not in str(refused.value)
