@@ -92,6 +92,7 @@ class MeasuredMotion(NamedTuple):
 
     input: MotionInput  #: of the model
     white_variance: np.ndarray  #: (3,) of the twist, by counting and by the gyro's noise over one step
+    rims_m_s: np.ndarray  #: (driven,) speeds of the rims
     rim_m: Scalar  #: way of the driven rims whatever its direction, their mean
     #: `MotionState` after the step
     reckoned: np.ndarray
@@ -269,7 +270,7 @@ def show(
     rim_m = sum(abs(rims_m_s)) / robot.driven * dt_s
     by_driven, no_wheels = rolls & logical_not(observed | free), logical_not(rolls | free | observed)
     usual = now.usual_turn_rad_s + (rim[2] - now.usual_turn_rad_s) * (1.0 - exp(-dt_s / USUAL_TURN_S))
-    return MeasuredMotion(u, white, rim_m, reckoned, usual, speed, modes, by_driven, no_wheels, no_gyro, jump)
+    return MeasuredMotion(u, white, rims_m_s, rim_m, reckoned, usual, speed, modes, by_driven, no_wheels, no_gyro, jump)
 
 
 def motion_std(

@@ -66,6 +66,7 @@ from ohmward.traction.odometry.model import (
 from ohmward.traction.odometry.modes import lever_m
 from ohmward.traction.odometry.noise import OdometryNoise, noise_of
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
+from ohmward.traction.robot.chassis import PLANAR
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
 from ohmward.traction.speed_observer.intervals import History, empty_history, remember, was_seen
@@ -113,6 +114,13 @@ class PoseFilter:
         return rim_matrix(self.robot)
 
     @cached_property
+    def rolling(self) -> np.ndarray:
+        """(driven, 3): speeds of the driven wheels' centres along their rolling directions, of the motion `PLANAR`."""
+        rows = np.zeros((self.robot.driven, len(PLANAR)))
+        rows[:, [PLANAR.index(name) for name in self.robot.chassis.freedoms]] = self.robot.rolling[: self.robot.driven]
+        return rows
+
+    @cached_property
     def turn_per_slip(self) -> float:
         """Yaw rate by independent slip of the wheels over its standard deviation [1/m]."""
         return turn_per_slip(self.robot)
@@ -142,7 +150,7 @@ class PoseFilter:
         sensors = sensors._replace(
             modes=motion.modes, reckoned=motion.reckoned, usual_turn_rad_s=motion.usual_turn_rad_s
         )
-        prior = with_slip_of(before, state.slip_std_m_s, motion.input.motion_std[0])
+        prior = with_slip_speed(before, state.slip_std_m_s, motion.input.motion_std[0])
         reckoned = self.predict(opened(prior, motion, motion.speed.std_m_s), motion.input)
         trail = extend(state.trail, twist(before.mean, motion.input), time.dt_s)
         speed_m_s = twist(reckoned.mean, motion.input)[0]
@@ -211,6 +219,8 @@ class PoseFilter:
             [to_yaw[X], to_yaw[Y], along[0] @ to_yaw],
         ])  # fmt: skip
         rates, J = linearize(lambda state: twist(state, motion.input), x)
+        twist_cov = mirror_lower(J @ P @ J.T + np.diag(motion.white_variance))
+        rims = motion.rims_m_s * (1.0 + motion.input.scale * x[RADIUS])
         return OdometryEstimate(
             x_m=x[X],
             y_m=x[Y],
@@ -220,12 +230,14 @@ class PoseFilter:
             speed_m_s=rates[0],
             speed_left_m_s=rates[1],
             yaw_rate_rad_s=rates[2],
-            twist_cov=mirror_lower(J @ P @ J.T + np.diag(motion.white_variance)),
+            twist_cov=twist_cov,
             distance_m=distance_m,
             gyro_offset_rad_s=x[OFFSET],
             gyro_offset_std_rad_s=std_of(P[OFFSET, OFFSET]),
             radius_ratio=1.0 + x[RADIUS],
             radius_std=std_of(P[RADIUS, RADIUS]),
+            slip_speed_m_s=rims - self.rolling @ rates,
+            slip_speed_std_m_s=np.array([std_of(row @ twist_cov @ row) for row in self.rolling]),
             slip_probability=motion.speed.slips,
             flags=0.0,
         )
@@ -248,7 +260,7 @@ class PoseFilter:
         })  # fmt: skip
 
 
-def with_slip_of(belief: Belief, before_m_s: Scalar, now_m_s: Scalar) -> Belief:
+def with_slip_speed(belief: Belief, before_m_s: Scalar, now_m_s: Scalar) -> Belief:
     """The belief with a slip that was opened as large in m/s as it was before its standard deviation grew to this."""
     most = 1.0 / sqrt(maximum(belief.cov[SLIP, SLIP], 1.0))
     share = minimum(maximum(before_m_s / maximum(now_m_s, LEAST_REJECTED_STD), most), 1.0)

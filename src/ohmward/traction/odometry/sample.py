@@ -68,6 +68,9 @@ class OdometryEstimate(NamedTuple):
     #: effective radius of the wheels over the robot's; the std is relative
     radius_ratio: Any
     radius_std: Any
+    #: (driven,) slip speed r omega - v of each wheel's centre, and its standard deviation [m/s]
+    slip_speed_m_s: np.ndarray
+    slip_speed_std_m_s: np.ndarray
     #: (driven,) probability that each wheel slips beside the others; 0 where no gyro tells, or wheels roll sideways
     slip_probability: np.ndarray
     flags: Any  #: sum of `OdometryFlag` values; 0 is a sample without incident
