@@ -10,6 +10,7 @@ from ohmward.battery.file import save_battery
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.cli.main import main
 from ohmward.logs import Log, write_log
+from ohmward.traction import RLMA, save_robot
 
 
 def test_what_it_says(here, capsys):
@@ -78,9 +79,28 @@ def test_the_bands_of_a_battery_file_are_in_json_and_on_the_page(here, as_json):
     assert "as the file is" in (here / "found.html").read_text(encoding="utf-8")
 
 
-def test_another_toml_file_is_named(here, refused):
+def test_a_robot_file_and_a_setup_are_examined_with_the_next_command(here, as_json, capsys):
+    save_robot(RLMA, here / "mine.toml")
+    (here / "setup.toml").write_text(
+        'format = "ohmward-setup/1"\nbattery = "battery.toml"\n[[source]]\nkind = "json-lines"\n'
+    )
+    found = as_json("doctor", "mine.toml", "setup.toml", "rlma")
+    assert [(robot["path"], robot["chassis"]) for robot in found["robots"]] == [
+        ("mine.toml", "Differential"),
+        ("rlma", "Differential"),
+    ]
+    assert [(setup["estimates"], setup["sources"]) for setup in found["setups"]] == [("charge", "json-lines")]
+    commands = ["slip LOG --robot mine.toml", "run setup.toml --check", "slip LOG --robot rlma"]
+    assert found["next"] == [f"ohmward {command}" for command in commands]
+    assert main(["doctor", "mine.toml", "setup.toml"]) == 0
+    assert "Next:\n  - ohmward slip LOG --robot mine.toml" in capsys.readouterr().out
+
+
+def test_a_damaged_file_of_toml_is_refused_with_its_kind(here, refused):
     (here / "robot.toml").write_text('format = "ohmward-robot/1"\n')
-    assert "robot file; give a battery file" in refused("doctor", "robot.toml")
+    assert "robot.toml" in refused("doctor", "robot.toml")
+    (here / "floors.toml").write_text('format = "ohmward-floors/1"\n')
+    assert "floors file; give a battery file" in refused("doctor", "floors.toml")
 
 
 def test_what_a_battery_file_takes_as_exact_is_named(here, capsys):
@@ -91,10 +111,58 @@ def test_what_a_battery_file_takes_as_exact_is_named(here, capsys):
     assert f"taken as exact  {exact}" in capsys.readouterr().out
 
 
-def test_a_drive_is_named_as_one(here, refused):
-    Path("drive.csv").write_text("time_s,velL,velR\n0,1,1\n1,1,1\n2,1,1\n", encoding="utf-8")
-    said = refused("doctor", "drive.csv")
-    assert "looks like a drive, with 'velL', 'velR'" in said and "ohmward slip drive.csv" in said
+def _drive_text() -> str:
+    rows = [f"{0.05 * k:.2f},{np.sin(k / 50):.4f},{1.1 * np.sin(k / 50):.4f}" for k in range(400)]
+    return "\n".join(["time_s,velL_rad_s,velR_rad_s", *rows, ""])
+
+
+def test_a_drive_is_examined(here, as_json, capsys):
+    Path("drive.csv").write_text(_drive_text(), encoding="utf-8")
+    found = as_json("doctor", "drive.csv", "--report", "found.html")
+    (log,) = found["drives"]
+    assert (found["logs"], log["survey"]["samples"]) == ([], 400)
+    assert log["survey"]["wheels"]["right"]["maximum"] == pytest.approx(1.1, rel=1e-3)
+    assert [finding["text"] for finding in log["findings"]] == [
+        "neither motor currents nor a speed from outside",
+        "no gyro",
+    ]
+    assert found["next"] == ["ohmward slip drive.csv --robot robot.toml"]
+    assert "Wheels" in (here / "found.html").read_text(encoding="utf-8")
+    assert main(["doctor", "drive.csv"]) == 0
+    assert "wheel left" in capsys.readouterr().out
+
+
+def test_a_drive_is_checked_with_its_robot(here, as_json):
+    Path("drive.csv").write_text(_drive_text().replace("velL_rad_s", "velL_rpm"), encoding="utf-8")
+    (log,) = as_json("doctor", "drive.csv", "--robot", "rlma", "--unit", "wheel_speed=rpm")["drives"]
+    assert set(log["survey"]["wheels"]) == {"front_left", "front_right"}
+    assert log["survey"]["wheels"]["front_right"]["maximum"] == pytest.approx(1.1 * np.pi / 30, rel=1e-3)
+
+
+def test_a_wheel_that_never_turns_and_one_that_never_changes_are_named(here, as_json):
+    rows = "".join(f"{k},3,{k % 7}\n" for k in range(50))
+    Path("dead.csv").write_text(f"time_s,velL,velR\n{rows}", encoding="utf-8")
+    found = as_json("doctor", "dead.csv")
+    texts = [finding["text"] for finding in found["drives"][0]["findings"]]
+    assert "the wheel left never changes (3 rad/s)" in texts and "one sample every 1 s" in texts
+    Path("still.csv").write_text("time_s,velL,velR\n" + "".join(f"{k},0,0\n" for k in range(50)), encoding="utf-8")
+    assert main(["doctor", "still.csv"]) == 1
+
+
+def test_a_log_of_battery_and_wheels_is_both(here, as_json):
+    log = drive()
+    rows = zip(log.time_s, log.current_A, log.voltage_V, np.sin(log.time_s), np.cos(log.time_s), strict=True)
+    lines = ["time_s,current_A,voltage_V,velL_rad_s,velR_rad_s", *(",".join(f"{v:.4f}" for v in row) for row in rows)]
+    Path("both.csv").write_text("\n".join(lines))
+    found = as_json("doctor", "both.csv", "--unit", "wheel_speed=rad/s", "--unit", "current=A")
+    assert (len(found["logs"]), len(found["drives"])) == (1, 1)
+    assert found["next"][-1] == "ohmward mission both.csv --robot robot.toml --battery battery.toml"
+
+
+def test_a_drive_that_cannot_be_read_says_what_is_missing(here, refused):
+    Path("counts.csv").write_text("time_s,left_ticks,right_ticks\n0,1,1\n1,2,2\n2,3,3\n", encoding="utf-8")
+    said = refused("doctor", "counts.csv")
+    assert "--counts-per-turn" in said and "As the log of a battery: counts.csv: no column for the current" in said
 
 
 def _write_pack(path, header, sign=1.0):

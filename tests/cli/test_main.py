@@ -21,6 +21,7 @@ from ohmward.cli import main
 from ohmward.cli import soc as soc
 from ohmward.cli.parser import count, pair, share
 from ohmward.errors import OhmwardError
+from ohmward.traction import RLMA, save_robot
 
 COMMANDS = tuple(main.COMMANDS)
 
@@ -132,6 +133,9 @@ EXAMPLES = [
 
 @pytest.mark.parametrize("line", EXAMPLES)
 def test_examples_of_the_help_can_be_pasted(line, here, capsys):
+    save_robot(RLMA, here / "robot.toml")
+    rows = "".join(f"{k / 20},1,{k % 9}\n" for k in range(99))
+    (here / "drive.csv").write_text(f"time_s,velL_rad_s,velR_rad_s\n{rows}")
     if line.startswith("ohmward identify"):
         (here / "battery.toml").unlink()
         line += " --model thevenin-1rc" if "--model" not in line else ""

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 from typing import Any
@@ -209,14 +210,12 @@ def test_frames_that_are_no_log_are_refused(frame, change, message):
 @pytest.mark.parametrize("source", [{"time_s": [0.0]}, None, 7, [1.0], np.zeros(3), object()])
 @pytest.mark.parametrize("read", [read_log, lambda source: read_drive(source, FOUR, 2)])
 def test_what_is_neither_a_path_nor_a_frame_is_refused(source, read):
-    with pytest.raises(
-        InputError, match=rf"must be the path .* or a DataFrame of pandas, not .*{type(source).__name__}"
-    ):
+    with pytest.raises(InputError, match=rf"must be the path .* or a DataFrame, not .*{type(source).__name__}"):
         read(source)
 
 
 def test_a_series_is_refused(frame):
-    with pytest.raises(InputError, match="or a DataFrame of pandas, not"):
+    with pytest.raises(InputError, match="or a DataFrame, not"):
         read_log(frame["current_A"])
 
 
@@ -252,3 +251,57 @@ def test_without_pandas_the_error_names_it(pulses, monkeypatch):
 )  # fmt: skip
 def test_values_of_any_kind_become_plain_arrays(values, expected):
     np.testing.assert_array_equal(plain_array(values), np.asarray(expected))
+
+
+def _arrow(frame):
+    return pytest.importorskip("pyarrow").Table.from_pandas(frame)
+
+
+def _polars(frame):
+    return pytest.importorskip("polars").from_pandas(frame)
+
+
+def _duckdb(frame):
+    duckdb = pytest.importorskip("duckdb")
+    return duckdb.connect().from_arrow(pytest.importorskip("pyarrow").Table.from_pandas(frame))
+
+
+KINDS: dict[str, Callable[[Any], Any]] = {
+    "Arrow": _arrow,
+    "Arrow, chunks": lambda frame: pytest.importorskip("pyarrow").concat_tables(
+        [_arrow(frame[k : k + 100]) for k in range(0, len(frame), 100)]
+    ),
+    "polars": _polars,
+    "polars, lazy": lambda frame: _polars(frame).lazy(),
+    "DuckDB": _duckdb,
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_frame_of_others_than_pandas_makes_the_same_log(kind, frame):
+    """With dates of a time zone, missing values, a text and whole numbers among its columns."""
+    frame["current_A"] = frame["current_A"].where(frame.index % 50 != 7)
+    frame["count"] = np.arange(len(frame))
+    frame["mode"] = "drive"
+    frame["when"] = pd.date_range("2026-03-28 09:15", periods=len(frame), freq="1s", tz="Europe/Berlin")
+    columns = {"time": "when"}
+    log, same = (read_log(source, columns=columns) for source in (KINDS[kind](frame), frame))
+    for name, values in same.measured().items():
+        np.testing.assert_array_equal(log.measured()[name], values)
+    np.testing.assert_array_equal(log.extra["count"], same.extra["count"])
+    assert (log.start_unix_s, list(log.extra)) == (same.start_unix_s, list(same.extra))
+
+
+@pytest.mark.parametrize("kind", ["Arrow", "polars", "DuckDB"])
+def test_a_drive_in_a_frame_of_others_than_pandas(kind, frame):
+    wheels = pd.DataFrame({"time_s": frame["time_s"], "wl_rad_s": 1.0, "wr_rad_s": 2.0})
+    log = read_drive(KINDS[kind](wheels), ("left", "right"), 2)
+    np.testing.assert_array_equal(log.wheel_speed_rad_s[0], [1.0, 2.0])
+
+
+def test_a_frame_of_others_than_pandas_without_rows_or_with_a_name_twice_is_refused(frame):
+    arrow = pytest.importorskip("pyarrow")
+    with pytest.raises(InputError, match="has no rows"):
+        read_log(KINDS["Arrow"](frame[:0]))
+    with pytest.raises(InputError, match="more than one column is named 'a'"):
+        read_log(arrow.table([[1.0], [2.0]], names=["a", "a"]))

@@ -24,12 +24,16 @@ from ohmward.errors import InputError
 from ohmward.fleet.reading import read_one_of
 from ohmward.logs import DriveLog, FileHints, Log
 from ohmward.logs.cell_columns import CellVoltages, cell_names, find_cells
+from ohmward.logs.channels import BATTERY, TIME
 from ohmward.logs.charger_flag import charger_columns
 from ohmward.logs.columns import guess, listed
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
 from ohmward.logs.table import TableFile
+
+#: Kinds of --column and --unit that are the battery's; all others, and the time, are the drive's.
+_BATTERY_KINDS = tuple(channel.name for channel in BATTERY)
 
 
 def read_soc_truth(log: Log, text: str, capacity_Ah: float, start_soc: float | None = None) -> SocReference:
@@ -152,6 +156,15 @@ def read_options(args: argparse.Namespace) -> ReadOptions:
     )
     sign = vars(args).get("current_sign", "auto")
     return ReadOptions(sign, tuple(args.column), tuple(args.unit), tuple(args.where), args.sort_time, hints)
+
+
+def of_kinds(reading: ReadOptions, of_battery: bool) -> ReadOptions:
+    """The options with those columns and units only that are the battery's, or the drive's; the time is both."""
+    columns, units = (
+        tuple((kind, name) for kind, name in pairs if kind == TIME.name or (kind in _BATTERY_KINDS) == of_battery)
+        for pairs in (reading.columns, reading.units)
+    )
+    return replace(reading, columns=columns, units=units)
 
 
 def read_battery_log(

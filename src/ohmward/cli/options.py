@@ -59,16 +59,21 @@ def add_drive_options(parser: argparse.ArgumentParser, *, interval: bool = True)
         column="the column of front_left_wheel_speed, left_motor_current, yaw_rate, speed, ...",
         unit="its unit, where the name is silent or wrong: wheel_speed=rpm, motor_current=mA",
     )
+    add_shaft_options(group)
+    _add_sort_option(group)
+    _add_hint_options(group)
+    if interval:
+        _add_interval_option(group)
+
+
+def add_shaft_options(group: argparse._ArgumentGroup) -> None:
+    """Options of what the columns of wheels were measured at."""
     group.add_argument(
         "--motor-shaft", action="store_true", help="wheel speeds are those of the motors, before the gear"
     )
     group.add_argument(
         "--counts-per-turn", type=positive, metavar="N", help="of the encoders, where the columns hold their counts"
     )
-    _add_sort_option(group)
-    _add_hint_options(group)
-    if interval:
-        _add_interval_option(group)
 
 
 def add_robot_options(parser: argparse.ArgumentParser) -> None:

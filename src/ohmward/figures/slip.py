@@ -9,6 +9,7 @@ import numpy as np
 from ohmward.figures.parts import band_95, flag_spans, spans_where
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
+from ohmward.logs.drive_log import DriveLog
 from ohmward.report import TIME, Band, Figure, Line, Map, Series
 from ohmward.report.palette import Meaning
 from ohmward.traction.odometry.estimator import OdometryRun
@@ -47,6 +48,14 @@ def ground_figures(run: SlipRun, wheels: Sequence[str] = (), true_slip_m_s: np.n
     if (e.grade_std_rad > 0).any():
         figures.append(grade_figure(run))
     return figures
+
+
+def wheels_figure(log: DriveLog, wheels: Sequence[str]) -> Figure:
+    """Speed of each wheel as it was logged; wheels: their names, in the order of the columns."""
+    names = zip(wheels, log.wheel_speed_rad_s.T, strict=False)
+    known = [(name, np.flatnonzero(np.isfinite(values)), values) for name, values in names]
+    series = [Series(log.time_s[rows], values[rows], name) for name, rows, values in known]
+    return Figure("Wheels", TIME, "Speed [rad/s]", series)
 
 
 def speed_figure(run: SlipRun, rolled_m_s: np.ndarray | None = None, truth_m_s: np.ndarray | None = None) -> Figure:

@@ -123,6 +123,11 @@ def _named(stream: str, type_: str, columns: Mapping[str, array], count: int) ->
 
 
 def _of_dataflash(log: Any) -> Iterator[_LoggedMessage]:
+    with log.filehandle, log.data_map:
+        yield from _each_of_dataflash(log)
+
+
+def _each_of_dataflash(log: Any) -> Iterator[_LoggedMessage]:
     while (message := log.recv_msg()) is not None:
         values = message.to_dict()
         if (time_us := values.pop("TimeUS", None)) is not None:
@@ -134,6 +139,11 @@ def _of_dataflash(log: Any) -> Iterator[_LoggedMessage]:
 
 
 def _of_telemetry(log: Any) -> Iterator[_LoggedMessage]:
+    with contextlib.closing(log):
+        yield from _each_of_telemetry(log)
+
+
+def _each_of_telemetry(log: Any) -> Iterator[_LoggedMessage]:
     while (message := log.recv_msg()) is not None:
         type_ = message.get_type()
         if type_ == "BAD_DATA":

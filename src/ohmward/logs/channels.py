@@ -24,8 +24,8 @@ _SPELLED_OUT: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
-#: Between the words of `PackVoltage`; not of `mAmps`.
-_WITHIN = re.compile(r"(?<=[a-z][a-z])(?=[A-Z][a-z])")
+#: Between the words of `PackVoltage`; not of `mAmps`. Behind the letter of `Iavg`.
+_WITHIN = re.compile(r"(?<=[a-z][a-z])(?=[A-Z][a-z])|(?<=\b[IUViuv])(?=avg\b)")
 
 
 def letters(stem: str) -> list[str]:
@@ -110,7 +110,7 @@ def _channels_of(owner: str) -> tuple[Channel, ...]:
 
 TIME = Channel(
     "time", ("time",), UNITS["s"], "s, ms, min or h",
-    words_of("time", "t", "timestamp", "time stamp", "datetime", "date time", "date", "stamp", "elapsed",
+    words_of("time", "t", "timestamp", "when", "time stamp", "datetime", "date time", "date", "stamp", "elapsed",
              "elapsed time", "unix time", "unixtime", "relative time", "total time", "header stamp", "seconds", "epoch",
              "ts", "realtime", "run time", "prog time", "program time", "date and time", "last changed", "last updated",
              "test", "x value", "cumulative time", "absolute time", "record time", "system time",

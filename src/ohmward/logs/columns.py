@@ -102,8 +102,9 @@ def find_columns(
     if unclear:
         faults = {quantity: fault for error in unclear for quantity, fault in error.faults.items()}
         choice = {quantity: name for error in unclear for quantity, name in error.choice.items()}
+        free = [name for name in names if name not in {column.name for column in chosen.values()}]
+        choice |= {q: _nearest(free, channel_of(q)) for q, name in choice.items() if name not in free}
         if "time" in choice and choice["time"] is None:
-            free = [name for name in names if name not in {column.name for column in chosen.values()}]
             choice["time"] = next((name for name in free if _counts_up((head or {}).get(name, ()))), None)
         raise UnclearColumnsError(source, names, faults, choice)
     return chosen

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 
 from ohmward.logs.clean import lacking
+from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import LogSource, as_log
 from ohmward.logs.note import counted
 from ohmward.logs.plausible import YEAR_S
 from ohmward.logs.sign import OTHER_SIGN, WRONG_SIGN
-from ohmward.logs.survey import Survey, survey
+from ohmward.logs.survey import DriveSurvey, Survey, survey, survey_drive
 from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 
+S = TypeVar("S", Survey, DriveSurvey)
 Severity = Literal["info", "warning", "error"]
+
+#: Longest interval [s] of a drive that shows slip.
+SLOW_DRIVE_S = 0.2
 
 
 @dataclass(frozen=True)
@@ -27,11 +32,11 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Findings:
-    """The examination of one log; `dataclasses.asdict` makes it ready for JSON."""
+class Findings(Generic[S]):
+    """The examination of one log, or drive; `dataclasses.asdict` makes it ready for JSON."""
 
     name: str
-    survey: Survey
+    survey: S
     findings: tuple[Finding, ...]
     notes: tuple[str, ...]
 
@@ -42,18 +47,62 @@ class Findings:
         return "error" if "error" in severities else "warning" if "warning" in severities else "info"
 
 
-def examine(log: LogSource) -> Findings:
+def examine(log: LogSource) -> Findings[Survey]:
     """Survey a log, or that of a path or DataFrame, and list everything suspicious in it, errors first."""
     log = as_log(log)
     found = survey(log)
     findings = [finding for check in _CHECKS for finding in check(found)]
-    order = ("error", "warning", "info")
     return Findings(
         name=log.name,
         survey=found,
-        findings=tuple(sorted(findings, key=lambda finding: order.index(finding.severity))),
+        findings=_in_order(findings),
         notes=tuple(str(note) for note in log.notes),
     )
+
+
+def examine_drive(log: DriveLog, places: Sequence[str]) -> Findings[DriveSurvey]:
+    """Survey a drive, and list everything in it that keeps speed, slip and pose from being known, errors first.
+
+    places: names of the wheels, driven ones first.
+    """
+    found = survey_drive(log, places)
+    findings = [finding for check in _DRIVE_CHECKS for finding in check(found)]
+    return Findings(log.name, found, _in_order(findings), tuple(str(note) for note in log.notes))
+
+
+def _in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Errors, then warnings, then the rest."""
+    order = ("error", "warning", "info")
+    return tuple(sorted(findings, key=lambda finding: order.index(finding.severity)))
+
+
+def _check_wheels(s: DriveSurvey) -> Iterator[Finding]:
+    if all(wheel.minimum == wheel.maximum == 0.0 for wheel in s.wheels.values()):
+        yield Finding("error", "no wheel ever turns", "check the columns of the wheels and the encoders")
+        return
+    for name, wheel in s.wheels.items():
+        if wheel.minimum == wheel.maximum:
+            yield Finding("warning", f"the wheel {name} never changes ({wheel.minimum:g} rad/s)", "check its encoder")
+
+
+def _check_drive_sampling(s: DriveSurvey) -> Iterator[Finding]:
+    if s.sampling.median_s > SLOW_DRIVE_S:
+        yield Finding(
+            "warning",
+            f"one sample every {s.sampling.median_s:g} s",
+            "a wheel slips for tenths of a second; log the wheels at 20 Hz or faster",
+        )
+
+
+def _check_slip_sensors(s: DriveSurvey) -> Iterator[Finding]:
+    if not s.motors and "speed_m_s" not in s.body:
+        yield Finding(
+            "warning",
+            "neither motor currents nor a speed from outside",
+            "a wheel that slips cannot be told from one that rolls; log the motors' currents, or GNSS or visual speed",
+        )
+    if "yaw_rate_rad_s" not in s.body:
+        yield Finding("info", "no gyro", "the heading then follows from the wheels, and drifts; log the yaw rate")
 
 
 def _check_voltage(s: Survey) -> Iterator[Finding]:
@@ -111,7 +160,7 @@ def _check_sampling(s: Survey) -> Iterator[Finding]:
         )
 
 
-def _check_gaps(s: Survey) -> Iterator[Finding]:
+def _check_gaps(s: Survey | DriveSurvey) -> Iterator[Finding]:
     if s.sampling.longest_gap_s > YEAR_S:
         yield Finding(
             "error",
@@ -182,4 +231,10 @@ _CHECKS: tuple[Callable[[Survey], Iterator[Finding]], ...] = (
     _check_offset,
     _check_resolution,
     _check_temperature,
+)
+_DRIVE_CHECKS: tuple[Callable[[DriveSurvey], Iterator[Finding]], ...] = (
+    _check_wheels,
+    _check_drive_sampling,
+    _check_gaps,
+    _check_slip_sensors,
 )

@@ -121,7 +121,7 @@ def read_drive(
     sort_time: bool = False,
     hints: FileHints | None = None,
 ) -> DriveLog:
-    """The drive in a CSV or Parquet file, a recording of ROS, a ULog of PX4, or in a DataFrame of pandas.
+    """The drive in a CSV or Parquet file, a recording of ROS, a ULog of PX4, or in a DataFrame.
 
     source: the path of the file, of any of these formats whatever its name; or the DataFrame.
     robot: a Robot, or the names of its wheels, driven ones first.

@@ -151,7 +151,7 @@ def read_log(
     """The log in a text table, Parquet, BDF, Excel, MATLAB, HDF5, JSON, a recording of ROS, a ULog, or a DataFrame.
 
     source: the path of the file, of any of these formats whatever its name; `-` for standard input; a folder of files
-        that are one log; or the DataFrame of pandas.
+        that are one log; or a DataFrame of pandas, polars, Arrow or DuckDB.
     current_sign: effect of a positive current in the file: "charge", "discharge", or "auto" to tell from the voltage.
     columns: quantity -> column name, where names alone do not tell: {"current": "I_batt"}.
     units: quantity -> unit, where the names are silent or wrong: {"current": "mA"}.

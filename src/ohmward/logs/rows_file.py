@@ -26,7 +26,7 @@ from ohmward.optional import require
 
 #: Beginnings of a file of JSON.
 #: The first message as `ros2 topic echo` writes it: keys and items of lists, a line each, and the end.
-_ECHO = re.compile(rb"(?:---\s*\n)?(?:[A-Za-z_]\w*:.*\n(?: *(?:- .*|[A-Za-z_]\w*:.*)\n)+)---\s*\n")
+_ECHO = re.compile(rb"(?:---\s*\n)?(?:[A-Za-z_]\w*:.*\n(?: *(?:- .*|[A-Za-z_]\w*:.*)?\n)*)---\s*\n")
 _ECHOED = re.compile(r"^(?P<indent> *)(?:- |(?P<name>[A-Za-z_]\w*):)\s*(?P<value>.*?)\s*$")
 _ECHO_BYTES = 4096
 _JSON = re.compile(rb"^(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\]])")
@@ -323,7 +323,10 @@ def _columns(source: str, content: Any) -> dict[str, np.ndarray]:
     rows = [dict(_flattened(one)) for one in content if isinstance(one, Mapping)] if isinstance(content, list) else []
     names = dict.fromkeys(name for row in rows for name in row)
     if not rows or len(names) < 2:
-        raise InputError(f'{source}: no objects with two values and more; write one object a line: {{"t": 0, "I": 1}}')
+        raise InputError(
+            f'{source}: no objects with two values and more; write one object a line: {{"t": 0, "I": 1}}; '
+            "messages of ROS without a stamp have no time here: record them with `ros2 bag record`"
+        )
     return {name: plain_array(_alike([row.get(name) for row in rows])) for name in names}
 
 

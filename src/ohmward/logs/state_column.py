@@ -13,8 +13,8 @@ from ohmward.logs.table import TableFile
 #: Names of the column.
 _NAMES = (frozenset(("state",)), frozenset(("status",)), frozenset(("mode",)), frozenset(("step", "type")),
           frozenset(("md",)), frozenset(("step", "name")), frozenset(("work", "mode")))  # fmt: skip
-_DISCHARGE = re.compile(r"^d$|dis|dch|dchg|entlad|放电", re.IGNORECASE)
-_CHARGE = re.compile(r"^c$|ch[aghr]|^cccv|^laden|充电", re.IGNORECASE)
+_DISCHARGE = re.compile(r"^d(?:\W|$)|dis|dch|dsg|dsch|entlad|放电", re.IGNORECASE)
+_CHARGE = re.compile(r"^c(?:\W|$)|ch[aghr]|^cccv|^laden|充电", re.IGNORECASE)
 
 
 def state_column(file: TableFile) -> str | None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.clean import find_gaps
+from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 from ohmward.logs.sign import resolution, sign_evidence, spread
 from ohmward.runs import runs
@@ -80,6 +82,37 @@ class Survey:
     temperature: Signal | None
     sign: Sign
     activity: Activity
+
+
+@dataclass(frozen=True)
+class DriveSurvey:
+    """The numbers of a drive; signals of the wheels [rad/s] and motors [A] by the places of the wheels."""
+
+    samples: int
+    duration_s: float
+    sampling: Sampling
+    wheels: dict[str, Signal]
+    motors: dict[str, Signal]
+    body: dict[str, Signal]  #: of the sensors of the body, in the units of their names
+
+
+def survey_drive(log: DriveLog, places: Sequence[str]) -> DriveSurvey:
+    """The numbers of a drive; what was never measured is left out.
+
+    places: names of the wheels, driven ones first.
+    """
+    speeds = log.wheel_speed_rad_s
+    moving = np.nan_to_num(np.abs(speeds)).max(axis=1, initial=0.0) > 0.0
+    columns = {
+        "wheels": dict(zip(places, speeds.T, strict=True)),
+        "motors": dict(zip(places, log.motor_current_A.T, strict=False)),
+        "body": {name: getattr(log, name) for name in log.channels},
+    }
+    known = {
+        kind: {name: _signal(values, ~moving) for name, values in of_kind.items() if np.isfinite(values).any()}
+        for kind, of_kind in columns.items()
+    }
+    return DriveSurvey(len(log), log.duration_s, _sampling(log.time_s), **known)
 
 
 def survey(log: Log) -> Survey:

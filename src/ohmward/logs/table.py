@@ -16,7 +16,7 @@ from ohmward.logs.note import Note
 Progress = Callable[[int, int], None]
 
 #: Cells without a number, in small letters.
-MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--"))
+MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", ".nan"))
 
 
 #: Endings of logs, in the order in which they are taken off a name.

@@ -97,8 +97,8 @@ _CAPITALS = re.compile(r"^(?P<stem>[Tt]ime)(?P<unit>US|MS|NS)(?P<rest>)$")
 _TIME_AS_UNIT = re.compile(r"^(?P<unit>[mµu]s)(?:_today)?$")
 # `voltage_now`, `current_now`: the files of a power supply under Linux, in millionths
 _POWER_SUPPLY = re.compile(r"^(?P<stem>voltage|current)_(now|avg)$")
-#: A name that is itself a unit names the quantity: `Volts`, `millis`.
-_SHORTEST_UNIT_AS_NAME = 4
+#: A name that is itself a unit names the quantity: `Volts`, `millis`; of shorter ones these.
+_SHORTEST_UNIT_AS_NAME, _UNITS_AS_NAMES = 4, frozenset(("A", "mA", "mV"))
 
 
 def unit_of(spelling: str) -> Unit | None:
@@ -115,7 +115,7 @@ def split_unit(name: str) -> Iterator[tuple[str, Unit | None]]:
         yield "time", unit
     if found := _POWER_SUPPLY.match(name):
         yield name, UNITS["uv" if found["stem"] == "voltage" else "ua"]
-    if len(name) >= _SHORTEST_UNIT_AS_NAME and (unit := unit_of(name)):
+    if (len(name) >= _SHORTEST_UNIT_AS_NAME or name in _UNITS_AS_NAMES) and (unit := unit_of(name)):
         yield unit.dimension, unit
     yield name, None
 

@@ -23,6 +23,8 @@ from ohmward.logs.columns import Column, find_column, given_unit, guess, listed,
 from ohmward.logs.units import split_unit
 from ohmward.logs.wheel_speed import POSITIONS
 
+_CORNERS_IN_ORDER = ("front", "rear", "left", "right")
+
 
 class Wheels(NamedTuple):
     """The wheels that are looked for: their names, driven ones first, and the number of driven ones."""
@@ -102,10 +104,17 @@ def find_drive_columns(
     return Found(chosen, speeds.by_number or currents.by_number)
 
 
-def wheel_names(names: Sequence[str]) -> tuple[str, ...]:
-    """The columns that are speeds or positions of wheels by their names; () where they are not those of two wheels."""
-    found = tuple(name for name in names if _of_wheel(name, WHEEL_SPEED) or _of_wheel(name, WHEEL_COUNTS))
-    return found if len(found) > 1 else ()
+def wheel_places(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of the wheels whose speeds or positions the columns are, front and left ones first; () for fewer than two.
+
+    They are corners or sides, `front_left`, `right`, or where the columns have none, numbers.
+    """
+    found = [one for name in names if (one := _of_wheel(name, WHEEL_SPEED) or _of_wheel(name, WHEEL_COUNTS))]
+    corners = {"_".join(word for word in _CORNERS_IN_ORDER if word in one.corner) for one in found if one.corner}
+    numbers = {str(one.number) for one in found if one.number is not None and not one.corner}
+    places = sorted(corners, key=lambda place: [_CORNERS_IN_ORDER.index(word) for word in place.split("_")])
+    chosen = tuple(places or sorted(numbers, key=int))
+    return chosen if len(chosen) > 1 else ()
 
 
 def _meant(quantity: str, wheels: Wheels) -> list[str]:

@@ -201,6 +201,17 @@ TELEMETRY = (
         lambda t, i, u, c, at: f"{at:%H:%M:%S}.000 -> V:{u},I:{i},T:{c}")),
     f("Arduino monitor, values alone", each_line(lambda t, i, u, c, at: f"{at:%H:%M:%S}.000 -> {u},{i},{c}"),
       flags=("--names", "time_s,voltage_V,current_A,temperature_degC")),
+    f("columns called A and V", lines(("t", "V", "A", "temp"), rows_of(LOG, lambda t, i, u, c, at: (t, u, i, c)))),
+    f("BMS, V1, Iavg, Iinst, Vtot", lines(("Time", "V1", "V2", "V3", "V4", "Iavg", "Iinst", "Vtot", "SOC"), rows_of(
+        LOG, lambda t, i, u, c, at: (t, *cells_of(u), 0.9 * i, i, u, 80))), warm=False),
+    f("tester, size and CHG or DSG", lines(("Time(S)", "Cur(A)", "Vol(V)", "Mode"), rows_of(
+        LOG, lambda t, i, u, c, at: (t, abs(i), u, "CHG" if i > 0 else "DSG" if i < 0 else "REST"))), warm=False),
+    f("tester, size and C-CV or D-CC", lines(("Time(S)", "Cur(A)", "Vol(V)", "Mode"), rows_of(
+        LOG, lambda t, i, u, c, at: (t, abs(i), u, "C-CV" if i > 0 else "D-CC" if i < 0 else "Wait"))), warm=False),
+    f("`ros2 topic echo`, BatteryState", "---\n".join(
+        [f"header:\n  stamp:\n    sec: {int(at.timestamp())}\n    nanosec: 0\n  frame_id: ''\nvoltage: {u}\n"
+         f"temperature: .nan\ncurrent: {i}\ncell_voltage:\n- 3.3\n- 3.3\n"
+         for (t, i, u, c), at in zip(LOG.rows(), LOG.moments, strict=True)] + [""]), dated=True, warm=False),
     f("power and voltage", lines(("Time", "Battery Voltage (V)", "Battery Power (W)", "Temp (C)"), rows_of(
         LOG, lambda t, i, u, c, at: (t, u, i * u, c)))),
     f("a column for each direction", lines(("t [s]", "U [V]", "I_chg [A]", "I_dsg [A]"), rows_of(

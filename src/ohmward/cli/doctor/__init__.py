@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import add_log_options, add_output_options
+from ohmward.cli.options import ROBOT, add_log_options, add_output_options, add_shaft_options
 
 EXAMPLES = """\
   ohmward doctor test.csv
   ohmward doctor test.csv day.csv --report logs.html
-  ohmward doctor battery.toml
+  ohmward doctor battery.toml robot.toml
+  ohmward doctor drive.csv --robot robot.toml
   ohmward doctor test.csv --column current=current_A --unit current=A --json
 """
 
@@ -20,7 +21,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "files",
         nargs="+",
         metavar="FILE",
-        help="a log (any format of docs/logs.md, - for standard input) or a battery file (.toml)",
+        help="a log of a battery, a drive or both (any format of docs/logs.md, - for standard input), or a file of a "
+        "battery, a robot or a setup (.toml)",
     )
     add_log_options(parser)
+    group = parser.add_argument_group("drives")
+    group.add_argument("--robot", metavar="FILE.toml", help=f"checks the drive with it: {ROBOT}")
+    add_shaft_options(group)
     add_output_options(parser)

@@ -1,4 +1,4 @@
-"""`ohmward doctor`: contents, assumptions and faults of a log; doubts of a battery file and the band that follows."""
+"""`ohmward doctor`: contents and faults of logs, battery files, robot files and setups, and the next command."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ohmward.battery.battery import Battery, LogFit
-from ohmward.battery.file import load_battery
+from ohmward.battery.file import BATTERY_FILE, load_battery
 from ohmward.battery.soc.band_forecast import (
     TEMPERATURES_DEGC,
     BandForecast,
@@ -20,28 +20,37 @@ from ohmward.battery.soc.band_forecast import (
     worthwhile_tests,
 )
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log, read_options
+from ohmward.cli.battery_inputs import of_kinds, read_battery_log, read_options
+from ohmward.cli.drive_inputs import DriveOptions
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.wording import FOOTER, duration, grouped, sentence, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock
+from ohmward.figures.slip import wheels_figure
 from ohmward.filters.consistency import BAND_95
-from ohmward.logs import Log, examine
+from ohmward.logs import DriveLog, Log, examine, read_drive
 from ohmward.logs.cell_columns import cell_names
 from ohmward.logs.channels import CURRENT, VOLTAGE
-from ohmward.logs.columns import find_column, listed
-from ohmward.logs.doctor import Findings
+from ohmward.logs.columns import find_column
+from ohmward.logs.doctor import Finding, Findings, examine_drive
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.note import Note, counted
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
-from ohmward.logs.sign import CurrentSign, UnknownSignError
-from ohmward.logs.survey import Signal
+from ohmward.logs.sign import UnknownSignError
+from ohmward.logs.survey import DriveSurvey, Sampling, Signal, Survey
 from ohmward.logs.table import TableFile
-from ohmward.logs.wheel_columns import wheel_names
+from ohmward.logs.wheel_columns import wheel_places
+from ohmward.onboard.robot_setup import SETUP_FILE, Setup
 from ohmward.report import Page
+from ohmward.traction import Robot, load_robot
+from ohmward.traction.drive_checks import check_drive
+from ohmward.traction.robot.file import PACKAGED, ROBOT_FILE
 
+_LOG = "log"
+#: So many rests and pulses make a test that a battery can be identified from.
+_PULSES_OF_A_TEST = 5
 #: How to read the bands.
 READING = "half width of the 95 % band in points, start known / start unknown"
 BANDS = ["95 % band on a working day", *(f"{T:g} degC" for T in TEMPERATURES_DEGC)]
@@ -56,24 +65,60 @@ class BatteryFindings(NamedTuple):
     tests: Sequence[BandsAfterTest]  #: those worth their time, the best first
 
 
+class Examined(NamedTuple):
+    """A log and what was found in it; a part that it does not have is None."""
+
+    path: str
+    battery: tuple[Log, Findings[Survey]] | None
+    drive: tuple[DriveLog, Findings[DriveSurvey]] | None
+
+
 def run(args: argparse.Namespace) -> Outcome:
     """Examine each file; the exit status is 1 if a log has an error."""
-    batteries = [path for path in args.files if Path(path).suffix == ".toml"]
-    paths = [path for path in args.files if path not in batteries]
-    logs = [_read(path, read_options(args)) for path in paths]
-    found = [examine(log) for log in logs]
-    known = [examine_battery(path, load_battery(path)) for path in batteries]
+    kinds = {path: kind_of(path) for path in args.files}
+    robot = load_robot(args.robot) if args.robot else None
+    logs = [_look(path, args, robot) for path, kind in kinds.items() if kind == _LOG]
+    known = [examine_battery(path, load_battery(path)) for path, kind in kinds.items() if kind == BATTERY_FILE.noun]
+    robots = {path: load_robot(path) for path, kind in kinds.items() if kind == ROBOT_FILE.noun}
+    setups = {path: SETUP_FILE.load(path) for path, kind in kinds.items() if kind == SETUP_FILE.noun}
+    batteries = [(one.path, *one.battery) for one in logs if one.battery]
+    drives = [(one.path, *one.drive) for one in logs if one.drive]
+    found: list[Findings] = [one for _, _, one in batteries] + [one for _, _, one in drives]
+    texts = [describe(log, one) for _, log, one in batteries]
+    texts += [describe_drive(log, one) for _, log, one in drives]
+    texts += map(describe_battery, known)
+    texts += [_titled(f"{path}: robot {robot.name!r}", robot_rows(robot)) for path, robot in robots.items()]
+    texts += [_titled(f"{path}: setup of a robot", setup_rows(setup)) for path, setup in setups.items()]
+    following = list(dict.fromkeys(text for path, kind in kinds.items() for text in next_commands(path, kind, logs)))
     return Outcome(
         summary={
             "command": "doctor",
-            "logs": [{"path": p} | asdict(one) | {"worst": one.worst} for p, one in zip(paths, found, strict=True)],
+            "logs": [{"path": path} | asdict(one) | {"worst": one.worst} for path, _, one in batteries],
+            "drives": [{"path": path} | asdict(one) | {"worst": one.worst} for path, _, one in drives],
             "batteries": [battery_summary(one) for one in known],
+            "robots": [{"path": path, "name": robot.name} | robot_rows(robot) for path, robot in robots.items()],
+            "setups": [{"path": path} | setup_rows(setup) for path, setup in setups.items()],
+            "next": following,
         },
-        text="\n\n".join([*map(describe, logs, found), *map(describe_battery, known)]),
+        text="\n\n".join([*texts, wording.bullets("Next", following)]),
         notes=[note for one in found for note in one.notes],
-        page=partial(make_page, logs, found, known),
+        page=partial(make_page, [log for _, log, _ in batteries], [one for _, _, one in batteries], known, drives),
         status=int(any(one.worst == "error" for one in found)),
     )
+
+
+def kind_of(path: str) -> str:
+    """Kind of what an argument names: a log, or the kind of a file of TOML; a packaged robot is a robot file."""
+    if path.lower() in PACKAGED:
+        return ROBOT_FILE.noun
+    if Path(path).suffix.lower() != ".toml":
+        return _LOG
+    try:
+        head = Path(path).read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return BATTERY_FILE.noun  # whose reader says what is wrong
+    kinds = (ROBOT_FILE, SETUP_FILE)
+    return next((kind.noun for kind in kinds if f'"{kind.format.partition("/")[0]}/' in head), BATTERY_FILE.noun)
 
 
 def examine_battery(path: str, battery: Battery) -> BatteryFindings:
@@ -82,28 +127,78 @@ def examine_battery(path: str, battery: Battery) -> BatteryFindings:
     return BatteryFindings(path, battery, bands, worthwhile_tests(battery, bands))
 
 
-def _read(path: str, reading: ReadOptions) -> Log:
-    """The log of a battery.
+def _look(path: str, args: argparse.Namespace, robot: Robot | None) -> Examined:
+    """Battery and drive in a log, as far as it has them.
 
     Raises:
-        InputError: it cannot be read as one; says so where it is that of a drive.
+        InputError: it has neither; says what is missing of a battery, or of a drive where it has wheels alone.
     """
+    reading = read_options(args)
     file = open_table(split_selection(path)[0], reading.hints)
+    places = _places(file, robot)
+    log, drive, refused = None, None, None
+    try:
+        log = _read(path, of_kinds(reading, of_battery=True), file)
+    except InputError as error:
+        if not places or _is_of_battery(file, dict(reading.columns)):
+            raise
+        refused = error
+    if places:
+        try:
+            drive = _read_drive(path, of_kinds(reading, of_battery=False), args, file, robot)
+        except InputError as error:
+            if log is None:
+                raise InputError(f"{error}. As the log of a battery: {refused}", error.options) from error
+            log = log.with_notes(Note(f"also a drive, which could not be read: {error}", "warning"))
+    return Examined(
+        path,
+        None if log is None else (log, examine(log)),
+        None if drive is None else (drive, examine_drive(drive, places)),
+    )
+
+
+def _places(file: TableFile, robot: Robot | None) -> tuple[str, ...]:
+    """Names of the wheels of the robot, or of the columns where those are wheels; () for a log of no drive."""
+    try:
+        names = file.part("drive").names
+    except InputError:  # a recording without a topic of a drive
+        return ()
+    if not (found := wheel_places(names)):
+        return ()
+    return tuple(place.name for place in robot.places) if robot else found
+
+
+def _read_drive(
+    path: str, reading: ReadOptions, args: argparse.Namespace, file: TableFile, robot: Robot | None
+) -> DriveLog:
+    """The drive, with a warning for each fault that the robot's file shows."""
+    if robot is not None:
+        log = DriveOptions(robot, reading, args.motor_shaft, args.counts_per_turn).read(path, file=file)
+        return replace(log, notes=(*log.notes, *check_drive(robot, log)))
+    where = split_selection(path)[1]
+    places = wheel_places(file.part("drive").names)
+    return read_drive(
+        file,
+        places,
+        len(places),
+        at_motor_shaft=args.motor_shaft,
+        counts_per_turn=args.counts_per_turn,
+        columns=dict(reading.columns),
+        units=dict(reading.units),
+        where=dict(reading.where) | where,
+        sort_time=reading.sort_time,
+    )
+
+
+def _read(path: str, reading: ReadOptions, file: TableFile) -> Log:
+    """The log of a battery; where nothing tells the sign, the likely one is taken, with a warning."""
     try:
         return read_battery_log(path, reading, file=file)
     except UnknownSignError as error:
-        sign: CurrentSign = "discharge" if error.likely == "discharge" else "charge"
-        log = read_battery_log(path, replace(reading, current_sign=sign), file=file)
+        log = read_battery_log(path, replace(reading, current_sign=error.likely), file=file)
         others = [note for note in log.notes if not note.text.startswith("positive current")]
-        taken = Note(f"{error}; here a positive current is taken to {sign} the battery", "warning")
+        taken = Note(f"{error}; here a positive current is taken to {error.likely} the battery", "warning")
         return replace(log, notes=(*others, taken))
-    except InputError as error:
-        if not (wheels := wheel_names(file.names)) or _is_of_battery(file, dict(reading.columns)):
-            raise
-        raise InputError(
-            f"{file.source} looks like a drive, with {listed(wheels, 4)}; see it with `ohmward slip {path} --robot "
-            f"robot.toml`. As the log of a battery: {error}"
-        ) from error
 
 
 def _is_of_battery(file: TableFile, columns: dict[str, str]) -> bool:
@@ -119,23 +214,95 @@ def _is_of_battery(file: TableFile, columns: dict[str, str]) -> bool:
     return True
 
 
-def describe(log: Log, found: Findings) -> str:
+def next_commands(path: str, kind: str, logs: Sequence[Examined]) -> list[str]:
+    """Commands that go on from a file."""
+    if kind == BATTERY_FILE.noun:
+        return [f"ohmward soc LOG --battery {path}"]
+    if kind == ROBOT_FILE.noun:
+        return [f"ohmward slip LOG --robot {path}"]
+    if kind == SETUP_FILE.noun:
+        return [f"ohmward run {path} --check"]
+    log = next(one for one in logs if one.path == path)
+    found = []
+    if log.battery:
+        activity = log.battery[1].survey.activity
+        is_test = min(activity.rests, activity.pulses) >= _PULSES_OF_A_TEST
+        found += [f"ohmward identify {path} --capacity-ah AH --chemistry nmc -o battery.toml"] if is_test else []
+        found += [f"ohmward soc {path} --battery battery.toml"]
+    if log.drive:
+        found.append(f"ohmward slip {path} --robot robot.toml")
+    if log.battery and log.drive:
+        found.append(f"ohmward mission {path} --robot robot.toml --battery battery.toml")
+    return found
+
+
+def _titled(title: str, rows: dict[str, str]) -> str:
+    return wording.paragraphs(title, wording.fields(rows))
+
+
+def robot_rows(robot: Robot) -> dict[str, str]:
+    """What a robot file says, by name."""
+    return {
+        "chassis": type(robot.chassis).__name__,
+        "wheels": ", ".join(place.name for place in robot.places) + f"; the first {robot.driven} are driven",
+        "mass": f"{robot.mass_kg:g} kg",
+        "wheel radius": f"{robot.wheel.radius_m:g} m",
+        "gear": f"{robot.motor.gear_ratio:g}",
+    }
+
+
+def setup_rows(setup: Setup) -> dict[str, str]:
+    """What a setup says, by name."""
+    return {
+        "estimates": ", ".join(kind for kind, part in (("charge", setup.battery), ("motion", setup.robot)) if part),
+        "sources": ", ".join(source.name for source in setup.source) or "none",
+        "sinks": ", ".join(sink.name for sink in setup.sink) or "none",
+    }
+
+
+def describe_drive(log: DriveLog, found: Findings[DriveSurvey]) -> str:
+    """Figures and findings of a drive, for people."""
+    return wording.paragraphs(
+        f"{log.name}, drive: {grouped(len(log))} samples in {duration(log.duration_s)}",
+        wording.fields(drive_contents(log, found)),
+        wording.assumptions(found.notes),
+        wording.bullets("Found", [_sentence(finding) for finding in found.findings]) or "Found: nothing suspicious.",
+    )
+
+
+def drive_contents(log: DriveLog, found: Findings[DriveSurvey]) -> dict[str, str]:
+    """The figures of a drive with their units, by name."""
+    s = found.survey
+    rows = {"sampling": _sampling(s.sampling)}
+    rows |= {f"wheel {place}": f"{_range(wheel)} rad/s" for place, wheel in s.wheels.items()}
+    rows |= {f"motor {place}": f"{_range(motor)} A" for place, motor in s.motors.items()}
+    rows |= {name: _range(signal) for name, signal in s.body.items()}
+    return rows | ({"also": ", ".join(log.extra)} if log.extra else {})
+
+
+def _sampling(s: Sampling) -> str:
+    return f"every {s.median_s:.3g} s, {s.shortest_s:.3g} to {s.longest_s:.4g} s; gaps: {s.gaps}"
+
+
+def _sentence(finding: Finding) -> str:
+    return f"{finding.severity}: {finding.text} -> {finding.advice}"
+
+
+def describe(log: Log, found: Findings[Survey]) -> str:
     """Figures and findings of a log, for people."""
-    findings = [f"{finding.severity}: {finding.text} -> {finding.advice}" for finding in found.findings]
     return wording.paragraphs(
         f"{log.name}: {grouped(len(log))} samples in {duration(log.duration_s)}",
         wording.fields(contents(log, found)),
         wording.assumptions(found.notes),
-        wording.bullets("Found", findings) or "Found: nothing suspicious.",
+        wording.bullets("Found", [_sentence(finding) for finding in found.findings]) or "Found: nothing suspicious.",
     )
 
 
-def contents(log: Log, found: Findings) -> dict[str, str]:
+def contents(log: Log, found: Findings[Survey]) -> dict[str, str]:
     """The figures of a log with their units, by name."""
     s = found.survey
     rows = {
-        "sampling": f"every {s.sampling.median_s:.3g} s, {s.sampling.shortest_s:.3g} to {s.sampling.longest_s:.4g} s; "
-        f"gaps: {s.sampling.gaps}",
+        "sampling": _sampling(s.sampling),
         "current": f"{_range(s.current)} A; > 0 charges",
         "voltage": f"{_range(s.voltage)} V",
         "temperature": f"{_range(s.temperature)} degC" if s.temperature else "not recorded",
@@ -214,9 +381,14 @@ def _cell(band: BandForecast) -> str:
     return f"± {band.known_start:.1f} / {band.unknown_start:.1f}"
 
 
-def make_page(logs: Sequence[Log], found: Sequence[Findings], batteries: Sequence[BatteryFindings]) -> Page:
-    """One section for each log and battery file: figures, findings, plots, assumptions."""
-    names = [log.name for log in logs] + [one.battery.name for one in batteries]
+def make_page(
+    logs: Sequence[Log],
+    found: Sequence[Findings[Survey]],
+    batteries: Sequence[BatteryFindings],
+    drives: Sequence[tuple[str, DriveLog, Findings[DriveSurvey]]] = (),
+) -> Page:
+    """One section for each log, drive and battery file: figures, findings, plots, assumptions."""
+    names = [log.name for log in logs] + [one.battery.name for one in batteries] + [log.name for _, log, _ in drives]
     title = names[0] if len(names) == 1 else f"{len(names)} {'files' if batteries else 'logs'}"
     page = Page(title, "What is in it, what is wrong, what was assumed", FOOTER)
     for log, findings in zip(logs, found, strict=True):
@@ -229,10 +401,22 @@ def make_page(logs: Sequence[Log], found: Sequence[Findings], batteries: Sequenc
             page = page.table(BANDS, band_rows(one), sentence(READING))
         else:
             page = page.text("No band: this file has no Thevenin model.")
+    for _, drive, of_drive in drives:
+        page = page if len(names) == 1 else page.heading(f"{drive.name}, drive")
+        page = _with_findings(page, of_drive)
+        page = page.plot(wheels_figure(drive, list(of_drive.survey.wheels)), clock=wall_clock(drive))
+        page = page.table(["Quantity", "Found"], list(drive_contents(drive, of_drive).items()))
+        page = with_assumptions(page, of_drive.notes)
     return page
 
 
-def _section(page: Page, log: Log, found: Findings) -> Page:
+def _with_findings(page: Page, found: Findings) -> Page:
+    for finding in found.findings:
+        page = page.callout(finding.severity, f"{sentence(finding.text)}\n\n{sentence(finding.advice)}")
+    return page
+
+
+def _section(page: Page, log: Log, found: Findings[Survey]) -> Page:
     s = found.survey
     figures = {
         "Samples": grouped(len(log)),
@@ -243,9 +427,7 @@ def _section(page: Page, log: Log, found: Findings) -> Page:
         "Rests": str(s.activity.rests),
         "Pulses": str(s.activity.pulses),
     }
-    page = page.numbers(figures)
-    for finding in found.findings:
-        page = page.callout(finding.severity, f"{sentence(finding.text)}\n\n{sentence(finding.advice)}")
+    page = _with_findings(page.numbers(figures), found)
     plots = [pictures.current_figure(log), pictures.voltage_figure(log)]
     plots += [pictures.temperature_figure(log)] if log.temperature_degC is not None else []
     plots += pictures.further_figures(log)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log, read_options
+from ohmward.cli.battery_inputs import load_battery_with_sensor, of_kinds, read_battery_log, read_options
 from ohmward.cli.drive_inputs import DriveOptions, drive_options, make_terrain
 from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output
@@ -49,8 +48,6 @@ from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS
 TERRAINS = ["terrain", "drives", "driven", "measured", "cost of transport", "level, another day, P10-P90", "resistance"]
 #: Grounds that are drawn.
 _MOST_TERRAINS = 6
-#: Kinds of --column and --unit that are the battery's; all others, and the time, are the drive's.
-BATTERY_KINDS = ("time", "current", "voltage", "temperature")
 #: Column with the name of the ground under each sample.
 TERRAIN_COLUMN = "terrain"
 
@@ -142,19 +139,10 @@ class MissionReader(NamedTuple):
     ground: str  #: where the file does not name it
     battery: Battery  #: of the log
 
-    def of_kinds(self, of_battery: bool) -> ReadOptions:
-        """The options with those columns and units only that are the battery's, or the drive's; the time is both."""
-        pairs = (self.reading.columns, self.reading.units)
-        chosen = [
-            tuple((kind, name) for kind, name in of if kind == "time" or (kind in BATTERY_KINDS) == of_battery)
-            for of in pairs
-        ]
-        return replace(self.reading, columns=chosen[0], units=chosen[1])
-
     def read(self) -> tuple[Log, DriveLog | None, Ground]:
         """Logs of battery and wheels and the ground, from the file, which is read once."""
         file = open_table(split_selection(self.text)[0], self.reading.hints).read_once()
-        log = read_battery_log(self.text, self.of_kinds(of_battery=True), file=file, battery=self.battery)
+        log = read_battery_log(self.text, of_kinds(self.reading, of_battery=True), file=file, battery=self.battery)
         drive_of_log = self.read_wheels(file, log)
         if TERRAIN_COLUMN not in file.names:
             return log.with_notes(Note(f"the whole drive on {self.ground!r}")), drive_of_log, self.ground
@@ -167,7 +155,8 @@ class MissionReader(NamedTuple):
         if self.drive is None:
             return None
         try:
-            return self.drive._replace(reading=self.of_kinds(of_battery=False)).read(self.text, extra=(), file=file)
+            of_wheels = of_kinds(self.reading, of_battery=False)
+            return self.drive._replace(reading=of_wheels).read(self.text, extra=(), file=file)
         except InputError:
             if speed_column(self.reading) in log.extra:
                 return None
@@ -175,7 +164,7 @@ class MissionReader(NamedTuple):
 
     def read_ground(self, file: TableFile, log: Log) -> np.ndarray:
         """(T,) name of the ground under each sample, from a column of the file."""
-        battery = self.of_kinds(of_battery=True)
+        battery = of_kinds(self.reading, of_battery=True)
         time = find_columns(file.source, file.names, dict(battery.columns), dict(battery.units))["time"]
         rows = dict(battery.where) | split_selection(self.text)[1]
         beside = nanosecond_column(file.names, time.name), date_column(file, time.name)
