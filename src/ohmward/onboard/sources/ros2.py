@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -146,15 +146,13 @@ class Ros2Source(RosNetwork):
 
     def _body(self, layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
         """Yaw rate, acceleration and pitch of the robot from those of the unit, which may be mounted turned."""
-        attitude = [numbers[f"orientation.{axis}"] for axis in "xyzw"]
+        mounted = _rotation(*self.imu_rpy)
         if any(self.imu_rpy):
-            mounted = _rotation(*self.imu_rpy)
             for path in ("angular_velocity", "linear_acceleration"):
                 turned = mounted @ [numbers[f"{path}.{axis}"] for axis in "xyz"]
                 numbers |= {f"{path}.{axis}": float(value) for axis, value in zip("xyz", turned, strict=True)}
-            attitude = _mounted_attitude(attitude, self.imu_rpy)
         values = _of_table(types.IMU, numbers)
-        pitch_rad = pitch_of(*attitude)
+        pitch_rad = pitch_of(*(numbers[f"orientation.{axis}"] for axis in "xyzw"), nose=mounted[0])
         if numbers["orientation_covariance[0]"] != -1.0 and math.isfinite(pitch_rad):
             values["pitch_rad"] = pitch_rad
         return values
@@ -205,30 +203,6 @@ def _rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:
     )
 
 
-def _mounted_attitude(attitude: list[float], rpy: tuple[float, ...]) -> list[float]:
-    """Attitude of the robot from that of its unit, as quaternions x, y, z, w: q_robot = q_unit q_mounted^-1."""
-    half_roll, half_pitch, half_yaw = (0.5 * angle for angle in rpy)
-    turns = [(half_yaw, 2), (half_pitch, 1), (half_roll, 0)]
-    mounted = [0.0, 0.0, 0.0, 1.0]
-    for half, axis in turns:
-        turn = [0.0, 0.0, 0.0, math.cos(half)]
-        turn[axis] = math.sin(half)
-        mounted = _product(mounted, turn)
-    x, y, z, w = mounted
-    return _product(attitude, [-x, -y, -z, w])
-
-
-def _product(a: list[float], b: list[float]) -> list[float]:
-    """Product of two quaternions x, y, z, w."""
-    (ax, ay, az, aw), (bx, by, bz, bw) = a, b
-    return [
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    ]
-
-
 def wheel_of(joint: str) -> str:
     """The wheel of a joint by its name: `front_left_wheel_joint` turns `front_left`."""
     return "_".join(word for word in joint.split("_") if word not in _OF_JOINTS) or joint
@@ -253,17 +227,23 @@ def _battery(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
     return {signal: value for signal, value in values.items() if math.isfinite(value)}
 
 
-def pitch_of(x: float, y: float, z: float, w: float) -> float:
-    """Pitch [rad], > 0 with the nose up, from the quaternion of an attitude; nan where it is none.
+def pitch_of(x: float, y: float, z: float, w: float, nose: Sequence[float] = (1.0, 0.0, 0.0)) -> float:
+    """Pitch [rad], > 0 with the nose up, from the quaternion of an attitude of the unit; nan where it is none.
 
-    It is the angle between the x axis of the unit and the horizon, sin(pitch) = 2 (x z - w y): REP-103 counts a turn
-    about y, to the left, as positive where the nose goes down. The zero of a message that was never filled, and the
-    identity of one that was only initialised, are no attitudes; a filter never shows either to the last bit.
+    It is the angle between the robot's nose and the horizon; n is the direction of the nose in the frame of the unit:
+
+    sin(pitch) = 2 (x z - w y) n_x + 2 (y z + w x) n_y + (w^2 - x^2 - y^2 + z^2) n_z
+
+    REP-103 counts a turn about y, to the left, as positive where the nose goes down. The zero of a message that was
+    never filled, and the identity of one that was only initialised, are no attitudes; a filter never shows either to the
+    last bit.
     """
     norm = x * x + y * y + z * z + w * w
     if not abs(norm - 1.0) <= _UNIT or x == y == z == 0.0:
         return math.nan
-    return math.asin(min(max(2.0 * (x * z - w * y) / norm, -1.0), 1.0))
+    height = 2.0 * (x * z - w * y) * nose[0] + 2.0 * (y * z + w * x) * nose[1]
+    height += (w * w - x * x - y * y + z * z) * nose[2]
+    return math.asin(min(max(height / norm, -1.0), 1.0))
 
 
 def _speed(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
