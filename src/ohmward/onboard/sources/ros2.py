@@ -152,7 +152,8 @@ class Ros2Source(RosNetwork):
                 turned = mounted @ [numbers[f"{path}.{axis}"] for axis in "xyz"]
                 numbers |= {f"{path}.{axis}": float(value) for axis, value in zip("xyz", turned, strict=True)}
         values = _of_table(types.IMU, numbers)
-        pitch_rad = pitch_of(*(numbers[f"orientation.{axis}"] for axis in "xyzw"), nose=mounted[0])
+        x, y, z, w = (numbers[f"orientation.{axis}"] for axis in "xyzw")
+        pitch_rad = pitch_of(x, y, z, w, mounted[0].tolist())
         if numbers["orientation_covariance[0]"] != -1.0 and math.isfinite(pitch_rad):
             values["pitch_rad"] = pitch_rad
         return values
