@@ -236,8 +236,8 @@ def pitch_of(x: float, y: float, z: float, w: float, nose: Sequence[float] = (1.
     sin(pitch) = 2 (x z - w y) n_x + 2 (y z + w x) n_y + (w^2 - x^2 - y^2 + z^2) n_z
 
     REP-103 counts a turn about y, to the left, as positive where the nose goes down. The zero of a message that was
-    never filled, and the identity of one that was only initialised, are no attitudes; a filter never shows either to the
-    last bit.
+    never filled, and the identity of one that was only initialised, are no attitudes; a filter never shows either to
+    the last bit.
     """
     norm = x * x + y * y + z * z + w * w
     if not abs(norm - 1.0) <= _UNIT or x == y == z == 0.0:
