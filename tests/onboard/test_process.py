@@ -151,8 +151,9 @@ def test_a_battery_file_that_does_not_fit_is_named(battery, current_A, level):
         Message(30.0 * k, 100.0 + 30.0 * k, "script", {"battery_current_A": a, "battery_voltage_V": v})
         for k, (a, v) in enumerate(noise * [0.02, 0.002] + [current_A, 13.2])
     ]
-    collector = Collector()
-    run(Process(Estimation(battery), [Script(script)], [collector]), seconds=1.5)
+    collector, estimation = Collector(), Estimation(battery)
+    estimation.compile()
+    run(Process(estimation, [Script(script)], [collector]), seconds=1.5)
     (found,) = [d for d in collector.states[-1].diagnostics if d.name == "battery file"]
     assert found.level == level
 
