@@ -112,6 +112,8 @@ _TABLE = (
     ),
     Quantity("battery_full", "1 while the charger says that the battery is full, else 0", "battery", "1",
              ValueLimits(0.0, 1.0)),
+    Quantity("battery_changed", "1 when another battery was put in: the charge before does not count", "battery", "1",
+             ValueLimits(0.0, 1.0), estimated_from=False),
     Quantity("cell_voltage_V", "voltage of each cell", "cell", "V", ValueLimits(0.0, 20.0)),
     Quantity(
         "wheel_speed_rad_s", "speed of each wheel behind its gear, > 0 drives forward", "wheel", "rad/s",
@@ -156,11 +158,16 @@ _TABLE = (
              ValueLimits(-1e4, 1e4), words_of("compass", *each_with_each(_COMPASSES, "heading")), "rad or deg"),
     Quantity("heading_std_rad", "standard deviation of that heading", "body", "rad", ValueLimits(0.0, 3.2),
              words_of(*each_with_each("heading", "std sigma")), "rad or deg"),
+    Quantity("pose_reset", "1 when the pose is to begin again at its origin", "body", "1", ValueLimits(0.0, 1.0),
+             estimated_from=False),
     #: Of a microcontroller that estimates itself: passed on with the states, and not used.
     Quantity("estimate", "estimate of a microcontroller, by its own name", "estimate", estimated_from=False),
 )  # fmt: skip
 
 QUANTITIES = {quantity.name: quantity for quantity in _TABLE}
+
+#: Quantities that come when something happens: nobody misses them meanwhile.
+EVENTS = ("battery_full", "battery_changed", "pose_reset")
 
 #: Owners whose quantities make a log and a row of the store together.
 GROUPS = {"battery": ("battery", "cell"), "drive": ("wheel", "motor", "body")}

@@ -1,9 +1,14 @@
+from typing import Any
+
 import pytest
 
 from ohmward import InputError, generic_battery, save_battery
-from ohmward.onboard.assembly import assemble
+from ohmward.onboard.assembly import assemble, sinks_of
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Level
+from ohmward.onboard.sinks.mqtt import MqttSink
+from ohmward.onboard.sinks.page import PageSink
+from ohmward.onboard.sinks.server import InfluxSink
 from ohmward.onboard.sources.json_lines import JsonLinesSource
 
 FAULTS = {
@@ -46,3 +51,10 @@ def test_strict_refuses_it(tmp_path, name):
     sources, message = FAULTS[name]
     with pytest.raises(InputError, match=message):
         assemble(setup(tmp_path, sources, strict=True))
+
+
+def test_the_name_of_the_setup_is_that_of_the_robot_in_every_sink_that_has_none_of_its_own():
+    sinks = (PageSink(), MqttSink(), InfluxSink(url="http://h/write?db=r"), PageSink(robot="cart 2", name="other"))
+    found: list[Any] = [*sinks_of(Setup(name="cart", robot="rlma", sink=sinks))]
+    page, mqtt, influx, other = found
+    assert (page.robot, mqtt.topic, influx.robot, other.robot) == ("cart", "ohmward/cart", "cart", "cart 2")

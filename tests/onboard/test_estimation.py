@@ -179,3 +179,27 @@ def test_the_range_needs_battery_and_robot(battery):
     (state,) = estimation.put(1.0, {"battery_current_A": -1.0, "battery_voltage_V": 15.0})
     assert state.range.distance_m.p10 < state.range.distance_m.p50 < state.range.distance_m.p90
     assert Estimation(battery).range is None
+
+
+def test_another_battery_begins_with_its_first_voltage(battery):
+    """It was half empty, and another one, nearly full, is put in; an event that stays is one."""
+    estimation, alone = Estimation(battery), SocEstimator(battery)
+    for k in range(100):
+        estimation.put(0.1 * k, {"battery_current_A": -3.0, "battery_voltage_V": 14.4})
+    before = last([estimation.state]).battery.soc
+    for k in range(100, 110):
+        values = {"battery_changed": 1.0, "battery_current_A": 0.0, "battery_voltage_V": 16.5}
+        state = last(estimation.put(0.1 * k, values))
+        assert state.battery == alone.update(0.1 * k, 0.0, 16.5, math.nan)
+    assert state.battery.soc > before + 0.2
+
+
+def test_the_pose_begins_again_at_its_origin_when_asked_for():
+    estimation, found = Estimation(None, RLMA), []
+    for k in range(300):
+        values = dict.fromkeys((f"wheel_speed_rad_s.{place}" for place in PLACES), 4.0) | {"yaw_rate_rad_s": 0.0}
+        event = {"pose_reset": 1.0} if k == 200 else {"pose_reset": 0.0} if k == 201 else {}
+        found += estimation.put(0.01 * k, values | event)
+    x_m = [float(state.pose.x_m) for state in found if state.pose]
+    assert x_m[195] > 0.8 and x_m[205] < 0.1
+    assert x_m[-1] == pytest.approx(x_m[99], abs=0.02)

@@ -9,7 +9,7 @@ from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.ros import types
 from ohmward.onboard.sinks.foxglove import FoxgloveSink
-from onboard.ros.test_messages import driven
+from onboard.ros.test_messages import at, driven
 from onboard.servers import free_port
 
 pytest.importorskip("foxglove")
@@ -31,7 +31,7 @@ def test_a_viewer_gets_channels_and_messages():
     async def view() -> tuple[dict, bytes]:
         feed = Feed()
         serving = asyncio.create_task(sink.run(feed))
-        feed.put(driven()._replace(time_s=0.0))
+        feed.put(at(0.0, driven()))
         await asyncio.sleep(0.3)
         async with client.connect(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"]) as socket:
             channels: dict[str, dict] = {}
@@ -41,7 +41,7 @@ def test_a_viewer_gets_channels_and_messages():
             wanted = [{"id": 1, "channelId": channels["/battery_state"]["id"]}]
             await socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
             await asyncio.sleep(0.2)
-            feed.put(driven()._replace(time_s=10.0))
+            feed.put(at(10.0, driven()))
             while not isinstance(message := await asyncio.wait_for(socket.recv(), 5.0), bytes):
                 pass
         feed.end()

@@ -219,6 +219,10 @@ def test_settings_are_checked():
         ({"signals": {"battery_current_A": "robot/+/x"}}, "not the name of one topic"),
         ({"signals": SIGNALS, "username": "u", "password": "pa55 word"}, "says where the secret is, not the secret"),
         ({"signals": SIGNALS, "password": "MQTT"}, "password without username"),
+        (
+            {"signals": SIGNALS, "host": "10.0.0.7", "username": "u", "password": "MQTT"},
+            "for everybody on the way to read; write tls = true",
+        ),
         ({"signals": SIGNALS, "ca_file": "ca.pem"}, "write tls = true"),
         ({"signals": SIGNALS, "port": 0}, "port must be between 1 and 65535"),
     ]

@@ -22,7 +22,8 @@ from ohmward.onboard.page.dashboard import POINTS, ROWS, Dashboard
 from ohmward.onboard.page.metrics import metrics
 from ohmward.onboard.page.view import ELLIPSE_95, HISTORY, ellipse, largest, view
 from ohmward.onboard.robot_state import Level
-from ohmward.onboard.sinks.page import PageSink, is_loopback
+from ohmward.onboard.secrets import is_loopback
+from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.store.rows import RowMaker
 from ohmward.traction.robot.file import load_robot
 from onboard.page_server import TOKEN, drive, filled_dashboard, served

@@ -166,19 +166,20 @@ def moving(values, k):
     return {name: value + 1e-3 * (-1) ** k for name, value in values.items()}
 
 
-@pytest.mark.parametrize(
-    ("silent", "kept", "unknown"),
-    [
-        (PACK | WHEELS | CELLS, set(), {"battery", "range", "cells", "slip", "pose"}),
-        (PACK | CELLS, {"slip", "pose"}, {"battery", "range", "cells"}),
-        (CELLS, {"battery", "range", "slip", "pose"}, {"cells"}),
-        ({"battery_current_A": 0.0}, {"battery", "range", "cells", "slip", "pose"}, set()),
-        ({name: 0.0 for name in WHEELS if name != "yaw_rate_rad_s"}, {"battery", "range", "cells"}, {"slip", "pose"}),
-    ],
-)
+#: Estimates that each kind of silence ages: those with a band that grows, and those that are unknown at once.
+SILENCES = [
+    (PACK | WHEELS | CELLS, {"battery", "cells"}, {"slip", "pose"}),
+    (PACK | CELLS, {"battery", "cells"}, set()),
+    (CELLS, {"cells"}, set()),
+    ({"battery_current_A": 0.0}, set(), set()),
+    ({name: 0.0 for name in WHEELS if name != "yaw_rate_rad_s"}, set(), {"slip", "pose"}),
+]
+
+
+@pytest.mark.parametrize(("silent", "grown", "unknown"), SILENCES)
 @pytest.mark.parametrize("how", ["nothing", "no number"])
-def test_estimates_whose_sensors_tell_nothing_are_unknown_in_what_is_passed_on(battery, silent, kept, unknown, how):
-    """Ten samples a second: after more than a second of silence, or of nan, and not before."""
+def test_estimates_whose_sensors_tell_nothing_age_in_what_is_passed_on(battery, silent, grown, unknown, how):
+    """Ten samples a second: called silent after more than a second of silence, or of nan, and not before."""
     collector, process = Collector(), Process(Estimation(battery, load_robot("rlma")), [Script([])], [])
     process.add_sink(collector)
     values = PACK | WHEELS | CELLS
@@ -189,11 +190,21 @@ def test_estimates_whose_sensors_tell_nothing_are_unknown_in_what_is_passed_on(b
         process.put(Message(math.nan, 100.0 + 0.1 * k, "script", told | {"battery_temperature_degC": 20.0 + 0.1 * k}))
         process._pass_on(process.estimation.state._replace(time_s=100.0 + 0.1 * k))
         if k == 45:
-            assert all(getattr(process.state, name) is not None for name in kept | unknown)
-    assert {name for name in kept | unknown if getattr(process.state, name) is None} == unknown
-    if {"battery", "slip"} <= unknown:
-        assert process.state.battery_time_s == process.state.drive_time_s == process.state.cells_time_s
-        assert process.state.drive_time_s == pytest.approx(103.9)
+            assert process.state.silent == ()
+            assert None not in (process.state.battery, process.state.cells, process.state.slip, process.state.pose)
+    fresh, state = process.estimation.state, process.state
+    assert {name for name in ("battery", "cells", "slip", "pose") if getattr(state, name) is None} == unknown
+    stds = {"battery": lambda s: s.battery.soc_std, "cells": lambda s: s.cells.pack.soc_std}
+    assert {name for name, std in stds.items() if std(state) > std(fresh)} == grown
+    assert set(state.silent) == grown | ({"drive"} if unknown else set())
+    if "drive" in state.silent and "battery" in state.silent:
+        assert state.battery_time_s == state.drive_time_s == state.cells_time_s == pytest.approx(103.9)
+
+
+def silent_for(process, age_s):
+    """What is passed on so long after the last message."""
+    process._pass_on(process.estimation.state._replace(time_s=104.0 + age_s, sample={}))
+    return process.state
 
 
 def test_estimates_come_back_with_their_sensors(battery):
@@ -202,8 +213,9 @@ def test_estimates_come_back_with_their_sensors(battery):
         process.put(Message(math.nan, time_s, "script", moving(PACK, round(10 * time_s))))
         if time_s < 104.0:
             process._pass_on(process.estimation.state._replace(time_s=time_s + 6.0))
-            assert process.state.battery is None
-    assert process.state.battery is not None
+            assert process.state.silent == ("battery",)
+    assert process.state.silent == ()
+    assert process.state.battery == process.estimation.state.battery
 
 
 def test_every_sink_shows_a_dash_for_what_is_unknown(battery):
@@ -211,14 +223,13 @@ def test_every_sink_shows_a_dash_for_what_is_unknown(battery):
     process = Process(Estimation(battery, load_robot("rlma")), [Script([])], [])
     for k in range(40):
         process.put(Message(math.nan, 100.0 + 0.1 * k, "script", moving(PACK | WHEELS, k)))
-    shown = [process.state]
-    process._pass_on(process.estimation.state._replace(time_s=250.0, sample={}))
-    shown.append(process.state)
+    shown = [process.state, silent_for(process, 36_000.0)]
     known, unknown = (_shown(state, process) for state in shown)
     assert all(value is not None for value in known.values())
     assert unknown == dict.fromkeys(known)
-    assert "stale: no news from the sensors of the battery for 2 min and of the wheels for 2 min" in line_of(shown[1])
-    assert 'ohmward_drive_sample_age_seconds{robot="rover"} 146.1' in metrics({"name": "rover", **view(shown[1])})
+    sentence = "stale: no news from the sensors of the battery for 600 min and of the wheels for 600 min"
+    assert sentence in line_of(shown[1])
+    assert 'ohmward_drive_sample_age_seconds{robot="rover"} 36000.1' in metrics({"name": "rover", **view(shown[1])})
 
 
 def _shown(state, process):

@@ -66,6 +66,16 @@ def test_a_replay_begins_anew_and_leaves_the_state_of_the_robot_alone(setup, tmp
     assert (tmp_path / STATE / NAME).read_text() == "of the robot"
 
 
+def test_a_replay_has_the_dates_and_the_cells_of_its_log(setup, tmp_path):
+    rows = [f"2024-05-01T10:00:{k:02d}Z,-2.{k},13.2,3.3,3.31,3.29,3.3" for k in range(20)]
+    path = tmp_path / "dated.csv"
+    path.write_text("\n".join(["time,current_A,voltage_V,cell_1_V,cell_2_V,cell_3_V,cell_4_V", *rows]) + "\n")
+    found = states(replace(setup, source=(replace(setup.source[0], path=str(path)),)), tmp_path)
+    assert [state["battery_unix_s"] for state in found[-2:]] == [1714557618.0, 1714557619.0]
+    assert found[-1]["unix_s"] == pytest.approx(1714557619.0)
+    assert len(found[-1]["cells"]["cells"]["soc"]) == 4
+
+
 def test_a_replay_with_a_state_of_its_own_goes_on(setup, tmp_path):
     named = replace(setup, state="replayed")
     first, second = states(named, tmp_path), states(named, tmp_path)

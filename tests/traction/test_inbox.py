@@ -185,3 +185,17 @@ def test_a_count_at_the_stamp_of_the_one_before_is_not_lost():
         found += inbox.take()
     speeds = [s["wheel_speed_rad_s"][0] for s in [*found, *inbox.flush()]]
     assert_allclose([speed for speed in speeds if math.isfinite(speed)], 2 * math.pi, rtol=1e-9)
+
+
+@pytest.mark.parametrize("behind_s", [0.0, 0.004, 0.03])
+def test_wheels_behind_the_gyro_make_samples_of_their_own_time_each(behind_s):
+    """Wheels at 50 Hz arrive with the gyro at 200 Hz, with stamps that are older."""
+    inbox, times = SensorInbox(RLMA, delay_s=0.0, prompt=True), []
+    for k in range(400):
+        now_s = 10.0 + 0.005 * k
+        inbox.put(now_s, yaw_rate_rad_s=0.1)
+        if k % 4 == 0:
+            inbox.put(now_s - behind_s, wheel_speed_rad_s=[1.0 + 1e-3 * k] * 4)
+        times += [sample["time_s"] for sample in inbox.take() if np.isfinite(sample["wheel_speed_rad_s"]).all()]
+    assert_allclose(times[-90:], 10.0 - behind_s + 0.02 * np.arange(100)[-90:], atol=1e-9)
+    assert inbox.left_out <= (behind_s > 0.0)

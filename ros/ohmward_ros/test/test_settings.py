@@ -1,9 +1,11 @@
 """The parameters make a setup; the node itself needs ROS, its process does not."""
 
+import ast
 from pathlib import Path
 
 import pytest
-from ohmward_ros.settings import DEFAULTS, setup_of
+from ohmward_ros.parameters import PARAMETERS
+from ohmward_ros.settings import setup_of
 
 from ohmward.errors import InputError
 from ohmward.onboard.part import is_live
@@ -12,18 +14,11 @@ CONFIG = Path(__file__).parents[1] / "config" / "ohmward.yaml"
 
 
 def test_parameters_become_source_and_sink():
-    setup = setup_of({"robot": "rlma", "imu": "", "odometry": "odom"}, "/robot1")
+    setup = setup_of({"robot": "rlma", "imu": "", "odometry": "odom"}, "ohmward", "/robot1")
     (source,), (sink,) = setup.source, setup.sink
     assert (setup.robot, setup.battery) == ("rlma", None)
     assert (source.joint_states, source.imu, source.namespace) == ("joint_states", "", "/robot1")
     assert (sink.odometry, sink.twist, sink.transport) == ("odom", "ohmward/twist", "rclpy")
-
-
-@pytest.mark.parametrize(("bagfile", "live"), [("", True), ("run.mcap", False)])
-def test_nothing_is_kept_of_a_bag(bagfile, live):
-    setup = setup_of({"robot": "rlma", "bagfile": bagfile})
-    assert setup.state is None
-    assert [is_live(source) for source in setup.source] == [live]
 
 
 def test_without_battery_and_robot_there_is_nothing_to_estimate():
@@ -39,8 +34,35 @@ def test_a_setup_keeps_its_own_sources_and_sinks(tmp_path):
     assert [type(part).__name__ for part in setup.sink] == ["JsonLinesSink", "Ros2Sink"]
 
 
-def test_the_file_of_parameters_has_each_with_its_default():
-    lines = [line.strip() for line in CONFIG.read_text().splitlines() if ': "' in line and "#" not in line]
-    found = {name: value.strip('"') for name, _, value in (line.partition(": ") for line in lines)}
-    files = dict.fromkeys(("battery", "robot", "setup", "bagfile"), "")  # the launch file gives them
-    assert found | files == DEFAULTS
+def test_what_the_file_of_parameters_sets_is_a_parameter_with_its_default():
+    given = CONFIG.read_text(encoding="utf-8").split("ros__parameters:")[1].splitlines()
+    lines = [line.strip() for line in given if line.strip() and not line.strip().startswith("#")]
+    found = {name: ast.literal_eval(value.replace("false", "False")) for name, value in (x.split(": ") for x in lines)}
+    assert found == {name: PARAMETERS[name][0] for name in found}
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"), [({}, True), ({"use_sim_time": True}, False), ({"bagfile": "run.mcap"}, False)]
+)
+def test_the_state_lies_in_a_folder_of_the_node_and_nowhere_in_a_simulation(monkeypatch, given, kept):
+    monkeypatch.setenv("ROS_HOME", "/ros")
+    setups = [setup_of({"robot": "rlma"} | given, "energy", space) for space in ("/r1", "/r2")]
+    assert [is_live(source) for setup in setups for source in setup.source] == [kept] * 2
+    folders = [f"/ros/ohmward/{space}/energy" if kept else None for space in ("r1", "r2")]
+    assert [setup.state for setup in setups] == folders
+
+
+def test_joints_mounting_and_home_are_read(monkeypatch):
+    monkeypatch.setenv("HOME", "/home/robot")
+    setup = setup_of(
+        {"robot": "rlma", "joints": ["front_left=fl", "front_right=fr"], "imu_rpy": [0.0, 0.1, 0.2], "state": "~/kept"}
+    )
+    (source,) = setup.source
+    assert (source.joints, source.imu_rpy) == ({"front_left": "fl", "front_right": "fr"}, (0.0, 0.1, 0.2))
+    assert setup.state == "/home/robot/kept"
+
+
+@pytest.mark.parametrize("entry", ["left", "=axle", "left="])
+def test_a_joint_without_its_wheel_is_named(entry):
+    with pytest.raises(InputError, match=f'joints must be entries like "left=wheel_left_joint", got .{entry}'):
+        setup_of({"robot": "rlma", "joints": [entry]})

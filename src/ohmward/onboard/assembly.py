@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ohmward.battery.file import load_battery
 from ohmward.energy.consumption_file import load_consumption
@@ -16,6 +17,7 @@ from ohmward.onboard.part import LOG, is_live
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
+from ohmward.onboard.ros.one_node import on_one_node
 from ohmward.onboard.signal_faults import NOT_COUNTED, doubled
 from ohmward.onboard.sinks import AnySink
 from ohmward.onboard.sinks.page import PageSink
@@ -29,8 +31,10 @@ from ohmward.traction.robot.robot import Robot
 STATE = "ohmward-state"
 
 
-def assemble(setup: Setup) -> Process:
+def assemble(setup: Setup, ros_node: Any = None) -> Process:
     """The process of a setup, ready to run.
+
+    ros_node: of rclpy that there is already, for all sources and sinks of ROS.
 
     Raises:
         InputError: a file that cannot be read; a control of a simulated robot that there is not.
@@ -39,7 +43,7 @@ def assemble(setup: Setup) -> Process:
     folder = state_folder(setup)
     estimation = estimation_of(setup, folder)
     sources, sinks = connect_simulated_drives(replays_in_step(setup.source), sinks_of(setup))
-    process = Process(estimation, sources, sinks, strict=setup.strict)
+    process = Process(estimation, *on_one_node(sources, sinks, ros_node), strict=setup.strict)
     if folder:
         folder.begin(estimation)
         process.companions.append(("snapshots", folder.writer(estimation, process.now_s)))
@@ -65,12 +69,19 @@ def state_folder(setup: Setup) -> StateFolder | None:
 
 
 def sinks_of(setup: Setup) -> list[AnySink]:
-    """The sinks of a setup; a page without a store shows the history of the one beside it."""
+    """The sinks of a setup, with its name; a page without a store shows the history of the one beside it."""
     folder = next((sink.folder for sink in setup.sink if isinstance(sink, StoreSink)), None)
     return [
         replace(sink, store=folder) if isinstance(sink, PageSink) and sink.store is None else sink
-        for sink in setup.sink
+        for sink in (_named(sink, setup.name) for sink in setup.sink)
     ]
+
+
+def _named(sink: AnySink, name: str) -> AnySink:
+    """The sink with the robot's name, where its own settings give none."""
+    usual = {"robot": ("robot", name), "topic": ("ohmward/robot", f"ohmward/{name}")}
+    changed: dict[str, Any] = {k: own for k, (default, own) in usual.items() if getattr(sink, k, "") == default}
+    return replace(sink, **changed)
 
 
 def wiring_faults(setup: Setup, robot: Robot | None) -> Iterator[tuple[str, str]]:

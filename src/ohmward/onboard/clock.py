@@ -17,6 +17,9 @@ LEAP_S = 1.0
 #: less than `LEAP_S`, and a link that has become slower for good, are followed after it.
 DELAY_WINDOW_S = 30.0
 
+#: MessageDates of so many messages are remembered: those of the samples that still wait for others.
+_DATES = 4096
+
 
 class SystemClock:
     """The clocks of this machine."""
@@ -37,12 +40,15 @@ class SourceClock:
     between both clocks is the smallest difference of receipt and stamp of late. A stamp that leaps back or ahead of its
     receipt begins anew; one that is merely late, in a burst after a silence of the link, does not.
 
+    Args:
+        window_s: the smallest difference of so long counts; inf where both clocks are one, as in a simulation.
+
     Attributes:
         steps: number of times that the source's clock was set.
     """
 
-    def __init__(self) -> None:
-        self.steps = 0
+    def __init__(self, window_s: float = DELAY_WINDOW_S) -> None:
+        self.window_s, self.steps = window_s, 0
         self._least_s = self._least_before_s = math.inf
         self._window_s = self._stamp_s = math.nan
 
@@ -56,9 +62,28 @@ class SourceClock:
             self.steps += not math.isnan(self._stamp_s)
             self._least_s = self._least_before_s = math.inf
             self._window_s = received_s
-        elif received_s - self._window_s > DELAY_WINDOW_S / 2:
+        elif received_s - self._window_s > self.window_s / 2:
             self._least_before_s, self._least_s = self._least_s, math.inf
             self._window_s = received_s
         self._stamp_s = stamp_s
         self._least_s = min(self._least_s, offset_s)
         return stamp_s + min(self._least_s, self._least_before_s)
+
+
+class MessageDates:
+    """MessageDates of recent messages, by their times on our clock: those that their sources gave."""
+
+    def __init__(self) -> None:
+        self._dates: dict[float, float] = {}
+
+    def put(self, time_s: float, date_s: float) -> None:
+        """Remember a message's; one without a date is none."""
+        if not math.isfinite(date_s):
+            return
+        self._dates[time_s] = date_s
+        if len(self._dates) > _DATES:
+            del self._dates[next(iter(self._dates))]
+
+    def at(self, time_s: float, otherwise_s: float) -> float:
+        """Date of the message that was measured at this time; another one where there is none."""
+        return self._dates.get(time_s, otherwise_s)

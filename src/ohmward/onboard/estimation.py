@@ -44,6 +44,8 @@ LONGEST_S = 1.0
 
 CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "battery_temperature_degC"
 FULL, CELL = "battery_full", "cell_voltage_V"
+#: Events that somebody at the robot tells of.
+CHANGED, RESET = "battery_changed", "pose_reset"
 
 #: What the odometry takes of a sample of the drive, beside the speed observer's estimate.
 ODOMETRY_SIGNALS = {"time_s", *OdometrySample._fields}
@@ -76,6 +78,7 @@ class Estimation:
         counts_per_turn: float | None = None,
         days: float = 0.0,
     ):
+        self._settings = battery, robot, consumption, delay_s, counts_per_turn, days
         self.battery, self.robot = battery, robot
         self.soc = SocEstimator(battery) if battery else None
         self.cells: PackEstimator | None = None
@@ -103,7 +106,12 @@ class Estimation:
         self._cell_names = tuple(f"{CELL}.{k}" for k in range(int(battery.n_series))) if battery else ()
         self._cell_inbox = MeanInbox((CURRENT, *self._cell_names))
         self._measured_s = -math.inf
+        self._events: frozenset[str] = frozenset()
         self._full_s, self._full_pending = -math.inf, False
+
+    def restart(self) -> None:
+        """Forget every sample, as where a simulation was reset or a bag begins again."""
+        vars(self).update(vars(Estimation(*self._settings)))
 
     def compile(self, from_disk: bool = False) -> None:
         """Compile what the first samples would wait for, on copies; takes a second or two.
@@ -145,6 +153,7 @@ class Estimation:
         values: signal -> value, nan where it was not measured.
         """
         states: list[RobotState] = []
+        self._take_events(values)
         parts = self._sorter.parts(values)
         for group, signals in parts.beside.items():
             measured = {name: values[signal] for signal, name in signals.items() if math.isfinite(values[signal])}
@@ -157,6 +166,27 @@ class Estimation:
         if parts.reported:
             states.append(self._after(time_s, {name: values[name] for name in parts.reported}))
         return states
+
+    def _take_events(self, values: Mapping[str, float]) -> None:
+        """Begin the charge of another battery, or the pose, where somebody has said so; once until it is taken back."""
+        for event, act in ((CHANGED, self._change_battery), (RESET, self._reset_pose)):
+            if event in values:
+                happened = values[event] >= 0.5
+                if happened and event not in self._events:
+                    act()
+                self._events = self._events | {event} if happened else self._events - {event}
+
+    def _change_battery(self) -> None:
+        """Another battery of the same kind is in: its charge and its cells begin with the next voltage."""
+        if self.battery and self.soc:
+            self.soc, self.cells, self.last_charge = SocEstimator(self.battery), None, None
+            self._battery_inbox, self._full_s, self._full_pending = MeanInbox((CURRENT, VOLTAGE)), -math.inf, False
+            self.state = self.state._replace(battery=None, cells=None, range=None)
+
+    def _reset_pose(self) -> None:
+        if self.robot:
+            self.odometry = Odometry(self.robot)
+            self.state = self.state._replace(pose=None)
 
     def flush(self) -> list[RobotState]:
         """States after what still waits for other messages, at the end."""

@@ -1,4 +1,4 @@
-"""Feed of a sink: states of the robot in order, bounded, at no more than the sink's own rate."""
+"""Feed of a sink: states of the robot in order, bounded, at no more than the sink's own rate on average."""
 
 from __future__ import annotations
 
@@ -6,17 +6,47 @@ import asyncio
 import math
 from collections import deque
 
+from ohmward.onboard.clock import LEAP_S
 from ohmward.onboard.robot_state import RobotState
 
 #: A sink that is away for longer than so many states loses the oldest ones; the feed counts them.
 LONGEST_FEED = 10_000
 
 
+class Rate:
+    """Limit of a rate that passes everything up to it: what is due does not depend on when the last one came.
+
+    Of those about a due time the nearest passes, so that samples at the very rate all do; one with an earlier time than
+    others before it is late, not due again.
+
+    Args:
+        interval_s: least time between two on average, >= 0; 0 passes all.
+    """
+
+    def __init__(self, interval_s: float):
+        self.interval_s = interval_s
+        self._due_s = self._newest_s = -math.inf
+
+    def passes(self, time_s: float) -> bool:
+        """True where one is due; a clock that was set back begins again."""
+        if self.interval_s == 0.0:
+            return True
+        if time_s < self._newest_s - max(LEAP_S, self.interval_s):
+            self._due_s = self._newest_s = -math.inf
+        spacing_s = max(time_s - self._newest_s, 0.0)
+        self._newest_s = max(self._newest_s, time_s)
+        if self._newest_s < self._due_s - 0.5 * min(spacing_s, self.interval_s):
+            return False
+        missed = self._newest_s > self._due_s + self.interval_s
+        self._due_s = (self._newest_s if missed else self._due_s) + self.interval_s
+        return True
+
+
 class Feed:
     """States for one sink, which waits for them: `async for state in feed`.
 
     Args:
-        interval_s: least time between two states, >= 0; 0 gives every one.
+        interval_s: least time between two states, on average, >= 0; 0 gives every one.
         longest: number of states that wait at most.
 
     Attributes:
@@ -26,21 +56,20 @@ class Feed:
     """
 
     def __init__(self, interval_s: float = 0.0, longest: int = LONGEST_FEED):
-        self.interval_s, self.lost = interval_s, 0
+        self.lost = 0
+        self._rate = Rate(interval_s)
         self._waiting: deque[RobotState] = deque(maxlen=longest)
         self._something = asyncio.Event()
-        self._last_s = -math.inf
         self._measured: dict[str, float] = {}
         self.ended, self.trouble = False, ""
 
     def put(self, state: RobotState) -> None:
-        """Add a state, unless the last one is too recent; what was measured then goes with the next one."""
-        if self.interval_s:
+        """Add a state, unless none is due; what was measured then goes with the next one."""
+        if self._rate.interval_s:
             self._measured |= state.sample
-            if 0.0 <= state.time_s - self._last_s < self.interval_s:
+            if not self._rate.passes(state.time_s):
                 return
             state, self._measured = state._replace(sample=self._measured), {}
-        self._last_s = state.time_s
         self.lost += len(self._waiting) == self._waiting.maxlen
         self._waiting.append(state)
         self._something.set()

@@ -20,6 +20,12 @@ class Message(NamedTuple):
     source: str  #: name of the source
     #: signal -> value in the unit of its name; nan and signals that are left out were not measured
     values: Mapping[str, float]
+    publisher: str = ""  #: whose clock the stamp is of, where a source hears several
+    #: date of the measurement, seconds since 1970, by the robot's own calendar: that of ROS, of a log; nan where the
+    #: wall clock of this machine counts
+    date_s: float = math.nan
+    #: its receipt is the time of a simulation now, which stands still until the next such message
+    sets_time: bool = False
 
 
 #: Takes a message in; returns at once and never raises. The queue behind it is bounded.

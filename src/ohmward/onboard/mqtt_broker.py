@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.handover import Handover
-from ohmward.onboard.secrets import check_secret_name, secret
+from ohmward.onboard.secrets import check_secret_name, is_loopback, secret
 from ohmward.optional import require
 
 #: A broker that has not answered for so long is away; it hears from us twice as often.
@@ -61,6 +61,11 @@ class MqttBroker:
             check_secret_name("password", self.password)
             if self.username is None:
                 raise InputError("password without username; give both")
+            if not self.tls and not is_loopback(self.host):
+                raise InputError(
+                    f"the password would go to {self.host} for everybody on the way to read; write tls = true "
+                    "(port 8883), or leave username and password out"
+                )
         if self.ca_file and not self.tls:
             raise InputError("ca_file without TLS; write tls = true")
 

@@ -70,6 +70,11 @@ def is_live(source: Source) -> bool:
     return getattr(source, "live", True)
 
 
+def feed_interval_s(sink: Sink) -> float:
+    """Least time between two states of the feed of a sink; 0 for one that limits its messages itself: `takes_all`."""
+    return 0.0 if getattr(sink, "takes_all", False) else sink.interval_s
+
+
 class EndedError(OhmwardError):
     """A source has come to its end, as a log does: it does not begin again."""
 

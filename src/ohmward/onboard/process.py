@@ -17,12 +17,13 @@ from typing import Any
 from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
-from ohmward.onboard.clock import SourceClock, SystemClock
+from ohmward.onboard.clock import DELAY_WINDOW_S, LEAP_S, MessageDates, SourceClock, SystemClock
 from ohmward.onboard.estimation import Estimation
+from ohmward.onboard.evidence import AgeingModel
 from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
-from ohmward.onboard.part import LOG, EndedError, Sink, Source, is_live, keep_running
+from ohmward.onboard.part import LOG, EndedError, Sink, Source, feed_interval_s, is_live, keep_running
 from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.sensor_watch import SensorWatch
 
@@ -69,7 +70,7 @@ class Process:
         companions: what else runs; each begins again as sources do, and is cancelled at the end.
 
     Attributes:
-        state: that was passed on last, with no estimate whose sensors are silent.
+        state: that was passed on last, with bands as of its time.
         faults: messages of a source in a row that the estimators failed at, for a fault of their own.
         stopping: set once somebody stops it.
     """
@@ -86,16 +87,15 @@ class Process:
         self.estimation, self.sources, self.strict = estimation, sources, strict
         self.clock = clock or SystemClock()
         self.companions = list(companions)
-        self.sinks = [(sink, Feed(sink.interval_s)) for sink in sinks]
+        self.sinks = [(sink, Feed(feed_interval_s(sink))) for sink in sinks]
         self.diagnostics: dict[str, Diagnostic] = {}
         self._logged: dict[str, tuple[Level, str]] = {}
-        self._clocks = {source.name: SourceClock() for source in sources}
         self._own = {source.name for source in sources if not is_live(source)}
-        promised = {source.name: getattr(source, "signals", ()) for source in sources if source.name not in self._own}
-        self.watch = SensorWatch(estimation.battery, estimation.robot, promised)
+        self._restart()
+        self._ageing = AgeingModel(estimation.battery, estimation.robot)
         self.state = estimation.state
         self._reported: tuple[Diagnostic, ...] = ()
-        self._ahead_s = 0.0
+        self._late = 0
         self._passed_s = self.clock.now_s()
         self._began_s = math.inf
         self.faults: Counter[str] = Counter()
@@ -141,11 +141,20 @@ class Process:
 
     def now_s(self) -> float:
         """Time on the clock of the states: that of the machine, or of a replay or simulation at another rate."""
-        return self.clock.now_s() + self._ahead_s
+        return self.clock.now_s() + self._ahead_s if math.isnan(self._simulated_s) else self._simulated_s
+
+    def _restart(self) -> None:
+        """Forget all times: at the start, and where a simulation or a bag begins again."""
+        self._clocks: dict[tuple[str, str], SourceClock] = {}
+        self._dates = MessageDates()
+        self._ahead_s, self._received_s, self._simulated_s = 0.0, -math.inf, math.nan
+        self._calendar_s = math.nan
+        promised = {s.name: getattr(s, "signals", ()) for s in self.sources if s.name not in self._own}
+        self.watch = SensorWatch(self.estimation.battery, self.estimation.robot, promised)
 
     def add_sink(self, sink: Sink) -> None:
         """Add a sink before the process runs."""
-        self.sinks.append((sink, Feed(sink.interval_s)))
+        self.sinks.append((sink, Feed(feed_interval_s(sink))))
 
     def stop(self) -> None:
         """End the sources; sinks deliver what waits, and `run` returns. Asked for again, it waits for no sink."""
@@ -173,11 +182,25 @@ class Process:
 
     def _watched(self, message: Message) -> tuple[float, dict[str, float]]:
         """Time of a message on our clock, and those of its values that can be true."""
-        clock = self._clocks[message.source]
+        own = message.source in self._own
+        if own and message.received_s < self._received_s - LEAP_S:
+            LOG.warning("source %s: its time went back; everything begins again", message.source)
+            self.estimation.restart()
+            self._restart()
         ahead_s = message.received_s - self.clock.now_s()
-        self._ahead_s = ahead_s if message.source in self._own else max(self._ahead_s, ahead_s)
+        self._ahead_s = ahead_s if own else max(self._ahead_s, ahead_s)
+        if own:
+            self._received_s = message.received_s
+        if message.sets_time:
+            self._simulated_s = message.received_s
+        publisher = message.source, message.publisher
+        if (clock := self._clocks.get(publisher)) is None:
+            clock = self._clocks[publisher] = SourceClock(math.inf if own else DELAY_WINDOW_S)
         steps = clock.steps
         time_s = clock.to_ours(message.stamp_s, message.received_s)
+        self._dates.put(time_s, message.date_s)
+        if own:
+            self._calendar_s = message.date_s - time_s
         values = self.watch.take(message.source, time_s, message.received_s, message.values)
         if clock.steps > steps:
             self.watch.clock_was_set(message.source, message.received_s)
@@ -238,6 +261,9 @@ class Process:
                 self.tell(diagnostic)
             for sink, feed in self.sinks:
                 self.tell(_delivery(sink.name, feed))
+            if inbox := self.estimation.inbox:
+                self._late, late = inbox.left_out, inbox.left_out - self._late
+                self.tell(_lateness(late, inbox.left_out))
             if charge := self.estimation.state.battery:
                 self.tell(_fit(charge))
             if self.clock.now_s() - self._passed_s > IDLE_S:
@@ -251,7 +277,7 @@ class Process:
             charge = self.estimation.state.battery
             if charge is None or (compute := self.estimation.forecast()) is None:
                 continue
-            due = self.now_s() - made_s > wait_s
+            due = not 0.0 <= self.now_s() - made_s <= wait_s
             reach = self.estimation.state.range
             first_known = assumed and reach is not None and not reach.assumed
             if due or first_known or abs(charge.soc - soc) > FORECAST_SOC:
@@ -263,8 +289,16 @@ class Process:
         self._passed_s = self.clock.now_s()
         behind_s = max(-self._ahead_s, 0.0)  # a simulation that is too slow shows what it simulates now
         unix_s = self.clock.unix_s() - (self._passed_s - behind_s - state.time_s)
+        if math.isfinite(self._calendar_s):
+            unix_s = state.time_s + self._calendar_s
         self._reported = self._reported or tuple(self.diagnostics.values())
-        self.state = self.watch.supported(state)._replace(unix_s=unix_s, diagnostics=self._reported)
+        aged = self._ageing.aged(state, self.watch.ages(state.time_s), self.estimation.last_current_A)
+        self.state = aged._replace(
+            unix_s=unix_s,
+            battery_unix_s=self._dates.at(state.battery_time_s, unix_s - (state.time_s - state.battery_time_s)),
+            drive_unix_s=self._dates.at(state.drive_time_s, unix_s - (state.time_s - state.drive_time_s)),
+            diagnostics=self._reported,
+        )
         for _, feed in self.sinks:
             feed.put(self.state)
 
@@ -272,6 +306,14 @@ class Process:
 def _level_and_text(diagnostic: Diagnostic) -> tuple[Level, str]:
     """Level and sentence of a condition, without its figures."""
     return diagnostic.level, diagnostic.message
+
+
+def _lateness(late: int, left_out: int) -> Diagnostic:
+    """Condition of the order of messages about the drive; late: since the look before, left_out: since the start."""
+    if not late:
+        return Diagnostic("order of messages", Level.OK, "in time", {"left_out": float(left_out)})
+    message = "come later than others of a later time and are left out; raise delay_s, or look at their link"
+    return Diagnostic("order of messages", Level.WARN, message, {"left_out": float(left_out)})
 
 
 def _delivery(name: str, feed: Feed) -> Diagnostic:

@@ -32,22 +32,11 @@ class Diagnostic(NamedTuple):
     values: Mapping[str, str | float] = {}  #: figures beside it
 
 
-#: Quantities without any of which nothing is known of the battery.
-OF_CHARGE = frozenset({"battery_current_A", "battery_voltage_V", "cell_voltage_V"})
-
-#: Estimates of a state, and the quantities that are their evidence: without any of them lately they are guesses.
-EVIDENCE: dict[tuple[str, ...], frozenset[str]] = {
-    ("battery", "range"): OF_CHARGE,
-    ("cells",): frozenset({"cell_voltage_V"}),
-    ("slip", "pose"): frozenset({"wheel_speed_rad_s", "wheel_counts", "speed_m_s"}),
-}
-
-
 class RobotState(NamedTuple):
     """Everything that is known at an instant. What is not estimated, or not yet, is None."""
 
     time_s: float  #: of the sample, on the monotonic clock of the process
-    unix_s: float  #: the same on the wall clock
+    unix_s: float  #: the same as a date, seconds since 1970
     sample: Mapping[str, float] = {}  #: measured values that made this state, by signal
     #: charge; cells: of the pack; slip: speed and slip; pose: odometry; range: how far the rest reaches
     battery: SocEstimate | None = None
@@ -58,23 +47,31 @@ class RobotState(NamedTuple):
     range: RangeEstimate | None = None
     diagnostics: tuple[Diagnostic, ...] = ()  #: conditions of sensors, sources, sinks and estimates, the latest of each
     #: of the samples behind the estimates of battery, drive and cells, nan before the first. While no sensor reports,
-    #: states with new diagnostics go on, and these stand still; estimates whose sensors are silent are None
-    #: (`SensorWatch.supported`).
+    #: states with new diagnostics go on, and these stand still; bands grow meanwhile, see `evidence`.
     battery_time_s: float = math.nan
     drive_time_s: float = math.nan
     cells_time_s: float = math.nan
+    #: the first two as dates that the source gave, as ROS and dated logs do; nan where the wall clock counts: `date_s`
+    battery_unix_s: float = math.nan
+    drive_unix_s: float = math.nan
+    silent: tuple[str, ...] = ()  #: "battery", "cells" and "drive", of those whose sensors are all silent
     wheels: tuple[str, ...] = ()  #: names of the driven wheels of the robot file, in the order of the arrays of `slip`
+
+    def date_s(self, group: str) -> float:
+        """Date of the sample behind the estimates of the "battery" or of the "drive", seconds since 1970."""
+        time_s, given_s = getattr(self, f"{group}_time_s"), getattr(self, f"{group}_unix_s")
+        return given_s if math.isfinite(given_s) else self.unix_s - (self.time_s - time_s)
 
 
 def stale(state: RobotState) -> str:
-    """Sentence about the estimates whose sensors are silent; "" where every one that was made stands."""
+    """Sentence about the sensors that are silent; "" where every estimate has some that report."""
     missing = [
         part if state.time_s - time_s < 60.0 else f"{part} for {(state.time_s - time_s) / 60.0:.0f} min"
-        for part, estimate, time_s in (
-            ("battery", state.battery, state.battery_time_s),
-            ("wheels", state.slip, state.drive_time_s),
+        for name, part, time_s in (
+            ("battery", "battery", state.battery_time_s),
+            ("drive", "wheels", state.drive_time_s),
         )
-        if estimate is None and math.isfinite(time_s)
+        if name in state.silent and math.isfinite(time_s)
     ]
     if missing:
         return f"stale: no news from the sensors of the {' and of the '.join(missing)}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import os
 import stat
 from pathlib import Path
@@ -49,3 +50,11 @@ def secret(key: str, where: str) -> str:
     if not found:
         raise InputError(f"{key}: {path} is empty; write the secret into it")
     return found
+
+
+def is_loopback(host: str) -> bool:
+    """True where only this machine can reach a host."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

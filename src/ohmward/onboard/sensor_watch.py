@@ -11,20 +11,23 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
+from ohmward.onboard.evidence import EVIDENCE, Age
 from ohmward.onboard.message_parts import no_such_part
-from ohmward.onboard.robot_state import EVIDENCE, Diagnostic, Level, RobotState
+from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.signal_faults import doubled, implausible, missing, no_number
-from ohmward.quantities import limits_of, quantity_of
+from ohmward.quantities import EVENTS, limits_of, quantity_of
 from ohmward.traction.motion_check import MotionCheck
 from ohmward.traction.robot.robot import Robot
 
 #: A sensor is silent after so many of its usual intervals without a value, and after no less than the time.
 SILENT_INTERVALS, SILENT_S = 5.0, 1.0
+
+#: A value is overdue after so many of its usual intervals, and after no less than the time.
+DUE_INTERVALS, DUE_S = 2.0, 0.25
 
 #: A value is the same for so many samples and for so long before it may be called stuck.
 SAME_SAMPLES, SAME_S = 20, 1.0
@@ -106,14 +109,19 @@ class WatchedSensor:
 
     @property
     def silent_after_s(self) -> float:
-        """Time without a value after which it is silent; never for one that has come once, as an event does."""
-        if self.interval_s == 0.0:
+        """Time without a value after which it is silent; never for an event, or one that has come once."""
+        if self.interval_s == 0.0 or self.signal in EVENTS:
             return math.inf
         return max(SILENT_INTERVALS * self.interval_s, SILENT_S)
 
     def is_silent(self, now_s: float) -> bool:
         """True where no value has come for long; those of a slow link come late, but they come."""
         return now_s - self.received_s > self.silent_after_s
+
+    def is_due(self, now_s: float) -> bool:
+        """True where its last value that may be true is no older than one that works leaves between two at times."""
+        wait_s = max(DUE_INTERVALS * self.interval_s, DUE_S) if self.interval_s else PROMISED_S
+        return now_s - self.true_s <= wait_s
 
     def has_reported(self, now_s: float) -> bool:
         """True where its last value that may be true came no longer ago than a sensor that works may be silent."""
@@ -194,15 +202,16 @@ class SensorWatch:
         self.sources = {name: Delivery(frozenset(signals)) for name, signals in self.promised.items()}
         self._motion = MotionCheck(self.robot) if self.robot else None
         self._left_out = ""
-        self._evidence: dict[tuple[str, ...], list[WatchedSensor]] = {names: [] for names in EVIDENCE}
+        self._evidence: dict[str, list[WatchedSensor]] = {name: [] for name in EVIDENCE}
 
-    def supported(self, state: RobotState) -> RobotState:
-        """The state with None for the estimates whose sensors are all silent, or tell nothing true, at its time."""
-        unknown: dict[str, Any] = {}
-        for names, sensors in self._evidence.items():
-            if not any(sensor.has_reported(state.time_s) for sensor in sensors):
-                unknown |= dict.fromkeys(names)
-        return state._replace(**unknown)
+    def ages(self, now_s: float) -> dict[str, Age]:
+        """Evidence of estimates, by name, that is overdue: none of its sensors tells anything true any more."""
+        found = {}
+        for name, sensors in self._evidence.items():
+            if sensors and not any(sensor.is_due(now_s) for sensor in sensors):
+                age_s = min(now_s - sensor.true_s for sensor in sensors)
+                found[name] = Age(age_s, not any(sensor.has_reported(now_s) for sensor in sensors))
+        return found
 
     def take(self, source: str, time_s: float, received_s: float, values: Mapping[str, float]) -> dict[str, float]:
         """Values of a message that may be used, nan for those that cannot be true; doubled ones are left out."""
@@ -268,9 +277,9 @@ class SensorWatch:
         sensor = self.sensors[signal] = WatchedSensor(signal, source, *quantity.limits, move)
         sensor.absent = no_such_part(signal, self.robot)
         sensor.plausible = limits_of(quantity.name, self.battery, self.robot)
-        for names, quantities in EVIDENCE.items():
+        for name, quantities in EVIDENCE.items():
             if quantity.name in quantities and not sensor.absent:
-                self._evidence[names].append(sensor)
+                self._evidence[name].append(sensor)
         for other in self.sensors.values():
             for a, b in ((sensor, other), (other, sensor)):
                 if _PARTNER.get(a.signal.partition(".")[0]) == b.signal:

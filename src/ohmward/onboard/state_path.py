@@ -1,4 +1,8 @@
-"""Numbers of a robot's state by their path, "battery.soc" or "slip.slip_ratio.0", for sinks that send single ones."""
+"""Numbers of a robot's state by their path, for sinks that send single ones.
+
+"battery.soc", "slip.slip_ratio.0"; "sample.battery_current_A" is a measured value; "age_s.battery" is the time since
+the sample behind the estimates of the battery, and so are those of drive and cells.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +29,9 @@ PARTS: dict[str, type] = {
     "range": RangeEstimate,
 }
 
+#: Estimates whose evidence has an age.
+AGES = ("battery", "drive", "cells")
+
 
 def require_path(path: str) -> None:
     """Raise InputError unless states can have such a number; the message lists the names that there are."""
@@ -32,7 +39,10 @@ def require_path(path: str) -> None:
     if part == "sample":
         quantity_of(rest)
         return
-    require_one_of(f"{path!r}: the first word", part, [*PARTS, "sample"])
+    if part == "age_s":
+        require_one_of(f"{path!r}: the second word", rest, AGES)
+        return
+    require_one_of(f"{path!r}: the first word", part, [*PARTS, "sample", "age_s"])
     names: tuple[str, ...] = getattr(PARTS[part], "_fields", ())
     name = rest.partition(".")[0]
     if name not in names:
@@ -42,6 +52,8 @@ def require_path(path: str) -> None:
 def number_at(state: RobotState, path: str) -> float:
     """The number at a path of the state; nan where it is not known or no number."""
     part, _, rest = path.partition(".")
+    if part == "age_s":
+        return max(state.time_s - float(getattr(state, f"{rest}_time_s")), 0.0)
     value: Any = getattr(state, part)
     if part == "sample":
         return as_number(value.get(rest, math.nan))

@@ -58,7 +58,8 @@ class SensorInbox:
         counts_per_turn: of the encoders; needed for `wheel_counts`.
         bits: of their counters, which start again after as many.
         prompt: close a sample as soon as every wheel that usually reports has done so, instead of with the next one;
-            what comes late then goes with the next sample, a wheel's speed within `gather_s`.
+            what comes late then goes with the next sample, a wheel's speed within `gather_s`. Speeds of a time after
+            the sample before make a sample of that time, also where other sensors have sent later messages already.
 
     Attributes:
         left_out: number of messages that came too late, or whose stamp was no time, or far from all others.
@@ -129,11 +130,16 @@ class SensorInbox:
         )
         of_wheels = message.speeds or message.counts
         latest_s = (self.gather_s if of_wheels else self.silence_s) if self.prompt else 0.0
-        if self._is_odd(stamp_s) or not stamp_s >= self._taken_s - latest_s:
+        if self._is_odd(stamp_s):
+            self.left_out += 1
+            return
+        in_open_sample = self.prompt and of_wheels and stamp_s > self._start_s
+        if not in_open_sample and not stamp_s >= self._taken_s - latest_s:
             self.left_out += 1
             return
         self._newest_s = max(self._newest_s, stamp_s)
-        heapq.heappush(self._waiting, (max(stamp_s, self._taken_s), next(self._order), message))
+        taken_at_s = stamp_s if in_open_sample else max(stamp_s, self._taken_s)
+        heapq.heappush(self._waiting, (taken_at_s, next(self._order), message))
 
     def take(self) -> list[dict[str, Any]]:
         """Samples that no message can change any more, in order: keyword arguments of `SlipEstimator.update`.
@@ -168,7 +174,7 @@ class SensorInbox:
         samples: list[dict[str, Any]] = []
         while self._waiting and self._waiting[0][0] <= until_s:
             stamp_s, _, message = heapq.heappop(self._waiting)
-            self._taken_s = stamp_s
+            self._taken_s = max(self._taken_s, stamp_s)
             speeds = self._speeds_of(stamp_s, message)
             if self._is_over(stamp_s, speeds):
                 samples += self._close()
@@ -205,8 +211,10 @@ class SensorInbox:
         """The message in the sample that is open."""
         if math.isnan(self._start_s):
             self._start_s = stamp_s
-        if speeds or not self._speeds:
+        if not self._speeds:
             self._sample_s = stamp_s
+        elif speeds:
+            self._sample_s = max(self._sample_s, stamp_s)
         self._speeds.update(speeds)
         for wheel in speeds:
             self._reported_s[wheel] = stamp_s

@@ -168,7 +168,7 @@ def test_intervals_cover_the_truth():
     inside = []
     for seed in range(4):
         fit = fit_circuit(problem_of(pulse_log(cell(), count=3, rest_s=1200.0, std_V=0.002, seed=seed)), 2)
-        for c in confidence_intervals(fit, False, False):
+        for c in confidence_intervals(fit):
             inside.append(c.low <= truth[c.name.split(" ")[0]] <= c.high)
     assert np.mean(inside) > 0.9
 
@@ -177,7 +177,7 @@ def test_intervals_grow_away_from_the_data():
     time_s, current_A = steps([(900, 0, 30), (30, -2, 1), (600, 0, 10)] + [(1200, -1, 5), (900, 0, 10)] * 2)
     problem = problem_of(play(cell(), time_s, current_A, soc=1.0))
     fit = fit_circuit(problem, 1)
-    intervals = {c.name: c for c in confidence_intervals(fit, False, False)}
+    intervals = {c.name: c for c in confidence_intervals(fit)}
     near, far = intervals["r0_discharge_ohm at soc 0.9"], intervals["r0_discharge_ohm at soc 0.1"]
     assert far.high - far.low > 3 * (near.high - near.low)
     said = not_identified(fit, problem.samples, 2.0, False)

@@ -57,7 +57,7 @@ def test_a_sweep_inside_one_record_shows_three_activations():
     assert fit.solution.rates.pair_activation_K == pytest.approx(TRUE.pair_activation_K, abs=300.0)
     assert fit.solution.rates.tau_activation_K == pytest.approx(TRUE.tau_activation_K, abs=500.0)
     assert 600.0 <= activation_std_K(fit, problem) < problem.prior.untested.activation_std_K
-    named = {c.name: c for c in confidence_intervals(fit, False, True)}
+    named = {c.name: c for c in confidence_intervals(fit)}
     assert named["pair_activation_K"].low < 4200.0 < named["pair_activation_K"].high
     assert not any("temperature" in sentence for sentence in untested_sentences(fit, problem, "nmc"))
 
@@ -66,7 +66,9 @@ def test_one_temperature_leaves_the_prior_and_says_so():
     problem = swept(24.0, 26.0)
     assert not problem.fit_activation
     fit = fit_circuit(problem, 2)
-    assert fit.solution.rates.activations_K == tuple(A.mean for A in problem.prior.untested.activations_K)
+    assert fit.solution.rates == problem.usual_rates(fit.solution.rates.tau_s)._replace(
+        hysteresis_rate=fit.solution.rates.hysteresis_rate
+    )
     assert activation_std_K(fit, problem) == problem.prior.untested.activation_std_K
     hysteresis, activation, curve = untested_sentences(fit, problem, "nmc")
     assert "low-rate discharge and a low-rate charge" in hysteresis
@@ -116,7 +118,7 @@ def test_two_temperatures_show_how_charge_transfer_bends_the_drop():
     assert fit.solution.rates.activation_K == pytest.approx(TRUE.activation_K, abs=100.0)
     assert fit.solution.x[fit.solution.layout.block(0)][5:-1] == pytest.approx(0.030, rel=0.03)
     assert max(float(np.nanmax(np.abs(r))) for r in fit.solution.residual_V) < 2e-3
-    named = {c.name: c for c in confidence_intervals(fit, False, True)}
+    named = {c.name: c for c in confidence_intervals(fit)}
     assert named["transfer_V"].low < 0.1 < named["transfer_V"].high
 
 

@@ -79,6 +79,14 @@ def test_the_columns_are_the_derivatives_of_the_voltage():
     assert columns[:, p.group("tau").start] == pytest.approx(difference, rel=0.05, abs=2e-4)
 
 
+def test_an_offset_that_changes_acts_the_same_whether_the_file_doubts_it_or_not():
+    sure = replace(TESTED, sensor=replace(TESTED.sensor, offset_std_A=0.0))
+    (model, prior), (other, other_prior) = problem(TESTED, day(MODEL, 1)), problem(sure, day(MODEL, 1))
+    columns, others = model.predict(prior.mean).voltage_columns, other.predict(other_prior.mean).voltage_columns
+    assert model.nuisances.offset_from_s.size == 1
+    assert columns[:, model.parameters.size :] == pytest.approx(others[:, other.parameters.size :], abs=1e-12)
+
+
 def test_a_file_without_corrections_stays_as_it_is():
     p = parameters_of(TESTED)
     folded = fold(TESTED, np.zeros(p.size), prior_covariance(TESTED), 1.0, ())
@@ -141,6 +149,13 @@ def difference_in_sigmas(one: Battery, two: Battery) -> float:
     slope_V = np.gradient(curves[0], 0.1)
     of_curve = np.abs(curves[0] - curves[1]) / np.hypot(model_V, one.noise.soc_axis_std * slope_V)
     return float(max(abs(log_ratio) / std[p.group("capacity")].sum(), of_curve.max()))
+
+
+def test_a_circuit_without_rc_pairs_learns_too():
+    bare = replace(MODEL, r_ohm=(), tau_s=())
+    (update,) = learn(replace(TESTED, thevenin=bare), [day(bare, 1)]).updates
+    assert update.verdict == "learnt"
+    assert abs(update.capacity_Ah.mean - 12.0) < 2 * update.capacity_Ah.std
 
 
 def test_the_order_of_the_logs_does_not_matter():

@@ -2,6 +2,7 @@
 
 import math
 from contextlib import suppress
+from functools import cache
 
 import numpy as np
 import pytest
@@ -26,6 +27,14 @@ def charge(soc: float = 0.5, offset_A: float = 0.0) -> SocEstimate:
     return SocEstimate(soc, 0.02, 13.2, 0.01, 0.0, offset_A, 0.01, 0.9, 0.03, 1.2, 0.1, 0)
 
 
+def at(time_s: float, state: RobotState) -> RobotState:
+    """The state at another time, with evidence 0.1 s old; dates are seconds after 1.7e9."""
+    old_s = time_s - 0.1
+    aged = state._replace(battery_time_s=old_s, drive_time_s=old_s)
+    return aged._replace(time_s=time_s, unix_s=1.7e9 + time_s, battery_unix_s=1.7e9 + old_s, drive_unix_s=1.7e9 + old_s)
+
+
+@cache
 def driven() -> RobotState:
     """A robot after a second of driving and turning."""
     slip, odometry = SlipEstimator(RLMA), Odometry(RLMA)
@@ -35,7 +44,7 @@ def driven() -> RobotState:
         pose = odometry.update(0.02 * k, speeds, 0.4, observed=found)
     told = (Diagnostic("source can0", Level.WARN, "no message for 2 s", {"silent_s": 2.0, "bus": "can0"}),)
     sample = {"battery_voltage_V": 13.2, "battery_current_A": -3.0, "cell_voltage_V.1": 3.31}
-    return RobotState(5.0, 1.7e9 + 0.25, sample, charge(), None, found, pose, None, told, 4.9, 4.9)
+    return at(5.0, RobotState(5.0, 1.7e9, sample, charge(), None, found, pose, None, told))
 
 
 def of_rosbags(type_: str, message: dict):
@@ -64,8 +73,9 @@ def every_message() -> dict[str, dict]:
         types.ODOMETRY: messages.odometry(state, frames),
         types.TWIST: messages.twist(state, frames),
         types.DIAGNOSTICS: messages.diagnostics(state, "robot 1"),
+        types.TF: messages.transform(state, frames),
         types.JOINT_STATE: {
-            "header": messages.header(state, ""), "name": ["left_wheel", "r"], "position": [], "velocity": [1.0, 2.0],
+            "header": messages.header(1.7e9, ""), "name": ["left_wheel", "r"], "position": [], "velocity": [1.0, 2.0],
             "effort": [],
         },
     }  # fmt: skip
@@ -131,26 +141,37 @@ def test_a_battery_that_is_silent_is_unknown():
     """Its voltage falls silent first, then everything, and it comes back."""
     translation, state = Translation(Ros2Sink(), generic_battery("lfp", 12.0, 4, "test")), driven()
     silent = [Diagnostic(name, Level.STALE, "silent") for name in ("battery_voltage_V", *state.sample)]
-    half = sent(translation, state._replace(diagnostics=tuple(silent[:1])))[types.BATTERY_STATE]
+    half = sent(translation, at(5.0, state)._replace(diagnostics=tuple(silent[:1])))[types.BATTERY_STATE]
     assert math.isnan(half["voltage"]) and half["current"] == pytest.approx(-3.0)
     assert (half["percentage"], half["present"], half["power_supply_status"]) == (0.5, 1.0, 2.0)
-    dead = state._replace(time_s=12.0, sample={}, battery=None, diagnostics=tuple(silent))
+    dead = at(12.0, state)._replace(sample={}, silent=("battery",), diagnostics=tuple(silent))
     none = sent(translation, dead)[types.BATTERY_STATE]
     assert all(math.isnan(none[name]) for name in ("voltage", "current", "percentage", "charge", "cell_voltage[1]"))
     assert (none["present"], none["power_supply_status"]) == (0.0, 0.0)
-    back = sent(translation, state._replace(time_s=13.0))[types.BATTERY_STATE]
+    back = sent(translation, at(13.0, state))[types.BATTERY_STATE]
     assert back["voltage"] == pytest.approx(13.2) and back["present"] == 1.0
 
 
-def test_a_charge_that_is_unknown_has_no_sensors_even_before_they_are_looked_at():
+def test_a_battery_that_is_silent_has_no_sensors_even_before_they_are_looked_at():
     """Their conditions are a look behind; the thermometer of another device goes on."""
     translation, state = Translation(Ros2Sink()), driven()
     sample = {**state.sample, "battery_full": 1.0, "battery_temperature_degC": 21.0}
     assert sent(translation, state._replace(sample=sample))[types.BATTERY_STATE]["present"] == 1.0
-    dead = state._replace(time_s=12.0, sample={}, battery=None, battery_time_s=10.0)
+    dead = at(12.0, state)._replace(sample={}, silent=("battery",))
     none = sent(translation, dead)[types.BATTERY_STATE]
     assert all(math.isnan(none[name]) for name in ("voltage", "current", "percentage"))
     assert (none["present"], none["power_supply_status"], none["temperature"]) == (0.0, 0.0, 21.0)
+
+
+@pytest.mark.parametrize(
+    ("soc", "std", "silent", "percentage"),
+    [(0.5, 0.1, False, 0.304), (0.5, 0.1, True, 0.304), (0.1, 0.2, False, 0.0), (None, 0.0, True, 0.0)],
+)
+def test_a_cautious_percentage_is_the_low_end_of_the_band_and_never_nan_for_silence(soc, std, silent, percentage):
+    known = None if soc is None else charge(soc)._replace(soc_std=std)
+    state = driven()._replace(battery=known, silent=("battery",) if silent else ())
+    found = sent(Translation(Ros2Sink(percentage="low")), state)[types.BATTERY_STATE]
+    assert found["percentage"] == pytest.approx(percentage, abs=1e-3)
 
 
 def test_a_charger_that_said_full_once_is_not_believed_after_a_discharge():
@@ -158,17 +179,17 @@ def test_a_charger_that_said_full_once_is_not_believed_after_a_discharge():
     currents = [(1.0, {"battery_full": 1.0}, 4.0), (0.5, {}, 4.0), (-3.0, {}, 2.0), (0.5, {}, 1.0)]
     for k, (current_A, more, status) in enumerate(currents):
         sample = {"battery_current_A": current_A} | more
-        found = sent(translation, state._replace(time_s=5.0 + k, sample=sample))
+        found = sent(translation, at(5.0 + k, state)._replace(sample=sample))
         assert found[types.BATTERY_STATE]["power_supply_status"] == status
 
 
 def test_a_drive_that_is_silent_sends_no_pose_and_says_so():
-    dead = driven()._replace(time_s=9.0, slip=None, pose=None, drive_time_s=8.0)
+    dead = at(9.0, driven())._replace(slip=None, pose=None, silent=("battery", "drive"))
     assert not sent(Translation(Ros2Sink()), dead).keys() & {types.ODOMETRY, types.TWIST}
-    status = {one["name"]: one for one in messages.diagnostics(dead._replace(battery=None), "robot 1")["status"]}
-    for name, sensors in (("drive", "wheels"), ("charge", "battery")):
+    status = {one["name"]: one for one in messages.diagnostics(dead, "robot 1")["status"]}
+    for name, sensors, known in (("drive", "wheels", "unknown: "), ("charge", "battery", "50 ± 2 %: ")):
         assert status[f"ohmward: {name}"]["level"] == Level.STALE
-        assert f"the sensors of the {sensors} are silent" in status[f"ohmward: {name}"]["message"]
+        assert f"{known}the sensors of the {sensors} are silent" in status[f"ohmward: {name}"]["message"]
 
 
 def test_what_is_not_known_is_nan_and_the_share_is_one_of_one():
@@ -201,3 +222,26 @@ def test_diagnostics_name_what_is_wrong():
     assert status["ohmward: source can0"]["level"] == 1
     assert status["ohmward: charge"]["hardware_id"] == "robot 1"
     assert {"key": "soc_std", "value": "0.02"} in status["ohmward: charge"]["values"]
+
+
+def test_the_transform_is_the_pose_where_it_is_asked_for():
+    state = at(5.0, driven())
+    assert types.TF not in sent(Translation(Ros2Sink()), state)
+    found = sent(Translation(Ros2Sink(publish_tf=True)), state)[types.TF]
+    assert state.pose is not None
+    assert found["transforms[0].transform.translation.x"] == pytest.approx(state.pose.x_m)
+    yaw_rad = 2 * math.atan2(found["transforms[0].transform.rotation.z"], found["transforms[0].transform.rotation.w"])
+    assert yaw_rad == pytest.approx(state.pose.yaw_rad)
+    assert dict(Ros2Sink(publish_tf=True).advertised())["/tf"] == types.TF
+
+
+def test_dates_are_those_of_the_samples_and_never_go_back():
+    """States of a battery and of a drive, whose evidence is older than the state and than that of the state before."""
+    translation, dates = Translation(Ros2Sink(interval_s=0.0, slow_s=0.0)), []
+    for time_s, drive_s in ((5.0, 4.9), (5.1, 4.9), (5.2, 4.8), (5.3, 5.25)):
+        state = at(time_s, driven())._replace(drive_time_s=drive_s, drive_unix_s=1.7e9 + drive_s)
+        if (found := sent(translation, state)).get(types.ODOMETRY):
+            dates.append(
+                1e-9 * found[types.ODOMETRY]["header.stamp.nanosec"] + found[types.ODOMETRY]["header.stamp.sec"]
+            )
+    assert np.array(dates) - 1.7e9 == pytest.approx([4.9, 5.25], abs=1e-6)

@@ -46,7 +46,7 @@ def test_colcon_builds_and_tests_the_package(tmp_path):
     assert (installed / "share" / "ament_index" / "resource_index" / "packages" / "ohmward_ros").exists()
     run("test")
     summary = run("test-result", "--all").splitlines()[-1]
-    assert summary == "Summary: 6 tests, 0 errors, 0 failures, 0 skipped"
+    assert summary == "Summary: 11 tests, 0 errors, 0 failures, 0 skipped"
 
 
 def test_nothing_but_the_package_looks_like_one_to_colcon():

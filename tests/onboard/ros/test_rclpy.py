@@ -1,5 +1,6 @@
 """The node of ROS 2 and its transport on rclpy itself, between nodes of this computer."""
 
+import importlib.util
 import math
 import os
 import signal
@@ -17,6 +18,7 @@ from ohmward.onboard.ros import types
 from ohmward.onboard.ros.transport import RosNetwork, message_class
 
 rclpy = pytest.importorskip("rclpy", reason="rclpy is not installed: pip install 'ohmward[rclpy]', or source a ROS 2")
+DescribeParameters = importlib.import_module("rcl_interfaces.srv").DescribeParameters
 
 PACKAGE = Path(__file__).parents[3] / "ros" / "ohmward_ros"
 #: A domain for each process of the tests, so that nodes of two tests never meet.
@@ -96,6 +98,7 @@ def robot(tmp_path, monkeypatch):
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setenv("ROS_DOMAIN_ID", str(DOMAIN))
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
+    monkeypatch.setenv("ROS_HOME", str(tmp_path / "home"))
     monkeypatch.chdir(tmp_path)
     found = Robot()
     yield found
@@ -139,8 +142,7 @@ def test_the_transport_carries_messages_both_ways(robot):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_sensors_that_fall_silent_are_unknown_and_a_signal_ends_the_node(robot, start, tmp_path, number):
+def test_sensors_that_fall_silent_are_unknown_and_a_signal_ends_the_node(robot, start, tmp_path):
     """Battery and wheels, then the wheels alone, then none; a bag is played, of which nothing is kept."""
     battery = robot.hear(types.BATTERY_STATE, "battery_state")
     odometry = robot.hear(types.ODOMETRY, "ohmward/odometry")
@@ -164,15 +166,71 @@ def test_sensors_that_fall_silent_are_unknown_and_a_signal_ends_the_node(robot, 
     count = len(conditions)
     robot.until(lambda: len(conditions) >= count + 2)
     assert odometry == []
-    node.send_signal(number)
+    node.send_signal(signal.SIGTERM)
     _, error = node.communicate(timeout=PATIENCE_S)
     assert node.returncode == 0 and "Traceback" not in error
-    assert not (tmp_path / "ohmward-state").exists()
+    assert not (tmp_path / "home" / "ohmward").exists()
 
 
-@pytest.mark.parametrize("remap", ["battery/raw:=/battery_state", "battery_state:=battery/raw"])
-def test_a_topic_that_is_heard_and_sent_is_refused(robot, start, remap):
-    node = start(f"-p battery:=battery.toml -r {remap}")
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ("-r battery/raw:=/battery_state", "battery_state_in and battery_state are both /battery_state"),
+        ("-r battery_state:=battery/raw", "battery_state_in and battery_state are both /battery/raw"),
+        ("-p imu:=5", "parameter imu must be text: -p \"PARAMETER:='5'\", got 5"),
+        ("-p slow_s:=1", "parameter slow_s must be a number with a point: 5.0, not 5, got 1"),
+        ("-p joints:=[left]", "joints must be entries like"),
+        ("-p battery", "Couldn't parse parameter override rule"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_sentence(robot, start, arguments, sentence):
+    node = start(f"-p battery:=battery.toml {arguments}")
     _, error = node.communicate(timeout=PATIENCE_S)
     assert node.returncode == 1
-    assert "battery_state_in and battery_state are both /" in error
+    assert sentence in error and "Traceback" not in error
+
+
+def test_parameters_topics_and_services_of_two_robots_are_there_before_any_sensor_reports(robot, start, tmp_path):
+    """On one computer, in one working folder; nothing is heard of any driver."""
+    nodes = [start(f"-p robot:=rlma -r __ns:=/{name}") for name in "ab"]
+    graph = robot.node
+
+    def services() -> set[str]:
+        return {name for name, types_ in graph.get_service_names_and_types() if types_ == ["std_srvs/srv/Trigger"]}
+
+    def topics() -> set[str]:
+        return {name for name, _ in graph.get_topic_names_and_types()}
+
+    expected = {f"/{name}/{topic}" for name in "ab" for topic in ("battery_state", "ohmward/odometry", "ohmward/twist")}
+    robot.until(lambda: expected <= topics())
+    of_nodes = graph.get_node_names_and_namespaces
+    robot.until(lambda: [name for name, space in of_nodes() if space in ("/a", "/b")] == ["ohmward", "ohmward"])
+    found = described(robot, "/a/ohmward", ["imu", "joints"])
+    assert [(one.name, one.type, one.read_only) for one in found] == [("imu", 4, True), ("joints", 9, True)]
+    assert "sensor_msgs/Imu" in found[0].description
+    if importlib.util.find_spec("std_srvs"):
+        robot.until(lambda: {"/b/ohmward/reset_pose", "/b/ohmward/battery_changed"} <= services())
+    for node in nodes:
+        node.send_signal(signal.SIGINT)
+        _, error = node.communicate(timeout=PATIENCE_S)
+        assert node.returncode == 0 and "Traceback" not in error
+    folders = sorted(str(path.relative_to(tmp_path)) for path in (tmp_path / "home" / "ohmward").glob("*/*"))
+    assert folders == ["home/ohmward/a/ohmward", "home/ohmward/b/ohmward"]
+
+
+def described(robot: Robot, node: str, names: list[str]) -> list:
+    """Descriptors of parameters of another node."""
+    asking = robot.node.create_client(DescribeParameters, f"{node}/describe_parameters")
+    assert asking.wait_for_service(timeout_sec=PATIENCE_S)
+    answer = asking.call_async(DescribeParameters.Request(names=names))
+    robot.until(answer.done)
+    return list(answer.result().descriptors)
+
+
+@pytest.mark.parametrize("after_s", [0.1, 0.4, 1.0])
+def test_a_signal_while_the_node_begins_leaves_no_traceback(robot, start, after_s):
+    node = start("-p robot:=rlma")
+    time.sleep(after_s)
+    node.send_signal(signal.SIGINT)
+    _, error = node.communicate(timeout=PATIENCE_S)
+    assert "ohmward" not in error or "Traceback" not in error

@@ -23,7 +23,7 @@ def test_a_battery_says_whether_it_is_full_where_it_knows(status, full):
     assert found is not None and found.values == {"battery_voltage_V": 13.0} | full
 
 
-def unit(quaternion, covariance=0.0):
+def unit(quaternion, covariance=0.0, imu_rpy=(0.0, 0.0, 0.0)):
     """Values of a message of an inertial unit."""
     vector = {"x": 1.5, "y": 0.0, "z": 0.3}
     message = {
@@ -35,7 +35,7 @@ def unit(quaternion, covariance=0.0):
         "linear_acceleration": vector,
         "linear_acceleration_covariance": [0.0] * 9,
     }
-    found = Ros2Source(imu="/imu").message(types.IMU, serialize(types.IMU, message), 1.0)
+    found = Ros2Source(imu="/imu", imu_rpy=imu_rpy).message(types.IMU, serialize(types.IMU, message), 1.0)
     assert found is not None
     return found.values
 
@@ -66,3 +66,15 @@ def test_straight_up_and_rounded_quaternions():
 )
 def test_without_an_attitude_there_is_no_pitch(quaternion, covariance):
     assert set(unit(quaternion, covariance)) == {"yaw_rate_rad_s", "acceleration_m_s2"}
+
+
+@pytest.mark.parametrize("imu_rpy", [(math.pi, 0.0, 0.0), (0.0, 0.0, math.pi / 2), (0.3, -0.2, 1.1)])
+def test_a_unit_that_is_mounted_turned_shows_the_motion_of_the_robot(imu_rpy):
+    """The rotation as SciPy has it; the robot's nose is up by `UP_RAD`."""
+    mounted = Rotation.from_euler("ZYX", imu_rpy[::-1])
+    in_unit = np.array([1.5, 0.0, 0.3])
+    robot = Rotation.from_euler("ZYX", [0.7, -UP_RAD, 0.1])
+    found = unit((robot * mounted).as_quat(), imu_rpy=imu_rpy)
+    assert found["acceleration_m_s2"] == pytest.approx(mounted.apply(in_unit)[0])
+    assert found["yaw_rate_rad_s"] == pytest.approx(mounted.apply(in_unit)[2])
+    assert found["pitch_rad"] == pytest.approx(UP_RAD)

@@ -22,7 +22,7 @@ from ohmward.onboard.sinks.ros2 import KEPT, Ros2Sink
 from ohmward.onboard.sources.ros2 import Ros2Source, wheel_of
 from onboard.servers import free_port
 
-from .test_messages import driven
+from .test_messages import at, driven
 
 pytest.importorskip("zenoh")
 OTHER = str(Path(__file__).with_name("other_node.py"))
@@ -62,14 +62,14 @@ def test_another_process_reads_what_the_sink_sends(router):
     async def deliver() -> list[str]:
         feed = Feed()
         task = asyncio.create_task(sink.run(feed))
-        feed.put(driven()._replace(time_s=0.0))
+        feed.put(at(0.0, driven()))
         await asyncio.sleep(1.0)  # the tokens are there with the first message
         process = other("listen", router, BATTERY_KEY, types.BATTERY_STATE, 2)
         assert process.stdout is not None
         tokens = await asyncio.to_thread(process.stdout.readline)
         await asyncio.sleep(0.5)  # until the router has told the writer of its reader
         for k in range(20):
-            feed.put(driven()._replace(time_s=1.0 + k))
+            feed.put(at(1.0 + k, driven()))
             await asyncio.sleep(0.01)
         feed.end()
         lines = (await asyncio.to_thread(process.communicate))[0].splitlines()
@@ -95,7 +95,7 @@ def test_after_an_absence_of_the_network_come_the_newest_states_alone(router):
         await asyncio.to_thread(process.stdout.readline)
         feed = Feed()
         for k in range(60):
-            feed.put(driven()._replace(time_s=1.0 + k))
+            feed.put(at(1.0 + k, driven()))
         feed.end()
         await sink.run(feed)
         return (await asyncio.to_thread(process.communicate))[0].splitlines()

@@ -45,11 +45,6 @@ class Rates(NamedTuple):
     net_charge_hysteresis: bool = False  #: True where the hysteresis follows the net charge
     hysteresis_activation_K: float = 0.0  #: of the hysteresis voltage, the chemistry's
 
-    @property
-    def activations_K(self) -> tuple[float, float, float]:
-        """Activations of r0, of r_1 ... r_n and of the time constants."""
-        return self.activation_K, self.pair_activation_K, self.tau_activation_K
-
 
 class ParameterLayout(NamedTuple):
     """Layout of the vector x (K,) of the linear unknowns.

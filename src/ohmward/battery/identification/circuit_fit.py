@@ -7,23 +7,16 @@ logarithms of time constants and rates only.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, Rates
-from ohmward.battery.identification.circuit_solve import TRANSFER_V, CircuitProblem, CircuitSolution, solve
+from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, SoughtRate, solve
 from ohmward.optional import require
 
-#: Bounds of gamma.
-HYSTERESIS_RATES = (5.0, 200.0)
-#: The search counts activations in this unit, so that all its parameters are of order 1 [K], and within these bounds.
-ACTIVATION_UNIT_K = 1000.0
-_ACTIVATIONS_K = (-5000.0, 15000.0)
-#: Bounds of the ohmic drop that charge transfer bends, of a lithium-ion cell [V].
-_TRANSFERS_V = (0.05, 5.0)
-#: Gamma of a circuit without hysteresis; nothing depends on it.
-_UNUSED_RATE = 20.0
+#: Rates of the hysteresis to start from.
+_GAMMAS = (10.0, 40.0)
 #: Steps of each search; each has as many evaluations more as there are parameters.
 _EVALUATIONS = 6
 #: Step of the numerical derivative in the logarithms.
@@ -46,16 +39,13 @@ class CircuitFit(NamedTuple):
     search: np.ndarray
     search_cov: np.ndarray
     starts: tuple[tuple[Rates, float], ...]
+    sought: tuple[SoughtRate, ...]  #: the search parameters after those of the time constants
 
-    @property
-    def activation_std_K(self) -> np.ndarray:
-        """(3,) standard deviation [K] of the activations, where they were found: ohmic, of pairs, of their rates."""
-        return ACTIVATION_UNIT_K * np.sqrt(np.diag(self.search_cov)[-4:-1])
-
-    @property
-    def transfer_log_std(self) -> float:
-        """Standard deviation of the logarithm of `transfer_V`, where it was found."""
-        return float(np.sqrt(self.search_cov[-1, -1]))
+    def search_std(self, name: str) -> float:
+        """Standard deviation of a rate that was sought: of its logarithm, or in its unit."""
+        place = len(self.solution.rates.tau_s) + [rate.name for rate in self.sought].index(name)
+        (rate,) = (rate for rate in self.sought if rate.name == name)
+        return float(np.sqrt(self.search_cov[place, place])) * (1.0 if rate.as_log else rate.unit)
 
     def ocv_std_V(self, soc: np.ndarray) -> np.ndarray:
         """Standard deviation [V] of the correction of the open-circuit voltage at soc."""
@@ -96,17 +86,15 @@ def fit_circuit(
     solution, theta, jacobian = best if near else _search(problem, pairs, best.theta, (low, high))
     report(1.0)
     search_cov = np.linalg.pinv(jacobian.T @ jacobian)  # a parameter without an effect has no inverse
-    return CircuitFit(solution, theta, search_cov, tuple((s.rates, s.score) for s in tried))
+    return CircuitFit(solution, theta, search_cov, tuple((s.rates, s.score) for s in tried), problem.sought)
 
 
 def _first_rates(problem: CircuitProblem, pairs: int) -> list[Rates]:
     """Rates to start from where nothing is known."""
-    gammas = (10.0, 40.0) if any(problem.ocv.hysteresis_V) else (_UNUSED_RATE,)
-    usual = problem.prior.untested
-    ohmic_K, pairs_K, tau_K = (A.mean for A in usual.activations_K)
-    transfer_V = TRANSFER_V * problem.volts if problem.seeks_transfer else problem.transfer_V
-    further = (ohmic_K, pairs_K, tau_K, transfer_V, usual.empty_activation_K.mean, *_hysteresis_law(problem))
-    return [Rates(tau, gamma, *further) for tau in _STARTS[pairs] for gamma in gammas]
+    usual = [problem.usual_rates(tau_s) for tau_s in _STARTS[pairs]]
+    if not any(problem.ocv.hysteresis_V):
+        return usual
+    return [rates._replace(hysteresis_rate=gamma) for rates in usual for gamma in _GAMMAS]
 
 
 class Search(NamedTuple):
@@ -141,38 +129,17 @@ def _best_apart(starts: list[np.ndarray], tried: list[CircuitSolution]) -> list[
 
 
 def _to_search(rates: Rates, problem: CircuitProblem) -> np.ndarray:
-    """Search parameters: log tau_1, log of the ratios of further ones, log gamma, activations in 1000 K, log V_t."""
+    """Search parameters: log tau_1, log of the ratios of further ones, then those of the sought rates."""
     tau = np.log(np.array(rates.tau_s))
-    tail = [np.log(rates.hysteresis_rate)] if any(problem.ocv.hysteresis_V) else []
-    if problem.fit_activation:
-        transfer_V = rates.transfer_V or TRANSFER_V * problem.volts
-        tail += [*(A / ACTIVATION_UNIT_K for A in rates.activations_K), np.log(transfer_V / problem.volts)]
+    tail = [rate.parameter(getattr(rates, rate.name)) for rate in problem.sought]
     return np.array([*tau[:1], *np.diff(tau), *tail])
 
 
 def _to_rates(theta: np.ndarray, problem: CircuitProblem, pairs: int) -> Rates:
     tau = tuple(float(t) for t in np.exp(np.cumsum(theta[:pairs])))
-    rest = list(theta[pairs:])
-    gamma = float(np.exp(rest.pop(0))) if any(problem.ocv.hysteresis_V) else _UNUSED_RATE
-    usual = problem.prior.untested
-    ohmic_K, pairs_K, tau_K = (A.mean for A in usual.activations_K)
-    transfer_V = problem.transfer_V
-    if problem.fit_activation:
-        ohmic_K, pairs_K, tau_K = (ACTIVATION_UNIT_K * float(A) for A in rest[:3])
-    if problem.seeks_transfer:
-        transfer_V = problem.volts * float(np.exp(rest[3]))
-    empty_K = usual.empty_activation_K.mean
-    return Rates(tau, gamma, ohmic_K, pairs_K, tau_K, transfer_V, empty_K, *_hysteresis_law(problem))
-
-
-def _hysteresis_law(problem: CircuitProblem) -> tuple[bool, float]:
-    """True for one that follows the net charge, and the activation of its voltage.
-
-    Tests at two temperatures fit what grows in the cold as activations of the resistances.
-    """
-    if not problem.branches:
-        return False, 0.0
-    return True, 0.0 if problem.fit_activation else problem.prior.untested.hysteresis_activation_K
+    rest = zip(problem.sought, theta[pairs:].tolist(), strict=True)
+    found: dict[str, Any] = {rate.name: rate.value(parameter) for rate, parameter in rest}
+    return problem.usual_rates(tau)._replace(**found)
 
 
 def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray]:
@@ -181,14 +148,8 @@ def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray
     longest_s = max(s.time_s[-1] - s.time_s[0] for s in problem.samples)
     low, high = [], []
     if pairs:
-        low.append(np.log(max(0.5 * fastest_s, 0.05)))
-        high.append(np.log(min(20000.0, max(longest_s, 4 * fastest_s))))
-    low += [_APART] * (pairs - 1)
-    high += [np.log(1000.0)] * (pairs - 1)
-    if any(problem.ocv.hysteresis_V):
-        low.append(np.log(HYSTERESIS_RATES[0]))
-        high.append(np.log(HYSTERESIS_RATES[1]))
-    if problem.fit_activation:
-        low += [*(_ACTIVATIONS_K[0] / ACTIVATION_UNIT_K,) * 3, np.log(_TRANSFERS_V[0])]
-        high += [*(_ACTIVATIONS_K[1] / ACTIVATION_UNIT_K,) * 3, np.log(_TRANSFERS_V[1])]
+        low = [np.log(max(0.5 * fastest_s, 0.05)), *([_APART] * (pairs - 1))]
+        high = [np.log(min(20000.0, max(longest_s, 4 * fastest_s))), *([np.log(1000.0)] * (pairs - 1))]
+    low += [rate.parameter(rate.low) for rate in problem.sought]
+    high += [rate.parameter(rate.high) for rate in problem.sought]
     return np.array(low), np.array(high)

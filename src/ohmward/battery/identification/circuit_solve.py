@@ -54,7 +54,39 @@ _SAME_DIRECTION_SHARE = 0.03
 
 #: The drop beyond which the ohmic part grows as a logarithm, of a lithium-ion cell: two electrodes whose resistance is
 #: charge transfer alone have 4 R T / F = 0.1 V, NCA cells from 10 to -10 degC 0.7 to 1 V.
-TRANSFER_V, _TRANSFER_LOG_STD = 0.4, 0.8
+_TRANSFER_V, _TRANSFER_LOG_STD, _TRANSFERS_V = 0.4, 0.8, (0.05, 5.0)
+#: Bounds of gamma, and gamma of a circuit without hysteresis; nothing depends on it.
+_HYSTERESIS_RATES, _UNUSED_RATE = (5.0, 200.0), 20.0
+#: The search counts activations in this unit, so that all its parameters are of order 1 [K], and within these bounds.
+_ACTIVATION_UNIT_K, _ACTIVATIONS_K = 1000.0, (-5000.0, 15000.0)
+#: Names of the activations in `Rates`.
+_ACTIVATIONS = ("activation_K", "pair_activation_K", "tau_activation_K")
+
+
+class SoughtRate(NamedTuple):
+    """One of the `Rates` that the search varies, beside the time constants."""
+
+    name: str  #: of its field
+    #: bounds of its value
+    low: float
+    high: float
+    #: its prior; the standard deviation is that of the search parameter
+    mean: float
+    std: float
+    unit: float = 1.0
+    as_log: bool = True  #: True where the search parameter is the logarithm of the value in its unit
+
+    def parameter(self, value: float) -> float:
+        """Search parameter of a value."""
+        return float(np.log(value / self.unit)) if self.as_log else value / self.unit
+
+    def value(self, parameter: float) -> float:
+        """Value of a search parameter."""
+        return self.unit * float(np.exp(parameter) if self.as_log else parameter)
+
+    def deviation(self, value: float) -> float:
+        """Deviation of a value from its prior over its standard deviation."""
+        return (self.parameter(value) - self.parameter(self.mean)) / self.std
 
 
 class CircuitProblem(NamedTuple):
@@ -79,6 +111,44 @@ class CircuitProblem(NamedTuple):
     def seeks_transfer(self) -> bool:
         """True where the records show how charge transfer bends the ohmic drop, and the chemistry does not tell."""
         return self.fit_activation and self.prior.seeks_transfer
+
+    @property
+    def sought(self) -> tuple[SoughtRate, ...]:
+        """The rates that the records show, in the order of the search."""
+        prior, found = self.prior, []
+        if any(self.ocv.hysteresis_V):
+            std = prior.hysteresis_rate_log_std
+            found.append(SoughtRate("hysteresis_rate", *_HYSTERESIS_RATES, prior.hysteresis_rate, std))
+        if self.fit_activation:
+            unit = _ACTIVATION_UNIT_K
+            found += [
+                SoughtRate(name, *_ACTIVATIONS_K, usual.mean, usual.std / unit, unit, as_log=False)
+                for name, usual in zip(_ACTIVATIONS, prior.untested.activations_K, strict=True)
+            ]
+        if self.seeks_transfer:
+            low, mean, high = (self.volts * V for V in (_TRANSFERS_V[0], _TRANSFER_V, _TRANSFERS_V[1]))
+            found.append(SoughtRate("transfer_V", low, high, mean, _TRANSFER_LOG_STD, self.volts))
+        return tuple(found)
+
+    def usual_rates(self, tau_s: tuple[float, ...]) -> Rates:
+        """Rates with these time constants and all others as usual for the chemistry.
+
+        A hysteresis that low-rate branches show follows the net charge. Tests at two temperatures fit what grows in the
+        cold as activations of the resistances.
+        """
+        usual, branches = self.prior.untested, bool(self.branches)
+        ohmic_K, pairs_K, tau_K = (A.mean for A in usual.activations_K)
+        return Rates(
+            tau_s=tau_s,
+            hysteresis_rate=_UNUSED_RATE,
+            activation_K=ohmic_K,
+            pair_activation_K=pairs_K,
+            tau_activation_K=tau_K,
+            transfer_V=_TRANSFER_V * self.volts if self.seeks_transfer else self.transfer_V,
+            empty_activation_K=usual.empty_activation_K.mean,
+            net_charge_hysteresis=branches,
+            hysteresis_activation_K=usual.hysteresis_activation_K if branches and not self.fit_activation else 0.0,
+        )
 
     @property
     def records(self) -> tuple[FitSamples, ...]:
@@ -203,7 +273,7 @@ def solve(
     residual_V = tuple(np.where(there, r, np.nan) for there, r in zip(measured, residuals, strict=False))
     deviations = [w * r for w, r in zip(system.weights, residuals, strict=True)]
     misfit = sum(float(np.square(w * r).sum()) for w, r in zip(plain.weights, residuals, strict=True))
-    of_prior = [_prior_residual(prior, x), _rates_residual(problem, rates, layout.hysteresis)]
+    of_prior = [_prior_residual(prior, x), _rates_residual(problem, rates)]
     weighted = np.concatenate([*deviations, *of_prior])
     return CircuitSolution(layout, rates, x, H, prior.precision, residual_V, weighted, tuple(found), misfit)
 
@@ -312,8 +382,8 @@ def _prior_residual(prior: GaussianPrior, x: np.ndarray) -> np.ndarray:
     return L.T @ x - np.linalg.solve(L, prior.information)
 
 
-def _rates_residual(problem: CircuitProblem, rates: Rates, hysteresis: bool) -> np.ndarray:
-    """Deviations of the slowest of several time constants, hysteresis rate and activations from their priors.
+def _rates_residual(problem: CircuitProblem, rates: Rates) -> np.ndarray:
+    """Deviations of the slowest of several time constants and of the other rates from their priors.
 
     Diffusion makes the slowest pair of a battery slow, and hysteresis turns within a few per cent of SoC. A faster pair
     with a slow hysteresis often fits a log as well, and then fails on longer loads and where there were no data.
@@ -325,12 +395,5 @@ def _rates_residual(problem: CircuitProblem, rates: Rates, hysteresis: bool) -> 
         usual_s = prior.slow_tau_s * np.exp(BAND_95 * prior.slow_tau_log_std)
         beyond = rates.tau_s[-1] / max(problem.longest_tau_s, usual_s)
         deviations.append(np.log(max(beyond, 1.0)) / _BEYOND_LOG_STD)
-    if hysteresis:
-        deviations.append(np.log(rates.hysteresis_rate / prior.hysteresis_rate) / prior.hysteresis_rate_log_std)
-    if problem.fit_activation:
-        deviations += [
-            (A - p.mean) / p.std for A, p in zip(rates.activations_K, prior.untested.activations_K, strict=True)
-        ]
-    if problem.seeks_transfer and rates.transfer_V is not None:
-        deviations.append(np.log(rates.transfer_V / (problem.volts * TRANSFER_V)) / _TRANSFER_LOG_STD)
+    deviations += [rate.deviation(getattr(rates, rate.name)) for rate in problem.sought]
     return np.array(deviations)

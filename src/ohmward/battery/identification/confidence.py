@@ -8,14 +8,12 @@ import numpy as np
 
 from ohmward.battery.battery import ConfidenceInterval
 from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, pair_names
-from ohmward.battery.identification.circuit_fit import HYSTERESIS_RATES, CircuitFit
+from ohmward.battery.identification.circuit_fit import CircuitFit
 from ohmward.battery.identification.circuit_solve import CircuitSolution
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.filters.consistency import BAND_95
 from ohmward.runs import runs
 
-#: Names of the activations, in the order of the search.
-ACTIVATIONS = ("activation_K", "pair_activation_K", "tau_activation_K")
 _REPORTED_SOC = (0.1, 0.3, 0.5, 0.7, 0.9)
 #: Smaller currents, as a share of 1 C, show no resistance.
 _COVERED_RATE = 0.02
@@ -25,12 +23,12 @@ _COVERED_S = 10.0
 _VAGUE_LOG = 0.7
 
 
-def confidence_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) -> tuple[ConfidenceInterval, ...]:
+def confidence_intervals(fit: CircuitFit) -> tuple[ConfidenceInterval, ...]:
     """95 % intervals of the resistances at five states of charge, of the time constants and of the rates."""
     s = fit.solution
     names = pair_names(s.layout.pairs)
     resistances = [_resistance(s, j, names[j], soc) for j in range(s.layout.blocks) for soc in _REPORTED_SOC]
-    return (*resistances, *_search_intervals(fit, hysteresis, activation))
+    return (*resistances, *_search_intervals(fit))
 
 
 def not_identified(
@@ -41,14 +39,14 @@ def not_identified(
     hysteresis: True where the OCV curve has two branches, whose distance gives the slow resistance its shape.
     """
     sentences = [*_uncovered(fit.solution, samples, capacity_Ah, hysteresis), *_directions(samples, capacity_Ah)]
-    rate, tau = fit.solution.rates.hysteresis_rate, fit.solution.rates.tau_s
-    std = np.sqrt(np.diag(fit.search_cov))
-    at_bound = any(abs(np.log(rate / bound)) < 0.05 for bound in HYSTERESIS_RATES)
-    if hysteresis and (at_bound or std[len(tau)] > _VAGUE_LOG):
-        low, high = HYSTERESIS_RATES
-        sentences.append(
-            f"hysteresis_rate: the data hardly depend on it; {rate:.3g} was taken within {low:g} to {high:g}"
-        )
+    tau = fit.solution.rates.tau_s
+    for rate in fit.sought:
+        value = getattr(fit.solution.rates, rate.name)
+        at_bound = rate.as_log and any(abs(np.log(value / bound)) < 0.05 for bound in (rate.low, rate.high))
+        if rate.name == "hysteresis_rate" and (at_bound or fit.search_std(rate.name) > _VAGUE_LOG):
+            sentences.append(
+                f"{rate.name}: the data hardly depend on it; {value:.3g} was taken within {rate.low:g} to {rate.high:g}"
+            )
     longest_s = max(s.time_s[-1] - s.time_s[0] for s in samples)
     sentences += [
         f"tau_{j}: {t:.3g} s is not short against the logs ({longest_s:.3g} s) or hardly shows in them"
@@ -75,20 +73,14 @@ def _resistance(s: CircuitSolution, j: int, name: str, soc: float) -> Confidence
     return ConfidenceInterval(f"{name} at soc {soc:g}", value, max(value - BAND_95 * std, 0.0), value + BAND_95 * std)
 
 
-def _search_intervals(fit: CircuitFit, hysteresis: bool, activation: bool) -> list[ConfidenceInterval]:
-    rates, pairs = fit.solution.rates, len(fit.solution.rates.tau_s)
-    std = np.sqrt(np.diag(fit.search_cov))
+def _search_intervals(fit: CircuitFit) -> list[ConfidenceInterval]:
+    rates = fit.solution.rates
     found = [_log_interval(f"tau{j}_s", t, _tau_std(fit, j)) for j, t in enumerate(rates.tau_s, start=1)]
-    if hysteresis:
-        found.append(_log_interval("hysteresis_rate", rates.hysteresis_rate, float(std[pairs])))
-    if activation:
-        halves_K = BAND_95 * fit.activation_std_K
-        found += [
-            ConfidenceInterval(name, value, value - half, value + half)
-            for name, value, half in zip(ACTIVATIONS, rates.activations_K, halves_K.tolist(), strict=True)
-        ]
-        if rates.transfer_V is not None:
-            found.append(_log_interval("transfer_V", rates.transfer_V, fit.transfer_log_std))
+    for rate in fit.sought:
+        value, std = getattr(rates, rate.name), fit.search_std(rate.name)
+        half = BAND_95 * std
+        interval = ConfidenceInterval(rate.name, value, value - half, value + half)
+        found.append(_log_interval(rate.name, value, std) if rate.as_log else interval)
     return found
 
 

@@ -262,7 +262,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     provenance = replace(
         _provenance(prepared, settings),
         logs=fits,
-        confidence=confidence_intervals(fit, hysteresis, problem.fit_activation),
+        confidence=confidence_intervals(fit),
         notes=tuple(map(str, (*prepared.notes, *choice, *checks))),
     )
     pulses_only = all(r.test == "pulses" for r in prepared.fast)

@@ -39,8 +39,7 @@ def activation_std_K(fit: CircuitFit, problem: CircuitProblem) -> float:
     usual_K = problem.prior.untested.activation_std_K
     if not problem.fit_activation:
         return usual_K
-    ohmic_and_pairs_K = fit.activation_std_K[:2]
-    found_K = float(np.sqrt(np.mean(ohmic_and_pairs_K**2)))
+    found_K = float(np.hypot(fit.search_std("activation_K"), fit.search_std("pair_activation_K")) / np.sqrt(2.0))
     return min(max(found_K, _ACTIVATION_FLOOR_K), usual_K)
 
 

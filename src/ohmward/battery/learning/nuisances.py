@@ -105,12 +105,3 @@ def nuisance_covariance(
     covariance = np.diag(std**2)
     covariance[nuisances.misfit, nuisances.misfit] = misfit_V**2 * correlation(MISFIT_KNOTS, _MISFIT_LENGTH)
     return covariance
-
-
-def hours_since(samples: Samples, from_s: np.ndarray) -> np.ndarray:
-    """(T, K) hours of measurement since each of these times; a gap counts as the line that is taken for it."""
-    gap = np.zeros(samples.dt_s.size, dtype=bool)
-    gap[samples.gaps] = True
-    passed_s = np.cumsum(np.where(gap, 0.0, samples.dt_s))
-    before_s = np.interp(from_s, samples.time_s, passed_s)
-    return np.maximum(passed_s[:, None] - before_s, 0.0) / SECONDS_PER_HOUR

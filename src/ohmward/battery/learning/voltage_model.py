@@ -113,13 +113,13 @@ class VoltageModel:
 
     @cached_property
     def sensitive(self) -> SensitiveCircuit:
-        """The circuit without its curve."""
-        sizes = Corrections(*(self.parameters.sizes[name] for name in Corrections._fields))
+        """The circuit without its curve, with an offset also where the file does not doubt it: a log may change it."""
+        sizes = Corrections(*(self.parameters.sizes[name] for name in Corrections._fields))._replace(offset=1)
         return SensitiveCircuit(without_curve(self.model), sizes)
 
     @cached_property
     def places(self) -> np.ndarray:
-        """(P,) places of the corrections of the circuit among the unknowns."""
+        """Places of the corrections of the circuit among the unknowns; an offset is the last of them."""
         groups = [self.parameters.group(name) for name in Corrections._fields]
         return np.concatenate([np.arange(group.start, group.stop) for group in groups])
 
@@ -127,7 +127,9 @@ class VoltageModel:
         """The circuit along the part, with the derivatives of its voltage in the rows."""
         nu = x[self.parameters.size :]
         low, high = self._hysteresis_starts(nu)
-        along = self.sensitive.along(x[self.places], nu[self.nuisances.soc], self._circuit_samples(nu, low, high))
+        theta = np.zeros(sum(self.sensitive.sizes))
+        theta[: self.places.size] = x[self.places]
+        along = self.sensitive.along(theta, nu[self.nuisances.soc], self._circuit_samples(nu, low, high))
         charge = ChargeAlong(self, x, along.soc, along.soc_columns)
         return CircuitInRows(
             charge, along.voltage_V[self.rows], along.over_V2[self.rows], self._columns(x, along, high - low)
@@ -172,11 +174,11 @@ class VoltageModel:
 
     def _columns(self, x: np.ndarray, along: CircuitAlong, width: np.ndarray) -> np.ndarray:
         """(N, K + M) derivatives of the voltage of the circuit in the rows."""
-        rows, nuisances, P = self.rows, self.nuisances, self.places.size
+        rows, nuisances, P = self.rows, self.nuisances, sum(self.sensitive.sizes)
         columns = np.zeros((rows.size, x.size))
         of_log = columns[:, self.parameters.size :]
         found = along.voltage_columns[rows]
-        columns[:, self.places] = found[:, :P]
+        columns[:, self.places] = found[:, : self.places.size]
         if nuisances.offset_from_s.size:
             of_log[:, nuisances.offsets] = found[:, P - 1, None] * (rows[:, None] >= self.offset_starts)
         segment = np.searchsorted(self.starts, rows, side="right") - 1
@@ -215,7 +217,7 @@ class ChargeAlong(NamedTuple):
         places, nuisances = self.of.places, self.of.nuisances
         columns = np.zeros((at.size, self.x.size))
         of_log = columns[:, self.of.parameters.size :]
-        columns[:, places] = self.by_circuit[at]
+        columns[:, places] = self.by_circuit[at, : places.size]
         of_log[:, nuisances.soc] = 1.0
         of_log[:, nuisances.jumps] = at[:, None] >= self.of.jump_starts
         if nuisances.offset_from_s.size:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -46,48 +46,30 @@ class CircuitInput(NamedTuple):
     temperature_degC: Any
 
 
-class CircuitRatios(Protocol):
-    """What has changed of a battery since it was identified, as ratios to the values of its file."""
-
-    @property
-    def soh_capacity(self) -> Scalar:
-        """Capacity over the file's."""
-
-    @property
-    def efficiency_ratio(self) -> Scalar:
-        """Coulombic efficiency over the file's."""
-
-    def ohmic_ratio(self, soc: Any, u: CircuitInput, p: Thevenin) -> Any:
-        """R_0 over the file's, at this SoC and temperature."""
-
-    def pair_ratios(self, soc: Any, u: CircuitInput, p: Thevenin) -> Sequence[Any]:
-        """R_1 ... R_n over the file's, (n,), at this SoC and temperature."""
-
-    def rate_ratios(self, p: Thevenin) -> Sequence[Any]:
-        """Rates 1 / tau_1 ... 1 / tau_n over the file's, (n,)."""
-
-
 class StateOfHealth(NamedTuple):
-    """Capacity, and all resistances together, over those of the file; 1 for a battery as it was identified."""
+    """Capacity, and all resistances together, over those of the file; 1 for a battery as it was identified.
+
+    `Corrections` has the same ratios for each parameter by itself.
+    """
 
     soh_capacity: Scalar = 1.0
     resistance_ratio: Scalar = 1.0
 
     @property
     def efficiency_ratio(self) -> Scalar:
-        """Always 1."""
+        """Coulombic efficiency over the file's."""
         return 1.0
 
     def ohmic_ratio(self, soc: Any, u: CircuitInput, p: Thevenin) -> Any:
-        """The common ratio."""
+        """R_0 over the file's, at this SoC and temperature."""
         return self.resistance_ratio
 
     def pair_ratios(self, soc: Any, u: CircuitInput, p: Thevenin) -> Sequence[Any]:
-        """The common ratio, (n,)."""
+        """R_1 ... R_n over the file's, (n,), at this SoC and temperature."""
         return (self.resistance_ratio,) * p.pairs
 
     def rate_ratios(self, p: Thevenin) -> Sequence[Any]:
-        """Always 1, (n,)."""
+        """Rates 1 / tau_1 ... 1 / tau_n over the file's, (n,)."""
         return (1.0,) * p.pairs
 
 
@@ -213,7 +195,7 @@ RESISTANCE_KNOTS = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
 
 
 class Corrections(NamedTuple):
-    """Corrections of a battery file that a fit looks for: a `CircuitRatios`, and what it does to the file.
+    """Corrections of a battery file that a fit looks for: the ratios of `StateOfHealth`, and what they do to the file.
 
     All are 0 for the file as it stands. Logarithms cannot turn a resistance negative, and make twice as large as likely
     as half as large. () is not corrected. Their prior is that of `learning.parameters`, by these names.
@@ -314,7 +296,7 @@ def without_curve(model: Thevenin) -> Thevenin:
 
 
 def next_state(
-    x: np.ndarray, u: CircuitInput, p: Thevenin, dt_s: Any, health: CircuitRatios = AS_IDENTIFIED
+    x: np.ndarray, u: CircuitInput, p: Thevenin, dt_s: Any, health: StateOfHealth | Corrections = AS_IDENTIFIED
 ) -> np.ndarray:
     """State after `dt_s` of constant current, exact for charge, RC pairs and hysteresis.
 
@@ -334,7 +316,9 @@ def next_state(
     return np.array([soc + d_soc, *v_next, next_hysteresis(h, i, dt_s, p)])
 
 
-def voltage(x: np.ndarray, u: CircuitInput, p: Thevenin, health: CircuitRatios = AS_IDENTIFIED) -> np.ndarray:
+def voltage(
+    x: np.ndarray, u: CircuitInput, p: Thevenin, health: StateOfHealth | Corrections = AS_IDENTIFIED
+) -> np.ndarray:
     """Terminal voltage [V] in state x at the current of this instant, as (1,)."""
     return np.array([open_circuit(x, u, p) + sum(overpotentials(x, u, p, health))])
 
@@ -345,13 +329,15 @@ def open_circuit(x: np.ndarray, u: CircuitInput, p: Thevenin) -> Any:
     return p.ocv.mean_V(soc, u.temperature_degC) + p.hysteresis_V_at(soc, u.temperature_degC) * h
 
 
-def overpotentials(x: np.ndarray, u: CircuitInput, p: Thevenin, health: CircuitRatios = AS_IDENTIFIED) -> list[Any]:
+def overpotentials(
+    x: np.ndarray, u: CircuitInput, p: Thevenin, health: StateOfHealth | Corrections = AS_IDENTIFIED
+) -> list[Any]:
     """Overpotentials [V]: v_1 ... v_n of the RC pairs, then the ohmic drop."""
     soc, *v, _ = x
     return [*v, ohmic_drop(soc, u, p, health)]
 
 
-def ohmic_drop(soc: Any, u: CircuitInput, p: Thevenin, health: CircuitRatios = AS_IDENTIFIED) -> Any:
+def ohmic_drop(soc: Any, u: CircuitInput, p: Thevenin, health: StateOfHealth | Corrections = AS_IDENTIFIED) -> Any:
     """Ohmic drop [V]: R_0 i, or with `transfer_V` V_t asinh(R_0 i / V_t), the Butler-Volmer law of two equal halves."""
     linear_V = ohmic_resistance(soc, u, p) * (health.ohmic_ratio(soc, u, p) * u.current_A)
     return linear_V if p.transfer_V is None else linear_V * transfer_share(linear_V * (1 / p.transfer_V))
@@ -363,13 +349,15 @@ def transfer_share(x: Any) -> Any:
     return log(size + sqrt(size * size + 1.0)) * (1.0 / size)
 
 
-def pair_decays(u: CircuitInput, p: Thevenin, dt_s: Any, health: CircuitRatios = AS_IDENTIFIED) -> list[Any]:
+def pair_decays(
+    u: CircuitInput, p: Thevenin, dt_s: Any, health: StateOfHealth | Corrections = AS_IDENTIFIED
+) -> list[Any]:
     """Decay factors e^(-dt / tau_j) of the RC pairs at this temperature."""
     warm_s = dt_s * p.rate_arrhenius_factor(u.temperature_degC)
     return [exp(warm_s * (-1.0 / tau) * ratio) for tau, ratio in zip(p.tau_s, health.rate_ratios(p), strict=True)]
 
 
-def charge(current_A: Scalar, dt_s: Scalar, p: Thevenin, health: CircuitRatios = AS_IDENTIFIED) -> Any:
+def charge(current_A: Scalar, dt_s: Scalar, p: Thevenin, health: StateOfHealth | Corrections = AS_IDENTIFIED) -> Any:
     """Charge stored [A s] by `dt_s` of current; charging loses 1 - eta to side reactions."""
     if p.coulombic_efficiency == 1.0:
         return current_A * dt_s

@@ -68,6 +68,8 @@ AGAIN = 0.05
 _RELAXED, _LONG_REST_S = 4.0, 3600.0
 #: Current of a rest over the capacity [1/h].
 _REST_C = 0.01
+#: Time constant of a circuit without RC pairs [s].
+_WITHOUT_PAIRS_S = 1.0
 #: A longer step [s] says nothing about the voltage between its ends.
 _LONGEST_ANCHOR_STEP_S = 3600.0
 #: An event that says less about the state of charge is none.
@@ -197,9 +199,7 @@ class AnchorRule:
     def hold_low(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
         """The memory with the load, and the time for which its end would be a cut-off."""
         loaded = usable & (clean.now.current_A < -self.load_A)
-        fade = exp(
-            clean.dt_s * self.model.rate_arrhenius_factor(clean.now.temperature_degC) * (-1 / self.model.tau_s[-1])
-        )
+        fade = exp(clean.dt_s * self.model.rate_arrhenius_factor(clean.now.temperature_degC) * (-1 / self.slowest_s))
         peak = CircuitInput(minimum(clean.now.current_A, fade * memory.peak_load_A), clean.now.temperature_degC)
         at_cut_off = self.cut_off(clean.voltage_V, peak)
         low = loaded & (self.but_for_drop_V(clean.voltage_V, peak) < self.empty_V)
@@ -235,7 +235,7 @@ class AnchorRule:
         """The rest after a sample, and the condition that it has become a long one, once."""
         usable = clean.voltage_measured & clean.current_measured
         resting = usable & (abs(clean.now.current_A) < self.rest_A) & (clean.dt_s < _LONGEST_ANCHOR_STEP_S)
-        needed_s = _RELAXED * self.model.tau_s[-1] / self.model.rate_arrhenius_factor(clean.now.temperature_degC)
+        needed_s = _RELAXED * self.slowest_s / self.model.rate_arrhenius_factor(clean.now.temperature_degC)
         tells = self.at_rest(clean.voltage_V, clean.now).std < _MOST_STD
         return continue_rest(before, resting, clean.dt_s, maximum(needed_s, _LONG_REST_S), tells)
 
@@ -264,6 +264,11 @@ class AnchorRule:
         rising_V = np.maximum.accumulate(ocv.mean_V(soc, ocv.reference_degC)) + 1e-12 * np.arange(soc.size)
         grid_V = np.linspace(ocv.voltage_V[0], ocv.voltage_V[-1], _INVERSE_POINTS)
         return tuple(np.interp(grid_V, rising_V, soc).tolist())
+
+    @property
+    def slowest_s(self) -> float:
+        """Largest time constant [s]; a short one for a circuit without RC pairs, in which a load leaves nothing."""
+        return self.model.tau_s[-1] if self.model.tau_s else _WITHOUT_PAIRS_S
 
     @property
     def gases(self) -> bool:

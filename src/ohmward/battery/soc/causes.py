@@ -243,7 +243,7 @@ def time_in_words(seconds: float) -> str:
 def within(relative_std: float) -> str:
     """Range of a relative error in words: "± 30 %", or "a factor of 3" where that says more."""
     factor = float(np.exp(min(BAND_95 * relative_std, 5.0)))
-    return f"± {100 * BAND_95 * relative_std:.0f} %" if factor < 2 else f"a factor of {factor:.1g}"
+    return f"± {100 * BAND_95 * relative_std:.0f} %" if factor < 2 else f"a factor of {float(f'{factor:.1g}'):g}"
 
 
 def _curve(now: Conditions) -> str:
@@ -300,7 +300,7 @@ WORDINGS: dict[str, Wording] = {
     "curve": Wording(_curve, lambda now: "a full charge" if is_flat(now) else _BOTH_BRANCHES),
     "axis": Wording(
         lambda now: (
-            f"SoC axis of the curve known within ± {100 * BAND_95 * now.settings.noise.soc_axis_std:.1g} points"
+            f"SoC axis of the curve known within ± {100 * BAND_95 * now.settings.noise.soc_axis_std:.2g} points"
         ),
         lambda now: _BOTH_BRANCHES,
     ),

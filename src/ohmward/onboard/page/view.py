@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ohmward.battery.soc.causes import time_in_words
 from ohmward.energy.points import Quantiles
 from ohmward.filters.consistency import BAND_95
 from ohmward.onboard.plain import plain
@@ -92,13 +93,20 @@ def _charge(state: RobotState) -> dict[str, Any] | None:
         "soc": charge.soc,
         "low": low,
         "high": high,
-        "sentence": f"Between {100 * low:.0f} and {100 * high:.0f} % with a probability of 95 %.",
+        "sentence": f"Between {100 * low:.0f} and {100 * high:.0f} % with a probability of 95 %{_since(state)}.",
         **{q.field: state.sample.get(q.name, math.nan) for q in measured if q.estimated_from},
         "soh_capacity": charge.soh_capacity,
         "resistance_ratio": charge.resistance_ratio,
         "flags": charge.flags,
         "beside": [_reading(q, state.sample) for q in measured if not q.estimated_from and q.name in state.sample],
     }
+
+
+def _since(state: RobotState) -> str:
+    """Age of the last measurement of the battery in words, where its sensors are silent."""
+    if "battery" not in state.silent:
+        return ""
+    return f"; last measured {time_in_words(state.time_s - state.battery_time_s)} ago"
 
 
 def _reading(quantity: Quantity, sample: Mapping[str, float]) -> dict[str, Any]:

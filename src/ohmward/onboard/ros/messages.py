@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.onboard.robot_state import OF_CHARGE, Diagnostic, Level, RobotState
+from ohmward.filters.consistency import BAND_95
+from ohmward.onboard.evidence import OF_CHARGE
+from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.ros.types import BATTERY_STATE
 from ohmward.quantities import QUANTITIES
 
@@ -43,30 +45,38 @@ class Frames:
     base: str = "base_link"  #: of the robot, at its centre of gravity
 
 
-def header(state: RobotState, frame: str) -> Message:
-    """Stamp and frame of a message about a state."""
-    sec, nanosec = divmod(round(state.unix_s * 1e9), 10**9) if math.isfinite(state.unix_s) else (0, 0)
+def header(date_s: float, frame: str) -> Message:
+    """Stamp and frame of a message; date_s: seconds since 1970, nan where it is not known."""
+    sec, nanosec = divmod(round(date_s * 1e9), 10**9) if math.isfinite(date_s) else (0, 0)
     return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame}
 
 
-def battery_state(state: RobotState, measured: Mapping[str, float], battery: Battery | None, frames: Frames) -> Message:
+def battery_date_s(state: RobotState) -> float:
+    """Date of what a message says about the battery: of its sample, or of now, where it says that nothing is known."""
+    return state.unix_s if "battery" in state.silent else state.date_s("battery")
+
+
+def battery_state(
+    state: RobotState, measured: Mapping[str, float], battery: Battery | None, frames: Frames, cautious: bool = False
+) -> Message:
     """`sensor_msgs/BatteryState`; nan where a quantity is not known, not present where nothing is.
 
     measured: signal -> latest value of the battery's sensors, nan for one that is silent.
     battery: its label, where it is known.
+    cautious: the percentage is the low end of the 95 % band, and goes down to 0 while the sensors are silent.
     """
-    charge, nan = state.battery, math.nan
+    charge, nan = None if "battery" in state.silent else state.battery, math.nan
     capacity_Ah = battery.capacity_Ah if battery else nan
     now_Ah = capacity_Ah * float(charge.soh_capacity) if charge and charge.soh_capacity == charge.soh_capacity else nan
     now_Ah = capacity_Ah if math.isnan(now_Ah) else now_Ah
     soc = min(max(float(charge.soc), 0.0), 1.0) if charge else nan
     return {
-        "header": header(state, frames.base),
+        "header": header(battery_date_s(state), frames.base),
         **{q.ros_field: measured.get(q.name, nan) for q in QUANTITIES.values() if q.ros_type == BATTERY_STATE},
         "charge": soc * now_Ah,
         "capacity": now_Ah,
         "design_capacity": capacity_Ah,
-        "percentage": soc,
+        "percentage": _cautious(state) if cautious else soc,
         "power_supply_status": _status(measured, charge, capacity_Ah),
         "power_supply_health": _UNKNOWN,
         "power_supply_technology": _TECHNOLOGY.get(battery.chemistry, _LION) if battery else _UNKNOWN,
@@ -77,6 +87,13 @@ def battery_state(state: RobotState, measured: Mapping[str, float], battery: Bat
         "location": "",
         "serial_number": battery.serial_number if battery else "",
     }
+
+
+def _cautious(state: RobotState) -> float:
+    """Low end of the band of the charge in [0, 1]; 0 where nothing is known any more, nan where nothing was yet."""
+    if state.battery is None:
+        return 0.0 if "battery" in state.silent else math.nan
+    return min(max(float(state.battery.soc) - BAND_95 * float(state.battery.soc_std), 0.0), 1.0)
 
 
 def _cells(measured: Mapping[str, float], battery: Battery | None) -> list[float]:
@@ -110,11 +127,23 @@ def odometry(state: RobotState, frames: Frames) -> Message:
     position = {"x": float(pose.x_m), "y": float(pose.y_m), "z": 0.0}
     twist = _twist(pose.speed_m_s, pose.speed_left_m_s, pose.yaw_rate_rad_s)
     return {
-        "header": header(state, frames.odom),
+        "header": header(state.date_s("drive"), frames.odom),
         "child_frame_id": frames.base,
         "pose": {"pose": {"position": position, "orientation": turned}, "covariance": _covariance(pose.pose_cov)},
         "twist": {"twist": twist, "covariance": _covariance(pose.twist_cov)},
     }
+
+
+def transform(state: RobotState, frames: Frames) -> Message:
+    """`tf2_msgs/TFMessage` with the pose as the transform from odom to base."""
+    found = odometry(state, frames)
+    pose = found["pose"]["pose"]
+    stamped = {
+        "header": found["header"],
+        "child_frame_id": frames.base,
+        "transform": {"translation": pose["position"], "rotation": pose["orientation"]},
+    }
+    return {"transforms": [stamped]}
 
 
 def twist(state: RobotState, frames: Frames) -> Message:
@@ -128,7 +157,10 @@ def twist(state: RobotState, frames: Frames) -> Message:
     left_var = UNKNOWN_VARIANCE if state.pose is None else float(state.pose.twist_cov[1, 1])
     covariance = np.diag([float(slip.speed_std_m_s) ** 2, left_var, float(slip.yaw_rate_std_rad_s) ** 2])
     moved = _twist(slip.speed_m_s, left, slip.yaw_rate_rad_s)
-    return {"header": header(state, frames.base), "twist": {"twist": moved, "covariance": _covariance(covariance)}}
+    return {
+        "header": header(state.date_s("drive"), frames.base),
+        "twist": {"twist": moved, "covariance": _covariance(covariance)},
+    }
 
 
 def diagnostics(state: RobotState, robot: str) -> Message:
@@ -137,7 +169,10 @@ def diagnostics(state: RobotState, robot: str) -> Message:
     robot: its name.
     """
     conditions = [*_estimates(state), *state.diagnostics]
-    return {"header": header(state, ""), "status": [_status_message(condition, robot) for condition in conditions]}
+    return {
+        "header": header(state.unix_s, ""),
+        "status": [_status_message(condition, robot) for condition in conditions],
+    }
 
 
 def _status_message(condition: Diagnostic, robot: str) -> Message:
@@ -172,23 +207,28 @@ def _estimates(state: RobotState) -> list[Diagnostic]:
                 values |= {f"range_{quantile}_m": float(distance_m), f"time_left_{quantile}_s": float(duration_s)}
         text = f"{100 * float(charge.soc):.0f} ± {100 * float(charge.soc_std):.0f} %"
         found.append(Diagnostic("charge", Level.OK, text, values))
-    elif math.isfinite(state.battery_time_s):
-        found.append(_stale("charge", "battery", state.time_s - state.battery_time_s))
+    if "battery" in state.silent:
+        found = [_stale("charge", "battery", state.time_s - state.battery_time_s, found)]
     if slip := state.slip:
         ratios = {f"slip_ratio.{k}": float(ratio) for k, ratio in enumerate(slip.slip_ratio)}
         stuck = float(slip.immobilised) >= 0.5
         level = Level.ERROR if stuck else Level.WARN if np.any(np.asarray(slip.slipping) >= 0.5) else Level.OK
         text = "wheels turn, the robot does not" if stuck else "wheels slip" if level else "wheels grip"
         found.append(Diagnostic("drive", level, text, {"speed_m_s": float(slip.speed_m_s), **ratios}))
-    elif math.isfinite(state.drive_time_s):
+    elif "drive" in state.silent:
         found.append(_stale("drive", "wheels", state.time_s - state.drive_time_s))
     return found
 
 
-def _stale(estimate: str, sensors: str, age_s: float) -> Diagnostic:
-    """Condition of an estimate that there is no more."""
-    message = f"unknown: the sensors of the {sensors} are silent; look at them, their wires and their driver"
-    return Diagnostic(estimate, Level.STALE, message, {"age_s": age_s})
+def _stale(estimate: str, sensors: str, age_s: float, known: Sequence[Diagnostic] = ()) -> Diagnostic:
+    """Condition of an estimate whose sensors are silent.
+
+    known: the estimate, where something of it is still known.
+    """
+    said = " ".join(condition.message for condition in known) or "unknown"
+    message = f"{said}: the sensors of the {sensors} are silent; look at them, their wires and their driver"
+    values = {key: value for condition in known for key, value in condition.values.items()}
+    return Diagnostic(estimate, Level.STALE, message, {**values, "age_s": age_s})
 
 
 def _twist(forward_m_s: Any, left_m_s: Any, yaw_rate_rad_s: Any) -> Message:

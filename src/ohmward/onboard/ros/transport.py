@@ -1,14 +1,18 @@
-"""Serialised messages out and in: by rclpy where ROS is installed, else by zenoh as rmw_zenoh speaks it."""
+"""Serialised messages out and in: by rclpy where ROS is installed, else by zenoh as rmw_zenoh speaks it.
+
+Sources and sinks of a process that have the same node share it.
+"""
 
 from __future__ import annotations
 
+import asyncio
 import os
 import threading
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Protocol
+from typing import Any, Protocol
 
 from ohmward.checks import require_between, require_one_of
 from ohmward.errors import InputError
@@ -21,9 +25,16 @@ Receive = Callable[[bytes], None]
 #: Largest domain of ROS 2: beyond it the ports of UDP end.
 MOST_DOMAIN = 232
 
+#: The thread of a node has so long to end [s].
+_SPIN_END_S = 2.0
+
 
 class Transport(Protocol):
     """Way of messages to and from other nodes."""
+
+    def advertise(self, topic: str, type_: str) -> None:
+        """Let the other nodes know that messages will come on a topic."""
+        ...
 
     def publish(self, topic: str, type_: str, payload: bytes) -> None:
         """Send a serialised message."""
@@ -31,6 +42,10 @@ class Transport(Protocol):
 
     def subscribe(self, topic: str, type_: str, receive: Receive) -> None:
         """Receive the messages of a topic from now on."""
+        ...
+
+    def serve(self, name: str, act: Callable[[], str]) -> None:
+        """Offer a service of type `std_srvs/Trigger`, which answers with the sentence of `act`."""
         ...
 
     def check(self) -> None:
@@ -62,6 +77,11 @@ class RosNetwork:
             if not part.isidentifier():
                 raise InputError(f"namespace must be names of letters, digits and _ with /, got {self.namespace!r}")
 
+    @property
+    def uses_rclpy(self) -> bool:
+        """True where messages go through rclpy."""
+        return self.transport == "rclpy" or (self.transport == "auto" and find_spec("rclpy") is not None)
+
     def open(self) -> Transport:
         """The way to other nodes.
 
@@ -69,10 +89,47 @@ class RosNetwork:
             OhmwardError: no router of zenoh, or a package that is not installed.
         """
         domain = domain_of_environment() if self.domain is None else self.domain
-        use_rclpy = self.transport == "rclpy" or (self.transport == "auto" and find_spec("rclpy") is not None)
-        if use_rclpy:
-            return RclpyTransport(self.node, self.namespace, domain)
+        if self.uses_rclpy:
+            rclpy = require("rclpy", 'transport = "rclpy"')
+            context = require("rclpy.context", 'transport = "rclpy"').Context()
+            rclpy.init(args=None, context=context, domain_id=domain)
+            node = rclpy.create_node(self.node, namespace=self.namespace, context=context)
+            return RclpyTransport(node, context.shutdown)
         return ZenohTransport(self.node, self.namespace, domain, self.router)
+
+
+class SharedNode:
+    """A node for several parts of a process: opened for the first of them, closed after the last.
+
+    Args:
+        network: that the parts have in common.
+        node: of rclpy, where somebody else has made it and ends it.
+    """
+
+    def __init__(self, network: RosNetwork, node: Any = None):
+        self._network, self._node = network, node
+        self._lock = asyncio.Lock()
+        self._transport: Transport | None = None
+        self._users = 0
+
+    @asynccontextmanager
+    async def opened(self) -> AsyncIterator[Transport]:
+        """The way to other nodes, for as long as a part needs it; errors as of `RosNetwork.open`."""
+        async with self._lock:
+            if self._transport is None:
+                self._transport = await asyncio.to_thread(self._open)
+            self._users += 1
+        try:
+            yield self._transport
+        finally:
+            async with self._lock:
+                self._users -= 1
+                if not self._users:
+                    transport, self._transport = self._transport, None
+                    await asyncio.to_thread(transport.close)
+
+    def _open(self) -> Transport:
+        return self._network.open() if self._node is None else RclpyTransport(self._node)
 
 
 def require_others_topics(heard: Mapping[str, str], sent: Mapping[str, str]) -> None:
@@ -102,40 +159,77 @@ def domain_of_environment() -> int:
 
 
 class RclpyTransport:
-    """A node of rclpy; messages pass through it serialised, so that both ways carry the same bytes."""
+    """A node of rclpy; messages pass through it serialised, so that both ways carry the same bytes.
 
-    def __init__(self, node: str, namespace: str, domain: int):
-        self._rclpy = require("rclpy", 'transport = "rclpy"')
-        self._context = require("rclpy.context", 'transport = "rclpy"').Context()
-        self._rclpy.init(args=None, context=self._context, domain_id=domain)
-        self._node = self._rclpy.create_node(node, namespace=namespace, context=self._context)
-        self._publishers: dict[str, object] = {}
+    Args:
+        node: it is served from a thread of this object.
+        shut_down: ends the context of the node, which then ends with this object; None leaves both to others.
+    """
+
+    def __init__(self, node: Any, shut_down: Callable[[], None] | None = None):
+        self._node, self._shut_down = node, shut_down
+        self._publishers: dict[str, Any] = {}
+        self._subscriptions: list[Any] = []
+        self._services: list[Any] = []
+        #: Their defaults warn of readers that fit no writer, which cannot be here, and cost much of every spin.
+        self._events = require("rclpy.event_handler", 'transport = "rclpy"')
         executors = require("rclpy.executors", 'transport = "rclpy"')
-        self._executor = executors.SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        self._executor = executors.SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
 
-    def publish(self, topic: str, type_: str, payload: bytes) -> None:
-        """Send a serialised message, reliable and volatile: matches readers of either reliability."""
+    def advertise(self, topic: str, type_: str) -> None:
+        """Make the publisher of a topic, reliable and volatile: matches readers of either reliability."""
         if topic not in self._publishers:
-            self._publishers[topic] = self._node.create_publisher(message_class(type_), topic, 10)
-        self._publishers[topic].publish(payload)  # type: ignore[attr-defined]
+            events = self._events.PublisherEventCallbacks(use_default_callbacks=False)
+            made = self._node.create_publisher(message_class(type_), topic, 10, event_callbacks=events)
+            self._publishers[topic] = made
+
+    def publish(self, topic: str, type_: str, payload: bytes) -> None:
+        """Send a serialised message."""
+        self.advertise(topic, type_)
+        self._publishers[topic].publish(payload)
 
     def subscribe(self, topic: str, type_: str, receive: Receive) -> None:
         """Receive messages as sensors send them, best effort: matches every writer."""
         qos = require("rclpy.qos", 'transport = "rclpy"').qos_profile_sensor_data
-        self._node.create_subscription(message_class(type_), topic, receive, qos, raw=True)
+        events = self._events.SubscriptionEventCallbacks(use_default_callbacks=False)
+        message_type = message_class(type_)
+        made = self._node.create_subscription(message_type, topic, receive, qos, event_callbacks=events, raw=True)
+        self._subscriptions.append(made)
+
+    def serve(self, name: str, act: Callable[[], str]) -> None:
+        """Offer a service of type `std_srvs/Trigger`; without that package there is none."""
+        if find_spec("std_srvs") is None:
+            return
+        trigger = require("std_srvs.srv", "services of ROS").Trigger
+
+        def answer(_: Any, response: Any) -> Any:
+            response.success, response.message = True, act()
+            return response
+
+        self._services.append(self._node.create_service(trigger, name, answer))
 
     def check(self) -> None:
         """Nothing: DDS finds the others again by itself."""
 
     def close(self) -> None:
-        """Destroy the node."""
+        """End publishers, subscriptions and services, and the node where it is our own."""
         self._executor.shutdown()
-        self._node.destroy_node()
-        with suppress(Exception):
-            self._context.shutdown()
+        self._thread.join(_SPIN_END_S)
+        if self._shut_down is None:
+            for destroy, made in (
+                (self._node.destroy_publisher, self._publishers.values()),
+                (self._node.destroy_subscription, self._subscriptions),
+                (self._node.destroy_service, self._services),
+            ):
+                for one in made:
+                    destroy(one)
+        else:
+            self._node.destroy_node()
+            with suppress(Exception):
+                self._shut_down()
 
     def _spin(self) -> None:
         """Serve subscriptions until the executor is shut down."""

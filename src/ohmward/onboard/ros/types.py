@@ -10,6 +10,8 @@ IMU = "sensor_msgs/msg/Imu"
 ODOMETRY = "nav_msgs/msg/Odometry"
 TWIST = "geometry_msgs/msg/TwistWithCovarianceStamped"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+TF = "tf2_msgs/msg/TFMessage"
+CLOCK = "rosgraph_msgs/msg/Clock"
 FLOATS = "std_msgs/msg/Float64MultiArray"
 
 #: A field a line: type and name; `[9]` is an array of nine, `[]` a sequence.
@@ -38,6 +40,11 @@ _TEXT = {
     "diagnostic_msgs/msg/DiagnosticStatus": "byte level, string name, string message, string hardware_id, "
     "diagnostic_msgs/msg/KeyValue[] values",
     DIAGNOSTICS: "std_msgs/msg/Header header, diagnostic_msgs/msg/DiagnosticStatus[] status",
+    TF: "geometry_msgs/msg/TransformStamped[] transforms",
+    "geometry_msgs/msg/TransformStamped": "std_msgs/msg/Header header, string child_frame_id, "
+    "geometry_msgs/msg/Transform transform",
+    "geometry_msgs/msg/Transform": "geometry_msgs/msg/Vector3 translation, geometry_msgs/msg/Quaternion rotation",
+    CLOCK: "builtin_interfaces/msg/Time clock",
     "std_msgs/msg/MultiArrayDimension": "string label, uint32 size, uint32 stride",
     "std_msgs/msg/MultiArrayLayout": "std_msgs/msg/MultiArrayDimension[] dim, uint32 data_offset",
     FLOATS: "std_msgs/msg/MultiArrayLayout layout, float64[] data",
@@ -51,6 +58,8 @@ HASHES = {
     ODOMETRY: "RIHS01_3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0",
     TWIST: "RIHS01_77b67434531e6529b7a0091357b186b6ebdb17fd9ffd3e0c7ce9d3fb11a44563",
     DIAGNOSTICS: "RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
+    TF: "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+    CLOCK: "RIHS01_692f7a66e93a3c83e71765d033b60349ba68023a8c689a79e48078bcb5c58564",
     FLOATS: "RIHS01_1025ddc6b9552d191f89ef1a8d2f60f3d373e28b283d8891ddcc974e8c55397f",
 }
 

@@ -58,12 +58,16 @@ class ZenohTransport:
         self._publishers: dict[str, tuple[Any, bytes, itertools.count[int]]] = {}
         self._declared: list[Any] = [self._session.liveliness().declare_token(self._token("NN", "0"))]
 
-    def publish(self, topic: str, type_: str, payload: bytes) -> None:
-        """Send a serialised message."""
+    def advertise(self, topic: str, type_: str) -> None:
+        """Declare the publisher of a topic, and announce it."""
         if topic not in self._publishers:
             publisher = self._session.declare_publisher(self._key(topic, type_, HASHES[type_]))
             self._announce("MP", topic, type_)
             self._publishers[topic] = publisher, secrets.token_bytes(16), itertools.count(1)
+
+    def publish(self, topic: str, type_: str, payload: bytes) -> None:
+        """Send a serialised message."""
+        self.advertise(topic, type_)
         publisher, identity, numbers = self._publishers[topic]
         attachment = _ATTACHMENT.pack(next(numbers), time.time_ns(), len(identity), identity)
         publisher.put(payload, attachment=attachment)
@@ -76,6 +80,9 @@ class ZenohTransport:
 
         self._declared.append(self._session.declare_subscriber(self._key(topic, type_, "*"), arrived))
         self._announce("MS", topic, type_)
+
+    def serve(self, name: str, act: Callable[[], str]) -> None:
+        """Nothing: services go through rclpy only."""
 
     def check(self) -> None:
         """Raise `OhmwardError` where the router is away."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from ohmward.battery.file import load_battery
 from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.ros.types import definition_text
-from ohmward.onboard.sinks.page import is_loopback
+from ohmward.onboard.secrets import is_loopback
 from ohmward.onboard.sinks.ros2 import Ros2Sink, Translation
 from ohmward.optional import require
 
@@ -20,6 +20,7 @@ from ohmward.optional import require
 class FoxgloveSink:
     """A server for viewers, who connect to ws://HOST:PORT and cannot send anything."""
 
+    takes_all: ClassVar[bool] = True  #: states; each message has a rate of its own
     #: address that is listened on; loopback only, because the protocol knows no token: forward the port with `ssh -L
     #: 8765:localhost:8765 robot`
     host: str = "127.0.0.1"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import ipaddress
 import os
 import socket
 import ssl
@@ -20,7 +19,7 @@ from ohmward.onboard.page.app import make_app
 from ohmward.onboard.page.connection import connection_type
 from ohmward.onboard.page.dashboard import Dashboard
 from ohmward.onboard.part import LOG
-from ohmward.onboard.secrets import check_secret_name, secret
+from ohmward.onboard.secrets import check_secret_name, is_loopback, secret
 from ohmward.optional import require
 
 #: Readers that are still there at the end have so long to go [s].
@@ -125,14 +124,6 @@ class PageSink:
     def _address(self, listener: socket.socket) -> str:
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"http{'s' if self.certificate else ''}://{host}:{listener.getsockname()[1]}"
-
-
-def is_loopback(host: str) -> bool:
-    """True where only this machine can reach a host."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 def check_certificate(certificate: str, key: str) -> None:

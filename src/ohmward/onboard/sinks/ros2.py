@@ -6,16 +6,19 @@ import asyncio
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import load_battery
-from ohmward.checks import require_between
-from ohmward.onboard.feed import Feed
-from ohmward.onboard.robot_state import OF_CHARGE, Level, RobotState
+from ohmward.checks import require_between, require_one_of
+from ohmward.onboard.clock import LEAP_S
+from ohmward.onboard.evidence import OF_CHARGE
+from ohmward.onboard.feed import Feed, Rate
+from ohmward.onboard.robot_state import Level, RobotState
 from ohmward.onboard.ros import messages, types
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.ros.messages import Frames
-from ohmward.onboard.ros.transport import RosNetwork
+from ohmward.onboard.ros.transport import RosNetwork, SharedNode, Transport
 from ohmward.quantities import names_of
 
 #: Of the states that waited for the network so many are sent once it is there, as a writer keeps that many: readers of
@@ -27,6 +30,7 @@ KEPT = 10
 class Ros2Sink(RosNetwork):
     """States as messages; an empty topic leaves its message out."""
 
+    takes_all: ClassVar[bool] = True  #: states; each message has a rate of its own
     #: topics
     battery_state: str = "battery_state"
     odometry: str = "ohmward/odometry"
@@ -36,9 +40,13 @@ class Ros2Sink(RosNetwork):
     odom_frame: str = "odom"
     base_frame: str = "base_link"
     battery: str | None = None  #: path of the battery file, for capacity, technology, number of cells and serial number
-    interval_s: float = 0.02  #: least time between two messages of odometry and twist, >= 0
+    publish_tf: bool = False  #: the pose goes out as a transform on /tf too: nobody else may send that of these frames
+    interval_s: float = 0.02  #: least time between two messages of odometry and twist on average, >= 0
     #: the same of the state of the battery and of diagnostics, which are for people and behaviour trees
     slow_s: float = 0.5
+    #: of the state of the battery: "mean", or "low" for the low end of the 95 % band, which brings a robot home in time
+    #: and falls to 0 while the sensors of the battery are silent
+    percentage: str = "mean"
     robot: str = "robot"  #: name of the robot, as the hardware in diagnostics
     name: str = "ros2"  #: in diagnostics
 
@@ -46,6 +54,7 @@ class Ros2Sink(RosNetwork):
         super().__post_init__()
         require_between("interval_s", self.interval_s, 0.0, 3600.0)
         require_between("slow_s", self.slow_s, 0.0, 3600.0)
+        require_one_of("percentage", self.percentage, ("mean", "low"))
 
     def topics(self) -> dict[str, str]:
         """Topics by setting."""
@@ -53,17 +62,29 @@ class Ros2Sink(RosNetwork):
 
     async def run(self, feed: Feed) -> None:
         """Publish until the feed ends."""
+        async with SharedNode(self).opened() as transport:
+            await self.run_on(transport, feed)
+
+    async def run_on(self, transport: Transport, feed: Feed) -> None:
+        """The same by the node of this transport."""
         battery = load_battery(self.battery) if self.battery else None
-        transport = await asyncio.to_thread(self.open)
         translation = Translation(self, battery)
-        try:
-            feed.put_back((await feed.batch())[-KEPT:])
-            async for state in feed:
-                transport.check()
-                for topic, type_, payload in translation.messages(state):
-                    transport.publish(topic, type_, payload)
-        finally:
-            await asyncio.to_thread(transport.close)
+        for topic, type_ in self.advertised():
+            await asyncio.to_thread(transport.advertise, topic, type_)
+        feed.put_back((await feed.batch())[-KEPT:])
+        async for state in feed:
+            transport.check()
+            for topic, type_, payload in translation.messages(state):
+                transport.publish(topic, type_, payload)
+
+    def advertised(self) -> Iterator[tuple[str, str]]:
+        """Topic and type of each message that is sent."""
+        of_types = (types.BATTERY_STATE, types.ODOMETRY, types.TWIST, types.DIAGNOSTICS)
+        for topic, type_ in zip(self.topics().values(), of_types, strict=True):
+            if topic:
+                yield topic, type_
+        if self.publish_tf:
+            yield "/tf", types.TF
 
 
 class Translation:
@@ -78,36 +99,49 @@ class Translation:
         self.sink, self.battery = sink, battery
         self._frames = Frames(sink.odom_frame, sink.base_frame)
         self._measured: dict[str, float] = {}
-        self._slow_s = self._drive_s = -math.inf
+        self._drive_s = -math.inf
+        self._drive, self._battery, self._conditions = Rate(sink.interval_s), Rate(sink.slow_s), Rate(sink.slow_s)
+        self._stamps: dict[str, float] = {}
 
     def messages(self, state: RobotState) -> Iterator[tuple[str, str, bytes]]:
-        """Topic, type and bytes of each message about a state."""
+        """Topic, type and bytes of each message about a state; stamps are those of the measurement, and increase."""
         sink = self.sink
         self._measured |= {name: v for name, v in state.sample.items() if name.partition(".")[0] in names_of("battery")}
-        if state.drive_time_s > self._drive_s:
-            self._drive_s = state.drive_time_s
+        is_new = state.drive_time_s != self._drive_s and not math.isnan(state.drive_time_s)
+        self._drive_s = state.drive_time_s
+        if is_new and self._drive.passes(state.drive_time_s) and self._is_newer("drive", state.date_s("drive")):
             if sink.odometry and state.pose:
                 yield sink.odometry, types.ODOMETRY, serialize(types.ODOMETRY, messages.odometry(state, self._frames))
+            if sink.publish_tf and state.pose:
+                yield "/tf", types.TF, serialize(types.TF, messages.transform(state, self._frames))
             if sink.twist and state.slip:
                 yield sink.twist, types.TWIST, serialize(types.TWIST, messages.twist(state, self._frames))
-        if 0.0 <= state.time_s - self._slow_s < sink.slow_s:
-            return
-        self._slow_s = state.time_s
-        if sink.battery_state and self._measured:
-            found = messages.battery_state(state, self._reporting(state), self.battery, self._frames)
+        if sink.battery_state and self._measured and self._battery.passes(state.time_s):
+            found = messages.battery_state(
+                state, self._reporting(state), self.battery, self._frames, sink.percentage == "low"
+            )
             if found["power_supply_status"] != messages.FULL:
                 self._measured.pop("battery_full", None)  # until the charger says so again
-            yield sink.battery_state, types.BATTERY_STATE, serialize(types.BATTERY_STATE, found)
-        if sink.diagnostics:
-            array = messages.diagnostics(state, sink.robot)
-            yield sink.diagnostics, types.DIAGNOSTICS, serialize(types.DIAGNOSTICS, array)
+            if self._is_newer("battery", messages.battery_date_s(state)):
+                yield sink.battery_state, types.BATTERY_STATE, serialize(types.BATTERY_STATE, found)
+        if sink.diagnostics and self._conditions.passes(state.time_s) and self._is_newer("conditions", state.unix_s):
+            conditions = messages.diagnostics(state, sink.robot)
+            yield sink.diagnostics, types.DIAGNOSTICS, serialize(types.DIAGNOSTICS, conditions)
+
+    def _is_newer(self, what: str, date_s: float) -> bool:
+        """True where a stamp is later than that of the last message; one far back is of a clock that was set."""
+        last_s = self._stamps.get(what, -math.inf)
+        if last_s - LEAP_S < date_s <= last_s:
+            return False
+        self._stamps[what] = date_s
+        return True
 
     def _reporting(self, state: RobotState) -> dict[str, float]:
         """Latest values of the battery's sensors, nan for one that is silent or tells nothing true.
 
-        A charge that has become unknown says so of its sensors at once, their conditions at the next look.
+        A battery that is silent says so of its sensors at once, their conditions at the next look.
         """
         useless = {condition.name for condition in state.diagnostics if condition.level >= Level.ERROR}
-        if state.battery is None and math.isfinite(state.battery_time_s):
+        if "battery" in state.silent:
             useless |= {name for name in self._measured if name.partition(".")[0] in {*OF_CHARGE, "battery_full"}}
         return {signal: math.nan if signal in useless else value for signal, value in self._measured.items()}

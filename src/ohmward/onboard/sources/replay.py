@@ -12,6 +12,7 @@ from typing import ClassVar, cast, get_args
 import numpy as np
 
 from ohmward.checks import require_one_of, require_positive
+from ohmward.logs.cell_columns import find_cells, numbered_rows
 from ohmward.logs.drive_log import DriveLog, read_drive
 from ohmward.logs.log import Log, read_log
 from ohmward.logs.sign import CurrentSign
@@ -52,7 +53,8 @@ class ReplaySource:
                 wait_s = (stamp_s - first_s) / self.rate - (time.monotonic() - clock.began_s)
                 await asyncio.sleep(max(wait_s, 0.0))
                 await clock.turn(self.name, stamp_s - first_s)
-                put(Message(stamp_s, clock.began_s + stamp_s - first_s, self.name, values))
+                date_s = math.nan if log.start_unix_s is None else log.start_unix_s + stamp_s
+                put(Message(stamp_s, clock.began_s + stamp_s - first_s, self.name, values, date_s=date_s))
         finally:
             clock.leave(self.name)
         raise EndedError(f"{self.path} was replayed to its end")
@@ -139,8 +141,13 @@ def replays_in_step(sources: Sequence[Source]) -> list[Source]:
 
 
 def _of_battery(log: Log) -> Iterator[tuple[float, dict[str, float]]]:
-    """Time and values of every sample of a battery."""
-    return _rows(log.time_s, log.quantities("battery"))
+    """Time and values of every sample of a battery, with its cells where their voltages are among the columns."""
+    cells: dict[str, np.ndarray] = {}
+    for count in {len(row) for row in numbered_rows(log.extra)}:
+        found, _ = find_cells(log.extra, log.voltage_V, count)
+        if found:
+            cells = {f"cell_voltage_V.{k}": column for k, column in enumerate(found.voltage_V.T)}
+    return _rows(log.time_s, log.quantities("battery") | cells)
 
 
 def _of_drive(log: DriveLog) -> Iterator[tuple[float, dict[str, float]]]:

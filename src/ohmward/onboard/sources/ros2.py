@@ -9,19 +9,32 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 
+import numpy as np
+
+from ohmward.checks import require_length
 from ohmward.errors import InputError
 from ohmward.logs.bags.layout import Layout
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.cdr import read
 from ohmward.onboard.ros.messages import FULL
-from ohmward.onboard.ros.transport import RosNetwork
+from ohmward.onboard.ros.transport import RosNetwork, SharedNode, Transport
 from ohmward.quantities import QUANTITIES
 
 #: Time between two looks at the way to other nodes [s].
 _LOOK_S = 1.0
 #: Words in the names of joints that do not tell which wheel it is.
 _OF_JOINTS = {"wheel", "joint", "drive", "motor", "link"}
+#: A stamp that is further from now is that of another clock, such as one since a board was switched on: no date [s].
+DATED_S = 60.0
+#: /clock is late by no more than this [s of its own].
+_CLOCK_LATE_S = 5.0
+#: Services below the name of the node, of type `std_srvs/Trigger`: the event that each is, and its answer.
+SERVICES = (
+    ("battery_full", "battery_full", "the battery is full"),
+    ("battery_changed", "battery_changed", "another battery is in: its charge begins with the next voltage"),
+    ("reset_pose", "pose_reset", "the pose begins again at the origin of odom"),
+)
 #: The square of a quaternion of single precision differs from 1 by less; one that differs more is none.
 _UNIT = 0.01
 
@@ -30,53 +43,82 @@ _UNIT = 0.01
 class Ros2Source(RosNetwork):
     """Messages of sensors; an empty topic is not subscribed to."""
 
-    node: str = "ohmward_sensors"  #: name of the node
     battery_state: str = ""  #: topic of `sensor_msgs/BatteryState`
     joint_states: str = ""  #: topic of `sensor_msgs/JointState`, whose velocities are those of wheels
     #: wheel -> joint, where `front_left_wheel_joint` is not the wheel `front_left`
     joints: dict[str, str] = field(default_factory=dict)
-    #: topic of `sensor_msgs/Imu`, with x forward as the robot's; its attitude, where it has one, is the pitch
-    imu: str = ""
+    imu: str = ""  #: topic of `sensor_msgs/Imu`; its attitude, where it has one, is the pitch
+    #: roll, pitch and yaw [rad] of the unit in the frame of the robot, as in the URDF of its link: turned about z last
+    imu_rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
     odometry: str = ""  #: topic of `nav_msgs/Odometry` that does not come from the wheels: visual, lidar, GNSS
-    live: bool = True  #: false where a bag is played: nothing of it is kept for the robot
+    #: false where a bag is played or a simulation runs: the time is that of /clock, or of the newest stamp where nobody
+    #: publishes that, and nothing is kept for the robot
+    live: bool = True
     name: str = "ros2"  #: in diagnostics
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not any(self.topics().values()):
             raise InputError('no topic: give battery_state = "/battery", joint_states, imu or odometry')
+        require_length("imu_rpy", self.imu_rpy, 3, "roll, pitch and yaw of the inertial unit")
 
     async def run(self, put: Put) -> None:
         """Receive until the way to the other nodes is lost."""
-        transport = await asyncio.to_thread(self.open)
-        loop = asyncio.get_running_loop()
-        try:
-            for topic, type_, values in self._topics():
-                if topic:
-                    receive = partial(self._receive, loop, put, type_, values)
-                    await asyncio.to_thread(transport.subscribe, topic, type_, receive)
-            while True:
-                await asyncio.sleep(_LOOK_S)
-                transport.check()
-        finally:
-            await asyncio.to_thread(transport.close)
+        async with SharedNode(self).opened() as transport:
+            await self.run_on(transport, put)
 
-    def message(self, type_: str, payload: bytes, received_s: float) -> Message | None:
-        """The message of ROS as one of signals; None where it cannot be read or has none."""
-        values_of = next(values for _, of, values in self._topics() if of == type_)
+    async def run_on(self, transport: Transport, put: Put) -> None:
+        """The same by the node of this transport."""
+        loop, clock = asyncio.get_running_loop(), None if self.live else RosTime()
+
+        def hand_over(message: Message | None) -> None:
+            if message and not loop.is_closed():
+                loop.call_soon_threadsafe(put, message)
+
+        def receive(topic: str, type_: str, payload: bytes) -> None:
+            hand_over(self.message(type_, payload, time.monotonic(), topic, clock))
+
+        def event(signal: str, sentence: str) -> str:
+            now_s = time.monotonic() if clock is None else clock.now_s
+            for value in (1.0, 0.0):  # it has happened, and may happen again
+                hand_over(Message(math.nan, now_s, self.name, {signal: value}, "services"))
+            return sentence
+
+        for topic, type_, _ in self._topics():
+            if topic:
+                await asyncio.to_thread(transport.subscribe, topic, type_, partial(receive, topic, type_))
+        if clock is not None:
+            await asyncio.to_thread(transport.subscribe, "/clock", types.CLOCK, partial(receive, "/clock", types.CLOCK))
+        for name, signal, sentence in SERVICES:
+            await asyncio.to_thread(transport.serve, f"{self.node}/{name}", partial(event, signal, sentence))
+        while True:
+            await asyncio.sleep(_LOOK_S)
+            transport.check()
+
+    def message(
+        self, type_: str, payload: bytes, received_s: float, topic: str = "", clock: RosTime | None = None
+    ) -> Message | None:
+        """The message of ROS as one of signals; None where it cannot be read or has none.
+
+        clock: of a simulation or a bag, which counts instead of `received_s`.
+        """
         try:
             layout, numbers = read(type_, payload)
         except ValueError:
             return None
-        values = values_of(layout, numbers)
-        stamp_s = numbers["header.stamp.sec"] + 1e-9 * numbers["header.stamp.nanosec"]
-        return Message(stamp_s if stamp_s > 0.0 else math.nan, received_s, self.name, values) if values else None
-
-    def _receive(self, loop: asyncio.AbstractEventLoop, put: Put, type_: str, values: object, payload: bytes) -> None:
-        """Hand a message over to the loop, from a thread of the transport."""
-        found = self.message(type_, payload, time.monotonic())
-        if found and not loop.is_closed():
-            loop.call_soon_threadsafe(put, found)
+        if type_ == types.CLOCK:
+            assert clock is not None
+            now_s = clock.set(_time(numbers, "clock"))
+            return Message(now_s, now_s, self.name, {}, topic, now_s, sets_time=True)
+        values = next(of for _, type_of, of in self._topics() if type_of == type_)(layout, numbers)
+        stamp_s = _time(numbers, "header.stamp") or math.nan
+        if clock is not None:
+            received_s = clock.received(stamp_s)
+        if not values or math.isnan(received_s):
+            return None
+        now_s = time.time() if clock is None else received_s
+        is_date = abs(stamp_s - now_s) < DATED_S
+        return Message(stamp_s, received_s, self.name, values, topic, stamp_s if is_date else math.nan)
 
     def topics(self) -> dict[str, str]:
         """Topics by setting."""
@@ -87,7 +129,7 @@ class Ros2Source(RosNetwork):
         return (
             (self.battery_state, types.BATTERY_STATE, _battery),
             (self.joint_states, types.JOINT_STATE, self._wheels),
-            (self.imu, types.IMU, _body),
+            (self.imu, types.IMU, self._body),
             (self.odometry, types.ODOMETRY, _speed),
         )
 
@@ -101,6 +143,90 @@ class Ros2Source(RosNetwork):
                 continue
             values[f"wheel_speed_rad_s.{wheels.get(joint) or wheel_of(joint)}"] = speed
         return values
+
+    def _body(self, layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
+        """Yaw rate, acceleration and pitch of the robot from those of the unit, which may be mounted turned."""
+        attitude = [numbers[f"orientation.{axis}"] for axis in "xyzw"]
+        if any(self.imu_rpy):
+            mounted = _rotation(*self.imu_rpy)
+            for path in ("angular_velocity", "linear_acceleration"):
+                turned = mounted @ [numbers[f"{path}.{axis}"] for axis in "xyz"]
+                numbers |= {f"{path}.{axis}": float(value) for axis, value in zip("xyz", turned, strict=True)}
+            attitude = _mounted_attitude(attitude, self.imu_rpy)
+        values = _of_table(types.IMU, numbers)
+        pitch_rad = pitch_of(*attitude)
+        if numbers["orientation_covariance[0]"] != -1.0 and math.isfinite(pitch_rad):
+            values["pitch_rad"] = pitch_rad
+        return values
+
+
+class RosTime:
+    """Time of a simulation or of a bag: that of /clock, and of no earlier than a stamp that has come.
+
+    /clock may be late by a part of a second, which is several at ten times the rate; a stamp that is further ahead of
+    it is of another clock. Where nobody publishes /clock it is that of the newest stamp.
+
+    Attributes:
+        now_s: seconds since 1970, or since the simulation began; nan before the first message.
+    """
+
+    def __init__(self) -> None:
+        self.now_s = math.nan
+        self._ahead_s = DATED_S
+
+    def set(self, clock_s: float) -> float:
+        """The time after a message of /clock; it goes back where the simulation or the bag begins again."""
+        self._ahead_s = _CLOCK_LATE_S
+        goes_on = self.now_s - 2.0 * _CLOCK_LATE_S < clock_s <= self.now_s
+        self.now_s = self.now_s if goes_on else clock_s
+        return self.now_s
+
+    def received(self, stamp_s: float) -> float:
+        """The time at which a message with this stamp has come."""
+        if math.isnan(self.now_s) or self.now_s < stamp_s < self.now_s + self._ahead_s:
+            self.now_s = stamp_s
+        return self.now_s
+
+
+def _time(numbers: dict[str, float], path: str) -> float:
+    """Time [s] of a field of type `builtin_interfaces/Time`."""
+    return numbers[f"{path}.sec"] + 1e-9 * numbers[f"{path}.nanosec"]
+
+
+def _rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:
+    """(3, 3) from the frame of the unit to that of the robot: R_z(yaw) R_y(pitch) R_x(roll)."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def _mounted_attitude(attitude: list[float], rpy: tuple[float, ...]) -> list[float]:
+    """Attitude of the robot from that of its unit, as quaternions x, y, z, w: q_robot = q_unit q_mounted^-1."""
+    half_roll, half_pitch, half_yaw = (0.5 * angle for angle in rpy)
+    turns = [(half_yaw, 2), (half_pitch, 1), (half_roll, 0)]
+    mounted = [0.0, 0.0, 0.0, 1.0]
+    for half, axis in turns:
+        turn = [0.0, 0.0, 0.0, math.cos(half)]
+        turn[axis] = math.sin(half)
+        mounted = _product(mounted, turn)
+    x, y, z, w = mounted
+    return _product(attitude, [-x, -y, -z, w])
+
+
+def _product(a: list[float], b: list[float]) -> list[float]:
+    """Product of two quaternions x, y, z, w."""
+    (ax, ay, az, aw), (bx, by, bz, bw) = a, b
+    return [
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    ]
 
 
 def wheel_of(joint: str) -> str:
@@ -125,15 +251,6 @@ def _battery(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
     if numbers["power_supply_status"]:
         values["battery_full"] = float(numbers["power_supply_status"] == FULL)
     return {signal: value for signal, value in values.items() if math.isfinite(value)}
-
-
-def _body(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
-    """Yaw rate, acceleration and pitch."""
-    values = _of_table(types.IMU, numbers)
-    pitch_rad = pitch_of(*(numbers[f"orientation.{axis}"] for axis in "xyzw"))
-    if numbers["orientation_covariance[0]"] != -1.0 and math.isfinite(pitch_rad):
-        values["pitch_rad"] = pitch_rad
-    return values
 
 
 def pitch_of(x: float, y: float, z: float, w: float) -> float:

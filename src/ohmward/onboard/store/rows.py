@@ -46,7 +46,7 @@ class RowMaker:
         ):
             if not math.isnan(time_s) and time_s != self._seen_s[kind]:
                 self._seen_s[kind] = time_s
-                yield Row(kind, self._time_ns(kind, state.unix_s - (state.time_s - time_s)), _known(values(state)))
+                yield Row(kind, self._time_ns(kind, state.date_s(kind)), _known(values(state)))
 
     def conditions(self, state: RobotState) -> Iterator[ConditionRow]:
         """Conditions that are new or have changed."""

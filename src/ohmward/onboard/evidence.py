@@ -1,0 +1,176 @@
+"""Age of the evidence: a state as of its own time, where its sensors have not reported for a while.
+
+Every state passes here on its way to the sinks. What may have happened since the last measurement widens the bands:
+
+    charge     sigma^2 + (c t)^2                c: an unknown current over the capacity
+    speed      sigma^2 + (dv / 1.96)^2          dv = min(g t, |v| + v_max)
+    position   sigma^2 + ((|v| + dv) t / 1.96)^2
+
+No wheel without adhesion brakes or accelerates a robot by more than its weight, g, and its motors turn no faster than
+without load, v_max. The current is a usual one, or the last one where that was larger. Where nothing is left of a band,
+or the sensors of wheels are silent, the estimate is unknown.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from statistics import NormalDist
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.cells.pack_estimator import PackEstimate
+from ohmward.battery.models.noise import USUAL_C
+from ohmward.energy.points import Quantiles
+from ohmward.energy.range_step import RangeEstimate
+from ohmward.filters.consistency import BAND_95
+from ohmward.onboard.robot_state import RobotState
+from ohmward.quantities import limits_of
+from ohmward.traction.odometry.sample import OdometryEstimate
+from ohmward.traction.robot.robot import GRAVITY, Robot
+from ohmward.traction.speed_observer.estimate import SlipEstimate
+
+#: Quantities without any of which nothing is known of the battery.
+OF_CHARGE = frozenset({"battery_current_A", "battery_voltage_V", "cell_voltage_V"})
+
+#: Evidence of the estimates: without any of these quantities lately they are guesses.
+EVIDENCE: dict[str, frozenset[str]] = {
+    "battery": OF_CHARGE,
+    "cells": frozenset({"cell_voltage_V"}),
+    "drive": frozenset({"wheel_speed_rad_s", "wheel_counts", "speed_m_s"}),
+}
+
+#: Standard deviation of a charge that may be anything from empty to full, each alike.
+ANY_SOC_STD = 1.0 / math.sqrt(12.0)
+
+_Z90 = NormalDist().inv_cdf(0.9)
+
+
+class Age(NamedTuple):
+    """Evidence that is overdue."""
+
+    age_s: float  #: since any of its sensors has reported
+    silent: bool  #: for so long that its sensors are called silent
+
+
+@dataclass(frozen=True)
+class AgeingModel:
+    """What a robot and its battery can do while nobody measures."""
+
+    battery: Battery | None = None
+    robot: Robot | None = None
+
+    def aged(self, state: RobotState, ages: Mapping[str, Age], current_A: float = math.nan) -> RobotState:
+        """The state with bands as of its time, and None for what is unknown.
+
+        ages: of the evidence that is overdue, by the keys of `EVIDENCE`.
+        current_A: last one of the battery, nan where there was none.
+        """
+        changed: dict[str, Any] = {"silent": tuple(name for name, age in ages.items() if age.silent)}
+        if "battery" in ages and state.battery:
+            growth = self._soc_growth(ages["battery"].age_s, current_A)
+            changed |= _aged_charge(state, growth)
+        if "cells" in ages and state.cells:
+            growth = self._soc_growth(ages["cells"].age_s, current_A)
+            changed["cells"] = _aged_cells(state.cells, growth)
+        if "drive" in ages:
+            age_s, silent = ages["drive"]
+            changed["slip"] = self._aged_slip(state.slip, age_s) if state.slip and not silent else None
+            changed["pose"] = self._aged_pose(state.pose, age_s) if state.pose and not silent else None
+        return state._replace(**changed)
+
+    def _soc_growth(self, age_s: float, current_A: float) -> float:
+        """Standard deviation of the charge that an unknown current has moved; the equation at the head."""
+        assert self.battery is not None
+        last_C = abs(current_A) / self.battery.capacity_Ah
+        rate_C = last_C if last_C > USUAL_C else USUAL_C
+        return rate_C * age_s / 3600.0
+
+    @cached_property
+    def fastest_m_s(self) -> float:
+        """Speed of the rim at which the motors give no torque any more, of any robot where the voltage is not known."""
+        assert self.robot is not None
+        radius_m = self.robot.wheel.radius_m
+        fastest_m_s = limits_of("wheel_speed_rad_s", robot=self.robot).highest * radius_m
+        if self.battery:
+            no_load_m_s = self.battery.voltage_max_V / self.robot.motor.wheel_constant_Nm_per_A * radius_m
+            fastest_m_s = min(fastest_m_s, no_load_m_s)
+        return fastest_m_s
+
+    @cached_property
+    def lever_m(self) -> float:
+        """Speed of the outermost wheel over the yaw rate."""
+        assert self.robot is not None
+        return float(np.max(np.abs(self.robot.rolling[:, -1])))
+
+    def _speed_change_m_s(self, speed_m_s: float, age_s: float) -> float:
+        return min(GRAVITY * age_s, abs(speed_m_s) + self.fastest_m_s)
+
+    def _aged_slip(self, slip: SlipEstimate, age_s: float) -> SlipEstimate:
+        """Speed and yaw rate with their bands; what has none is unknown."""
+        change_m_s = self._speed_change_m_s(slip.speed_m_s, age_s) / BAND_95
+        unknown = np.full(len(slip.slip_ratio), math.nan)
+        return slip._replace(
+            speed_std_m_s=math.hypot(slip.speed_std_m_s, change_m_s),
+            yaw_rate_std_rad_s=math.hypot(slip.yaw_rate_std_rad_s, change_m_s / self.lever_m),
+            wheel_speed_rad_s=unknown,
+            slip_speed_m_s=unknown,
+            slip_speed_std_m_s=unknown,
+            slip_ratio=unknown,
+            traction_N=unknown,
+        )
+
+    def _aged_pose(self, pose: OdometryEstimate, age_s: float) -> OdometryEstimate:
+        speed_m_s = math.hypot(pose.speed_m_s, pose.speed_left_m_s)
+        change_m_s = self._speed_change_m_s(speed_m_s, age_s)
+        moved_m = (speed_m_s + change_m_s) * age_s / BAND_95
+        turned_rad = (abs(pose.yaw_rate_rad_s) + change_m_s / self.lever_m) * age_s / BAND_95
+        changed = np.array([1.0, 1.0, 1.0 / self.lever_m]) * change_m_s / BAND_95
+        return pose._replace(
+            pose_cov=pose.pose_cov + np.diag(np.square([moved_m, moved_m, turned_rad])),
+            position_std_m=math.hypot(pose.position_std_m, moved_m),
+            twist_cov=pose.twist_cov + np.diag(np.square(changed)),
+        )
+
+
+def _aged_charge(state: RobotState, growth: float) -> dict[str, Any]:
+    """Charge and range; growth: standard deviation of the change of the charge."""
+    assert state.battery is not None
+    if growth > ANY_SOC_STD:
+        return {"battery": None, "range": None}
+    reach = state.range and _aged_range(state.range, growth / max(state.battery.soc, growth))
+    return {"battery": state.battery._replace(soc_std=math.hypot(state.battery.soc_std, growth)), "range": reach}
+
+
+def _aged_range(reach: RangeEstimate, share: float) -> RangeEstimate:
+    """The range where a share (standard deviation) of the charge has come or gone."""
+    return reach._replace(
+        distance_m=_widened(reach.distance_m, share),
+        duration_s=_widened(reach.duration_s, share),
+        home_probability=math.nan,
+    )
+
+
+def _widened(quantiles: Quantiles, share: float) -> Quantiles:
+    p10, p50, p90 = quantiles
+    moved = _Z90 * share * p50
+    return Quantiles(max(p50 - math.hypot(p50 - p10, moved), 0.0), p50, p50 + math.hypot(p90 - p50, moved))
+
+
+def _aged_cells(cells: PackEstimate, growth: float) -> PackEstimate | None:
+    """The cells with bands as of now; the same current goes through all of them."""
+    if growth > ANY_SOC_STD:
+        return None
+    return cells._replace(
+        pack=cells.pack._replace(
+            soc_std=math.hypot(cells.pack.soc_std, growth),
+            usable_std_Ah=math.hypot(cells.pack.usable_std_Ah, growth * cells.pack.capacity_Ah),
+            weakest_soc_std=math.hypot(cells.pack.weakest_soc_std, growth),
+        ),
+        typical=cells.typical._replace(soc_std=math.hypot(cells.typical.soc_std, growth)),
+        cells=cells.cells._replace(soc_std=np.hypot(cells.cells.soc_std, growth)),
+    )
