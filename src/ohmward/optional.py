@@ -25,8 +25,8 @@ _ON_THE_INDEX = {
 #: Packages that come with something else first, and the way to them.
 _ELSEWHERE = {
     "rclpy": "comes with ROS 2: source /opt/ros/DISTRO/setup.bash in the shell that starts ohmward; without ROS, on "
-    "Linux and x86-64: pip install 'ros-rclpy[fastrtps]' ros-sensor-msgs ros-nav-msgs ros-geometry-msgs "
-    "ros-diagnostic-msgs"
+    "Linux and x86-64: pip install 'ros-rclpy[fastrtps]' ros-std-srvs ros-sensor-msgs ros-nav-msgs "
+    "ros-geometry-msgs ros-diagnostic-msgs"
 }
 
 
