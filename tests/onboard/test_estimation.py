@@ -131,6 +131,17 @@ def test_without_motor_currents_the_pose_is_that_of_wheels_and_gyro():
         np.testing.assert_allclose(value, other, atol=1e-12)
 
 
+def test_without_motor_currents_slip_is_that_of_the_pose_and_names_the_wheel():
+    estimation = Estimation(robot=RLMA)
+    for k in range(200):
+        speeds = {f"wheel_speed_rad_s.{place}": 4.0 for place in PLACES[:2]}
+        speeds[f"wheel_speed_rad_s.{PLACES[0]}"] += 3.0 * (k > 150)
+        state = last(estimation.put(0.02 * k, speeds | {"yaw_rate_rad_s": 0.001 * (k % 3)}))
+    assert state.slip.speed_m_s == state.pose.speed_m_s == pytest.approx(0.48, abs=0.01)
+    assert state.slip.slipping.tolist() == [1.0, 0.0]
+    assert state.slip.slip_speed_m_s[0] == pytest.approx(3.0 * RLMA.wheel.radius_m, abs=0.01)
+
+
 def test_a_heading_is_of_the_pose_alone():
     """A compass that turns by 0.05 rad while the wheels go straight on, and another robot without it."""
     plain, compass = Estimation(robot=RLMA), Estimation(robot=RLMA)

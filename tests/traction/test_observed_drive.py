@@ -54,6 +54,26 @@ def test_progress_is_told():
     assert told[-1] == 1.0
 
 
+def test_without_motor_currents_slip_is_what_wheels_and_gyro_show():
+    """The right rim gains 0.3 m/s for a second, on a curve: it slips, the other does not."""
+    time_s = np.arange(0.0, 12.0, 0.02)
+    turn, spin = 0.2 * np.sin(time_s), np.where((time_s > 6.0) & (time_s < 7.0), 0.3, 0.0)
+    rims = 0.4 + np.outer(turn, RLMA.rolling[:2, 1]) + np.outer(spin, [0.0, 1.0])
+    wheels = np.full((time_s.size, 4), np.nan)
+    wheels[:, :2] = rims / RLMA.wheel.radius_m
+    gyro = turn + 0.002 * np.random.default_rng(1).standard_normal(time_s.size)
+    log = DriveLog("no currents", time_s, wheels, np.full((time_s.size, 2), np.nan), yaw_rate_rad_s=gyro)
+    observed = observe_drive(RLMA, log, hard_terrain("dry asphalt"), "ekf")
+    episodes = drive_figures(observed).slip_episodes
+    assert {episode.wheel for episode in episodes} == {"front_right"}
+    assert 6.0 < episodes[0].start_s < 6.3 and episodes[-1].end_s == pytest.approx(7.0, abs=0.3)
+    e = observed.track.estimates
+    assert np.abs(e.speed_m_s - observed.path.speed_m_s).max() == 0.0
+    assert np.mean(np.abs(e.speed_m_s - 0.4) < 1.96 * e.speed_std_m_s) > 0.95
+    assert e.slip_speed_m_s[325, 1] == pytest.approx(0.3, abs=0.02)
+    assert e.slip_speed_m_s[325, 0] == pytest.approx(0.0, abs=0.02)
+
+
 def test_a_drive_on_learnt_floors():
     log = drive(ROBOTINO, np.array([[-3.0, 0.0, 3.0]]), np.array([[-0.5, 0.0, 0.5]]))
     observed = observe_on_floors(ROBOTINO, log, Floors("another robot", (CARPET,)))

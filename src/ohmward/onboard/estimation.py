@@ -29,7 +29,7 @@ from ohmward.onboard.robot_state import RobotState
 from ohmward.quantities import GROUPS
 from ohmward.trace.lower.kept_steps import keeping
 from ohmward.traction.inbox import HEADING, SensorInbox
-from ohmward.traction.odometry.estimator import Odometry
+from ohmward.traction.odometry.estimator import Odometry, by_wheels_and_gyro, force_known, with_slip_of
 from ohmward.traction.odometry.sample import OdometrySample
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of
@@ -106,6 +106,7 @@ class Estimation:
         self._cell_names = tuple(f"{CELL}.{k}" for k in range(int(battery.n_series))) if battery else ()
         self._cell_inbox = MeanInbox((CURRENT, *self._cell_names))
         self._measured_s = -math.inf
+        self._measured: set[str] = set()  #: of the drive, so far
         self._events: frozenset[str] = frozenset()
         self._full_s, self._full_pending = -math.inf, False
 
@@ -275,6 +276,10 @@ class Estimation:
         slip = self.slip.update(**{name: value for name, value in sample.items() if name not in HEADING})
         seen = {name: value for name, value in sample.items() if name in ODOMETRY_SIGNALS}
         pose = self.odometry.update(**seen, observed=slip)
+        self._measured |= sample.keys()
+        robot = self.odometry.settings.robot
+        if by_wheels_and_gyro(robot, self._measured) and not force_known(slip):
+            slip = with_slip_of(robot, slip, pose)
         measured = {**self._signals(sample), **self._taken_beside("drive")}
         return self._after(sample["time_s"], measured, slip=slip, pose=pose, drive_time_s=sample["time_s"])
 

@@ -24,7 +24,7 @@ from ohmward.traction.episodes import (
     slip_episodes,
 )
 from ohmward.traction.friction.terrain import Terrain
-from ohmward.traction.odometry.estimator import Odometry, OdometryRun
+from ohmward.traction.odometry.estimator import Odometry, OdometryRun, by_wheels_and_gyro, force_known, with_slip_of
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.conclusions import SlipAlarm
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
@@ -217,6 +217,8 @@ def observe_drive(
     chosen = make_observer(robot, log, terrain, method)
     track = observe(chosen.observer, log, progress)
     path = Odometry(robot).run(log, track.estimates)
+    if by_wheels_and_gyro(robot, log.channels) and not force_known(track.estimates).any():
+        track = SlipRun(track.time_s, with_slip_of(robot, track.estimates, path.estimates), track.seconds)
     return ObservedDrive(
         robot, track, path, (*faults, *log.notes, *chosen.notes, *fit_notes(track)), not misfits(track)
     )

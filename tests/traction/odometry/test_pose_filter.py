@@ -300,7 +300,8 @@ def test_a_wheel_that_spins_does_not_turn_the_robot():
     e = run(FILTER, samples(FILTER, wheel_speed_rad_s=speeds, yaw_rate_rad_s=np.full(steps, 0.01)))
     assert e.gyro_offset_rad_s[-1] == pytest.approx(0.01, abs=1e-3)
     assert abs(e.yaw_rad[-1]) < 0.02
-    assert (e.flags.astype(int) & OdometryFlag.TURN_REJECTED).any()
+    assert (e.flags.astype(int) & OdometryFlag.WHEEL_SLIPS).any()
+    assert e.slip_probability[550, 0] > 0.99 and e.slip_probability[550, 1] < 0.01
 
 
 def test_an_offset_that_has_changed_is_found_at_the_next_rest():

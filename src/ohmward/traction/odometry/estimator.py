@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,9 @@ from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
+from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.odometry.measured_motion import passive_wheels
+from ohmward.traction.odometry.modes import slip_modes
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
@@ -202,6 +204,34 @@ def force_known(observed: SlipEstimate) -> np.ndarray:
     compared with the gyro, whose offset stays unknown.
     """
     return np.asarray(observed.flags, dtype=int) & SlipFlag.NO_CURRENT == 0
+
+
+def by_wheels_and_gyro(robot: Robot, measured: Collection[str]) -> bool:
+    """True where wheels and gyro alone show slip; measured: what came beside wheels and motor currents."""
+    return bool(slip_modes(robot)) and "yaw_rate_rad_s" in measured and "speed_m_s" not in measured
+
+
+def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate) -> SlipEstimate:
+    """Estimates (...) of a speed observer that knows no force, with speed and slip as wheels and gyro show them.
+
+    Without the motor currents any torque counts as possible to it; which wheel slips, and how fast the robot goes, the
+    hypotheses of the odometry tell (`traction/odometry/modes.py`).
+    """
+    slip, std = np.asarray(pose.slip_speed_m_s), np.asarray(pose.slip_speed_std_m_s)
+    radius_m = robot.wheel.radius_m * np.asarray(estimate.radius_ratio)[..., None]
+    rim = radius_m * np.asarray(estimate.wheel_speed_rad_s)
+    slips = np.asarray(pose.slip_probability)
+    return estimate._replace(
+        speed_m_s=pose.speed_m_s,
+        speed_std_m_s=np.sqrt(pose.twist_cov[..., 0, 0]),
+        yaw_rate_rad_s=pose.yaw_rate_rad_s,
+        yaw_rate_std_rad_s=np.sqrt(pose.twist_cov[..., 2, 2]),
+        slip_speed_m_s=slip,
+        slip_speed_std_m_s=std,
+        slip_ratio=slip_ratio(rim, rim - slip),
+        grip=1.0 - slips,
+        slipping=np.where(slips > 0.5, 1.0, 0.0),
+    )
 
 
 #: Fields of a sample that a speed observer fills.

@@ -7,13 +7,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose
+from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import CleanStep, every, some, within
 from ohmward.quantities import MOST_WHEEL_RAD_S
 from ohmward.trace import exp, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.odometry.grip import GripSpeed, speed_by_grip
-from ohmward.traction.odometry.model import USUAL_TURN_S, MotionInput
+from ohmward.traction.odometry.model import OFFSET, TURN_SCALE, USUAL_TURN_S, MotionInput
+from ohmward.traction.odometry.modes import ModeSpeed, ModeState, Turning, first_modes, weigh
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import OdometrySample
 from ohmward.traction.robot.chassis import PLANAR, Differential
@@ -75,7 +77,7 @@ class MotionState(NamedTuple):
     wheel_age_s: np.ndarray
     passive_rad_s: np.ndarray  #: (passive,)
     gyro_rad_s: Any  #: yaw rate of the gyro
-    followed_m_s: Any  #: forward speed of the rims, changed no faster than friction can
+    modes: ModeState  #: which wheels roll
     #: (3,) way that was reckoned by the wheels since their last values [m, m, rad]
     reckoned: np.ndarray
     turned_rad: np.ndarray  #: (driven,) angles of the last steps
@@ -90,11 +92,13 @@ class MeasuredMotion(NamedTuple):
 
     input: MotionInput  #: of the model
     white_variance: np.ndarray  #: (3,) of the twist, by counting and by the gyro's noise over one step
+    rims_m_s: np.ndarray  #: (driven,) speeds of the rims
     rim_m: Scalar  #: way of the driven rims whatever its direction, their mean
     #: `MotionState` after the step
     reckoned: np.ndarray
     usual_turn_rad_s: Scalar
-    grip: GripSpeed  #: forward speed of the rims
+    speed: ModeSpeed  #: forward speed of the rims, and which of them slip
+    modes: ModeState  #: `MotionState` after the step
     by_driven: Scalar  #: the condition that the driven ones tell it, no observer and no wheel that rolls freely
     #: see `OdometryFlag`
     no_wheels: Scalar
@@ -106,7 +110,17 @@ def no_motion(robot: Robot) -> MotionState:
     """State before the first sample."""
     driven, passive = np.zeros(robot.driven), np.zeros(len(passive_wheels(robot)))
     return MotionState(
-        driven, driven + NEVER_S, passive, 0.0, 0.0, np.zeros(3), driven, CountOfEncoder(), 0.0, Observed(), never(4)
+        driven,
+        driven + NEVER_S,
+        passive,
+        0.0,
+        first_modes(robot),
+        np.zeros(3),
+        driven,
+        CountOfEncoder(),
+        0.0,
+        Observed(),
+        never(4),
     )
 
 
@@ -149,7 +163,7 @@ def sense(before: MotionState, sample: OdometrySample, time: CleanStep, robot: R
         wheel_age_s=where(taken, 0.0, before.wheel_age_s + time.dt_s),
         passive_rad_s=where(free, sample.passive_rad_s, before.passive_rad_s),
         gyro_rad_s=where(turned, sample.yaw_rate_rad_s, before.gyro_rad_s),
-        followed_m_s=before.followed_m_s,
+        modes=before.modes,
         reckoned=before.reckoned,
         turned_rad=where(rolled, turned_rad, before.turned_rad),
         encoder=choose(rolled, count_seen(before, turned_rad), before.encoder),
@@ -194,6 +208,7 @@ def show(
     dt_s: Scalar,
     since_s: Scalar,
     gyro_variance: Scalar,
+    before: Belief,
     robot: Robot,
     noise: OdometryNoise,
 ) -> MeasuredMotion:
@@ -201,20 +216,25 @@ def show(
 
     since_s: time since the wheels were last measured, at its end.
     gyro_variance: of the gyro's angle over time.
+    before: belief of the odometry before the step.
     """
     rolls, by_gyro, observed, free = holds(now.intervals)
     rims_m_s = robot.wheel.radius_m * now.wheel_speed_rad_s
     driven = rim_matrix(robot) @ rims_m_s
     counted_m = counting_m(now.encoder, robot, noise)
     count_m_s = math.sqrt(2.0) * counted_m / maximum(dt_s, LEAST_STEP_S)
-    followed = now.gyro_rad_s, by_gyro, now.followed_m_s
-    grip = speed_by_grip(rims_m_s, driven[0], *followed, since_s, count_m_s, robot, noise)
+    fresh, usual_s = now.intervals.age_s[WHEELS] <= 0.0, now.intervals.usual_s[WHEELS]
+    x, P = before
+    scale_std = std(P[TURN_SCALE, TURN_SCALE])
+    turning = Turning(now.gyro_rad_s - x[OFFSET], by_gyro, x[TURN_SCALE], scale_std)
+    counting_m_s = math.sqrt(2.0) * counted_m / maximum(since_s, LEAST_STEP_S)
+    refused = np.array([age_s > 0.0 for age_s in now.wheel_age_s])
+    modes, speed = weigh(now.modes, rims_m_s, driven[0], refused, turning, fresh, since_s, counting_m_s, robot, noise)
     rim = where(free, free_motion(now, robot), driven)
-    forward_m_s = where(free, rim[0], (1.0 - noise.creep) * grip.forward_m_s)
-    rim_m_s = sqrt(rim[0] * rim[0] + rim[1] * rim[1])
+    forward_m_s = where(free, rim[0], (1.0 - noise.creep) * speed.forward_m_s)
+    rim_m_s = hypot(forward_m_s, rim[1])
     motion = np.array([forward_m_s, rim[1], rim[2]])
     # A speed by counting is the mean since the last value, so that no way is lost where one is late or missing.
-    fresh, usual_s = now.intervals.age_s[WHEELS] <= 0.0, now.intervals.usual_s[WHEELS]
     whole = fresh & (since_s <= (LOST + 1) * usual_s)
     way = where(whole, motion * since_s - now.reckoned, motion * dt_s)
     reckoned = where(fresh, 0.0, now.reckoned + way)
@@ -238,17 +258,19 @@ def show(
         gyro_variance=gyro_variance,
         by_gyro=by_gyro,
         comparable=by_gyro
-        & (free | rolls & logical_not(jump) & (logical_not(observed) | (o.grip > LEAST_TURN_GRIP))),
+        & (free | rolls & logical_not(jump | speed.named) & (logical_not(observed) | (o.grip > LEAST_TURN_GRIP))),
         count_rad=turn_per_slip(robot) * counted_m,
         unobserved_s=unobserved(now.intervals, rolls | free | observed, by_gyro),
         usual_turn_rad_s=now.usual_turn_rad_s,
+        turn_scale=x[TURN_SCALE],
     )  # fmt: skip
     no_gyro = was_seen(now.intervals)[GYRO] & logical_not(by_gyro)
-    white = white_variance(u, observed, count_m_s, robot)
+    counted = where(by_gyro, speed.counted, 1.0 / robot.driven)
+    white = white_variance(u, observed, count_m_s, counted, robot)
     rim_m = sum(abs(rims_m_s)) / robot.driven * dt_s
     by_driven, no_wheels = rolls & logical_not(observed | free), logical_not(rolls | free | observed)
     usual = now.usual_turn_rad_s + (rim[2] - now.usual_turn_rad_s) * (1.0 - exp(-dt_s / USUAL_TURN_S))
-    return MeasuredMotion(u, white, rim_m, reckoned, usual, grip, by_driven, no_wheels, no_gyro, jump)
+    return MeasuredMotion(u, white, rims_m_s, rim_m, reckoned, usual, speed, modes, by_driven, no_wheels, no_gyro, jump)
 
 
 def motion_std(
@@ -279,9 +301,13 @@ def free_motion(now: MotionState, robot: Robot) -> np.ndarray:
     return motion_of_rims(robot, passive_wheels(robot)) @ (robot.wheel.radius_m * now.passive_rad_s)
 
 
-def white_variance(u: MotionInput, observed: Scalar, count_m_s: Scalar, robot: Robot) -> np.ndarray:
-    """Variance (3,) of the twist by counts over the step and by the noise of the gyro; an observer has its own in."""
+def white_variance(u: MotionInput, observed: Scalar, count_m_s: Scalar, counted: Scalar, robot: Robot) -> np.ndarray:
+    """Variance (3,) of the twist by counts over the step and by the noise of the gyro; an observer has its own in.
+
+    counted: variance of the forward speed over that of one rim, where wheels do not roll sideways.
+    """
     rims = np.linalg.norm(rim_matrix(robot), axis=1) ** 2 * count_m_s * count_m_s
+    rims[0] = rims[0] if rim_matrix(robot)[1].any() else counted * count_m_s * count_m_s
     gyro = u.gyro_variance / maximum(u.dt_s, LEAST_STEP_S)
     return np.array([where(observed, 0.0, rims[0]), where(observed, 0.0, rims[1]), where(u.by_gyro, gyro, rims[2])])
 

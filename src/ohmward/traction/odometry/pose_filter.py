@@ -34,7 +34,6 @@ from ohmward.traction.odometry.corrections import (
     use_speeds,
     use_turn,
 )
-from ohmward.traction.odometry.grip import lever_m
 from ohmward.traction.odometry.gyro_noise import GyroNoise, learn, of_sheet, walk_variance
 from ohmward.traction.odometry.measured_motion import (
     GYRO,
@@ -53,7 +52,6 @@ from ohmward.traction.odometry.model import (
     OFFSET,
     RADIUS,
     SLIP,
-    TURN_SCALE,
     YAW,
     MotionInput,
     X,
@@ -65,8 +63,10 @@ from ohmward.traction.odometry.model import (
     twist,
     yaw_now,
 )
+from ohmward.traction.odometry.modes import lever_m
 from ohmward.traction.odometry.noise import OdometryNoise, noise_of
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
+from ohmward.traction.robot.chassis import PLANAR
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
 from ohmward.traction.speed_observer.intervals import History, empty_history, remember, was_seen
@@ -83,6 +83,7 @@ class PoseState(NamedTuple):
     trail: Trail  #: the last steps, for pose increments
     heading: HeadingTimes  #: times of headings
     speed_m_s: Any = 0.0  #: after the last step
+    slip_std_m_s: Any = 0.0  #: standard deviation that the slip was scaled by in it
     distance_m: Any = 0.0  #: length of the path
     #: (2,) standard deviation of x and y by the square of the yaw's error, one random number for both [m]
     second_order_m: np.ndarray = np.zeros(2)
@@ -113,6 +114,13 @@ class PoseFilter:
         return rim_matrix(self.robot)
 
     @cached_property
+    def rolling(self) -> np.ndarray:
+        """(driven, 3): speeds of the driven wheels' centres along their rolling directions, of the motion `PLANAR`."""
+        rows = np.zeros((self.robot.driven, len(PLANAR)))
+        rows[:, [PLANAR.index(name) for name in self.robot.chassis.freedoms]] = self.robot.rolling[: self.robot.driven]
+        return rows
+
+    @cached_property
     def turn_per_slip(self) -> float:
         """Yaw rate by independent slip of the wheels over its standard deviation [1/m]."""
         return turn_per_slip(self.robot)
@@ -138,12 +146,12 @@ class PoseFilter:
         since_s = state.motion.intervals.age_s[WHEELS] + time.dt_s
         gyro = self.hear(state.gyro, sensors, time)
         walk = walk_variance(gyro, self.noise.gyro_walk)
-        motion = show(sensors, jump, time.dt_s, since_s, walk, self.robot, self.noise)
+        motion = show(sensors, jump, time.dt_s, since_s, walk, before, self.robot, self.noise)
         sensors = sensors._replace(
-            followed_m_s=motion.grip.followed_m_s, reckoned=motion.reckoned, usual_turn_rad_s=motion.usual_turn_rad_s
+            modes=motion.modes, reckoned=motion.reckoned, usual_turn_rad_s=motion.usual_turn_rad_s
         )
-        motion = motion._replace(input=motion.input._replace(turn_scale=before.mean[TURN_SCALE]))
-        reckoned = self.predict(opened(before, motion, motion.grip.beyond_m_s), motion.input)
+        prior = with_slip_speed(before, state.slip_std_m_s, motion.input.motion_std[0])
+        reckoned = self.predict(opened(prior, motion, motion.speed.std_m_s), motion.input)
         trail = extend(state.trail, twist(before.mean, motion.input), time.dt_s)
         speed_m_s = twist(reckoned.mean, motion.input)[0]
         history = remember(state.history, time.dt_s, speed_m_s - state.speed_m_s)
@@ -158,8 +166,9 @@ class PoseFilter:
         estimate = self.conclude(body.belief, motion, distance_m, second_order_m)
         flags = self.flags(before, time, motion, body)
         after = PoseState(
-            pack(body.belief), sensors, gyro, sums, history, trail, heading, speed_m_s, distance_m, second_order_m
-        )
+            pack(body.belief), sensors, gyro, sums, history, trail, heading, speed_m_s, motion.input.motion_std[0],
+            distance_m, second_order_m,
+        )  # fmt: skip
         return after, estimate._replace(flags=flags)
 
     def hear(self, known: GyroNoise, sensors: MotionState, time: CleanStep) -> GyroNoise:
@@ -191,9 +200,10 @@ class PoseFilter:
         return use_increment(body, sample, u, trail, noise, gate), sums
 
     def slip_by_turn(self, body: PoseCorrection, motion: MeasuredMotion) -> Scalar:
-        """Slip [m/s] of the driven wheels that a turn they showed and the robot did not make tells of."""
+        """Slip [m/s] of the driven wheels that a turn they showed and the robot did not make tells of, if they roll."""
         apart_m_s = lever_m(self.robot) * body.turn_apart_rad_s
-        return where(body.turn_rejected, minimum(apart_m_s, motion.grip.loose_m_s), 0.0)
+        rolls = motion.modes.probability[0]
+        return where(body.turn_rejected, rolls * minimum(apart_m_s, motion.speed.loose_m_s), 0.0)
 
     def conclude(
         self, belief: Belief, motion: MeasuredMotion, distance_m: Scalar, second_order_m: np.ndarray
@@ -209,6 +219,8 @@ class PoseFilter:
             [to_yaw[X], to_yaw[Y], along[0] @ to_yaw],
         ])  # fmt: skip
         rates, J = linearize(lambda state: twist(state, motion.input), x)
+        twist_cov = mirror_lower(J @ P @ J.T + np.diag(motion.white_variance))
+        rims = motion.rims_m_s * (1.0 + motion.input.scale * x[RADIUS])
         return OdometryEstimate(
             x_m=x[X],
             y_m=x[Y],
@@ -218,12 +230,15 @@ class PoseFilter:
             speed_m_s=rates[0],
             speed_left_m_s=rates[1],
             yaw_rate_rad_s=rates[2],
-            twist_cov=mirror_lower(J @ P @ J.T + np.diag(motion.white_variance)),
+            twist_cov=twist_cov,
             distance_m=distance_m,
             gyro_offset_rad_s=x[OFFSET],
             gyro_offset_std_rad_s=std_of(P[OFFSET, OFFSET]),
             radius_ratio=1.0 + x[RADIUS],
             radius_std=std_of(P[RADIUS, RADIUS]),
+            slip_speed_m_s=rims - self.rolling @ rates,
+            slip_speed_std_m_s=np.array([std_of(row @ twist_cov @ row) for row in self.rolling]),
+            slip_probability=motion.speed.slips,
             flags=0.0,
         )
 
@@ -235,6 +250,7 @@ class PoseFilter:
             OdometryFlag.NO_WHEELS: motion.no_wheels,
             OdometryFlag.NO_GYRO: motion.no_gyro,
             OdometryFlag.WHEEL_JUMP: motion.jump,
+            OdometryFlag.WHEEL_SLIPS: motion.by_driven & motion.speed.named,
             OdometryFlag.TURN_REJECTED: body.turn_rejected,
             OdometryFlag.SPEED_REJECTED: body.speed_rejected,
             OdometryFlag.HEADING_REJECTED: body.heading_rejected,
@@ -242,6 +258,14 @@ class PoseFilter:
             OdometryFlag.INCREMENT_TOO_OLD: body.increment_too_old,
             OdometryFlag.NOT_POSITIVE_DEFINITE: logical_not(every([v >= 0.0 for v in np.diag(before.cov)])),
         })  # fmt: skip
+
+
+def with_slip_speed(belief: Belief, before_m_s: Scalar, now_m_s: Scalar) -> Belief:
+    """The belief with a slip that was opened as large in m/s as it was before its standard deviation grew to this."""
+    most = 1.0 / sqrt(maximum(belief.cov[SLIP, SLIP], 1.0))
+    share = minimum(maximum(before_m_s / maximum(now_m_s, LEAST_REJECTED_STD), most), 1.0)
+    scale = np.array([share if i == SLIP else 1.0 for i in range(len(belief.mean))])
+    return Belief(belief.mean * scale, belief.cov * np.outer(scale, scale))
 
 
 def opened(belief: Belief, motion: MeasuredMotion, slip_m_s: Scalar) -> Belief:

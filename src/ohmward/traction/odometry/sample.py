@@ -68,6 +68,11 @@ class OdometryEstimate(NamedTuple):
     #: effective radius of the wheels over the robot's; the std is relative
     radius_ratio: Any
     radius_std: Any
+    #: (driven,) slip speed r omega - v of each wheel's centre, and its standard deviation [m/s]
+    slip_speed_m_s: np.ndarray
+    slip_speed_std_m_s: np.ndarray
+    #: (driven,) probability that each wheel slips beside the others; 0 where no gyro tells, or wheels roll sideways
+    slip_probability: np.ndarray
     flags: Any  #: sum of `OdometryFlag` values; 0 is a sample without incident
 
 
@@ -86,3 +91,4 @@ class OdometryFlag(SampleFlag):
     NOT_POSITIVE_DEFINITE = 512  #: the covariance was not positive semidefinite
     RESTARTED = 1024  #: the state was no longer a number; a new one was started from this sample
     HEADING_REJECTED = 2048  #: a heading outside its gate, as beside iron; not used
+    WHEEL_SLIPS = 4096  #: a wheel, or those of a side, slip more likely than not: the others show the speed

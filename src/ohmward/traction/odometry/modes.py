@@ -1,0 +1,226 @@
+"""Which driven wheels roll: hypotheses that wheels and gyro tell apart, and the forward speed that they agree on.
+
+A gyro tells what the turn adds to each rim, so that every driven wheel shows a forward speed of its own:
+
+    v_i = r w_i - g_i w_g / (1 + k_w)
+
+All roll, or the wheels of one mode slip, one wheel or those of a side, and the others show the speed. A mode is as
+likely as its wheels agree (sigma), as the slip of the others is usual (s), and as its speed goes on as it was:
+
+    log L = -1/2 [sum_rolling (v_i - v)^2 / sigma^2 + n_rolling log sigma^2
+                  + sum_slipping log (s^2 + (v_i - v)^2) + (v - v_before)^2 / q]
+
+q is the square of the change of all wheels together, one for all modes: a wheel that starts to slip changes its speed
+alone. A mode forgets and is met as a Markov chain does (the interacting multiple models of Blom and Bar-Shalom 1988,
+mixed in the probabilities alone, as the speed of each mode is measured afresh). Only sensors that disagree are
+evidence: nothing counts without a gyro or in a gap, and innovations within `EVIDENCE_S` are one. Where all wheels slip
+alike, wheels and gyro cannot tell; the speed then changes no faster than friction can change it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.trace import clip, exp, log, maximum, minimum, sqrt, where
+from ohmward.trace.expression import Scalar
+from ohmward.traction.odometry.noise import OdometryNoise
+from ohmward.traction.robot.chassis import PLANAR
+from ohmward.traction.robot.robot import Robot
+
+#: No wheel on the ground changes the speed of a robot faster [m/s2]: the friction of rubber is 1.
+GRIP_M_S2 = 9.81
+
+#: Standard deviation by which the forward speeds of wheels that roll differ: [m/s], and over the speed.
+ROLLING_M_S, ROLLING_SHARE = 0.02, 0.02
+
+#: That of the slip of wheels that slip: [m/s], and over the speed.
+SLIPPING_M_S, SLIPPING_SHARE = 0.3, 0.3
+
+#: A mode of slip begins once in so long on average, for each of its kind, and lasts so long [s].
+MET_S, LASTS_S = 500.0, 2.0
+
+#: Innovations within this time [s] are one piece of evidence, and none counts for more than this square of sigmas.
+EVIDENCE_S, MOST_SQUARE = 0.1, 25.0
+
+#: Least share of the wheels' turn that the robot makes, and least time [s] in which a turn changes.
+LEAST_SCALE, LEAST_STEP_S = 0.05, 1e-3
+
+#: Time constant [s] of the speeds from which modes go on.
+BEFORE_S = 0.3
+
+#: Wheels differ by more than their turn explains beyond so many of its variances.
+UNEXPLAINED = 9.0
+
+#: Change [m/s] of the speed that is none.
+LEAST_CHANGE_M_S = 1e-4
+
+#: Sigmas of counting by which rims may change faster than friction lets them.
+COUNTED = 4.0
+
+
+class ModeState(NamedTuple):
+    """What is carried from step to step."""
+
+    probability: np.ndarray  #: (modes,) all roll, then each of `slip_modes`
+    forward_m_s: np.ndarray  #: (driven,) as each wheel showed it, averaged over `BEFORE_S`
+    turn_rad_s: Any = 0.0  #: of the gyro at the last value of the wheels
+    followed_m_s: Any = 0.0  #: forward speed, changed no faster than friction can
+
+
+class ModeSpeed(NamedTuple):
+    """Forward speed as the wheels show it."""
+
+    forward_m_s: Scalar  #: mean of the modes
+    std_m_s: Scalar  #: of the modes about it, and of rims that change faster than friction can
+    slips: np.ndarray  #: (driven,) probability that each wheel slips
+    named: Any  #: the condition that one mode of slip is more likely than all others together
+    loose_m_s: Scalar  #: largest slip of a wheel that counts as one that rolls
+    counted: Scalar  #: variance of the forward speed by counting, over that of one rim
+
+
+class Turning(NamedTuple):
+    """What the gyro shows of the turn."""
+
+    rad_s: Scalar  #: yaw rate
+    holds: Any  #: the condition that it is known
+    scale: Scalar  #: k_w, by which the robot turns more than its wheels show
+    scale_std: Scalar  #: of that
+
+
+def slip_modes(robot: Robot) -> list[tuple[int, ...]]:
+    """The driven wheels that slip in each mode: each one, and those of each side; none where wheels roll sideways."""
+    n = robot.driven
+    if PLANAR[1] in robot.chassis.freedoms or n < 2:
+        return []
+    sides = [tuple(i for i in range(n) if (robot.places[i].y_m > 0.0) is left) for left in (True, False)]
+    return list(dict.fromkeys([*((i,) for i in range(n)), *(side for side in sides if 0 < len(side) < n)]))
+
+
+def first_modes(robot: Robot) -> ModeState:
+    """State before the first sample."""
+    modes = len(slip_modes(robot))
+    share = LASTS_S / MET_S
+    return ModeState(np.array([1.0 - modes * share, *[share] * modes]), np.zeros(robot.driven))
+
+
+def weigh(
+    before: ModeState,
+    rims_m_s: np.ndarray,
+    mean_m_s: Scalar,
+    refused: np.ndarray,
+    turning: Turning,
+    fresh: Scalar,
+    since_s: Scalar,
+    count_m_s: Scalar,
+    robot: Robot,
+    noise: OdometryNoise,
+) -> tuple[ModeState, ModeSpeed]:
+    """State and forward speed after a step.
+
+    rims_m_s: (driven,) speeds of the rims.
+    mean_m_s: forward speed of them all; alone used without a gyro, and for wheels that roll sideways too.
+    refused: (driven,) conditions that a wheel has jumped, so that its speed is an old one.
+    fresh: the condition that the step ended with a value of the wheels.
+    since_s: time since the value before.
+    count_m_s: standard deviation of a rim's speed by counting.
+    """
+    modes, n = [(), *slip_modes(robot)], robot.driven
+    turning = turning._replace(scale=maximum(turning.scale, LEAST_SCALE - 1.0))
+    rate = turning.rad_s / (1.0 + turning.scale)
+    by_wheel = np.asarray(rims_m_s - robot.rolling[:n, -1] * rate)
+    rolling = [[i for i in range(n) if i not in slipping] for slipping in modes]
+    speeds = np.array([by_wheel[part].mean() for part in rolling])
+    known, speed_variance, slip_variance = variances(before, rate, turning, since_s, count_m_s, robot, noise)
+    changes = np.array([(by_wheel - before.forward_m_s)[part].mean() for part in rolling])
+    change_variance = maximum(changes[0] * changes[0] + count_m_s * count_m_s, LEAST_CHANGE_M_S**2)
+    logs = np.array([
+        -0.5 * (
+            within_most(sum((by_wheel[i] - v) ** 2 for i in part) / speed_variance)
+            + (len(part) - 1) * log(speed_variance)
+            + sum(log(slip_variance + (by_wheel[i] - v) ** 2) for i in slipping)
+            + within_most(change * change / change_variance)
+            + MOST_SQUARE * sum(where(refused[i], 1.0, 0.0) for i in part)
+        )
+        for slipping, part, v, change in zip(modes, rolling, speeds, changes, strict=True)
+    ])  # fmt: skip
+    judged = fresh & turning.holds & (since_s < LASTS_S)
+    weight = minimum(since_s / EVIDENCE_S, 1.0)
+    chain = mixed(before.probability, since_s)
+    likely = chain * exp(weight * (logs - largest(logs)))
+    probability = where(judged, likely / likely.sum(), before.probability)
+    follows = 1.0 - exp(-since_s / BEFORE_S)
+    most_m_s, loose_m_s = GRIP_M_S2 * since_s, COUNTED * sqrt(speed_variance)
+    wide_m_s = most_m_s + loose_m_s
+    # Each mode goes on from the speed before as far as friction can change it.
+    possible = clip(speeds, before.followed_m_s - wide_m_s, before.followed_m_s + wide_m_s)
+    of_mean = clip(mean_m_s, before.followed_m_s - wide_m_s, before.followed_m_s + wide_m_s)
+    forward = where(turning.holds, probability @ possible, of_mean)
+    escaped = where(np.array([v != w for v, w in zip(speeds, possible, strict=True)]), abs(changes), 0.0)
+    beyond = where(turning.holds, probability @ escaped, abs(mean_m_s - of_mean))
+    # Wheels that roll, but differ by more than their turn explains: one of them may have begun to slip.
+    apart = [sum((by_wheel[i] - v) ** 2 for i in part) / len(part) for part, v in zip(rolling, speeds, strict=True)]
+    most = loose_m_s * loose_m_s
+    within = np.array([clip(square - UNEXPLAINED * known, 0.0, most) for square in apart])
+    spread = where(turning.holds, probability @ ((possible - forward) ** 2 + within), 0.0)
+    followed = before.followed_m_s + clip(forward - before.followed_m_s, -most_m_s, most_m_s)
+    after = ModeState(
+        probability=probability,
+        forward_m_s=where(fresh, before.forward_m_s + (by_wheel - before.forward_m_s) * follows, before.forward_m_s),
+        turn_rad_s=where(fresh, turning.rad_s, before.turn_rad_s),
+        followed_m_s=followed,
+    )
+    slips = np.array([sum(probability[k] for k, slipping in enumerate(modes) if i in slipping) for i in range(n)])
+    named = largest(probability[1:]) > 0.5 if len(modes) > 1 else False
+    counted = probability @ np.array([1.0 / len(part) for part in rolling])
+    return after, ModeSpeed(forward, sqrt(spread + beyond * beyond), slips, named, loose_m_s, counted)
+
+
+def mixed(probability: np.ndarray, time_s: Scalar) -> np.ndarray:
+    """Probabilities (modes,) after a time in which modes begin and end: between slips the wheels roll."""
+    time_s = minimum(time_s, LASTS_S)
+    ends, begins = 1.0 - exp(-time_s / LASTS_S), 1.0 - exp(-time_s / MET_S)
+    slips = probability[1:] * (1.0 - ends) + probability[0] * begins
+    return np.array([1.0 - sum(slips), *slips])
+
+
+def variances(
+    before: ModeState,
+    rate_rad_s: Scalar,
+    turning: Turning,
+    since_s: Scalar,
+    count_m_s: Scalar,
+    robot: Robot,
+    noise: OdometryNoise,
+) -> tuple[Scalar, Scalar, Scalar]:
+    """Variances [m2/s2] of forward speeds about their mean: by turn and counting, of rolling and of slipping wheels."""
+    ahead_s = math.hypot(noise.gyro_delay_std_s, noise.wheels_ahead_std_s)
+    sooner = ahead_s * (turning.rad_s - before.turn_rad_s) / maximum(since_s, LEAST_STEP_S)
+    # Wheels that turn the robot by another share than they should scrub, each in its own way.
+    scrubbing = (turning.scale * turning.scale + turning.scale_std * turning.scale_std) / (1.0 + turning.scale) ** 2
+    share = noise.turn_share * noise.turn_share + scrubbing
+    turn_variance = lever_m(robot) ** 2 * (share * rate_rad_s * rate_rad_s + sooner * sooner)
+    along = abs(before.followed_m_s)
+    known = 2.0 * count_m_s * count_m_s + turn_variance
+    rolling = known + ROLLING_M_S**2 + (ROLLING_SHARE * along) ** 2
+    return known, rolling, rolling + SLIPPING_M_S**2 + (SLIPPING_SHARE * along) ** 2
+
+
+def within_most(square: Scalar) -> Scalar:
+    """A square of sigmas, within `MOST_SQUARE`."""
+    return minimum(square, MOST_SQUARE)
+
+
+def largest(values: np.ndarray) -> Scalar:
+    """The largest of some numbers."""
+    most = values[0]
+    for value in values[1:]:
+        most = maximum(most, value)
+    return most
+
+
+def lever_m(robot: Robot) -> float:
+    """Speed of the driven rims by a turn over its yaw rate, root of the mean square."""
+    return float(np.sqrt(np.mean(robot.rolling[: robot.driven, -1] ** 2)))

@@ -1,0 +1,213 @@
+"""Which wheels roll: modes in closed form, and drives in which wheels spin."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from ohmward.trace import Kernel
+from ohmward.traction import RLMA, ROBOTINO
+from ohmward.traction.odometry.modes import (
+    COUNTED,
+    EVIDENCE_S,
+    GRIP_M_S2,
+    LASTS_S,
+    MET_S,
+    ROLLING_M_S,
+    SLIPPING_M_S,
+    ModeState,
+    Turning,
+    first_modes,
+    lever_m,
+    mixed,
+    slip_modes,
+    weigh,
+)
+from ohmward.traction.odometry.noise import OdometryNoise
+from ohmward.traction.odometry.pose_filter import PoseFilter
+from ohmward.traction.odometry.sample import OdometryFlag
+from ohmward.traction.robot.chassis import Differential
+from traction.odometry.examples import DT_S, samples
+from traction.odometry.test_counts_and_gyro import INDOOR, TRACK_M, stop_and_go
+
+FILTER = PoseFilter(RLMA, OdometryNoise())  # rims without creep
+NOISE = OdometryNoise(turn_share=0.0, gyro_delay_std_s=0.0, wheels_ahead_std_s=0.0)
+HALF_TRACK_M = float(RLMA.rolling[1, 1])
+STILL = Turning(0.0, True, 0.0, 0.0)
+HEARD = np.zeros(3, dtype=bool)
+_KERNELS: dict[PoseFilter, Kernel] = {}
+
+
+def step(before, rims, turning=STILL, since=0.02, robot=RLMA):
+    rims = np.array(rims)
+    return weigh(before, rims, np.mean(rims), HEARD[: len(rims)], turning, True, since, 0.0, robot, NOISE)
+
+
+def at(speed, robot=RLMA):
+    """State of a robot that has gone at this speed for long."""
+    return first_modes(robot)._replace(forward_m_s=np.full(robot.driven, speed), followed_m_s=speed)
+
+
+def run(given, settings=FILTER):
+    """Estimates (T, ...), and the probabilities (T, modes)."""
+    if settings not in _KERNELS:
+        nothing = settings.no_sample()
+
+        def both(state, sample):
+            after, estimate = settings.step(state, sample)
+            return after, (estimate, after.motion.modes.probability)
+
+        _KERNELS[settings] = Kernel(both, settings.init(nothing), nothing)
+    return _KERNELS[settings].scan(settings.init(settings.no_sample()), given)[1]
+
+
+def rims(*speeds_m_s):
+    """Wheel speeds (T, 2) of rims with these speeds (T,)."""
+    return np.column_stack(speeds_m_s) / RLMA.wheel.radius_m
+
+
+def test_every_wheel_and_every_side_can_slip_where_no_wheel_rolls_sideways():
+    assert slip_modes(RLMA) == [(0,), (1,)]
+    four = replace(RLMA, chassis=Differential(0.3, 0.3, 0.3, driven="all"))
+    assert slip_modes(four) == [(0,), (1,), (2,), (3,), (0, 2), (1, 3)]
+    assert slip_modes(ROBOTINO) == []
+
+
+def test_wheels_that_roll_on_a_curve_show_their_mean_and_slip_no_more_than_before():
+    turn = 0.8
+    rolling = [0.5 - HALF_TRACK_M * turn, 0.5 + HALF_TRACK_M * turn]
+    after, speed = step(at(0.5), rolling, Turning(turn, True, 0.0, 0.0))
+    assert speed.forward_m_s == pytest.approx(0.5, abs=1e-12)
+    assert speed.std_m_s == pytest.approx(0.0, abs=1e-7)
+    assert (after.probability[1:] <= first_modes(RLMA).probability[1:]).all()
+
+
+def test_wheels_that_turn_the_robot_by_another_share_show_their_mean_too():
+    turn, scale = 0.8, -0.2
+    rolling = [0.5 - HALF_TRACK_M * turn / (1 + scale), 0.5 + HALF_TRACK_M * turn / (1 + scale)]
+    _, speed = step(at(0.5), rolling, Turning(turn, True, scale, 0.0))
+    assert speed.forward_m_s == pytest.approx(0.5, abs=1e-12)
+
+
+def test_the_probabilities_are_those_of_bayes():
+    """Left rim at 0.7, right one at 0.52 m/s after both at 0.5: densities written out, for a tenth of a second."""
+    left, right, before = 0.7, 0.52, 0.5
+    after, speed = step(at(before), [left, right], since=EVIDENCE_S)
+    mean = (left + right) / 2
+    sigma2 = ROLLING_M_S**2 + (0.02 * before) ** 2
+    s2 = sigma2 + SLIPPING_M_S**2 + (0.3 * before) ** 2
+    q = (mean - before) ** 2
+    roll = math.exp(-0.5 * min(((left - mean) ** 2 + (right - mean) ** 2) / sigma2, 25.0) - 0.5) / math.sqrt(sigma2)
+    slips = [
+        math.exp(-0.5 * min((v - before) ** 2 / q, 25.0)) / math.sqrt(s2 + (left - right) ** 2) for v in (right, left)
+    ]
+    likely = mixed(first_modes(RLMA).probability, EVIDENCE_S) * np.array([roll, *slips])
+    assert_allclose(after.probability, likely / likely.sum(), rtol=1e-9)
+    assert speed.forward_m_s == pytest.approx(after.probability @ np.array([mean, right, left]))
+
+
+def test_modes_begin_and_end_as_their_times_say():
+    prior = first_modes(RLMA).probability
+    assert prior.sum() == pytest.approx(1.0)
+    assert_allclose(prior[1:], LASTS_S / MET_S)
+    slips = mixed(np.array([0.0, 1.0, 0.0]), 0.5)
+    assert_allclose(slips, [1 - math.exp(-0.5 / LASTS_S), math.exp(-0.5 / LASTS_S), 0.0], atol=1e-12)
+
+
+def test_wheels_that_all_run_away_are_followed_as_fast_as_friction_can():
+    after, speed = step(at(0.5), [4.5, 4.5])
+    assert after.followed_m_s == pytest.approx(0.5 + GRIP_M_S2 * 0.02)
+    loose = COUNTED * math.hypot(ROLLING_M_S, 0.02 * 0.5)
+    assert speed.forward_m_s == pytest.approx(after.followed_m_s + loose)
+    assert speed.std_m_s == pytest.approx(4.5 - 0.5)  # what the rims have gained
+    assert step(at(0.5), [4.5, 4.5], since=1e9)[1].std_m_s == pytest.approx(0.0, abs=1e-7)  # the first are believed
+
+
+def test_without_a_gyro_and_in_a_gap_nothing_is_evidence():
+    before = at(0.5)
+    seen = before, np.array([2.0, 0.5]), 1.25, HEARD[:2]
+    silent = weigh(*seen, STILL._replace(holds=False), True, 0.02, 0.0, RLMA, NOISE)[0]
+    held = weigh(*seen, STILL, False, 0.02, 0.0, RLMA, NOISE)[0]
+    late = weigh(*seen, STILL, True, 3.0, 0.0, RLMA, NOISE)[0]
+    for after in (silent, held, late):
+        assert_allclose(after.probability, before.probability)
+
+
+def test_wheels_that_roll_sideways_too_count_alike():
+    _, speed = step(ModeState(np.ones(1), np.zeros(3), 0.0, 0.2), [0.1, 0.3, 0.2], robot=ROBOTINO)
+    assert speed.forward_m_s == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(("every", "counts"), [(1, 4096), (1, 512), (10, 4096)])
+def test_no_drive_without_slip_makes_slip_more_likely_than_before(every, counts):
+    """Stop and go on floors that change: for no longer than a second in any of ten drives."""
+    settings, prior = PoseFilter(INDOOR, OdometryNoise()), 2 * LASTS_S / MET_S
+    for seed in range(10):
+        drive = stop_and_go(seed, counts, every=every)
+        given = {"wheel_speed_rad_s": drive.wheel_speed_rad_s, "yaw_rate_rad_s": drive.gyro_rad_s}
+        _, modes = run(samples(settings, **given)._replace(dt_s=np.full(len(drive.pose), every * DT_S)), settings)
+        more = np.concatenate([[0], 1.0 - modes[:, 0] > prior, [0]]).astype(int)
+        begins, ends = np.flatnonzero(np.diff(more) > 0), np.flatnonzero(np.diff(more) < 0)
+        assert ((ends - begins) * every * DT_S < 1.0).all()
+
+
+@pytest.mark.parametrize(("ramp_s", "counts", "within_s"), [(0.5, 4096, 0.5), (0.1, 4096, 0.25), (0.5, 512, 0.6)])
+@pytest.mark.parametrize("side", [0, 1])
+def test_the_wheel_that_spins_is_named_and_the_speed_is_that_of_the_other(ramp_s, counts, within_s, side):
+    """A wheel of a robot on a curve gains 0.33 m/s for six seconds; its rims are read by counts."""
+    settings, found = PoseFilter(INDOOR, OdometryNoise()), []
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        time_s = DT_S * np.arange(1500)
+        v = np.clip(0.5 * (time_s - 3.0), 0.0, 0.8)
+        w = 0.4 * np.sin(0.3 * time_s + seed) * (v > 0)
+        spin = 0.33 * np.clip(np.minimum(time_s - 15.0, 21.0 - time_s) / ramp_s, 0.0, 1.0)
+        edges = np.column_stack([v - TRACK_M / 2 * w, v + TRACK_M / 2 * w])
+        edges[:, side] += spin
+        count = 2 * math.pi / counts
+        angle = np.floor(np.cumsum(edges * DT_S, axis=0) / INDOOR.wheel.radius_m / count + rng.random(2)) * count
+        speeds = np.diff(angle, axis=0, prepend=angle[:1]) / DT_S
+        gyro = w + 0.01 + 0.002 * rng.standard_normal(len(w))
+        e, modes = run(samples(settings, wheel_speed_rad_s=speeds, yaw_rate_rad_s=gyro), settings)
+        during = (time_s > 15.0) & (time_s < 21.0)
+        named = np.flatnonzero(modes[during][:, 1 + side] > 0.5)
+        assert named[0] * DT_S < within_s
+        assert modes[during][:, 2 - side].max() < 0.5
+        inside = np.abs(e.speed_m_s - v) < 1.96 * np.sqrt(e.twist_cov[:, 0, 0])
+        found.append(inside[during].mean())
+        assert abs(e.gyro_offset_rad_s[-1] - 0.01) < 1e-3
+    assert np.mean(found) > 0.95
+
+
+def test_one_wheel_that_spins_up_slowly_neither_moves_nor_turns_the_robot():
+    """The left wheel gains 4 m/s in two seconds, 2 m/s^2 each: no jump, and plain wheel odometry is 4 m wrong."""
+    time_s = DT_S * np.arange(1000)
+    right = np.full(1000, 0.5)
+    left = 0.5 + np.where((time_s >= 5) & (time_s < 9), 2.0 * (2.0 - abs(time_s - 7.0)), 0.0)
+    e, _ = run(samples(FILTER, wheel_speed_rad_s=rims(left, right), yaw_rate_rad_s=np.zeros(1000)))
+    assert not (e.flags.astype(int) & OdometryFlag.WHEEL_JUMP).any()
+    assert e.x_m[-1] == pytest.approx(10.0, abs=0.1)
+    assert abs(e.y_m[-1]) < 0.05
+    assert np.mean(left + right) / 2 * 20.0 > 13.9
+
+
+def test_the_band_covers_wheels_that_all_spin():
+    """Both rims gain 3 m/s at 15 m/s^2 and hold it for a second; the robot goes on at 0.5 m/s."""
+    time_s = DT_S * np.arange(600)
+    both = 0.5 + np.clip(15.0 * (time_s - 5.0), 0.0, 3.0) * (time_s < 6.0)
+    e, _ = run(samples(FILTER, wheel_speed_rad_s=rims(both, both), yaw_rate_rad_s=np.zeros(600)))
+    true_m = 0.5 * time_s
+    assert e.pose_cov[-1, 0, 0] ** 0.5 > 0.5
+    assert abs(e.x_m[-1] - true_m[-1]) < 3 * e.pose_cov[-1, 0, 0] ** 0.5
+
+
+def test_a_gyro_that_glitches_does_not_move_the_robot():
+    gyro = np.where(np.arange(500) % 50 == 25, 5.0, 0.0) * np.where(np.arange(500) % 100 == 25, 1.0, -1.0)
+    e, _ = run(samples(FILTER, wheel_speed_rad_s=rims(np.full(500, 0.5), np.full(500, 0.51)), yaw_rate_rad_s=gyro))
+    assert e.distance_m[-1] == pytest.approx(0.505 * 500 * DT_S, rel=0.002)
+
+
+def test_the_lever_is_half_the_track():
+    assert lever_m(RLMA) == pytest.approx(HALF_TRACK_M)
