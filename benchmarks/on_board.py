@@ -6,7 +6,8 @@
     python benchmarks/on_board.py load day --seconds 60 --hours 0.33 --dry      a minute of each, without a page
 
 Parts: `load` at 1 kHz, `start` of the process, a simulated `day` at 20 times real time (72 minutes), `kills` of the
-process and of its `store`, an `outage` of the databases in real time, and `fuzz-...` of everything that listens. What
+process and of its `store`, an `outage` of the databases in real time, the `silence` of sensors at random moments of
+simulated drives, and `fuzz-...` of everything that listens. What
 was measured is kept in build/on_board until the part is measured again; of inputs at random every hundred thousand are,
 and --continue goes on after those of a run that was cut off. Each row says how long or how many it is of.
 """
@@ -28,11 +29,12 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from figure import HERE, Figure, at_most, verdict
+from figure import HERE, Figure, at_least, at_most, verdict
 from on_board_day import RATE, drive_a_day, growth
 from on_board_fuzz import LISTENERS, Fuzzed, fuzz
 from on_board_http import fuzz_http
 from on_board_load import SETTLE_S, measure
+from on_board_silence import SILENCES, shares, silences
 from on_board_start import starts
 
 PAGE = HERE / "on_board.md"
@@ -47,7 +49,7 @@ SLOWEST_S, GROWN_MB = 1.0, 10.0
 
 
 class Scale(NamedTuple):
-    """How much of each part: seconds of the load, simulated hours, kills, inputs, seconds without the databases.
+    """How much of each part: seconds of the load, simulated hours, kills, inputs, seconds without databases, drives.
 
     goes_on: a run that was cut off does.
     """
@@ -58,6 +60,7 @@ class Scale(NamedTuple):
     inputs: int = 1_000_000
     goes_on: bool = False
     outage_s: float = 300.0
+    drives: int = 10
 
 
 class Part(Protocol):
@@ -125,6 +128,14 @@ def outage_rows(scale: Scale) -> Iterator[Figure]:
     )
 
 
+def silence_rows(scale: Scale) -> Iterator[Figure]:
+    """Sensors that fall silent at random moments of simulated drives."""
+    data = f"{scale.drives} simulated drives, {SILENCES} silences of random sensors in each"
+    for age_s, quantity, in_band, unknown in shares(list(silences(scale.drives))):
+        text = f"{quantity} {age_s:g} s later: truth in the band, or unknown ({unknown:.0%})"
+        yield at_least(data, "passed on by the process", text, in_band, 0.95, ".1%")
+
+
 def killed(test: str, kills: int, method: str, quantity: str) -> Figure:
     """Kills at random moments; the test says what must hold after each."""
     met = passes(test, OHMWARD_KILLS=kills)
@@ -169,6 +180,7 @@ PARTS: dict[str, Part] = {
     "store": store_rows,
     **{f"fuzz-{listener}": partial(fuzz_rows, listener) for listener in FUZZERS},
     "outage": outage_rows,
+    "silence": silence_rows,
     "day": day_rows,
 }
 
@@ -225,6 +237,7 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--kills", type=int, default=Scale().kills)
     parser.add_argument("--inputs", type=int, default=Scale().inputs, help="at random, for each that listens")
     parser.add_argument("--outage", type=float, default=Scale().outage_s, metavar="S", help="without the databases")
+    parser.add_argument("--drives", type=int, default=Scale().drives, help="simulated, with silences of sensors")
     parser.add_argument("--continue", action="store_true", dest="goes_on", help="go on with inputs of a run cut off")
     parser.add_argument("--page", action="store_true", help="measure nothing")
     parser.add_argument("--dry", action="store_true", help="print the page of these parts, keep and write nothing")
@@ -236,7 +249,7 @@ def arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
 
 def main() -> None:
     args = arguments()
-    scale = Scale(args.seconds, args.hours, args.kills, args.inputs, args.goes_on, args.outage)
+    scale = Scale(args.seconds, args.hours, args.kills, args.inputs, args.goes_on, args.outage, args.drives)
     now = {}
     for name in () if args.page else args.parts or PARTS:
         now[name] = measured(name, scale)

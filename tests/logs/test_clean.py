@@ -103,6 +103,29 @@ def test_a_current_on_rows_of_its_own_is_interpolated():
     np.testing.assert_array_equal(cleaned.columns["U"], [NAN, 12.0, NAN, 12.1])
 
 
+@pytest.mark.parametrize("missing", [[], [7], [7, 20, 21]])
+def test_current_and_voltage_in_turn_are_samples_of_both(missing):
+    """Rows of a long table, some of which are missing."""
+    k = np.delete(np.arange(60), missing)
+    odd = k % 2 == 1
+    cleaned = merge_rates(
+        table(time=1.0 * k, I=np.where(odd, NAN, 0.1 * k), U=np.where(odd, 12.0, NAN), T=np.full(len(k), 20.0)), CHOSEN
+    )
+    np.testing.assert_array_equal(cleaned.columns["time"], k[odd])
+    np.testing.assert_allclose(cleaned.columns["I"][:-1], 0.1 * k[odd][:-1])
+    assert f"{(~odd).sum()} rows of a current alone: joined with the voltages" in texts(cleaned)
+
+
+def test_a_current_that_is_faster_than_the_voltage_keeps_its_rows():
+    k = np.arange(60)
+    voltage_V = np.where(k % 5 == 1, 12.0, NAN)
+    cleaned = merge_rates(
+        table(time=1.0 * k, I=np.where(k % 5 == 1, NAN, 0.1 * k), U=voltage_V, T=np.full(60, 20.0)), CHOSEN
+    )
+    np.testing.assert_allclose(cleaned.columns["I"], 0.1 * k)
+    np.testing.assert_array_equal(cleaned.columns["U"], voltage_V)
+
+
 def test_single_missing_values_stay_missing_and_are_counted():
     cleaned = merge_rates(table(time=[0.0, 1.0, 2.0], I=[1.0, NAN, 3.0], U=[NAN, 12.0, 12.1], T=[1.0] * 3), CHOSEN)
     np.testing.assert_array_equal(cleaned.columns["I"], [1.0, NAN, 3.0])

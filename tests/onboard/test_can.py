@@ -4,6 +4,7 @@ import asyncio
 import math
 import random
 import subprocess
+import tomllib
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
@@ -114,13 +115,25 @@ def test_bits_of_any_kind_are_no_fault():
             {"dbc": DBC, "signals": {"battery_current_A": "BMS.Curent"}},
             r"'BMS.Curent' is not in robot.dbc; .*BMS.Current",
         ),
-        ({"dbc": DBC, "signals": {"cell_voltage_V.0": "BMS.Cell"}}, "BMS.Cell is in mV, .* scale = 0.001"),
+        ({"dbc": DBC, "signals": {"cell_voltage_V.0": "BMS.Cell"}}, r"BMS.Cell is in mV; .*\n.* scale = 0.001"),
     ],
 )
 def test_a_wrong_database_is_named_with_the_fix(settings, message, channel):
     source = CanSource(interface="virtual", channel=channel, **settings)
     with pytest.raises(InputError, match=message):
         asyncio.run(source.run(print))
+
+
+def test_every_unit_that_differs_is_named_with_a_line_to_paste(tmp_path, channel):
+    text = Path(DBC).read_text().replace('"rad/s"', '"rpm"')
+    (tmp_path / "rpm.dbc").write_text(text)
+    signals: Signals = {"cell_voltage_V.0": "BMS.Cell", "wheel_speed_rad_s.left": "Wheels.Left"}
+    source = CanSource(interface="virtual", channel=channel, dbc=str(tmp_path / "rpm.dbc"), signals=signals)
+    with pytest.raises(InputError, match=r"BMS.Cell is in mV, Wheels.Left is in rpm; write below signals") as found:
+        asyncio.run(source.run(print))
+    pasted = tomllib.loads("\n".join(str(found.value).splitlines()[1:]))
+    assert pasted["wheel_speed_rad_s.left"] == {"name": "Wheels.Left", "scale": pytest.approx(math.pi / 30)}
+    assert set(pasted) == set(signals)
 
 
 def test_settings_are_checked():

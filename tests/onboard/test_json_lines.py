@@ -14,7 +14,7 @@ import pytest
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.line_reader import MOST_KNOWN, MOST_STRANGERS
-from ohmward.onboard.message import Wiring
+from ohmward.onboard.message import ScaledSignal, Wiring
 from ohmward.onboard.robot_state import RobotState
 from ohmward.onboard.sinks.json_lines import JsonLinesSink
 from ohmward.onboard.sources.json_lines import LONGEST_LINE, JsonLinesSource
@@ -192,3 +192,13 @@ def test_a_line_that_cannot_be_read_is_shown(caplog):
         "source json-lines: lines are no JSON object with a quantity (1 so far, such as 'time,current')",
         "source json-lines: lines are no JSON object with a quantity (2 so far, such as 'no json')",
     ]
+
+
+def test_keys_of_signals_and_keys_that_are_quantities_stand_beside_each_other():
+    source = JsonLinesSource(signals={"battery_current_A": ScaledSignal("mA", 0.001), "battery_voltage_V": "U"})
+    line = b'{"t": 1, "mA": -3200, "U": 13.1, "battery_temperature_degC": 21, "wheel_speed_rad_s": [1, 2], "else": 4}'
+    found = source.message(line, Wiring(source.signals), 5.0)
+    assert found is not None
+    wheels = {"wheel_speed_rad_s.0": 1.0, "wheel_speed_rad_s.1": 2.0}
+    values = {"battery_current_A": -3.2, "battery_voltage_V": 13.1, "battery_temperature_degC": 21.0}
+    assert found.values == pytest.approx(values | wheels)

@@ -14,19 +14,21 @@ import urllib.request
 import numpy as np
 import pytest
 
+from ohmward import generic_battery
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.page.app import MOST_READERS, make_app
 from ohmward.onboard.page.dashboard import POINTS, ROWS, Dashboard
 from ohmward.onboard.page.metrics import metrics
-from ohmward.onboard.page.view import ELLIPSE_95, HISTORY, ellipse, largest, view
+from ohmward.onboard.page.view import ELLIPSE_95, HISTORY, advice, ellipse, largest, view
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.secrets import is_loopback
 from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.store.rows import RowMaker
 from ohmward.traction.robot.file import load_robot
 from onboard.page_server import TOKEN, drive, filled_dashboard, served
+from onboard.ros.test_messages import charge, driven
 
 
 @pytest.fixture(scope="module")
@@ -358,3 +360,40 @@ def test_the_sink_ends_with_its_feed():
         await asyncio.wait_for(PageSink(port=0).run(feed), 10)
 
     asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    ("soc", "std", "current_A", "sentence"),
+    [
+        (0.6, 0.05, -3.0, ""),
+        (0.3, 0.09, -3.0, "Drive home now: the battery may be down to 12 %."),
+        (0.3, 0.14, -3.0, "Charge now: the battery may be nearly empty."),
+        (0.3, 0.14, 2.0, ""),
+        (0.5, 0.25, -3.0, "The charge is not known: charge the battery fully once."),
+    ],
+)
+def test_an_operator_is_told_what_to_do_by_the_low_end_of_the_band(soc, std, current_A, sentence):
+    state = driven()._replace(battery=charge(soc)._replace(soc_std=std), sample={"battery_current_A": current_A})
+    assert advice(state) == view(state)["advice"] == sentence
+
+
+def test_an_operator_is_told_of_the_wheel_that_turns_on_the_spot():
+    state = driven()
+    assert state.slip is not None
+    stuck = state.slip._replace(immobilised=1.0, slip_speed_m_s=np.array([0.1, -0.9]))
+    found = advice(state._replace(slip=stuck, wheels=("front_left", "front_right")))
+    assert found == "Stop and look at the front right wheel: it turns and the robot does not move."
+
+
+def test_the_cells_are_shown_by_their_extremes():
+    estimation = Estimation(generic_battery("lfp", 12.0, 4))
+    values = {"battery_current_A": -3.0, "battery_voltage_V": 13.0}
+    for k in range(30):
+        cells = {f"cell_voltage_V.{n}": 3.25 + 0.01 * n for n in range(4)}
+        estimation.put(0.1 * k, values | cells)
+    seen = view(estimation.state._replace(sample=values | cells))["charge"]["beside"]
+    assert [(one["label"], one["value"]) for one in seen[:2]] == [
+        ("Lowest cell, number 1", 3.25),
+        ("Highest cell, number 4", pytest.approx(3.28)),
+    ]
+    assert seen[2]["label"] == "Between their charges" and seen[2]["value"] > 0.0

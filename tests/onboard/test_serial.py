@@ -18,7 +18,7 @@ from ohmward import generic_battery
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export import battery_export, library, write_library
 from ohmward.onboard.estimation import Estimation
-from ohmward.onboard.message import Message
+from ohmward.onboard.message import Message, ScaledSignal
 from ohmward.onboard.part import keep_running
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.serial_frame import MOST_VALUES, FrameClock, FrameReader, SerialFrame, decode, encode
@@ -216,3 +216,10 @@ def test_settings_and_ports_are_checked():
             SerialSource("/dev/ttyACM0", **settings)
     with pytest.raises(OhmwardError, match=r"/dev/ttyNONE cannot be opened \(No such file or directory\); .*"):
         asyncio.run(SerialSource("/dev/ttyNONE", MESSAGES).run(print))
+
+
+def test_names_of_signals_and_names_that_are_quantities_stand_beside_each_other():
+    messages: dict[str, tuple[str, ...]] = {"1": ("mA", "battery_voltage_V", "spare")}
+    wiring = SerialSource("p", messages, signals={"battery_current_A": ScaledSignal("mA", 0.001)})._wiring()
+    numbers = {"mA": -3200.0, "battery_voltage_V": 13.1, "spare": 1.0}
+    assert wiring.values(numbers) == pytest.approx({"battery_current_A": -3.2, "battery_voltage_V": 13.1})

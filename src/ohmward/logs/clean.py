@@ -21,6 +21,8 @@ LARGEST_READING = 1e18
 _AROUND, _FAR = 7, 1 / 3
 # Where fewer than this fraction of the currents have a voltage in their row, each has a rate of its own.
 _TOGETHER_FRACTION = 0.5
+# Current and voltage come in turn where this fraction of so many rows or more follow one of the other.
+_IN_TURN, _TURNS = 0.9, 20
 
 
 def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
@@ -106,7 +108,8 @@ def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
     """Rows that have a current or a voltage; what was sampled on rows of its own is interpolated onto them.
 
     The temperature, and whatever else the battery has, is always interpolated linearly over rows that lack it. The
-    current is, where the file samples it on other rows than the voltage; single missing values of both stay NaN.
+    current is, where the file samples it on other rows than the voltage; where the two come in turn, from one sensor,
+    rows of the current alone go. Single missing values of both stay NaN.
     """
     time = chosen["time"].name
     current = chosen["current"].name
@@ -115,13 +118,26 @@ def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
     measured = has_current | has_voltage
     if (has_current & has_voltage).sum() < _TOGETHER_FRACTION * min(has_current.sum(), has_voltage.sum()):
         table = _interpolate(table, time, current, has_voltage & ~has_current)
+        if _in_turn(has_voltage[measured]):
+            alone = has_current & ~has_voltage
+            table = table.with_notes(
+                Note(f"{counted(alone.sum(), 'row')} of a current alone: joined with the voltages")
+            )
+            measured = has_voltage
     for name in [column.name for quantity, column in chosen.items() if quantity not in ("time", "current", "voltage")]:
         if name in table.columns:
             table = _interpolate(table, time, name, measured & ~np.isfinite(table.columns[name]))
     if measured.all():
         return table
-    note = Note(f"{counted((~measured).sum(), 'row')} with neither current nor voltage: dropped")
-    return table.with_notes(note).pick(measured)
+    if nothing := (~has_current & ~has_voltage).sum():
+        table = table.with_notes(Note(f"{counted(nothing, 'row')} with neither current nor voltage: dropped"))
+    return table.pick(measured)
+
+
+def _in_turn(of_voltage: np.ndarray) -> bool:
+    """True where rows of a voltage and rows of a current follow each other; of_voltage: (T,) the condition of each."""
+    turns = np.diff(of_voltage.astype(int)) != 0
+    return turns.size >= _TURNS and bool(turns.mean() >= _IN_TURN)
 
 
 def _interpolate(table: Table, time: str, name: str, rows: np.ndarray) -> Table:

@@ -79,11 +79,15 @@ class CanDecoder:
     def __init__(self, database: CanDatabase, wiring: Wiring):
         self._wiring = wiring
         self._frames: dict[tuple[int, bool], Any] = {}
+        scaled: dict[str, str] = {}
         for name, uses in wiring.signals.items():
             found = database.find(name)
             for quantity, scale, _ in uses:
-                _check_unit(name, quantity, scale, found.signal.unit)
+                if line := _line_with_scale(name, quantity, scale, found.signal.unit):
+                    scaled[f"{name} is in {found.signal.unit}"] = line
             self._frames[found.frame.frame_id, found.frame.is_extended_frame] = found.frame
+        if scaled:
+            raise InputError(f"{', '.join(scaled)}; write below signals\n" + "\n".join(scaled.values()))
 
     @property
     def filters(self) -> list[dict[str, Any]]:
@@ -166,12 +170,11 @@ def _saturated(signal: Any, value: float) -> float:
     return min(max(value, least), most)
 
 
-def _check_unit(name: str, quantity: str, scale: float, unit: str | None) -> None:
-    """Raise InputError where the database gives another unit and no scale brings it to that of the quantity."""
+def _line_with_scale(name: str, quantity: str, scale: float, unit: str | None) -> str:
+    """Line of a setup with the scale that brings a unit of the database to the quantity's; "" where none is due."""
     word = quantity_of(quantity).name
     units = next((units for suffix, units in _UNITS.items() if word.endswith(suffix)), {})
     factor = units.get(unit or "", 1.0)
-    if scale == 1.0 and factor != 1.0:
-        raise InputError(
-            f"{name} is in {unit}, {word} is not; write {quantity!r} = {{name = {name!r}, scale = {factor:.8g}}}"
-        )
+    if scale != 1.0 or factor == 1.0:
+        return ""
+    return f'"{quantity}" = {{name = "{name}", scale = {factor:.8g}}}'

@@ -62,16 +62,21 @@ class RobotState(NamedTuple):
         time_s, given_s = getattr(self, f"{group}_time_s"), getattr(self, f"{group}_unix_s")
         return given_s if math.isfinite(given_s) else self.unix_s - (self.time_s - time_s)
 
+    def is_silent(self, group: str) -> bool:
+        """True where the sensors of the "battery" or of the "drive" have reported, and do not any more."""
+        estimate = self.battery if group == "battery" else self.slip
+        return group in self.silent or (estimate is None and math.isfinite(getattr(self, f"{group}_time_s")))
+
 
 def stale(state: RobotState) -> str:
     """Sentence about the sensors that are silent; "" where every estimate has some that report."""
     missing = [
         part if state.time_s - time_s < 60.0 else f"{part} for {(state.time_s - time_s) / 60.0:.0f} min"
-        for name, part, time_s in (
+        for group, part, time_s in (
             ("battery", "battery", state.battery_time_s),
             ("drive", "wheels", state.drive_time_s),
         )
-        if name in state.silent and math.isfinite(time_s)
+        if state.is_silent(group)
     ]
     if missing:
         return f"stale: no news from the sensors of the {' and of the '.join(missing)}"

@@ -78,7 +78,9 @@ def _columns(*names: str) -> dict[str, Any]:
 def _now() -> dict[str, Any]:
     times = {f"{part}_time_s": {"type": ["number", "null"]} for part in ("battery", "drive")}
     stale = {"type": "string", "description": "Sentence about estimates whose sensors are silent; they are null."}
-    return {"type": "object", "properties": {"name": {"type": "string"}, "stale": stale, **times}, "required": ["name"]}
+    advice = {"type": "string", "description": "Sentence on what the operator should do now; empty where nothing is."}
+    known = {"name": {"type": "string"}, "stale": stale, "advice": advice, **times}
+    return {"type": "object", "properties": known, "required": ["name"]}
 
 
 def _json(schema: dict[str, Any]) -> dict[str, Any]:

@@ -19,6 +19,13 @@ from ohmward.traction.speed_observer.estimate import SlipEstimate
 #: Radius of the ellipse that holds 95 % of a normal distribution in the plane, in sigmas.
 ELLIPSE_95 = math.sqrt(-2.0 * math.log(0.05))
 
+#: An operator is asked to charge, or to drive home, where the low end of the band of the charge is below these, or the
+#: probability to come home below the last.
+EMPTY_SOC, LOW_SOC, SURELY_HOME = 0.05, 0.15, 0.9
+
+#: A band of the charge that is wider says nothing to an operator.
+ANYTHING = 0.6
+
 #: Columns of the history.
 HISTORY = ("unix_s", "soc", "soc_low", "soc_high", "speed_m_s", "speed_std_m_s", "slip_ratio", "power_W", "range_m")
 
@@ -32,6 +39,7 @@ def view(state: RobotState) -> dict[str, Any]:
             "battery_time_s": state.battery_time_s,
             "drive_time_s": state.drive_time_s,
             "stale": stale(state),
+            "advice": advice(state),
             "charge": _charge(state),
             "range": _range(state),
             "drive": _drive(state),
@@ -41,6 +49,25 @@ def view(state: RobotState) -> dict[str, Any]:
             "level": max((d.level for d in state.diagnostics), default=Level.OK),
         }
     )
+
+
+def advice(state: RobotState) -> str:
+    """Sentence on what the operator should do now, "" where nothing asks for it; the band's low end counts."""
+    if (slip := state.slip) and slip.immobilised >= 0.5:
+        known = np.abs(np.nan_to_num(slip.slip_speed_m_s))
+        wheel = state.wheels[int(np.argmax(known))].replace("_", " ") if state.wheels else "driven"
+        return f"Stop and look at the {wheel} wheel: it turns and the robot does not move."
+    if state.battery is None or state.sample.get("battery_current_A", 0.0) > 0.0:  # it charges
+        return ""
+    low, high = band(state.battery.soc, state.battery.soc_std)
+    if high - low > ANYTHING:
+        return "The charge is not known: charge the battery fully once."
+    if low < EMPTY_SOC:
+        return "Charge now: the battery may be nearly empty."
+    reach = state.range
+    if low < LOW_SOC or (reach and reach.home_probability < SURELY_HOME):
+        return f"Drive home now: the battery may be down to {100 * low:.0f} %."
+    return ""
 
 
 def history_row(state: RobotState) -> tuple[float, ...]:
@@ -98,13 +125,30 @@ def _charge(state: RobotState) -> dict[str, Any] | None:
         "soh_capacity": charge.soh_capacity,
         "resistance_ratio": charge.resistance_ratio,
         "flags": charge.flags,
-        "beside": [_reading(q, state.sample) for q in measured if not q.estimated_from and q.name in state.sample],
+        "beside": [
+            *(_reading(q, state.sample) for q in measured if not q.estimated_from and q.name in state.sample),
+            *_cells(state),
+        ],
     }
+
+
+def _cells(state: RobotState) -> list[dict[str, Any]]:
+    """Least and greatest voltage of the cells, and the spread of their charge, where cells are measured."""
+    voltages = {s: v for s, v in state.sample.items() if s.startswith("cell_voltage_V.") and math.isfinite(v)}
+    if state.cells is None or not voltages:
+        return []
+    least, most = min(voltages, key=voltages.__getitem__), max(voltages, key=voltages.__getitem__)
+    number = {signal: int(signal.rpartition(".")[2]) + 1 for signal in (least, most)}
+    return [
+        {"label": f"Lowest cell, number {number[least]}", "value": voltages[least], "unit": "V"},
+        {"label": f"Highest cell, number {number[most]}", "value": voltages[most], "unit": "V"},
+        {"label": "Between their charges", "value": 100.0 * state.cells.pack.soc_spread, "unit": "points"},
+    ]
 
 
 def _since(state: RobotState) -> str:
     """Age of the last measurement of the battery in words, where its sensors are silent."""
-    if "battery" not in state.silent:
+    if not state.is_silent("battery"):
         return ""
     return f"; last measured {time_in_words(state.time_s - state.battery_time_s)} ago"
 

@@ -53,7 +53,7 @@ def header(date_s: float, frame: str) -> Message:
 
 def battery_date_s(state: RobotState) -> float:
     """Date of what a message says about the battery: of its sample, or of now, where it says that nothing is known."""
-    return state.unix_s if "battery" in state.silent else state.date_s("battery")
+    return state.unix_s if state.is_silent("battery") else state.date_s("battery")
 
 
 def battery_state(
@@ -65,7 +65,7 @@ def battery_state(
     battery: its label, where it is known.
     cautious: the percentage is the low end of the 95 % band, and goes down to 0 while the sensors are silent.
     """
-    charge, nan = None if "battery" in state.silent else state.battery, math.nan
+    charge, nan = None if state.is_silent("battery") else state.battery, math.nan
     capacity_Ah = battery.capacity_Ah if battery else nan
     now_Ah = capacity_Ah * float(charge.soh_capacity) if charge and charge.soh_capacity == charge.soh_capacity else nan
     now_Ah = capacity_Ah if math.isnan(now_Ah) else now_Ah
@@ -92,7 +92,7 @@ def battery_state(
 def _cautious(state: RobotState) -> float:
     """Low end of the band of the charge in [0, 1]; 0 where nothing is known any more, nan where nothing was yet."""
     if state.battery is None:
-        return 0.0 if "battery" in state.silent else math.nan
+        return 0.0 if state.is_silent("battery") else math.nan
     return min(max(float(state.battery.soc) - BAND_95 * float(state.battery.soc_std), 0.0), 1.0)
 
 
@@ -207,7 +207,7 @@ def _estimates(state: RobotState) -> list[Diagnostic]:
                 values |= {f"range_{quantile}_m": float(distance_m), f"time_left_{quantile}_s": float(duration_s)}
         text = f"{100 * float(charge.soc):.0f} ± {100 * float(charge.soc_std):.0f} %"
         found.append(Diagnostic("charge", Level.OK, text, values))
-    if "battery" in state.silent:
+    if state.is_silent("battery"):
         found = [_stale("charge", "battery", state.time_s - state.battery_time_s, found)]
     if slip := state.slip:
         ratios = {f"slip_ratio.{k}": float(ratio) for k, ratio in enumerate(slip.slip_ratio)}
@@ -215,7 +215,7 @@ def _estimates(state: RobotState) -> list[Diagnostic]:
         level = Level.ERROR if stuck else Level.WARN if np.any(np.asarray(slip.slipping) >= 0.5) else Level.OK
         text = "wheels turn, the robot does not" if stuck else "wheels slip" if level else "wheels grip"
         found.append(Diagnostic("drive", level, text, {"speed_m_s": float(slip.speed_m_s), **ratios}))
-    elif "drive" in state.silent:
+    elif state.is_silent("drive"):
         found.append(_stale("drive", "wheels", state.time_s - state.drive_time_s))
     return found
 

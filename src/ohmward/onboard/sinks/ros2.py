@@ -142,6 +142,6 @@ class Translation:
         A battery that is silent says so of its sensors at once, their conditions at the next look.
         """
         useless = {condition.name for condition in state.diagnostics if condition.level >= Level.ERROR}
-        if "battery" in state.silent:
+        if state.is_silent("battery"):
             useless |= {name for name in self._measured if name.partition(".")[0] in {*OF_CHARGE, "battery_full"}}
         return {signal: math.nan if signal in useless else value for signal, value in self._measured.items()}

@@ -33,7 +33,7 @@ class JsonLinesSource:
 
     address: str = "-"  #: "-" for standard input, else HOST:PORT or the path of a Unix socket
     time: str = "time_s"  #: key of the time stamp [s]; without it the time is that of the receipt
-    #: quantity -> key; without any, keys are quantities themselves, arrays one for each wheel or cell
+    #: quantity -> key; keys beside them may be quantities themselves, arrays one for each wheel or cell
     signals: Signals = field(default_factory=dict)
     #: wait at the address for whoever connects, instead of connecting to it. Whoever reaches the address can send:
     #: listen at 127.0.0.1, at a socket, or in a network that is the robot's own.
@@ -131,7 +131,8 @@ class JsonLinesSource:
             return None
         if not isinstance(found, dict):
             return None
-        values = wiring.values(found) if self.signals else own_names(found)
+        own = {key: value for key, value in found.items() if key not in wiring.signals}
+        values = own_names(own) | wiring.values(found)
         stamp_s = as_number(found.get(self.time, math.nan))
         return Message(stamp_s, received_s, self.name, values) if values else None
 

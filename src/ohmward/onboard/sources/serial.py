@@ -18,6 +18,7 @@ from ohmward.onboard.handover import Handover
 from ohmward.onboard.message import Message, Put, Signals, Wiring
 from ohmward.onboard.serial_frame import FrameClock, FrameReader, SerialFrame
 from ohmward.optional import require
+from ohmward.quantities import QUANTITIES
 
 #: The thread that reads looks so often for its end [s].
 _END_READ_S = 0.1
@@ -31,7 +32,7 @@ class SerialSource:
     #: number of a message -> names of its values in order, "" for one that is not wanted
     messages: dict[str, tuple[str, ...]]
     baud: int = 921_600  #: of the line; USB takes no notice
-    #: quantity -> one of these names; without any, the names are quantities themselves
+    #: quantity -> one of these names; names beside them may be quantities themselves
     signals: Signals = field(default_factory=dict)
     name: str = "serial"  #: in diagnostics
 
@@ -50,8 +51,11 @@ class SerialSource:
                 )
 
     def _wiring(self) -> Wiring:
-        names = {name: name for found in self.messages.values() for name in found if name}
-        return Wiring(self.signals or dict(names))
+        """The signals, and the values beside them whose names are quantities."""
+        names = {name for found in self.messages.values() for name in found if name}
+        wired = Wiring(self.signals).signals
+        own: Signals = {n: n for n in names - wired.keys() if not self.signals or n.partition(".")[0] in QUANTITIES}
+        return Wiring(own | self.signals)
 
     async def run(self, put: Put) -> None:
         """Put what the line says until it fails."""

@@ -43,7 +43,7 @@ function showCharge(charge) {
   at("soc-fill").setAttribute("width", percent);
   at("soc-mark").setAttribute("x", Math.min(percent, 99.3));
   at("soc-bar").setAttribute("aria-label", `charge ${percent.toFixed(0)} %, between ${low.toFixed(0)} and ${high.toFixed(0)} %`);
-  at("soc").closest(".card").classList.toggle("low", percent < 15);
+  at("soc").closest(".card").classList.toggle("low", low < 15);
   say("voltage", fixed(charge.voltage_V, 2, " V"));
   say("current", isKnown(charge.current_A) ? `${Math.abs(charge.current_A).toFixed(1)} A ${charge.current_A > 0.05 ? "in" : charge.current_A < -0.05 ? "out" : ""}` : "–");
   say("temperature", fixed(charge.temperature_degC, 0, " °C"));
@@ -164,6 +164,8 @@ function show(state) {
   at("spans").hidden = !state.stored;
   if (!isKnown(state.unix_s)) return;
   stale = state.stale;
+  say("advice", state.advice || "");
+  at("advice").hidden = !state.advice;
   if (state.charge || isKnown(state.battery_time_s)) showCharge(state.charge);
   if (state.range || isKnown(state.battery_time_s)) showRange(state.range);
   if (state.drive || isKnown(state.drive_time_s)) showDrive(state.drive);
