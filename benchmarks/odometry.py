@@ -3,7 +3,9 @@
 The robot is [T]'s on the plant of our own, which creeps as the wheels drive, and on MuJoCo's, whose four fixed wheels
 scrub in turns. Every run rests for 1 to 5 s, then drives straight and curved, and has its own radius (0.5 %), unequal
 wheels (0.06 %), scale of the gyro (1 %) and sign of its offset of 0.01 rad/s; the filter is told none of them. The
-wheels that are not driven have encoders in some rows only. A robot whose wheels are exactly alike is beside them.
+wheels that are not driven have encoders in some rows only. A robot whose wheels are exactly alike is beside them, and
+one that turns on the spot and stops in turn, with coarser counts and with a gyro that is late, judged by the way that
+the gyro less its mean at the first rest makes of the wheels' speed.
 """
 
 from __future__ import annotations
@@ -32,7 +34,11 @@ COUNTS = 4096
 #: Of the runs; the shares of slip in the default noise were chosen on those of 1000 to 1049.
 FIRST_SEED = 1100
 
+#: Runs that stop and go, and their length.
+STOPS, STOPS_M = 16, 100.0
+
 ALONE = "that over the driven wheels' alone"
+AT_REST = "that over wheels and gyro less its mean at rest"
 
 #: Ways to the pose: which wheels have encoders, and whether a speed observer is one of them.
 METHODS = (
@@ -53,10 +59,11 @@ class Recording(NamedTuple):
 
 
 class Score(NamedTuple):
-    """Errors of the position at the end over the way, of odometry and of wheels alone, and the NEES of the pose."""
+    """Errors of the position at the end [m], and the NEES of the pose, of each run."""
 
     odometry: np.ndarray
-    wheels: np.ndarray
+    wheels: np.ndarray  #: alone
+    at_rest: np.ndarray  #: by wheels, and the gyro less its mean at rest
     nees: np.ndarray
 
 
@@ -70,12 +77,29 @@ def rows() -> Iterator[Figure]:
     for method, encoders, observed in METHODS[:2]:
         found = scored(alike, encoders, observed)
         yield at_most("own plant, 50 m, wheels exactly alike", method, ALONE, beside(found), 1.0, ".2f")
+    yield from stop_and_go_rows()
+
+
+def stop_and_go_rows() -> Iterator[Figure]:
+    """Figures of robots that stop and go."""
+    rngs = [np.random.default_rng(FIRST_SEED + RUNS + seed) for seed in range(STOPS)]
+    truths = [stopping(own_plant(rng), OWN, rng) for rng in rngs]
+    cases = ("4096 counts", 4096, 0.0, 0.01), ("1024 counts", 1024, 0.0, 0.01), ("gyro 100 ms late", 4096, 0.1, 0.015)
+    for seen, counts, late_s, most in cases:
+        runs = [measured(truth, np.random.default_rng(seed), counts, late_s) for seed, truth in enumerate(truths)]
+        for method, encoders, observed in METHODS[::2]:
+            found, data = scored(runs, encoders, observed), f"own plant, {STOPS_M:.0f} m, stop and go, {seen}"
+            error = mean(found.odometry) / STOPS_M
+            yield at_most(data, method, "error at the end over the way, mean", error, most, ".2%")
+            yield at_most(data, method, AT_REST, mean(found.odometry) / mean(found.at_rest), 1.1, ".2f")
+            yield at_most(data, method, "NEES of the pose, mean of the runs", mean(found.nees), 4.5, ".2f")
+            yield at_least(data, method, "NEES of the pose, mean of the runs", mean(found.nees), 2.0, ".2f")
 
 
 def scores(data: str, method: str, found: Score) -> Iterator[Figure]:
     """Error of the position and NEES of the pose at the end of the runs."""
     lower, upper = mean_bounds(3, RUNS)
-    yield at_most(data, method, "error at the end over the way, mean", mean(found.odometry), 0.01, ".2%")
+    yield at_most(data, method, "error at the end over the way, mean", mean(found.odometry) / DISTANCE_M, 0.01, ".2%")
     yield at_most(data, method, ALONE, beside(found), 1.0, ".2f")
     yield at_most(data, method, "NEES of the pose, mean of the runs", mean(found.nees), upper, ".2f")
     yield at_least(data, method, "NEES of the pose, mean of the runs", mean(found.nees), lower, ".2f")
@@ -103,17 +127,33 @@ def recording(
 ) -> Recording:
     """A drive of 50 m as its sensors saw it; unequal: standard deviation of a wheel's radius about their mean."""
     rng = np.random.default_rng(FIRST_SEED + seed)
-    truth = driven(plant(rng), gains, rng)
+    return measured(driven(plant(rng), gains, rng), rng, unequal=unequal)
+
+
+def measured(
+    truth: RobotTruth,
+    rng: np.random.Generator,
+    counts_per_turn: int = COUNTS,
+    late_s: float = 0.0,
+    unequal: float = UNEQUAL,
+) -> Recording:
+    """A drive as its sensors saw it.
+
+    late_s: time by which the gyro is late.
+    unequal: standard deviation of a wheel's radius about their mean.
+    """
     radius = 1.0 + RADIUS * rng.standard_normal()
     driven_wheels = unequal * rng.standard_normal(2)
     rate = (truth.yaw_rate_rad_s[1:] + truth.yaw_rate_rad_s[:-1]) / 2
+    late = round(late_s / DT_S)
+    rate = np.concatenate([np.full(late, rate[0]), rate[: len(rate) - late]])
     offset = OFFSET_RAD_S * rng.choice([-1.0, 1.0])
     gyro = rate * (1 + SCALE * rng.standard_normal()) + offset + GYRO.noise_std * rng.standard_normal(len(rate))
     wheels = radius + np.concatenate([driven_wheels, unequal * rng.standard_normal(2)])
-    counts = np.floor(COUNTS * truth.wheel_angle_rad / (2 * np.pi) / wheels)
-    speeds = np.diff(counts, axis=0) * 2 * np.pi / COUNTS / DT_S
+    counts = np.floor(counts_per_turn * truth.wheel_angle_rad / (2 * np.pi) / wheels)
+    speeds = np.diff(counts, axis=0) * 2 * np.pi / counts_per_turn / DT_S
     current_A = truth.torque_N_m[1:, :2] / RLMA.motor.torque_constant_Nm_per_A
-    log = DriveLog(f"run {seed}", truth.time_s[1:], speeds, current_A, yaw_rate_rad_s=gyro)
+    log = DriveLog("run", truth.time_s[1:], speeds, current_A, yaw_rate_rad_s=gyro)
     return Recording(log, np.column_stack([truth.position_m[1:, :2], np.unwrap(truth.heading_rad)[1:]]))
 
 
@@ -136,6 +176,25 @@ def driven(plant: Any, gains: tuple[float, ...], rng: np.random.Generator) -> Ro
     return stack(truths)
 
 
+def stopping(plant: Any, gains: tuple[float, ...], rng: np.random.Generator) -> RobotTruth:
+    """The truth of a driver who goes straight on, goes round a curve, stops, and turns on the spot, for 5 s each."""
+    rest_s, speed, turn = (rng.uniform(*span) for span in ((1, 5), (0.4, 1.0), (0.3, 0.9)))
+    first, (per_speed, per_turn, most, most_turn) = int(rng.integers(4)), gains
+    truths, way_m = [plant.reset()], 0.0
+    while way_m < STOPS_M:
+        now = truths[-1]
+        t = now.time_s - rest_s
+        phase, side = (int(t // 5) + first) % 4, 1 if int(t // 20) % 2 else -1
+        wanted = (speed, speed, 0.0, 0.0)[phase]
+        turning = (0.0, turn * np.sin(t), 0.0, turn * side)[phase]
+        both = np.clip(per_speed * (wanted - now.speed_m_s), -most, most)
+        apart = np.clip(per_turn * (turning - now.yaw_rate_rad_s), -most_turn, most_turn)
+        stands = t <= 0 or (phase == 2 and abs(now.speed_m_s) < 0.01 and abs(now.yaw_rate_rad_s) < 0.02)
+        truths.append(plant.step(np.array([both - apart, both + apart]) * (not stands), DT_S))
+        way_m += abs(truths[-1].speed_m_s) * DT_S
+    return stack(truths)
+
+
 def scored(recordings: list[Recording], encoders: int, observed: bool) -> Score:
     """Errors at the end of every run, and the NEES of the pose there.
 
@@ -146,25 +205,31 @@ def scored(recordings: list[Recording], encoders: int, observed: bool) -> Score:
     return Score(*(np.array(values) for values in zip(*found, strict=True)))
 
 
-def score(run: Recording, encoders: int, observed: bool) -> tuple[float, float, float]:
-    """Error over the way of odometry and of the wheels alone, and the NEES of the pose."""
+def score(run: Recording, encoders: int, observed: bool) -> tuple[float, float, float, float]:
+    """Errors of odometry, of the wheels alone, and with the gyro less its mean at rest, and the NEES of the pose."""
     speeds = run.log.wheel_speed_rad_s.copy()
     speeds[:, encoders:] = np.nan
     log = replace(run.log, wheel_speed_rad_s=speeds)
     slip = SlipEstimator(RLMA, filter="ekf").run(log).estimates if observed else None
     e = Odometry(RLMA).run(log, slip).estimates
     error = np.array([e.x_m[-1], e.y_m[-1], e.yaw_rad[-1]]) - run.pose[-1]
-    alone = wheels_alone(run.log) - run.pose[-1, :2]
     nees = error @ np.linalg.solve(e.pose_cov[-1], error)
-    return float(np.hypot(*error[:2])) / DISTANCE_M, float(np.hypot(*alone)) / DISTANCE_M, float(nees)
+    plain = [np.hypot(*(position - run.pose[-1, :2])) for position in reckoned(run.log)]
+    return float(np.hypot(*error[:2])), float(plain[0]), float(plain[1]), float(nees)
 
 
-def wheels_alone(log: DriveLog) -> np.ndarray:
-    """Position (2,) at the end by plain wheel odometry."""
+def reckoned(log: DriveLog) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (2,) at the end by plain wheel odometry, and with the gyro's turn less its mean at the first rest."""
     motion = np.array([motion_from_wheels(RLMA, speeds) for speeds in log.wheel_speed_rad_s[:, :2]])
-    turned = motion[:, 1] * DT_S
+    moves = int(np.argmax(np.abs(motion).max(axis=1) > 0.0))
+    gyro = np.asarray(log.yaw_rate_rad_s)
+    return _position(motion[:, 0], motion[:, 1]), _position(motion[:, 0], gyro - gyro[: max(moves - 2, 5)].mean())
+
+
+def _position(speed_m_s: np.ndarray, yaw_rate_rad_s: np.ndarray) -> np.ndarray:
+    turned = yaw_rate_rad_s * DT_S
     middle = np.cumsum(turned) - turned / 2
-    return DT_S * np.array([np.sum(motion[:, 0] * np.cos(middle)), np.sum(motion[:, 0] * np.sin(middle))])
+    return DT_S * np.array([speed_m_s @ np.cos(middle), speed_m_s @ np.sin(middle)])
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ def test_three_files_add_a_parameter(tmp_path):
         for hunk in "".join(rest).split("@@\n"):
             text = changed(text, hunk)
         (tmp_path / file).write_text(text, encoding="utf-8")
-    (test,) = blocks("test")
+    (test,) = blocks(r"\{code-block\} python")
     (tmp_path / TEST).write_text(test, encoding="utf-8")
     assert len({*files, TEST}) == 3
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(str(tmp_path / package) for package in ("src", "lab"))}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
+import io
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext, redirect_stderr, redirect_stdout
 from importlib import import_module
 from typing import Any
 
@@ -23,8 +25,8 @@ _ON_THE_INDEX = {
 #: Packages that come with something else first, and the way to them.
 _ELSEWHERE = {
     "rclpy": "comes with ROS 2: source /opt/ros/DISTRO/setup.bash in the shell that starts ohmward; without ROS, on "
-    "Linux and x86-64: pip install 'ros-rclpy[fastrtps]' ros-sensor-msgs ros-nav-msgs ros-geometry-msgs "
-    "ros-diagnostic-msgs"
+    "Linux and x86-64: pip install 'ros-rclpy[fastrtps]' ros-std-srvs ros-sensor-msgs ros-nav-msgs "
+    "ros-geometry-msgs ros-diagnostic-msgs"
 }
 
 
@@ -51,6 +53,13 @@ def require(module: str, user: str) -> Any:
         package = _ON_THE_INDEX.get(name, name)
         command = f"pip install '{package}'" if "[" in package else f"pip install {package}"
         raise MissingPackageError(f"{user} needs {package}, which is not installed: {command}") from error
+
+
+@contextmanager
+def silenced() -> Iterator[None]:
+    """Keep what a package prints off standard output and standard error, where results and errors stand."""
+    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+        yield
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:

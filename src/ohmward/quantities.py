@@ -124,7 +124,7 @@ _TABLE = (
     Quantity(
         "wheel_counts", "count of each wheel's encoder, which may overflow", "wheel", "counts",
         words=words_of("counts", "count", "ticks", "tick", "encoder", "enc", "position", "positions", "pos", "angle",
-                       "s", "way", "distance", "dist", "travel"),
+                       "s", "way", "distance", "dist", "travel", "odom", "odometer"),
         other_dimensions=("angle", "length"),
     ),
     Quantity(

@@ -144,6 +144,14 @@ def test_alarms_name_the_robot_and_the_worst_is_first(tmp_path):
     assert {state.robot: state.refused for state in states} == {f"r{k}": int(k == 2) for k in range(6)}
 
 
+def test_a_robot_whose_job_was_lost_is_named(tmp_path):
+    """As on a worker of a cluster that died of it: the row has an item and a reason, and nothing else."""
+    good = job({"a b": [write(tmp_path / "x.csv", day(0, 0.9))]}).run(["a b 123"])
+    first, second = robot_states([*good, {"path": "c d 456", "error": "KilledWorker"}])
+    assert (first.robot, first.logs, first.refused, first.alarms) == ("c d", 0, 1, ("none of its logs could be used",))
+    assert (second.robot, second.logs, second.alarms) == ("a b", 1, ())
+
+
 def test_a_run_goes_on_with_the_robots_whose_logs_have_not_changed(tmp_path):
     fleet = {f"r{k}": [write(tmp_path / f"r{k}_0.csv", day(0, 0.9))] for k in range(2)}
     first = run_fleet(job(fleet).items, job(fleet), tmp_path / "out", batch=1)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from logs.formats.recorders import fmt_messages
 from ohmward.errors import InputError
 from ohmward.logs import read_drive, read_log
 
@@ -27,10 +28,7 @@ FORMATS = (
 
 
 def dataflash(batteries: int = 1) -> bytes:
-    content = b""
-    for number, name, form, columns, length in FORMATS:
-        fields = (name.encode().ljust(4, b"\0"), form.encode().ljust(16, b"\0"), columns.encode().ljust(64, b"\0"))
-        content += b"\xa3\x95\x80" + struct.pack("<BB", number, length) + b"".join(fields)
+    content = fmt_messages(FORMATS)
     for k in range(N):
         us = 12_000_000 + 100_000 * k
         for inst in range(batteries):

@@ -157,18 +157,6 @@ def test_a_recording_that_was_cut_off_gives_what_is_before_the_cut(share, tmp_pa
         assert 0 < log.duration_s < 0.1 * N
 
 
-def test_signals_of_mdf(tmp_path):
-    asammdf = pytest.importorskip("asammdf")
-    file = asammdf.MDF(version="4.10")
-    time_s = 0.1 * K
-    for name, unit, values in (("PackCurrent", "A", CURRENT_A), ("PackVoltage", "V", VOLTAGE_V)):
-        file.append([asammdf.Signal(values, time_s, name=name, unit=unit)])
-    file.save(tmp_path / "signals.mf4")
-    log = read_log(tmp_path / "signals.mf4")
-    np.testing.assert_allclose(log.current_A, CURRENT_A)
-    np.testing.assert_allclose(log.voltage_V, VOLTAGE_V)
-
-
 def test_frames_in_mdf(tmp_path):
     pytest.importorskip("asammdf")
     path = written("bus.mf4", "MF4Writer")(tmp_path)
@@ -176,3 +164,29 @@ def test_frames_in_mdf(tmp_path):
         read_log(path)
     log = read_log(path, hints=hints(tmp_path))
     np.testing.assert_allclose(log.voltage_V[np.isfinite(log.voltage_V)], VOLTAGE_V)
+
+
+def test_rows_of_savvycan_that_are_no_frames_are_left_out_and_counted(tmp_path):
+    """And identifiers such as 1E5, which other readers take for 100,000."""
+    path = savvycan(tmp_path)
+    lines = path.read_text().replace(",00000356,", ",000001E5,").splitlines()
+    lines[2] = lines[2].replace("18FF5000", "18F[5000")
+    lines[8] = lines[8][:20]
+    path.write_text("\n".join(lines))
+    dbc = tmp_path / "other.dbc"
+    dbc.write_text(DBC.replace("BO_ 854", f"BO_ {0x1E5}"))
+    log = read_log(path, hints=FileHints(dbc=str(dbc)))
+    np.testing.assert_allclose(np.nanmin(log.current_A), -8.25)
+    assert any("2 rows that are no frames: left out" in note.text for note in log.notes)
+
+
+def test_a_group_of_mdf_that_says_it_holds_more_than_the_file_is_refused(tmp_path):
+    pytest.importorskip("asammdf")
+    from logs.formats.recorders import mdf
+
+    path = mdf(tmp_path)
+    content = path.read_bytes()
+    cycles = content.rindex(len(CURRENT_A[:300]).to_bytes(8, "little"))
+    path.write_bytes(content[:cycles] + (1 << 40).to_bytes(8, "little") + content[cycles + 8 :])
+    with pytest.raises(InputError, match="the MDF file is damaged"):
+        read_log(path)

@@ -85,6 +85,12 @@ def test_assumptions_are_noted():
     assert "UTC" not in clock(text("2017-03-25T07:00:06Z")).notes[0].text
 
 
+@pytest.mark.parametrize("begin_s", [-1e25, -2e9, 1e25])
+def test_a_jump_from_no_date_is_that_of_no_clock_which_was_set(begin_s):
+    table = Table("f.csv", {"time": np.array([begin_s, begin_s, 1.77e9, 1.77e9 + 1])}, np.arange(4), "row")
+    assert not [note for note in read_clock(table, Column("time", None)).notes if "the clock jumps" in note.text]
+
+
 def test_missing_times_are_nan():
     np.testing.assert_array_equal(clock(text("", "2017-03-25", "")).time_s, [np.nan, 0.0, np.nan])
     np.testing.assert_array_equal(clock(np.array(["NaT", "2017-03-25"], dtype="M8[ns]")).time_s, [np.nan, 0.0])

@@ -1,6 +1,5 @@
-"""Binary files of cyclers: one of EC-Lab laid out as galvani reads it, and the frame that fastnda gives."""
+"""Binary files of cyclers: what is damaged, and the frame that fastnda gives."""
 
-import struct
 import sys
 import zipfile
 from pathlib import Path
@@ -10,35 +9,9 @@ import numpy as np
 import pytest
 
 from logs.formats.known import LOG
+from logs.formats.recorders import mpr
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import read_log
-
-MAGIC = b"BIO-LOGIC MODULAR FILE\x1a".ljust(48) + b"\x00\x00\x00\x00"
-#: Numbers of EC-Lab's columns: time/s, control/V/mA (8), Ewe/V (6), I/mA (76).
-COLUMNS = (4, 6, 76)
-
-
-def module(short: bytes, content: bytes, version: int) -> bytes:
-    head = b"MODULE" + short.ljust(10) + short.ljust(25)
-    return head + struct.pack("<II", len(content), version) + b"01/02/26" + content
-
-
-def mpr(folder: Path) -> Path:
-    rows = np.zeros(LOG.time_s.size, [("time", "<f8"), ("Ewe", "<f4"), ("I", "<f4")])
-    rows["time"], rows["Ewe"], rows["I"] = LOG.time_s, LOG.voltage_V, 1000.0 * LOG.current_A
-    head = struct.pack("<IB", rows.size, len(COLUMNS)) + np.array(COLUMNS, "<u2").tobytes()
-    data = head.ljust(405, b"\0") + rows.tobytes()
-    content = MAGIC + module(b"VMP Set", bytes(8), 0) + module(b"VMP data", data, 2)
-    (folder / "test.mpr").write_bytes(content)
-    return folder / "test.mpr"
-
-
-def test_a_file_of_ec_lab(tmp_path):
-    pytest.importorskip("galvani")
-    log = read_log(mpr(tmp_path))
-    np.testing.assert_array_equal(log.time_s, LOG.time_s)
-    np.testing.assert_allclose(log.voltage_V, LOG.voltage_V, rtol=1e-6)
-    np.testing.assert_allclose(log.current_A, LOG.current_A, rtol=1e-6, atol=1e-9)
 
 
 def test_a_damaged_file_of_ec_lab_is_refused_with_the_way_out(tmp_path):
@@ -46,7 +19,7 @@ def test_a_damaged_file_of_ec_lab_is_refused_with_the_way_out(tmp_path):
     path = mpr(tmp_path)
     path.write_bytes(path.read_bytes()[:700])
     with pytest.raises(
-        InputError, match=r"test.mpr: no .mpr file that galvani reads [^;]*; export it in EC-Lab as text"
+        InputError, match=r"log.mpr: no .mpr file that galvani reads [^;]*; export it in EC-Lab as text"
     ):
         read_log(path)
 

@@ -14,8 +14,6 @@ from ohmward.logs import read_log
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_damaged_file_is_read_or_refused(seed, tmp_path):
-    pytest.importorskip("h5py")
-    pytest.importorskip("openpyxl")
     read = 0
     with warnings.catch_warnings():
         warnings.simplefilter("error")

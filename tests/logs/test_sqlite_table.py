@@ -68,3 +68,11 @@ def test_a_database_that_was_cut_off_is_read_or_refused(tmp_path, share):
     path.write_bytes(content[: int(share * len(content))])
     with pytest.raises(InputError, match=r"cut.db.*(SQLite|database|bag|table)"):
         read_log(path)
+
+
+def test_text_that_is_no_utf_8_is_read(tmp_path):
+    path = database(tmp_path, ("CREATE TABLE log (time REAL, current REAL, voltage REAL, note TEXT)", []))
+    rows = [(t, i, u) for t, i, u, _ in LOG.rows()]
+    with closing(sqlite3.connect(path)) as found, found:
+        found.executemany("INSERT INTO log VALUES (?, ?, ?, CAST(x'61CB62' AS TEXT))", rows)
+    np.testing.assert_array_equal(read_log(path).voltage_V, LOG.voltage_V)

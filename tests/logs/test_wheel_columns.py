@@ -40,7 +40,16 @@ def test_every_wheel_has_its_column(names):
 
 @pytest.mark.parametrize(
     "left, right",
-    [("wl", "wr"), ("velL", "velR"), ("left_wheel_vel", "right_wheel_vel"), ("vel_1", "vel_2"), ("v_l", "v_r")],
+    [
+        ("wl", "wr"),
+        ("velL", "velR"),
+        ("left_wheel_vel", "right_wheel_vel"),
+        ("vel_1", "vel_2"),
+        ("v_l", "v_r"),
+        ("rpm_l", "rpm_r"),
+        ("enc_left_delta", "enc_right_delta"),
+        ("odom_left", "odom_right"),
+    ],
 )
 def test_a_pair_serves_the_driven_wheels_of_its_side(left, right):
     assert speeds([left, right]) == [left, right, left, right]
@@ -110,6 +119,11 @@ def test_truths_are_left_alone_when_asked():
     "names, kwargs, message",
     [
         (["a", "b"], {}, "no column for the speed of a wheel.*--column front_left_wheel_speed=NAME"),
+        (
+            ["L foo", "R foo", "z"],
+            {},
+            "left_wheel_speed=L foo' --column 'right_wheel_speed=R foo'.*--unit wheel_speed=",
+        ),
         (["wl", "wr", "vel_l"], {}, "both 'wl' and 'vel_l' may be the front_left_wheel_speed.*--column"),
         (["wl", "wr"], {"columns": {"left_wheel_speed": "lw"}}, "there is no column 'lw' .*has: 't', 'wl', 'wr'"),
         (["wl", "wr"], {"columns": {"front_left_speed": "wl"}}, "unknown quantity 'front_left_speed'"),

@@ -11,7 +11,7 @@ from ohmward.report import Figure, Series
 _PERCENT = 100.0
 _DAY_S = 86400.0
 #: So many robots have a name of their own.
-_MOST_NAMED = 8
+_MOST_NAMED = 6
 
 
 def battery_map(batteries: Mapping[str, tuple[float, float]], marked: Sequence[str]) -> Figure:

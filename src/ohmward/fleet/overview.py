@@ -48,6 +48,7 @@ def robot_states(rows: Sequence[Mapping[str, Any]]) -> list[RobotRecord]:
 
     rows: of `RobotJob.run`.
     """
+    rows = [row if "logs" in row else _lost(row) for row in rows]
     states = [_state(row) for row in rows]
     fleet = {name: _of_fleet(states, name) for name in ("soh_capacity", "resistance_ratio")}
     judged = []
@@ -57,6 +58,12 @@ def robot_states(rows: Sequence[Mapping[str, Any]]) -> list[RobotRecord]:
         beside = (alarm for alarm in _outliers(state, fleet) if alarm.split()[0] not in named)
         judged.append(state._replace(alarms=(*own, *beside)))
     return sorted(judged, key=lambda one: (-len(one.alarms), one.soh_capacity or 0.0, one.robot))
+
+
+def _lost(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The row of a robot whose job ended without one, as on a worker that died."""
+    robot = row["path"].rpartition(" ")[0]
+    return {"robot": robot, "battery": None, "logs": [{**row, "robot": robot}]}
 
 
 def _state(row: Mapping[str, Any]) -> RobotRecord:
@@ -100,7 +107,7 @@ def _alarms(state: RobotRecord, row: Mapping[str, Any]) -> Iterator[str]:
         yield f"resistance {_with_std(ratio, std)} of the battery file's: worn, or a bad contact"
     low = sum(log["soc_min"] < LOW_SOC for log in used)
     if low:
-        yield f"below {LOW_SOC:.0%} of charge in {counted(low, 'log')}"
+        yield f"below {100 * LOW_SOC:.0f} % of charge in {counted(low, 'log')}"
 
 
 def _outliers(state: RobotRecord, fleet: Mapping[str, tuple[float, float] | None]) -> Iterator[str]:

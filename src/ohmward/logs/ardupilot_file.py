@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import io
 from array import array
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
@@ -16,7 +15,7 @@ from ohmward.errors import InputError
 from ohmward.logs.bags.choice import BATTERY, DRIVE, KnownType
 from ohmward.logs.streams import Stream, Streams
 from ohmward.logs.table import TableFile
-from ohmward.optional import require
+from ohmward.optional import require, silenced
 
 DATAFLASH_MAGIC, DATAFLASH_TEXT = b"\xa3\x95\x80", b"FMT, 128,"
 #: First bytes of packets of MAVLink 1 and 2 behind a stamp of eight bytes, and stamps [us] of 2001 to 2100.
@@ -86,7 +85,7 @@ def _open(path: Path, messages: Any) -> TableFile:
     times: dict[tuple[str, int], array] = defaultdict(lambda: array("d"))
     columns: dict[tuple[str, int], dict[str, array]] = defaultdict(dict)
     try:
-        with contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(io.StringIO()):
+        with silenced():
             for message in messages():
                 key = message.type, message.instance
                 for name, value in message.values.items():

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.csv_file import open_csv
+from ohmward.logs.csv_layout import open_text
 from ohmward.logs.hints import FileHints
 from ohmward.logs.note import Note, counted
 from ohmward.logs.streams import Stream, Streams
-from ohmward.logs.table import Table, TableFile, numbers
+from ohmward.logs.table import TableFile
 from ohmward.logs.units import unit_of
-from ohmward.optional import require
+from ohmward.optional import require, silenced
 
 BLF_MAGIC = b"LOGG"
 MDF_MAGICS = (b"MDF     ", b"UnFinMF ")
@@ -30,6 +31,8 @@ _TEXTS = (
     (re.compile(rb"\"?Time Stamp\"?,\"?ID\"?,\"?Extended\"?,"), ""),
 )
 _MOST_BYTES = 8
+#: A group of MDF unpacks to this many bytes, or to this many times the file's size, at most.
+_UNPACKED_BYTES, _UNPACKED_TIMES = 16 << 20, 1000
 
 
 class CanFrames(NamedTuple):
@@ -59,7 +62,7 @@ def open_can(path: Path, hints: FileHints, reader: str) -> TableFile:
         raise _without_database(path)
     database = load_can_database(hints.dbc)
     notes: list[Note] = []
-    frames = _of_savvycan(open_csv(path, hints).load) if reader == "" else _of_python_can(path, reader, notes)
+    frames = _of_python_can(path, reader, notes) if reader else _of_savvycan(path, hints.encoding, notes)
     return open_frames(path.name, frames, hints.dbc, database, notes)
 
 
@@ -72,7 +75,8 @@ def open_mdf(path: Path, hints: FileHints) -> TableFile:
     """
     asammdf = require("asammdf", "an MDF file")
     try:
-        with asammdf.MDF(str(path)) as file:
+        with silenced(), asammdf.MDF(str(path)) as file:
+            _require_size(path, file)
             of_bus = any(group.channel_group.flags & _BUS_EVENT for group in file.groups) if _is_4(file) else False
             if of_bus and hints.dbc is None:
                 raise _without_database(path)
@@ -92,6 +96,14 @@ def open_mdf(path: Path, hints: FileHints) -> TableFile:
 
 #: Flag of a group of channels that holds events of a bus.
 _BUS_EVENT = 0x2
+
+
+def _require_size(path: Path, file: Any) -> None:
+    """Refuse a file whose groups say that they hold far more than it can."""
+    groups = [group.channel_group for group in file.groups]
+    largest = max((group.cycles_nr * max(group.samples_byte_nr, 1) for group in groups), default=0)
+    if largest > max(_UNPACKED_TIMES * path.stat().st_size, _UNPACKED_BYTES):
+        raise InputError(f"{path.name}: the MDF file is damaged: a group says that it holds {largest:.1e} bytes")
 
 
 def _is_4(file: Any) -> bool:
@@ -205,46 +217,62 @@ def _decoded(message: Any, frames: CanFrames) -> tuple[np.ndarray, dict[str, np.
     return whole, columns
 
 
+class _Gathered:
+    """Frames by their identifiers, in order."""
+
+    def __init__(self) -> None:
+        self.times: dict[tuple[int, bool], list[float]] = defaultdict(list)
+        self.payloads: dict[tuple[int, bool], list[bytes]] = defaultdict(list)
+
+    def put(self, key: tuple[int, bool], time_s: float, payload: bytes) -> None:
+        """Take in a frame; key: its identifier, and whether that has 29 bits."""
+        self.times[key].append(time_s)
+        self.payloads[key].append(payload)
+
+    def frames(self, path: Path) -> list[CanFrames]:
+        """All of them; InputError where there is none."""
+        if not self.payloads:
+            raise InputError(f"{path.name}: the recording holds no frame; record it again")
+        return [CanFrames(*key, np.array(self.times[key]), payloads) for key, payloads in self.payloads.items()]
+
+
 def _of_python_can(path: Path, reader: str, notes: list[Note]) -> list[CanFrames]:
     """The frames of a file by a reader of python-can; of one that is cut off those before the cut, with a note."""
     can = require("can", "a recording of CAN")
-    gathered: dict[tuple[int, bool], tuple[list[float], list[bytes]]] = defaultdict(lambda: ([], []))
+    gathered = _Gathered()
     try:
         with getattr(can, reader)(str(path)) as messages:
             for message in messages:
                 if message.is_error_frame or message.is_remote_frame:
                     continue
-                times, payloads = gathered[message.arbitration_id, message.is_extended_id]
-                times.append(message.timestamp)
-                payloads.append(bytes(message.data))
+                key = message.arbitration_id, message.is_extended_id
+                gathered.put(key, message.timestamp, bytes(message.data))
     except Exception as error:  # of its parsers, many kinds
-        if not gathered:
+        if not gathered.payloads:
             raise InputError(f"{path.name}: no readable recording of CAN ({error}); record it again") from error
         notes.append(Note(f"the file is damaged or cut off ({error}): the frames before that were read", "warning"))
-    if not gathered:
-        raise InputError(f"{path.name}: the recording holds no frame; record it again")
-    return [CanFrames(*key, np.array(times), payloads) for key, (times, payloads) in gathered.items()]
+    return gathered.frames(path)
 
 
-def _of_savvycan(load: Callable[..., Table]) -> Iterator[CanFrames]:
-    """The frames of a table of SavvyCAN (GVRET): time [us], identifier and bytes in hexadecimal."""
-    table = load(["Time Stamp", "ID", "Extended", "LEN", *(f"D{k + 1}" for k in range(_MOST_BYTES))])
-    time_s = 1e-6 * numbers(table, "Time Stamp")
-    extended = np.array([str(cell).strip().lower() == "true" for cell in table.columns["Extended"]])
-    identifiers = np.array([int(_hexadecimal(cell), 16) for cell in table.columns["ID"]])
-    cells = [table.columns[f"D{k + 1}"] for k in range(_MOST_BYTES) if f"D{k + 1}" in table.columns]
-    rows = [
-        bytes(int(_hexadecimal(cell), 16) for cell in row if str(cell).strip() not in ("", "nan"))
-        for row in zip(*cells, strict=True)
-    ]
-    for identifier in dict.fromkeys(identifiers.tolist()):
-        at = np.flatnonzero(identifiers == identifier)
-        yield CanFrames(identifier, bool(extended[at[0]]), time_s[at], [rows[k] for k in at])
+def _of_savvycan(path: Path, encoding: str | None, notes: list[Note]) -> list[CanFrames]:
+    """The frames of a table of SavvyCAN (GVRET): time [us], identifier and bytes in hexadecimal.
 
-
-def _hexadecimal(cell: Any) -> str:
-    """The digits of a cell that a table reads as a number where it has no letter."""
-    return str(int(cell)) if isinstance(cell, float) and cell.is_integer() else str(cell).strip()
+    Rows that cannot be read so are left out and counted.
+    """
+    gathered = _Gathered()
+    broken = 0
+    with open_text(path, encoding) as stream:
+        for row in csv.DictReader(stream, skipinitialspace=True):
+            try:
+                count = min(int(row["LEN"]), _MOST_BYTES)
+                payload = bytes(int(row[f"D{k + 1}"], 16) for k in range(count))
+                key = int(row["ID"], 16), row["Extended"].strip().lower() == "true"
+                gathered.put(key, 1e-6 * float(row["Time Stamp"]), payload)
+            except (KeyError, TypeError, ValueError, AttributeError):
+                broken += 1
+    if broken:
+        notes.append(Note(f"{counted(broken, 'row')} that are no frames: left out", "warning"))
+    return gathered.frames(path)
 
 
 def _without_database(path: Path) -> InputError:

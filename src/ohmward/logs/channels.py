@@ -77,7 +77,7 @@ _BESIDE_BATTERY = (
 _BESIDE_WHEELS = (
     word_set(
         "wheel wheels motor m joint joints state states drive angular ang rim encoder enc measured meas actual act "
-        "feedback fb service"
+        "feedback fb service delta increment"
     ),
 )
 _BESIDE_BODY = (word_set("imu data body base robot msg"),)

@@ -102,7 +102,10 @@ def _set_at_boot(clock: Clock, name: str) -> Clock:
         return clock
     last = int(np.argmax(steps))
     begin_s, end_s = clock.time_s[known[0]], clock.time_s[known[last]]
-    begin = np.datetime64(0, "s") + int(begin_s + (clock.start_unix_s or 0.0))
+    begin_unix_s = begin_s + (clock.start_unix_s or 0.0)
+    if not 0.0 <= begin_unix_s <= _UNIX_S[1]:
+        return clock
+    begin = np.datetime64(0, "s") + int(begin_unix_s)
     since_new_year_s = (begin - begin.astype("M8[Y]").astype("M8[s]")) / np.timedelta64(1, "s")
     jump_s = float(steps[last] - np.median(steps))
     start_unix_s = (clock.start_unix_s or 0.0) + jump_s

@@ -63,8 +63,15 @@ def _of_protocol(found: re.Match[str]) -> Iterator[tuple[str, Any]]:
         yield _plain(name), _plain(value)
     for name, value in _FIELD.findall(found["fields"]):
         own = _plain(found["measurement"] if name == "value" else name)
-        number = value.removesuffix("i").removesuffix("u")
-        yield own, _plain(value.strip('"')) if not re.fullmatch(r"[-+.\deE]+", number) else float(number)
+        yield own, _number_or_text(value)
+
+
+def _number_or_text(value: str) -> float | str:
+    """The number in a field, `5i` and `5u` whole ones among them; else its text."""
+    try:
+        return float(value.removesuffix("i").removesuffix("u"))
+    except ValueError:
+        return _plain(value.strip('"'))
 
 
 def _plain(text: str) -> str:

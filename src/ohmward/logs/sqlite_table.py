@@ -74,8 +74,11 @@ def _table_file(path: Path, table: str, tables: Mapping[str, tuple[str, ...]], h
 
 def _head(path: Path, table: str, names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
     """The first cells of the columns that hold text."""
-    with closing(connect(path)) as database:
-        rows = database.execute(f"SELECT * FROM {_quoted(table)} LIMIT 100").fetchall()
+    try:
+        with closing(connect(path)) as database:
+            rows = database.execute(f"SELECT * FROM {_quoted(table)} LIMIT 100").fetchall()
+    except sqlite3.DatabaseError as error:
+        raise InputError(f"{path.name}: the database is damaged ({error}); export its log as CSV") from error
     columns = dict(zip(names, zip(*rows, strict=True), strict=False))
     return {
         name: tuple(map(str, values)) for name, values in columns.items() if any(isinstance(v, str) for v in values)

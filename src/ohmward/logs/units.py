@@ -91,6 +91,8 @@ _PARTS = "|".join(re.escape(spelling).replace("/", "[/_]") for spelling in _OF_P
 _COMPOUND = re.compile(rf"^(?P<stem>.+?)[\s_.,-]+(?P<unit>{_PARTS})(?P<rest>)$", re.IGNORECASE)
 
 
+# `rpm_left`, `ticks.right`
+_BEFORE = re.compile(r"^(?P<unit>rpm|ticks?|counts?|mps|dps)[\s_.-]+(?P<stem>.+?)(?P<rest>)$", re.IGNORECASE)
 # `TimeUS` of ArduPilot
 _CAPITALS = re.compile(r"^(?P<stem>[Tt]ime)(?P<unit>US|MS|NS)(?P<rest>)$")
 # `ms`, `ms_today`: the time of a microcontroller
@@ -108,7 +110,7 @@ def unit_of(spelling: str) -> Unit | None:
 
 def split_unit(name: str) -> Iterator[tuple[str, Unit | None]]:
     """Every division of a column's name into stem and unit, the most explicit notation first; last the bare name."""
-    for notation in (_BRACKETS, _COMPOUND, _SLASH, _SUFFIX, _CAPITALS):
+    for notation in (_BRACKETS, _COMPOUND, _SLASH, _SUFFIX, _BEFORE, _CAPITALS):
         if (found := notation.match(name.strip())) and (unit := unit_of(found["unit"])):
             yield f"{found['stem']} {found['rest']}".strip(), unit
     if (found := _TIME_AS_UNIT.match(name)) and (unit := unit_of(found["unit"])):

@@ -19,7 +19,7 @@ from ohmward.logs.channels import (
     channel_of,
     robot_words,
 )
-from ohmward.logs.columns import Column, find_column, given_unit, guess, listed, named_column, only_one
+from ohmward.logs.columns import Column, argument, find_column, given_unit, guess, listed, named_column, only_one
 from ohmward.logs.units import split_unit
 from ohmward.logs.wheel_speed import POSITIONS
 
@@ -200,8 +200,15 @@ def _with_unit(column: Column, quantity: str, units: Mapping[str, str]) -> Colum
 
 
 def _no_wheels(source: str, names: Sequence[str], wheels: Wheels) -> InputError:
-    option = f"{wheels.places[0]}_{WHEEL_SPEED.name}"
+    sides = {side: [name for name in names if SIDES & set(robot_words(name)) == {side}] for side in ("left", "right")}
+    chosen = {f"{side}_{WHEEL_SPEED.name}": of_side[0] for side, of_side in sides.items() if len(of_side) == 1}
+    if len(chosen) < len(sides) or not any(SIDES & set(place.split("_")) for place in wheels.driven_places):
+        chosen = {}
+    given = chosen or {f"{wheels.places[0]}_{WHEEL_SPEED.name}": "NAME"}
+    options = [f"{quantity}={name}" for quantity, name in given.items()]
     return InputError(
         f"{source}: no column for the speed of a wheel found; it has: {listed(names)}; name each with "
-        f"--column {option}=NAME (columns={{{option!r}: NAME}}), and its unit with --unit wheel_speed=rpm"
+        f"{' '.join(f'--column {argument(option)}' for option in options)} (columns={given}), and its unit with --unit "
+        "wheel_speed=rpm, rad/s, m/s, rad, m or counts",
+        [word for option in options if chosen for word in ("--column", option)],
     )

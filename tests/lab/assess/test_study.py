@@ -147,7 +147,7 @@ def test_the_pairs_of_grounds_differ_in_what_is_told_alone():
     by_name = {condition.name: condition for condition in TRACTION.conditions}
     for right, wrong in TRACTION.pairs:
         right, wrong = by_name[right], by_name[wrong]
-        assert right.world == wrong.world and right.told == right.world.ground != wrong.told
+        assert right.world == wrong.world and right.assumed == right.world.ground != wrong.assumed
     assert len(TRACTION.pairs) == sum(condition.factor == "ground" for condition in TRACTION.conditions)
 
 

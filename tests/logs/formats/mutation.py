@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,8 @@ def damaged(folder: Path, rng: np.random.Generator, count: int) -> Iterator[Path
     """`count` files, each of them a format with one to three changes; every one takes the place of the one before."""
     originals = []
     for k, about in enumerate(FORMATS):
+        if about.package and find_spec(about.package) is None:
+            continue
         place = folder / str(k)
         place.mkdir()
         path = about.write(place)

@@ -12,12 +12,13 @@ from logs.formats.containers import CONTAINERS
 from logs.formats.cyclers import CYCLERS
 from logs.formats.known import Format
 from logs.formats.layouts import LAYOUTS
+from logs.formats.recorders import RECORDERS
 from logs.formats.telemetry import TELEMETRY
 from logs.formats.times import TIMES
 from ohmward.errors import OhmwardError
 from ohmward.logs import Log, read_log
 
-FORMATS = (*LAYOUTS, *TIMES, *CYCLERS, *TELEMETRY, *CONTAINERS)
+FORMATS = (*LAYOUTS, *TIMES, *CYCLERS, *TELEMETRY, *CONTAINERS, *RECORDERS)
 RIGHT, REFUSED, WRONG = "right", "refused", "wrong"
 
 

@@ -190,6 +190,19 @@ def test_a_speed_beyond_its_gate_opens_the_band_and_is_believed_when_it_comes_ag
     assert_allclose(e.speed_m_s[110:], 0.1, atol=0.1)  # it goes back to the wheels' in between
 
 
+def test_a_robot_that_an_outside_speed_shows_to_be_stuck_stays_so_until_the_next_one():
+    """Wheels at 0.5 m/s, a speed of zero once a second: from the second one on the robot stands in between, too."""
+    steps = 1000
+    outside = np.full(steps, math.nan)
+    outside[::50] = np.where(np.arange(0, steps, 50) < 500, 0.5, 0.0)
+    given = {"speed_m_s": outside, "speed_std_m_s": np.full(steps, 0.03)}
+    e = run(
+        FILTER, samples(FILTER, wheel_speed_rad_s=rolling(0.5, 0.0, steps), yaw_rate_rad_s=np.zeros(steps), **given)
+    )
+    assert_allclose(e.speed_m_s[552:], 0.0, atol=0.1)
+    assert e.x_m[-1] - e.x_m[551] < 0.5  # of 4.5 m by the wheels
+
+
 @pytest.mark.parametrize("age_s", [0.0, 0.06])
 def test_pose_increments_correct_slip_and_a_gyro(age_s):
     """Wheels that spin, a gyro with an offset, and visual odometry of a robot on a circle, late."""

@@ -60,15 +60,10 @@ class CircuitAlong(NamedTuple):
 
 
 class SensitiveCircuit(NamedTuple):
-    """Circuit with its sensitivities; `kernel` is the same for equal circuits."""
+    """Circuit with its sensitivities; equal circuits share a kernel."""
 
     model: Thevenin  #: its open-circuit curve is part of the voltage, not of the columns; `without_curve` has none
     sizes: Corrections  #: number of each of the corrections
-
-    @property
-    def unknowns(self) -> int:
-        """Number Q of unknowns."""
-        return sum(self.sizes) + self.model.pairs
 
     def corrections(self, theta: Any) -> Corrections:
         """The corrections of a vector (P,)."""

@@ -81,7 +81,7 @@ def _of_robots(args: argparse.Namespace, job: RobotJob, folder: Path, notes: lis
     with progress() as report:
         finished = run_fleet(job.items, job, folder, work(args), _progress_of(report, "robots"), batch=1)
     states = robot_states(finished.rows)
-    logs = [log for row in finished.rows for log in row["logs"]]
+    logs = [log for row in finished.rows for log in row.get("logs", [row])]
     page = folder / PAGE
     figures = summary(args, logs, finished) | {
         "filter": job.filter,

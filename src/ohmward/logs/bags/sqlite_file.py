@@ -52,6 +52,7 @@ def connect(path: Path) -> sqlite3.Connection:
     """The database, which is not written to: a log of changes beside it is read where there is one."""
     mode = "mode=ro" if path.with_name(path.name + "-wal").exists() else "immutable=1"
     database = sqlite3.connect(f"file:{quote(str(path.resolve()))}?{mode}", uri=True)
+    database.text_factory = lambda text: text.decode(errors="replace")
     with suppress(sqlite3.DatabaseError):
         database.execute("PRAGMA writable_schema = ON")  # without it a file shorter than it says is refused as a whole
     return database

@@ -14,7 +14,7 @@ from ohmward.filters.sanitize import CleanStep, every, some, within
 from ohmward.quantities import MOST_WHEEL_RAD_S
 from ohmward.trace import exp, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.odometry.model import OFFSET, TURN_SCALE, USUAL_TURN_S, MotionInput
+from ohmward.traction.odometry.model import OFFSET, SLIP, TURN_SCALE, USUAL_TURN_S, MotionInput
 from ohmward.traction.odometry.modes import ModeSpeed, ModeState, Turning, first_modes, weigh
 from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import OdometrySample
@@ -263,6 +263,7 @@ def show(
         unobserved_s=unobserved(now.intervals, rolls | free | observed, by_gyro),
         usual_turn_rad_s=now.usual_turn_rad_s,
         turn_scale=x[TURN_SCALE],
+        slip_sigmas=x[SLIP],
     )  # fmt: skip
     no_gyro = was_seen(now.intervals)[GYRO] & logical_not(by_gyro)
     counted = where(by_gyro, speed.counted, 1.0 / robot.driven)

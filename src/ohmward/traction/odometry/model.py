@@ -28,7 +28,7 @@ import numpy as np
 
 from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import std
-from ohmward.trace import cos, exp, maximum, sin, sqrt, where
+from ohmward.trace import clip, cos, exp, maximum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.odometry.noise import OdometryNoise
 
@@ -62,6 +62,9 @@ ANY_HEADING_RAD = math.pi / math.sqrt(3.0)
 #: so many standard deviations of counting.
 USUAL_TURN_S, COUNTED = 0.5, 5.0
 
+#: Standard deviations from which on a slip is of another kind, and the most by which its time is longer then.
+GROSS_SLIP, GROSS_LASTS = 5.0, 15.0
+
 #: Acceleration [m/s2, m/s2, rad/s2] that is possible while nothing shows the motion.
 UNOBSERVED = np.array([0.5, 0.1, 0.5])
 
@@ -81,7 +84,9 @@ class MotionInput(NamedTuple):
     count_rad: Any  #: standard deviation of the turn that the wheels show, by counting
     unobserved_s: np.ndarray  #: (3,) time for which nothing has shown each motion
     usual_turn_rad_s: Any = 0.0  #: yaw rate of the wheels, averaged over the time before the step
-    turn_scale: Any = 0.0  #: k_w as it is known before the step
+    #: k_w and the forward slip as they are known before the step
+    turn_scale: Any = 0.0
+    slip_sigmas: Any = 0.0
 
 
 def first_belief(noise: OdometryNoise, turn_per_slip: float, count_rad: float) -> Belief:
@@ -148,9 +153,15 @@ def yaw_now(x: np.ndarray, u: MotionInput) -> Scalar:
 
 
 def decays(u: MotionInput, noise: OdometryNoise) -> np.ndarray:
-    """Shares (3,) of the `CORRELATED` errors that are left after the step."""
-    slips, turn = exp(-u.dt_s / noise.correlation_s), exp(-u.dt_s / noise.turn_correlation_s)
-    return np.array([slips, slips, turn])
+    """Shares (3,) of the `CORRELATED` errors that are left after the step.
+
+    A slip so large that it is another kind of motion, as that of a robot that is stuck, lasts until a sensor shows its
+    end: its time grows with its square.
+    """
+    sigmas = u.slip_sigmas / GROSS_SLIP
+    lasts_s = noise.correlation_s * clip(sigmas * sigmas, 1.0, GROSS_LASTS)
+    forward, side = exp(-u.dt_s / lasts_s), exp(-u.dt_s / noise.correlation_s)
+    return np.array([forward, side, exp(-u.dt_s / noise.turn_correlation_s)])
 
 
 def process_noise(x: np.ndarray, u: MotionInput, noise: OdometryNoise) -> np.ndarray:
