@@ -214,3 +214,17 @@ def test_the_pose_begins_again_at_its_origin_when_asked_for():
     x_m = [float(state.pose.x_m) for state in found if state.pose]
     assert x_m[195] > 0.8 and x_m[205] < 0.1
     assert x_m[-1] == pytest.approx(x_m[99], abs=0.02)
+
+
+@pytest.mark.parametrize("left", [{"front_left"}, {"rear_left"}, {"front_right", "rear_left"}])
+def test_the_speed_follows_whatever_wheels_are_left_where_no_motor_current_is(left):
+    """Motor currents and some wheels are silent, and the robot brakes."""
+    estimation = Estimation(None, RLMA)
+    for k in range(500):
+        speed_rad_s = (6.6 if k < 300 else 3.0) + 0.01 * math.sin(k)
+        values = {f"wheel_speed_rad_s.{name}": speed_rad_s for name in PLACES if k < 250 or name in left}
+        values |= {f"motor_current_A.{name}": 1.0 + 0.1 * math.sin(k) for name in PLACES[:2] if k < 250}
+        estimation.put(0.02 * k, values | {"yaw_rate_rad_s": 0.001 * math.sin(k), "acceleration_m_s2": 0.0})
+    slip = last([estimation.state]).slip
+    assert abs(slip.speed_m_s - 3.0 * RLMA.wheel.radius_m) < 2.0 * slip.speed_std_m_s + 0.02
+    assert slip.speed_m_s < 0.5

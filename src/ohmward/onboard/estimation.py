@@ -30,8 +30,9 @@ from ohmward.quantities import GROUPS
 from ohmward.trace.lower.kept_steps import keeping
 from ohmward.traction.inbox import HEADING, SensorInbox
 from ohmward.traction.odometry.estimator import Odometry, by_wheels_and_gyro, force_known, with_slip_of
-from ohmward.traction.odometry.sample import OdometrySample
+from ohmward.traction.odometry.sample import OdometryFlag, OdometrySample
 from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of
 from ohmward.traction.terrain.demand import travel_speed
 
@@ -278,7 +279,8 @@ class Estimation:
         pose = self.odometry.update(**seen, observed=slip)
         self._measured |= sample.keys()
         robot = self.odometry.settings.robot
-        if by_wheels_and_gyro(robot, self._measured) and not force_known(slip):
+        heard = not int(slip.flags) & SlipFlag.NO_ENCODER and not int(pose.flags) & OdometryFlag.NO_GYRO
+        if heard and by_wheels_and_gyro(robot, self._measured) and not force_known(slip):
             slip = with_slip_of(robot, slip, pose)
         measured = {**self._signals(sample), **self._taken_beside("drive")}
         return self._after(sample["time_s"], measured, slip=slip, pose=pose, drive_time_s=sample["time_s"])
