@@ -74,6 +74,22 @@ def test_without_motor_currents_slip_is_what_wheels_and_gyro_show():
     assert e.slip_speed_m_s[325, 0] == pytest.approx(0.0, abs=0.02)
 
 
+def test_the_speed_is_covered_where_a_wheel_has_fallen_silent():
+    """The left encoder ends at 6 s, and the robot brakes at 9 s."""
+    time_s = np.arange(0.0, 14.0, 0.02)
+    speed_m_s = np.interp(time_s, [9.0, 10.0], [0.8, 0.3])
+    wheels = np.full((time_s.size, 4), np.nan)
+    wheels[:, :2] = speed_m_s[:, None] / RLMA.wheel.radius_m
+    wheels[time_s > 6.0, 0] = np.nan
+    gyro = 0.002 * np.random.default_rng(1).standard_normal(time_s.size)
+    log = DriveLog("a wheel", time_s, wheels, np.full((time_s.size, 2), np.nan), yaw_rate_rad_s=gyro)
+    e = observe_drive(RLMA, log, hard_terrain("dry asphalt"), "ekf").track.estimates
+    late = time_s > 8.0
+    assert np.mean(np.abs(e.speed_m_s - speed_m_s)[late] < 1.96 * e.speed_std_m_s[late]) > 0.95
+    early = time_s < 6.0
+    assert e.speed_std_m_s[early].max() < 0.1
+
+
 def test_a_drive_on_learnt_floors():
     log = drive(ROBOTINO, np.array([[-3.0, 0.0, 3.0]]), np.array([[-0.5, 0.0, 0.5]]))
     observed = observe_on_floors(ROBOTINO, log, Floors("another robot", (CARPET,)))

@@ -25,6 +25,7 @@ from ohmward.traction.episodes import (
 )
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.odometry.estimator import Odometry, OdometryRun, by_wheels_and_gyro, force_known, with_slip_of
+from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.conclusions import SlipAlarm
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
@@ -38,6 +39,9 @@ from ohmward.traction.terrain.slip_on_floors import FloorRun, slip_on_floors
 #: A sensor contradicts the model where it is refused in more than this share of the samples; a robot that slips now and
 #: then has a hundredth of that.
 CONTRADICTS = 0.1
+
+#: A wheel that has not reported for so long [s] is silent.
+SILENT_S = 1.0
 
 #: Flags of a sensor that the model contradicts, and the advice.
 CONTRADICTIONS = {
@@ -218,10 +222,21 @@ def observe_drive(
     track = observe(chosen.observer, log, progress)
     path = Odometry(robot).run(log, track.estimates)
     if by_wheels_and_gyro(robot, log.channels) and not force_known(track.estimates).any():
-        track = SlipRun(track.time_s, with_slip_of(robot, track.estimates, path.estimates), track.seconds)
+        without_gyro = path.estimates.flags.astype(int) & OdometryFlag.NO_GYRO > 0
+        heard = ~(_are_silent(log, robot.driven) | without_gyro)
+        track = SlipRun(track.time_s, with_slip_of(robot, track.estimates, path.estimates, heard), track.seconds)
     return ObservedDrive(
         robot, track, path, (*faults, *log.notes, *chosen.notes, *fit_notes(track)), not misfits(track)
     )
+
+
+def _are_silent(log: DriveLog, driven: int) -> np.ndarray:
+    """(T,) True where one of the driven wheels has not reported for `SILENT_S`."""
+    measured = np.isfinite(log.wheel_speed_rad_s[:, :driven])
+    rows = np.where(measured, np.arange(len(log.time_s))[:, None], -1)
+    last = np.maximum.accumulate(rows, axis=0)
+    age_s = np.where(last < 0, np.inf, log.time_s[:, None] - log.time_s[last])
+    return np.asarray((age_s > SILENT_S).any(axis=1))
 
 
 def observe_on_floors(

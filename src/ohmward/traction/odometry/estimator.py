@@ -211,27 +211,40 @@ def by_wheels_and_gyro(robot: Robot, measured: Collection[str]) -> bool:
     return bool(slip_modes(robot)) and "yaw_rate_rad_s" in measured and "speed_m_s" not in measured
 
 
-def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate) -> SlipEstimate:
+def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate, heard: Any = True) -> SlipEstimate:
     """Estimates (...) of a speed observer that knows no force, with speed and slip as wheels and gyro show them.
 
     Without the motor currents any torque counts as possible to it; which wheel slips, and how fast the robot goes, the
     hypotheses of the odometry tell (`traction/odometry/modes.py`).
+
+    heard: (...) the condition that all driven wheels and the gyro report; elsewhere the estimates stay.
     """
     slip, std = np.asarray(pose.slip_speed_m_s), np.asarray(pose.slip_speed_std_m_s)
     radius_m = robot.wheel.radius_m * np.asarray(estimate.radius_ratio)[..., None]
     rim = radius_m * np.asarray(estimate.wheel_speed_rad_s)
     slips = np.asarray(pose.slip_probability)
+    by_pose = {
+        "speed_m_s": pose.speed_m_s,
+        "speed_std_m_s": np.sqrt(pose.twist_cov[..., 0, 0]),
+        "yaw_rate_rad_s": pose.yaw_rate_rad_s,
+        "yaw_rate_std_rad_s": np.sqrt(pose.twist_cov[..., 2, 2]),
+        "slip_speed_m_s": slip,
+        "slip_speed_std_m_s": std,
+        "slip_ratio": slip_ratio(rim, rim - slip),
+        "grip": 1.0 - slips,
+        "slipping": np.where(slips > 0.5, 1.0, 0.0),
+    }
+    if np.all(heard):
+        return estimate._replace(**by_pose)
     return estimate._replace(
-        speed_m_s=pose.speed_m_s,
-        speed_std_m_s=np.sqrt(pose.twist_cov[..., 0, 0]),
-        yaw_rate_rad_s=pose.yaw_rate_rad_s,
-        yaw_rate_std_rad_s=np.sqrt(pose.twist_cov[..., 2, 2]),
-        slip_speed_m_s=slip,
-        slip_speed_std_m_s=std,
-        slip_ratio=slip_ratio(rim, rim - slip),
-        grip=1.0 - slips,
-        slipping=np.where(slips > 0.5, 1.0, 0.0),
+        **{name: _where(heard, values, getattr(estimate, name)) for name, values in by_pose.items()}
     )
+
+
+def _where(heard: Any, values: Any, others: Any) -> np.ndarray:
+    """Values (..., n) or (...) where the condition (...) holds, else the others."""
+    values, condition = np.asarray(values), np.asarray(heard)
+    return np.where(condition[..., None] if values.ndim > condition.ndim else condition, values, others)
 
 
 #: Fields of a sample that a speed observer fills.
