@@ -70,7 +70,7 @@ def unit_of_channel(quantity: str, column: Column, mechanics: Mechanics) -> Unit
 #: So many rows, turns and counts at least show that counts go up and down, in this share of the steps.
 _FEWEST_ROWS, _FEWEST_TURNS, _FEWEST_COUNTS, _UP_AND_DOWN = 50, 3.0, 2.0, 0.2
 #: Share of the usual interval of rows that lies between two at least; below 1, so that clocks that drift stay.
-_USUAL = 0.98
+_USUAL_SHARE = 0.98
 #: So many rows in a row show the usual interval, however they arrived.
 _TOGETHER = 20
 _POSITION_WORDS = frozenset(word for words in WHEEL_COUNTS.words for word in words)
@@ -138,7 +138,7 @@ def even_times(time_s: np.ndarray) -> np.ndarray:
     """
     if time_s.size < _FEWEST_ROWS:
         return time_s
-    step_s = _USUAL * float(np.median(time_s[_TOGETHER:] - time_s[:-_TOGETHER])) / _TOGETHER
+    step_s = _USUAL_SHARE * float(np.median(time_s[_TOGETHER:] - time_s[:-_TOGETHER])) / _TOGETHER
     counted_s = step_s * np.arange(time_s.size)
     return np.minimum.accumulate((time_s - counted_s)[::-1])[::-1] + counted_s
 
