@@ -83,17 +83,9 @@ def run(args: argparse.Namespace) -> Outcome:
         confidence=args.confidence,
     )
     with progress() as report:
-        counter = counting(report, "ukf") if drive else None
+        tick = counting(report, "ukf") if drive else None
         result = analyse(
-            battery,
-            before,
-            log,
-            drive=drive,
-            robot=robot,
-            ground=ground,
-            plan=plan,
-            settings=settings,
-            progress=counter,
+            battery, before, log, drive=drive, robot=robot, ground=ground, plan=plan, settings=settings, progress=tick
         )
     if args.output:
         save_consumption(result.consumption, args.output)
