@@ -164,6 +164,16 @@ def test_a_battery_that_was_charged_meanwhile_is_told_by_its_voltage(battery):
     assert state.battery.soc > 0.85
 
 
+def test_a_battery_changed_during_an_absence_begins_with_its_own_voltage(battery):
+    before = driven(battery)
+    after = Estimation(battery)
+    resume(after, remember(before, 1300.0), 3 * 3600.0, 5.0)
+    after.put(5.0, {"battery_changed": 1.0})
+    voltage_V = float(battery.thevenin.ocv.mean_V(0.9, 25.0))
+    state: Any = one(after.put(6.0, {"battery_current_A": 0.0, "battery_voltage_V": voltage_V}))
+    assert state.battery.soc == pytest.approx(0.9, abs=2 * state.battery.soc_std)
+
+
 def test_another_battery_file_goes_on_with_the_charge(battery):
     before = driven(battery)
     after = Estimation(generic_battery("nmc", 11.0, 4))

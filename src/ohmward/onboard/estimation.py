@@ -181,7 +181,7 @@ class Estimation:
     def _change_battery(self) -> None:
         """Another battery of the same kind is in: its charge and its cells begin with the next voltage."""
         if self.battery and self.soc:
-            self.soc, self.cells, self.last_charge = SocEstimator(self.battery), None, None
+            self.soc, self.cells, self.absence = SocEstimator(self.battery), None, None
             self._battery_inbox, self._full_s, self._full_pending = MeanInbox((CURRENT, VOLTAGE)), -math.inf, False
             self.state = self.state._replace(battery=None, cells=None, range=None)
 
