@@ -17,7 +17,7 @@ LEAP_S = 1.0
 #: less than `LEAP_S`, and a link that has become slower for good, are followed after it.
 DELAY_WINDOW_S = 30.0
 
-#: MessageDates of so many messages are remembered: those of the samples that still wait for others.
+#: Dates of so many messages are remembered: those of the samples that still wait for others.
 _DATES = 4096
 
 
@@ -71,13 +71,13 @@ class SourceClock:
 
 
 class MessageDates:
-    """MessageDates of recent messages, by their times on our clock: those that their sources gave."""
+    """Dates of recent messages, by their times on our clock: those that their sources gave."""
 
     def __init__(self) -> None:
         self._dates: dict[float, float] = {}
 
     def put(self, time_s: float, date_s: float) -> None:
-        """Remember a message's; one without a date is none."""
+        """Remember that of a message; one without a date is none."""
         if not math.isfinite(date_s):
             return
         self._dates[time_s] = date_s

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -262,12 +262,7 @@ def setup_rows(setup: Setup) -> dict[str, str]:
 
 def describe_drive(log: DriveLog, found: Findings[DriveSurvey]) -> str:
     """Figures and findings of a drive, for people."""
-    return wording.paragraphs(
-        f"{log.name}, drive: {grouped(len(log))} samples in {duration(log.duration_s)}",
-        wording.fields(drive_contents(log, found)),
-        wording.assumptions(found.notes),
-        wording.bullets("Found", [_sentence(finding) for finding in found.findings]) or "Found: nothing suspicious.",
-    )
+    return _examined(f"{log.name}, drive", log, drive_contents(log, found), found)
 
 
 def drive_contents(log: DriveLog, found: Findings[DriveSurvey]) -> dict[str, str]:
@@ -290,9 +285,14 @@ def _sentence(finding: Finding) -> str:
 
 def describe(log: Log, found: Findings[Survey]) -> str:
     """Figures and findings of a log, for people."""
+    return _examined(log.name, log, contents(log, found), found)
+
+
+def _examined(title: str, log: Log | DriveLog, rows: Mapping[str, str], found: Findings[Any]) -> str:
+    """A title with the length of the log, its figures, what was assumed and what was found."""
     return wording.paragraphs(
-        f"{log.name}: {grouped(len(log))} samples in {duration(log.duration_s)}",
-        wording.fields(contents(log, found)),
+        f"{title}: {grouped(len(log))} samples in {duration(log.duration_s)}",
+        wording.fields(rows),
         wording.assumptions(found.notes),
         wording.bullets("Found", [_sentence(finding) for finding in found.findings]) or "Found: nothing suspicious.",
     )
