@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ohmward.logs.bags.known import TABLE_TYPE
+from ohmward.logs.bags.bag_table import TABLE_TYPE
 from ohmward.logs.table import Progress
 from ohmward.optional import require
 

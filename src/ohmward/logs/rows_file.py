@@ -18,10 +18,8 @@ from ohmward.logs.arrays import plain_array
 from ohmward.logs.cells import Marks, parse_cells
 from ohmward.logs.columns import has_log
 from ohmward.logs.header import Header, find_block, find_header, unique_names
-from ohmward.logs.hints import FileHints
 from ohmward.logs.labelled_lines import is_labelled, rows_of_lines
-from ohmward.logs.note import Note
-from ohmward.logs.table import Progress, Table, TableFile, row_numbers
+from ohmward.logs.table import FileHints, Note, Progress, Table, TableFile, row_numbers
 from ohmward.optional import require
 
 #: Beginnings of a file of JSON.

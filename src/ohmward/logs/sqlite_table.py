@@ -9,13 +9,11 @@ from pathlib import Path
 
 from ohmward.errors import InputError
 from ohmward.logs.arrays import plain_array
-from ohmward.logs.bags.choice import TOPIC
 from ohmward.logs.bags.sqlite_file import connect
 from ohmward.logs.columns import has_log, listed
-from ohmward.logs.hints import FileHints
 from ohmward.logs.long_table import as_wide
-from ohmward.logs.note import Note
-from ohmward.logs.table import Progress, Table, TableFile, row_numbers
+from ohmward.logs.streams import TOPIC
+from ohmward.logs.table import FileHints, Note, Progress, Table, TableFile, row_numbers
 
 
 def open_sqlite_table(path: Path, hints: FileHints) -> TableFile:
