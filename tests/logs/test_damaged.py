@@ -75,7 +75,7 @@ def test_a_binary_workbook_with_a_cell_far_away_is_refused(tmp_path):
 
 
 def test_a_workbook_that_unpacks_to_gigabytes_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("ohmward.logs.rows_file.MOST_BYTES", 1 << 20)
+    monkeypatch.setattr("ohmward.logs.workbook_file.MOST_BYTES", 1 << 20)
     with pytest.raises(InputError, match="unpacks to more than"):
         read_log(workbook(tmp_path / "log.xlsx", "xl/sharedStrings.xml", "a" * (2 << 20)))
 

@@ -41,8 +41,8 @@ from ohmward.logs.clock import date_column, nanosecond_column, read_clock
 from ohmward.logs.columns import Column, listed, other_times
 from ohmward.logs.csv_file import open_csv
 from ohmward.logs.frame import is_frame, open_frame
-from ohmward.logs.labelled_lines import is_labelled
 from ohmward.logs.long_table import as_wide
+from ohmward.logs.objects_file import names_values, open_objects
 from ohmward.logs.order import (
     SeveralRecordingsError,
     find_repeats,
@@ -53,7 +53,6 @@ from ohmward.logs.order import (
     sort_rows,
 )
 from ohmward.logs.parquet_file import open_parquet
-from ohmward.logs.rows_file import WORKBOOK_ENDINGS, is_echo, is_json, open_json, open_workbook
 from ohmward.logs.selection import RECORDING, names_instances, recording_numbers, select_rows
 from ohmward.logs.sqlite_table import open_sqlite_table
 from ohmward.logs.streams import TOPIC
@@ -67,6 +66,7 @@ from ohmward.logs.vehicle_file import (
     open_telemetry,
     open_ulog,
 )
+from ohmward.logs.workbook_file import WORKBOOK_ENDINGS, open_workbook
 
 _UNPACK = "a packed file; unpack it first"
 _TO_SAVVYCAN = "; open it in SavvyCAN, save it as CSV of SavvyCAN (GVRET), and give that with --dbc"
@@ -256,7 +256,7 @@ def _open_file(path: Path, hints: FileHints) -> TableFile:
     elif opener is None and (reader := can_reader(head)) is not None:
         opener = partial(open_can, reader=reader)
     elif opener is None:
-        opener = open_json if is_json(head) or is_echo(head) or is_labelled(head) else open_csv
+        opener = open_objects if names_values(head) else open_csv
     return as_wide(opener(path, hints))
 
 

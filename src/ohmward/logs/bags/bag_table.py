@@ -17,8 +17,8 @@ from ohmward.logs.bags.mcap_file import open_mcap
 from ohmward.logs.bags.recording import CDR, ROS1, Recorded, Recording, Topic
 from ohmward.logs.bags.rosbag1_file import open_rosbag1
 from ohmward.logs.bags.sqlite_file import open_sqlite
-from ohmward.logs.streams import BATTERY, BOTH, DRIVE, KnownType, choose_topics
-from ohmward.logs.table import Note, Progress, Table, TableFile, counted, row_numbers
+from ohmward.logs.streams import BATTERY, BOTH, DRIVE, KnownType, Stream, choose_topics, rows_of
+from ohmward.logs.table import Note, Progress, Table, TableFile, counted
 
 #: Rows of a table that ohmward has written.
 TABLE_TYPE = "ohmward_msgs/msg/Table"
@@ -124,8 +124,13 @@ def parts_of(folder: Path) -> list[Path]:
     Raises:
         InputError: files that are compressed as a whole.
     """
+
+    def part(path: Path) -> tuple[int, str]:  # run_10.mcap comes after run_9.mcap
+        number = path.stem.rpartition("_")[2]
+        return (int(number) if number.isdecimal() else -1, path.name)
+
     try:
-        files = sorted((path for path in folder.iterdir() if path.name.endswith(ENDINGS[:2])), key=_part)
+        files = sorted((path for path in folder.iterdir() if path.name.endswith(ENDINGS[:2])), key=part)
         packed = [path for path in folder.iterdir() if path.name.endswith(tuple(f"{end}.zstd" for end in ENDINGS))]
         described = (folder / _METADATA).exists()
     except OSError as error:
@@ -134,12 +139,6 @@ def parts_of(folder: Path) -> list[Path]:
         raise InputError(f"{packed[0]} is compressed as a whole; unpack it first: zstd -d --rm {packed[0]}")
     whole = described or all(path.stem.startswith(folder.resolve().name) for path in files)
     return [path for path in files if _magic(path)] if whole else []
-
-
-def _part(path: Path) -> tuple[int, str]:
-    """Number of a file among those of a recording: `run_10.mcap` comes after `run_9.mcap`."""
-    number = path.stem.rpartition("_")[2]
-    return (int(number) if number.isdecimal() else -1, path.name)
 
 
 def _magic(path: Path) -> bytes | None:
@@ -191,9 +190,8 @@ class Gatherer:
         if self._payloads:
             self._take_apart()
         names = dict.fromkeys(name for _, columns in self._blocks for name in columns)
-        lacking = dict.fromkeys(names, np.nan)
         whole = {
-            name: np.concatenate([columns.get(name, np.full(t.size, lacking[name])) for t, columns in self._blocks])
+            name: np.concatenate([columns.get(name, np.full(t.size, np.nan)) for t, columns in self._blocks])
             for name in names
         }
         times = [t for t, _ in self._blocks]
@@ -216,7 +214,8 @@ class Gatherer:
                     if name in self.names:
                         values = columns.setdefault(name, np.full(received.size, math.nan))
                         values[at] = _numbers(layout, path, bytes_[alike])
-        time_ns = np.where(_of_this_clock(stamp_ns, received), stamp_ns, received)
+        is_of_this_clock = np.abs(stamp_ns - received) < _STAMP_WITHIN_S * 1e9
+        time_ns = np.where(is_of_this_clock, stamp_ns, received)
         self.broken += int((~whole).sum())
         self._blocks.append((time_ns[whole], {name: values[whole] for name, values in columns.items()}))
         self._received, self._payloads = [], []
@@ -244,18 +243,11 @@ def _numbers(layout: Layout, path: str, bytes_: np.ndarray) -> np.ndarray:
 
 def _stamps(layout: Layout, bytes_: np.ndarray) -> np.ndarray:
     """(n,) [ns] time of each message by its own stamp; 0 where it has none."""
-    seconds = next((name for name in _SECONDS if name in layout.numbers), None)
-    nanoseconds = next((name for name in _NANOSECONDS if name in layout.numbers), None)
-    if seconds is None or nanoseconds is None:
+    fields = [next((name for name in names if name in layout.numbers), None) for names in (_SECONDS, _NANOSECONDS)]
+    if None in fields:
         return np.zeros(len(bytes_), dtype=np.int64)
-    return _numbers(layout, seconds, bytes_).astype(np.int64) * 1_000_000_000 + _numbers(
-        layout, nanoseconds, bytes_
-    ).astype(np.int64)
-
-
-def _of_this_clock(stamp_ns: np.ndarray, received_ns: np.ndarray) -> np.ndarray:
-    """(n,) bool, True where the stamp is of the recorder's clock."""
-    return np.abs(stamp_ns - received_ns) < _STAMP_WITHIN_S * 1e9
+    seconds, nanoseconds = (_numbers(layout, str(name), bytes_).astype(np.int64) for name in fields)
+    return seconds * 1_000_000_000 + nanoseconds
 
 
 TIME = "time"
@@ -302,7 +294,7 @@ def _table_file(bag: _Bag, source: str, topics: list[Topic]) -> TableFile:
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
         chosen = [topic for topic in topics if set(of_topic[topic.name]) & set(names)] or topics
-        return _load(bag, source, chosen, names, progress)
+        return _load(bag, source, chosen, names)
 
     def part(kind: str, where: Mapping[str, float | str]) -> TableFile:
         readable = {topic.name: topic for topic in _readable(bag)}
@@ -330,27 +322,21 @@ def _columns(bag: _Bag, topic: Topic) -> list[str]:
     return list(column_names(topic, layout))
 
 
-def _load(
-    bag: _Bag, source: str, topics: list[Topic], wanted: Collection[str], progress: Progress | None = None
-) -> Table:
+def _load(bag: _Bag, source: str, topics: list[Topic], wanted: Collection[str]) -> Table:
     """The columns of some topics, a row for each message, in order of time where there are several topics."""
     gatherers = {topic.name: Gatherer(topic, wanted) for topic in topics}
     puts = {name: gatherer.put for name, gatherer in gatherers.items()}
     for topic, received_ns, payload in bag.recording.messages(gatherers):
         puts[topic.name](received_ns, payload)
     found = {name: gatherer.columns() for name, gatherer in gatherers.items()}
-    time_ns = np.concatenate([times for times, _ in found.values()])
-    if not time_ns.size:
+    first_ns = next((times[0] for times, _ in found.values() if times.size), None)
+    if first_ns is None:
         raise InputError(f"{source}: no message of {', '.join(gatherers)} could be read; record it again")
-    columns: dict[str, np.ndarray] = {TIME: time_ns.view("M8[ns]" if time_ns[0] > _YEAR_2000_NS else "m8[ns]")}
-    begin = 0
-    for times, values in found.values():
-        for name, column in values.items():
-            whole = columns.setdefault(name, np.full(time_ns.size, np.nan))
-            whole[begin : begin + times.size] = column
-        begin += times.size
-    table = Table(source, columns, row_numbers(1, time_ns.size), "message", _notes(bag, gatherers))
-    return table if len(topics) == 1 else table.pick(np.argsort(time_ns, kind="stable"))
+    kind = "M8[ns]" if first_ns > _YEAR_2000_NS else "m8[ns]"
+    streams = {
+        name: Stream(gatherers[name].topic.type, times.view(kind), columns) for name, (times, columns) in found.items()
+    }
+    return rows_of(source, TIME, streams, wanted, _notes(bag, gatherers))
 
 
 def _notes(bag: _Bag, gatherers: Mapping[str, Gatherer]) -> tuple[Note, ...]:
