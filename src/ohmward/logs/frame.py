@@ -76,9 +76,7 @@ def _open_pandas(frame: Any) -> TableFile:
     names = [str(name) for name in frame.columns]
     require_unique("DataFrame", names)
     index, time = _index(frame, names)
-    columns: dict[str, Callable[[], np.ndarray]] = {
-        name: lambda values=values: values for name, values in index.items()
-    }
+    columns: dict[str, Callable[[], np.ndarray]] = {name: partial(plain_array, v) for name, v in index.items()}
     columns |= {name: partial(_of_pandas, frame, at) for at, name in enumerate(names)}
     return _table_file(str(frame.attrs.get("name", "DataFrame")), len(frame), columns, time)
 
