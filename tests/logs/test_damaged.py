@@ -7,7 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from logs.formats.mutation import damaged
+from logs.formats.mutation import damaged, written
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import read_log
 
@@ -17,7 +17,7 @@ def test_a_damaged_file_is_read_or_refused(seed, tmp_path):
     read = 0
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for path in damaged(tmp_path, np.random.default_rng(seed), 250):
+        for path in damaged(written(tmp_path).values(), np.random.default_rng(seed), 250):
             try:
                 log = read_log(path)
             except OhmwardError:
