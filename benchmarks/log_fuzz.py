@@ -1,4 +1,4 @@
-"""Damaged logs and recordings of all formats through the readers: only errors of the package, and no log that cannot be.
+"""Damaged logs and recordings of all formats through the readers: only errors of ours, and no log that cannot be.
 
 python benchmarks/log_fuzz.py                 100,000 files
 python benchmarks/log_fuzz.py 1000 7          so many, from this seed
@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import sys
 import time
-import tracemalloc
 import traceback
+import tracemalloc
 import warnings
 from collections import Counter
 from collections.abc import Callable
