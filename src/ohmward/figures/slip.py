@@ -11,7 +11,7 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.drive_log import DriveLog
 from ohmward.report import TIME, Band, Figure, Line, Map, Series
-from ohmward.report.palette import Meaning
+from ohmward.report.figure import Meaning
 from ohmward.traction.odometry.estimator import OdometryRun
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipRun
