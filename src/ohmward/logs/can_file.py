@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import re
+import traceback
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -88,10 +90,24 @@ def open_mdf(path: Path, hints: FileHints) -> TableFile:
     except InputError:
         raise
     except Exception as error:  # of its parser, many kinds
+        _close_half_read(error)
         raise InputError(f"{path.name}: no readable MDF file ({error}); export it again, as MDF 4 or CSV") from error
     if not streams:
         raise InputError(f"{path.name}: no signal has samples{f' by {hints.dbc}' if of_bus else ''}; check the file")
     return Streams(path.name, streams, "groups of MDF").open()
+
+
+def _close_half_read(error: Exception) -> None:
+    """Close a file whose reading asammdf gave up: its own `close` needs an attribute that is then gone.
+
+    The garbage collector would close it at any later time, with an error on the screen and its copy left on the disk.
+    """
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        file: Any = frame.f_locals.get("self")
+        if hasattr(file, "_delete_on_close") and not hasattr(file, "_file"):
+            file._file = None
+            with suppress(AttributeError):  # parts that were not read yet
+                file.close()
 
 
 #: Flag of a group of channels that holds events of a bus.
