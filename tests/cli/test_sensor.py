@@ -42,7 +42,8 @@ def test_for_one_run_and_named(here, as_json):
 def test_what_the_file_says_contradicts_nothing(here, as_json):
     same = as_json(*SOC, "--sensor-offset", "0.05", "--sensor-gain", "0.01")
     assert not [note for note in same["notes"] if "--sensor" in note]
-    assert same["soc_final"] == as_json(*SOC)["soc_final"]
+    again = as_json(*SOC)["soc_final"]  # perhaps in machine code by now, which rounds as it likes
+    assert same["soc_final"] == pytest.approx(again, rel=1e-12)
 
 
 def test_a_poor_sensor_makes_a_wide_band(here, as_json):
