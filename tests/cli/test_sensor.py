@@ -57,7 +57,9 @@ def test_a_poor_sensor_makes_a_wide_band(here, as_json):
 
 def test_compare_export_fleet_and_twin_take_it(here, as_json, capsys):
     battery = ("--battery", "battery.toml")
-    assert all(text in as_json("compare", "day.csv", *battery, "--filters", "coulomb", *GIVEN)["notes"] for text in SAID)
+    assert all(
+        text in as_json("compare", "day.csv", *battery, "--filters", "coulomb", *GIVEN)["notes"] for text in SAID
+    )
     assert as_json("export", "battery.toml", "--filter", "coulomb", *GIVEN, "-o", "c")["notes"] == list(SAID)
     fleet = ("fleet", "day.csv", *battery, *GIVEN, "--filter", "coulomb", "--processes", "1", "-o", "out")
     assert as_json(*fleet)["notes"] == list(SAID)

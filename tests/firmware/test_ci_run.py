@@ -37,7 +37,7 @@ ROOT, USER, GOOD, BAD = "echo 0", "echo 1000", "exit 0", "exit 1"
 
 
 def by_command(calls):
-    """The calls of the package manager and those of make that come one after the other; the types are checked beside."""
+    """Calls of the package manager, and those of make one after the other; the static checks run beside them."""
     assert calls.count("make static") == 1
     return ([c for c in calls if c.startswith(tool) and c != "make static"] for tool in ("apt-get", "make"))
 
