@@ -37,7 +37,7 @@ BELOW: dict[str, set[str]] = {
     "battery": {"trace", "filters", "logs.log", "logs.ocv_table", "logs.sign", "logs.battery_columns"} | GROUND,
     "traction": {"trace", "filters"} | LOGS | GROUND,
     "energy": CORE | LOGS,
-    "export": CORE,
+    "export": CORE | LOGS,
     "fleet": {"battery", "trace", "filters", "logs"} | GROUND,
     "figures": {"energy", "report"} | CORE | LOGS,
     "onboard": {"energy", "logs", "report"} | CORE,
