@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import os
+import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, redirect_stderr, redirect_stdout
 from importlib import import_module
@@ -62,9 +64,25 @@ def require(module: str, user: str) -> Any:
 
 @contextmanager
 def silenced() -> Iterator[None]:
-    """Keep what a package prints off standard output and standard error, where results and errors stand."""
-    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-        yield
+    """Keep what a package prints off standard output and standard error, where results and errors stand.
+
+    Off standard error also what its C prints, and meanwhile other threads.
+    """
+    try:
+        error, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    except OSError:  # a process without standard error
+        error = nothing = None
+    try:
+        if error is not None and nothing is not None:
+            sys.stderr.flush()
+            os.dup2(nothing, 2)
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            yield
+    finally:
+        if error is not None and nothing is not None:
+            os.dup2(error, 2)
+            os.close(error)
+            os.close(nothing)
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:
