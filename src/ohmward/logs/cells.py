@@ -28,7 +28,6 @@ _TIME = re.compile(rf"{_TIME_OF_DAY}|{_DATE_MARKS}|{_MONTH}.*\d{{4}}|^\s*\d{{8}}
 _MARKS = re.compile(r"[;|\t]")
 _GROUPS_OF_THREE = re.compile(r"^[-+]?[1-9]\d{0,2}(?:,\d{3})+(?P<fraction>\.\d+)?$")
 _COMMA = re.compile(r"^[-+]?\d*,\d+(?:[eE][-+]?\d+)?$")
-_FLAGS = frozenset(("true", "false", "on", "off", "yes", "no"))
 
 
 class Marks(NamedTuple):
