@@ -103,16 +103,6 @@ _KNOWN = tuple(
 )
 
 
-def require_readable(path: Path, head: bytes) -> None:
-    """Refuse a file that begins like one which is known and not read.
-
-    Raises:
-        InputError: says what it is, and what makes a log of it.
-    """
-    if about := next((about for beginning, about in _KNOWN if beginning.match(head)), None):
-        raise InputError(f"{path.name}: {about}")
-
-
 STANDARD_INPUT = "-"
 #: Name of what came through standard input or a pipe.
 _STREAM = "standard input"
@@ -247,7 +237,8 @@ def _open_file(path: Path, hints: FileHints) -> TableFile:
         raise InputError(f"{path}: is a TOML file, not a log; give it with its option (--battery, --robot, --floors)")
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES)
-    require_readable(path, head)
+    if about := next((about for beginning, about in _KNOWN if beginning.match(head)), None):
+        raise InputError(f"{path.name}: {about}")
     opener = next((opener for magic, opener in OPENERS if head.startswith(magic)), None)
     if opener is None and HDF5_MAGIC in head:
         opener = open_hdf5
