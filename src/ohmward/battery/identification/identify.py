@@ -268,8 +268,9 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     )
     pulses_only = all(r.test == "pulses" for r in prepared.fast)
     anchors_std = axis_std(prepared.fast, prepared.axes)
-    noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, longest_rest_s(prepared.fast))
-    measured = any(branch.complete for branch in prepared.branches)  # from full to empty by a low-rate test
+    measured = {branch.direction for branch in prepared.branches if branch.complete}  # from full to empty, slowly
+    rest_s = longest_rest_s(prepared.fast)
+    noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, rest_s, whole_curve=len(measured) == 2)
     correlation = MEASURED_AGEING_CORRELATION if measured else GIVEN_AGEING_CORRELATION
     noise = replace(noise, capacity_std=AGED_CAPACITY_STD, ageing_correlation=correlation)
     missing = (
