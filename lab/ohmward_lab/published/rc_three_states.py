@@ -23,7 +23,7 @@ import numpy as np
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.clean_sample import first_input, sanitize_bare
-from ohmward.battery.soc.rc_soc_link import SocByCurve
+from ohmward.battery.soc.rc_filter import SocByCurve
 from ohmward.battery.soc.sample import SocEstimate, SocSample
 from ohmward.checks import require_each_positive
 from ohmward.filters import extended, kalman

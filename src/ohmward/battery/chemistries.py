@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import BatteryNoise, usual_sensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc_elements import rc_of_thevenin
-from ohmward.battery.models.sensor import usual_sensor
+from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError

@@ -11,16 +11,16 @@ from ohmward.battery.chemistries import CHEMISTRIES, chemistry_prior
 from ohmward.battery.identification import identify
 from ohmward.battery.identification.circuit import circuit_of
 from ohmward.battery.identification.circuit_fit import fit_circuit
-from ohmward.battery.identification.confidence import confidence_intervals
-from ohmward.battery.identification.open_loop import simulate
-from ohmward.battery.identification.untested import (
+from ohmward.battery.identification.confidence import (
     activation_std_K,
+    confidence_intervals,
     hysteresis_std,
     load_temperature,
     ocv_std_V_per_K,
     unknown_hysteresis_V,
     untested_sentences,
 )
+from ohmward.battery.identification.fit_samples import simulate
 
 TRUE = replace(cell(), activation_K=2200.0, pair_activation_K=4200.0, tau_activation_K=1200.0)
 

@@ -20,8 +20,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.health.ageing_fit import REVERSIBLE_STD
-from ohmward.battery.health.point import HealthPoint, logarithm
+from ohmward.battery.health.ageing import REVERSIBLE_STD, HealthPoint, logarithm
 from ohmward.battery.learning.fold import resistance_normal
 from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.battery.learning.parameters import prior_covariance

@@ -16,8 +16,7 @@ from ohmward.battery.identification.circuit_design import (
     RESISTANCE_GRID,
     ParameterLayout,
 )
-from ohmward.battery.models.knots import correlation
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve, correlation
 
 
 class CircuitPrior(NamedTuple):

@@ -33,10 +33,20 @@ from ohmward.battery.chemistries import (
 )
 from ohmward.battery.fingerprint import fingerprint
 from ohmward.battery.identification.circuit import circuit_of, curve_notes, slow_shape, start_of
-from ohmward.battery.identification.circuit_fit import CircuitFit, fit_circuit
+from ohmward.battery.identification.circuit_fit import (
+    CircuitFit,
+    choose_pairs,
+    fit_circuit,
+    longest_rest_s,
+    longest_tau_s,
+)
 from ohmward.battery.identification.circuit_solve import CircuitProblem
-from ohmward.battery.identification.confidence import confidence_intervals, not_identified
-from ohmward.battery.identification.edges import edge_notes
+from ohmward.battery.identification.confidence import (
+    confidence_intervals,
+    load_temperature,
+    not_identified,
+    untested_sentences,
+)
 from ohmward.battery.identification.first_ocv import (
     DEFAULT_MODEL,
     MODELS,
@@ -46,13 +56,19 @@ from ohmward.battery.identification.first_ocv import (
     known_without_curve,
     usual_efficiency,
 )
-from ohmward.battery.identification.fit_check import fit_notes, label_notes, reproduces
-from ohmward.battery.identification.fit_samples import FitSamples, thin, thin_branch
-from ohmward.battery.identification.log_details import LogDetails, branch_fits, details_of, log_fit
+from ohmward.battery.identification.fit_samples import FitSamples, simulate, thin, thin_branch
+from ohmward.battery.identification.log_details import (
+    LogDetails,
+    branch_fits,
+    details_of,
+    edge_notes,
+    fit_notes,
+    label_notes,
+    log_fit,
+    reproduces,
+)
 from ohmward.battery.identification.noise_from_fit import current_noise_A, noise_from_fit
-from ohmward.battery.identification.ocv_from_low_rate import OcvBranch
-from ohmward.battery.identification.open_loop import simulate
-from ohmward.battery.identification.pairs import choose_pairs, longest_rest_s, longest_tau_s
+from ohmward.battery.identification.ocv_from_logs import OcvBranch
 from ohmward.battery.identification.rc_identification import (
     RcIdentification,
     rc_of_records,
@@ -61,11 +77,9 @@ from ohmward.battery.identification.rc_identification import (
 )
 from ohmward.battery.identification.record import Record, make_records, reference_degC
 from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, axis_std
-from ohmward.battery.identification.untested import load_temperature, untested_sentences
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import BatteryNoise, usual_sensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc_elements import mean_activation_K
-from ohmward.battery.models.sensor import usual_sensor
+from ohmward.battery.models.rc import mean_activation_K
 from ohmward.battery.models.temperature import KELVIN
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive

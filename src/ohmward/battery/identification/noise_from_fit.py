@@ -15,17 +15,16 @@ from ohmward.battery.identification.circuit_solve import (
     error_factor,
     last_direction,
 )
-from ohmward.battery.identification.confidence import covered
-from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
-from ohmward.battery.identification.untested import (
+from ohmward.battery.identification.confidence import (
     activation_std_K,
+    covered,
     hysteresis_std,
     ocv_std_V_per_K,
     unknown_hysteresis_V,
 )
-from ohmward.battery.models.knots import hat
+from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
 from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve, hat
 from ohmward.battery.models.thevenin import Thevenin
 
 #: A rest of this length shows the overpotential of the load before it [s].

@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.circuit_prior import axis_bridge
-from ohmward.battery.identification.open_loop import scan
-from ohmward.battery.identification.record import Record
-from ohmward.battery.identification.segments import REST_RATE, find_rests, is_rest
+from ohmward.battery.identification.fit_samples import scan
+from ohmward.battery.identification.record import REST_RATE, Record, find_rests, is_rest
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.errors import InputError
 from ohmward.logs.log import Note

@@ -16,10 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_battery
+from ohmward.battery.battery import Battery, Knowledge, SeenLog, require_battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.knowledge import Knowledge, SeenLog
-from ohmward.battery.learning.capacity_marginal import with_capacity
 from ohmward.battery.learning.charger_limit import full_at_charger_limit, limit_sentence
 from ohmward.battery.learning.fold import (
     ageing_direction,
@@ -27,15 +25,19 @@ from ohmward.battery.learning.fold import (
     fold,
     model_floor_V,
     never_anchored,
+    not_identified_sentences,
     offset_normal,
     resistance_normal,
     slip_direction,
 )
-from ohmward.battery.learning.given_soc import full_at_start, given_at_start, soc_anchors, span_of
-from ohmward.battery.learning.known import not_identified_sentences
-from ohmward.battery.learning.log_estimates import LogEstimates, combined, log_estimates
-from ohmward.battery.learning.log_update import LogUpdate, narrowed, what_narrowed
-from ohmward.battery.learning.nuisances import nuisance_covariance
+from ohmward.battery.learning.log_update import (
+    LogEstimates,
+    LogUpdate,
+    combined,
+    log_estimates,
+    narrowed,
+    what_narrowed,
+)
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.same_battery import (
     LogFindings,
@@ -50,9 +52,17 @@ from ohmward.battery.learning.same_battery import (
     unexplained,
 )
 from ohmward.battery.learning.samples import Samples, samples_of
-from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve
-from ohmward.battery.learning.start import likely_starts, new_parts, prior_of_age
-from ohmward.battery.learning.voltage_model import VoltageModel
+from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve, with_capacity
+from ohmward.battery.learning.start import (
+    full_at_start,
+    given_at_start,
+    likely_starts,
+    new_parts,
+    prior_of_age,
+    soc_anchors,
+    span_of,
+)
+from ohmward.battery.learning.voltage_model import VoltageModel, nuisance_covariance
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD
 from ohmward.battery.soc.anchors import Anchor, find_anchors
 from ohmward.battery.soc.estimator import SocEstimator

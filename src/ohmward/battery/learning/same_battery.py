@@ -16,7 +16,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal, start_noise
-from ohmward.battery.models.sensor import OFFSET_SHARE
+from ohmward.battery.models.noise import OFFSET_SHARE
 
 #: Length of the vector of both differences, in their standard deviations, that sets a log aside. Later logs of one
 #: battery stay below 2.0 in six simulated cells and below 2.6 in measured ones; the same cell with 80 % of its charge

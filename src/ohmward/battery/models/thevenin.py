@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.knots import between_knots, hat
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve, between_knots, hat
 from ohmward.battery.models.temperature import ROOM_DEGC, arrhenius_factor, coldness_per_K
 from ohmward.checks import require_between, require_finite, require_length, require_positive
 from ohmward.errors import InputError

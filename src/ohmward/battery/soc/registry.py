@@ -7,11 +7,10 @@ from typing import NamedTuple
 
 from ohmward.battery.battery import Battery, require_battery, require_rc, require_thevenin
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
-from ohmward.battery.soc.coulomb import CoulombCounting
+from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
-from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.rc_filter import RcFilter
-from ohmward.battery.soc.rest_ocv import RestOcv
+from ohmward.battery.soc.sample import Estimator
 from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
-from ohmward.battery.learning.fold import PULSE_S
-from ohmward.battery.learning.known import known
+from ohmward.battery.learning.fold import PULSE_S, known
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_battery_with_sensor, read_options
 from ohmward.cli.log_files import log_files
