@@ -62,7 +62,7 @@ _ENTROPY_SHARE = 0.5
 #: Where nothing but the curve has told the charge, a log cannot see a shift of the axis: so much of the error that the
 #: chemistry's curves have is left.
 _UNANCHORED_SHARE = 0.5
-#: Grid of the error along SoC in the noise.
+#: Grid of the error along SoC.
 _NOISE_GRID = np.linspace(0.0, 1.0, 21)
 #: Correlations between knots of the curve that tell how long its error lasts.
 _NEIGHBOUR = 0.1
@@ -222,26 +222,6 @@ def never_anchored(battery: Battery, before: Battery) -> Battery:
     return replace(battery, noise=replace(battery.noise, soc_axis_std=axis_std))
 
 
-def capacity_normal(battery: Battery, covariance: np.ndarray) -> Normal:
-    """Capacity [Ah] and its standard deviation; the gain of the current sensor cannot be told from it."""
-    p = parameters_of(battery)
-    learnt = float(covariance[p.group("capacity"), p.group("capacity")].sum())
-    std = np.hypot(max(np.sqrt(learnt), _CAPACITY_STD), battery.sensor.gain_std)
-    return Normal(battery.capacity_Ah, battery.capacity_Ah * float(std))
-
-
-def offset_normal(battery: Battery, covariance: np.ndarray) -> Normal:
-    """Reading of the current sensor at zero current [A], and its standard deviation."""
-    offset = parameters_of(battery).group("offset")
-    return Normal(battery.sensor.offset_A, float(np.sqrt(covariance[offset, offset].sum())))
-
-
-def resistance_normal(battery: Battery, covariance: np.ndarray) -> Normal:
-    """Resistance [ohm] to ten seconds of 1 C at half charge and the temperature of the file."""
-    mean = pulse_ohm(require_thevenin(battery))
-    return Normal(mean, mean * max(resistance_std(battery, covariance), _RESISTANCE_STD))
-
-
 def resistance_std(battery: Battery, covariance: np.ndarray) -> float:
     """Relative error of the resistance to a steady current, mean over SoC."""
     p, model = parameters_of(battery), require_thevenin(battery)
@@ -313,17 +293,12 @@ _OF_A_LABEL = ("everything", "capacity: ", "resistances: ", "open-circuit voltag
 _SEEN_TO_THE_END = 0.02
 
 
-#: Grid of SoC on which the error of the curve is told.
-_GRID = np.linspace(0.0, 1.0, 21)
-
-
 class KnownBattery(NamedTuple):
     """Quantities of a battery file with their standard deviations."""
 
-    #: the resistance to ten seconds of 1 C at half charge
-    capacity_Ah: Normal
-    resistance_ohm: Normal
-    offset_A: Normal
+    capacity_Ah: Normal  #: the gain of the current sensor cannot be told from it
+    resistance_ohm: Normal  #: to ten seconds of 1 C at half charge and the temperature of the file
+    offset_A: Normal  #: reading of the current sensor at zero current
     #: (21,) standard deviation of the open-circuit curve that the estimators assume, from SoC 0 to 1
     ocv_std_V: np.ndarray
     #: what it has learnt from
@@ -333,13 +308,16 @@ class KnownBattery(NamedTuple):
 
 def known(battery: Battery) -> KnownBattery:
     """Quantities that a battery file knows, and how well."""
-    covariance = prior_covariance(battery)
+    p, covariance = parameters_of(battery), prior_covariance(battery)
+    learnt = float(covariance[p.group("capacity"), p.group("capacity")].sum())
+    capacity_std = np.hypot(max(np.sqrt(learnt), _CAPACITY_STD), battery.sensor.gain_std)
+    ohm, offset = pulse_ohm(require_thevenin(battery)), p.group("offset")
     logs = battery.knowledge.logs if battery.knowledge else ()
     return KnownBattery(
-        capacity_normal(battery, covariance),
-        resistance_normal(battery, covariance),
-        offset_normal(battery, covariance),
-        ocv_std_V(battery, _GRID),
+        Normal(battery.capacity_Ah, battery.capacity_Ah * float(capacity_std)),
+        Normal(ohm, ohm * max(resistance_std(battery, covariance), _RESISTANCE_STD)),
+        Normal(battery.sensor.offset_A, float(np.sqrt(covariance[offset, offset].sum()))),
+        ocv_std_V(battery, _NOISE_GRID),
         len(logs),
         sum(log.hours for log in logs),
     )

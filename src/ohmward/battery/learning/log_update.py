@@ -10,14 +10,16 @@ A trend over months is fitted to these: knowledge that is carried from log to lo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.learning.fold import ageing_direction, resistance_normal
+from ohmward.battery.learning.fold import ageing_direction, pulse_ohm
 from ohmward.battery.learning.parameters import TITLES, Parameters
 from ohmward.battery.learning.solve import Normals, Solution
 from ohmward.battery.learning.voltage_model import VoltageModel
@@ -47,11 +49,10 @@ def log_estimates(model: VoltageModel, prior: Normals, found: Solution, after: B
     precision = np.linalg.inv(prior.covariance[:K, :K])
     information = np.linalg.inv(found.covariance[:K, :K]) - precision
     pull = precision @ found.x[:K]
-    now_ohm = resistance_normal(after, found.covariance[:K, :K]).mean
     lowest_soc, given_Ah = _given(model, found, after)
     return LogEstimates(
         log_estimate(after.capacity_Ah, ageing_direction(model.battery, p), pull, information),
-        log_estimate(now_ohm, _resistances(p), pull, information),
+        log_estimate(pulse_ohm(require_thevenin(after)), _resistances(p), pull, information),
         lowest_soc,
         given_Ah,
     )
@@ -101,32 +102,34 @@ class LogUpdate(NamedTuple):
     verdict: str  #: "learnt", "set aside" or "seen"
     reason: str  #: why it was set aside, or what it taught, in a sentence
     hours: float  #: its length
-    #: range of SoC in it
-    soc_min: float
-    soc_max: float
-    #: what is known after this log; the resistance to ten seconds of 1 C at half charge and the temperature of the file
+    #: what is known after this log, see `KnownBattery`
     capacity_Ah: Normal
     resistance_ohm: Normal
     offset_A: Normal
+    #: range of SoC in it
+    soc_min: float = math.nan
+    soc_max: float = math.nan
     #: by what factor the standard deviation of each group of parameters narrowed, by its name
-    information: Mapping[str, float]
-    residual_rms_V: float  #: measured minus expected voltage
-    misfit: float  #: factor by which the squares of these errors exceed what the file expects of them, at least 1
+    information: Mapping[str, float] = MappingProxyType({})
+    residual_rms_V: float = math.nan  #: measured minus expected voltage
+    #: factor by which the squares of these errors exceed what the file expects of them, at least 1
+    misfit: float = math.nan
     #: SoC at the first and the last sample
-    soc_start: Normal
-    soc_end: Normal
+    soc_start: Normal = Normal(math.nan, math.nan)
+    soc_end: Normal = Normal(math.nan, math.nan)
     #: what this log alone says of them, all other parameters as they are known after it; the standard deviation is inf
     #: where it says nothing
-    own_capacity_Ah: Normal
-    own_resistance_ohm: Normal
-    given_Ah: Normal  #: charge from full down to the lowest SoC of the log
+    own_capacity_Ah: Normal = _SAYS_NOTHING
+    own_resistance_ohm: Normal = _SAYS_NOTHING
+    given_Ah: Normal = _SAYS_NOTHING  #: charge from full down to the lowest SoC of the log
     anchors: tuple[Anchor, ...] = ()  #: what told SoC beside the voltage
     left_out: tuple[str, ...] = ()  #: stretches and samples of the log that were not used, and why
 
     def as_dict(self) -> dict[str, Any]:
         """The update for JSON; a number that is not known is None."""
         records = {name: value._asdict() for name, value in self._asdict().items() if isinstance(value, Normal)}
-        found = self._asdict() | records | {"anchors": [anchor._asdict() for anchor in self.anchors]}
+        found = self._asdict() | records | {"information": dict(self.information)}
+        found |= {"anchors": [anchor._asdict() for anchor in self.anchors]}
         return {name: None if value != value else value for name, value in found.items()}
 
 
