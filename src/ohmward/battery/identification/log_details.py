@@ -6,6 +6,8 @@ At an edge of the current the voltage jumps by R_0 di; in a rest it is V_inf + a
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, pairwise
 from typing import NamedTuple
 
@@ -199,21 +201,35 @@ def _best_of(time_s: np.ndarray, voltage_V: np.ndarray, candidates: list[tuple[f
     )
 
 
-class LogDetails(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class LogDetails:
     """Stages of the identification on one log that the circuit was fitted to."""
 
     record: Record
-    axis: SocAxis  #: its state of charge and the anchors of that; pulses; edges; relaxations
-    pulses: tuple[Phase, ...]
-    edges: tuple[Edge, ...]
-    relaxations: tuple[Relaxation, ...]
-    rests: tuple[RestPoint, ...]  #: ends of long rests
-    #: samples used by the fit, (N,) each, divided at gaps; simulated_V: voltage of the circuit along each
-    parts: tuple[FitSamples, ...]
+    axis: SocAxis  #: its state of charge and the anchors of that
+    parts: tuple[FitSamples, ...]  #: samples used by the fit, divided at gaps
+    simulated_V: tuple[np.ndarray, ...]  #: voltage of the circuit along each part, (N,) each
+    model: Thevenin  #: the circuit
 
-    simulated_V: tuple[np.ndarray, ...]
-    #: from this voltage on the battery gases, which no circuit models; None where it never does
-    gassing_V: float | None
+    @property
+    def pulses(self) -> tuple[Phase, ...]:
+        """Pulses of the current."""
+        return find_pulses(self.record.phases, self.model.capacity_Ah)
+
+    @cached_property
+    def edges(self) -> tuple[Edge, ...]:
+        """Jumps of the current."""
+        return find_edges(self.record, self.axis.soc, self.model.capacity_Ah)
+
+    @cached_property
+    def relaxations(self) -> tuple[Relaxation, ...]:
+        """Rests with the exponentials through them."""
+        return find_relaxations(self.record, self.axis.soc)
+
+    @property
+    def rests(self) -> tuple[RestPoint, ...]:
+        """Ends of long rests."""
+        return rest_points(self.record, self.axis.soc)
 
     @property
     def residual_V(self) -> tuple[np.ndarray, ...]:
@@ -241,29 +257,7 @@ class LogDetails(NamedTuple):
     @property
     def _modelled(self) -> np.ndarray:
         voltage_V = np.concatenate([s.voltage_V for s in self.parts])
-        return self._measured & (voltage_V < (np.inf if self.gassing_V is None else self.gassing_V))
-
-
-def details_of(
-    record: Record,
-    axis: SocAxis,
-    parts: tuple[FitSamples, ...],
-    simulated_V: tuple[np.ndarray, ...],
-    model: Thevenin,
-) -> LogDetails:
-    """Pulses, edges, relaxations and rests of a record beside its samples and their voltage as simulated by a model."""
-    capacity_Ah = model.capacity_Ah
-    return LogDetails(
-        record,
-        axis,
-        find_pulses(record.phases, capacity_Ah),
-        find_edges(record, axis.soc, capacity_Ah),
-        find_relaxations(record, axis.soc),
-        rest_points(record, axis.soc),
-        parts,
-        simulated_V,
-        model.gassing_V,
-    )
+        return self._measured & (voltage_V < (self.model.gassing_V or np.inf))
 
 
 def log_fit(name: str, test: str, soc: np.ndarray, rms_V: float = 0.0, largest_V: float = 0.0) -> LogFit:
@@ -315,8 +309,8 @@ def _misfit(fit: LogFit, ocv: OcvCurve) -> Note:
 
 def _gassing(log: LogDetails) -> Note:
     text = (
-        f"{log.gassing_share:.0%} of {log.record.log.name!r} lie above {log.gassing_V:.4g} V, where the battery gases: "
-        "no circuit models that, the voltage error leaves it out, and the filters do not use it"
+        f"{log.gassing_share:.0%} of {log.record.log.name!r} lie above {log.model.gassing_V:.4g} V, where the battery "
+        "gases: no circuit models that, the voltage error leaves it out, and the filters do not use it"
     )
     return Note(text)
 
