@@ -78,7 +78,7 @@ def fit_circuit(
     starts = [np.clip(_to_search(r, problem), low + _STEP, high - _STEP) for r in near or _first_rates(problem, pairs)]
     tried: list[CircuitSolution] = []
     for k, start in enumerate(starts):
-        tried.append(solve(problem, _to_rates(start, problem, pairs), reweightings=2))
+        tried.append(solve(problem, _to_rates(start, problem, pairs), most_steps=1))
         report(0.3 * (k + 1) / len(starts))
     searches = []
     for k, start in enumerate(_best_apart(starts, tried)[: 1 if near else 2]):

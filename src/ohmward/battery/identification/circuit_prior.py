@@ -17,6 +17,7 @@ from ohmward.battery.identification.circuit_design import (
     ParameterLayout,
 )
 from ohmward.battery.models.ocv import OcvCurve, correlation
+from ohmward.battery.posterior import Gaussian
 
 
 class CircuitPrior(NamedTuple):
@@ -137,20 +138,9 @@ def with_branches(prior: CircuitPrior) -> CircuitPrior:
     return prior._replace(hysteresis=(0.8, 0.15), hysteresis_rate=18.0, hysteresis_rate_log_std=0.3, fits_branches=True)
 
 
-class GaussianPrior(NamedTuple):
-    """Gaussian density of x: precision (K, K) and precision times mean (K,)."""
-
-    precision: np.ndarray
-    information: np.ndarray
-
-    def times(self, other: GaussianPrior) -> GaussianPrior:
-        """The product of both densities."""
-        return GaussianPrior(self.precision + other.precision, self.information + other.information)
-
-
 def nuisance_prior(
     prior: CircuitPrior, layout: ParameterLayout, ocv: OcvCurve, at_rest: list[bool], volts: float
-) -> GaussianPrior:
+) -> Gaussian:
     """The prior of all but the resistances: hysteresis, OCV correction, states at the start of each record.
 
     at_rest: for each record, True where it starts with a rest.
@@ -170,12 +160,10 @@ def nuisance_prior(
         start_V = np.full(layout.pairs, volts * (prior.rest_V if rests else prior.start_V))
         std_of_start = np.concatenate([start_V, np.full(int(layout.hysteresis), prior.hysteresis[0])])
         precision[where, where] += np.diag(1 / std_of_start**2)
-    return GaussianPrior(precision, information)
+    return Gaussian(precision, information)
 
 
-def resistance_prior(
-    prior: CircuitPrior, layout: ParameterLayout, levels: np.ndarray, shapes: np.ndarray
-) -> GaussianPrior:
+def resistance_prior(prior: CircuitPrior, layout: ParameterLayout, levels: np.ndarray, shapes: np.ndarray) -> Gaussian:
     """The prior of the resistances: random walks along SoC about a level, r0 alike in both directions.
 
     levels: (2 + n,) level of each resistance [ohm]; shapes: (2 + n, 21) its expected course along SoC, about 1.
@@ -189,7 +177,7 @@ def resistance_prior(
             add_rows(precision, layout.block(j), row[None, :])
             information[layout.block(j)] += row / prior.level_share
     _tie_directions(precision, layout, prior.direction_share * levels[0])
-    return GaussianPrior(precision, information)
+    return Gaussian(precision, information)
 
 
 def ocv_precision(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> np.ndarray:

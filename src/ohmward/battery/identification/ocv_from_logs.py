@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.record import LOW_RATE, Phase, Record, find_rests, is_rest
+from ohmward.battery.identification.record import LOW_RATE, SETTLED_REST_S, Phase, Record, find_rests, is_rest
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
@@ -272,8 +272,6 @@ def _branch_note(branch: OcvBranch, capacity_Ah: float) -> Note:
     return Note(f"{text}; is {capacity_Ah:g} Ah the capacity that estimators should use?", "warning")
 
 
-#: Shortest rest whose end is an open-circuit voltage [s].
-SHORTEST_OCV_REST_S = 600.0
 #: Points of the curve.
 _RESTED_CURVE_POINTS = 101
 #: Rests within this of SoC are one point.
@@ -301,7 +299,7 @@ def rest_points(record: Record, soc: np.ndarray) -> tuple[RestPoint, ...]:
     soc: (T,) state of charge along the record.
     """
     first = [p for p in record.phases[:1] if is_rest(p)]
-    rests = [*first, *find_rests(record.phases, SHORTEST_OCV_REST_S)]
+    rests = [*first, *find_rests(record.phases, SETTLED_REST_S)]
     ends = [(p, last_measured(record.log.voltage_V, p.first, p.last)) for p in rests]
     return tuple(
         RestPoint(record.log.name, at, float(soc[at]), float(record.log.voltage_V[at]), p.duration_s)
@@ -330,7 +328,7 @@ def ocv_from_rests(points: Sequence[RestPoint], empty_V: float, reference_degC: 
     if soc.size < _FEWEST_POINTS or np.ptp(soc) < _SMALLEST_SPAN:
         span = np.ptp(soc) if soc.size else 0.0
         raise InputError(
-            f"only {soc.size} rests of {SHORTEST_OCV_REST_S:g} s or more, over {span:.0%} of SoC: the open-circuit "
+            f"only {soc.size} rests of {SETTLED_REST_S:g} s or more, over {span:.0%} of SoC: the open-circuit "
             "voltage cannot be told from the voltage under load; give it (--ocv, ocv=), add a log with a low-rate "
             "discharge and charge, or one with rests at several states of charge, or name the chemistry and the SoC at "
             "the start (--chemistry nmc --initial-soc 0.9)"

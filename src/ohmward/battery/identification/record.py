@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ohmward.battery.models.temperature import ROOM_DEGC
+from ohmward.battery.soc.anchor_rule import REST_C
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note, counted
 
@@ -173,8 +174,7 @@ def _gap_notes(gap: np.ndarray) -> tuple[Note, ...]:
     return (Note(f"{counted(int(gap.sum()), 'gap')} without a charge counter: what flowed there is not known"),)
 
 
-#: Rates over 1 C: largest of a rest, largest of a low-rate test, smallest of a pulse.
-REST_RATE = 1 / 100
+#: Rates over 1 C: largest of a low-rate test, smallest of a pulse.
 LOW_RATE = 1 / 15
 PULSE_RATE = 1 / 20
 #: Durations of a pulse and of the rest before it [s].
@@ -218,7 +218,7 @@ def find_phases(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> tu
             f"log {log.name!r} has {len(log)} samples; a pulse and its rest need at least {FEWEST_OF_A_PULSE}"
         )
     current_A = np.nan_to_num(log.current_A)
-    rest = np.abs(current_A - idle_current_A) <= REST_RATE * capacity_Ah
+    rest = np.abs(current_A - idle_current_A) <= REST_C * capacity_Ah
     jump = np.abs(np.diff(current_A)) > np.maximum(_JUMP_SHARE * np.abs(current_A[1:]), _JUMP_RATE * capacity_Ah)
     new = (rest[1:] != rest[:-1]) | (jump & ~rest[1:])
     first = np.concatenate([[0], np.flatnonzero(new) + 1])
@@ -284,7 +284,7 @@ def _joined(
 #: Relative difference of voltages that are the same rest, and length of a rest whose voltage has settled [s]: a minute
 #: after a pulse of 6 C it still rises by as much as a discharge of 5 % would lower it.
 _SAME_VOLTAGE = 0.003
-_SETTLED_REST_S = 600.0
+SETTLED_REST_S = 600.0
 
 
 class Record(NamedTuple):
@@ -357,7 +357,7 @@ def _after_gap(before: Record, record: Record) -> Record:
     if not ends_V.size or not starts_V.size or abs(starts_V[0] - ends_V[-1]) <= _SAME_VOLTAGE * ends_V[-1]:
         return record
     direction = int(np.sign(starts_V[0] - ends_V[-1]))
-    relaxing = 0 if is_rest(before.phases[-1], _SETTLED_REST_S) else _relaxing(before)
+    relaxing = 0 if is_rest(before.phases[-1], SETTLED_REST_S) else _relaxing(before)
     return record._replace(came_from=0 if direction == relaxing else direction)
 
 
@@ -378,7 +378,7 @@ def _rests_through(record: Record, k: int) -> bool:
     """True where a rest that had settled before the gap at sample k goes on after it at the same voltage."""
     time_s = record.log.time_s
     settled = any(
-        p.kind == "rest" and p.first < k <= p.last and time_s[k - 1] - time_s[p.first] >= _SETTLED_REST_S
+        p.kind == "rest" and p.first < k <= p.last and time_s[k - 1] - time_s[p.first] >= SETTLED_REST_S
         for p in record.phases
     )
     before_V, after_V = record.log.voltage_V[k - 1], record.log.voltage_V[k]

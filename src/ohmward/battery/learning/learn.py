@@ -49,7 +49,7 @@ from ohmward.battery.learning.same_battery import (
     unexplained,
 )
 from ohmward.battery.learning.samples import Samples, samples_of
-from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve, with_capacity
+from ohmward.battery.learning.solve import Normals, Solution, solve, with_capacity
 from ohmward.battery.learning.start import (
     full_at_start,
     given_at_start,
@@ -61,6 +61,7 @@ from ohmward.battery.learning.start import (
 )
 from ohmward.battery.learning.voltage_model import VoltageModel, nuisance_covariance
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD
+from ohmward.battery.soc.anchor_rule import SocAnchor
 from ohmward.battery.soc.anchors import Anchor, find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.fit_check import misfits

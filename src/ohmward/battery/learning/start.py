@@ -27,9 +27,10 @@ from ohmward.battery.fingerprint import fingerprint, unlearnt_parts
 from ohmward.battery.learning.log_faults import usable_log
 from ohmward.battery.learning.parameters import OCV_KNOTS, mean_slope_V, prior_covariance
 from ohmward.battery.learning.samples import Samples
-from ohmward.battery.learning.solve import Normals, SocAnchor
+from ohmward.battery.learning.solve import Normals
 from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.models.ocv import correlation, hat
+from ohmward.battery.soc.anchor_rule import REST_C, SocAnchor
 from ohmward.battery.soc.anchors import Anchor
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
@@ -40,8 +41,8 @@ _GIVEN_STD = 0.03
 _CONTINUES_S, _CONTINUED_STD = 1800.0, 0.01
 #: Between the two the current of either side may have gone on, and this multiple of the capacity per hour besides.
 _BETWEEN_C = 0.05
-#: Currents below this multiple of the capacity per hour are a rest, whose voltage at full is full within this.
-_REST_C, _FULL_AT_REST_STD = 0.01, 0.03
+#: A rest at the voltage of full is full within this.
+_FULL_AT_REST_STD = 0.03
 
 
 def given_at_start(battery: Battery, log: Log, initial_soc: float | None) -> tuple[SocAnchor, ...]:
@@ -68,7 +69,7 @@ def given_at_start(battery: Battery, log: Log, initial_soc: float | None) -> tup
 def full_at_start(battery: Battery, samples: Samples) -> tuple[SocAnchor, ...]:
     """State of charge of a part that starts at rest at the voltage of a full battery or above; () for another one."""
     full_V = float(require_thevenin(battery).ocv.mean_V(1.0, samples.temperature_degC[0]))
-    resting = abs(samples.current_A[0]) <= _REST_C * battery.capacity_Ah
+    resting = abs(samples.current_A[0]) <= REST_C * battery.capacity_Ah
     if not (resting and samples.voltage_V[0] >= full_V):
         return ()
     return (SocAnchor(0, 1.0, math.hypot(_FULL_AT_REST_STD, battery.noise.soc_axis_std)),)

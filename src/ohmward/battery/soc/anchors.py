@@ -225,7 +225,7 @@ def _events_inside(log: Log, finder: AnchorFinder, output: FinderOutput) -> Iter
 def _flagged(log: Log, rule: AnchorRule) -> Iterator[_Event]:
     """The events that a column says."""
     for name, k in log.full_charges():
-        yield _Event("full charge", k, SocNormal(1.0, rule.full_std), name)
+        yield _Event("full charge", k, SocNormal(1.0, rule.limits.full_std), name)
 
 
 def _end_of_run(held_s: np.ndarray, k: int) -> int:
