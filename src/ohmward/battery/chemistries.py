@@ -19,6 +19,7 @@ from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
 
 #: Of a label: capacity, as batteries that are some years old have lost 10 to 30 % of it; logarithm of the resistances,
 #: which over the label's were 0.3 to 3.6 on ten measured cells and packs.
@@ -388,8 +389,9 @@ def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str
         sensor=usual_sensor(capacity_Ah),
         not_identified=(
             f"everything: these are start values that cells of {c.title} have in common",
-            f"capacity: as given, taken as right within {_LABEL_CAPACITY_STD:.0%}",
-            "resistances: taken as right within a factor of two; the filter carries them as states",
+            f"capacity: as given, taken as right within ± {BAND_95 * _LABEL_CAPACITY_STD:.0%} (95 %)",
+            f"resistances: taken as right within a factor of {np.exp(BAND_95 * _LABEL_RESISTANCE_STD):.1f} (95 %); the "
+            "filter carries them as states",
         ),
     )
 

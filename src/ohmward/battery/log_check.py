@@ -20,6 +20,7 @@ from ohmward.battery.models.temperature import KELVIN
 from ohmward.battery.soc.anchor_rule import REST_C
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_voltage
 from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
 from ohmward.logs.sign import CurrentSign
 from ohmward.quantities import MOST_C
@@ -365,6 +366,6 @@ def _check_temperature(log: Log, battery: Battery) -> Log:
         return log
     text = (
         f"the log goes to {degC[worst]:z.0f} degC, where the resistance follows from {reference_degC:z.0f} degC within "
-        f"± {spread[worst]:.0%} only (1 sigma); the band is wider there"
+        f"± {BAND_95 * spread[worst]:.0%} only (95 %); the band is wider there"
     )
     return log.with_notes(Note(text, "warning"))

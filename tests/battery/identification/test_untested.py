@@ -75,8 +75,8 @@ def test_one_temperature_leaves_the_prior_and_says_so():
     assert unknown_hysteresis_V(problem) > 0.0
     assert activation == (
         "activation: currents flowed at 24 to 26 degC only, so how the resistances change with temperature was assumed "
-        "as usual for nmc cells: 2500 K (R0), 3200 K (RC pairs) and 1500 K (time constants), each ± 1500 K; the RC "
-        "pairs of an empty battery have a further ± 8000 K (all 1 sigma)"
+        "as usual for nmc cells: 2500 K (R0), 3200 K (RC pairs) and 1500 K (time constants), each ± 2940 K; the RC "
+        "pairs of an empty battery have a further ± 15680 K (95 %)"
     )
     assert "needs tests at two temperatures" in curve
     assert all("name the chemistry" in sentence for sentence in untested_sentences(fit, problem, ""))

@@ -33,9 +33,9 @@ def test_what_both_may_err_is_no_contradiction(capacity_Ah, resistance_ohm):
 
 def test_the_quantities_that_differ_are_told():
     text = other_battery(FILE, seen(8.0, 0.030))
-    assert text.startswith("this is not the battery of the file: its capacity is 8 ± 0.24 Ah, that of the file 10 ±")
-    assert "its resistance is 30 ± 3 mohm, that of the file 20 ± 1.2 mohm" in text
-    assert "capacity" not in other_battery(FILE, seen(10.0, 0.035)).partition("(1 sigma)")[0].replace("of the file", "")
+    assert text.startswith("this is not the battery of the file: its capacity is 8 ± 0.47 Ah, that of the file 10 ±")
+    assert "its resistance is 30 ± 5.9 mohm, that of the file 20 ± 2.4 mohm" in text
+    assert "capacity" not in other_battery(FILE, seen(10.0, 0.035)).partition("(95 %)")[0].replace("of the file", "")
 
 
 def test_both_differences_count_together():
@@ -69,7 +69,7 @@ def test_a_label_may_be_wrong_by_more():
 
 def test_a_sensor_with_another_offset_is_told_from_another_battery():
     other = seen(8.0, 0.030)._replace(offset_A=Normal(0.5, 0.02))
-    assert other_battery(FILE, other, 100.0).startswith("its current sensor shows 0.5 ± 0.02 A where none flows")
+    assert other_battery(FILE, other, 100.0).startswith("its current sensor shows 0.5 ± 0.039 A where none flows")
     assert "is not the battery of the file" in other_battery(FILE, other, 0.0)
     label = FILE._replace(capacity_Ah=Normal(10.0, 1.0), resistance_ohm=Normal(0.020, 0.016))
     assert other_label(label, seen(10.0, 0.020, 0.04, 0.001)) == ""

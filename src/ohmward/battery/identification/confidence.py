@@ -210,21 +210,21 @@ def _activation(problem: CircuitProblem, kind: str) -> list[str]:
         return []
     prior = problem.prior.untested
     ohmic, pairs, tau = (f"{A.mean:.0f} K" for A in prior.activations_K)
-    empty_K, empty_std_K = prior.empty_activation_K
-    more = f"{empty_K:.0f} ± {empty_std_K:.0f} K more" if empty_K else f"a further ± {empty_std_K:.0f} K"
+    empty_K, empty_half_K = prior.empty_activation_K.mean, BAND_95 * prior.empty_activation_K.std
+    more = f"{empty_K:.0f} ± {empty_half_K:.0f} K more" if empty_K else f"a further ± {empty_half_K:.0f} K"
     return [
         f"activation: currents flowed at {load_temperature(problem.samples)} only, so how the resistances change with "
         f"temperature was assumed as usual for {kind}: {ohmic} (R0), {pairs} (RC pairs) and {tau} (time constants), "
-        f"each ± {prior.activation_std_K:.0f} K; the RC pairs of an empty battery have {more} (all 1 sigma)"
+        f"each ± {BAND_95 * prior.activation_std_K:.0f} K; the RC pairs of an empty battery have {more} (95 %)"
     ]
 
 
 def _ocv_temperature(fit: CircuitFit, problem: CircuitProblem, kind: str) -> list[str]:
     if problem.fit_activation or any(problem.ocv.temperature_V_per_K):
         return []
-    std_mV = 1e3 * ocv_std_V_per_K(fit, problem)
+    half_mV = 1e3 * BAND_95 * ocv_std_V_per_K(fit, problem)
     return [
-        f"open-circuit voltage against temperature: needs tests at two temperatures; 0 ± {std_mV:.2g} mV/K was "
+        f"open-circuit voltage against temperature: needs tests at two temperatures; 0 ± {half_mV:.2g} mV/K (95 %) was "
         f"assumed, as usual for {kind}"
     ]
 

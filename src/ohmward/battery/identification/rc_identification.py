@@ -42,6 +42,7 @@ from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel, circuit_by_rule, circuit_of
 from ohmward.battery.models.temperature import ROOM_DEGC, arrhenius_factor
 from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 from ohmward.optional import require
 
@@ -582,8 +583,8 @@ def with_usual_activation(found: RcIdentification, chemistry: str, record_degC: 
     activation_K = 0.5 * (prior.activation_K.mean + prior.pair_activation_K.mean)
     noise = BatteryNoise(activation_std_K=prior.activation_std_K, ocv_std_V_per_K=volts * prior.ocv_std_V_per_K)
     sentence = (
-        f"activation of the resistances: {activation_K:.0f} ± {prior.activation_std_K:.0f} K was taken, as usual for "
-        f"{chemistry or 'batteries'}"
+        f"activation of the resistances: {activation_K:.0f} ± {BAND_95 * prior.activation_std_K:.0f} K (95 %) was "
+        f"taken, as usual for {chemistry or 'batteries'}"
     )
     usual = with_activation(found, activation_K, noise, record_degC)
     return usual._replace(not_identified=(*usual.not_identified, sentence))

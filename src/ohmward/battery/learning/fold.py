@@ -44,6 +44,7 @@ from ohmward.battery.models.thevenin import (
     next_state,
     overpotentials,
 )
+from ohmward.filters.consistency import BAND_95
 
 #: Duration of the pulse [s], and the state of charge before the one that is quoted.
 PULSE_S, _HALF = 10.0, 0.5
@@ -336,13 +337,13 @@ def not_identified_sentences(battery: Battery) -> tuple[str, ...]:
     if battery.knowledge is None or not any(text.startswith(_OF_A_LABEL[0]) for text in battery.not_identified):
         return battery.not_identified
     found, seen_soc = known(battery), battery.knowledge.seen_from_soc
-    capacity = found.capacity_Ah.std / found.capacity_Ah.mean
-    resistance = found.resistance_ohm.std / found.resistance_ohm.mean
+    capacity = BAND_95 * found.capacity_Ah.std / found.capacity_Ah.mean
+    resistance = np.exp(BAND_95 * found.resistance_ohm.std / found.resistance_ohm.mean)
     kind = f"cells of {chemistry(battery.chemistry).title}" if battery.chemistry else "batteries"
     sentences = [
         f"everything that no log has shown: start values that {kind} have in common",
-        f"capacity: learnt within {capacity:.1%} (1 sigma) from {found.logs} log{'s' * (found.logs != 1)}",
-        f"resistances: learnt within {resistance:.0%} (1 sigma)",
+        f"capacity: learnt within ± {capacity:.0%} (95 %) from {found.logs} log{'s' * (found.logs != 1)}",
+        f"resistances: learnt within a factor of {resistance:.2f} (95 %)",
     ]
     if seen_soc > _SEEN_TO_THE_END:
         sentences.append(f"open-circuit voltage: no log went below {seen_soc:.0%} of charge")

@@ -18,6 +18,7 @@ from ohmward.battery.chemistries import Normal, start_noise
 from ohmward.battery.learning.fold import KnownBattery
 from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.battery.models.noise import OFFSET_SHARE
+from ohmward.filters.consistency import BAND_95
 
 #: Length of the vector of both differences, in their standard deviations, that sets a log aside. Later logs of one
 #: battery stay below 2.0 in six simulated cells and below 2.6 in measured ones; the same cell with 80 % of its charge
@@ -107,7 +108,7 @@ def too_small(capacity_Ah: Normal, depth: float) -> str:
     if depth <= _DEEPEST_DISCHARGE:
         return ""
     larger = f"its capacity is {depth * capacity_Ah.mean:.3g} Ah at least, by the charge that the log counts"
-    return _refusal(f"{larger}, that of the file {capacity_Ah.mean:.3g} ± {capacity_Ah.std:.2g} Ah")
+    return _refusal(f"{larger}, that of the file {_band(capacity_Ah)} Ah")
 
 
 def other_battery(known: KnownBattery, alone: LogUpdate, explained_worse: float = 0.0) -> str:
@@ -141,8 +142,8 @@ def _other_sensor(known: KnownBattery, found: LogUpdate, std_A: float) -> str:
     if abs(off_A) <= _OTHER_SENSOR * std_A:
         return ""
     return (
-        f"its current sensor shows {found.offset_A.mean:.3g} ± {found.offset_A.std:.2g} A where none flows, that of "
-        f"the file {known.offset_A.mean:.3g} ± {known.offset_A.std:.2g} A (1 sigma); check the sensor; "
+        f"its current sensor shows {_band(found.offset_A)} A where none flows, that of the file "
+        f"{_band(known.offset_A)} A (95 %); check the sensor; "
         "with another one begin anew with `ohmward generic` and the present capacity"
     )
 
@@ -153,8 +154,7 @@ def _contradiction(known: KnownBattery, found: LogUpdate, z: list[float], limit:
         return ""
     units = (("capacity", "Ah", 1.0), ("resistance", "mohm", 1e3))
     differ = [
-        f"its {name} is {scale * new.mean:.3g} ± {scale * new.std:.2g} {unit}, that of the file "
-        f"{scale * old.mean:.3g} ± {scale * old.std:.2g} {unit}"
+        f"its {name} is {_band(new, scale)} {unit}, that of the file {_band(old, scale)} {unit}"
         for (name, unit, scale), (old, new), off in zip(units, _pairs(known, found), z, strict=True)
         if abs(off) > _WORTH_TELLING
     ]
@@ -163,7 +163,7 @@ def _contradiction(known: KnownBattery, found: LogUpdate, z: list[float], limit:
 
 def _refusal(difference: str) -> str:
     return (
-        f"this is not the battery of the file: {difference} (1 sigma); keep a file for each battery. If "
+        f"this is not the battery of the file: {difference} (95 %); keep a file for each battery. If "
         "it is the same one nevertheless, begin anew with `ohmward generic` and its present capacity"
     )
 
@@ -180,6 +180,11 @@ def _pairs(known: KnownBattery, found: LogUpdate) -> tuple[tuple[Normal, Normal]
 
 def _log_ratio(old: Normal, new: Normal) -> float:
     return float(np.log(new.mean / old.mean))
+
+
+def _band(value: Normal, scale: float = 1.0) -> str:
+    """A mean and the half width of its 95 % band."""
+    return f"{scale * value.mean:.3g} ± {scale * BAND_95 * value.std:.2g}"
 
 
 def _share(value: Normal) -> float:
