@@ -34,7 +34,7 @@ BELOW: dict[str, set[str]] = {
     "filters": {"trace"} | GROUND,
     "logs": GROUND,
     "report": GROUND,
-    "battery": {"trace", "filters", "logs.log", "logs.ocv_table", "logs.sign", "logs.cell_columns"} | GROUND,
+    "battery": {"trace", "filters", "logs.log", "logs.ocv_table", "logs.sign", "logs.battery_columns"} | GROUND,
     "traction": {"trace", "filters"} | LOGS | GROUND,
     "energy": CORE | LOGS,
     "export": CORE,

@@ -23,9 +23,8 @@ from ohmward.cli.progress import Report, counting
 from ohmward.errors import InputError
 from ohmward.fleet.reading import read_one_of
 from ohmward.logs import DriveLog, FileHints, Log
-from ohmward.logs.cell_columns import CellVoltages, cell_names, find_cells
+from ohmward.logs.battery_columns import CellVoltages, cell_names, charger_columns, find_cells
 from ohmward.logs.channels import BATTERY, TIME
-from ohmward.logs.charger_flag import charger_columns
 from ohmward.logs.columns import guess, listed
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table

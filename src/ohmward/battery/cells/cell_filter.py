@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import BatteryNoise, walk_variance
+from ohmward.battery.models.noise import RESISTANCE_CORRELATION, BatteryNoise, walk_variance
 from ohmward.battery.models.ocv import beyond_line, slip_shape
 from ohmward.battery.models.thevenin import (
     CircuitInput,
@@ -33,7 +33,7 @@ from ohmward.battery.models.thevenin import (
     overpotentials,
     pair_resistances,
 )
-from ohmward.battery.soc.augmented_thevenin import LEAST_CHARGE_GAIN, RESISTANCE_CORRELATION
+from ohmward.battery.soc.augmented_thevenin import LEAST_CHARGE_GAIN
 from ohmward.battery.soc.clean_sample import (
     CURRENT_GAP_S,
     CleanSocSample,

@@ -88,7 +88,7 @@ def solve(
     x = start.copy()
     for k, value in (fixed or {}).items():
         x[k] = value
-    part, precision = _Part(model, anchors), np.linalg.inv(prior.covariance)
+    part, precision = _PartProblem(model, anchors), np.linalg.inv(prior.covariance)
     density = Gaussian(precision, precision @ prior.mean)
     free = np.array([k for k in range(x.size) if k not in (fixed or {})])
 
@@ -119,7 +119,7 @@ def misfit_of(residual_V: np.ndarray, variance_V2: np.ndarray) -> float:
     return max(float(usual.mean()), 1.0) if usual.size else 1.0
 
 
-class _Part:
+class _PartProblem:
     """Rows of one part as a function of the unknowns."""
 
     def __init__(self, model: VoltageModel, anchors: Sequence[SocAnchor]):

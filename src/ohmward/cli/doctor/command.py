@@ -30,17 +30,15 @@ from ohmward.figures.parts import wall_clock
 from ohmward.figures.slip import wheels_figure
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog, Log, examine, read_drive
-from ohmward.logs.cell_columns import cell_names
+from ohmward.logs.battery_columns import cell_names
 from ohmward.logs.channels import CURRENT, VOLTAGE
 from ohmward.logs.columns import find_column
-from ohmward.logs.doctor import Finding, Findings, examine_drive
+from ohmward.logs.doctor import DriveSurvey, Finding, Findings, Sampling, Signal, Survey, examine_drive
 from ohmward.logs.log import ReadOptions
-from ohmward.logs.note import Note, counted
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
 from ohmward.logs.sign import UnknownSignError
-from ohmward.logs.survey import DriveSurvey, Sampling, Signal, Survey
-from ohmward.logs.table import TableFile
+from ohmward.logs.table import Note, TableFile, counted
 from ohmward.logs.wheel_columns import wheel_places
 from ohmward.onboard.robot_setup import SETUP_FILE, Setup
 from ohmward.report import Page

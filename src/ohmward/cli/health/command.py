@@ -38,7 +38,7 @@ from ohmward.errors import InputError
 from ohmward.figures.health import capacity_figure, life_figure, resistance_figure
 from ohmward.logs import Log
 from ohmward.logs.log import ReadOptions
-from ohmward.logs.note import counted
+from ohmward.logs.table import counted
 from ohmward.report import Page
 
 #: Seed of the batteries that are drawn for the time left: equal logs give equal pages.

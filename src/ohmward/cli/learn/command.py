@@ -23,8 +23,8 @@ from ohmward.cli.wording import FOOTER, lognormal, normal, sentence, with_assump
 from ohmward.figures import learning as pictures
 from ohmward.filters.consistency import BAND_95
 from ohmward.fleet.learning import BatteryFiles, Journal, LearningJob, Row, journal_path, learn_all
-from ohmward.logs.note import counted
 from ohmward.logs.selection import split_selection
+from ohmward.logs.table import counted
 from ohmward.report import Page
 
 #: Columns of the logs.
