@@ -17,13 +17,14 @@ from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.clean_sample import SampleLimits, sanitize
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.rc_filter import BULK, MODEL_ERROR, OFFSET, RESISTANCE, SOC, RcFilter, RcParameters, SocByCurve
+from ohmward.battery.soc.rc_filter import BULK, MODEL_ERROR, OFFSET, RESISTANCE, SOC, RcFilter, RcParameters
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import unpack
 from ohmward.trace import Kernel
 from ohmward_lab.published.rc_joint import adaptive_soc_of, nominal_of
+from ohmward_lab.published.soc_by_curve import SocByCurve
 
 NAN = math.nan
 MODEL = model_of(EVEN)

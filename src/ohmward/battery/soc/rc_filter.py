@@ -41,82 +41,14 @@ from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, require_gate, time_rejected
-from ohmward.trace import clip, exp, logical_not, maximum, sqrt, table, where
+from ohmward.lab import lab
+from ohmward.trace import clip, exp, logical_not, maximum, sqrt, where
 from ohmward.trace.expression import Scalar
 
 BULK, SURFACE, MODEL_ERROR, OFFSET, RESISTANCE, SOC = range(6)
 
-_CURVE_POINTS = 1001
-
-
-@dataclass(frozen=True)
-class SocByCurve:
-    """SoC is where the OCV curve passes the mean voltage of both capacitors ([P] 3.1, which takes that of the bulk).
-
-    The capacitance is one number, so charge moves the voltages along a straight line while the curve has bends. The
-    difference of the slopes is process noise of both voltages, which then follow the measured voltage rather than the
-    charge where the curve is not straight.
-    """
-
-    model: RcModel
-    noise: BatteryNoise
-    soc_is_state = False
-
-    def ocv_V(self, soc: Scalar) -> Scalar:
-        """Open-circuit voltage [V] at the curve's reference temperature."""
-        return self.model.ocv.mean_V(soc, self.model.ocv.reference_degC)
-
-    def slope_V(self, soc: Scalar) -> Scalar:
-        """Slope of the open-circuit voltage [V per unit of SoC]."""
-        return on_soc_grid(self._slopes_V, soc)
-
-    def curvature_variance_V2(self, soc: Scalar) -> Scalar:
-        """Process variance of both voltages [V^2 per unit of SoC moved] where the curve is not the straight line."""
-        curvature_V = self.slope_V(soc) - line_slope_V(self.model, self.model.capacity_As)
-        return curvature_V**2 * 2 * self.noise.model_soc_length
-
-    def model_std_V(self, soc: Scalar) -> Scalar:
-        """Standard deviation of the model's voltage error [V]."""
-        return self.noise.model_std_at(soc)
-
-    def soc(self, x: np.ndarray) -> Scalar:
-        """State of charge in [0, 1] in state x."""
-        return clip(self.soc_beyond(self.open_circuit @ x), 0.0, 1.0)
-
-    def soc_variance(self, belief: Belief) -> Scalar:
-        """Variance of SoC: half the width that one sigma of the open-circuit voltage has on the curve, squared."""
-        ocv_V = self.open_circuit @ belief.mean
-        std_V = np.sqrt(maximum(self.open_circuit @ belief.cov @ self.open_circuit, 0.0))
-        half_width = 0.5 * (self.soc_beyond(ocv_V + std_V) - self.soc_beyond(ocv_V - std_V))
-        return half_width**2
-
-    def project(self, belief: Belief) -> tuple[Belief, Scalar]:
-        """The belief with its open-circuit voltage on the curve, and the condition that it was not."""
-        return project(belief, self.open_circuit, self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1])
-
-    def soc_beyond(self, ocv_V: Scalar) -> Scalar:
-        """SoC at which the curve passes `ocv_V`, without limits: the inverse curve goes on as a straight line."""
-        low, high = self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1]
-        return table(self._inverse_curve, low, (high - low) / (_CURVE_POINTS - 1), ocv_V)
-
-    @cached_property
-    def open_circuit(self) -> np.ndarray:
-        """Row (5,) that gives the open-circuit voltage of a state: the mean of both capacitors by charge."""
-        total_F = self.model.c_bulk_F + self.model.c_surface_F
-        return np.array([self.model.c_bulk_F, self.model.c_surface_F, 0.0, 0.0, 0.0]) / total_F
-
-    @cached_property
-    def _inverse_curve(self) -> tuple[float, ...]:
-        """SoC on a uniform grid of voltage between the ends of the OCV curve."""
-        ocv = self.model.ocv
-        grid_V = np.linspace(ocv.voltage_V[0], ocv.voltage_V[-1], _CURVE_POINTS)
-        return tuple(ocv.soc_at(v, ocv.reference_degC) for v in grid_V)
-
-    @cached_property
-    def _slopes_V(self) -> tuple[float, ...]:
-        """Slope of the OCV curve on a uniform grid of SoC."""
-        soc, ocv_V = _curve(self.model)
-        return tuple(np.gradient(ocv_V, soc).tolist())
+#: Links between state of charge and voltage by name: `SocAsState`, and the one of [P], which is in the laboratory.
+LINKS = ("state", "curve")
 
 
 @dataclass(frozen=True)
@@ -166,7 +98,7 @@ class SocAsState:
     @cached_property
     def _empty_V(self) -> float:
         """Voltage of the line [V] at SoC 0."""
-        soc, ocv_V = _curve(self.model)
+        soc, ocv_V = curve_on_grid(self.model)
         return float(np.median(ocv_V - self._slope_V * soc))
 
     @cached_property
@@ -176,13 +108,10 @@ class SocAsState:
         The distance of the curve has zeros, but at a SoC that is itself in doubt: it counts as at least its root mean
         square between 10 and 90 %.
         """
-        soc, ocv_V = _curve(self.model)
+        soc, ocv_V = curve_on_grid(self.model)
         curvature_V = np.abs(ocv_V - self._empty_V - self._slope_V * soc)
         usual_V = np.sqrt(np.mean(curvature_V[(soc > 0.1) & (soc < 0.9)] ** 2))
         return tuple(np.hypot(np.maximum(curvature_V, usual_V), on_soc_grid(self.noise.model_std_V, soc)).tolist())
-
-
-SocLink = SocByCurve | SocAsState
 
 
 def line_slope_V(p: Circuit | RcModel, capacity_As: float) -> Scalar:
@@ -200,13 +129,10 @@ def project(belief: Belief, row: np.ndarray, low: float, high: float) -> tuple[B
     return Belief(projected, P), abs(excess) > 0.0
 
 
-def _curve(model: RcModel) -> tuple[np.ndarray, np.ndarray]:
+def curve_on_grid(model: RcModel) -> tuple[np.ndarray, np.ndarray]:
     """OCV curve at its reference temperature on a uniform grid of SoC."""
     soc = np.linspace(0.0, 1.0, 101)
     return soc, model.ocv.mean_V(soc, model.ocv.reference_degC)
-
-
-LINKS: dict[str, type[SocLink]] = {"state": SocAsState, "curve": SocByCurve}
 
 
 class RcFilterState(NamedTuple):
@@ -268,9 +194,10 @@ class RcFilter:
         return sample_limits(self.model, self.gap_s)
 
     @cached_property
-    def link(self) -> SocLink:
-        """The link between state of charge and voltage."""
-        return LINKS[self.soc_as](self.model, self.noise)
+    def link(self) -> Any:
+        """The link between state of charge and voltage, `SocAsState` or with its methods."""
+        cls = SocAsState if self.soc_as == "state" else lab("published.soc_by_curve").SocByCurve
+        return cls(self.model, self.noise)
 
     @cached_property
     def thevenin(self) -> Thevenin:
