@@ -119,41 +119,29 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Battery:
-    """Battery, a cell or a pack. All voltages and resistances are those of the whole pack.
+    """Battery, a cell or a pack. All voltages and resistances are those of the whole pack."""
 
-    Attributes:
-        name: for people.
-        capacity_Ah: charge between full and empty, > 0.
-        chemistry: such as "lfp", "" where unknown.
-        n_series: cells in series.
-        voltage_min_V, voltage_max_V: range seen in the logs.
-        idle_current_A: current at rest (<= 0; 0 in a laboratory), where the user has declared it: then every rest
-            shows the offset of the current sensor. None where unknown.
-        thevenin, rc: the models that were identified; at least one.
-        noise, rc_noise: to be assumed by an estimator with the Thevenin and with the RC model.
-        sensor: current sensor of the robot.
-        serial_number: of this very battery, "" where unknown.
-        identification: provenance of the numbers, None for those of a data sheet.
-        not_identified: parameters that could not be identified, and why.
-        knowledge: what logs have taught, None for a battery that has not learnt.
-    """
-
-    name: str
-    capacity_Ah: float
-    chemistry: str = ""
-    n_series: int = 1
+    name: str  #: for people
+    capacity_Ah: float  #: charge between full and empty, > 0
+    chemistry: str = ""  #: such as "lfp", "" where unknown
+    n_series: int = 1  #: cells in series
+    #: range of the voltage in the logs
     voltage_min_V: float = 0.0
     voltage_max_V: float = 1000.0
+    #: current at rest (<= 0; 0 in a laboratory), where the user has declared it: then every rest shows the offset of
+    #: the current sensor. None where unknown
     idle_current_A: float | None = None
+    #: the models that were identified; at least one
     thevenin: Thevenin | None = None
     rc: RcModel | None = None
+    #: to be assumed by an estimator with the Thevenin and with the RC model
     noise: BatteryNoise = field(default_factory=BatteryNoise)
     rc_noise: BatteryNoise = field(default_factory=BatteryNoise)
-    sensor: CurrentSensor = field(default_factory=CurrentSensor)
-    identification: Provenance | None = None
-    not_identified: tuple[str, ...] = ()
-    serial_number: str = ""
-    knowledge: Knowledge | None = None
+    sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: current sensor of the robot
+    identification: Provenance | None = None  #: of the numbers, None for those of a data sheet
+    not_identified: tuple[str, ...] = ()  #: parameters that could not be identified, and why
+    serial_number: str = ""  #: of this very battery, "" where unknown
+    knowledge: Knowledge | None = None  #: from logs, None for a battery that has not learnt
 
     def __post_init__(self) -> None:
         require_positive("capacity_Ah", self.capacity_Ah)

@@ -21,52 +21,42 @@ from ohmward.battery.posterior import Gaussian
 
 
 class CircuitPrior(NamedTuple):
-    """Standard deviations of the prior.
+    """Standard deviations of the prior."""
 
-    walk_share: of a resistance over 0.1 of SoC, as a share of its level; a random walk along SoC.
-    level_share: of the level itself.
-    direction_share: between r0 in charge and in discharge.
-    ocv_V, ocv_soc: of the OCV curve: voltage, and error of its SoC axis; correlated over `ocv_length` of SoC.
-    ocv_axis_std: error of its SoC axis in the middle that two branches leave open, see `axis_bridge`.
-    ocv_gap: of the OCV curve again, as a share of the half gap: the truth lies between the branches, not in the middle.
-    hysteresis: mean and std of the scale ms of the hysteresis; the low-rate gap holds slow overpotential as well.
-    slow_tau_s, slow_tau_log_std: slowest of several time constants, log-normal.
-    hysteresis_rate, hysteresis_rate_log_std: gamma, log-normal.
-    discharging_factor, charging_factor: error of the model over that of a lithium-ion cell, in a discharge, and in a
-        charge and the rest after it.
-    gassing_factor: in a charge and the rest after it above `gassing_soc`, where part of the charge makes gas.
-    rest_V, start_V: of each RC voltage at the start of a record that starts at rest, or not.
-    model_V, model_soc_length: error of the model at any SoC, however well it fits, and its correlation length there.
-    pulses_V: the same error, at least, where short pulses are all there is: they show only the start of a slow process.
-    seeks_transfer: True where tests at two temperatures show how charge transfer bends the ohmic drop.
-    fits_branches: True where the low-rate branches are records of the fit, and tell hysteresis from slow processes.
-    untested: activations and temperature of the curve, where the data do not show them.
-    """
-
-    walk_share: float = 0.25
-    level_share: float = 1.0
-    direction_share: float = 0.1
+    walk_share: float = 0.25  #: of a resistance over 0.1 of SoC, as a share of its level; a random walk along SoC
+    level_share: float = 1.0  #: of the level itself
+    direction_share: float = 0.1  #: between r0 in charge and in discharge
+    #: of the OCV curve: voltage, and error of its SoC axis; correlated over `ocv_length` of SoC
     ocv_V: float = 0.004
     ocv_soc: float = 0.01
-    ocv_axis_std: float = 0.0
-    ocv_gap: float = 0.5
+    ocv_axis_std: float = 0.0  #: error of its SoC axis in the middle that two branches leave open, see `axis_bridge`
+    ocv_gap: float = 0.5  #: again, as a share of the half gap: the truth lies between the branches, not in the middle
     ocv_length: float = 0.05
+    #: mean and std of the scale ms of the hysteresis; the low-rate gap holds slow overpotential as well
     hysteresis: tuple[float, float] = (0.5, 0.2)
+    #: slowest of several time constants, log-normal
     slow_tau_s: float = 700.0
     slow_tau_log_std: float = 0.6
+    #: gamma, log-normal
     hysteresis_rate: float = 40.0
     hysteresis_rate_log_std: float = 0.7
+    #: error of the model over that of a lithium-ion cell, in a discharge, and in a charge and the rest after it
     discharging_factor: float = 1.0
     charging_factor: float = 1.0
+    #: in a charge and the rest after it above this SoC, where part of the charge makes gas
     gassing_factor: float = 1.0
     gassing_soc: float = 0.85
+    #: of each RC voltage at the start of a record that starts at rest, or not
     rest_V: float = 0.002
     start_V: float = 0.03
-    model_V: float = 0.003
-    seeks_transfer: bool = True
+    model_V: float = 0.003  #: error of the model at any SoC, however well it fits
+    seeks_transfer: bool = True  #: True where tests at two temperatures show how charge transfer bends the ohmic drop
+    #: True where the low-rate branches are records of the fit, and tell hysteresis from slow processes
     fits_branches: bool = False
+    #: activations and temperature of the curve, where the data do not show them
     untested: ChemistryPrior = chemistry_prior("")
-    model_soc_length: float = 0.1
+    model_soc_length: float = 0.1  #: correlation length of the error `model_V`
+    #: the same error, at least, where short pulses are all there is: they show only the start of a slow process
     pulses_V: float = 0.008
 
 

@@ -160,23 +160,16 @@ def _cost_of(column: np.ndarray, y: np.ndarray) -> float:
 
 
 class RcSamples(NamedTuple):
-    """The samples with a voltage, (T,) each.
-
-    time_s, dt_s: time and step [s].
-    current_A, mean_A: current at the sample and its mean over the step.
-    charge_As: since the start.
-    gap: True where the step is a gap in the recording, or the first of a part.
-    part: number of the part, 0 for the first.
-    """
+    """The samples with a voltage, (T,) each."""
 
     time_s: np.ndarray
-    dt_s: np.ndarray
-    current_A: np.ndarray
-    charge_As: np.ndarray
-    mean_A: np.ndarray
+    dt_s: np.ndarray  #: step
+    current_A: np.ndarray  #: at the sample
+    charge_As: np.ndarray  #: since the start
+    mean_A: np.ndarray  #: current over the step
     voltage_V: np.ndarray
-    gap: np.ndarray
-    part: np.ndarray
+    gap: np.ndarray  #: True where the step is a gap in the recording, or the first of a part
+    part: np.ndarray  #: number of the part, 0 for the first
 
 
 def outside_long_charges(log: Log, capacity_Ah: float) -> RcSamples:

@@ -169,12 +169,7 @@ _LEAST_PAIR_SHARE = 5e-4
 
 
 class Nuisances(NamedTuple):
-    """Places of the unknowns of a part in their vector (M,), and their prior standard deviations.
-
-    soc: the SoC at the start; jumps: changes of SoC that no current shows; offsets: changes of the sensor's offset.
-    pairs: (n, segments) voltages of the RC pairs at the start and after every gap; hysteresis: its state there.
-    misfit: error of the voltage [V] of this log on MISFIT_KNOTS.
-    """
+    """Places of the unknowns of a part in their vector (M,)."""
 
     segments: int
     n_pairs: int
@@ -189,12 +184,12 @@ class Nuisances(NamedTuple):
 
     @property
     def jumps(self) -> slice:
-        """Places of the jumps."""
+        """Places of the changes of SoC that no current shows."""
         return slice(1, 1 + self.n_jumps)
 
     @property
     def offsets(self) -> slice:
-        """Places of the changes of the offset."""
+        """Places of the changes of the sensor's offset."""
         return slice(self.jumps.stop, self.jumps.stop + self.offset_from_s.size)
 
     def pair(self, j: int) -> slice:
@@ -210,7 +205,7 @@ class Nuisances(NamedTuple):
 
     @property
     def misfit(self) -> slice:
-        """Places of the misfit."""
+        """Places of the error of the voltage [V] of this log on MISFIT_KNOTS."""
         return slice(self.hysteresis.stop, self.hysteresis.stop + MISFIT_KNOTS.size)
 
     @property

@@ -157,20 +157,14 @@ class OcvUpdate(NamedTuple):
 
 @dataclass(frozen=True)
 class RestOcv:
-    """Settings.
-
-    Attributes:
-        model, noise, sensor, gap_s: as for coulomb counting.
-        rest_share: current below this share of 1 C, and three sigma of its noise, counts as rest.
-        settle_s: length of a rest before its voltage is used.
-    """
+    """Settings, the first as for coulomb counting."""
 
     model: Thevenin
     noise: BatteryNoise = field(default_factory=BatteryNoise)
     sensor: CurrentSensor = field(default_factory=CurrentSensor)
     gap_s: float = CURRENT_GAP_S
-    rest_share: float = 0.03
-    settle_s: float = 900.0
+    rest_share: float = 0.03  #: current below this share of 1 C, and three sigma of its noise, counts as rest
+    settle_s: float = 900.0  #: length of a rest before its voltage is used
 
     def __post_init__(self) -> None:
         require_each_positive("", self, "gap_s", "rest_share")
