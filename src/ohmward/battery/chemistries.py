@@ -49,6 +49,11 @@ class Normal(NamedTuple):
     mean: float
     std: float
 
+    @property
+    def relative_std(self) -> float:
+        """Standard deviation over the mean."""
+        return self.std / self.mean
+
 
 class CurvePrior(NamedTuple):
     """Distribution over cells of the difference between their open-circuit voltage and the curve of their chemistry."""

@@ -145,7 +145,7 @@ def logarithm(quantity: Normal, reference: float) -> Normal:
     """Distribution of ln(quantity / reference); of std inf where the quantity is not known."""
     if not (quantity.mean > 0.0 and math.isfinite(quantity.std)):
         return _UNKNOWN
-    return Normal(math.log(quantity.mean / reference), quantity.std / quantity.mean)
+    return Normal(math.log(quantity.mean / reference), quantity.relative_std)
 
 
 class Track(NamedTuple):

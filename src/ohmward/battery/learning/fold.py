@@ -338,8 +338,8 @@ def not_identified_sentences(battery: Battery) -> tuple[str, ...]:
     if battery.knowledge is None or not any(text.startswith(_OF_A_LABEL[0]) for text in battery.not_identified):
         return battery.not_identified
     found, seen_soc = known(battery), battery.knowledge.seen_from_soc
-    capacity = BAND_95 * found.capacity_Ah.std / found.capacity_Ah.mean
-    resistance = np.exp(BAND_95 * found.resistance_ohm.std / found.resistance_ohm.mean)
+    capacity = BAND_95 * found.capacity_Ah.relative_std
+    resistance = np.exp(BAND_95 * found.resistance_ohm.relative_std)
     kind = f"cells of {chemistry(battery.chemistry).title}" if battery.chemistry else "batteries"
     sentences = [
         f"everything that no log has shown: start values that {kind} have in common",

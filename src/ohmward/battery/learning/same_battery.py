@@ -117,7 +117,7 @@ def other_battery(known: KnownBattery, alone: LogUpdate, explained_worse: float 
     alone: what the log tells with nothing else known.
     explained_worse: see the function of this name.
     """
-    z = [_log_ratio(old, new) / np.hypot(_share(old), _share(new)) for old, new in _pairs(known, alone)]
+    z = [_log_ratio(old, new) / np.hypot(old.relative_std, new.relative_std) for old, new in _pairs(known, alone)]
     doubtful = explained_worse > _EXPLAINED_WORSE
     sensor_std_A = float(np.hypot(known.offset_A.std, alone.offset_A.std))
     other_sensor = _other_sensor(known, alone, sensor_std_A) if doubtful else ""
@@ -170,7 +170,7 @@ def _refusal(difference: str) -> str:
 
 def _moved(known: KnownBattery, after: LogUpdate) -> list[float]:
     """Changes of the logarithms of capacity and resistance in standard deviations of what was known before."""
-    return [_log_ratio(old, new) / _share(old) for old, new in _pairs(known, after)]
+    return [_log_ratio(old, new) / old.relative_std for old, new in _pairs(known, after)]
 
 
 def _pairs(known: KnownBattery, found: LogUpdate) -> tuple[tuple[Normal, Normal], tuple[Normal, Normal]]:
@@ -185,8 +185,3 @@ def _log_ratio(old: Normal, new: Normal) -> float:
 def _band(value: Normal, scale: float = 1.0) -> str:
     """A mean and the half width of its 95 % band."""
     return f"{scale * value.mean:.3g} ± {scale * BAND_95 * value.std:.2g}"
-
-
-def _share(value: Normal) -> float:
-    """Relative standard deviation."""
-    return value.std / value.mean
