@@ -77,7 +77,7 @@ class ChemistryPrior(NamedTuple):
     curve: CurvePrior
     hysteresis_V: float  #: typical half distance of the branches, for each CELL_V
     empty_activation_K: Normal = Normal(0.0, 8000.0)  #: of the RC pairs at empty beyond pair_activation_K
-    #: share of a loss of capacity by which the electrodes slip against each other, see `models.slip`
+    #: share of a loss of capacity by which the electrodes slip against each other, see `models.ocv`
     ocv_slip: Normal = Normal(0.0, 0.5)
     hysteresis_activation_K: float = 0.0  #: of that distance, where the hysteresis follows the net charge
 

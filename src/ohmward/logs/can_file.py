@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import re
+import traceback
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -66,6 +68,7 @@ def open_mdf(path: Path, hints: FileHints) -> TableFile:
     with (
         parsing(path, "no readable MDF file", "export it again, as MDF 4 or CSV"),
         silenced(),
+        _closing_what_is_half_read(),
         asammdf.MDF(str(path)) as file,
     ):
         _require_size(path, file)
@@ -81,6 +84,24 @@ def open_mdf(path: Path, hints: FileHints) -> TableFile:
     if not streams:
         raise InputError(f"{path.name}: no signal has samples{f' by {hints.dbc}' if of_bus else ''}; check the file")
     return Streams(path.name, streams, "groups of MDF", hints=hints).open()
+
+
+@contextmanager
+def _closing_what_is_half_read() -> Iterator[None]:
+    """Close a file whose reading asammdf gives up: its own `close` needs an attribute that is then gone.
+
+    The garbage collector would close it at any later time, with an error on the screen and its copy left on the disk.
+    """
+    try:
+        yield
+    except Exception as error:
+        for frame, _ in traceback.walk_tb(error.__traceback__):
+            file: Any = frame.f_locals.get("self")
+            if hasattr(file, "_delete_on_close") and not hasattr(file, "_file"):
+                file._file = None
+                with suppress(AttributeError):  # parts that were not read yet
+                    file.close()
+        raise
 
 
 #: Flag of a group of channels that holds events of a bus.

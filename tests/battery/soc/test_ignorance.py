@@ -93,7 +93,7 @@ def estimates_of(noise, method, lives, temperature_degC=COLD_DEGC):
         voltage_V + noise.voltage_std_V * rng.standard_normal(voltage_V.shape),
         np.full(STEPS, temperature_degC),
     )
-    return Kernel(settings.step, start, first).scan_lanes(start, columns)[1]
+    return Kernel(settings.step, start, first, lowering="machine").scan_lanes(start, columns)[1]
 
 
 @pytest.mark.parametrize("method", ["ekf", "ukf"])

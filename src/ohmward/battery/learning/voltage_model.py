@@ -48,7 +48,7 @@ class CurvePlace(NamedTuple):
     seen_from_soc: Any  #: l
     log_ratio: Any  #: of the capacity over the file's
     slip: Any = 0.0  #: share of a loss of capacity by which the electrodes slip
-    full_stays: bool = True  #: False where slip leaves empty where it is, see `slip`
+    full_stays: bool = True  #: False where slip leaves empty where it is, see `models.ocv`
 
     @property
     def empty(self) -> Any:

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from ohmward.atomic import replacing
 from ohmward.battery.battery import Battery
+from ohmward.battery.file import load_battery
 from ohmward.battery.soc.registry import DEFAULT
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log, read_options, read_soc_truth
+from ohmward.cli.battery_inputs import read_battery_log, read_options, read_soc_truth, with_sensor
 from ohmward.cli.drive_inputs import make_terrain
 from ohmward.cli.log_files import log_files
 from ohmward.cli.options import BUILT_IN
@@ -24,7 +25,7 @@ from ohmward.export.c_library import Export, check_fits, library, size, write_li
 from ohmward.export.python_file import python_file
 from ohmward.export.traction import CONTROLLERS, ODOMETRY, controller_export, observer_export, odometry_export
 from ohmward.toml_file import noun_of
-from ohmward.traction import load_robot
+from ohmward.traction import Robot, load_robot
 
 #: Filter for a microcontroller unless another is named.
 _SMALL = "ekf"
@@ -50,9 +51,10 @@ def run(args: argparse.Namespace) -> Outcome:
     filter_name = filter_name or (DEFAULT if python else _SMALL)
     contradictions: list[str] = []
     if is_robot:
-        export = _robot_export(args, filter_name, name)
+        _refuse_options_of_batteries(args, filter_name)
+        export = _robot_export(load_robot(args.file), args.terrain, filter_name, name)
     else:
-        battery, contradictions = load_battery_with_sensor(args.file, args)
+        battery, contradictions = with_sensor(load_battery(args.file), args.sensor_offset, args.sensor_gain)
         export = battery_export(
             battery,
             filter_name,
@@ -120,7 +122,7 @@ def _submission(args: argparse.Namespace) -> Outcome:
     check_output("-o", args.output, (".zip",))
     if args.score and not args.truth:
         raise InputError("--score needs the true state of charge: name its column with --truth, as `ohmward soc` does")
-    battery, contradictions = load_battery_with_sensor(args.file, args)
+    battery, contradictions = with_sensor(load_battery(args.file), args.sensor_offset, args.sensor_gain)
     filter_name = args.filter or _SMALL  # the sum of three takes three times as long, and found no start better there
     export = battery_export(battery, filter_name, blind.MODULE, sample_time_s=blind.INTERVAL_S)
     start = {} if args.initial_soc is None else {"soc": args.initial_soc}
@@ -185,17 +187,19 @@ def _is_robot(file: str) -> bool:
     return file.lower() in BUILT_IN or noun_of(file) == "robot"  # of all others the reader of battery files speaks
 
 
-def _robot_export(args: argparse.Namespace, filter_name: str, name: str) -> Export:
-    """The observer, the odometry or the controller of a robot; refuses the options of batteries."""
+def _refuse_options_of_batteries(args: argparse.Namespace, filter_name: str) -> None:
     if args.sensor_offset is not None or args.sensor_gain is not None:
         raise InputError("a current sensor is that of a battery; leave out --sensor-offset and --sensor-gain")
     if args.curve_error:
         raise InputError("a curve error is for the open-circuit voltage of a battery; leave out --curve-error")
     if args.style != "lines":
         raise InputError(f"{filter_name} of a robot has no loops, only {', '.join(WITH_LOOPS)} of a battery have")
-    robot = load_robot(args.file)
+
+
+def _robot_export(robot: Robot, terrain: str, filter_name: str, name: str) -> Export:
+    """The observer, the odometry or the controller of a robot."""
     if filter_name in CONTROLLERS:
         return controller_export(robot, filter_name, name)
     if filter_name == ODOMETRY:
         return odometry_export(robot, name)
-    return observer_export(robot, make_terrain(args.terrain, robot), filter_name, name)
+    return observer_export(robot, make_terrain(terrain, robot), filter_name, name)
