@@ -19,6 +19,8 @@ _ROBUST_AT = 2.5
 _SOC_STD = 0.003
 #: Halvings of a step at most, and the step, in posterior standard deviations, at which the search has ended.
 _MOST_HALVINGS, _SMALL_STEP = 5, 0.03
+#: The cost may rise by so much in a step: the slope of the curve is a mean, so that no step is quite downhill.
+_SLACK = 0.5
 
 
 class Gaussian(NamedTuple):
@@ -96,7 +98,7 @@ def gauss_newton(
         shorter = 1.0
         for _ in range(_MOST_HALVINGS):
             there = problem(x + shorter * step)
-            if there.cost + prior.cost(x + shorter * step) <= here.cost + prior.cost(x):
+            if there.cost + prior.cost(x + shorter * step) <= here.cost + prior.cost(x) + _SLACK:
                 break
             shorter *= 0.5
         else:
