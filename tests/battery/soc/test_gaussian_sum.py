@@ -10,8 +10,7 @@ from scipy.stats import norm
 
 from battery.examples import LFP, NMC, PLAIN, STRAIGHT, drive, row, samples, simulate
 from kernels import kernel_of
-from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.gaussian_sum import (
     LEAST_LOG_WEIGHT,

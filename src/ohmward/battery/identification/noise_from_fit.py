@@ -15,23 +15,21 @@ from ohmward.battery.identification.circuit_solve import (
     error_factor,
     last_direction,
 )
-from ohmward.battery.identification.confidence import covered
-from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
-from ohmward.battery.identification.untested import (
+from ohmward.battery.identification.confidence import (
     activation_std_K,
+    covered,
     hysteresis_std,
     ocv_std_V_per_K,
     unknown_hysteresis_V,
 )
-from ohmward.battery.models.knots import hat
+from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
+from ohmward.battery.identification.record import SETTLED_REST_S
 from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve, hat
 from ohmward.battery.models.thevenin import Thevenin
 
-#: A rest of this length shows the overpotential of the load before it [s].
-_TELLING_REST_S = 600.0
-#: Relative error of the overpotential of a lasting load where no such rest shows it: from one drive of an NMC cell to
-#: another of the same cell it was 18 %, with the open-circuit voltage known.
+#: Relative error of the overpotential of a lasting load where no settled rest shows it: from one drive of an NMC cell
+#: to another of the same cell it was 18 %, with the open-circuit voltage known.
 _LASTING_LOAD_ERROR = 0.15
 
 
@@ -225,7 +223,7 @@ def _charging(problem: CircuitProblem) -> np.ndarray:
 
 def lasting_error_V(p: Thevenin, typical_A: float, longest_rest_s: float) -> np.ndarray:
     """(21,) error of the voltage [V] under a lasting load of typical_A; 0 where a rest of 10 min shows what it does."""
-    if longest_rest_s >= _TELLING_REST_S:
+    if longest_rest_s >= SETTLED_REST_S:
         return np.zeros(RESISTANCE_GRID.size)
     ohm = np.sum([p.r0_discharge_ohm, *p.r_ohm], axis=0)
     return _LASTING_LOAD_ERROR * typical_A * np.interp(RESISTANCE_GRID, np.linspace(0, 1, ohm.size), ohm)

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import CurrentSensor
 from ohmward.battery.models.thevenin import pair_decays
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
 from ohmward.battery.soc.clean_sample import CleanSocSample

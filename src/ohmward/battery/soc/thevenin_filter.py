@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import SOC_UNKNOWN_STD, BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import SOC_UNKNOWN_STD, BatteryNoise, CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.anchor_rule import NO_EVENT, AnchorEvent, AnchorMemory, AnchorRule
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
