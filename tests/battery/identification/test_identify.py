@@ -47,8 +47,7 @@ def test_pulse_test_alone(found):
 
 def test_it_reproduces_another_load(found):
     """The bar: a 1 C discharge that the identification did not see, within 10 mV above 10 % SoC."""
-    from ohmward.battery.identification.fit_samples import thin
-    from ohmward.battery.identification.open_loop import simulate
+    from ohmward.battery.identification.fit_samples import simulate, thin
     from ohmward.battery.identification.record import make_records
 
     log = play(cell(), *steps([(600, 0, 30), (3300, -2.0, 10), (600, 0, 30)]), soc=1.0)
@@ -104,7 +103,7 @@ def test_low_rate_and_drive():
     assert "taken from the shape of the low-rate branches" in unseen
     std_V = battery.noise.model_std_V
     # the drive has no rest that shows its lasting overpotential, so that it is known less where it went, too
-    assert std_V[4] > 1.4 * std_V[-3]
+    assert 1.2 * std_V[-3] < std_V[4] < np.hypot(std_V[-3], 0.015)  # the branches have shown the curve there
 
 
 def test_low_rate_alone_gives_the_curve_only():
