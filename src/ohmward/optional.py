@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, redirect_stderr, redirect_stdout
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from ohmward.errors import OhmwardError
@@ -68,21 +67,18 @@ def silenced() -> Iterator[None]:
 
     Off standard error also what its C prints, and meanwhile other threads.
     """
-    try:
-        error, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    except OSError:  # a process without standard error
-        error = nothing = None
-    try:
-        if error is not None and nothing is not None:
-            sys.stderr.flush()
-            os.dup2(nothing, 2)
-        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+    with Path(os.devnull).open("w") as nothing, redirect_stdout(nothing), redirect_stderr(nothing):
+        try:
+            before = os.dup(2)
+        except OSError:  # a process without standard error
             yield
-    finally:
-        if error is not None and nothing is not None:
-            os.dup2(error, 2)
-            os.close(error)
-            os.close(nothing)
+            return
+        os.dup2(nothing.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:

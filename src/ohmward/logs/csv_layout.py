@@ -17,7 +17,7 @@ from ohmward.errors import InputError
 from ohmward.logs.cells import Marks, find_marks, unit_in_cells
 from ohmward.logs.channels import BATTERY, letters
 from ohmward.logs.header import Header, ValueBlock, find_block, find_header, unique_names
-from ohmward.logs.table import FileHints
+from ohmward.logs.hints import FileHints
 from ohmward.logs.units import Unit, split_unit
 
 #: Marks at the beginning of a text, the longest first: that of UTF-32 LE begins with that of UTF-16 LE.

@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.table import EXCEL, FileHints, zone_of
+from ohmward.logs.hints import EXCEL, FileHints, zone_of
 from ohmward.runs import runs
 
 _EPOCH = date(1970, 1, 1).toordinal()

@@ -14,9 +14,10 @@ from ohmward.logs.clean import gap_notes
 from ohmward.logs.dates import window_s
 from ohmward.logs.drive_channels import DriveChannels, drive_channels, to_numbers
 from ohmward.logs.frame import to_frame
+from ohmward.logs.hints import FileHints
 from ohmward.logs.plausible import require_plausible_drive
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
-from ohmward.logs.table import FileHints, Note, TableFile, counted, with_sample_time
+from ohmward.logs.table import Note, TableFile, counted, with_sample_time
 from ohmward.logs.time_series import TimeSeries
 from ohmward.logs.wheel_columns import Wheels, find_drive_columns
 from ohmward.logs.wheel_speed import Mechanics

@@ -41,6 +41,7 @@ from ohmward.logs.clock import date_column, nanosecond_column, read_clock
 from ohmward.logs.columns import Column, listed, other_times
 from ohmward.logs.csv_file import open_csv
 from ohmward.logs.frame import is_frame, open_frame
+from ohmward.logs.hints import TOPIC, FileHints
 from ohmward.logs.long_table import as_wide
 from ohmward.logs.objects_file import names_values, open_objects
 from ohmward.logs.order import (
@@ -55,8 +56,7 @@ from ohmward.logs.order import (
 from ohmward.logs.parquet_file import open_parquet
 from ohmward.logs.selection import RECORDING, names_instances, recording_numbers, select_rows
 from ohmward.logs.sqlite_table import open_sqlite_table
-from ohmward.logs.streams import TOPIC
-from ohmward.logs.table import FileHints, Note, Opener, Progress, Table, TableFile, counted, row_numbers
+from ohmward.logs.table import Note, Opener, Progress, Table, TableFile, counted, row_numbers
 from ohmward.logs.vehicle_file import (
     DATAFLASH_MAGIC,
     DATAFLASH_TEXT,

@@ -9,12 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.table import FileHints, Note, Progress, Table, TableFile, row_numbers
+from ohmward.logs.hints import TOPIC, FileHints
+from ohmward.logs.table import Note, Progress, Table, TableFile, row_numbers
 
 BATTERY, DRIVE, BOTH = "battery", "drive", "both"
-
-#: Name of the choice of topics among the rows that are wanted: `--topic /a` is `--where topic=/a`.
-TOPIC = "topic"
 
 
 class KnownType(NamedTuple):
