@@ -16,10 +16,10 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.runs import long_runs
+from ohmward.traction.motion.sample import require_wheels
 from ohmward.traction.motion_check import MotionCheck, wrong_sign, wrong_signs
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import GRAVITY, Robot
-from ohmward.traction.speed_observer.estimator import require_wheels
 from ohmward.traction.speed_observer.make_observer import yaw_rate_of_wheels
 from ohmward.traction.speed_observer.sensor_noise import speed_and_wheels_m_s
 

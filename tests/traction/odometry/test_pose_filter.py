@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from ohmward.errors import InputError
 from ohmward.filters.consistency import mean_bounds
+from ohmward.filters.estimator import rows_of
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO, SkidSteer
 from ohmward.traction.odometry.corrections import HEADING_WAIT
@@ -157,8 +158,8 @@ def test_a_traced_step_is_the_step():
     d = drive(FILTER, 3, distance_m=2.0)
     state = FILTER.init(FILTER.no_sample())
     traced = run(FILTER, d.samples)
-    for k in range(150):
-        state, e = FILTER.step(state, type(d.samples)(*(values[k] for values in d.samples)))
+    for _, sample in zip(range(150), rows_of(d.samples), strict=False):
+        state, e = FILTER.step(state, sample)
     assert_allclose([e.x_m, e.y_m, e.yaw_rad], [traced.x_m[149], traced.y_m[149], traced.yaw_rad[149]], atol=1e-12)
     assert_allclose(e.pose_cov, traced.pose_cov[149], rtol=1e-9, atol=1e-18)
 
@@ -348,12 +349,15 @@ def test_no_sample_makes_the_state_no_number():
     bad = np.array([math.nan, math.inf, -math.inf, 1e300, -1.0, 0.0, 1e9])
     steps = 3000
     given = samples(FILTER, wheel_speed_rad_s=rolling(0.5, 0.1, steps), yaw_rate_rad_s=np.full(steps, 0.1))
-    noisy = []
-    for values in given:
+
+    def noisy(values):
+        if isinstance(values, tuple):
+            return type(values)(*map(noisy, values))
         values = np.array(values, dtype=float)
         wrong = rng.random(values.shape) < 0.3
-        noisy.append(np.where(wrong, rng.choice(bad, values.shape), values))
-    e = run(FILTER, type(given)(*noisy))
+        return np.where(wrong, rng.choice(bad, values.shape), values)
+
+    e = run(FILTER, noisy(given))
     assert np.isfinite(e.x_m).all() and np.isfinite(e.pose_cov).all()
     assert (e.position_std_m >= 0).all()
 

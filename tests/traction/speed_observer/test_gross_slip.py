@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ohmward.filters.belief import Belief
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
+from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.speed_observer.gross_slip import (
     change_by_momentum,
     compare_hypotheses,
@@ -39,7 +39,7 @@ def belief(grade_rad, grade_std_rad=0.015, slip_m_s=0.01):
 
 def clean(current_A):
     none = np.zeros(4)
-    return CleanSlipSample(
+    return CleanSample(
         dt_s=0.01,
         modelled_s=0.01,
         unmodelled_s=0.0,

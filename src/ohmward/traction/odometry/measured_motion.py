@@ -10,18 +10,18 @@ import numpy as np
 from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import std
-from ohmward.filters.sanitize import CleanStep, every, some, within
-from ohmward.quantities import MOST_WHEEL_RAD_S
-from ohmward.trace import exp, logical_not, maximum, minimum, sqrt, where
+from ohmward.filters.sanitize import every, some, within
+from ohmward.trace import exp, isfinite, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.intervals import LOST, NEVER_S, Intervals, advance, holds, never, was_seen
+from ohmward.traction.motion.sanitize import MOST_YAW_RAD_S, CleanSample
 from ohmward.traction.odometry.model import OFFSET, SLIP, TURN_SCALE, USUAL_TURN_S, MotionInput
 from ohmward.traction.odometry.modes import ModeSpeed, ModeState, Turning, first_modes, weigh
 from ohmward.traction.odometry.noise import OdometryNoise
-from ohmward.traction.odometry.sample import OdometrySample
+from ohmward.traction.odometry.sample import Observed
 from ohmward.traction.robot.chassis import PLANAR, Differential
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.body_sensors import LOST_M_S, MOST_YAW_RAD_S
-from ohmward.traction.speed_observer.intervals import LOST, NEVER_S, Intervals, advance, holds, never, was_seen
+from ohmward.traction.speed_observer.restart import LOST_M_S
 
 #: A rim whose speed changes by more than that of counting [m/s] and an acceleration of 2 g [m/s2] is not the robot's.
 JUMP_M_S, JUMP_M_S2 = 0.2, 20.0
@@ -40,18 +40,6 @@ FREE_SHARE = 0.7
 
 #: Channels whose usual interval is learnt.
 WHEELS, GYRO, OBSERVER, PASSIVE = range(4)
-
-
-class Observed(NamedTuple):
-    """The last motion that a speed observer gave, see `OdometrySample`."""
-
-    speed_m_s: Any = 0.0
-    speed_std_m_s: Any = 0.0
-    left_m_s: Any = 0.0
-    yaw_rate_rad_s: Any = 0.0
-    yaw_rate_std_rad_s: Any = 0.0
-    scale: Any = 1.0
-    grip: Any = 1.0
 
 
 #: Larger values are no observer's.
@@ -119,7 +107,7 @@ def no_motion(robot: Robot) -> MotionState:
         driven,
         CountOfEncoder(),
         0.0,
-        Observed(),
+        Observed(0.0, 0.0, 0.0, 0.0, 0.0),
         never(4),
     )
 
@@ -141,35 +129,36 @@ def passive_wheels(robot: Robot) -> np.ndarray:
     return np.arange(robot.driven, len(robot.places) if isinstance(robot.chassis, Differential) else robot.driven)
 
 
-def sense(before: MotionState, sample: OdometrySample, time: CleanStep, robot: Robot) -> tuple[MotionState, Scalar]:
-    """The state with the sample's values where they are credible, and the condition that wheels have jumped."""
-    measured = every([within(speed, MOST_WHEEL_RAD_S) for speed in sample.wheel_speed_rad_s])
-    jumps = jumped(sample.wheel_speed_rad_s, before.wheel_speed_rad_s, before.wheel_age_s, time, robot)
+def sense(before: MotionState, clean: CleanSample, new: Observed, robot: Robot) -> tuple[MotionState, Scalar]:
+    """The state with the sample's values, and the condition that wheels have jumped; new: of a speed observer."""
+    speed_rad_s, dt_s = clean.wheel_speed_rad_s[: robot.driven], clean.dt_s
+    passive_rad_s = clean.wheel_speed_rad_s[passive_wheels(robot)]
+    measured = every(clean.wheel_measured[: robot.driven])
+    jumps = jumped(speed_rad_s, before.wheel_speed_rad_s, before.wheel_age_s, dt_s, robot)
     jump = measured & some(jumps)
     # Where a gyro tells the turn, the wheels that have not jumped still tell the speed.
     rolled = measured & logical_not(some([jump & logical_not(holds(before.intervals)[GYRO]), every(jumps)]))
     taken = np.array([rolled & logical_not(bad) for bad in jumps])
-    free = passive_rolled(before, sample, time, robot)
-    turned = within(sample.yaw_rate_rad_s, MOST_YAW_RAD_S)
-    turned_rad = where(taken, sample.wheel_speed_rad_s * (before.wheel_age_s + time.dt_s), before.turned_rad)
-    new = Observed(*sample[-len(Observed._fields) :])
+    free = passive_rolled(before, clean, robot)
+    turned = isfinite(clean.yaw_rate_rad_s)
+    turned_rad = where(taken, speed_rad_s * (before.wheel_age_s + dt_s), before.turned_rad)
     credible = [within(value, limit) for value, limit in zip(new, CREDIBLE, strict=True)]
     observed = credible[0] & credible[1] & (new.speed_std_m_s >= 0.0)
     latest = [
         where(observed & good, value, last) for good, value, last in zip(credible, new, before.observed, strict=True)
     ]
     after = MotionState(
-        wheel_speed_rad_s=where(taken, sample.wheel_speed_rad_s, before.wheel_speed_rad_s),
-        wheel_age_s=where(taken, 0.0, before.wheel_age_s + time.dt_s),
-        passive_rad_s=where(free, sample.passive_rad_s, before.passive_rad_s),
-        gyro_rad_s=where(turned, sample.yaw_rate_rad_s, before.gyro_rad_s),
+        wheel_speed_rad_s=where(taken, speed_rad_s, before.wheel_speed_rad_s),
+        wheel_age_s=where(taken, 0.0, before.wheel_age_s + dt_s),
+        passive_rad_s=where(free, passive_rad_s, before.passive_rad_s),
+        gyro_rad_s=where(turned, clean.yaw_rate_rad_s, before.gyro_rad_s),
         modes=before.modes,
         reckoned=before.reckoned,
         turned_rad=where(rolled, turned_rad, before.turned_rad),
         encoder=choose(rolled, count_seen(before, turned_rad), before.encoder),
         usual_turn_rad_s=before.usual_turn_rad_s,
         observed=Observed(*latest),
-        intervals=advance(before.intervals, np.array([rolled, turned, observed, free]), time.dt_s),
+        intervals=advance(before.intervals, np.array([rolled, turned, observed, free]), dt_s),
     )
     return after, jump
 
@@ -185,21 +174,21 @@ def count_seen(before: MotionState, turned_rad: np.ndarray) -> CountOfEncoder:
     return CountOfEncoder(least, minimum(differences, FEWEST_DIFFERENCES))
 
 
-def jumped(now: np.ndarray, last: np.ndarray, age_s: np.ndarray, time: CleanStep, robot: Robot) -> list[Scalar]:
+def jumped(now: np.ndarray, last: np.ndarray, age_s: np.ndarray, dt_s: Scalar, robot: Robot) -> list[Scalar]:
     """Conditions (wheels,) that a rim has changed its speed as no robot can since its last value, so long ago."""
-    most_m_s = JUMP_M_S + JUMP_M_S2 * (age_s + time.dt_s)
+    most_m_s = JUMP_M_S + JUMP_M_S2 * (age_s + dt_s)
     changes = zip(now, last, most_m_s, strict=True)
     return [abs(new - old) * robot.wheel.radius_m > most for new, old, most in changes]
 
 
-def passive_rolled(before: MotionState, sample: OdometrySample, time: CleanStep, robot: Robot) -> Scalar:
+def passive_rolled(before: MotionState, clean: CleanSample, robot: Robot) -> Scalar:
     """The condition that there are credible speeds of the wheels that are not driven."""
-    if len(sample.passive_rad_s) == 0:
+    passive = passive_wheels(robot)
+    if len(passive) == 0:
         return False
-    measured = every([within(speed, MOST_WHEEL_RAD_S) for speed in sample.passive_rad_s])
-    age_s = np.array([before.intervals.age_s[PASSIVE]] * len(sample.passive_rad_s))
-    jumps = jumped(sample.passive_rad_s, before.passive_rad_s, age_s, time, robot)
-    return measured & logical_not(some(jumps))
+    age_s = np.array([before.intervals.age_s[PASSIVE]] * len(passive))
+    jumps = jumped(clean.wheel_speed_rad_s[passive], before.passive_rad_s, age_s, clean.dt_s, robot)
+    return every(clean.wheel_measured[passive]) & logical_not(some(jumps))
 
 
 def show(

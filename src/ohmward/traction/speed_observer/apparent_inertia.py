@@ -27,14 +27,14 @@ import numpy as np
 from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import std
-from ohmward.filters.sanitize import every, some, within
-from ohmward.trace import clip, exp, logical_not, maximum, minimum, sin, sqrt, where
+from ohmward.filters.sanitize import every, some
+from ohmward.trace import clip, exp, isfinite, logical_not, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.body_sensors import BodyCorrection
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.gross_slip import LEARNT, MEMORY_S, change_by_momentum
-from ohmward.traction.speed_observer.model import STEEPEST_RAD, UNKNOWN_M_S, Model
+from ohmward.traction.speed_observer.model import UNKNOWN_M_S, Model
 from ohmward.traction.speed_observer.slip_step import without_traction
 
 #: Time constant [s] of the high pass: long against the 0.5 ms in which a wheel that grips settles and the 10 ms of a
@@ -123,7 +123,7 @@ def advance_inertia(
     before: Belief,
     wheels: Belief,
     body: BodyCorrection,
-    clean: CleanSlipSample,
+    clean: CleanSample,
     model: Model,
 ) -> ApparentInertia:
     """The test after a step.
@@ -148,7 +148,7 @@ def advance_inertia(
 
 
 def reconsidered(
-    test: ApparentInertia, last: ApparentInertia, belief: Belief, clean: CleanSlipSample, model: Model
+    test: ApparentInertia, last: ApparentInertia, belief: Belief, clean: CleanSample, model: Model
 ) -> InertiaTest:
     """The belief where wheels begin to slide in it, and where they carry the robot although they slide in it.
 
@@ -210,7 +210,7 @@ def grips(test: ApparentInertia) -> Scalar:
     return test.evidence_s > ENOUGH * EVIDENCE_S
 
 
-def with_evidence(test: ApparentInertia, belief: Belief, clean: CleanSlipSample, model: Model) -> ApparentInertia:
+def with_evidence(test: ApparentInertia, belief: Belief, clean: CleanSample, model: Model) -> ApparentInertia:
     """The test with the evidence of this step."""
     robot, n = model.scene.robot, model.driven
     radius_m, along = robot.wheel.radius_m, robot.rolling[:n, 0]
@@ -245,7 +245,7 @@ def with_evidence(test: ApparentInertia, belief: Belief, clean: CleanSlipSample,
 
 
 def with_unexplained(
-    test: ApparentInertia, before: Belief, wheels: Belief, after: Belief, clean: CleanSlipSample, model: Model
+    test: ApparentInertia, before: Belief, wheels: Belief, after: Belief, clean: CleanSample, model: Model
 ) -> ApparentInertia:
     """The test with the change of the speed in this step that neither force nor pitch explains."""
     test = with_pitch(test, clean, model)
@@ -263,18 +263,18 @@ def with_unexplained(
     )
 
 
-def with_pitch(test: ApparentInertia, clean: CleanSlipSample, model: Model) -> ApparentInertia:
+def with_pitch(test: ApparentInertia, clean: CleanSample, model: Model) -> ApparentInertia:
     """The test with the pitch of this step, or with the last one."""
     if model.noise.pitch_std_rad is None:
         return test
-    measured = within(clean.pitch_rad, STEEPEST_RAD)
+    measured = isfinite(clean.pitch_rad)
     return test._replace(
         pitch_rad=where(measured, clean.pitch_rad, test.pitch_rad),
         no_pitch_s=where(measured, 0.0, test.no_pitch_s + clean.dt_s),
     )
 
 
-def usual_m_s(test: ApparentInertia, before: Belief, clean: CleanSlipSample, model: Model) -> Scalar:
+def usual_m_s(test: ApparentInertia, before: Belief, clean: CleanSample, model: Model) -> Scalar:
     """Unexplained change [m/s] of the speed up to which slope and rolling resistance are usual ones."""
     robot, parts = model.scene.robot, model.layout.split(before.mean)._replace(rolling_ratio=1.0)
     forces = without_traction(parts, model.input(before.mean, clean), model.scene, model.static_load_N)

@@ -14,31 +14,17 @@ import numpy as np
 from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, Correction, Function
 from ohmward.filters.gate import choose, correct_gated, inflate, time_rejected
-from ohmward.filters.sanitize import some, within
+from ohmward.filters.sanitize import some
 from ohmward.trace import isfinite, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
-from ohmward.traction.speed_observer.estimate import SlipSample
-from ohmward.traction.speed_observer.model import STEEPEST_RAD, Model
+from ohmward.traction.motion.sanitize import CleanSample
+from ohmward.traction.speed_observer.model import Model
 
 #: Standard deviation of the zero speed and yaw rate of a robot that stands [m/s, rad/s].
 STANDSTILL_STD = 0.003
 
-#: A faster turn [rad/s] is a gyro's fault: the range of those that robots carry is 2000 degrees a second.
-MOST_YAW_RAD_S = 35.0
-
-
 #: A pitch outside its gate for longer [s] is no glitch.
 GLITCH_S = 0.05
-
-#: No belief of a robot reaches this speed [m/s], and none is so uncertain: twice the fastest robot, as an estimate may
-#: err where a sensor may not.
-LOST_M_S = 100.0
-
-#: An external speed beyond these limits is a source's fault: `LOST_M_S` and its age [s] make it no measurement, a
-#: standard deviation [m/s] outside of its own is replaced by the one of `ObserverNoise`.
-OLDEST_S = 60.0
-SPEED_STD_M_S = (1e-4, 10.0)
 
 
 class BodyTimers(NamedTuple):
@@ -74,14 +60,12 @@ class SensorGate(NamedTuple):
     reset_after_s: float
 
 
-def use_gyro(
-    body: BodyCorrection, sample: SlipSample, clean: CleanSlipSample, model: Model, gate: SensorGate
-) -> BodyCorrection:
+def use_gyro(body: BodyCorrection, clean: CleanSample, model: Model, gate: SensorGate) -> BodyCorrection:
     """Correct with the yaw rate; one that has been outside its gate for too long is right, and the estimate opened."""
     i = model.layout.index("yaw_rate_rad_s")
     if model.noise.gyro_std_rad_s is None:
         return body
-    y = where(within(sample.yaw_rate_rad_s, MOST_YAW_RAD_S), sample.yaw_rate_rad_s, np.nan)
+    y = clean.yaw_rate_rad_s
     nu = where(isfinite(y), y - body.belief.mean[i], 0.0)
     opened = inflate(body.belief, i, nu * nu)
     prior = choose(body.rejected.gyro_s > gate.reset_after_s, opened, body.belief)
@@ -91,9 +75,7 @@ def use_gyro(
     return body._replace(belief=belief, gyro_rejected=rejected, rejected=body.rejected._replace(gyro_s=gyro_s))
 
 
-def use_pitch(
-    body: BodyCorrection, sample: SlipSample, clean: CleanSlipSample, model: Model, gate: SensorGate
-) -> BodyCorrection:
+def use_pitch(body: BodyCorrection, clean: CleanSample, model: Model, gate: SensorGate) -> BodyCorrection:
     """Correct with the pitch, which is the grade under a stiff robot.
 
     One that is off for longer than a glitch shows the edge of a slope, and the grade is opened for it: what the wheels
@@ -103,7 +85,7 @@ def use_pitch(
     if std is None or not model.states.grade:
         return body
     i = model.layout.index("grade_rad")
-    y = where(within(sample.pitch_rad, STEEPEST_RAD), sample.pitch_rad, np.nan)
+    y = clean.pitch_rad
     nu = where(isfinite(y), y - body.belief.mean[i], 0.0)
     opened = inflate(body.belief, i, nu * nu)
     prior = choose(body.rejected.pitch_s > minimum(GLITCH_S, gate.reset_after_s), opened, body.belief)
@@ -113,11 +95,9 @@ def use_pitch(
     return body._replace(belief=belief, rejected=body.rejected._replace(pitch_s=pitch_s))
 
 
-def use_accelerometer(
-    body: BodyCorrection, sample: SlipSample, clean: CleanSlipSample, model: Model, gate: SensorGate
-) -> BodyCorrection:
+def use_accelerometer(body: BodyCorrection, clean: CleanSample, model: Model, gate: SensorGate) -> BodyCorrection:
     """Correct with the specific force along x."""
-    std, y = model.noise.accelerometer_std_m_s2, sample.acceleration_m_s2
+    std, y = model.noise.accelerometer_std_m_s2, clean.acceleration_m_s2
     if std is None:
         return body
     belief, _ = correct_sensor(body.belief, y, lambda x: model.specific_force(x, clean), std**2, gate.nis)

@@ -26,7 +26,7 @@ from ohmward.filters.sanitize import every
 from ohmward.trace import linearize, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.slip import slip_ratio
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
+from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.model import Model
 
@@ -136,7 +136,7 @@ def with_unknown_mass(wheels: DrivenWheels, by_mass_m_s: Scalar, model: Model) -
 
 
 def conclude(
-    belief: Belief, wheels: DrivenWheels, timers: MotionTimers, clean: CleanSlipSample, model: Model, alarm: SlipAlarm
+    belief: Belief, wheels: DrivenWheels, timers: MotionTimers, clean: CleanSample, model: Model, alarm: SlipAlarm
 ) -> SlipEstimate:
     """The estimate after a sample, still without flags."""
     x, P = belief

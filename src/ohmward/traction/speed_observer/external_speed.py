@@ -18,23 +18,19 @@ import numpy as np
 from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose, inflate, time_rejected
 from ohmward.filters.linear_algebra import std as std_of
-from ohmward.filters.sanitize import between, every, some, within
+from ohmward.filters.sanitize import every, some
 from ohmward.trace import clip, isfinite, log, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.intervals import History, change_since
+from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.body_sensors import (
-    LOST_M_S,
-    OLDEST_S,
-    SPEED_STD_M_S,
     BodyCorrection,
     BodyTimers,
     SensorGate,
     correct_sensor,
     disturbance_unknown,
 )
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
-from ohmward.traction.speed_observer.estimate import SlipSample
-from ohmward.traction.speed_observer.intervals import History, change_since
 from ohmward.traction.speed_observer.model import Model
 
 #: A disturbance that the model lacks may have made an innovation of the speed within this time [s].
@@ -74,8 +70,7 @@ class Dispute(NamedTuple):
 
 def use_speed(
     body: BodyCorrection,
-    sample: SlipSample,
-    clean: CleanSlipSample,
+    clean: CleanSample,
     history: History,
     fastest_m_s: Scalar,
     model: Model,
@@ -87,7 +82,7 @@ def use_speed(
     """
     if model.noise.speed_std_m_s is None:
         return body
-    received = external_speed(sample, body.belief, history, model.noise.speed_std_m_s, model)
+    received = external_speed(clean, body.belief, history, model.noise.speed_std_m_s, model)
     y = within_reach(received, fastest_m_s)
     dispute = disputed(y, body.belief, body.rejected, clean.dt_s, gate)
     opened = opened_for(body.belief, y.innovation_m_s, model)
@@ -109,19 +104,18 @@ def use_speed(
     )
 
 
-def external_speed(sample: SlipSample, belief: Belief, history: History, std_m_s: float, model: Model) -> ReceivedSpeed:
+def external_speed(clean: CleanSample, belief: Belief, history: History, std_m_s: float, model: Model) -> ReceivedSpeed:
     """The external speed of a sample: y = v - (predicted change since) + noise.
 
     A disturbance of the grade's sigma may have acted over its age.
 
     std_m_s: of a source that does not give its own.
     """
-    own_std = where(between(sample.speed_std_m_s, *SPEED_STD_M_S), sample.speed_std_m_s, std_m_s)
-    age_s = where(between(sample.speed_age_s, 0.0, OLDEST_S), sample.speed_age_s, 0.0)
+    own_std = where(isfinite(clean.speed_std_m_s), clean.speed_std_m_s, std_m_s)
     grade_std = minimum(grade_std_rad(belief, model), LATE_GRADES * model.noise.grade_std_rad)
-    drift = GRAVITY * maximum(model.noise.grade_std_rad, grade_std) * age_s
-    credible = within(sample.speed_m_s, LOST_M_S) & logical_not(sample.speed_age_s > OLDEST_S)
-    y = where(credible, sample.speed_m_s + change_since(history, age_s), np.nan)
+    drift = GRAVITY * maximum(model.noise.grade_std_rad, grade_std) * clean.speed_age_s
+    credible = isfinite(clean.speed_m_s)
+    y = clean.speed_m_s + change_since(history, clean.speed_age_s)
     innovation_m_s = where(credible, y, belief.mean[0]) - belief.mean[0]
     return ReceivedSpeed(credible, y, own_std * own_std + drift * drift, innovation_m_s)
 

@@ -24,7 +24,7 @@ from ohmward.filters.gate import choose
 from ohmward.filters.sanitize import every
 from ohmward.trace import exp, log, maximum, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
+from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.slip_step import step_without_traction, traction
 
@@ -61,9 +61,7 @@ def is_ambiguous(model: Model) -> bool:
     return set(LEARNT) <= set(model.layout.names) and all(std is None for std in others)
 
 
-def unexplained_change(
-    last_m_s: Scalar, before: Belief, posterior: Belief, clean: CleanSlipSample, model: Model
-) -> Scalar:
+def unexplained_change(last_m_s: Scalar, before: Belief, posterior: Belief, clean: CleanSample, model: Model) -> Scalar:
     """Change [m/s] of the speed of late that no force explains; 0 after a step whose forces are not known.
 
     Neither a slope nor a rolling resistance other than believed is a force here: what the model has made of the change
@@ -78,7 +76,7 @@ def unexplained_change(
     return where(forces_known, change_m_s, 0.0)
 
 
-def change_by_momentum(before: Belief, after: Belief, clean: CleanSlipSample, model: Model) -> Scalar:
+def change_by_momentum(before: Belief, after: Belief, clean: CleanSample, model: Model) -> Scalar:
     """Change [m/s] of the speed by what the motors give and the wheels do not keep, whatever the ground is.
 
     F dt = J_w (omega* - omega+) / r with the end omega* of a step on level ground without traction.
@@ -93,7 +91,7 @@ def change_by_momentum(before: Belief, after: Belief, clean: CleanSlipSample, mo
 
 
 def compare_hypotheses(
-    belief: Belief, unexplained_m_s: Scalar, clean: CleanSlipSample, model: Model, gate: float
+    belief: Belief, unexplained_m_s: Scalar, clean: CleanSample, model: Model, gate: float
 ) -> SlipTest:
     """Start the belief again from sliding wheels where that is the better hypothesis.
 
@@ -120,7 +118,7 @@ def slope_unlearnt(belief: Belief, model: Model) -> Scalar:
     return belief.cov[i, i] > (LEARNT_SHARE * model.noise.grade_std_rad) ** 2
 
 
-def is_driven(belief: Belief, unexplained_m_s: Scalar, clean: CleanSlipSample, model: Model) -> Scalar:
+def is_driven(belief: Belief, unexplained_m_s: Scalar, clean: CleanSample, model: Model) -> Scalar:
     """True where traction and motor currents act in the direction of the unexplained change."""
     along = model.scene.robot.rolling[: model.driven, 0]
     by_ground = along @ model.traction_N(belief.mean) * unexplained_m_s > 0.0

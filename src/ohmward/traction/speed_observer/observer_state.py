@@ -8,10 +8,10 @@ import numpy as np
 
 from ohmward.filters.belief import Belief, PackedBelief, pack
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.intervals import History, Intervals, empty_history, never
 from ohmward.traction.speed_observer.apparent_inertia import ApparentInertia, untested
 from ohmward.traction.speed_observer.body_sensors import BodyTimers
 from ohmward.traction.speed_observer.encoders import FreeWheels, RejectedFor
-from ohmward.traction.speed_observer.intervals import History, Intervals, empty_history, never
 from ohmward.traction.speed_observer.matched_noise import MatchedNoise, fixed, unmatched
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.restart import Reach

@@ -17,8 +17,8 @@ from ohmward.filters.gate import choose, time_rejected
 from ohmward.filters.sanitize import every, some
 from ohmward.trace import exp, linearize, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.speed_observer.body_sensors import BodyCorrection, SensorGate, correct_sensor
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.encoders import SPIKE_S
 from ohmward.traction.speed_observer.external_speed import AGREES, LASTING_NIS, opened_for
 from ohmward.traction.speed_observer.model import Model
@@ -36,7 +36,7 @@ class CommonInnovation(NamedTuple):
 
 
 def use_passive_wheels(
-    body: BodyCorrection, lag: np.ndarray, clean: CleanSlipSample, model: Model, gate: SensorGate
+    body: BodyCorrection, lag: np.ndarray, clean: CleanSample, model: Model, gate: SensorGate
 ) -> BodyCorrection:
     """Correct with the speeds of the wheels that are not driven; lag: (wheels,) as of `Model.encoder_lag`.
 
@@ -74,7 +74,7 @@ def use_passive_wheels(
 
 
 def common_innovation(
-    body: BodyCorrection, lag: np.ndarray, clean: CleanSlipSample, model: Model, gate: SensorGate
+    body: BodyCorrection, lag: np.ndarray, clean: CleanSample, model: Model, gate: SensorGate
 ) -> CommonInnovation:
     """The innovation that the passive wheels have in common, against the belief before all of them."""
     x, P = body.belief

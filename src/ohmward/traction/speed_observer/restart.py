@@ -19,8 +19,7 @@ from ohmward.filters.belief import Belief
 from ohmward.filters.sanitize import every, some, within
 from ohmward.trace import exp, isfinite, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.speed_observer.body_sensors import LOST_M_S
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
+from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.speed_observer.model import UNKNOWN_M_S, UNKNOWN_M_S2, Model
 
 #: Time constant [s] with which the greatest speed of the wheels is forgotten: sliding lasts for less.
@@ -32,6 +31,10 @@ SHARE, REST_M_S = 1.25, 0.25
 
 #: Acceleration [m/s^2] that sliding down a slope of 0.2 rad gives.
 SLIDING_M_S2 = 2.0
+
+#: No belief of a robot reaches this speed [m/s], and none is so uncertain: twice the fastest robot, as an estimate may
+#: err where a sensor may not.
+LOST_M_S = 100.0
 
 #: Yaw rate and wheel speed that no belief of a robot reaches [rad/s]; none is so uncertain either.
 LOST_YAW_RAD_S, LOST_WHEEL_RAD_S = 50.0, 1e3
@@ -48,7 +51,7 @@ class Reach(NamedTuple):
 
 
 def advance_reach(
-    reach: Reach, belief: Belief, body_observable: Scalar, unobserved_s: Scalar, clean: CleanSlipSample, model: Model
+    reach: Reach, belief: Belief, body_observable: Scalar, unobserved_s: Scalar, clean: CleanSample, model: Model
 ) -> Reach:
     """The reach after a step.
 
@@ -92,7 +95,7 @@ def is_lost(belief: Belief, reach: Reach, rejected_s: np.ndarray, locked_out_s: 
     return logical_not(every(sane))
 
 
-def restarted(before: Belief, clean: CleanSlipSample, model: Model) -> Belief:
+def restarted(before: Belief, clean: CleanSample, model: Model) -> Belief:
     """A new belief from this sample: a body that moves as its wheels say, or not at all as they do.
 
     before: belief before the step, for wheels that are not measured.

@@ -39,6 +39,24 @@ from ohmward.quantities import MOST_MOTOR_A, MOST_WHEEL_RAD_S
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
+from ohmward.traction.motion.intervals import (
+    TINY_S,
+    History,
+    Intervals,
+    advance,
+    holds,
+    remember,
+    share_measured,
+    was_seen,
+)
+from ohmward.traction.motion.sample import RobotSample, no_sample
+from ohmward.traction.motion.sanitize import (
+    CleanSample,
+    CredibleLimits,
+    hold_currents,
+    hold_still,
+    sanitize,
+)
 from ohmward.traction.speed_observer.apparent_inertia import (
     LEAST_GRIP,
     ApparentInertia,
@@ -53,13 +71,6 @@ from ohmward.traction.speed_observer.body_sensors import (
     use_gyro,
     use_pitch,
     use_standstill,
-)
-from ohmward.traction.speed_observer.clean_sample import (
-    CleanSlipSample,
-    CredibleLimits,
-    hold_currents,
-    hold_still,
-    sanitize,
 )
 from ohmward.traction.speed_observer.conclusions import (
     UNOBSERVED_S,
@@ -80,19 +91,9 @@ from ohmward.traction.speed_observer.encoders import (
     released,
     turned,
 )
-from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.external_speed import use_speed
 from ohmward.traction.speed_observer.gross_slip import SlipTest, compare_hypotheses, is_ambiguous, unexplained_change
-from ohmward.traction.speed_observer.intervals import (
-    TINY_S,
-    History,
-    Intervals,
-    advance,
-    holds,
-    remember,
-    share_measured,
-    was_seen,
-)
 from ohmward.traction.speed_observer.matched_noise import match, matched_stds
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
@@ -185,27 +186,26 @@ class SpeedObserver:
         """True where nothing is learnt of the ground: the gyro shows turns first, and what wheels add is slip."""
         return self.states.friction == "known"
 
-    def no_sample(self) -> SlipSample:
+    def no_sample(self) -> RobotSample:
         """A sample without any measurement, to be filled with `_replace`."""
-        robot = self.scene.robot
-        return SlipSample(0.0, np.full(len(robot.places), math.nan), np.full(robot.driven, math.nan))
+        return no_sample(self.scene.robot)
 
-    def init(self, first: SlipSample) -> ObserverState:
+    def init(self, first: RobotSample) -> ObserverState:
         """State before the first sample, of which it takes the speeds: a body that moves as the driven wheels say."""
         clean = sanitize(first, self.limits)
         speeds = np.asarray(clean.wheel_speed_rad_s[: self.model.driven], dtype=float)
         return started(self.model.first_belief(speeds), self.model, self.late_steps, self.matching)
 
-    def step(self, state: ObserverState, sample: SlipSample) -> tuple[ObserverState, SlipEstimate]:
+    def step(self, state: ObserverState, sample: RobotSample) -> tuple[ObserverState, SlipEstimate]:
         """State and estimate after a sample: the model predicts, then each measurement corrects."""
         before, clean, state = self.sanitize(state, sample)
         prediction = self.predict(state, before, clean)
-        turn = self.correct_turn(state, prediction, sample, clean)
+        turn = self.correct_turn(state, prediction, clean)
         prediction = prediction._replace(belief=turn.belief)
         free = turned(state.free, clean, self.model)
         wheels = self.correct_wheels(state, free, prediction, clean)
         history = remember(state.history, clean.dt_s, speed_change(before, prediction, wheels, clean))
-        body = self.correct_body(state, turn._replace(belief=wheels.belief), prediction, sample, clean, history)
+        body = self.correct_body(state, turn._replace(belief=wheels.belief), prediction, clean, history)
         slip_test = self.compare_hypotheses(state, before, prediction, body, clean)
         inertia = advance_inertia(state.inertia, before, wheels.belief, body, clean, self.model)
         inertia, belief, reopened = reconsidered(inertia, state.inertia, slip_test.belief, clean, self.model)
@@ -233,7 +233,7 @@ class SpeedObserver:
         fresh = started(new, self.model, self.late_steps, self.matching, state)
         return choose(lost, fresh, after), estimate._replace(flags=flags)
 
-    def sanitize(self, state: ObserverState, sample: SlipSample) -> tuple[Belief, CleanSlipSample, ObserverState]:
+    def sanitize(self, state: ObserverState, sample: RobotSample) -> tuple[Belief, CleanSample, ObserverState]:
         """The belief before the step, the sample without what no sensor can have shown, and the state with its clocks.
 
         Where an encoder shows its first value, the belief is one of a body that moves as the wheels do. Where the robot
@@ -247,7 +247,7 @@ class SpeedObserver:
         current_intervals = advance(state.current_intervals, clean.current_measured, clean.dt_s)
         encoder_intervals = advance(state.encoder_intervals, clean.wheel_measured, clean.dt_s)
         stds = matched_stds(state.matched, self.model) if self.matching else None
-        matched = match(state.matched, sample, clean, self.model, self.window) if self.matching else state.matched
+        matched = match(state.matched, clean, self.model, self.window) if self.matching else state.matched
         clean = hold_currents(clean, state.current_A, current_intervals)._replace(stds=stds)
         at_rest = self.is_at_rest(clean, holds(encoder_intervals))
         clean = hold_still(clean, where(at_rest, state.rest_s + clean.dt_s, 0.0), self.rest_hold_s)
@@ -261,7 +261,7 @@ class SpeedObserver:
         )
         return before, clean, state
 
-    def is_at_rest(self, clean: CleanSlipSample, holds: np.ndarray) -> Scalar:
+    def is_at_rest(self, clean: CleanSample, holds: np.ndarray) -> Scalar:
         """True where all driven wheels and motors are measured, and all are at rest.
 
         holds: (wheels,) conditions that an encoder which is not measured is only slower than the samples.
@@ -271,7 +271,7 @@ class SpeedObserver:
         idle = [within(current, self.rest_current_A) for current in clean.current_A]
         return every([*still, *idle, *(clean.wheel_measured | holds)[:n], *clean.current_measured])
 
-    def predict(self, state: ObserverState, before: Belief, clean: CleanSlipSample) -> Prediction:
+    def predict(self, state: ObserverState, before: Belief, clean: CleanSample) -> Prediction:
         """Predict the belief over one step."""
         before = self.model.with_unknown_mass(before)
         step = self.model.slip_step(before.mean, clean)
@@ -281,15 +281,13 @@ class SpeedObserver:
         lag_rad_s = state.lag_rad_s + self.model.encoder_lag(before.mean, belief.mean, step)
         return Prediction(belief, step, lag_rad_s * clean.lag_share, lag_rad_s)
 
-    def correct_turn(
-        self, state: ObserverState, prediction: Prediction, sample: SlipSample, clean: CleanSlipSample
-    ) -> BodyCorrection:
+    def correct_turn(self, state: ObserverState, prediction: Prediction, clean: CleanSample) -> BodyCorrection:
         """Correct with the gyro before the wheels, where nothing is learnt of the ground."""
         body = BodyCorrection(prediction.belief, state.body_rejected)
-        return use_gyro(body, sample, clean, self.model, self.sensor_gate) if self.gyro_first else body
+        return use_gyro(body, clean, self.model, self.sensor_gate) if self.gyro_first else body
 
     def correct_wheels(
-        self, state: ObserverState, free: FreeWheels, prediction: Prediction, clean: CleanSlipSample
+        self, state: ObserverState, free: FreeWheels, prediction: Prediction, clean: CleanSample
     ) -> EncoderCorrection:
         """Correct with the encoders of the driven wheels."""
         jumps_teach = self.method == "ukf" and not self.gyro_first
@@ -302,18 +300,17 @@ class SpeedObserver:
         state: ObserverState,
         body: BodyCorrection,
         prediction: Prediction,
-        sample: SlipSample,
-        clean: CleanSlipSample,
+        clean: CleanSample,
         history: History,
     ) -> BodyCorrection:
         """Correct with every other sensor of the body, and with a standstill."""
         model, gate = self.model, self.sensor_gate
         body = use_passive_wheels(body, prediction.lag_rad_s, clean, model, gate)
         if not self.gyro_first:
-            body = use_gyro(body, sample, clean, model, gate)
-        body = use_pitch(body, sample, clean, model, gate)
-        body = use_accelerometer(body, sample, clean, model, gate)
-        body = use_speed(body, sample, clean, history, fastest_m_s(state.reach), model, gate)
+            body = use_gyro(body, clean, model, gate)
+        body = use_pitch(body, clean, model, gate)
+        body = use_accelerometer(body, clean, model, gate)
+        body = use_speed(body, clean, history, fastest_m_s(state.reach), model, gate)
         return use_standstill(body, clean.resting, model)
 
     def compare_hypotheses(
@@ -322,7 +319,7 @@ class SpeedObserver:
         before: Belief,
         prediction: Prediction,
         body: BodyCorrection,
-        clean: CleanSlipSample,
+        clean: CleanSample,
     ) -> SlipTest:
         """Test gross slip against a disturbance, where no other sensor tells them apart."""
         if not is_ambiguous(self.model):
@@ -337,7 +334,7 @@ class SpeedObserver:
         inertia: ApparentInertia,
         wheels: EncoderCorrection,
         body: BodyCorrection,
-        clean: CleanSlipSample,
+        clean: CleanSample,
     ) -> tuple[MotionTimers, SlipEstimate]:
         """The timers, and the estimate still without flags."""
         driven = driven_wheels(belief, inertia.open_m_s, self.model)
@@ -352,7 +349,7 @@ class SpeedObserver:
     def flags(
         self,
         before: Belief,
-        clean: CleanSlipSample,
+        clean: CleanSample,
         wheels: EncoderCorrection,
         body: BodyCorrection,
         ground_changed: Scalar,
@@ -378,13 +375,13 @@ class SpeedObserver:
         })  # fmt: skip
 
 
-def speed_change(before: Belief, prediction: Prediction, wheels: EncoderCorrection, clean: CleanSlipSample) -> Scalar:
+def speed_change(before: Belief, prediction: Prediction, wheels: EncoderCorrection, clean: CleanSample) -> Scalar:
     """Change [m/s] of the speed in the step: the forces', or the wheels' where a motor current is missing."""
     speed_m_s = where(every(clean.current_measured), prediction.belief.mean[0], wheels.belief.mean[0])
     return speed_m_s - before.mean[0]
 
 
-def first_sight(belief: Belief, clean: CleanSlipSample, encoders: Intervals, model: Model) -> Belief:
+def first_sight(belief: Belief, clean: CleanSample, encoders: Intervals, model: Model) -> Belief:
     """The belief, or where an encoder shows its first value one of a body that moves as the wheels do.
 
     encoders: clocks before the step.
@@ -397,7 +394,7 @@ def first_sight(belief: Belief, clean: CleanSlipSample, encoders: Intervals, mod
     return choose(some(first), model.first_belief(speeds), belief)
 
 
-def without_impossible_currents(clean: CleanSlipSample, before: Belief, model: Model) -> CleanSlipSample:
+def without_impossible_currents(clean: CleanSample, before: Belief, model: Model) -> CleanSample:
     """The sample without currents whose torque neither the ground nor the wheel can have taken.
 
     K_m n |I| <= MOST_ADHESION r N + J_w (|change of the wheel's speed| + its uncertainty) / dt

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
 from ohmward.logs.drive_log import DriveSource, as_drive
-from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
+from ohmward.traction.motion.sample import RobotSample, first_of
+from ohmward.traction.motion.sanitize import LONGEST_STEP_S
 from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
-from ohmward.traction.terrain.slip_on_floors import FloorRun, SlipOnFloors, first_of, wheel_samples
-from ohmward.traction.terrain.wheel_filter import WheelSample
+from ohmward.traction.terrain.slip_on_floors import FloorRun, SlipOnFloors, floor_samples
 
 #: With more combinations of floors than an omni robot has of five, the step is not compiled to machine code by itself:
 #: it would take half a minute.
 MOST_COMPILED = 221
 
 
-class FloorSlipEstimator(LiveEstimator[WheelSample, FloorEstimate]):
+class FloorSlipEstimator(LiveEstimator[RobotSample, FloorEstimate]):
     """Slip on floors, live or from logs, in machine code where it is installed.
 
     >>> estimator = FloorSlipEstimator(slip_on_floors(robot, load_floors("floors.toml").floor))    # doctest: +SKIP
@@ -58,14 +58,14 @@ class FloorSlipEstimator(LiveEstimator[WheelSample, FloorEstimate]):
         Raises:
             InputError: something else than a number, or not one for each driven wheel.
         """
-        driven, time_s = self.floors.wheels.robot.driven, number("time_s", time_s)
-        sample = WheelSample(
+        robot, time_s = self.floors.wheels.robot, number("time_s", time_s)
+        sample = RobotSample(
             self._since_last(time_s),
-            numbers("wheel_speed_rad_s", wheel_speed_rad_s, driven),
-            numbers("current_A", current_A, driven),
-            number("speed_m_s", speed_m_s),
-            number("speed_std_m_s", speed_std_m_s),
-            number("speed_age_s", speed_age_s),
+            numbers("wheel_speed_rad_s", wheel_speed_rad_s, len(robot.places), robot.driven),
+            numbers("current_A", current_A, robot.driven),
+            speed_m_s=number("speed_m_s", speed_m_s),
+            speed_std_m_s=number("speed_std_m_s", speed_std_m_s),
+            speed_age_s=number("speed_age_s", speed_age_s),
         )
         return self._advance(sample, self._clock(time_s))
 
@@ -78,7 +78,7 @@ class FloorSlipEstimator(LiveEstimator[WheelSample, FloorEstimate]):
             InputError: a driven wheel without encoder or motor current.
         """
         log = as_drive(log, self.floors.wheels.robot)
-        samples = wheel_samples(log, self.floors.wheels.robot.driven, self.time_s)
+        samples = floor_samples(log, self.floors.wheels.robot, self.time_s)
         return FloorRun(log.time_s, *self._scan(samples, first_of(samples), float(log.time_s[-1]), progress))
 
     def __repr__(self) -> str:

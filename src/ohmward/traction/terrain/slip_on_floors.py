@@ -38,8 +38,9 @@ from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.trace import Kernel, exp, logical_not, maximum, minimum, sqrt, table, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.friction.law import direction_and_size
+from ohmward.traction.motion.sample import RobotSample, first_of, no_sample, samples_of
+from ohmward.traction.motion.sanitize import CredibleLimits, EncoderWatch, sanitize, without_stopped
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.terrain.clean_sample import EncoderWatch, new_watch, sanitize
 from ohmward.traction.terrain.crossing import Crossing, CrossingResult, CrossingState, CrossingTest, crossing_test
 from ohmward.traction.terrain.demand import (
     drag_share,
@@ -62,7 +63,10 @@ from ohmward.traction.terrain.outside_speed import (
     seen,
 )
 from ohmward.traction.terrain.recognition import FloorForces, Recognition, RecognitionState
-from ohmward.traction.terrain.wheel_filter import WheelBelief, WheelFilter, WheelSample, WheelState
+from ohmward.traction.terrain.wheel_filter import WheelBelief, WheelFilter, WheelState
+
+#: A longer step is a gap [s].
+LIMITS = CredibleLimits(gap_s=0.5)
 
 #: Largest force over load of the curves, more than any floor gives, and the distance of their points.
 MOST, SPACING = 2.0, 0.01
@@ -163,25 +167,26 @@ class SlipOnFloors:
         if self.wheels.robot != self.recognition.robot:
             raise InputError("wheels.robot and recognition.robot must be the same robot")
 
-    def no_sample(self) -> WheelSample:
+    def no_sample(self) -> RobotSample:
         """A sample without any measurement, to be filled with `_replace`."""
-        nothing = np.full(self.wheels.robot.driven, math.nan)
-        return WheelSample(0.0, nothing, nothing)
+        return no_sample(self.wheels.robot)
 
-    def init(self, first: WheelSample) -> FloorState:
+    def init(self, first: RobotSample) -> FloorState:
         """State before the first sample, of which it takes the speeds: rims that turn as the encoders say."""
         robot = self.wheels.robot
-        watch = new_watch(robot.driven)
-        wheels = self.wheels.init(sanitize(first, watch).sample)
+        nothing = np.zeros(len(robot.places))
+        watch = EncoderWatch(nothing, nothing)
+        wheels = self.wheels.init(sanitize(first, LIMITS))
         rim = wheels.belief.mean[: robot.freedoms]
         return FloorState(
             wheels, np.array([rim, rim]), self.recognition.init(), self.crossing.init(robot), watch, no_loss()
         )
 
-    def step(self, state: FloorState, sample: WheelSample) -> tuple[FloorState, FloorEstimate]:
+    def step(self, state: FloorState, sample: RobotSample) -> tuple[FloorState, FloorEstimate]:
         """State and estimate after a sample."""
         robot = self.wheels.robot
-        clean, watch, flags = sanitize(sample, state.encoders)
+        seen_now = sanitize(sample, LIMITS)
+        clean, watch, stopped = without_stopped(seen_now, state.encoders)
         wheels, belief = self.wheels.step(state.wheels, clean)
         noise_N, belief = belief.force_std_N, with_friction(robot, belief)
         slow_rim, rate = low_pass(state.slow_rim, belief.rim, clean.dt_s)
@@ -203,14 +208,16 @@ class SlipOnFloors:
             drag_before=drag_share(robot, belief.rim, state.crossing.mean * mean_load(robot)),
             drag_after=drag_share(robot, belief.rim, drag_N),
             crossing_delay_s=result.delay_s,
-            flags=flags
-            + flags_of(
-                {
-                    FloorFlag.MOTION_UNKNOWN: logical_not(moving),
-                    FloorFlag.SPEED_REFUSED: every([moving, outside.refused]),
-                }
-            ),
-        )
+            flags=flags_of({
+                FloorFlag.BAD_TIME: logical_not(clean.time_credible),
+                FloorFlag.GAP: clean.gap,
+                FloorFlag.NO_CURRENT: logical_not(every(clean.current_measured)),
+                FloorFlag.NO_ENCODER: logical_not(every(seen_now.wheel_measured[: robot.driven])),
+                FloorFlag.ENCODER_STOPPED: stopped,
+                FloorFlag.MOTION_UNKNOWN: logical_not(moving),
+                FloorFlag.SPEED_REFUSED: every([moving, outside.refused]),
+            }),
+        )  # fmt: skip
         return FloorState(wheels, slow_rim, recognised, crossing, watch, loss), estimate
 
     def recognise(
@@ -247,7 +254,7 @@ class SlipOnFloors:
         """
         began = time.perf_counter()
         log = as_drive(log, self.wheels.robot)
-        samples = wheel_samples(log, self.wheels.robot.driven)
+        samples = floor_samples(log, self.wheels.robot)
         _, estimates = self.kernel.scan(self.init(first_of(samples)), samples)
         return FloorRun(log.time_s, estimates, time.perf_counter() - began)
 
@@ -372,22 +379,13 @@ def travel_variance(belief: WheelBelief) -> Scalar:
     return belief.rim_std[:-1] @ belief.rim_std[:-1]
 
 
-def wheel_samples(log: DriveLog, driven: int, before_s: float = math.nan) -> WheelSample:
-    """The log as samples (T, ...), its first step counted from `before_s` where that is a time before it.
+def floor_samples(log: DriveLog, robot: Robot, before_s: float = math.nan) -> RobotSample:
+    """`samples_of` a log that has the encoder and the motor current of every driven wheel.
 
     Raises:
         InputError: a driven wheel without encoder or motor current.
     """
-    speed, current = log.wheel_speed_rad_s[:, :driven], log.motor_current_A
-    for name, values in (("encoder", speed), ("motor current", current)):
-        if values.shape[1] != driven or not np.isfinite(values).any(axis=0).all():
+    for name, values in (("encoder", log.wheel_speed_rad_s[:, : robot.driven]), ("motor current", log.motor_current_A)):
+        if values.shape[1] != robot.driven or not np.isfinite(values).any(axis=0).all():
             raise InputError(f"log {log.name!r}: slip on floors needs the {name} of every driven wheel; one has none")
-    start_s = log.time_s[0] if not before_s < log.time_s[0] else before_s
-    nothing = np.full(len(log), math.nan)
-    of_outside = (nothing if v is None else v for v in (log.speed_m_s, log.speed_std_m_s, log.speed_age_s))
-    return WheelSample(np.diff(log.time_s, prepend=start_s), speed, current, *of_outside)
-
-
-def first_of(samples: WheelSample) -> WheelSample:
-    """The first of the samples (T, ...)."""
-    return WheelSample(0.0, *(values[0] for values in samples[1:]))
+    return samples_of(log, robot, before_s)
