@@ -317,8 +317,7 @@ def _stuck_robot(robot: Robot, log: DriveLog) -> Iterator[str]:
     for first, stop in long_runs(stands, time_s, STUCK_S, FEWEST_STUCK):
         yield (
             f"the robot stands by the speed from outside {_from_to(time_s[first:stop])} while its wheels turn: stuck, "
-            "or that speed is dead; between two of its samples way and slip are those of the wheels, do not count on "
-            "them here"
+            "or that speed is dead; the robot is taken to stand between two of its samples, too"
         )
 
 

@@ -198,20 +198,26 @@ def use_speeds(
     sample: OdometrySample,
     clean: CleanSample,
     u: MotionInput,
+    late_m_s: Scalar,
+    larger: Scalar,
     history: History,
     noise: OdometryNoise,
     gate: float,
 ) -> PoseCorrection:
-    """Correct with external speeds forward and to the left, the first with what it has changed by since."""
+    """Correct with external speeds forward and to the left, the first with what it has changed by since.
+
+    late_m_s: what it may have changed by besides.
+    larger: noise of the first over the standard deviation that is given.
+    """
     age_s = clean.speed_age_s
     credible = within(sample.speed_left_m_s, FASTEST_M_S) & logical_not(sample.robot.speed_age_s > OLDEST_S)
     left_m_s = where(credible, sample.speed_left_m_s, np.nan)
     given = (
-        (0, SLIP, clean.speed_m_s + change_since(history, age_s), clean.speed_std_m_s),
-        (1, SIDE_SLIP, left_m_s, sample.speed_left_std_m_s),
+        (0, SLIP, clean.speed_m_s + change_since(history, age_s) + late_m_s, clean.speed_std_m_s, larger),
+        (1, SIDE_SLIP, left_m_s, sample.speed_left_std_m_s, 1.0),
     )
-    for axis, state, y, own_std in given:
-        std_m_s = where(between(own_std, *SPEED_STD_M_S), own_std, noise.speed_std_m_s)
+    for axis, state, y, own_std, factor in given:
+        std_m_s = factor * where(between(own_std, *SPEED_STD_M_S), own_std, noise.speed_std_m_s)
         since = u.motion_std[axis] ** 2 * forgotten(age_s, noise)
         belief, rejected = use_motion(body.belief, y, axis, state, 1.0, std_m_s**2 + since, u, gate)
         body = body._replace(belief=belief, speed_rejected=some([body.speed_rejected, rejected]))

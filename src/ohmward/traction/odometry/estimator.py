@@ -12,6 +12,7 @@ from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number,
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.traction.dynamics.slip import slip_ratio
+from ohmward.traction.motion.held import ALARM
 from ohmward.traction.motion.sample import RobotSample, first_of, samples_of
 from ohmward.traction.motion.sanitize import LONGEST_STEP_S
 from ohmward.traction.odometry.modes import slip_modes
@@ -186,8 +187,8 @@ def force_known(observed: SlipEstimate) -> np.ndarray:
 
 
 def by_wheels_and_gyro(robot: Robot, measured: Collection[str]) -> bool:
-    """True where wheels and gyro alone show slip; measured: what came beside wheels and motor currents."""
-    return bool(slip_modes(robot)) and "yaw_rate_rad_s" in measured and "speed_m_s" not in measured
+    """True where wheels and gyro show slip; measured: what came beside wheels and motor currents."""
+    return bool(slip_modes(robot)) and "yaw_rate_rad_s" in measured
 
 
 def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate, heard: Any = True) -> SlipEstimate:
@@ -212,6 +213,7 @@ def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate, h
         "slip_ratio": slip_ratio(rim, rim - slip),
         "grip": 1.0 - slips,
         "slipping": np.where(slips > 0.5, 1.0, 0.0),
+        "immobilised": np.where(np.asarray(pose.stuck_probability) > ALARM, 1.0, 0.0),
     }
     if np.all(heard):
         return estimate._replace(**by_pose)

@@ -13,6 +13,7 @@ from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some, within
 from ohmward.trace import exp, isfinite, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.held import IS_HELD, ROCKS_M_S, TURNS_M_S, Held, weigh_held
 from ohmward.traction.motion.intervals import LOST, NEVER_S, Intervals, advance, holds, never, was_seen
 from ohmward.traction.motion.sanitize import MOST_YAW_RAD_S, CleanSample
 from ohmward.traction.odometry.model import OFFSET, SLIP, TURN_SCALE, USUAL_TURN_S, MotionInput
@@ -66,6 +67,7 @@ class MotionState(NamedTuple):
     passive_rad_s: np.ndarray  #: (passive,)
     gyro_rad_s: Any  #: yaw rate of the gyro
     modes: ModeState  #: which wheels roll
+    held: Held  #: whether the robot is held while they turn
     #: (3,) way that was reckoned by the wheels since their last values [m, m, rad]
     reckoned: np.ndarray
     turned_rad: np.ndarray  #: (driven,) angles of the last steps
@@ -87,6 +89,10 @@ class MeasuredMotion(NamedTuple):
     usual_turn_rad_s: Scalar
     speed: ModeSpeed  #: forward speed of the rims, and which of them slip
     modes: ModeState  #: `MotionState` after the step
+    held: Held  #: `MotionState` after the step
+    is_held: Scalar  #: the condition that the robot is more likely held than not
+    late_m_s: Scalar  #: change of the speed that an outside speed may have missed, however late it is
+    turns: Scalar  #: the condition that the wheels would move it
     by_driven: Scalar  #: the condition that the driven ones tell it, no observer and no wheel that rolls freely
     #: see `OdometryFlag`
     no_wheels: Scalar
@@ -103,6 +109,7 @@ def no_motion(robot: Robot) -> MotionState:
         passive,
         0.0,
         first_modes(robot),
+        Held(),
         np.zeros(3),
         driven,
         CountOfEncoder(),
@@ -153,6 +160,7 @@ def sense(before: MotionState, clean: CleanSample, new: Observed, robot: Robot) 
         passive_rad_s=where(free, passive_rad_s, before.passive_rad_s),
         gyro_rad_s=where(turned, clean.yaw_rate_rad_s, before.gyro_rad_s),
         modes=before.modes,
+        held=before.held,
         reckoned=before.reckoned,
         turned_rad=where(rolled, turned_rad, before.turned_rad),
         encoder=choose(rolled, count_seen(before, turned_rad), before.encoder),
@@ -194,7 +202,7 @@ def passive_rolled(before: MotionState, clean: CleanSample, robot: Robot) -> Sca
 def show(
     now: MotionState,
     jump: Scalar,
-    dt_s: Scalar,
+    clean: CleanSample,
     since_s: Scalar,
     gyro_variance: Scalar,
     before: Belief,
@@ -203,10 +211,13 @@ def show(
 ) -> MeasuredMotion:
     """Motion over the step to this state of the sensors: an observer's before the wheels', a gyro's before both.
 
+    A robot that is held neither goes as its wheels turn nor turns as they do.
+
     since_s: time since the wheels were last measured, at its end.
     gyro_variance: of the gyro's angle over time.
     before: belief of the odometry before the step.
     """
+    dt_s = clean.dt_s
     rolls, by_gyro, observed, free = holds(now.intervals)
     rims_m_s = robot.wheel.radius_m * now.wheel_speed_rad_s
     driven = rim_matrix(robot) @ rims_m_s
@@ -219,8 +230,10 @@ def show(
     counting_m_s = math.sqrt(2.0) * counted_m / maximum(since_s, LEAST_STEP_S)
     refused = np.array([age_s > 0.0 for age_s in now.wheel_age_s])
     modes, speed = weigh(now.modes, rims_m_s, driven[0], refused, turning, fresh, since_s, counting_m_s, robot, noise)
-    rim = where(free, free_motion(now, robot), driven)
-    forward_m_s = where(free, rim[0], (1.0 - noise.creep) * speed.forward_m_s)
+    held = weigh_held(now.held, speed.forward_m_s, clean, noise.speed_std_m_s)
+    is_held = (held.probability > IS_HELD) & logical_not(observed | free)
+    rim = where(free, free_motion(now, robot), where(is_held, 0.0, driven))
+    forward_m_s = where(free | is_held, rim[0], (1.0 - noise.creep) * speed.forward_m_s)
     rim_m_s = hypot(forward_m_s, rim[1])
     motion = np.array([forward_m_s, rim[1], rim[2]])
     # A speed by counting is the mean since the last value, so that no way is lost where one is late or missing.
@@ -229,6 +242,7 @@ def show(
     reckoned = where(fresh, 0.0, now.reckoned + way)
     o = now.observed
     turn_observed = observed & logical_not(by_gyro)
+    spins = observed & (o.grip <= LEAST_TURN_GRIP)
     u = MotionInput(
         dt_s=dt_s,
         motion=np.array([
@@ -241,13 +255,12 @@ def show(
             where(observed, o.left_m_s * dt_s, way[1]),
             where(turn_observed, o.yaw_rate_rad_s * dt_s, way[2]),
         ]),
-        motion_std=motion_std(now, observed, turn_observed, rim_m_s, rim[2], robot, noise),
+        motion_std=motion_std(now, observed, turn_observed, is_held, rim_m_s, rim[2], robot, noise),
         scale=where(observed, o.scale, where(free, FREE_SHARE, 1.0)),
         gyro_rad_s=now.gyro_rad_s,
         gyro_variance=gyro_variance,
         by_gyro=by_gyro,
-        comparable=by_gyro
-        & (free | rolls & logical_not(jump | speed.named) & (logical_not(observed) | (o.grip > LEAST_TURN_GRIP))),
+        comparable=by_gyro & (free | rolls & logical_not(jump | speed.named | is_held | spins)),
         count_rad=turn_per_slip(robot) * counted_m,
         unobserved_s=unobserved(now.intervals, rolls | free | observed, by_gyro),
         usual_turn_rad_s=now.usual_turn_rad_s,
@@ -258,22 +271,40 @@ def show(
     counted = where(by_gyro, speed.counted, 1.0 / robot.driven)
     white = white_variance(u, observed, count_m_s, counted, robot)
     rim_m = sum(abs(rims_m_s)) / robot.driven * dt_s
-    by_driven, no_wheels = rolls & logical_not(observed | free), logical_not(rolls | free | observed)
     usual = now.usual_turn_rad_s + (rim[2] - now.usual_turn_rad_s) * (1.0 - exp(-dt_s / USUAL_TURN_S))
-    return MeasuredMotion(u, white, rims_m_s, rim_m, reckoned, usual, speed, modes, by_driven, no_wheels, no_gyro, jump)
+    return MeasuredMotion(
+        input=u,
+        white_variance=white,
+        rims_m_s=rims_m_s,
+        rim_m=rim_m,
+        reckoned=reckoned,
+        usual_turn_rad_s=usual,
+        speed=speed,
+        modes=modes,
+        held=held,
+        is_held=is_held,
+        late_m_s=where(is_held, 0.0, held.late_m_s),
+        turns=abs(speed.forward_m_s) > TURNS_M_S,
+        by_driven=rolls & logical_not(observed | free),
+        no_wheels=logical_not(rolls | free | observed),
+        no_gyro=no_gyro,
+        jump=jump,
+    )
 
 
 def motion_std(
     now: MotionState,
     observed: Scalar,
     turn_observed: Scalar,
+    is_held: Scalar,
     rim_m_s: Scalar,
     yaw_rate_rad_s: Scalar,
     robot: Robot,
     noise: OdometryNoise,
 ) -> np.ndarray:
     """Standard deviations (3,) of the motion: an observer's where it tells, else those of slip and scrub."""
-    speed_std_m_s = where(observed, now.observed.speed_std_m_s, noise.slip_share * rim_m_s)
+    speed_std_m_s = where(is_held, ROCKS_M_S, noise.slip_share * rim_m_s)
+    speed_std_m_s = where(observed, now.observed.speed_std_m_s, speed_std_m_s)
     by_wheels = turn_std(rim_m_s, yaw_rate_rad_s, robot, noise)
     return np.array(
         [

@@ -19,6 +19,7 @@ from ohmward.filters.linear_algebra import std as std_of
 from ohmward.filters.sanitize import every, some
 from ohmward.trace import linearize, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.held import ALARM, IS_HELD
 from ohmward.traction.motion.intervals import History, empty_history, remember, was_seen
 from ohmward.traction.motion.sample import no_sample
 from ohmward.traction.motion.sanitize import CleanSample, CredibleLimits, sanitize
@@ -32,6 +33,7 @@ from ohmward.traction.odometry.corrections import (
     add_turn,
     empty_trail,
     extend,
+    forget,
     use_heading,
     use_increment,
     use_speeds,
@@ -146,11 +148,16 @@ class PoseFilter:
         since_s = state.motion.intervals.age_s[WHEELS] + clean.dt_s
         gyro = self.hear(state.gyro, sensors, clean.dt_s)
         walk = walk_variance(gyro, self.noise.gyro_walk)
-        motion = show(sensors, jump, clean.dt_s, since_s, walk, before, self.robot, self.noise)
+        motion = show(sensors, jump, clean, since_s, walk, before, self.robot, self.noise)
         sensors = sensors._replace(
-            modes=motion.modes, reckoned=motion.reckoned, usual_turn_rad_s=motion.usual_turn_rad_s
+            modes=motion.modes,
+            held=motion.held,
+            reckoned=motion.reckoned,
+            usual_turn_rad_s=motion.usual_turn_rad_s,
         )
+        begins = motion.is_held & (state.motion.held.probability <= IS_HELD)
         prior = with_slip_speed(before, state.slip_std_m_s, motion.input.motion_std[0])
+        prior = choose(begins, forget(prior, SLIP, 1.0), prior)
         reckoned = self.predict(opened(prior, motion, motion.speed.std_m_s), motion.input)
         trail = extend(state.trail, twist(before.mean, motion.input), clean.dt_s)
         speed_m_s = twist(reckoned.mean, motion.input)[0]
@@ -197,7 +204,7 @@ class PoseFilter:
         noise, gate, u = self.noise, self.gate, motion.input
         body, sums = use_turn(body, sums, u, fresh, gate, self.reset_after_s)
         body = body._replace(belief=opened(body.belief, motion, self.slip_by_turn(body, motion)))
-        body = use_speeds(body, sample, clean, u, history, noise, gate)
+        body = use_speeds(body, sample, clean, u, motion.late_m_s, motion.held.noise, history, noise, gate)
         return use_increment(body, sample, u, trail, noise, gate), sums
 
     def slip_by_turn(self, body: PoseCorrection, motion: MeasuredMotion) -> Scalar:
@@ -222,6 +229,7 @@ class PoseFilter:
         rates, J = linearize(lambda state: twist(state, motion.input), x)
         twist_cov = mirror_lower(J @ P @ J.T + np.diag(motion.white_variance))
         rims = motion.rims_m_s * (1.0 + motion.input.scale * x[RADIUS])
+        stuck = where(motion.by_driven & motion.turns, motion.held.probability, 0.0)
         return OdometryEstimate(
             x_m=x[X],
             y_m=x[Y],
@@ -239,7 +247,8 @@ class PoseFilter:
             radius_std=std_of(P[RADIUS, RADIUS]),
             slip_speed_m_s=rims - self.rolling @ rates,
             slip_speed_std_m_s=np.array([std_of(row @ twist_cov @ row) for row in self.rolling]),
-            slip_probability=motion.speed.slips,
+            slip_probability=maximum(motion.speed.slips, stuck),
+            stuck_probability=stuck,
             flags=0.0,
         )
 
@@ -252,6 +261,7 @@ class PoseFilter:
             OdometryFlag.NO_GYRO: motion.no_gyro,
             OdometryFlag.WHEEL_JUMP: motion.jump,
             OdometryFlag.WHEEL_SLIPS: motion.by_driven & motion.speed.named,
+            OdometryFlag.STUCK: motion.by_driven & motion.turns & (motion.held.probability > ALARM),
             OdometryFlag.TURN_REJECTED: body.turn_rejected,
             OdometryFlag.SPEED_REJECTED: body.speed_rejected,
             OdometryFlag.HEADING_REJECTED: body.heading_rejected,

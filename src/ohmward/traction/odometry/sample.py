@@ -76,6 +76,7 @@ class OdometryEstimate(NamedTuple):
     slip_speed_std_m_s: np.ndarray
     #: (driven,) probability that each wheel slips beside the others; 0 where no gyro tells, or wheels roll sideways
     slip_probability: np.ndarray
+    stuck_probability: Any  #: that the robot is held while its driven wheels turn; an outside speed tells
     flags: Any  #: sum of `OdometryFlag` values; 0 is a sample without incident
 
 
@@ -95,3 +96,4 @@ class OdometryFlag(SampleFlag):
     RESTARTED = 1024  #: the state was no longer a number; a new one was started from this sample
     HEADING_REJECTED = 2048  #: a heading outside its gate, as beside iron; not used
     WHEEL_SLIPS = 4096  #: a wheel, or those of a side, slip more likely than not: the others show the speed
+    STUCK = 8192  #: the wheels turn and the robot does not, by an outside speed

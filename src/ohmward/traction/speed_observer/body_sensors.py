@@ -17,6 +17,7 @@ from ohmward.filters.gate import choose, correct_gated, inflate, time_rejected
 from ohmward.filters.sanitize import some
 from ohmward.trace import isfinite, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.held import ROCKS_M_S
 from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.speed_observer.model import Model
 
@@ -110,6 +111,16 @@ def use_standstill(body: BodyCorrection, resting: Scalar, model: Model) -> BodyC
     for i in range(model.scene.robot.freedoms):
         belief = kalman.correct_state(belief, i, 0.0, STANDSTILL_STD**2, resting)
     return body._replace(belief=belief, observable=some([body.observable, resting]))
+
+
+def use_held(body: BodyCorrection, held: Scalar, model: Model) -> BodyCorrection:
+    """Correct with the zero speed of a robot that is held while its wheels turn, however fast they have taken it."""
+    if model.noise.speed_std_m_s is None:
+        return body
+    nu = body.belief.mean[0]
+    opened = inflate(body.belief, 0, nu * nu - body.belief.cov[0, 0])
+    belief = kalman.correct_state(choose(held, opened, body.belief), 0, 0.0, ROCKS_M_S**2, held)
+    return body._replace(belief=belief, observable=some([body.observable, held]))
 
 
 def correct_sensor(belief: Belief, y: Scalar, h: Function, variance: Scalar, gate: float) -> tuple[Belief, Scalar]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ohmward.filters.belief import Belief, PackedBelief, pack
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.held import Held
 from ohmward.traction.motion.intervals import History, Intervals, empty_history, never
 from ohmward.traction.speed_observer.apparent_inertia import ApparentInertia, untested
 from ohmward.traction.speed_observer.body_sensors import BodyTimers
@@ -33,6 +34,7 @@ class ObserverState(NamedTuple):
     body_rejected: BodyTimers  #: the same of the sensors of the body
     unexplained_m_s: Scalar  #: change of the speed of late without a force, see `gross_slip`
     inertia: ApparentInertia  #: test whether the wheels carry the robot
+    held: Held  #: whether the robot is held while its wheels turn
     #: as in `MotionTimers`
     unobserved_s: Scalar
     stuck_s: Scalar
@@ -58,6 +60,7 @@ def started(
         body_rejected=BodyTimers(0.0, 0.0, 0.0, 0.0, 0.0, np.zeros(wheels - n), 0.0),
         unexplained_m_s=0.0,
         inertia=untested(),
+        held=before.held if before else Held(),
         unobserved_s=0.0,
         stuck_s=0.0,
         reach=Reach(0.0, 0.0),

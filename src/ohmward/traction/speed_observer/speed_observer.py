@@ -39,6 +39,7 @@ from ohmward.quantities import MOST_MOTOR_A, MOST_WHEEL_RAD_S
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
+from ohmward.traction.motion.held import ALARM, IS_HELD, TURNS_M_S, Held, weigh_held
 from ohmward.traction.motion.intervals import (
     TINY_S,
     History,
@@ -69,6 +70,7 @@ from ohmward.traction.speed_observer.body_sensors import (
     SensorGate,
     use_accelerometer,
     use_gyro,
+    use_held,
     use_pitch,
     use_standstill,
 )
@@ -205,16 +207,20 @@ class SpeedObserver:
         free = turned(state.free, clean, self.model)
         wheels = self.correct_wheels(state, free, prediction, clean)
         history = remember(state.history, clean.dt_s, speed_change(before, prediction, wheels, clean))
+        held = self.weigh_held(state.held, wheels.belief, clean)
+        is_held = held.probability > IS_HELD
         body = self.correct_body(state, turn._replace(belief=wheels.belief), prediction, clean, history)
+        body = use_held(body, is_held, self.model)
         slip_test = self.compare_hypotheses(state, before, prediction, body, clean)
         inertia = advance_inertia(state.inertia, before, wheels.belief, body, clean, self.model)
         inertia, belief, reopened = reconsidered(inertia, state.inertia, slip_test.belief, clean, self.model)
         belief = belief._replace(mean=self.model.layout.bounded(belief.mean))
+        inertia = inertia._replace(open_m_s=where(is_held, 0.0, inertia.open_m_s))
         reach = advance_reach(state.reach, belief, body.observable, state.unobserved_s, clean, self.model)
         rejected = rejected_for(wheels.wheels)
         lost = is_lost(belief, reach, rejected.gate_s, LOCKED_OUT * self.reset_after_s, self.model)
         new = restarted(before, clean, self.model)
-        timers, estimate = self.conclude(state, choose(lost, new, belief), inertia, wheels, body, clean)
+        timers, estimate = self.conclude(state, choose(lost, new, belief), inertia, held, wheels, body, clean)
         ground_changed = some([wheels.ground_changed, slip_test.gross_slip, reopened])
         flags = self.flags(before, clean, wheels, body, ground_changed, timers, lost)
         after = state._replace(
@@ -226,6 +232,7 @@ class SpeedObserver:
             body_rejected=body.rejected,
             unexplained_m_s=slip_test.unexplained_m_s,
             inertia=inertia,
+            held=held,
             unobserved_s=timers.unobserved_s,
             stuck_s=timers.stuck_s,
             reach=reach,
@@ -313,6 +320,14 @@ class SpeedObserver:
         body = use_speed(body, clean, history, fastest_m_s(state.reach), model, gate)
         return use_standstill(body, clean.resting, model)
 
+    def weigh_held(self, before: Held, wheels: Belief, clean: CleanSample) -> Held:
+        """Weigh that the robot is held while its wheels turn, where it has an outside speed; wheels: as corrected."""
+        std_m_s, model = self.model.noise.speed_std_m_s, self.model
+        if std_m_s is None:
+            return before
+        rims_m_s = model.scene.robot.wheel.radius_m * model.layout.split(wheels.mean).omega
+        return weigh_held(before, model.forward @ rims_m_s, clean, std_m_s)
+
     def compare_hypotheses(
         self,
         state: ObserverState,
@@ -332,6 +347,7 @@ class SpeedObserver:
         state: ObserverState,
         belief: Belief,
         inertia: ApparentInertia,
+        held: Held,
         wheels: EncoderCorrection,
         body: BodyCorrection,
         clean: CleanSample,
@@ -344,7 +360,8 @@ class SpeedObserver:
         timers = MotionTimers(state.unobserved_s, state.stuck_s)
         timers = advance_timers(timers, driven, observable, clean.dt_s, self.alarm)
         driven = with_unknown_mass(driven, by_mass_m_s(inertia), self.model)
-        return timers, conclude(belief, driven, timers, clean, self.model, self.alarm)
+        stuck = (held.probability > ALARM) & (abs(self.model.forward @ driven.rim_m_s) > TURNS_M_S)
+        return timers, conclude(belief, driven, timers, stuck, clean, self.model, self.alarm)
 
     def flags(
         self,
