@@ -9,8 +9,7 @@ import numpy as np
 from ohmward.filters.estimator import rows_of
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction.motion.sample import first_of
-from ohmward.traction.terrain.estimate import FloorEstimate
-from ohmward.traction.terrain.slip_on_floors import FloorRun, SlipOnFloors, floor_samples
+from ohmward.traction.terrain.slip_on_floors import FloorEstimate, FloorRun, SlipOnFloors, floor_samples
 
 
 def live(estimator: SlipOnFloors, logs: Mapping[int, DriveLog]) -> dict[int, FloorRun]:

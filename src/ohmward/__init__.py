@@ -41,9 +41,9 @@ if TYPE_CHECKING:
     from ohmward.logs.write import write_table as write_table
     from ohmward.traction.calibration import calibrate as calibrate
     from ohmward.traction.motion.sample import RobotSample as RobotSample
-    from ohmward.traction.robot.file import load_robot as load_robot
-    from ohmward.traction.robot.file import save_robot as save_robot
     from ohmward.traction.robot.robot import Robot as Robot
+    from ohmward.traction.robot.robot import load_robot as load_robot
+    from ohmward.traction.robot.robot import save_robot as save_robot
     from ohmward.traction.speed_observer.estimate import SlipEstimate as SlipEstimate
     from ohmward.traction.speed_observer.estimate import SlipFlag as SlipFlag
     from ohmward.traction.speed_observer.estimator import SlipEstimator as SlipEstimator

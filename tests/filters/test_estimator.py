@@ -22,9 +22,8 @@ from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND
-from ohmward.traction.terrain.estimator import FloorSlipEstimator
 from ohmward.traction.terrain.floor import Floor
-from ohmward.traction.terrain.slip_on_floors import slip_on_floors
+from ohmward.traction.terrain.slip_on_floors import FloorSlipEstimator, slip_on_floors
 
 BATTERY = generic_battery("lfp", 12.0, n_series=4)
 OBSERVER = SpeedObserver(scene(RLMA, hard_terrain("gravel")), KNOWN_GROUND, method="ekf")

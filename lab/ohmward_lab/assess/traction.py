@@ -26,11 +26,10 @@ from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.chassis import SkidSteer
 from ohmward.traction.robot.robot import GRAVITY, RLMA, Robot
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
-from ohmward.traction.speed_observer.default_observer import DEFAULT_TERRAIN, default_observer
 from ohmward.traction.speed_observer.estimate import SlipEstimate, unknown_ground
 from ohmward.traction.speed_observer.estimator import considered_step
-from ohmward.traction.speed_observer.observer_state import ObserverState
-from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward.traction.speed_observer.make_observer import DEFAULT_TERRAIN, default_observer
+from ohmward.traction.speed_observer.speed_observer import ObserverState, SpeedObserver
 from ohmward_lab.assess.draws import generator, signs
 from ohmward_lab.assess.recommendation import Processor, Remedy, Situation, as_in_the_base_case
 from ohmward_lab.simulate.closed_loop.scenario import ROBOTS as PACKAGED

@@ -24,8 +24,7 @@ from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.sinks.store import StoreSink
 from ohmward.onboard.sources.replay import replays_in_step
 from ohmward.onboard.state_folder import StateFolder
-from ohmward.traction.robot.file import load_robot
-from ohmward.traction.robot.robot import Robot
+from ohmward.traction.robot.robot import Robot, load_robot
 
 #: Folder of the state of a robot whose setup names none.
 STATE = "ohmward-state"

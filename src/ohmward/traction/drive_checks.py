@@ -20,8 +20,7 @@ from ohmward.traction.motion.sample import require_wheels
 from ohmward.traction.motion_check import MotionCheck, wrong_sign, wrong_signs
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import GRAVITY, Robot
-from ohmward.traction.speed_observer.make_observer import yaw_rate_of_wheels
-from ohmward.traction.speed_observer.sensor_noise import speed_and_wheels_m_s
+from ohmward.traction.speed_observer.make_observer import speed_and_wheels_m_s, yaw_rate_of_wheels
 
 #: Sizes from which on a wheel turns, a robot moves and turns, a motor works [rad/s, m/s, rad/s, A].
 TURNS_RAD_S, MOVES_M_S, YAWS_RAD_S, WORKS_A = 0.2, 0.1, 0.1, 1.0

@@ -12,8 +12,8 @@ from ohmward.traction.motion.held import ALARM, GARBAGE, GARBAGE_S_PER_M, HELD_S
 from ohmward.traction.motion.sample import no_sample
 from ohmward.traction.motion.sanitize import CredibleLimits, sanitize
 from ohmward.traction.odometry.sample import OdometryFlag
-from ohmward.traction.speed_observer.default_observer import default_observer
 from ohmward.traction.speed_observer.estimator import SlipEstimator
+from ohmward.traction.speed_observer.make_observer import default_observer
 
 DT_S, STD_M_S = 0.05, 0.05
 STEADY = Held(low_m_s=np.full(2, 0.5), high_m_s=np.full(2, 0.5))

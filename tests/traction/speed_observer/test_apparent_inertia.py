@@ -7,11 +7,11 @@ from ohmward.trace import Kernel, clip
 from ohmward.traction import ALEXANDER, RLMA, RobotInput, RollingResistance, Terrain, next_state, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.motion.sample import RobotSample
-from ohmward.traction.speed_observer.apparent_inertia import grips, tells_grip, untested, with_evidence
-from ohmward.traction.speed_observer.default_observer import default_observer
 from ohmward.traction.speed_observer.estimate import SlipFlag
+from ohmward.traction.speed_observer.make_observer import default_observer
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
+from ohmward.traction.speed_observer.speed_evidence import SpeedEvidence, grips, tells_grip, with_evidence
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, zones
@@ -31,7 +31,7 @@ NOISE = ObserverNoise(gyro_std_rad_s=0.003)
 
 def driven_by(current_A, mass_kg):
     """The test after wheels that carry this mass have been driven by these currents (T,), the same on both."""
-    test, rim_m_s = untested(), 0.0
+    test, rim_m_s = SpeedEvidence(), 0.0
     for current in current_A:
         rim_m_s += DT_S * 2 * N_PER_A * current / mass_kg
         omega = np.full(2, rim_m_s / ROBOT.wheel.radius_m)

@@ -10,10 +10,9 @@ from ohmward.filters.belief import pack, unpack
 from ohmward.logs import DriveLog
 from ohmward.traction import Motor, Robot, SkidSteer, Wheel, hard_terrain
 from ohmward.traction.motion.sample import RobotSample
-from ohmward.traction.speed_observer.default_observer import default_observer
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipEstimator
-from ohmward.traction.speed_observer.make_observer import FILTERS, make_observer
+from ohmward.traction.speed_observer.make_observer import FILTERS, default_observer, make_observer
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 

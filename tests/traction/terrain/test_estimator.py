@@ -10,9 +10,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from ohmward.errors import InputError
 from ohmward.traction import RLMA
 from ohmward.traction.motion.sample import RobotSample
-from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
-from ohmward.traction.terrain.estimator import FloorSlipEstimator
-from ohmward.traction.terrain.slip_on_floors import floor_samples, slip_on_floors
+from ohmward.traction.terrain.slip_on_floors import (
+    FloorEstimate,
+    FloorFlag,
+    FloorSlipEstimator,
+    floor_samples,
+    slip_on_floors,
+)
 from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive
 from traction.terrain.whole_log import whole_log
 

@@ -6,10 +6,7 @@ import pytest
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.motion.sanitize import sanitize
 from ohmward.traction.observed_drive import observe_on_floors
-from ohmward.traction.terrain.estimate import FloorFlag
-from ohmward.traction.terrain.estimator import FloorSlipEstimator
-from ohmward.traction.terrain.file import Floors
-from ohmward.traction.terrain.floor import SlipBelief
+from ohmward.traction.terrain.floor import Floors, SlipBelief
 from ohmward.traction.terrain.outside_speed import (
     LASTING_SHARE,
     LOSS_MEMORY_S,
@@ -22,7 +19,7 @@ from ohmward.traction.terrain.outside_speed import (
     no_loss,
     seen,
 )
-from ohmward.traction.terrain.slip_on_floors import LIMITS
+from ohmward.traction.terrain.slip_on_floors import LIMITS, FloorFlag, FloorSlipEstimator
 from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive, on_floors
 
 LATE = slice(100, None)

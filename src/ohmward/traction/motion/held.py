@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.quantities import FASTEST_M_S
 from ohmward.trace import exp, isfinite, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.sanitize import CleanSample
@@ -51,8 +52,8 @@ class Held(NamedTuple):
 
     probability: Any = 1.0 / MET_HELD_S
     #: (2,) least and greatest speed of the rims [m/s] in the running span of `LATE_S` and the one before
-    low_m_s: np.ndarray = np.zeros(2)
-    high_m_s: np.ndarray = np.zeros(2)
+    low_m_s: np.ndarray = np.full(2, FASTEST_M_S)
+    high_m_s: np.ndarray = np.full(2, -FASTEST_M_S)
     span_s: Any = 0.0  #: since the running span began
     #: the last outside speed less what the rims had shown, over s, and the noise of such values in the same unit
     error: Any = 0.0

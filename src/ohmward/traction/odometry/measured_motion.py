@@ -22,7 +22,7 @@ from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import Observed
 from ohmward.traction.robot.chassis import PLANAR, Differential
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.restart import LOST_M_S
+from ohmward.traction.speed_observer.speed_evidence import LOST_M_S
 
 #: A rim whose speed changes by more than that of counting [m/s] and an acceleration of 2 g [m/s2] is not the robot's.
 JUMP_M_S, JUMP_M_S2 = 0.2, 20.0

@@ -247,7 +247,7 @@ class PoseFilter:
             radius_std=std_of(P[RADIUS, RADIUS]),
             slip_speed_m_s=rims - self.rolling @ rates,
             slip_speed_std_m_s=np.array([std_of(row @ twist_cov @ row) for row in self.rolling]),
-            slip_probability=maximum(motion.speed.slips, stuck),
+            slip_probability=where(motion.is_held, maximum(motion.speed.slips, stuck), motion.speed.slips),
             stuck_probability=stuck,
             flags=0.0,
         )

@@ -14,10 +14,9 @@ from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.motion.sample import RobotSample, first_of, samples_of
 from ohmward.traction.motion.sanitize import LONGEST_STEP_S
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.default_observer import DEFAULT_FILTER, DEFAULT_TERRAIN, default_observer
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
-from ohmward.traction.speed_observer.observer_state import ObserverState
-from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward.traction.speed_observer.make_observer import DEFAULT_FILTER, DEFAULT_TERRAIN, default_observer
+from ohmward.traction.speed_observer.speed_observer import ObserverState, SpeedObserver
 
 
 class SlipRun(Run[SlipEstimate]):

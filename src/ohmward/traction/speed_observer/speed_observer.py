@@ -10,6 +10,8 @@ The driven wheels show the speed as far as they grip, through the slope of tract
 its force and nothing of the speed; friction and speed cannot both be told from a steady spin. Then the speed is dead
 reckoning from the forces, and its sigma grows with that of the grade: 0.17 m/s each second per degree. A passive wheel,
 an external speed or a standstill makes it observable again.
+
+State of the speed observer from sample to sample.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from ohmward.checks import (
 )
 from ohmward.errors import InputError
 from ohmward.filters import extended, unscented
-from ohmward.filters.belief import Belief, is_healthy, pack, unpack
+from ohmward.filters.belief import Belief, PackedBelief, is_healthy, pack, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import std
@@ -45,7 +47,9 @@ from ohmward.traction.motion.intervals import (
     History,
     Intervals,
     advance,
+    empty_history,
     holds,
+    never,
     remember,
     share_measured,
     was_seen,
@@ -58,20 +62,16 @@ from ohmward.traction.motion.sanitize import (
     hold_still,
     sanitize,
 )
-from ohmward.traction.speed_observer.apparent_inertia import (
-    LEAST_GRIP,
-    ApparentInertia,
-    advance_inertia,
-    by_mass_m_s,
-    reconsidered,
-)
 from ohmward.traction.speed_observer.body_sensors import (
     BodyCorrection,
+    BodyTimers,
     SensorGate,
     use_accelerometer,
     use_gyro,
     use_held,
+    use_passive_wheels,
     use_pitch,
+    use_speed,
     use_standstill,
 )
 from ohmward.traction.speed_observer.conclusions import (
@@ -88,22 +88,72 @@ from ohmward.traction.speed_observer.encoders import (
     EncoderCorrection,
     EncoderGate,
     FreeWheels,
+    RejectedFor,
     correct_wheels,
     rejected_for,
     released,
     turned,
 )
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
-from ohmward.traction.speed_observer.external_speed import use_speed
-from ohmward.traction.speed_observer.gross_slip import SlipTest, compare_hypotheses, is_ambiguous, unexplained_change
-from ohmward.traction.speed_observer.matched_noise import match, matched_stds
+from ohmward.traction.speed_observer.matched_noise import MatchedNoise, fixed, match, matched_stds, unmatched
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
-from ohmward.traction.speed_observer.observer_state import ObserverState, started
-from ohmward.traction.speed_observer.passive_wheels import use_passive_wheels
-from ohmward.traction.speed_observer.restart import advance_reach, fastest_m_s, is_lost, restarted
 from ohmward.traction.speed_observer.slip_step import SlipStep
+from ohmward.traction.speed_observer.speed_evidence import (
+    LEAST_GRIP,
+    SpeedEvidence,
+    by_mass_m_s,
+    fastest_m_s,
+    is_lost,
+    judge,
+    restarted,
+    with_reach,
+)
 from ohmward.traction.speed_observer.states import States
+
+
+class ObserverState(NamedTuple):
+    """State of the observer from sample to sample: plain numbers."""
+
+    belief: PackedBelief  #: mean (n,) and lower triangle of the covariance
+    matched: MatchedNoise  #: noise of the sensors; empty without matching
+    current_A: np.ndarray  #: (driven,) last credible ones
+    current_intervals: Intervals  #: of the motor currents, each (driven,)
+    encoder_intervals: Intervals  #: of the encoders, each (wheels,)
+    lag_rad_s: np.ndarray  #: (wheels,) `Model.encoder_lag` since each encoder's last value
+    free: FreeWheels  #: the wheels as their motors alone would turn them
+    history: History  #: predicted changes of the speed of late, for speeds that come late
+    rest_s: Scalar  #: time for which wheels and motors have been at rest
+    rejected: RejectedFor  #: for how long each encoder has been outside its gate, (driven,)
+    body_rejected: BodyTimers  #: the same of the sensors of the body
+    evidence: SpeedEvidence  #: of whether the wheels show the speed
+    #: as in `MotionTimers`
+    unobserved_s: Scalar
+    stuck_s: Scalar
+
+
+def started(
+    belief: Belief, model: Model, late_steps: int, matching: bool, before: ObserverState | None = None
+) -> ObserverState:
+    """State of an observer that has this belief and no past, but for the clocks and the noise of the sensors before."""
+    n, wheels = model.driven, len(model.scene.robot.places)
+    return ObserverState(
+        belief=pack(belief),
+        matched=before.matched if before else unmatched(model) if matching else fixed(),
+        current_A=before.current_A if before else np.zeros(n),
+        current_intervals=before.current_intervals if before else never(n),
+        encoder_intervals=before.encoder_intervals if before else never(wheels),
+        lag_rad_s=np.zeros(wheels),
+        free=FreeWheels(belief.mean[model.layout.wheel(0) : model.layout.robot_states], np.zeros(n)),
+        history=empty_history(0 if model.noise.speed_std_m_s is None else late_steps),
+        rest_s=0.0,
+        rejected=RejectedFor(np.zeros(n), np.zeros(n)),
+        body_rejected=BodyTimers(0.0, 0.0, 0.0, 0.0, 0.0, np.zeros(wheels - n), 0.0),
+        evidence=SpeedEvidence(held=before.evidence.held if before else Held()),
+        unobserved_s=0.0,
+        stuck_s=0.0,
+    )
+
 
 #: No ground takes more than so many times the load.
 MOST_ADHESION = 2.0
@@ -207,21 +257,17 @@ class SpeedObserver:
         free = turned(state.free, clean, self.model)
         wheels = self.correct_wheels(state, free, prediction, clean)
         history = remember(state.history, clean.dt_s, speed_change(before, prediction, wheels, clean))
-        held = self.weigh_held(state.held, wheels.belief, clean)
-        is_held = held.probability > IS_HELD
+        evidence = state.evidence._replace(held=self.weigh_held(state.evidence.held, wheels.belief, clean))
         body = self.correct_body(state, turn._replace(belief=wheels.belief), prediction, clean, history)
-        body = use_held(body, is_held, self.model)
-        slip_test = self.compare_hypotheses(state, before, prediction, body, clean)
-        inertia = advance_inertia(state.inertia, before, wheels.belief, body, clean, self.model)
-        inertia, belief, reopened = reconsidered(inertia, state.inertia, slip_test.belief, clean, self.model)
-        belief = belief._replace(mean=self.model.layout.bounded(belief.mean))
-        inertia = inertia._replace(open_m_s=where(is_held, 0.0, inertia.open_m_s))
-        reach = advance_reach(state.reach, belief, body.observable, state.unobserved_s, clean, self.model)
+        body = use_held(body, evidence.held.probability > IS_HELD, self.model)
+        judged = judge(evidence, before, wheels.belief, body, clean, self.model, self.gate)
+        belief = judged.belief._replace(mean=self.model.layout.bounded(judged.belief.mean))
+        evidence = with_reach(judged.evidence, belief, body.observable, state.unobserved_s, clean, self.model)
         rejected = rejected_for(wheels.wheels)
-        lost = is_lost(belief, reach, rejected.gate_s, LOCKED_OUT * self.reset_after_s, self.model)
+        lost = is_lost(belief, evidence, rejected.gate_s, LOCKED_OUT * self.reset_after_s, self.model)
         new = restarted(before, clean, self.model)
-        timers, estimate = self.conclude(state, choose(lost, new, belief), inertia, held, wheels, body, clean)
-        ground_changed = some([wheels.ground_changed, slip_test.gross_slip, reopened])
+        timers, estimate = self.conclude(state, choose(lost, new, belief), evidence, wheels, body, clean)
+        ground_changed = some([wheels.ground_changed, judged.ground_changed])
         flags = self.flags(before, clean, wheels, body, ground_changed, timers, lost)
         after = state._replace(
             belief=pack(belief),
@@ -230,12 +276,9 @@ class SpeedObserver:
             history=history,
             rejected=rejected,
             body_rejected=body.rejected,
-            unexplained_m_s=slip_test.unexplained_m_s,
-            inertia=inertia,
-            held=held,
+            evidence=evidence,
             unobserved_s=timers.unobserved_s,
             stuck_s=timers.stuck_s,
-            reach=reach,
         )
         fresh = started(new, self.model, self.late_steps, self.matching, state)
         return choose(lost, fresh, after), estimate._replace(flags=flags)
@@ -317,7 +360,7 @@ class SpeedObserver:
             body = use_gyro(body, clean, model, gate)
         body = use_pitch(body, clean, model, gate)
         body = use_accelerometer(body, clean, model, gate)
-        body = use_speed(body, clean, history, fastest_m_s(state.reach), model, gate)
+        body = use_speed(body, clean, history, fastest_m_s(state.evidence), model, gate)
         return use_standstill(body, clean.resting, model)
 
     def weigh_held(self, before: Held, wheels: Belief, clean: CleanSample) -> Held:
@@ -328,39 +371,24 @@ class SpeedObserver:
         rims_m_s = model.scene.robot.wheel.radius_m * model.layout.split(wheels.mean).omega
         return weigh_held(before, model.forward @ rims_m_s, clean, std_m_s)
 
-    def compare_hypotheses(
-        self,
-        state: ObserverState,
-        before: Belief,
-        prediction: Prediction,
-        body: BodyCorrection,
-        clean: CleanSample,
-    ) -> SlipTest:
-        """Test gross slip against a disturbance, where no other sensor tells them apart."""
-        if not is_ambiguous(self.model):
-            return SlipTest(body.belief, False, state.unexplained_m_s)
-        unexplained_m_s = unexplained_change(state.unexplained_m_s, before, body.belief, clean, self.model)
-        return compare_hypotheses(body.belief, unexplained_m_s, clean, self.model, self.gate)
-
     def conclude(
         self,
         state: ObserverState,
         belief: Belief,
-        inertia: ApparentInertia,
-        held: Held,
+        evidence: SpeedEvidence,
         wheels: EncoderCorrection,
         body: BodyCorrection,
         clean: CleanSample,
     ) -> tuple[MotionTimers, SlipEstimate]:
         """The timers, and the estimate still without flags."""
-        driven = driven_wheels(belief, inertia.open_m_s, self.model)
+        driven = driven_wheels(belief, evidence.open_m_s, self.model)
         encoders = zip(wheels.wheels, driven.grip, strict=True)
         gripping = [wheel.used & (grip > LEAST_GRIP) for wheel, grip in encoders]
         observable = some([*gripping, body.observable])
         timers = MotionTimers(state.unobserved_s, state.stuck_s)
         timers = advance_timers(timers, driven, observable, clean.dt_s, self.alarm)
-        driven = with_unknown_mass(driven, by_mass_m_s(inertia), self.model)
-        stuck = (held.probability > ALARM) & (abs(self.model.forward @ driven.rim_m_s) > TURNS_M_S)
+        driven = with_unknown_mass(driven, by_mass_m_s(evidence), self.model)
+        stuck = (evidence.held.probability > ALARM) & (abs(self.model.forward @ driven.rim_m_s) > TURNS_M_S)
         return timers, conclude(belief, driven, timers, stuck, clean, self.model, self.alarm)
 
     def flags(

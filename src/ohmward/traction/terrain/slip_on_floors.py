@@ -16,6 +16,10 @@ Belief in the slip of wheels on a floor, as curves over their force: `floor.slip
 Friction and stiffness of a floor are common to all wheels, so their slips err together. The phi_k are the first
 functions of Karhunen and Loeve's expansion of the slip over all floors that this one may be. The variance is exact;
 the part of the left-out functions counts as each wheel's own.
+
+Estimate of the slip on floors after a sample: plain numbers.
+
+Slip on floors for people: an estimator that remembers. `update` takes live samples, `run` takes logs.
 """
 
 from __future__ import annotations
@@ -30,7 +34,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.filters.flags import flags_of
+from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
+from ohmward.filters.flags import SampleFlag, flags_of
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.run import Run
 from ohmward.filters.sanitize import every, some
@@ -39,7 +44,7 @@ from ohmward.trace import Kernel, exp, logical_not, maximum, minimum, sqrt, tabl
 from ohmward.trace.expression import Scalar
 from ohmward.traction.friction.law import direction_and_size
 from ohmward.traction.motion.sample import RobotSample, first_of, no_sample, samples_of
-from ohmward.traction.motion.sanitize import CredibleLimits, EncoderWatch, sanitize, without_stopped
+from ohmward.traction.motion.sanitize import LONGEST_STEP_S, CredibleLimits, EncoderWatch, sanitize, without_stopped
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.crossing import Crossing, CrossingResult, CrossingState, CrossingTest, crossing_test
 from ohmward.traction.terrain.demand import (
@@ -51,7 +56,6 @@ from ohmward.traction.terrain.demand import (
     undetermined_force_std,
     wheel_motion,
 )
-from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
 from ohmward.traction.terrain.floor import AS_LEARNT, Floor, SlipBelief, SlipScale, scaled, slip_scale, slips_of_floors
 from ohmward.traction.terrain.outside_speed import (
     LossState,
@@ -64,6 +68,45 @@ from ohmward.traction.terrain.outside_speed import (
 )
 from ohmward.traction.terrain.recognition import FloorForces, Recognition, RecognitionState
 from ohmward.traction.terrain.wheel_filter import WheelBelief, WheelFilter, WheelState
+
+
+class FloorEstimate(NamedTuple):
+    """Estimate after a sample."""
+
+    rim: np.ndarray  #: (freedoms,) motion of the rims, as if no wheel slipped
+    motion: np.ndarray  #: (freedoms,) of the body
+    motion_std: np.ndarray  #: its standard deviation
+    #: over ground
+    speed_m_s: Any
+    speed_std_m_s: Any
+    travel_slip: Any  #: share of the rims' travel speed that is lost; nan while the wheels hardly turn
+    travel_slip_std: Any  #: its standard deviation
+    slip_ratio: np.ndarray  #: (driven,) of each wheel, slip speed over the rims' travel speed; likewise nan
+    slip_ratio_std: np.ndarray  #: its standard deviation
+    force_N: np.ndarray  #: (driven,) of the ground
+    floor_probability: np.ndarray  #: (wheels, floors), floors as in `Recognition.names`
+    crossing: Any  #: 1 where a wheel has come to another floor, else 0
+    #: share of the weight that the ground takes, before the last change and now
+    drag_before: Any
+    drag_after: Any
+    #: (wheels,) mean time until a crossing of each wheel is known, as the robot moves now; inf while none is looked
+    #: for, and for a wheel whose floor hardly shows in the forces
+    crossing_delay_s: np.ndarray
+    flags: Any  #: sum of `FloorFlag` values; 0 is a sample without incident
+
+
+class FloorFlag(SampleFlag):
+    """Events at a sample. None of them stops the estimator."""
+
+    BAD_TIME = 1  # dt_s is not a number, negative or hours: taken as 0
+    GAP = 2  # half a second without a sample: floors may have changed
+    NO_CURRENT = 4  # of at least one motor: its force wanders on
+    NO_ENCODER = 8  # of at least one driven wheel: its speed wanders on
+    ENCODER_STOPPED = 16  # one repeats a number to the last bit while others move: not used until it moves again
+    MOTION_UNKNOWN = 32  # the wheels hardly turn, or their motion is uncertain: no slip ratio, no floor recognised
+    RESTARTED = 64  # in Python: the state was no longer a number, a new one was started from this sample
+    SPEED_REFUSED = 128  # an outside speed that no slip of these wheels explains, or older than a second
+
 
 #: A longer step is a gap [s].
 LIMITS = CredibleLimits(gap_s=0.5)
@@ -389,3 +432,81 @@ def floor_samples(log: DriveLog, robot: Robot, before_s: float = math.nan) -> Ro
         if values.shape[1] != robot.driven or not np.isfinite(values).any(axis=0).all():
             raise InputError(f"log {log.name!r}: slip on floors needs the {name} of every driven wheel; one has none")
     return samples_of(log, robot, before_s)
+
+
+#: With more combinations of floors than an omni robot has of five, the step is not compiled to machine code by itself:
+#: it would take half a minute.
+MOST_COMPILED = 221
+
+
+class FloorSlipEstimator(LiveEstimator[RobotSample, FloorEstimate]):
+    """Slip on floors, live or from logs, in machine code where it is installed.
+
+    >>> estimator = FloorSlipEstimator(slip_on_floors(robot, load_floors("floors.toml").floor))    # doctest: +SKIP
+    >>> estimator.update(0.0, [-2.1, 0.0, 2.1], [-1.0, 0.1, 1.1]).travel_slip                      # doctest: +SKIP
+    0.214
+
+    The first sample waits for the compilation, some seconds; later starts find it in the cache.
+
+    Args:
+        floors: settings, of `slip_on_floors`.
+        lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
+    """
+
+    flag_type = FloorFlag
+    known = FloorEstimate._fields.index("speed_m_s"), FloorEstimate._fields.index("speed_std_m_s")
+    longest_step_s = LONGEST_STEP_S
+
+    def __init__(self, floors: SlipOnFloors, lowering: str | None = None):
+        if lowering is None and len(floors.recognition.combinations) > MOST_COMPILED:
+            lowering = "python"
+        super().__init__(floors, lowering)
+        self.floors = floors
+
+    def update(
+        self,
+        time_s: float,
+        wheel_speed_rad_s: PerWheel,
+        current_A: PerWheel,
+        speed_m_s: float | None = None,
+        speed_std_m_s: float | None = None,
+        speed_age_s: float | None = None,
+    ) -> FloorEstimate:
+        """Estimate after one live sample. A bad one is survived and flagged, see `FloorFlag`; None and nan are missing.
+
+        time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
+            where it is earlier by more than a minute, the clock was set, and time goes on from there.
+        wheel_speed_rad_s, current_A: (driven,) of each driven wheel and its motor.
+        speed_m_s, speed_std_m_s, speed_age_s: outside speed, forward, where there is one; 0.05 m/s and 0 s unless
+            given. The slip that it shows tells floors apart that ask for like forces, and narrows the band.
+
+        Raises:
+            InputError: something else than a number, or not one for each driven wheel.
+        """
+        robot, time_s = self.floors.wheels.robot, number("time_s", time_s)
+        sample = RobotSample(
+            self._since_last(time_s),
+            numbers("wheel_speed_rad_s", wheel_speed_rad_s, len(robot.places), robot.driven),
+            numbers("current_A", current_A, robot.driven),
+            speed_m_s=number("speed_m_s", speed_m_s),
+            speed_std_m_s=number("speed_std_m_s", speed_std_m_s),
+            speed_age_s=number("speed_age_s", speed_age_s),
+        )
+        return self._advance(sample, self._clock(time_s))
+
+    def run(self, log: DriveSource, progress: Progress | None = None) -> FloorRun:
+        """Slip and floors along a log, from this estimator's state on; a new one starts at the log's start.
+
+        progress: called now and then with (steps done, T).
+
+        Raises:
+            InputError: a driven wheel without encoder or motor current.
+        """
+        log = as_drive(log, self.floors.wheels.robot)
+        samples = floor_samples(log, self.floors.wheels.robot, self.time_s)
+        return FloorRun(log.time_s, *self._scan(samples, first_of(samples), float(log.time_s[-1]), progress))
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.floors.recognition.names)
+        now = f", speed {self.last.speed_m_s:.3f} ± {self.last.speed_std_m_s:.3f} m/s" if self.last else ""
+        return f"FloorSlipEstimator({self.floors.wheels.robot.name} on {names}{now})"
