@@ -61,7 +61,7 @@ class Held(NamedTuple):
     late_m_s: Any = 0.0  #: what the rims have changed by since they were as fast as the outside speed of this step
 
 
-def weigh_held(before: Held, rim_m_s: Scalar, clean: CleanSample, speed_std_m_s: float) -> Held:
+def weigh_held(before: Held, rim_m_s: Any, clean: CleanSample, speed_std_m_s: float) -> Held:
     """The hypothesis after a step.
 
     rim_m_s: forward speed as the wheels show it.

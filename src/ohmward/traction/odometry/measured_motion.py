@@ -90,9 +90,9 @@ class MeasuredMotion(NamedTuple):
     speed: ModeSpeed  #: forward speed of the rims, and which of them slip
     modes: ModeState  #: `MotionState` after the step
     held: Held  #: `MotionState` after the step
-    is_held: Scalar  #: the condition that the robot is more likely held than not
+    is_held: Any  #: the condition that the robot is more likely held than not
     late_m_s: Scalar  #: change of the speed that an outside speed may have missed, however late it is
-    turns: Scalar  #: the condition that the wheels would move it
+    turns: Any  #: the condition that the wheels would move it
     by_driven: Scalar  #: the condition that the driven ones tell it, no observer and no wheel that rolls freely
     #: see `OdometryFlag`
     no_wheels: Scalar

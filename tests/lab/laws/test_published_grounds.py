@@ -5,11 +5,10 @@ import pytest
 from scipy.stats import loguniform
 
 from ohmward.traction.friction import published_grounds
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
-from ohmward.traction.friction.law import Contact, TractionLaw
-from ohmward.traction.friction.published_grounds import departures, usual_traction
+from ohmward.traction.friction.law import Contact, CoulombCreep, TractionLaw
 from ohmward.traction.friction.soft_ground import SoftGround, Soil
 from ohmward.traction.friction.terrain import ROADS, SOILS
+from ohmward_lab.traction.friction_fit import departures, usual_traction
 
 LOAD_N, SPEED_M_S = 50.0, 0.4
 TYPICAL = Contact(0.0, SPEED_M_S, SPEED_M_S, LOAD_N)
