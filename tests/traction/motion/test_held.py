@@ -8,7 +8,7 @@ from scipy.stats import norm
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, Odometry
-from ohmward.traction.motion.held import ALARM, GARBAGE, GARBAGE_S_PER_M, HELD_S, MET_HELD_S, Held, weigh_held
+from ohmward.traction.motion.held import ALARM, GARBAGE, GARBAGE_S_PER_M, HELD_S, MET_S, SLIDES_S, Held, weigh_held
 from ohmward.traction.motion.sample import no_sample
 from ohmward.traction.motion.sanitize import CredibleLimits, sanitize
 from ohmward.traction.odometry.sample import OdometryFlag
@@ -52,21 +52,36 @@ def drive(seed, currents_A=math.nan, stuck=True):
     return log, true, held
 
 
-def test_one_speed_weighs_both_hypotheses_by_bayes_rule():
+def test_one_speed_weighs_the_hypotheses_by_bayes_rule():
     found = weigh_held(STEADY, 0.5, sample(0.08), STD_M_S)
-    prior = (1 / MET_HELD_S) * math.exp(-DT_S / HELD_S) + (1 - 1 / MET_HELD_S) * (1 - math.exp(-DT_S / MET_HELD_S))
-    garbage = GARBAGE * GARBAGE_S_PER_M
+    met, garbage = 1 - math.exp(-DT_S / MET_S), GARBAGE * GARBAGE_S_PER_M
     held = (1 - GARBAGE) * norm.pdf(0.08, 0.0, math.hypot(STD_M_S, 0.05)) + garbage
     rolls = (1 - GARBAGE) * norm.pdf(0.08, 0.5, math.hypot(STD_M_S, 0.05 * 0.5)) + garbage
-    assert found.probability == pytest.approx(prior * held / (prior * held + (1 - prior) * rolls), rel=1e-12)
+    total = met * held + met * GARBAGE_S_PER_M + (1 - 2 * met) * rolls
+    assert found.probability == pytest.approx(met * held / total, rel=1e-12)
+    assert found.slides == pytest.approx(met * GARBAGE_S_PER_M / total, rel=1e-12)
 
 
 def test_without_an_outside_speed_it_is_met_and_left_as_the_chain_says():
     found = STEADY
     for _ in range(600):
         found = weigh_held(found, 0.5, sample(dt_s=1.0), STD_M_S)
-    met, left = (1.0 - math.exp(-1.0 / time_s) for time_s in (MET_HELD_S, HELD_S))
-    assert found.probability == pytest.approx(met / (met + left), rel=1e-4)
+    met, left, stops = (1.0 - math.exp(-1.0 / time_s) for time_s in (MET_S, HELD_S, SLIDES_S))
+    chain = np.array(
+        [[1 - 2 * met, met, met], [stops * (1 - met), (1 - stops) * (1 - met), met], [left / 2, left / 2, 1 - left]]
+    )
+    stationary = np.linalg.matrix_power(chain, 5000)[0]
+    assert_allclose([found.slides, found.probability], stationary[1:], rtol=1e-4)
+
+
+def test_a_robot_that_slides_through_zero_is_not_held_for_long():
+    """Wheels at 0.8 m/s on ice under a robot that slides back down: ten speeds a second."""
+    true = np.clip(0.8 - 0.5 * DT_S * np.arange(100), -1.0, None)
+    speeds = np.where(np.arange(100) % 2 == 0, true, np.nan)
+    found = weighed(np.full(100, 0.8), speeds, Held(low_m_s=np.full(2, 0.8), high_m_s=np.full(2, 0.8)))
+    held = np.array([h.probability > 0.5 for h in found])
+    assert not held[np.abs(true) > 0.25].any()
+    assert found[-1].slides > 0.9
 
 
 def test_a_robot_whose_wheels_stand_stays_as_it_is():

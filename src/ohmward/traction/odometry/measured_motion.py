@@ -84,12 +84,8 @@ class MeasuredMotion(NamedTuple):
     white_variance: np.ndarray  #: (3,) of the twist, by counting and by the gyro's noise over one step
     rims_m_s: np.ndarray  #: (driven,) speeds of the rims
     rim_m: Scalar  #: way of the driven rims whatever its direction, their mean
-    #: `MotionState` after the step
-    reckoned: np.ndarray
-    usual_turn_rad_s: Scalar
+    sensors: MotionState  #: after the step
     speed: ModeSpeed  #: forward speed of the rims, and which of them slip
-    modes: ModeState  #: `MotionState` after the step
-    held: Held  #: `MotionState` after the step
     is_held: Any  #: the condition that the robot is more likely held than not
     late_m_s: Scalar  #: change of the speed that an outside speed may have missed, however late it is
     turns: Any  #: the condition that the wheels would move it
@@ -277,11 +273,8 @@ def show(
         white_variance=white,
         rims_m_s=rims_m_s,
         rim_m=rim_m,
-        reckoned=reckoned,
-        usual_turn_rad_s=usual,
+        sensors=now._replace(modes=modes, held=held, reckoned=reckoned, usual_turn_rad_s=usual),
         speed=speed,
-        modes=modes,
-        held=held,
         is_held=is_held,
         late_m_s=where(is_held, 0.0, held.late_m_s),
         turns=abs(speed.forward_m_s) > TURNS_M_S,

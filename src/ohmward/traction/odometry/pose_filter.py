@@ -149,12 +149,6 @@ class PoseFilter:
         gyro = self.hear(state.gyro, sensors, clean.dt_s)
         walk = walk_variance(gyro, self.noise.gyro_walk)
         motion = show(sensors, jump, clean, since_s, walk, before, self.robot, self.noise)
-        sensors = sensors._replace(
-            modes=motion.modes,
-            held=motion.held,
-            reckoned=motion.reckoned,
-            usual_turn_rad_s=motion.usual_turn_rad_s,
-        )
         begins = motion.is_held & (state.motion.held.probability <= IS_HELD)
         prior = with_slip_speed(before, state.slip_std_m_s, motion.input.motion_std[0])
         prior = choose(begins, forget(prior, SLIP, 1.0), prior)
@@ -173,8 +167,8 @@ class PoseFilter:
         estimate = self.conclude(body.belief, motion, distance_m, second_order_m)
         flags = self.flags(before, clean, motion, body)
         after = PoseState(
-            pack(body.belief), sensors, gyro, sums, history, trail, heading, speed_m_s, motion.input.motion_std[0],
-            distance_m, second_order_m,
+            pack(body.belief), motion.sensors, gyro, sums, history, trail, heading, speed_m_s,
+            motion.input.motion_std[0], distance_m, second_order_m,
         )  # fmt: skip
         return after, estimate._replace(flags=flags)
 
@@ -204,13 +198,13 @@ class PoseFilter:
         noise, gate, u = self.noise, self.gate, motion.input
         body, sums = use_turn(body, sums, u, fresh, gate, self.reset_after_s)
         body = body._replace(belief=opened(body.belief, motion, self.slip_by_turn(body, motion)))
-        body = use_speeds(body, sample, clean, u, motion.late_m_s, motion.held.noise, history, noise, gate)
+        body = use_speeds(body, sample, clean, u, motion.late_m_s, motion.sensors.held.noise, history, noise, gate)
         return use_increment(body, sample, u, trail, noise, gate), sums
 
     def slip_by_turn(self, body: PoseCorrection, motion: MeasuredMotion) -> Scalar:
         """Slip [m/s] of the driven wheels that a turn they showed and the robot did not make tells of, if they roll."""
         apart_m_s = lever_m(self.robot) * body.turn_apart_rad_s
-        rolls = motion.modes.probability[0]
+        rolls = motion.sensors.modes.probability[0]
         return where(body.turn_rejected, rolls * minimum(apart_m_s, motion.speed.loose_m_s), 0.0)
 
     def conclude(
@@ -229,7 +223,7 @@ class PoseFilter:
         rates, J = linearize(lambda state: twist(state, motion.input), x)
         twist_cov = mirror_lower(J @ P @ J.T + np.diag(motion.white_variance))
         rims = motion.rims_m_s * (1.0 + motion.input.scale * x[RADIUS])
-        stuck = where(motion.by_driven & motion.turns, motion.held.probability, 0.0)
+        stuck = where(motion.by_driven & motion.turns, motion.sensors.held.probability, 0.0)
         return OdometryEstimate(
             x_m=x[X],
             y_m=x[Y],
@@ -261,7 +255,7 @@ class PoseFilter:
             OdometryFlag.NO_GYRO: motion.no_gyro,
             OdometryFlag.WHEEL_JUMP: motion.jump,
             OdometryFlag.WHEEL_SLIPS: motion.by_driven & motion.speed.named,
-            OdometryFlag.STUCK: motion.by_driven & motion.turns & (motion.held.probability > ALARM),
+            OdometryFlag.STUCK: motion.by_driven & motion.turns & (motion.sensors.held.probability > ALARM),
             OdometryFlag.TURN_REJECTED: body.turn_rejected,
             OdometryFlag.SPEED_REJECTED: body.speed_rejected,
             OdometryFlag.HEADING_REJECTED: body.heading_rejected,

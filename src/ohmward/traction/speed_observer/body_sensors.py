@@ -36,7 +36,7 @@ from ohmward.filters.sanitize import every, some
 from ohmward.trace import clip, exp, isfinite, linearize, log, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.held import ROCKS_M_S
-from ohmward.traction.motion.intervals import History, change_since
+from ohmward.traction.motion.intervals import TINY_S, History, change_since
 from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.encoders import SPIKE_S
@@ -134,13 +134,17 @@ def use_standstill(body: BodyCorrection, resting: Scalar, model: Model) -> BodyC
     return body._replace(belief=belief, observable=some([body.observable, resting]))
 
 
-def use_held(body: BodyCorrection, held: Scalar, model: Model) -> BodyCorrection:
-    """Correct with the zero speed of a robot that is held while its wheels turn, however fast they have taken it."""
+def use_held(body: BodyCorrection, held: Scalar, clean: CleanSample, model: Model) -> BodyCorrection:
+    """Correct with the zero speed of a robot that is held while its wheels turn, however fast they have taken it.
+
+    It rocks about it, with errors that last for a second.
+    """
     if model.noise.speed_std_m_s is None:
         return body
     nu = body.belief.mean[0]
     opened = inflate(body.belief, 0, nu * nu - body.belief.cov[0, 0])
-    belief = kalman.correct_state(choose(held, opened, body.belief), 0, 0.0, ROCKS_M_S**2, held)
+    R = ROCKS_M_S**2 / clip(clean.dt_s, TINY_S, 1.0)
+    belief = kalman.correct_state(choose(held, opened, body.belief), 0, 0.0, R, held)
     return body._replace(belief=belief, observable=some([body.observable, held]))
 
 

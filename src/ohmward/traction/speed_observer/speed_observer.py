@@ -259,7 +259,7 @@ class SpeedObserver:
         history = remember(state.history, clean.dt_s, speed_change(before, prediction, wheels, clean))
         evidence = state.evidence._replace(held=self.weigh_held(state.evidence.held, wheels.belief, clean))
         body = self.correct_body(state, turn._replace(belief=wheels.belief), prediction, clean, history)
-        body = use_held(body, evidence.held.probability > IS_HELD, self.model)
+        body = use_held(body, evidence.held.probability > IS_HELD, clean, self.model)
         judged = judge(evidence, before, wheels.belief, body, clean, self.model, self.gate)
         belief = judged.belief._replace(mean=self.model.layout.bounded(judged.belief.mean))
         evidence = with_reach(judged.evidence, belief, body.observable, state.unobserved_s, clean, self.model)
