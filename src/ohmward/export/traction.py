@@ -28,7 +28,7 @@ from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.motion.sample import RobotSample as DriveSample
 from ohmward.traction.motion.sample import no_sample
-from ohmward.traction.odometry.noise import noise_of
+from ohmward.traction.odometry.model import noise_of
 from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.robot import Robot

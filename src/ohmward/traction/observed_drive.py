@@ -3,7 +3,7 @@
 observed = observe_drive(robot, log, hard_terrain("gravel"))
 drive_figures(observed).slip_episodes
 
-Episodes of slip: alarms at samples joined to the wheel, its start, its end and its largest slip.
+Alarms at samples are joined to episodes: the wheel, its start, its end and its largest slip.
 """
 
 from __future__ import annotations

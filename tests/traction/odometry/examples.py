@@ -6,7 +6,7 @@ import numpy as np
 
 from ohmward.traction import RLMA
 from ohmward.traction.motion.sample import RobotSample
-from ohmward.traction.odometry.noise import OdometryNoise
+from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import Observed, OdometrySample
 

@@ -11,8 +11,7 @@ from ohmward.filters.belief import unpack
 from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, Motor, Robot, TwoWheeled, Wheel
-from ohmward.traction.odometry.model import APART, CURVATURE, GYRO_SCALE, NAMES, RADIUS, TURN_SCALE
-from ohmward.traction.odometry.noise import OdometryNoise
+from ohmward.traction.odometry.model import APART, CURVATURE, GYRO_SCALE, NAMES, RADIUS, TURN_SCALE, OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter, PoseState, pose_filter
 from ohmward.traction.odometry.sample import OdometryEstimate
 from traction.odometry.examples import DT_S, integrate, samples

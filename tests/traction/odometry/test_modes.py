@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO
+from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.odometry.modes import (
     COUNTED,
     EVIDENCE_S,
@@ -25,7 +26,6 @@ from ohmward.traction.odometry.modes import (
     slip_modes,
     weigh,
 )
-from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.chassis import Differential

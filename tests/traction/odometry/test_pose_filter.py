@@ -13,8 +13,7 @@ from ohmward.filters.estimator import rows_of
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO, SkidSteer
 from ohmward.traction.odometry.corrections import HEADING_WAIT
-from ohmward.traction.odometry.model import ANY_HEADING_RAD
-from ohmward.traction.odometry.noise import OdometryNoise, noise_of
+from ohmward.traction.odometry.model import ANY_HEADING_RAD, OdometryNoise, noise_of
 from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.terrain.floor import ROLLING, STIFFNESS

@@ -1,15 +1,7 @@
-"""Interface of all friction laws: force from a contact.
-
-Direction and size of a number, so that odd functions keep their slope at zero.
+"""Interface of all friction laws: force from a contact; and the simplest law, that of rigid-body simulators.
 
 A friction law is f(s) = sign(s) g(|s|). Written with `sign` and `abs` its traced derivative at s = 0 is 0 instead of
 g'(0): a filter that linearises at rest would see ice. Written with the two parts from here it is right everywhere.
-
-Coulomb friction with viscous creep: the family of rigid-body simulators (MuJoCo's `solreffriction`).
-
-F = N clip(c s, -mu, mu)
-
-In adhesion the slip speed is proportional to the force; the ground gives mu N at most, and has no peak.
 """
 
 from __future__ import annotations
@@ -74,7 +66,12 @@ def creepage(c: Contact, floor_m_s: float) -> Any:
 
 @dataclass(frozen=True)
 class CoulombCreep:
-    """Adhesion as a function of slip speed."""
+    """Coulomb friction with viscous creep: the family of rigid-body simulators (MuJoCo's `solreffriction`).
+
+    F = N clip(c s, -mu, mu)
+
+    In adhesion the slip speed is proportional to the force; the ground gives mu N at most, and has no peak.
+    """
 
     adhesion: float  #: mu, > 0
     slope_s_per_m: float  #: c, adhesion per slip speed while the wheel grips, > 0

@@ -33,10 +33,10 @@ from ohmward.traction.odometry.model import (
     TURN_SLIP,
     YAW,
     MotionInput,
+    OdometryNoise,
     twist,
     yaw_now,
 )
-from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import OdometrySample
 
 #: Keeps a step of no length from dividing by zero [s].

@@ -15,8 +15,8 @@ from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.motion.held import ALARM
 from ohmward.traction.motion.sample import RobotSample, first_of, samples_of
 from ohmward.traction.motion.sanitize import LONGEST_STEP_S
+from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.odometry.modes import slip_modes
-from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
 from ohmward.traction.odometry.sample import Observed, OdometryEstimate, OdometryFlag, OdometrySample
 from ohmward.traction.robot.robot import Robot, load_robot

@@ -16,9 +16,8 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.held import IS_HELD, ROCKS_M_S, TURNS_M_S, Held, weigh_held
 from ohmward.traction.motion.intervals import LOST, NEVER_S, Intervals, advance, holds, never, was_seen
 from ohmward.traction.motion.sanitize import MOST_YAW_RAD_S, CleanSample
-from ohmward.traction.odometry.model import OFFSET, SLIP, TURN_SCALE, USUAL_TURN_S, MotionInput
+from ohmward.traction.odometry.model import OFFSET, SLIP, TURN_SCALE, USUAL_TURN_S, MotionInput, OdometryNoise
 from ohmward.traction.odometry.modes import ModeSpeed, ModeState, Turning, first_modes, weigh
-from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import Observed
 from ohmward.traction.robot.chassis import PLANAR, Differential
 from ohmward.traction.robot.robot import Robot

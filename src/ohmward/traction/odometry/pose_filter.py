@@ -58,17 +58,18 @@ from ohmward.traction.odometry.model import (
     SLIP,
     YAW,
     MotionInput,
+    OdometryNoise,
     X,
     Y,
     first_belief,
     next_state,
+    noise_of,
     position_std,
     process_noise,
     twist,
     yaw_now,
 )
 from ohmward.traction.odometry.modes import lever_m
-from ohmward.traction.odometry.noise import OdometryNoise, noise_of
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
 from ohmward.traction.robot.chassis import PLANAR
 from ohmward.traction.robot.robot import Robot

@@ -1,6 +1,6 @@
 """A robot: body, wheels, motors and chassis, and the three that come with the package.
 
-Robot file: one robot as TOML that people read and edit. Units are part of the names; every key is known.
+The robot file is TOML that people read and edit. Units are part of the names; every key is known.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Sensors of the body, each an update of its own: gyro, pitch, accelerometer, standstill.
+"""Sensors of the body, each an update of its own: gyro, pitch, accelerometer, standstill, speeds, passive wheels.
 
 Each function takes the correction so far and returns it with one more. A sensor that `ObserverNoise` does not have
-costs nothing; a measurement that is missing or outside its gate changes nothing. Speeds from outside and passive wheels
-have files of their own, `external_speed` and `passive_wheels`.
+costs nothing; a measurement that is missing or outside its gate changes nothing.
 
 External speed: from GNSS, visual or lidar odometry, optical flow; late, and at odds with the wheels at times.
 
@@ -137,14 +136,15 @@ def use_standstill(body: BodyCorrection, resting: Scalar, model: Model) -> BodyC
 def use_held(body: BodyCorrection, held: Scalar, clean: CleanSample, model: Model) -> BodyCorrection:
     """Correct with the zero speed of a robot that is held while its wheels turn, however fast they have taken it.
 
-    It rocks about it, with errors that last for a second.
+    It rocks about it, with errors that last for a second; where no force is known its speed walks so far from sample to
+    sample that they do not.
     """
     if model.noise.speed_std_m_s is None:
         return body
     nu = body.belief.mean[0]
     opened = inflate(body.belief, 0, nu * nu - body.belief.cov[0, 0])
-    R = ROCKS_M_S**2 / clip(clean.dt_s, TINY_S, 1.0)
-    belief = kalman.correct_state(choose(held, opened, body.belief), 0, 0.0, R, held)
+    lasts = 1.0 if model.states.friction == "known" else 1.0 / clip(clean.dt_s, TINY_S, 1.0)
+    belief = kalman.correct_state(choose(held, opened, body.belief), 0, 0.0, ROCKS_M_S**2 * lasts, held)
     return body._replace(belief=belief, observable=some([body.observable, held]))
 
 

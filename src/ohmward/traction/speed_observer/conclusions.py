@@ -22,7 +22,7 @@ from ohmward.checks import require_each_not_negative, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import std
-from ohmward.filters.sanitize import every
+from ohmward.filters.sanitize import every, some
 from ohmward.trace import linearize, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.slip import slip_ratio
@@ -168,7 +168,7 @@ def conclude(
         grip=wheels.grip,
         unobserved_s=timers.unobserved_s,
         slipping=np.array([where(alarm.slips(slip, slip_std, rim), 1.0, 0.0) for slip, slip_std, rim in slips]),
-        immobilised=where((timers.stuck_s > alarm.stuck_s) | held, 1.0, 0.0),
+        immobilised=where(some([timers.stuck_s > alarm.stuck_s, held]), 1.0, 0.0),
         flags=0.0,
     )
 

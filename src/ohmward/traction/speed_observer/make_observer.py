@@ -1,7 +1,8 @@
 """Make an observer for a robot and a log: which sensors there are, their noise, and which states they allow.
 
-The noise that a log shows is measured there (`sensor_noise`). What it does not show (offsets, the torque constant, the
-ground) keeps the values of `ObserverNoise`. Every choice is a note.
+The noise that a log shows is measured there: quantisation, white noise, errors of an external speed. What it does not
+show (offsets, the torque constant, the ground) keeps the values of `ObserverNoise`. Every choice is a note. Without a
+log every sensor may come, with its usual noise (`default_observer`).
 
 Disturbance acceleration of a drive: what neither the robot file nor a level ground explains.
 
@@ -16,12 +17,6 @@ Effective track of a skid-steered robot, where its file has none and its log has
 
 The sides of a robot that scrubs differ by more than its yaw rate times its track; with the track alone, left wheels,
 right wheels and gyro contradict each other in every turn, and the observer calls the difference slip.
-
-Noise of the sensors of a drive, as its log shows it: quantisation, white noise, errors of an external speed.
-
-Default observer of a robot without a log: every sensor may come, with its usual noise.
-
-`make_observer` does better where there is a log: it measures the noise in it, and leaves out what the robot lacks.
 """
 
 from __future__ import annotations

@@ -10,8 +10,6 @@ The driven wheels show the speed as far as they grip, through the slope of tract
 its force and nothing of the speed; friction and speed cannot both be told from a steady spin. Then the speed is dead
 reckoning from the forces, and its sigma grows with that of the grade: 0.17 m/s each second per degree. A passive wheel,
 an external speed or a standstill makes it observable again.
-
-State of the speed observer from sample to sample.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ share kappa. Omni-wheels that lead, moving outward, slip more than those that tr
 by the power p. Rolling takes `rolling` of a wheel's load against its motion, and the rollers of an omni-wheel take
 `roller` of it against the motion along their wheel's axle.
 
-Floors file: the floors that one robot has learnt, as TOML that people read and edit.
+The floors file holds those that one robot has learnt, as TOML that people read and edit.
 """
 
 from __future__ import annotations

@@ -6,8 +6,8 @@ floors the slip is their terrain mixture, and wide on a floor that was never met
 
     lambda_i = sum over floors p_i h_i sigma_i(F_i / N_i),    v = w - G_d^+ (lambda |w|)
 
-All of it is one recursive step: a robot runs it live (`estimator`), a log is a scan of it. The acceleration of the
-body, which is in the forces besides the drag, is that of the rims, filtered.
+All of it is one recursive step: a robot runs it live (`FloorSlipEstimator`), a log is a scan of it. The acceleration
+of the body, which is in the forces besides the drag, is that of the rims, filtered.
 
 Belief in the slip of wheels on a floor, as curves over their force: `floor.slip_belief` for a traced step.
 
@@ -16,10 +16,6 @@ Belief in the slip of wheels on a floor, as curves over their force: `floor.slip
 Friction and stiffness of a floor are common to all wheels, so their slips err together. The phi_k are the first
 functions of Karhunen and Loeve's expansion of the slip over all floors that this one may be. The variance is exact;
 the part of the left-out functions counts as each wheel's own.
-
-Estimate of the slip on floors after a sample: plain numbers.
-
-Slip on floors for people: an estimator that remembers. `update` takes live samples, `run` takes logs.
 """
 
 from __future__ import annotations
