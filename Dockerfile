@@ -6,7 +6,7 @@ WORKDIR /source
 COPY pyproject.toml README.md LICENSE ./
 COPY src src
 COPY lab lab
-RUN python -m venv /opt/ohmward && /opt/ohmward/bin/pip install --no-cache-dir ".[can,serial,mqtt]"
+RUN python -m venv /opt/ohmward && /opt/ohmward/bin/pip install --no-cache-dir ".[page,can,serial,mqtt]"
 
 FROM python:3.12-slim
 COPY --from=build /opt/ohmward /opt/ohmward

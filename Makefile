@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help demo test test-lab test-spark static check house soak accuracy lives learning bench slip-control firmware \
+.PHONY: help environment demo test test-lab test-spark static check house soak accuracy lives learning bench slip-control firmware \
     single-precision docs format clean
 .DEFAULT_GOAL := help
 
@@ -49,6 +49,8 @@ test-lab: $(VENV)/test.stamp
 
 test-spark: $(VENV)/test.stamp $(VENV)/spark.stamp
 	$(BIN)/python -m pytest tests/fleet/test_spark.py
+
+environment: $(VENV)/test.stamp $(VENV)/dev.stamp
 
 static: $(VENV)/dev.stamp
 	$(BIN)/ruff format --check .

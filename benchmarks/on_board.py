@@ -105,13 +105,13 @@ def start_rows(scale: Scale) -> Iterator[Figure]:
 
 def kill_rows(scale: Scale) -> Iterator[Figure]:
     """Kills of the whole process."""
-    test = "test_state.py::test_the_charge_goes_on_after_many_kills"
+    test = "test_state.py::test_the_charge_goes_on_after_every_kill"
     yield killed(test, scale.kills, "50 x replay", "snapshots that load, and the charge goes on inside its band")
 
 
 def store_rows(scale: Scale) -> Iterator[Figure]:
     """Kills of a process that writes into the store."""
-    test = "test_store.py::test_no_row_is_lost_or_stored_twice_after_many_kills"
+    test = "test_store.py::test_no_row_is_lost_or_stored_twice_when_the_process_is_killed"
     yield killed(test, scale.kills, "writing into the store", "stores intact, no acknowledged row lost or stored twice")
 
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from log_fuzz import fuzz
+from log_fuzz import FILES, SEED, fuzz
 from ohmward import Battery, Log, SocEstimator, generic_battery, load_battery, save_battery
 from ohmward.battery.chemistries import CHEMISTRIES
 from ohmward.errors import OhmwardError
@@ -117,4 +117,5 @@ def run(files: int, seed: int) -> Counter[str]:
 
 
 if __name__ == "__main__":
-    sys.exit(fuzz(sys.argv[1:], "files", run))
+    files, seed = (int(word) for word in (*sys.argv[1:], *(str(n) for n in (FILES, SEED)[len(sys.argv) - 1 :])))
+    sys.exit(fuzz(f"{files:,} damaged files", lambda: run(files, seed)))

@@ -1,6 +1,7 @@
 """Settings of all tests."""
 
 import gc
+import os
 
 from hypothesis import settings
 
@@ -10,3 +11,8 @@ gc.set_threshold(100_000, 20, 20)
 # An example that takes long beside other work is no failure; tests of speed measure by themselves.
 settings.register_profile("ohmward", deadline=None)
 settings.load_profile("ohmward")
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """One worker more than processors: tests of the process on the robot wait for servers and clocks."""
+    return len(os.sched_getaffinity(0)) + 1 if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1) + 1

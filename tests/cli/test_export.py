@@ -2,7 +2,9 @@
 
 import json
 import re
+import zipfile
 
+import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import generic_battery
@@ -90,3 +92,37 @@ def test_a_robot_has_no_battery_filter(tmp_path, capsys):
         "filter must be one of ekf, aekf, ukf, aukf, odometry, slip-controller, speed-controller"
         in capsys.readouterr().err
     )
+
+
+def test_the_archive_of_a_blind_benchmark_is_written_and_rehearsed(battery, tmp_path, capsys):
+    time_s = np.arange(0.0, 1200.0, 1.0)
+    rows = ["time_s,current_A,voltage_V,temperature_degC,soc"]
+    rows += [f"{t:.0f},{-2.0 + 0.5 * np.sin(t)},{4.1 - 2e-4 * t},25,{1.0 - t / 3600:.6f}" for t in time_s]
+    (tmp_path / "drive.csv").write_text("\n".join(rows))
+    out = tmp_path / "submission.zip"
+    line = ["export", str(battery), "--for", "mcmaster", "-o", str(out), "--filter", "coulomb"]
+    line += ["--score", str(tmp_path / "drive.csv"), "--truth", "soc"]
+    assert main([*line, "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert zipfile.ZipFile(out).namelist() == ["Model.py"]
+    assert [run["case"] for run in figures["runs"]] == ["drives", "restarts", "offset", "offset"]
+    assert figures["rmse"]["charges"] is None and 0.0 < figures["rmse_weighted"] < 0.5
+    assert main(line) == 0
+    said = capsys.readouterr().out
+    assert "restarts" in said and "weighted" in said and "charges" not in said
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--for", "mcmaster", "-o", "folder"], r"-o .*\.zip"),
+        (["--for", "mcmaster", "-o", "a.zip", "--name", "cell"], "leave out --name"),
+        (["--for", "mcmaster", "-o", "a.zip", "--score", "a.csv"], "name its column with --truth"),
+        (["-o", "folder", "--score", "a.csv"], "name it with --for mcmaster"),
+    ],
+)
+def test_what_a_blind_benchmark_does_not_take_is_refused(battery, options, message, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["export", str(battery), *options]) == 2
+    assert re.search(message, capsys.readouterr().err)
+    assert [path.name for path in tmp_path.iterdir()] == ["cell.toml"]

@@ -42,7 +42,8 @@ def test_for_one_run_and_named(here, as_json):
 def test_what_the_file_says_contradicts_nothing(here, as_json):
     same = as_json(*SOC, "--sensor-offset", "0.05", "--sensor-gain", "0.01")
     assert not [note for note in same["notes"] if "--sensor" in note]
-    assert same["soc_final"] == as_json(*SOC)["soc_final"]
+    again = as_json(*SOC)["soc_final"]  # perhaps in machine code by now, which rounds as it likes
+    assert same["soc_final"] == pytest.approx(again, rel=1e-12)
 
 
 def test_a_poor_sensor_makes_a_wide_band(here, as_json):
@@ -56,9 +57,11 @@ def test_a_poor_sensor_makes_a_wide_band(here, as_json):
 
 def test_compare_export_fleet_and_twin_take_it(here, as_json, capsys):
     battery = ("--battery", "battery.toml")
-    assert all(text in as_json("compare", "day.csv", *battery, "--filters", "ekf", *GIVEN)["notes"] for text in SAID)
-    assert as_json("export", "battery.toml", *GIVEN, "-o", "c")["notes"] == list(SAID)
-    fleet = ("fleet", "day.csv", *battery, *GIVEN, "--processes", "1", "-o", "out")
+    assert all(
+        text in as_json("compare", "day.csv", *battery, "--filters", "coulomb", *GIVEN)["notes"] for text in SAID
+    )
+    assert as_json("export", "battery.toml", "--filter", "coulomb", *GIVEN, "-o", "c")["notes"] == list(SAID)
+    fleet = ("fleet", "day.csv", *battery, *GIVEN, "--filter", "coulomb", "--processes", "1", "-o", "out")
     assert as_json(*fleet)["notes"] == list(SAID)
     capsys.readouterr()
     assert main([*fleet]) == 0

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ohmward.cli.main import main
+from ohmward.export.twin import FLAGS
 
 pytestmark = pytest.mark.skipif(
     not (shutil.which("gcc") and find_spec("cffi")), reason="no twin here: gcc or cffi is not installed"
@@ -62,7 +63,9 @@ def test_people_see_the_end_the_differences_and_what_was_assumed(library, capsys
         assert words in text
 
 
-def test_a_drive_needs_its_robot(here, as_json, capsys):
+def test_a_drive_needs_its_robot(here, as_json, capsys, monkeypatch):
+    flags = tuple(flag.replace("-O2", "-O0") for flag in FLAGS)  # which compiles in a tenth of the time
+    monkeypatch.setattr("ohmward.export.twin.FLAGS", flags)
     assert main(["export", "rlma", "--filter", "ekf", "--name", "speed", "-o", "speed"]) == 0
     assert main(["simulate", "first-drive", "-o", "drive.csv"]) == 0
     capsys.readouterr()

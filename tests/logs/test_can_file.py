@@ -1,5 +1,6 @@
 """Recordings of a CAN bus, written by python-can and asammdf, read by the database of the bus."""
 
+import gc
 from pathlib import Path
 
 import numpy as np
@@ -190,3 +191,22 @@ def test_a_group_of_mdf_that_says_it_holds_more_than_the_file_is_refused(tmp_pat
     path.write_bytes(content[:cycles] + (1 << 40).to_bytes(8, "little") + content[cycles + 8 :])
     with pytest.raises(InputError, match="the MDF file is damaged"):
         read_log(path)
+
+
+@pytest.mark.parametrize("magic", [b"MDF     ", b"UnFinMF "])
+def test_a_file_of_mdf_that_cannot_be_read_leaves_neither_noise_nor_a_copy(tmp_path, monkeypatch, magic):
+    pytest.importorskip("asammdf")
+    from logs.formats.recorders import mdf
+
+    content = bytearray(mdf(tmp_path).read_bytes()[:400])
+    content[:8], content[60:62] = magic, int(magic.startswith(b"Un")).to_bytes(2, "little")
+    path = tmp_path / "cut.mf4"
+    path.write_bytes(content)
+    noise: list[str] = []
+    monkeypatch.setattr("sys.unraisablehook", lambda found: noise.append(str(found.exc_value)))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with pytest.raises(InputError, match="no readable MDF file"):
+        read_log(path)
+    gc.collect()
+    assert noise == []
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["cut.mf4", "log.mf4"]

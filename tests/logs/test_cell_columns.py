@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward.logs import read_log
-from ohmward.logs.cell_columns import find_cells, numbered_rows
+from ohmward.logs.battery_columns import find_cells, numbered_rows
 
 RNG = np.random.default_rng(0)
 CELLS_V = 3.3 + 0.01 * RNG.standard_normal((50, 4))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ohmward.logs.charger_flag import full_charges
+from ohmward.logs.battery_columns import full_charges
 
 
 @pytest.mark.parametrize("name", ("charger_full", "Full", "is_fully_charged", "BMS charge complete", "battery.full"))

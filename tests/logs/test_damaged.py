@@ -7,7 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from logs.formats.mutation import damaged
+from logs.formats.mutation import damaged, written
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import read_log
 
@@ -17,7 +17,7 @@ def test_a_damaged_file_is_read_or_refused(seed, tmp_path):
     read = 0
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for path in damaged(tmp_path, np.random.default_rng(seed), 250):
+        for path in damaged(written(tmp_path).values(), np.random.default_rng(seed), 250):
             try:
                 log = read_log(path)
             except OhmwardError:
@@ -75,7 +75,7 @@ def test_a_binary_workbook_with_a_cell_far_away_is_refused(tmp_path):
 
 
 def test_a_workbook_that_unpacks_to_gigabytes_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr("ohmward.logs.rows_file.MOST_BYTES", 1 << 20)
+    monkeypatch.setattr("ohmward.logs.workbook_file.MOST_BYTES", 1 << 20)
     with pytest.raises(InputError, match="unpacks to more than"):
         read_log(workbook(tmp_path / "log.xlsx", "xl/sharedStrings.xml", "a" * (2 << 20)))
 

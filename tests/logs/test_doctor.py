@@ -7,7 +7,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.logs import Log, Note, examine, read_log
-from ohmward.logs.survey import noise_std, survey
+from ohmward.logs.doctor import noise_std, survey
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ohmward.logs.labelled_lines import is_labelled, rows_of_lines
+from ohmward.logs.objects_file import is_labelled, rows_of_lines
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.logs import parquet_file, write_table
+from ohmward.logs import FileHints, parquet_file, write_table
 from ohmward.logs.parquet_file import open_parquet
 from ohmward.logs.table import numbers
 
@@ -16,7 +16,7 @@ parquet = pytest.importorskip("pyarrow.parquet")
 
 
 def load(path, *names, progress=None):
-    file = open_parquet(path)
+    file = open_parquet(path, FileHints())
     return file.load(names or file.names, progress)
 
 
@@ -64,7 +64,7 @@ def test_a_name_twice_is_refused(tmp_path):
     path = tmp_path / "t.parquet"
     parquet.write_table(pyarrow.table([pyarrow.array([1.0])] * 2, names=["a", "a"]), path)
     with pytest.raises(InputError, match=r"t\.parquet: more than one column is named 'a'; rename them"):
-        open_parquet(path)
+        open_parquet(path, FileHints())
 
 
 def test_a_file_without_rows_is_refused(tmp_path):

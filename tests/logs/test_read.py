@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import FileHints, read_log
-from ohmward.logs.survey import survey
+from ohmward.logs.doctor import survey
 
 
 def csv(names, *columns):

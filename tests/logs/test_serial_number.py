@@ -2,7 +2,7 @@
 
 import pytest
 
-from ohmward.logs.serial_number import serial_column, serial_numbers
+from ohmward.logs.battery_columns import serial_column, serial_numbers
 
 
 @pytest.mark.parametrize(

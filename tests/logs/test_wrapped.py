@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.logs.wrapped import require_not_wrapped
+from ohmward.logs.plausible import require_not_wrapped
 
 
 def drive(largest_A, seed=0):

@@ -1,6 +1,7 @@
 import errno
 import os
 import resource
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -113,21 +114,23 @@ def test_refusals(tmp_path, write, message):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.fixture
+@contextmanager
 def small_disk():
-    """No file may grow beyond 1000 bytes, as on a full disk."""
+    """No file may grow beyond 1000 bytes, as on a full disk; nor may that of pytest's own report, between fixtures."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, small_disk, suffix):
+def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, suffix):
     path = tmp_path / f"log{suffix}"
     path.write_text("the old one")
     rng = np.random.default_rng(0)
-    with pytest.raises(OhmwardError, match=r"cannot be written .*free space or choose another folder"):
+    with small_disk(), pytest.raises(OhmwardError, match=r"cannot be written .*free space or choose another folder"):
         write_table({"x": rng.normal(size=10_000)}, path)
     assert path.read_text() == "the old one"
     assert list(tmp_path.iterdir()) == [path]

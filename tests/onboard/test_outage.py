@@ -95,21 +95,21 @@ def test_databases_that_are_away_get_every_row_once(tmp_path):
         stack.enter_context(postgresql(tmp_path, postgresql_port))
         return stack
 
-    async def run() -> tuple[float, float, ExitStack]:
+    async def run() -> tuple[float, float, int, ExitStack]:
         running = await asyncio.to_thread(servers)
         task = asyncio.create_task(process.run())
         await until(lambda: len(meter.estimates_s) > 1.5 * RATE_HZ)
         await asyncio.to_thread(running.close)  # both are killed
         gone_s = time.monotonic()
-        await asyncio.sleep(away_s)
+        ticks = await asyncio.to_thread(ticks_in, away_s)
         back_s = time.monotonic()
         running = await asyncio.to_thread(servers)
         await until(lambda: all(last(meter, sink)[1] == Level.OK for sink in ("influxdb", "postgresql")), RECOVERY_S)
         process.stop()
         await task
-        return gone_s, back_s, running
+        return gone_s, back_s, ticks, running
 
-    gone_s, back_s, running = asyncio.run(run())
+    gone_s, back_s, ticks, running = asyncio.run(run())
     with running:
         stored = Store(tmp_path / "store", read_only=True)
         expected = {kind: stored.read(kind, [])["unix_ns"].tolist() for kind in KINDS}
@@ -118,7 +118,7 @@ def test_databases_that_are_away_get_every_row_once(tmp_path):
     assert len(expected["drive"]) == len(meter.estimates_s)
     estimates_s = np.array(meter.estimates_s)
     during = estimates_s[(estimates_s > gone_s) & (estimates_s < back_s)]
-    assert len(during) > 0.7 * RATE_HZ * away_s
+    assert len(during) > 0.7 * ticks
     for name in ("influxdb", "postgresql"):
         said = [message for when_s, level, message in meter.conditions[f"delivery to {name}"] if level == Level.ERROR]
         assert "rows wait on the disk" in said[0] and "is the server running" in said[0]
@@ -128,7 +128,16 @@ def last(meter: Meter, sink: str) -> tuple[float, Level, str]:
     return meter.conditions[f"delivery to {sink}"][-1]
 
 
-async def until(condition: Callable[[], bool], within_s: float = 30.0) -> None:
+def ticks_in(span_s: float) -> int:
+    """Ticks at the rate of the drive that a thread of this process comes to beside everything on this machine."""
+    end_s, ticks = time.monotonic() + span_s, 0
+    while time.monotonic() < end_s:
+        time.sleep(1.0 / RATE_HZ)
+        ticks += 1
+    return ticks
+
+
+async def until(condition: Callable[[], bool], within_s: float = 120.0) -> None:
     end_s = time.monotonic() + within_s
     while not condition():
         assert time.monotonic() < end_s

@@ -26,11 +26,13 @@ from ohmward.errors import InputError
 _LABEL_CAPACITY_STD = 0.1
 _LABEL_RESISTANCE_STD = 0.8
 #: A file does not know how old its battery will get: relative error of the capacity, and error of the logarithm of the
-#: resistances. Cells with 80 % of their capacity have about 1.5 times the resistance; just tested, 0.02 and 0.1 hold.
+#: resistances. Cells with 80 % of their capacity have about 1.5 times the resistance.
 AGED_CAPACITY_STD = 0.1
 AGED_RESISTANCE_STD = 0.3
-#: The same of a capacity that a low-rate test from full to empty has measured: its owner can test it again.
-MEASURED_CAPACITY_STD = 0.06
+#: Correlation of the two, as ageing brings both: a battery whose resistances are those of the test has its capacity
+#: still, within 3 % where a low-rate test from full to empty has measured it and within 7 % where it was only given.
+MEASURED_AGEING_CORRELATION = 0.95
+GIVEN_AGEING_CORRELATION = 0.7
 #: Voltage of a lithium-ion cell [V].
 CELL_V = 3.7
 #: Points of the uniform SoC grid of an OCV curve made here.

@@ -23,9 +23,8 @@ from ohmward.cli.progress import Report, counting
 from ohmward.errors import InputError
 from ohmward.fleet.reading import read_one_of
 from ohmward.logs import DriveLog, FileHints, Log
-from ohmward.logs.cell_columns import CellVoltages, cell_names, find_cells
+from ohmward.logs.battery_columns import CellVoltages, cell_names, charger_columns, find_cells
 from ohmward.logs.channels import BATTERY, TIME
-from ohmward.logs.charger_flag import charger_columns
 from ohmward.logs.columns import guess, listed
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table
@@ -65,16 +64,18 @@ def truth_column(log: Log | DriveLog, name: str) -> np.ndarray:
     raise InputError(f"{log.name}: there is no column {name!r} for --truth{guess(name, names)}; {there}")
 
 
-def with_sensor(battery: Battery, args: argparse.Namespace) -> tuple[Battery, list[str]]:
-    """The battery with the sensor of the options, and a sentence for each that contradicts the battery.
+def with_sensor(
+    battery: Battery, sensor_offset_A: float | None, sensor_gain: float | None
+) -> tuple[Battery, list[str]]:
+    """The battery with the sensor of `add_sensor_options`, and a sentence for each that contradicts the battery.
 
     Raises:
         InputError: the offset is larger than the current that empties the battery in an hour.
     """
     known = battery.sensor
-    offset_A = known.offset_std_A if args.sensor_offset is None else args.sensor_offset
-    gain = known.gain_std if args.sensor_gain is None else args.sensor_gain
-    if args.sensor_offset is not None and offset_A > battery.capacity_Ah:
+    offset_A = known.offset_std_A if sensor_offset_A is None else sensor_offset_A
+    gain = known.gain_std if sensor_gain is None else sensor_gain
+    if sensor_offset_A is not None and offset_A > battery.capacity_Ah:
         raise InputError(
             f"--sensor-offset must be below 1 C, {battery.capacity_Ah:g} A, got {offset_A:g} A; for milliamperes write "
             f"{offset_A / 1000:g}"
@@ -86,11 +87,6 @@ def with_sensor(battery: Battery, args: argparse.Namespace) -> tuple[Battery, li
     if gain != known.gain_std:
         contradictions.append(f"--sensor-gain {gain:g} {contradiction} {known.gain_std:g}")
     return replace(battery, sensor=replace(known, offset_std_A=offset_A, gain_std=gain)), contradictions
-
-
-def load_battery_with_sensor(path: str, args: argparse.Namespace) -> tuple[Battery, list[str]]:
-    """The battery in a file with the sensor of the options, and a sentence for each that contradicts the file."""
-    return with_sensor(load_battery(path), args)
 
 
 class SocTask(NamedTuple):
@@ -183,7 +179,7 @@ def read_battery_log(
 
 def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> SocTask:
     """Battery, log and truth that the options of `add_soc_options` name."""
-    battery, of_sensor = load_battery_with_sensor(args.battery, args)
+    battery, of_sensor = with_sensor(load_battery(args.battery), args.sensor_offset, args.sensor_gain)
     reading = read_options(args)
     path, where = split_selection(args.log)
     file = open_table(path, reading.hints).part("battery", dict(reading.where) | where)

@@ -14,9 +14,11 @@ from ohmward.cli.options import TRUTHS
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, read_drive
 from ohmward.logs.log import ReadOptions
+from ohmward.logs.read import open_table
 from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.table import TableFile
 from ohmward.logs.units import unit_in_name
+from ohmward.logs.wheel_columns import wheel_places
 from ohmward.traction import Robot, Terrain
 from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, hard_terrain, soft_terrain
 from ohmward.traction.score import DriveTruth
@@ -45,7 +47,7 @@ def make_terrain(name: str, robot: Robot) -> Terrain:
 class DriveOptions(NamedTuple):
     """How to read the drives of a robot."""
 
-    robot: Robot
+    robot: Robot | None  #: None where the columns name the wheels, all of them driven
     reading: ReadOptions
     motor_shaft: bool
     counts_per_turn: float | None
@@ -68,9 +70,12 @@ class DriveOptions(NamedTuple):
             InputError: the file cannot be read as a drive of this robot.
         """
         path, where = split_selection(text)
+        file = file or open_table(path, self.reading.hints)
+        places = () if self.robot else wheel_places(file.part("drive").names)
         log = read_drive(
-            file or path,
-            self.robot,
+            file,
+            self.robot or places,
+            len(places) or None,
             at_motor_shaft=self.motor_shaft,
             counts_per_turn=self.counts_per_turn,
             columns=dict(self.reading.columns),
@@ -84,7 +89,7 @@ class DriveOptions(NamedTuple):
         return replace(log, name=selected_name(log.name, where))
 
 
-def drive_options(args: argparse.Namespace, robot: Robot) -> DriveOptions:
+def drive_options(args: argparse.Namespace, robot: Robot | None) -> DriveOptions:
     """How to read drives of this robot, as the options of `add_drive_options` say."""
     return DriveOptions(robot, read_options(args), args.motor_shaft, args.counts_per_turn)
 

@@ -39,7 +39,8 @@ def run(args: argparse.Namespace) -> Outcome:
     from ohmward.cli.wording import written_battery
 
     check_output("--output", args.output, (".toml",))
-    battery, _ = with_sensor(generic_battery(args.chemistry, args.capacity_ah, args.n_series, args.name), args)
+    battery = generic_battery(args.chemistry, args.capacity_ah, args.n_series, args.name)
+    battery, _ = with_sensor(battery, args.sensor_offset, args.sensor_gain)
     backup = replace_battery(battery, args.output)
     summary = {
         "command": "generic",

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ohmward.errors import InputError
-from ohmward.logs.bags.files import ENDINGS as RECORDINGS
-from ohmward.logs.bags.files import parts_of
+from ohmward.logs.bags.bag_table import ENDINGS as RECORDINGS
+from ohmward.logs.bags.bag_table import parts_of
 from ohmward.logs.selection import split_selection
 
 #: Endings of logs in a folder.

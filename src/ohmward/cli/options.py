@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ohmward.cli.parser import gain_std, number, offset_std, pair, positive, share
-from ohmward.logs.bags.choice import TOPIC
+from ohmward.logs.streams import TOPIC
 
 #: What an argument that names a chemistry takes.
 CHEMISTRY = "lfp, nmc, nca, lipo, lead-acid, lto, sodium-ion or nimh, or as the label says: LiFePO4, AGM"
@@ -29,8 +29,8 @@ LOG = (
 )
 
 
-def add_log_options(parser: argparse.ArgumentParser) -> None:
-    """Options of logs of batteries."""
+def add_log_options(parser: argparse.ArgumentParser, *, interval: bool = True) -> None:
+    """Options of logs of batteries; interval: that between their rows among them."""
     group = parser.add_argument_group("reading logs (text tables, Parquet, BDF, Excel, MATLAB, HDF5, JSON, bags)")
     group.add_argument(
         "--current-sign",
@@ -45,7 +45,8 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     )
     _add_sort_option(group)
     _add_hint_options(group)
-    _add_interval_option(group)
+    if interval:
+        _add_interval_option(group)
     group.add_argument(
         "--temperature", type=number, metavar="C", help="temperature of the battery [degC], where the log has none"
     )

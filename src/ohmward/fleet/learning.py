@@ -15,9 +15,9 @@ from ohmward.battery.file import BATTERY_FILE, load_battery, replace_battery
 from ohmward.battery.learning.learn import learn
 from ohmward.errors import InputError, OhmwardError
 from ohmward.fleet.reading import read_one_of
+from ohmward.logs.battery_columns import serial_numbers
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.selection import selected_name, split_selection
-from ohmward.logs.serial_number import serial_numbers
 
 #: What a log has taught: its file and battery, then the fields of the update; of the journal: a log and its updates.
 Row = dict[str, Any]

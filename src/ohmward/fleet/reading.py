@@ -11,11 +11,10 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.log_check import sign_by_model
 from ohmward.errors import OhmwardError
 from ohmward.logs.log import Log, ReadOptions
-from ohmward.logs.note import Note, counted
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
 from ohmward.logs.sign import CurrentSign, UnknownSignError, sign_evidence
-from ohmward.logs.table import Progress, TableFile
+from ohmward.logs.table import Note, Progress, TableFile, counted
 
 #: So many other logs are looked at.
 _MOST_OTHERS = 9

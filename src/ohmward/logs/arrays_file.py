@@ -1,19 +1,18 @@
-"""Files of named arrays: MATLAB, HDF5, NumPy, Feather. The arrays of one length are a table."""
+"""Files of named arrays: MATLAB, HDF5, NumPy, Feather, and those of cyclers. The arrays of one length are a table."""
 
 from __future__ import annotations
 
+import zipfile
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.arrays import plain_array
-from ohmward.logs.arrow import table_of
-from ohmward.logs.hints import FileHints
-from ohmward.logs.table import Progress, Table, TableFile, row_numbers
+from ohmward.logs.arrays import plain_array, table_of
+from ohmward.logs.table import FileHints, Table, TableFile, file_of, parsing, row_numbers
 from ohmward.optional import require
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -26,19 +25,10 @@ _KINDS = "biufmM"
 
 
 def open_matlab(path: Path, hints: FileHints) -> TableFile:
-    """The columns of a MATLAB file of version 5 to 7.2: vectors, fields of structures.
-
-    Raises:
-        InputError: damaged, or without two vectors of one length.
-        OhmwardError: scipy is not installed.
-    """
+    """The columns of a MATLAB file of version 5 to 7.2: vectors, fields of structures."""
     io = require("scipy.io", "a MATLAB file")
-    try:
+    with parsing(path, "no readable MATLAB file", "save it again with save(..., '-v7')"):
         content = io.loadmat(str(path), squeeze_me=True, struct_as_record=False)
-    except Exception as error:  # of its parser, many kinds
-        raise InputError(
-            f"{path.name}: no readable MATLAB file ({error}); save it again with save(..., '-v7')"
-        ) from error
     named = {name: value for name, value in content.items() if not name.startswith("__")}
     return open_arrays(
         path.name, dict(_fields(named)), hints, "; write a table of MATLAB with writetable(T, 'log.csv')"
@@ -46,12 +36,7 @@ def open_matlab(path: Path, hints: FileHints) -> TableFile:
 
 
 def open_hdf5(path: Path, hints: FileHints) -> TableFile:
-    """The columns of an HDF5 file, MATLAB 7.3 among them: data sets of one length, or the fields of one.
-
-    Raises:
-        InputError: damaged, or without two columns of one length.
-        OhmwardError: h5py is not installed.
-    """
+    """The columns of an HDF5 file, MATLAB 7.3 among them: data sets of one length, or the fields of one."""
     h5py = require("h5py", "an HDF5 file")
     arrays: dict[str, np.ndarray] = {}
 
@@ -59,42 +44,28 @@ def open_hdf5(path: Path, hints: FileHints) -> TableFile:
         if isinstance(item, h5py.Dataset) and item.dtype.kind in f"{_KINDS}VSO" and not name.startswith("#"):
             arrays.update(_columns_of(name.replace("/", "."), np.squeeze(item[()])))
 
-    try:
-        with h5py.File(path, "r") as file:
-            file.visititems(visit)
-    except Exception as error:  # of its parser, many kinds
-        raise InputError(f"{path.name}: no readable HDF5 file ({error}); write it again") from error
+    with parsing(path, "no readable HDF5 file", "write it again"), h5py.File(path, "r") as file:
+        file.visititems(visit)
     return open_arrays(path.name, arrays, hints)
 
 
 def open_npz(path: Path, hints: FileHints) -> TableFile:
-    """The columns of a file of `numpy.savez`.
-
-    Raises:
-        InputError: damaged, or without two columns of one length.
-    """
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            arrays = {name: np.squeeze(file[name]) for name in file.files}
-    except Exception as error:  # of zip, of its parser of headers, many kinds
-        raise InputError(f"{path.name}: no readable file of NumPy ({error}); write it again") from error
+    """The columns of a file of `numpy.savez`."""
+    with (
+        parsing(path, "no readable file of NumPy", "write it again"),
+        path.open("rb") as stream,
+        np.load(stream, allow_pickle=False) as file,
+    ):
+        arrays = {name: np.squeeze(file[name]) for name in file.files}
     return open_arrays(path.name, arrays, hints)
 
 
 def open_feather(path: Path, hints: FileHints) -> TableFile:
-    """The columns of a Feather (Arrow IPC) file.
-
-    Raises:
-        InputError: damaged.
-        OhmwardError: pyarrow is not installed.
-    """
+    """The columns of a Feather (Arrow IPC) file."""
     pyarrow = require("pyarrow", "a Feather file")
     ipc = require("pyarrow.ipc", "a Feather file")
-    try:
-        with pyarrow.OSFile(str(path), "rb") as stream:
-            columns = table_of(ipc.open_file(stream).read_all())
-    except (pyarrow.ArrowException, OSError) as error:
-        raise InputError(f"{path.name}: no readable Feather file ({error}); write it again") from error
+    with parsing(path, "no readable Feather file", "write it again"), pyarrow.OSFile(str(path), "rb") as stream:
+        columns = table_of(ipc.open_file(stream).read_all())
     return open_arrays(path.name, columns, hints)
 
 
@@ -115,19 +86,9 @@ def open_arrays(source: str, arrays: Mapping[str, Any], hints: FileHints, advice
     if len(columns) < 2:
         held = ", ".join(f"{name} {np.shape(value)}" for name, value in list(arrays.items())[:8]) or "nothing"
         raise InputError(f"{source}: no two columns of one length found; it has: {held}{advice}")
-    named = _short_names(columns)
-
-    def load(names: Collection[str], progress: Progress | None = None) -> Table:
-        chosen = {name: values for name, values in named.items() if name in names}
-        return Table(source, chosen, row_numbers(1, rows), "row")
-
-    return TableFile(source, tuple(named), load, hints=hints)
-
-
-def _short_names(columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The columns by the last parts of their names, by whole names where those stand twice."""
     last = [name.rpartition(".")[2] for name in columns]
-    return {(one if last.count(one) == 1 else name): v for one, (name, v) in zip(last, columns.items(), strict=True)}
+    short = [one if last.count(one) == 1 else name for one, name in zip(last, columns, strict=True)]
+    return file_of(Table(source, dict(zip(short, columns.values(), strict=True)), row_numbers(1, rows), "row"), hints)
 
 
 def _fields(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
@@ -152,3 +113,37 @@ def _decoded(values: np.ndarray) -> np.ndarray:
         return values
     text = [value.decode(errors="replace") if isinstance(value, bytes) else str(value) for value in values.tolist()]
     return np.array(text, dtype=object)
+
+
+MPR_MAGIC = b"BIO-LOGIC MODULAR FILE"
+NDA_MAGIC = b"NEWARE"
+#: Parts of an archive of Neware, by the endings of their names.
+_NDAX_PART = ".ndc"
+
+
+def open_mpr(path: Path, hints: FileHints) -> TableFile:
+    """The columns of a file of EC-Lab, of a version that galvani knows."""
+    galvani = require("galvani", "a file of EC-Lab (.mpr)")
+    with (
+        parsing(path, "no .mpr file that galvani reads", "export it in EC-Lab as text"),
+        path.open("rb") as stream,
+    ):
+        data = galvani.MPRfile(stream).data
+    return open_arrays(path.name, {name: np.asarray(data[name]) for name in data.dtype.names}, hints)
+
+
+def open_neware(path: Path, hints: FileHints) -> TableFile:
+    """The columns of a file of Neware, of a version that fastnda knows."""
+    fastnda = require("fastnda", "a file of Neware (.nda, .ndax)")
+    with parsing(path, "no file that fastnda reads", "export it in BTSDA as Excel or CSV"):
+        frame = fastnda.read(path)
+    return open_arrays(path.name, {name: frame[name].to_numpy() for name in frame.columns}, hints)
+
+
+def is_ndax(path: Path) -> bool:
+    """True for an archive that holds the parts of Neware's .ndax."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return any(name.lower().endswith(_NDAX_PART) for name in archive.namelist())
+    except (zipfile.BadZipFile, OSError):
+        return False

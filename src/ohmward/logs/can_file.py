@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import re
+import traceback
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,10 +15,8 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.csv_layout import open_text
-from ohmward.logs.hints import FileHints
-from ohmward.logs.note import Note, counted
 from ohmward.logs.streams import Stream, Streams
-from ohmward.logs.table import TableFile
+from ohmward.logs.table import FileHints, Note, TableFile, counted, parsing
 from ohmward.logs.units import unit_of
 from ohmward.optional import require, silenced
 
@@ -50,48 +50,58 @@ def can_reader(head: bytes) -> str | None:
 
 
 def open_can(path: Path, hints: FileHints, reader: str) -> TableFile:
-    """The signals of the frames in a recording of a CAN bus.
+    """The signals of the frames in a recording of a CAN bus; refused without a database that knows some of them.
 
     reader: as of `can_reader`, or "BLFReader".
-
-    Raises:
-        InputError: no database is named, it knows none of the frames, or there are none.
-        OhmwardError: python-can or cantools is not installed.
     """
     if hints.dbc is None:
         raise _without_database(path)
     database = load_can_database(hints.dbc)
     notes: list[Note] = []
     frames = _of_python_can(path, reader, notes) if reader else _of_savvycan(path, hints.encoding, notes)
-    return open_frames(path.name, frames, hints.dbc, database, notes)
+    return open_frames(path.name, frames, hints.dbc, database, notes)._replace(hints=hints)
 
 
 def open_mdf(path: Path, hints: FileHints) -> TableFile:
-    """The signals in a file of ASAM MDF, or in the CAN frames that it holds.
-
-    Raises:
-        InputError: damaged, empty, or frames without a database.
-        OhmwardError: asammdf is not installed.
-    """
+    """The signals in a file of ASAM MDF, or in the CAN frames that it holds; refused as of `open_can`."""
     asammdf = require("asammdf", "an MDF file")
-    try:
-        with silenced(), asammdf.MDF(str(path)) as file:
-            _require_size(path, file)
-            of_bus = any(group.channel_group.flags & _BUS_EVENT for group in file.groups) if _is_4(file) else False
-            if of_bus and hints.dbc is None:
-                raise _without_database(path)
-            if of_bus:
-                with file.extract_bus_logging({"CAN": [(hints.dbc, 0)]}) as signals:
-                    streams = _groups(signals)
-            else:
-                streams = _groups(file)
-    except InputError:
-        raise
-    except Exception as error:  # of its parser, many kinds
-        raise InputError(f"{path.name}: no readable MDF file ({error}); export it again, as MDF 4 or CSV") from error
+    with (
+        parsing(path, "no readable MDF file", "export it again, as MDF 4 or CSV"),
+        silenced(),
+        _closing_what_is_half_read(),
+        asammdf.MDF(str(path)) as file,
+    ):
+        _require_size(path, file)
+        is_4 = str(file.version).startswith("4")
+        of_bus = is_4 and any(group.channel_group.flags & _BUS_EVENT for group in file.groups)
+        if of_bus and hints.dbc is None:
+            raise _without_database(path)
+        if of_bus:
+            with file.extract_bus_logging({"CAN": [(hints.dbc, 0)]}) as signals:
+                streams = _groups(signals)
+        else:
+            streams = _groups(file)
     if not streams:
         raise InputError(f"{path.name}: no signal has samples{f' by {hints.dbc}' if of_bus else ''}; check the file")
-    return Streams(path.name, streams, "groups of MDF").open()
+    return Streams(path.name, streams, "groups of MDF", hints=hints).open()
+
+
+@contextmanager
+def _closing_what_is_half_read() -> Iterator[None]:
+    """Close a file whose reading asammdf gives up: its own `close` needs an attribute that is then gone.
+
+    The garbage collector would close it at any later time, with an error on the screen and its copy left on the disk.
+    """
+    try:
+        yield
+    except Exception as error:
+        for frame, _ in traceback.walk_tb(error.__traceback__):
+            file: Any = frame.f_locals.get("self")
+            if hasattr(file, "_delete_on_close") and not hasattr(file, "_file"):
+                file._file = None
+                with suppress(AttributeError):  # parts that were not read yet
+                    file.close()
+        raise
 
 
 #: Flag of a group of channels that holds events of a bus.
@@ -106,18 +116,15 @@ def _require_size(path: Path, file: Any) -> None:
         raise InputError(f"{path.name}: the MDF file is damaged: a group says that it holds {largest:.1e} bytes")
 
 
-def _is_4(file: Any) -> bool:
-    return str(file.version).startswith("4")
-
-
 def _groups(file: Any) -> dict[str, Stream]:
     """The groups of channels; the columns are called by their channels, and groups by their first one."""
     start_s = file.header.start_time.timestamp()
     seen: set[str] = set()
     streams = {}
-    for number, signals in enumerate(_each(file)):
+    for number, group in enumerate(file.groups):
+        without_clock = [(None, number, k) for k in range(len(group.channels)) if k != file.masters_db.get(number)]
         columns, time_s = {}, np.empty(0)
-        for signal in signals:
+        for signal in file.select(without_clock) if without_clock else []:
             if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "iufb" or not signal.timestamps.size:
                 continue
             name = signal.name if signal.name not in seen else f"{signal.name} of group {number}"
@@ -127,14 +134,6 @@ def _groups(file: Any) -> dict[str, Stream]:
         if columns:
             streams[f"group {number}"] = Stream("group", start_s + time_s, columns)
     return streams
-
-
-def _each(file: Any) -> Iterator[list[Any]]:
-    """The signals of each group, without its clock."""
-    for number, group in enumerate(file.groups):
-        clock = file.masters_db.get(number)
-        chosen = [(None, number, k) for k in range(len(group.channels)) if k != clock]
-        yield file.select(chosen) if chosen else []
 
 
 def load_can_database(path: str) -> Any:

@@ -9,8 +9,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.channels import BATTERY, TIME
 from ohmward.logs.columns import Column, listed
-from ohmward.logs.note import Note, counted
-from ohmward.logs.table import Table, numbers
+from ohmward.logs.table import Note, Table, counted, numbers
 
 # An interval that is longer than its neighbours and the median by this factor is a gap.
 _GAP_FACTOR = 10.0

@@ -21,14 +21,13 @@ from ohmward.logs.dates import (
     has_time_of_day,
     is_duration,
     read_dates,
+    require_no_change,
     text_of,
+    to_utc,
     unreadable,
 )
-from ohmward.logs.hints import EXCEL, FileHints
-from ohmward.logs.note import Note
-from ohmward.logs.table import Table, TableFile, number, numbers
+from ohmward.logs.table import EXCEL, FileHints, Note, Table, TableFile, number, numbers
 from ohmward.logs.units import UNITS
-from ohmward.logs.zones import require_no_change, to_utc
 
 # Unix times of the years 2000 to 2100; an elapsed time of 30 years does not occur in a log.
 _UNIX_S = (946_684_800.0, 4_102_444_800.0)

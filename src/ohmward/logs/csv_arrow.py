@@ -11,7 +11,7 @@ from types import ModuleType
 
 import numpy as np
 
-from ohmward.logs.arrow import import_arrow, numbers_of
+from ohmward.logs.arrays import import_arrow, numbers_of
 from ohmward.logs.csv_layout import CsvLayout
 from ohmward.logs.table import MISSING, Progress
 

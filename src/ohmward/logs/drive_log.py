@@ -11,17 +11,15 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.clean import gap_notes
+from ohmward.logs.dates import window_s
 from ohmward.logs.drive_channels import DriveChannels, drive_channels, to_numbers
 from ohmward.logs.frame import to_frame
-from ohmward.logs.hints import FileHints
-from ohmward.logs.note import Note, counted
 from ohmward.logs.plausible import require_plausible_drive
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
-from ohmward.logs.table import TableFile, with_sample_time
+from ohmward.logs.table import FileHints, Note, TableFile, counted, with_sample_time
 from ohmward.logs.time_series import TimeSeries
 from ohmward.logs.wheel_columns import Found, Wheels, find_drive_columns
 from ohmward.logs.wheel_speed import Mechanics
-from ohmward.logs.window import window_s
 from ohmward.quantities import BODY, QUANTITIES
 
 #: A `DriveLog`, or a path or DataFrame of one.

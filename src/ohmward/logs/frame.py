@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.arrays import plain_array
-from ohmward.logs.arrow import values_of
-from ohmward.logs.table import Progress, Table, TableFile, row_numbers
+from ohmward.logs.arrays import plain_array, values_of
+from ohmward.logs.table import Progress, Table, TableFile, require_unique, row_numbers
 from ohmward.optional import require
 
 
@@ -47,39 +47,42 @@ def _open_stream(source: Any) -> TableFile:
             f"the {type(source).__name__} gives no columns of Arrow ({error}); give one of pandas"
         ) from error
     names = [str(name) for name in table.column_names]
-    _require_unique(names)
+    require_unique("DataFrame", names)
+    columns = {name: partial(_of_arrow, table, at) for at, name in enumerate(names)}
+    return _table_file("DataFrame", table.num_rows, columns)
+
+
+def _of_arrow(table: Any, at: int) -> np.ndarray:
+    return values_of(table.column(at).combine_chunks())
+
+
+def _table_file(
+    source: str, rows: int, columns: Mapping[str, Callable[[], np.ndarray]], time: str | None = None
+) -> TableFile:
+    """The file of columns (rows,), each made when it is asked for."""
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
-        if not table.num_rows:
+        if not rows:
             raise InputError("the DataFrame has no rows; a log needs samples")
-        arrays = {name: values_of(table[name].combine_chunks()) for name in table.column_names if name in names}
-        return Table("DataFrame", arrays, row_numbers(1, table.num_rows), "row")
+        chosen = {name: column() for name, column in columns.items() if name in names}
+        return Table(source, chosen, row_numbers(1, rows), "row")
 
-    return TableFile("DataFrame", tuple(names), load)
-
-
-def _require_unique(names: Sequence[str]) -> None:
-    """Raise InputError where a name stands twice."""
-    if twice := next((name for name in names if names.count(name) > 1), None):
-        raise InputError(f"DataFrame: more than one column is named {twice!r}; rename them so that each is unique")
+    return TableFile(source, tuple(columns), load, time)
 
 
 def _open_pandas(frame: Any) -> TableFile:
     if frame.columns.nlevels > 1 or frame.index.nlevels > 1:
         raise InputError("the DataFrame has several levels of columns or index; flatten them, as with reset_index()")
-    _require_unique([str(name) for name in frame.columns])
-    columns = {str(name): position for position, name in enumerate(frame.columns)}
-    source = str(frame.attrs.get("name", "DataFrame"))
-    index, time = _index(frame, columns)
+    names = [str(name) for name in frame.columns]
+    require_unique("DataFrame", names)
+    index, time = _index(frame, names)
+    columns: dict[str, Callable[[], np.ndarray]] = {name: partial(plain_array, v) for name, v in index.items()}
+    columns |= {name: partial(_of_pandas, frame, at) for at, name in enumerate(names)}
+    return _table_file(str(frame.attrs.get("name", "DataFrame")), len(frame), columns, time)
 
-    def load(names: Collection[str], progress: Progress | None = None) -> Table:
-        if not len(frame):
-            raise InputError("the DataFrame has no rows; a log needs samples")
-        arrays = {name: values for name, values in index.items() if name in names}
-        arrays |= {name: plain_array(frame.iloc[:, at]) for name, at in columns.items() if name in names}
-        return Table(source, arrays, row_numbers(1, len(frame)), "row")
 
-    return TableFile(source, (*index, *columns), load, time)
+def _of_pandas(frame: Any, at: int) -> np.ndarray:
+    return plain_array(frame.iloc[:, at])
 
 
 def _index(frame: Any, columns: Collection[str]) -> tuple[dict[str, np.ndarray], str | None]:

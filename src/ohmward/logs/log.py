@@ -12,9 +12,14 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs import bdf
-from ohmward.logs.both_ways import with_both_ways, with_power
-from ohmward.logs.cell_columns import with_pack_voltage
-from ohmward.logs.charger_flag import full_charges
+from ohmward.logs.battery_columns import (
+    full_charges,
+    state_column,
+    with_both_ways,
+    with_direction,
+    with_pack_voltage,
+    with_power,
+)
 from ohmward.logs.clean import (
     gap_notes,
     merge_rates,
@@ -24,18 +29,14 @@ from ohmward.logs.clean import (
     without_spikes,
 )
 from ohmward.logs.columns import Column, UnclearColumnsError, find_columns
+from ohmward.logs.dates import window_s
 from ohmward.logs.frame import is_frame, to_frame
-from ohmward.logs.hints import FileHints
-from ohmward.logs.note import Note, counted
-from ohmward.logs.plausible import guess_notes, milliampere_notes, require_plausible
+from ohmward.logs.plausible import guess_notes, milliampere_notes, require_not_wrapped, require_plausible
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.sign import CurrentSign, UnknownSignError, charging_current
-from ohmward.logs.state_column import state_column, with_direction
-from ohmward.logs.table import Progress, Table, TableFile, with_sample_time
+from ohmward.logs.table import FileHints, Note, Progress, Table, TableFile, counted, with_sample_time
 from ohmward.logs.time_series import TimeSeries
-from ohmward.logs.window import window_s
-from ohmward.logs.wrapped import require_not_wrapped
 from ohmward.quantities import QUANTITIES, Quantity
 
 SECONDS_PER_HOUR = 3600.0

@@ -10,9 +10,8 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.clock import read_clock
 from ohmward.logs.columns import Column
-from ohmward.logs.note import Note
 from ohmward.logs.plausible import LONGEST_S, YEAR_S
-from ohmward.logs.table import MISSING, Progress, Table, TableFile, row_numbers
+from ohmward.logs.table import MISSING, Note, Table, TableFile, file_of, row_numbers
 
 #: Words for a value that there is none, beside those of every table.
 _NO_VALUE = MISSING | {"unavailable", "unknown", "off", "on", "false", "true"}
@@ -39,11 +38,7 @@ def as_wide(file: TableFile) -> TableFile:
     if columns is None:
         return file
     table = _wide(file.load([columns.name, columns.value, columns.time]), columns, file)
-
-    def load(names: Collection[str], progress: Progress | None = None) -> Table:
-        return table._replace(columns={name: values for name, values in table.columns.items() if name in names})
-
-    return file._replace(names=tuple(table.columns), load=load, time=_TIME, head={})
+    return file._replace(names=tuple(table.columns), load=file_of(table, file.hints).load, time=_TIME, head={})
 
 
 def _long_columns(names: Collection[str]) -> LongColumns | None:

@@ -9,9 +9,8 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.channels import OCV_TABLE
 from ohmward.logs.columns import Column, find_column, listed
-from ohmward.logs.note import Note, counted
 from ohmward.logs.read import open_table
-from ohmward.logs.table import numbers
+from ohmward.logs.table import Note, counted, numbers
 
 #: A table of SoC whose largest value is above this is in percent: a share ends at 1, with some counting error.
 _PERCENT_ABOVE = 1.5

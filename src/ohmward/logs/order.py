@@ -9,7 +9,6 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.channels import letters, word_set
-from ohmward.logs.note import Note, counted
 from ohmward.logs.selection import (
     count_unnamed_instances,
     explain_instances,
@@ -18,7 +17,7 @@ from ohmward.logs.selection import (
     find_instances,
     find_separators,
 )
-from ohmward.logs.table import Table
+from ohmward.logs.table import Note, Table, counted
 
 
 class SeveralRecordingsError(InputError):

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.arrow import to_column, values_of
-from ohmward.logs.table import Progress, Table, TableFile, row_numbers
+from ohmward.logs.arrays import to_column, values_of
+from ohmward.logs.table import FileHints, Progress, Table, TableFile, parsing, require_unique, row_numbers
 from ohmward.optional import require
 
 #: Rows that are decoded at a time: what Arrow holds beside the columns stays small.
@@ -20,20 +20,12 @@ _BLOCK_ROWS = 1 << 18
 _GROUP_ROWS = 1 << 20
 
 
-def open_parquet(path: Path) -> TableFile:
-    """The columns of a Parquet file.
-
-    Raises:
-        InputError: not a Parquet file, damaged, a column name twice, or (on loading) without rows.
-        OhmwardError: pyarrow is not installed.
-    """
+def open_parquet(path: Path, hints: FileHints) -> TableFile:
+    """The columns of a Parquet file, read when they are asked for."""
     pyarrow, parquet = _pyarrow()
-    try:
+    with parsing(path, "not a readable Parquet file", "write it again"):
         stored = tuple(parquet.read_schema(path).names)
-    except pyarrow.ArrowException as error:
-        raise InputError(f"{path.name}: not a readable Parquet file ({error}); write it again") from error
-    if twice := sorted({name for name in stored if stored.count(name) > 1}):
-        raise InputError(f"{path.name}: more than one column is named {twice[0]!r}; rename them so that each is unique")
+    require_unique(path.name, stored)
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
         try:
@@ -49,7 +41,7 @@ def open_parquet(path: Path) -> TableFile:
             raise InputError(f"{path.name}: the file has columns but no rows; a log needs samples")
         return Table(path.name, columns, row_numbers(1, rows), "row")
 
-    return TableFile(path.name, stored, load)
+    return TableFile(path.name, stored, load, hints=hints)
 
 
 def _columns(file: Any, names: list[str], progress: Progress | None) -> dict[str, np.ndarray]:

@@ -1,42 +1,48 @@
-"""The pipeline from a file or DataFrame to the rows of one recording, the same for batteries and drives."""
+"""The pipeline from a file, folder or DataFrame to the rows of one recording, the same for batteries and drives."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+import atexit
+import re
+import shutil
+import stat
+import sys
+import tempfile
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ohmward.errors import InputError
-from ohmward.logs.ardupilot_file import DATAFLASH_MAGIC, DATAFLASH_TEXT, is_telemetry, open_dataflash, open_telemetry
 from ohmward.logs.arrays_file import (
     FEATHER_MAGIC,
     HDF5_MAGIC,
     MATLAB_HDF5_MAGIC,
     MATLAB_MAGIC,
+    MPR_MAGIC,
+    NDA_MAGIC,
     ZIP_MAGIC,
+    is_ndax,
     open_feather,
     open_hdf5,
     open_matlab,
+    open_mpr,
+    open_neware,
     open_npz,
 )
-from ohmward.logs.bags.bag_table import open_bag
-from ohmward.logs.bags.choice import TOPIC
-from ohmward.logs.bags.files import is_recording
+from ohmward.logs.bags.bag_table import is_recording, open_bag
 from ohmward.logs.bags.sqlite_file import MAGIC as SQLITE_MAGIC
 from ohmward.logs.can_file import BLF_MAGIC, MDF_MAGICS, can_reader, open_can, open_mdf
 from ohmward.logs.clean import drop_text, drop_untimed
 from ohmward.logs.clock import date_column, nanosecond_column, read_clock
-from ohmward.logs.columns import Column, other_times
+from ohmward.logs.columns import Column, listed, other_times
 from ohmward.logs.csv_file import open_csv
-from ohmward.logs.cycler_file import MPR_MAGIC, NDA_MAGIC, is_ndax, open_mpr, open_neware
-from ohmward.logs.folder import is_stream, open_folder, stored
 from ohmward.logs.frame import is_frame, open_frame
-from ohmward.logs.hints import FileHints
-from ohmward.logs.labelled_lines import is_labelled
 from ohmward.logs.long_table import as_wide
-from ohmward.logs.note import Note
+from ohmward.logs.objects_file import names_values, open_objects
 from ohmward.logs.order import (
     SeveralRecordingsError,
     find_repeats,
@@ -47,12 +53,138 @@ from ohmward.logs.order import (
     sort_rows,
 )
 from ohmward.logs.parquet_file import open_parquet
-from ohmward.logs.rows_file import WORKBOOK_ENDINGS, is_echo, is_json, open_json, open_workbook
 from ohmward.logs.selection import RECORDING, names_instances, recording_numbers, select_rows
 from ohmward.logs.sqlite_table import open_sqlite_table
-from ohmward.logs.table import Progress, Table, TableFile
-from ohmward.logs.ulog_file import ULOG_MAGIC, open_ulog
-from ohmward.logs.unread import require_readable
+from ohmward.logs.streams import TOPIC
+from ohmward.logs.table import FileHints, Note, Opener, Progress, Table, TableFile, counted, row_numbers
+from ohmward.logs.vehicle_file import (
+    DATAFLASH_MAGIC,
+    DATAFLASH_TEXT,
+    ULOG_MAGIC,
+    is_telemetry,
+    open_dataflash,
+    open_telemetry,
+    open_ulog,
+)
+from ohmward.logs.workbook_file import WORKBOOK_ENDINGS, open_workbook
+
+_UNPACK = "a packed file; unpack it first"
+_TO_SAVVYCAN = "; open it in SavvyCAN, save it as CSV of SavvyCAN (GVRET), and give that with --dbc"
+
+#: First bytes, what they are of, and the way out.
+_KNOWN = tuple(
+    (re.compile(beginning, re.DOTALL), about)
+    for beginning, about in (
+        (
+            rb"\x00\x01\x00\x00Standard (?:Jet|ACE) DB",
+            "an Access database, as .res of Arbin; make one of SQLite: apt install mdbtools; pip install galvani; "
+            "res2sqlite TEST.res TEST.db, and give TEST.db",
+        ),
+        (
+            rb"H Product:Blackbox",
+            "a blackbox of Betaflight or INAV; decode it with blackbox_decode (github.com/betaflight/blackbox-tools) "
+            "and give the CSV file",
+        ),
+        (
+            rb"TDS[mh]",
+            "a TDMS file of LabVIEW; give TdmsFile.read('LOG.tdms').as_dataframe() of the package npTDMS as the log, "
+            "or save it as CSV in Excel or DIAdem",
+        ),
+        (rb"\*\*\*BUSMASTER", f"frames of a CAN bus of BUSMASTER{_TO_SAVVYCAN}"),
+        (rb"\d{9,}\.\d+ (?:CXX|C[EV]\w|\d?[RT](?:11|29)) ", f"frames of a CAN bus of OVMS (CRTD){_TO_SAVVYCAN}"),
+        (
+            rb"\s*(?:\(\d+\.\d+\))?\s*\w*can\d+\s+[0-9A-Fa-f]{3,8}\s+\[\d+\]",
+            "frames of a CAN bus as candump shows them; record them with `candump -l can0`, and give that with --dbc",
+        ),
+        (rb"\x80[\x02-\x05]", "a pickle of Python; load it where it was written, and give the DataFrame or a CSV file"),
+        (rb"%PDF-", "a PDF document; export the numbers as CSV"),
+        (rb"7z\xbc\xaf|Rar!|\xfd7zXZ|BZh\d|\x28\xb5\x2f\xfd", _UNPACK),
+    )
+)
+
+
+def require_readable(path: Path, head: bytes) -> None:
+    """Refuse a file that begins like one which is known and not read.
+
+    Raises:
+        InputError: says what it is, and what makes a log of it.
+    """
+    if about := next((about for beginning, about in _KNOWN if beginning.match(head)), None):
+        raise InputError(f"{path.name}: {about}")
+
+
+STANDARD_INPUT = "-"
+#: Name of what came through standard input or a pipe.
+_STREAM = "standard input"
+
+
+def is_stream(path: Path) -> bool:
+    """True for `-` and for pipes, which can be read but once."""
+    if str(path) == STANDARD_INPUT:
+        return True
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return False
+    return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISSOCK(mode)
+
+
+def stored(path: Path) -> Path:
+    """A file with the bytes of a stream, which lasts as long as the process.
+
+    Raises:
+        InputError: nothing came.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="ohmward-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    copy = folder / _STREAM
+    with copy.open("wb") as target:
+        if str(path) == STANDARD_INPUT:
+            shutil.copyfileobj(sys.stdin.buffer, target)
+        else:
+            with path.open("rb") as source:
+                shutil.copyfileobj(source, target)
+    if not copy.stat().st_size:
+        raise InputError(f"{_STREAM} is empty; a log needs a header line and rows below it")
+    return copy
+
+
+def open_folder(folder: Path, endings: Sequence[str], open_file: Callable[[Path], TableFile]) -> TableFile:
+    """The files of a folder as one log, in the order of their names, numbers in them counted.
+
+    endings: of the files that are logs.  open_file: opens one of them.
+
+    Raises:
+        InputError: no file, or files with other columns.
+    """
+    paths = sorted((path for path in folder.iterdir() if path.name.lower().endswith(tuple(endings))), key=_natural)
+    if not paths:
+        raise InputError(f"{folder} is a folder; name one log file in it: none is called {', '.join(endings)}")
+    files = [open_file(path) for path in paths]
+    name = folder.resolve().name
+    first = files[0]
+    for file in files[1:]:
+        if file.names != first.names:
+            other = sorted(set(file.names) ^ set(first.names))
+            raise InputError(
+                f"{folder}: the files of this folder are not one log: {file.source} has other columns than "
+                f"{first.source} ({listed(other)}); name one log file"
+            )
+
+    def load(names: Collection[str], progress: Progress | None = None) -> Table:
+        tables = [file.load(names, progress) for file in files]
+        columns = {name: np.concatenate([table.columns[name] for table in tables]) for name in tables[0].columns}
+        rows = sum(table.line.size for table in tables)
+        note = Note(f"{counted(len(files), 'file')} as one log, {first.source} to {files[-1].source}")
+        notes = tuple(dict.fromkeys(note for table in tables for note in table.notes))
+        return Table(name, columns, row_numbers(1, rows), "row", (note, *notes))
+
+    return first._replace(source=name, load=load)
+
+
+def _natural(path: Path) -> list[tuple[int, int | str]]:
+    """Key by which part 9 comes before part 10."""
+    return [(1, int(part)) if part.isdecimal() else (0, part) for part in re.split(r"(\d+)", path.name)]
 
 
 class Wanted(NamedTuple):
@@ -120,20 +252,12 @@ def _open_file(path: Path, hints: FileHints) -> TableFile:
     if opener is None and HDF5_MAGIC in head:
         opener = open_hdf5
     elif opener is None and is_telemetry(head):
-        opener = _without_hints(open_telemetry)
+        opener = open_telemetry
     elif opener is None and (reader := can_reader(head)) is not None:
         opener = partial(open_can, reader=reader)
     elif opener is None:
-        opener = open_json if is_json(head) or is_echo(head) or is_labelled(head) else open_csv
+        opener = open_objects if names_values(head) else open_csv
     return as_wide(opener(path, hints))
-
-
-Opener = Callable[[Path, FileHints], TableFile]
-
-
-def _without_hints(opener: Callable[[Path], TableFile]) -> Opener:
-    """The opener of a format that needs no hints; they stand beside its columns all the same."""
-    return lambda path, hints: opener(path)._replace(hints=hints)
 
 
 def _open_zip(path: Path, hints: FileHints) -> TableFile:
@@ -145,15 +269,15 @@ def _open_zip(path: Path, hints: FileHints) -> TableFile:
 
 #: First bytes of the formats that they tell.
 OPENERS: tuple[tuple[bytes, Opener], ...] = (
-    (ULOG_MAGIC, _without_hints(open_ulog)),
-    (DATAFLASH_MAGIC, _without_hints(open_dataflash)),
-    (DATAFLASH_TEXT, _without_hints(open_dataflash)),
+    (ULOG_MAGIC, open_ulog),
+    (DATAFLASH_MAGIC, open_dataflash),
+    (DATAFLASH_TEXT, open_dataflash),
     (BLF_MAGIC, partial(open_can, reader="BLFReader")),
     *((magic, open_mdf) for magic in MDF_MAGICS),
     (MPR_MAGIC, open_mpr),
     (NDA_MAGIC, open_neware),
     (SQLITE_MAGIC, open_sqlite_table),
-    (b"PAR1", _without_hints(open_parquet)),
+    (b"PAR1", open_parquet),
     (FEATHER_MAGIC, open_feather),
     (HDF5_MAGIC, open_hdf5),
     (MATLAB_HDF5_MAGIC, open_hdf5),
@@ -232,7 +356,7 @@ def _read_rows(
         table = to_numbers(table)
         table = sort_rows(join_steps(table, time) if joined else table, time, sort_time=wanted.sort_time)
         clock_parts = own - channels - {time}
-        require_one_instance(_only(table, table.columns.keys() - clock_parts), time, channels)
+        require_one_instance(table.only(table.columns.keys() - clock_parts), time, channels)
         if wanted.extra is not None and find_repeats(table, time, channels).differ:
             raise SeveralRecordingsError(f"{table.source}: rows with the same time differ")
     except SeveralRecordingsError:
@@ -240,17 +364,12 @@ def _read_rows(
             raise
         # one of the columns that are not wanted may tell the recordings apart: the same error, with its name
         rows = _read_rows(file, columns, wanted._replace(extra=None), to_numbers, joined)
-        return rows._replace(table=_only(rows.table, names))
-    table = drop_text(_only(table, {*names, RECORDING}))
+        return rows._replace(table=rows.table.only(names))
+    table = drop_text(table.only({*names, RECORDING}))
     settled = settle_equal_times(table, time, channels & table.columns.keys())
     return RecordedTable(
         settled, columns, clock.start_unix_s, frozenset({*own, RECORDING}), clock.guessed_unit, clock.time_zone
     )
-
-
-def _only(table: Table, names: Collection[str]) -> Table:
-    """The table with the columns of these names alone."""
-    return table._replace(columns={name: values for name, values in table.columns.items() if name in names})
 
 
 def _names(file: TableFile, own: Collection[str], wanted: Wanted) -> set[str]:

@@ -12,8 +12,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.channels import letters
 from ohmward.logs.columns import argument, guess, listed
-from ohmward.logs.note import Note
-from ohmward.logs.table import Table, numbers
+from ohmward.logs.table import Note, Table, numbers
 
 # A column that every file has: 1, 2, ... counted up where the clock starts again.
 RECORDING = "recording"

@@ -14,8 +14,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs import bdf
-from ohmward.logs.note import Note, counted
-from ohmward.logs.table import TableFile
+from ohmward.logs.table import Note, TableFile, counted
 from ohmward.runs import runs
 
 #: A current of the other sign, and what to do about it in a log.

@@ -1,16 +1,88 @@
-"""A file or DataFrame as columns, whatever they mean."""
+"""A file or DataFrame as columns, whatever they mean; facts that it does not tell, and notes on what was done."""
 
 from __future__ import annotations
 
+import codecs
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+from zoneinfo import ZoneInfo
 
 import numpy as np
 
-from ohmward.errors import InputError
-from ohmward.logs.hints import FileHints
-from ohmward.logs.note import Note
+from ohmward.errors import InputError, OhmwardError
+
+
+class Note(NamedTuple):
+    """One thing that was assumed, converted, dropped or found; `level` is "info" or "warning"."""
+
+    text: str
+    level: str = "info"
+    options: tuple[str, ...] = ()  #: words of a command line that mend it, if it is a fault
+
+    def __str__(self) -> str:
+        return f"{self.level}: {self.text}"
+
+
+def counted(count: int, noun: str) -> str:
+    """A count with its noun for a message: "1 row", "2 rows"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+#: The notation of days since 1899-12-30 in `time_format`.
+EXCEL = "excel"
+
+
+class FileHints(NamedTuple):
+    """Facts about a file, each None where it is left to the reader."""
+
+    names: Sequence[str] | None = None  #: of the columns, of a table without a header
+    encoding: str | None = None  #: of a text, as Python names it: "cp1251"
+    time_format: str | None = None  #: of dates as text, in the notation of `strptime`: "%d/%m/%Y %H:%M:%S"; or "excel"
+    timezone: str | None = None  #: of dates that name none: "Europe/Berlin"
+    #: the part that is wanted, from `start` until before `stop`: seconds of the log, h:mm:ss, or a date
+    start: str | None = None
+    stop: str | None = None
+    sample_time_s: float | None = None  #: interval [s] between the rows of a table without a time
+    temperature_degC: float | None = None  #: of the battery, where the log has none
+    dbc: str | None = None  #: path of the database of the CAN bus, of a recording of its frames
+
+    def checked(self) -> FileHints:
+        """The same hints.
+
+        Raises:
+            InputError: an encoding or a time zone that does not exist, an interval that is not > 0.
+        """
+        if self.encoding is not None:
+            try:
+                codecs.lookup(self.encoding)
+            except LookupError:
+                raise InputError(
+                    f"--encoding (encoding) must be one that Python knows, like cp1251 or shift_jis; got "
+                    f"{self.encoding!r}"
+                ) from None
+        if self.timezone is not None:
+            zone_of(self.timezone)
+        if self.sample_time_s is not None and not self.sample_time_s > 0:
+            raise InputError(f"--sample-time (sample_time_s) must be > 0 s, got {self.sample_time_s:g}")
+        return self
+
+
+def zone_of(name: str) -> ZoneInfo:
+    """The time zone of a name.
+
+    Raises:
+        InputError: there is none.
+    """
+    try:
+        return ZoneInfo(name)
+    except (KeyError, ValueError, OSError):
+        raise InputError(
+            f"--timezone (timezone) must be a name of the IANA database, like Europe/Berlin or UTC; got {name!r}"
+        ) from None
+
 
 #: Called now and then with the amounts done and to do: rows, or bytes of a text file.
 Progress = Callable[[int, int], None]
@@ -39,6 +111,10 @@ class Table(NamedTuple):
         """The rows that a mask or indices pick."""
         columns = {name: values[rows] for name, values in self.columns.items()}
         return self._replace(columns=columns, line=self.line[rows])
+
+    def only(self, names: Collection[str]) -> Table:
+        """The columns of these names alone."""
+        return self._replace(columns={name: values for name, values in self.columns.items() if name in names})
 
     def with_columns(self, columns: Mapping[str, np.ndarray], *notes: Note) -> Table:
         """The table with columns (T,) added or replaced, and further notes."""
@@ -98,10 +174,57 @@ class TableFile(NamedTuple):
         def load(names: Collection[str], progress: Progress | None = None) -> Table:
             if not read:
                 read.append(self.load(self.names, progress))
-            (table,) = read
-            return table._replace(columns={name: v for name, v in table.columns.items() if name in names})
+            return read[0].only(names)
 
         return self._replace(load=load)
+
+    def with_column(
+        self, name: str, sources: Collection[str], make: Callable[[Table], tuple[np.ndarray, Note]]
+    ) -> TableFile:
+        """The file with one column more, (T,) with a note, made of others when it is loaded."""
+
+        def load(names: Collection[str], progress: Progress | None = None) -> Table:
+            if name not in names:
+                return self.load(names, progress)
+            table = self.load([*names, *sources], progress)
+            values, note = make(table)
+            return table.with_columns({name: values}, note)
+
+        return self._replace(names=(*self.names, name), load=load)
+
+
+def file_of(table: Table, hints: FileHints, **about: Any) -> TableFile:
+    """The file of a table that is in memory; about: further fields of `TableFile`."""
+
+    def load(names: Collection[str], progress: Progress | None = None) -> Table:
+        return table.only(names)
+
+    return TableFile(table.source, tuple(table.columns), load, hints=hints, **about)
+
+
+#: Opens a file with the facts that are known of it.
+#:
+#: Raises:
+#:     InputError: damaged, or no log in it; names the file and the way out.
+#:     OhmwardError: a package that the format needs is not installed.
+Opener = Callable[[Path, FileHints], TableFile]
+
+
+@contextmanager
+def parsing(path: Path, fault: str, advice: str) -> Iterator[None]:
+    """Turn whatever a parser raises, of many kinds, into an InputError: fault, its error and the way out."""
+    try:
+        yield
+    except OhmwardError:
+        raise
+    except Exception as error:
+        raise InputError(f"{path.name}: {fault} ({error}); {advice}") from error
+
+
+def require_unique(source: str, names: Sequence[str]) -> None:
+    """Raise InputError where a name stands twice."""
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise InputError(f"{source}: more than one column is named {twice[0]!r}; rename them so that each is unique")
 
 
 def with_sample_time(file: TableFile) -> TableFile:
@@ -110,15 +233,9 @@ def with_sample_time(file: TableFile) -> TableFile:
     if interval_s is None:
         return file
     time = "time of the row [s]"
-
-    def load(names: Collection[str], progress: Progress | None = None) -> Table:
-        table = file.load(names, progress)
-        if time not in names:
-            return table
-        note = Note(f"a row every {interval_s:g} s, without a time of its own")
-        return table.with_columns({time: interval_s * np.arange(table.line.size)}, note)
-
-    return file._replace(names=(*file.names, time), load=load, time=time)
+    note = Note(f"a row every {interval_s:g} s, without a time of its own")
+    rows = file.with_column(time, (), lambda table: (interval_s * np.arange(table.line.size), note))
+    return rows._replace(time=time)
 
 
 def row_numbers(first: int, count: int) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.arrays import plain_array
 from ohmward.logs.clock import clock_of_dates
-from ohmward.logs.note import Note
+from ohmward.logs.table import Note
 from ohmward.quantities import QUANTITIES
 
 

@@ -14,7 +14,7 @@ from ohmward.errors import InputError
 from ohmward.logs.channels import WHEEL_COUNTS, WHEEL_SPEED, channel_of, robot_words
 from ohmward.logs.clean import find_gaps
 from ohmward.logs.columns import Column, listed
-from ohmward.logs.note import Note
+from ohmward.logs.table import Note
 from ohmward.logs.units import UNITS, Unit
 
 #: Dimensions of a wheel's position, whose change is its speed.

@@ -16,7 +16,7 @@ from battery.identification.examples import (
     pulse_log,
     steps,
 )
-from ohmward.battery.chemistries import AGED_CAPACITY_STD, MEASURED_CAPACITY_STD
+from ohmward.battery.chemistries import AGED_CAPACITY_STD
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.identification import MODELS, IdentificationSettings
 from ohmward.battery.models.ocv import OcvCurve
@@ -86,6 +86,7 @@ def test_the_noise_is_usable(found):
     assert found.battery.sensor.offset_std_A == pytest.approx(0.05)
     assert noise.overpotential_share >= 0.15
     assert noise.capacity_std == AGED_CAPACITY_STD
+    assert noise.capacity_std_at_resistance == pytest.approx(0.07, abs=0.005)  # that of the label, which was given
 
 
 def test_low_rate_and_drive():
@@ -97,7 +98,7 @@ def test_low_rate_and_drive():
     battery = identify((*low_rate_logs(p), drive), capacity_Ah=2.0, chemistry="lfp")
     assert battery.identification.capacity_measured_Ah == pytest.approx(2.0, rel=0.01)
     assert any(battery.thevenin.ocv.hysteresis_V)
-    assert battery.noise.capacity_std == MEASURED_CAPACITY_STD
+    assert battery.noise.capacity_std_at_resistance == pytest.approx(0.03, abs=0.005)
     assert battery.thevenin.r0_discharge_ohm[-3] == pytest.approx(0.030, rel=0.1)
     (unseen,) = [s for s in battery.not_identified if s.startswith("resistances at SoC 0 to")]
     assert "taken from the shape of the low-rate branches" in unseen

@@ -43,6 +43,45 @@ def cold_lives(rng, temperature_degC=COLD_DEGC):
     return current_A, soc, voltage_V
 
 
+AGED = replace(TESTED, resistance_std=0.3, capacity_std=0.1, ageing_correlation=0.95)
+
+
+def aged_lives(rng):
+    """Current (T,), SoC and voltage (T, LIVES) of cells that have aged as the noise says, and their capacity (LIVES,).
+
+    The capacity and the two resistances are drawn from the density that the filter begins with.
+    """
+    current_A = drive(rng, STEPS, -0.5)
+    mean_A = np.concatenate([current_A[:1], 0.5 * (current_A[1:] + current_A[:-1])])
+    system = TheveninFilter(NMC, AGED).system
+    names = [system.state_names.index(n) for n in ("charge_gain", "ohmic_log_ratio", "pair_log_ratio")]
+    cov = system.start(0.8, 0.0, CircuitInput(0.0, 25.0)).cov[np.ix_(names, names)]
+    loss, ohmic, pairs = rng.multivariate_normal(np.zeros(3), cov, LIVES).T
+
+    def step(x, sample):
+        mean, now, gain, ohmic, pairs = sample
+        soh = StateOfHealth(1.0 / gain, pairs)
+        x = next_state(x, CircuitInput(mean, 25.0), NMC, 1.0, soh)
+        return x, (x[0], voltage(x, CircuitInput(now, 25.0), NMC, StateOfHealth(resistance_ratio=ohmic))[0])
+
+    lanes = [np.broadcast_to(c[:, None], (STEPS, LIVES)) for c in (mean_A, current_A)]
+    lanes += [np.broadcast_to(c, (STEPS, LIVES)) for c in (1.0 + loss, np.exp(ohmic), np.exp(pairs))]
+    x = np.tile(np.array([0.8, 0.0, 0.0, -1.0])[:, None], LIVES)
+    _, (soc, voltage_V) = Kernel(step, x[:, 0], (0.0, 0.0, 1.0, 1.0, 1.0)).scan_lanes(x, tuple(lanes))
+    return (current_A, soc, voltage_V), 1.0 / (1.0 + loss)
+
+
+def test_resistance_tells_what_ageing_has_taken():
+    lives, capacity = aged_lives(np.random.default_rng(3))
+    tied, free = (estimates_of(n, "ekf", lives, 25.0) for n in (AGED, replace(AGED, ageing_correlation=0.0)))
+    error, free_error = (np.sqrt(np.mean((e.soh_capacity[-1] - capacity) ** 2)) for e in (tied, free))
+    assert error < 0.5 * free_error
+    z = (tied.soh_capacity[-1] - capacity) / tied.soh_capacity_std[-1]
+    assert 0.7 < np.sqrt(np.mean(z**2)) < 1.2
+    assert np.mean(np.abs(tied.soc - lives[1]) < 1.96 * tied.soc_std) > 0.95
+    assert np.mean((tied.soc - lives[1]) ** 2) < np.mean((free.soc - lives[1]) ** 2)
+
+
 def estimates_of(noise, method, lives, temperature_degC=COLD_DEGC):
     current_A, _, voltage_V = lives
     settings = TheveninFilter(NMC, noise, method=method)
@@ -55,7 +94,7 @@ def estimates_of(noise, method, lives, temperature_degC=COLD_DEGC):
         voltage_V + noise.voltage_std_V * rng.standard_normal(voltage_V.shape),
         np.full(STEPS, temperature_degC),
     )
-    return Kernel(settings.step, start, first).scan_lanes(start, columns)[1]
+    return Kernel(settings.step, start, first, lowering="machine").scan_lanes(start, columns)[1]
 
 
 @pytest.mark.parametrize("method", ["ekf", "ukf"])

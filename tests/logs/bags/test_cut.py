@@ -9,7 +9,7 @@ import pytest
 
 from ohmward.errors import OhmwardError
 from ohmward.logs import read_log
-from ohmward.logs.bags.files import open_recording
+from ohmward.logs.bags.bag_table import open_recording
 from ohmward.logs.bags.mcap_file import open_mcap
 from ohmward.logs.read import open_table
 

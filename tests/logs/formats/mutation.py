@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -20,9 +20,9 @@ _PIECES = (
 )  # fmt: skip
 
 
-def damaged(folder: Path, rng: np.random.Generator, count: int) -> Iterator[Path]:
-    """`count` files, each of them a format with one to three changes; every one takes the place of the one before."""
-    originals = []
+def written(folder: Path) -> dict[str, Path]:
+    """A file of each format whose package is installed, by its name."""
+    paths = {}
     for k, about in enumerate(FORMATS):
         if about.package and find_spec(about.package) is None:
             continue
@@ -30,7 +30,13 @@ def damaged(folder: Path, rng: np.random.Generator, count: int) -> Iterator[Path
         place.mkdir()
         path = about.write(place)
         if path.is_file():
-            originals.append((path, path.read_bytes()))
+            paths[about.name] = path
+    return paths
+
+
+def damaged(paths: Collection[Path], rng: np.random.Generator, count: int) -> Iterator[Path]:
+    """`count` files, each of them one of these with one to three changes, in its place."""
+    originals = [(path, path.read_bytes()) for path in paths]
     for _ in range(count):
         path, content = originals[rng.integers(len(originals))]
         text = path.suffix in (".csv", ".txt", ".tsv", ".json", ".jsonl", ".mpt", ".lvm")

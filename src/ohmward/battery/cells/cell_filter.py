@@ -35,7 +35,7 @@ from ohmward.battery.cells.cell_sample import (
     TypicalCell,
 )
 from ohmward.battery.cells.cell_voltage import LEAST_VARIANCE, CellVoltage
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import RESISTANCE_CORRELATION, BatteryNoise
 from ohmward.battery.models.thevenin import (
     CircuitInput,
     Thevenin,
@@ -44,7 +44,7 @@ from ohmward.battery.models.thevenin import (
     ohmic_resistance,
     pair_resistances,
 )
-from ohmward.battery.soc.augmented_thevenin import LEAST_CHARGE_GAIN, RESISTANCE_CORRELATION
+from ohmward.battery.soc.augmented_thevenin import LEAST_CHARGE_GAIN
 from ohmward.battery.soc.clean_sample import (
     CURRENT_GAP_S,
     CleanSocSample,

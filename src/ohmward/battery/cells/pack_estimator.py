@@ -22,7 +22,7 @@ from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import InputError
 from ohmward.filters.estimator import Progress, numbers
 from ohmward.filters.run import Run
-from ohmward.logs.cell_columns import find_cells
+from ohmward.logs.battery_columns import find_cells
 from ohmward.logs.log import Log, LogSource, as_log
 from ohmward.trace import Kernel
 from ohmward.trace.live import Live

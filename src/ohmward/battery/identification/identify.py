@@ -26,7 +26,8 @@ from ohmward.battery.battery import Provenance as Provenance
 from ohmward.battery.chemistries import (
     AGED_CAPACITY_STD,
     CHEMISTRIES,
-    MEASURED_CAPACITY_STD,
+    GIVEN_AGEING_CORRELATION,
+    MEASURED_AGEING_CORRELATION,
     chemistry_name,
     start_model,
     start_noise,
@@ -269,7 +270,8 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     anchors_std = axis_std(prepared.fast, prepared.axes)
     noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, longest_rest_s(prepared.fast))
     measured = any(branch.complete for branch in prepared.branches)  # from full to empty by a low-rate test
-    noise = replace(noise, capacity_std=MEASURED_CAPACITY_STD if measured else AGED_CAPACITY_STD)
+    correlation = MEASURED_AGEING_CORRELATION if measured else GIVEN_AGEING_CORRELATION
+    noise = replace(noise, capacity_std=AGED_CAPACITY_STD, ageing_correlation=correlation)
     missing = (
         *prepared.first.not_identified,
         *not_identified(fit, samples, settings.capacity_Ah, hysteresis),

@@ -209,6 +209,7 @@ def folded_noise(battery: Battery, p: Parameters, covariance: np.ndarray) -> Bat
         overpotential_share=_share(noise, p, std),
         capacity_std=_between(_CAPACITY_STD, capacity_std, noise.capacity_std),
         resistance_std=_between(_RESISTANCE_STD, resistance_std(battery, covariance), noise.resistance_std),
+        ageing_correlation=0.0,  # what a log has left of either is an error of its own
         activation_std_K=_between(_ACTIVATION_STD_K, activation_K, noise.activation_std_K),
         empty_activation_std_K=_between(0.0, empty_K, noise.empty_activation_std_K),
         ocv_std_V_per_K=_between(_ENTROPY_SHARE * noise.ocv_std_V_per_K, entropy, noise.ocv_std_V_per_K),

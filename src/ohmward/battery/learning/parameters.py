@@ -13,10 +13,9 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.models.knots import correlation
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import RESISTANCE_CORRELATION, BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import RESISTANCE_KNOTS, Thevenin
-from ohmward.battery.soc.augmented_thevenin import RESISTANCE_CORRELATION
 from ohmward.errors import InputError
 
 #: Stages of graphite are 5 % of SoC wide and more; the ends are steep. The curves of the chemistries turn at knots, so
@@ -151,6 +150,11 @@ class _Prior(NamedTuple):
         ohmic, pairs = parameters.group("ohmic"), parameters.group("pair")
         P[ohmic, pairs] = shared
         P[pairs, ohmic] = shared
+        # ageing takes capacity where it adds resistance
+        capacity = parameters.group("capacity")
+        for level in (ohmic, pairs):
+            P[capacity, level] = -self.noise.ageing_covariance
+            P[level, capacity] = -self.noise.ageing_covariance
         return P
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -31,6 +32,9 @@ PAIR_CURRENT_C = 0.005
 #: Between two samples the current is taken as linear. The true mean may be off by this share of the step in current:
 #: half of the 1/sqrt(12) that a single jump at an unknown instant would have.
 PATH_SHARE = 0.15
+
+#: Correlation of the errors of R_0 and of the pairs: age and contacts act on both, the shapes of the two curves differ.
+RESISTANCE_CORRELATION = 0.7
 
 #: A shorter step counts as this one [s] where errors hold on from sample to sample, so that R stays finite at dt = 0.
 _SHORTEST_STEP_S = 1e-3
@@ -67,6 +71,8 @@ class BatteryNoise:
     capacity_walk: float = 0.01  #: random walk of that error in 1000 hours
     resistance_std: float = 0.05  #: relative error of all resistances together
     resistance_walk: float = 0.05  #: random walk of that error in 100 hours
+    #: correlation of a loss of capacity with a growth of the resistances: ageing brings both
+    ageing_correlation: float = 0.0
     #: error of all activation temperatures together: R grows by exp(error (1/T - 1/T_reference))
     activation_std_K: float = 0.0
     #: error of the activation of the RC pairs towards empty, see `thevenin.emptiness`
@@ -82,7 +88,18 @@ class BatteryNoise:
             if f.name in ("voltage_std_V", "model_soc_length"):
                 require_positive(f"noise.{f.name}", value)
             else:
-                require_between(f"noise.{f.name}", value, 0.0, float("inf"))
+                require_between(f"noise.{f.name}", value, 0.0, 1.0 if f.name == "ageing_correlation" else float("inf"))
+
+    @property
+    def ageing_covariance(self) -> float:
+        """Covariance of a relative loss of capacity with the logarithm of R_0, and with that of the RC pairs."""
+        together_std = self.resistance_std * math.sqrt((1.0 + RESISTANCE_CORRELATION) / 2.0)
+        return self.ageing_correlation * self.capacity_std * together_std
+
+    @property
+    def capacity_std_at_resistance(self) -> float:
+        """Relative error of the capacity of a battery whose resistances are known."""
+        return self.capacity_std * math.sqrt(1.0 - self.ageing_correlation**2)
 
     def model_std_at(self, soc: Scalar) -> Scalar:
         """Standard deviation of the model's voltage error [V] at this SoC."""

@@ -32,6 +32,7 @@ from ohmward.battery.models.noise import (
     HYSTERESIS_VARIANCE_PER_SOC,
     MOMENTARY_C,
     PAIR_CURRENT_C,
+    RESISTANCE_CORRELATION,
     USUAL_C,
     BatteryNoise,
 )
@@ -70,8 +71,6 @@ TANGENT_STD = 0.2
 STEEP_END = 0.1
 END_STD = 0.1
 
-#: Correlation of the errors of R_0 and of the pairs: age and contacts act on both, the shapes of the two curves differ.
-RESISTANCE_CORRELATION = 0.7
 
 #: Share of an error of the activation that is not common to all of the overpotential: another one at every SoC, and in
 #: every process of the cell. Measured on LFP, NCA and NMC at -15 to 5 degC with files from 25 degC.
@@ -184,8 +183,11 @@ class AugmentedThevenin:
         )
         mean = AugmentedState([soc, *(0.0 for _ in pairs), 0.0], self.sensor.offset_A, 1.0, 0.0, 0.0, 0.0)
         cov = np.diag(np.square(self.vector(std)))
-        i, j = (self.state_names.index(name) for name in ("ohmic_log_ratio", "pair_log_ratio"))
-        cov[i, j] = cov[j, i] = RESISTANCE_CORRELATION * noise.resistance_std**2
+        names = ("ohmic_log_ratio", "pair_log_ratio", "charge_gain")
+        ohmic, pair, gain = (self.state_names.index(name) for name in names)
+        cov[ohmic, pair] = cov[pair, ohmic] = RESISTANCE_CORRELATION * noise.resistance_std**2
+        for ratio in (ohmic, pair):
+            cov[gain, ratio] = cov[ratio, gain] = noise.ageing_covariance
         return Belief(self.vector(mean), cov)
 
     def at_rest(self, belief: Belief, dt_s: float, temperature_degC: float) -> Belief:

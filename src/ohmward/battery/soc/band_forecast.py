@@ -97,7 +97,9 @@ def after_tests(battery: Battery) -> dict[str, Battery]:
         ),
         "after a slow discharge and a slow charge": replace(battery, noise=curve_known),
         "after a discharge from full to empty": replace(battery, noise=replace(noise, capacity_std=0.0)),
-        "after a new pulse test at room temperature": replace(battery, noise=replace(noise, resistance_std=0.0)),
+        "after a new pulse test at room temperature": replace(
+            battery, noise=replace(noise, resistance_std=0.0, capacity_std=noise.capacity_std_at_resistance)
+        ),
         "with a declared rest current": replace(battery, idle_current_A=idle_A),
         "with a better current sensor": replace(battery, sensor=exact),
     }

@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> Outcome:
         read = counting(report, "reading") or (lambda done, total: None)
         drives = []
         for k, text in enumerate(texts, start=1):
-            drives.append(read_one(text, options, truth))
+            drives.append(read_one(text, robot, options, truth))
             read(k, len(texts))
         parts = wanted(args.what, () if args.floor else usual_parts(robot))
         found = calibrate(drives, robot, parts, args.floor, rolling(args.rolling))
@@ -124,9 +124,8 @@ def recordings(text: str, each: str | None) -> list[str]:
     return [f"{path}:{chosen}{each}={value:g}" for value in values[np.isfinite(values)]]
 
 
-def read_one(text: str, options: DriveOptions, truth: Truth) -> CalibrationDrive:
+def read_one(text: str, robot: Robot, options: DriveOptions, truth: Truth) -> CalibrationDrive:
     """One recording with the motion of the body."""
-    robot = options.robot
     log = options.read(text, leave=truth.names)
     if truth.of_pose:
         return CalibrationDrive(log, pose_motion(log, truth, robot))

@@ -20,8 +20,8 @@ from ohmward.battery.soc.band_forecast import (
     worthwhile_tests,
 )
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import of_kinds, read_battery_log, read_options
-from ohmward.cli.drive_inputs import DriveOptions
+from ohmward.cli.battery_inputs import of_kinds, read_battery_log
+from ohmward.cli.drive_inputs import DriveOptions, drive_options
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.wording import FOOTER, duration, grouped, sentence, with_assumptions
 from ohmward.errors import InputError
@@ -29,18 +29,16 @@ from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock
 from ohmward.figures.slip import wheels_figure
 from ohmward.filters.consistency import BAND_95
-from ohmward.logs import DriveLog, Log, examine, read_drive
-from ohmward.logs.cell_columns import cell_names
+from ohmward.logs import DriveLog, Log, examine
+from ohmward.logs.battery_columns import cell_names
 from ohmward.logs.channels import CURRENT, VOLTAGE
 from ohmward.logs.columns import find_column
-from ohmward.logs.doctor import Finding, Findings, examine_drive
+from ohmward.logs.doctor import DriveSurvey, Finding, Findings, Sampling, Signal, Survey, examine_drive
 from ohmward.logs.log import ReadOptions
-from ohmward.logs.note import Note, counted
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
 from ohmward.logs.sign import UnknownSignError
-from ohmward.logs.survey import DriveSurvey, Sampling, Signal, Survey
-from ohmward.logs.table import TableFile
+from ohmward.logs.table import Note, TableFile, counted
 from ohmward.logs.wheel_columns import wheel_places
 from ohmward.onboard.robot_setup import SETUP_FILE, Setup
 from ohmward.report import Page
@@ -77,7 +75,8 @@ def run(args: argparse.Namespace) -> Outcome:
     """Examine each file; the exit status is 1 if a log has an error."""
     kinds = {path: kind_of(path) for path in args.files}
     robot = load_robot(args.robot) if args.robot else None
-    logs = [_look(path, args, robot) for path, kind in kinds.items() if kind == _LOG]
+    options = drive_options(args, robot)
+    logs = [_look(path, options) for path, kind in kinds.items() if kind == _LOG]
     known = [examine_battery(path, load_battery(path)) for path, kind in kinds.items() if kind == BATTERY_FILE.noun]
     robots = {path: load_robot(path) for path, kind in kinds.items() if kind == ROBOT_FILE.noun}
     setups = {path: SETUP_FILE.load(path) for path, kind in kinds.items() if kind == SETUP_FILE.noun}
@@ -127,15 +126,15 @@ def examine_battery(path: str, battery: Battery) -> BatteryFindings:
     return BatteryFindings(path, battery, bands, worthwhile_tests(battery, bands))
 
 
-def _look(path: str, args: argparse.Namespace, robot: Robot | None) -> Examined:
+def _look(path: str, options: DriveOptions) -> Examined:
     """Battery and drive in a log, as far as it has them.
 
     Raises:
         InputError: it has neither; says what is missing of a battery, or of a drive where it has wheels alone.
     """
-    reading = read_options(args)
+    reading = options.reading
     file = open_table(split_selection(path)[0], reading.hints)
-    places = _places(file, robot)
+    places = _places(file, options.robot)
     log, drive, refused = None, None, None
     try:
         log = _read(path, of_kinds(reading, of_battery=True), file)
@@ -145,7 +144,7 @@ def _look(path: str, args: argparse.Namespace, robot: Robot | None) -> Examined:
         refused = error
     if places:
         try:
-            drive = _read_drive(path, of_kinds(reading, of_battery=False), args, file, robot)
+            drive = _read_drive(path, options._replace(reading=of_kinds(reading, of_battery=False)), file)
         except InputError as error:
             if log is None:
                 raise InputError(f"{error}. As the log of a battery: {refused}", error.options) from error
@@ -168,26 +167,12 @@ def _places(file: TableFile, robot: Robot | None) -> tuple[str, ...]:
     return tuple(place.name for place in robot.places) if robot else found
 
 
-def _read_drive(
-    path: str, reading: ReadOptions, args: argparse.Namespace, file: TableFile, robot: Robot | None
-) -> DriveLog:
+def _read_drive(path: str, options: DriveOptions, file: TableFile) -> DriveLog:
     """The drive, with a warning for each fault that the robot's file shows."""
-    if robot is not None:
-        log = DriveOptions(robot, reading, args.motor_shaft, args.counts_per_turn).read(path, file=file)
-        return replace(log, notes=(*log.notes, *check_drive(robot, log)))
-    where = split_selection(path)[1]
-    places = wheel_places(file.part("drive").names)
-    return read_drive(
-        file,
-        places,
-        len(places),
-        at_motor_shaft=args.motor_shaft,
-        counts_per_turn=args.counts_per_turn,
-        columns=dict(reading.columns),
-        units=dict(reading.units),
-        where=dict(reading.where) | where,
-        sort_time=reading.sort_time,
-    )
+    log = options.read(path, file=file)
+    if options.robot is None:
+        return log
+    return replace(log, notes=(*log.notes, *check_drive(options.robot, log)))
 
 
 def _read(path: str, reading: ReadOptions, file: TableFile) -> Log:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import ROBOT, add_sensor_options
+from ohmward.cli.options import ROBOT, add_log_options, add_sensor_options
 from ohmward.cli.parser import positive, share
 
 EXAMPLES = """\
@@ -12,6 +12,7 @@ EXAMPLES = """\
   ohmward export battery.toml --filter textbook-ekf --sample-time 1 --flash-kb 8 -o firmware/cell
   ohmward export battery.toml --filter textbook-joint --style loops -o firmware/joint
   ohmward export battery.toml --language python -o submission
+  ohmward export battery.toml --for mcmaster -o submission.zip --score drives/ --truth Ah --truth-start 1
   ohmward export robot.toml --filter ekf -o firmware/speed
   ohmward export rlma --filter slip-controller -o firmware/wheel
 """
@@ -25,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="as in `ohmward soc`, whose default gsf is three times as large as ekf; or textbook-joint for the "
         "parameters of the RC model; of a robot as in `ohmward slip`, or odometry, slip-controller or "
-        "speed-controller (default ekf in C; in Python that of `ohmward soc`)",
+        "speed-controller (default ekf in C and with --for; in Python that of `ohmward soc`)",
     )
     parser.add_argument(
         "--language",
@@ -34,15 +35,37 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="c: a C99 library in single precision; python: one file for a battery, which needs NumPy only and has "
         "Model(X, z) over rows of current, voltage and temperature, as blind benchmarks call it (default %(default)s)",
     )
-    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="folder to write, made if there is none")
+    parser.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        metavar="DIR",
+        help="folder to write, made if there is none; FILE.zip with --for",
+    )
     parser.add_argument(
         "--name",
         metavar="WORD",
         help="prefix of files and symbols in C (default: the folder's name); in Python the module (default Model, as "
         "blind benchmarks import it)",
     )
+    blind = parser.add_argument_group("blind benchmark")
+    blind.add_argument(
+        "--for",
+        dest="benchmark",
+        choices=("mcmaster",),
+        help="write what McMaster University's blind comparison of SoC estimators takes: a flat archive, -o FILE.zip",
+    )
+    blind.add_argument(
+        "--score",
+        nargs="+",
+        metavar="LOG",
+        help="rehearse it on logs from full: padding, restarts in mid-drive, an offset of the current sensor",
+    )
+    blind.add_argument("--truth", metavar="COLUMN", help="of these logs: a share, percent or Ah counter, as in soc")
+    blind.add_argument("--truth-start", type=share, metavar="S", help="state of charge at which an Ah counter starts")
     parser.add_argument("--terrain", default="dry asphalt", metavar="NAME", help="of a robot (default %(default)s)")
     _add_target_options(parser)
+    add_log_options(parser, interval=False)
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
 
 

@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from ohmward.atomic import replacing
+from ohmward.battery.battery import Battery
+from ohmward.battery.file import load_battery
 from ohmward.battery.soc.registry import DEFAULT
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor
+from ohmward.cli.battery_inputs import read_battery_log, read_options, read_soc_truth, with_sensor
 from ohmward.cli.drive_inputs import make_terrain
+from ohmward.cli.log_files import log_files
 from ohmward.cli.options import BUILT_IN
-from ohmward.cli.outcome import Outcome
+from ohmward.cli.outcome import Outcome, check_output
+from ohmward.cli.progress import progress
 from ohmward.errors import InputError
+from ohmward.export import blind
 from ohmward.export.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
 from ohmward.export.c_library import Export, check_fits, library, size, write_library
 from ohmward.export.python_file import python_file
 from ohmward.export.traction import CONTROLLERS, ODOMETRY, controller_export, observer_export, odometry_export
 from ohmward.toml_file import noun_of
-from ohmward.traction import load_robot
+from ohmward.traction import Robot, load_robot
 
 #: Filter for a microcontroller unless another is named.
 _SMALL = "ekf"
@@ -28,7 +35,11 @@ _MODULE = "Model"
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Write the library, or the file."""
+    """Write the library, the file, or the archive for a blind benchmark."""
+    if args.benchmark:
+        return _submission(args)
+    if args.score:
+        raise InputError("--score rehearses a blind benchmark; name it with --for mcmaster")
     python, is_robot = args.language == "python", _is_robot(args.file)
     if python and (args.style != "lines" or args.flash_kb or args.ram_kb):
         raise InputError("--style, --flash-kb and --ram-kb are for C; leave them out with --language python")
@@ -40,9 +51,10 @@ def run(args: argparse.Namespace) -> Outcome:
     filter_name = filter_name or (DEFAULT if python else _SMALL)
     contradictions: list[str] = []
     if is_robot:
-        export = _robot_export(args, filter_name, name)
+        _refuse_options_of_batteries(args, filter_name)
+        export = _robot_export(load_robot(args.file), args.terrain, filter_name, name)
     else:
-        battery, contradictions = load_battery_with_sensor(args.file, args)
+        battery, contradictions = with_sensor(load_battery(args.file), args.sensor_offset, args.sensor_gain)
         export = battery_export(
             battery,
             filter_name,
@@ -99,6 +111,71 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(figures, text, notes)
 
 
+def _submission(args: argparse.Namespace) -> Outcome:
+    """Write the archive that a blind benchmark takes, and rehearse it where logs are given."""
+    fixed = (args.name, args.sample_time, args.curve_error, args.flash_kb, args.ram_kb)
+    if any(fixed) or args.style != "lines" or _is_robot(args.file):
+        raise InputError(
+            "--for mcmaster is one file of Python for a battery, a row a second, named Model: leave out --name, "
+            "--sample-time, --style, --curve-error, --flash-kb and --ram-kb"
+        )
+    check_output("-o", args.output, (".zip",))
+    if args.score and not args.truth:
+        raise InputError("--score needs the true state of charge: name its column with --truth, as `ohmward soc` does")
+    battery, contradictions = with_sensor(load_battery(args.file), args.sensor_offset, args.sensor_gain)
+    filter_name = args.filter or _SMALL  # the sum of three takes three times as long, and found no start better there
+    export = battery_export(battery, filter_name, blind.MODULE, sample_time_s=blind.INTERVAL_S)
+    start = {} if args.initial_soc is None else {"soc": args.initial_soc}
+    start |= {} if args.initial_soc_std is None else {"soc_std": args.initial_soc_std}
+    text = python_file(export, blind.INTERVAL_S, **start)
+    with replacing(Path(args.output)) as archive:
+        archive.write_bytes(blind.submission(text))
+    notes = [f"warning: {sentence}" for sentence in contradictions]
+    scores = list(_rehearsed(text, args, battery)) if args.score else []
+    figures = {
+        "command": "export",
+        "benchmark": args.benchmark,
+        "title": export.title,
+        "filter": filter_name,
+        "output": args.output,
+        "operations": len(export.step.nodes),
+        "rmse": {case: blind.case_rmse(scores, case) for case in blind.WEIGHTS} if scores else None,
+        "rmse_weighted": blind.weighted_rmse(scores) if scores else None,
+        "runs": [score._asdict() for score in scores],
+        "notes": notes,
+    }
+    return Outcome(
+        figures,
+        wording.paragraphs(
+            f"{args.output}: {export.title}", _score_table(scores) if scores else "", wording.assumptions(notes)
+        ),
+        notes,
+    )
+
+
+def _rehearsed(text: str, args: argparse.Namespace, battery: Battery) -> Iterator[blind.BlindScore]:
+    model, words = blind.model_of(text), log_files(args.score)
+    with progress() as report:
+        for k, word in enumerate(words):
+            if report:
+                report(word, k / len(words))
+            log = read_battery_log(word, read_options(args), battery=battery, others=words)
+            truth = read_soc_truth(log, args.truth, battery.capacity_Ah, args.truth_start)
+            yield from blind.rehearse(model, blind.blind_run(log, truth.soc), battery.capacity_Ah)
+
+
+def _score_table(scores: Sequence[blind.BlindScore]) -> str:
+    """Cases with their weights and errors, the worst run of each, and the score."""
+    rows = []
+    for case, weight in blind.WEIGHTS.items():
+        if own := [score for score in scores if score.case == case]:
+            worst = max(own, key=lambda score: score.rmse)
+            error = blind.case_rmse(scores, case)
+            rows.append([case, f"{weight:.1f}", f"{len(own)}", f"{error:.2%}", f"{worst.rmse:.2%} ({worst.run})"])
+    rows.append(["weighted", "", "", f"{blind.weighted_rmse(scores):.2%}", ""])
+    return wording.table(["rehearsal", "weight", "runs", "RMSE", "worst"], rows)
+
+
 def _symbol(folder: str) -> str:
     """The folder's name as a prefix of C: small letters, digits and underscores."""
     word = re.sub(r"[^a-z0-9]+", "_", Path(folder).resolve().name.lower()).strip("_")
@@ -110,17 +187,19 @@ def _is_robot(file: str) -> bool:
     return file.lower() in BUILT_IN or noun_of(file) == "robot"  # of all others the reader of battery files speaks
 
 
-def _robot_export(args: argparse.Namespace, filter_name: str, name: str) -> Export:
-    """The observer, the odometry or the controller of a robot; refuses the options of batteries."""
+def _refuse_options_of_batteries(args: argparse.Namespace, filter_name: str) -> None:
     if args.sensor_offset is not None or args.sensor_gain is not None:
         raise InputError("a current sensor is that of a battery; leave out --sensor-offset and --sensor-gain")
     if args.curve_error:
         raise InputError("a curve error is for the open-circuit voltage of a battery; leave out --curve-error")
     if args.style != "lines":
         raise InputError(f"{filter_name} of a robot has no loops, only {', '.join(WITH_LOOPS)} of a battery have")
-    robot = load_robot(args.file)
+
+
+def _robot_export(robot: Robot, terrain: str, filter_name: str, name: str) -> Export:
+    """The observer, the odometry or the controller of a robot."""
     if filter_name in CONTROLLERS:
         return controller_export(robot, filter_name, name)
     if filter_name == ODOMETRY:
         return odometry_export(robot, name)
-    return observer_export(robot, make_terrain(args.terrain, robot), filter_name, name)
+    return observer_export(robot, make_terrain(terrain, robot), filter_name, name)

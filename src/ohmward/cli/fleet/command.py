@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.file import BATTERY_FILE
+from ohmward.battery.file import BATTERY_FILE, load_battery
 from ohmward.battery.soc.registry import chosen_name, make_estimator
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor, read_options
+from ohmward.cli.battery_inputs import read_options, with_sensor
 from ohmward.cli.log_files import log_files
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> Outcome:
     """Estimate all, or what is left of an interrupted run."""
     if args.where:
         raise InputError("--where picks rows of one file; a fleet's files hold one recording each")
-    battery, contradictions = load_battery_with_sensor(args.battery, args)
+    battery, contradictions = with_sensor(load_battery(args.battery), args.sensor_offset, args.sensor_gain)
     name = chosen_name(args.filter.lower(), battery)
     make_estimator(name, battery)  # refused now, not in every process
     folder = Path(args.output)
@@ -65,25 +65,27 @@ def run(args: argparse.Namespace) -> Outcome:
     estimates = str(folder / "estimates") if args.estimates else None
     given = (name, args.initial_soc, args.initial_soc_std, read_options(args), estimates)
     robots = robots_of(paths, args.by, given[3].hints)
+    executor = executor_of(args.dask, args.processes)
     notes = [f"warning: {text}" for text in contradictions]
     if robots.by != ALONE:
         notes.append(f"info: robots told by {_WAYS.get(robots.by, f'the column {robots.by!r}')}: {len(robots.logs)}")
-        return _of_robots(args, RobotJob(text, robots.logs, *given, str(folder / "batteries")), folder, notes)
+        job = RobotJob(text, robots.logs, *given, str(folder / "batteries"))
+        return _of_robots(args.battery, job, folder, executor, notes)
     with progress() as report:
-        finished = run_fleet(paths, Job(text, *given), folder, work(args), _progress_of(report))
-    figures = summary(args, finished.rows, finished) | {"filter": name, "notes": notes}
+        finished = run_fleet(paths, Job(text, *given), folder, executor, _progress_of(report))
+    figures = summary(args.battery, finished.rows, finished) | {"filter": name, "notes": notes}
     return Outcome(figures, describe(figures), notes, status=status(figures))
 
 
-def _of_robots(args: argparse.Namespace, job: RobotJob, folder: Path, notes: list[str]) -> Outcome:
+def _of_robots(battery: str, job: RobotJob, folder: Path, executor: Executor, notes: list[str]) -> Outcome:
     """Estimate the logs of each robot one after the other, and write the page of the fleet."""
     Path(str(job.batteries)).mkdir(parents=True, exist_ok=True)
     with progress() as report:
-        finished = run_fleet(job.items, job, folder, work(args), _progress_of(report, "robots"), batch=1)
+        finished = run_fleet(job.items, job, folder, executor, _progress_of(report, "robots"), batch=1)
     states = robot_states(finished.rows)
     logs = [log for row in finished.rows for log in row.get("logs", [row])]
     page = folder / PAGE
-    figures = summary(args, logs, finished) | {
+    figures = summary(battery, logs, finished) | {
         "filter": job.filter,
         "robots": [state._asdict() for state in states],
         "report": str(page),
@@ -101,11 +103,11 @@ def _progress_of(report: Report | None, what: str = "logs") -> Callable[[int, in
     return lambda done, total: report(f"{done:,} of {total:,} {what}", done / total)
 
 
-def work(args: argparse.Namespace) -> Executor:
+def executor_of(dask: str | None, processes: int | None) -> Executor:
     """Executor of the batches: processes here, or the workers of a Dask scheduler."""
-    if args.dask:
-        return partial(on_dask, address=args.dask)
-    return partial(in_processes, processes=args.processes or os.cpu_count() or 1)
+    if dask:
+        return partial(on_dask, address=dask)
+    return partial(in_processes, processes=processes or os.cpu_count() or 1)
 
 
 def status(figures: dict[str, Any]) -> int:
@@ -115,16 +117,17 @@ def status(figures: dict[str, Any]) -> int:
     return int(bool(figures["misfits"]))
 
 
-def summary(args: argparse.Namespace, logs: list[dict[str, Any]], finished: Finished) -> dict[str, Any]:
+def summary(battery: str, logs: list[dict[str, Any]], finished: Finished) -> dict[str, Any]:
     """The object of --json.
 
+    battery: file that the logs begin with.
     logs: a row of each log.
     """
     good = [row for row in logs if not row["error"]]
     bad = [row for row in logs if row["error"]]
     return {
         "command": "fleet",
-        "battery": args.battery,
+        "battery": battery,
         "logs": len(logs),
         "failed": len(bad),
         "resumed": finished.resumed,

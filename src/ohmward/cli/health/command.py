@@ -13,6 +13,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
+from ohmward.battery.file import load_battery
 from ohmward.battery.health.ageing_laws import DAYS_PER_YEAR
 from ohmward.battery.health.changes import Cause, Outlier
 from ohmward.battery.health.health import Health, health_of
@@ -30,7 +31,7 @@ from ohmward.battery.health.point import DAY_S, HealthPoint
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log, read_options
+from ohmward.cli.battery_inputs import read_battery_log, read_options, with_sensor
 from ohmward.cli.log_files import log_files
 from ohmward.cli.outcome import Outcome
 from ohmward.cli.progress import Report, progress
@@ -39,7 +40,7 @@ from ohmward.errors import InputError
 from ohmward.figures.health import capacity_figure, life_figure, resistance_figure
 from ohmward.logs import Log
 from ohmward.logs.log import ReadOptions
-from ohmward.logs.note import counted
+from ohmward.logs.table import counted
 from ohmward.report import Page
 
 #: Seed of the batteries that are drawn for the time left: equal logs give equal pages.
@@ -78,7 +79,7 @@ def run(args: argparse.Namespace) -> Outcome:
     """Learn from every log in order of time, then judge the trend."""
     if not args.worn > 0.0:
         raise InputError(f"--worn must be above 0, got {args.worn:g}; 0.8 is 80 % of the capacity when new")
-    battery, contradictions = load_battery_with_sensor(args.battery, args)
+    battery, contradictions = with_sensor(load_battery(args.battery), args.sensor_offset, args.sensor_gain)
     with progress() as report:
         logs, unread = read_logs(args.logs, read_options(args), battery, report)
         dated = in_order_of_time(logs)

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.file import load_battery
 from ohmward.battery.learning.fold import PULSE_S
 from ohmward.battery.learning.known import known
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor, read_options
+from ohmward.cli.battery_inputs import read_options, with_sensor
 from ohmward.cli.log_files import log_files
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.progress import progress
@@ -24,8 +25,8 @@ from ohmward.cli.wording import FOOTER, lognormal, normal, sentence, with_assump
 from ohmward.figures import learning as pictures
 from ohmward.filters.consistency import BAND_95
 from ohmward.fleet.learning import BatteryFiles, Journal, LearningJob, Row, journal_path, learn_all
-from ohmward.logs.note import counted
 from ohmward.logs.selection import split_selection
+from ohmward.logs.table import counted
 from ohmward.report import Page
 
 #: Columns of the logs.
@@ -37,7 +38,7 @@ _VERDICTS = ("learnt", "seen", "set aside")
 
 def run(args: argparse.Namespace) -> Outcome:
     """Learn log by log; write each battery file whole, at the end."""
-    start, contradictions = load_battery_with_sensor(args.battery, args)
+    start, contradictions = with_sensor(load_battery(args.battery), args.sensor_offset, args.sensor_gain)
     require_thevenin(start)
     texts = log_files(args.logs)
     files = open_files(start, args.output, [str(split_selection(text)[0]) for text in texts])

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
+from ohmward.battery.file import load_battery
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor, of_kinds, read_battery_log, read_options
+from ohmward.cli.battery_inputs import of_kinds, read_battery_log, read_options, with_sensor
 from ohmward.cli.drive_inputs import DriveOptions, drive_options, make_terrain
 from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output
@@ -60,7 +61,7 @@ def run(args: argparse.Namespace) -> Outcome:
         return Outcome({"command": "mission", "plan_example": EXAMPLE}, EXAMPLE.rstrip("\n"))
     check_output("--output", args.output, (".toml",), [p for p in (args.log, args.plan, args.battery) if p])
     check(args)
-    battery, contradictions = load_battery_with_sensor(args.battery, args)
+    battery, contradictions = with_sensor(load_battery(args.battery), args.sensor_offset, args.sensor_gain)
     robot = load_robot(args.robot) if args.robot else None
     plan = load_plan(args.plan) if args.plan else None
     before, origin = earlier_consumption(args.consumption, args.mass_kg, robot)

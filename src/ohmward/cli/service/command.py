@@ -123,8 +123,9 @@ def obstacles(setup: Path) -> list[str]:
     python = [path for path in (Path(sys.executable), Path(sys.executable).resolve()) if is_hidden(path)]
     if python:
         found.append(
-            f"a service does not see {python[0]}, which runs this, nor anything in homes and /tmp; install from "
-            "the clone with a system Python: sudo python3 -m venv /opt/ohmward && sudo /opt/ohmward/bin/pip install ."
+            f"a service does not see {python[0]}, which runs this, nor anything in homes and /tmp; install "
+            "from the clone with a system Python: sudo python3 -m venv /opt/ohmward && "
+            "sudo /opt/ohmward/bin/pip install '.[page]'"
         )
     if is_hidden(setup):
         found.append(f"a service does not see {setup}, nor anything in homes and /tmp; move it to /etc/ohmward")

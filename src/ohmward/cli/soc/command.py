@@ -28,7 +28,7 @@ from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import write_table
-from ohmward.logs.note import counted
+from ohmward.logs.table import counted
 from ohmward.logs.write import TABLES
 from ohmward.report import Figure, Page
 

@@ -28,10 +28,13 @@ def run(args: argparse.Namespace) -> Outcome:
     check_output("--output", args.output, TABLES)
     store = Store(Path(args.folder), read_only=True)
     with store.reading():
-        return {"list": _list, "query": _query, "export": _export}[args.action](store, args)
+        if args.action == "list":
+            return _list(store)
+        columns = _columns(store, args.kind, args.names, (args.since, args.until), args.every)
+        return _export(columns, args.kind, args.output) if args.action == "export" else _query(columns, args.json)
 
 
-def _list(store: Store, _: argparse.Namespace) -> Outcome:
+def _list(store: Store) -> Outcome:
     kinds = {kind: _summary(store, kind) for kind in KINDS}
     conditions = [condition._asdict() for condition in store.conditions()[-_CONDITIONS:]]
     figures = {
@@ -67,9 +70,8 @@ def _date(unix_s: float) -> str:
     return datetime.fromtimestamp(unix_s).astimezone().isoformat(" ", "seconds")
 
 
-def _query(store: Store, args: argparse.Namespace) -> Outcome:
-    columns = _columns(store, args)
-    if args.json:
+def _query(columns: dict[str, np.ndarray], as_json: bool) -> Outcome:
+    if as_json:
         return Outcome({name: column.tolist() for name, column in columns.items()}, "")
     lines = (",".join(map(_cell, row)) for row in zip(*columns.values(), strict=True))
     return Outcome({}, "\n".join([",".join(columns), *lines]))
@@ -79,30 +81,35 @@ def _cell(value: Any) -> str:
     return "" if isinstance(value, float) and math.isnan(value) else str(value)
 
 
-def _export(store: Store, args: argparse.Namespace) -> Outcome:
-    columns = _columns(store, args)
-    write_table(columns, args.output)
+def _export(columns: dict[str, np.ndarray], kind: str, output: str) -> Outcome:
+    write_table(columns, output)
     rows = len(columns["time_s"])
-    figures = {"output": args.output, "kind": args.kind, "rows": rows, "columns": list(columns)}
-    return Outcome(figures, f"{rows} rows of {args.kind} in {args.output}")
+    figures = {"output": output, "kind": kind, "rows": rows, "columns": list(columns)}
+    return Outcome(figures, f"{rows} rows of {kind} in {output}")
 
 
-def _columns(store: Store, args: argparse.Namespace) -> dict[str, np.ndarray]:
+def _columns(
+    store: Store, kind: str, wanted: str | None, span_s: tuple[float | None, float | None], every: int
+) -> dict[str, np.ndarray]:
     """The rows that were asked for: `time_s` from the first on, `unix_time_s`, then the values.
+
+    wanted: names separated by commas; None for all.
+    span_s: first and last time [s]; None where it is open.
+    every: one row in so many.
 
     Raises:
         InputError: there are none, or a column that there is not.
     """
-    names = [name.strip() for name in args.names.split(",")] if args.names else None
-    since_s = -math.inf if args.since is None else args.since
-    found = store.read(args.kind, names, since_s, math.inf if args.until is None else args.until)
+    names = [name.strip() for name in wanted.split(",")] if wanted else None
+    since_s, until_s = (
+        edge if given is None else given for edge, given in zip((-math.inf, math.inf), span_s, strict=True)
+    )
+    found = store.read(kind, names, since_s, until_s)
     if missing := [name for name in names or () if name not in found]:
-        known = store.read(args.kind, None, since_s).keys() - {"unix_ns"}
+        known = store.read(kind, None, since_s).keys() - {"unix_ns"}
         raise InputError(f"there is no column {missing[0]!r}; there are: {', '.join(sorted(known)) or 'none'}")
-    unix_ns = found.pop("unix_ns")[:: args.every]
+    unix_ns = found.pop("unix_ns")[::every]
     if not len(unix_ns):
-        raise InputError(
-            f"there are no rows of {args.kind} in that time; `ohmward store list {store.folder}` says which"
-        )
+        raise InputError(f"there are no rows of {kind} in that time; `ohmward store list {store.folder}` says which")
     times = {"time_s": (unix_ns - unix_ns[0]) / 1e9, "unix_time_s": unix_ns / 1e9}
-    return times | {name: column[:: args.every] for name, column in found.items()}
+    return times | {name: column[::every] for name, column in found.items()}

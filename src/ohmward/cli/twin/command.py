@@ -6,9 +6,10 @@ import argparse
 import time
 from typing import Any, NamedTuple
 
+from ohmward.battery.file import load_battery
 from ohmward.battery.soc.estimator import samples_of as battery_samples_of
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import load_battery_with_sensor, read_battery_log, read_options
+from ohmward.cli.battery_inputs import read_battery_log, read_options, with_sensor
 from ohmward.cli.drive_inputs import drive_options, make_terrain
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.errors import InputError
@@ -97,7 +98,9 @@ def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
         raise InputError("--battery and --filter go together: they name the estimator to compare with")
     export = None
     if args.battery:
-        battery, _ = load_battery_with_sensor(args.battery, args)  # those of the export: no contradiction
+        battery, _ = with_sensor(
+            load_battery(args.battery), args.sensor_offset, args.sensor_gain
+        )  # those of the export: no contradiction
         curve_V = curve_error_of_pack_V(battery, args.curve_error)
         exported = {"sample_time_s": args.sample_time, "curve_error_V": curve_V}
         export = battery_export(battery, args.filter, twin.name, **given, **exported)

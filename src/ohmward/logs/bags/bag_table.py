@@ -2,22 +2,253 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import math
+import re
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.bags.choice import choose_topics
-from ohmward.logs.bags.definitions import definitions_of
-from ohmward.logs.bags.files import open_recording
-from ohmward.logs.bags.gather import Gatherer
-from ohmward.logs.bags.known import KNOWN, column_names
-from ohmward.logs.bags.layout import layout_of
+from ohmward.logs.bags import mcap_file, rosbag1_file, sqlite_file
+from ohmward.logs.bags.layout import Layout, definitions_of, layout_of
+from ohmward.logs.bags.mcap_file import open_mcap
 from ohmward.logs.bags.recording import CDR, ROS1, Recorded, Recording, Topic
-from ohmward.logs.note import Note, counted
-from ohmward.logs.table import Progress, Table, TableFile, row_numbers
+from ohmward.logs.bags.rosbag1_file import open_rosbag1
+from ohmward.logs.bags.sqlite_file import open_sqlite
+from ohmward.logs.streams import BATTERY, BOTH, DRIVE, KnownType, Stream, choose_topics, rows_of
+from ohmward.logs.table import Note, Progress, Table, TableFile, counted
+
+#: Rows of a table that ohmward has written.
+TABLE_TYPE = "ohmward_msgs/msg/Table"
+
+_SPEED = "speed [m/s]"
+#: Types that are found without being named, and those that a name makes a quantity.
+KNOWN = {
+    "sensor_msgs/msg/BatteryState": KnownType(
+        BATTERY,
+        {
+            **{"voltage": "voltage [V]", "current": "current [A]", "temperature": "temperature [degC]"},
+            **{"charge": "charge [Ah]", "percentage": "percentage", "power_supply_status": "power_supply_status"},
+        },
+    ),
+    "sensor_msgs/msg/JointState": KnownType(DRIVE, {}),
+    "sensor_msgs/msg/Imu": KnownType(
+        DRIVE,
+        {
+            "angular_velocity.z": "angular velocity z [rad/s]",
+            "linear_acceleration.x": "linear acceleration x [m/s2]",
+        },
+    ),
+    TABLE_TYPE: KnownType(BOTH, {}),
+    "nav_msgs/msg/Odometry": KnownType(DRIVE, {"twist.twist.linear.x": _SPEED}, by_name_only=True),
+    "geometry_msgs/msg/TwistStamped": KnownType(DRIVE, {"twist.linear.x": _SPEED}, by_name_only=True),
+    "geometry_msgs/msg/TwistWithCovarianceStamped": KnownType(
+        DRIVE, {"twist.twist.linear.x": _SPEED}, by_name_only=True
+    ),
+}  # fmt: skip
+
+_CELL = re.compile(r"cell_(voltage|temperature)\[\d+\]")
+_JOINT = re.compile(r"name\[(\d+)\]")
+
+
+def column_names(topic: Topic, layout: Layout) -> dict[str, str]:
+    """Name of the column -> path of the number, of the messages of a topic.
+
+    A topic of a type that is not known has all its numbers as `/topic/path`, or `/topic` of a message of one number.
+    """
+    known = KNOWN.get(topic.type)
+    if known is None:
+        return {f"{topic.name}/{path}".removesuffix("/data"): path for path in layout.numbers if not _is_stamp(path)}
+    if topic.type == TABLE_TYPE:
+        return {path: path for path in layout.numbers if not _is_stamp(path)}
+    if topic.type == "sensor_msgs/msg/JointState":
+        return _of_joints(layout)
+    named = {name: path for path, name in known.columns.items() if path in layout.numbers}
+    return named | {path: path for path in layout.numbers if _CELL.fullmatch(path)}
+
+
+def _of_joints(layout: Layout) -> dict[str, str]:
+    """Speed and angle of each joint, by the name of the joint."""
+    names: dict[str, str] = {}
+    for path, joint in layout.texts.items():
+        if not (found := _JOINT.fullmatch(path)):
+            continue
+        for field, unit in (("velocity", "rad/s"), ("position", "rad")):
+            if (number := f"{field}[{found[1]}]") in layout.numbers:
+                names[f"{joint} {field} [{unit}]"] = number
+    return names
+
+
+def _is_stamp(path: str) -> bool:
+    return "stamp" in path.split(".")
+
+
+#: Endings of recordings.
+ENDINGS = (".mcap", ".db3", ".bag")
+
+_OPENERS = {
+    mcap_file.MAGIC: open_mcap,
+    rosbag1_file.MAGIC: open_rosbag1,
+    sqlite_file.MAGIC: open_sqlite,
+}
+_METADATA = "metadata.yaml"
+
+
+def is_recording(path: Path) -> bool:
+    """True where a file begins as a recording does, or a folder holds one of `ros2 bag record`."""
+    return bool(parts_of(path)) if path.is_dir() else _magic(path) is not None
+
+
+def open_recording(path: Path) -> Recording:
+    """The messages of a file, or of the files of a folder one after the other."""
+    files = parts_of(path) if path.is_dir() else [path]
+    parts = [_OPENERS[magic](file) for file in files if (magic := _magic(file))]
+    if len(parts) == 1:
+        return parts[0]
+
+    def read(recording: Recording, names: Collection[str] | None) -> Iterator[Recorded]:
+        for part in parts:
+            for message in part.messages(names):
+                recording.topics.setdefault(message.topic.name, message.topic)
+                yield message
+            recording.notes |= {f"{part.source}: {text}": note for text, note in part.notes.items()}
+
+    return Recording(path.name, read)
+
+
+def parts_of(folder: Path) -> list[Path]:
+    """The files of a recording in a folder, in the order in which they were written; none where it is no such folder.
+
+    Raises:
+        InputError: files that are compressed as a whole.
+    """
+
+    def part(path: Path) -> tuple[int, str]:  # run_10.mcap comes after run_9.mcap
+        number = path.stem.rpartition("_")[2]
+        return (int(number) if number.isdecimal() else -1, path.name)
+
+    try:
+        files = sorted((path for path in folder.iterdir() if path.name.endswith(ENDINGS[:2])), key=part)
+        packed = [path for path in folder.iterdir() if path.name.endswith(tuple(f"{end}.zstd" for end in ENDINGS))]
+        described = (folder / _METADATA).exists()
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be read ({error.strerror}); check its permissions") from error
+    if packed and described:
+        raise InputError(f"{packed[0]} is compressed as a whole; unpack it first: zstd -d --rm {packed[0]}")
+    whole = described or all(path.stem.startswith(folder.resolve().name) for path in files)
+    return [path for path in files if _magic(path)] if whole else []
+
+
+def _magic(path: Path) -> bytes | None:
+    """The first bytes of a file, as far as they tell a format; None for a database of something else."""
+    with path.open("rb") as stream:
+        head = stream.read(max(map(len, _OPENERS)))
+    magic = next((magic for magic in _OPENERS if head.startswith(magic)), None)
+    return None if magic == sqlite_file.MAGIC and not sqlite_file.is_bag(path) else magic
+
+
+#: Messages that are taken apart at a time.
+MESSAGES_AT_ONCE = 8192
+#: Stamps that differ from the times of receipt by more are of a clock that was never set, or of a simulation [s].
+_STAMP_WITHIN_S = 86400.0
+
+_SECONDS, _NANOSECONDS = (
+    ("header.stamp.sec", "stamp.sec", "header.stamp.secs"),
+    ("header.stamp.nanosec", "stamp.nanosec", "header.stamp.nsecs"),
+)
+
+
+class Gatherer:
+    """Columns of one topic, from its messages in order.
+
+    Attributes:
+        broken: number of messages that could not be read.
+    """
+
+    def __init__(self, topic: Topic, names: Collection[str]):
+        self.topic, self.names = topic, names
+        self.definitions = definitions_of(topic)
+        self.broken = 0
+        self._received: list[int] = []
+        self._payloads: list[bytes] = []
+        self._blocks: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
+
+    def put(self, received_ns: int, payload: bytes) -> None:
+        """Take in a message."""
+        self._received.append(received_ns)
+        self._payloads.append(payload)
+        if len(self._payloads) == MESSAGES_AT_ONCE:
+            self._take_apart()
+
+    def columns(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Times (n,) [ns] of the messages and their columns (n,), nan where a message lacks one.
+
+        The time is that of the stamp where the messages have one of this clock, else that of the receipt.
+        """
+        if self._payloads:
+            self._take_apart()
+        names = dict.fromkeys(name for _, columns in self._blocks for name in columns)
+        whole = {
+            name: np.concatenate([columns.get(name, np.full(t.size, np.nan)) for t, columns in self._blocks])
+            for name in names
+        }
+        times = [t for t, _ in self._blocks]
+        return np.concatenate(times) if times else np.empty(0, np.int64), whole
+
+    def _take_apart(self) -> None:
+        received = np.array(self._received, dtype=np.int64)
+        sizes = np.fromiter(map(len, self._payloads), np.int64, len(self._payloads))
+        columns: dict[str, np.ndarray] = {}
+        stamp_ns = np.zeros(received.size, dtype=np.int64)
+        whole = np.zeros(received.size, dtype=bool)
+        for size in np.unique(sizes):
+            rows = np.flatnonzero(sizes == size)
+            bytes_ = np.frombuffer(b"".join([self._payloads[k] for k in rows]), np.uint8).reshape(rows.size, size)
+            for layout, alike in self._layouts(bytes_):
+                at = rows[alike]
+                whole[at] = True
+                stamp_ns[at] = _stamps(layout, bytes_[alike])
+                for name, path in column_names(self.topic, layout).items():
+                    if name in self.names:
+                        values = columns.setdefault(name, np.full(received.size, math.nan))
+                        values[at] = _numbers(layout, path, bytes_[alike])
+        is_of_this_clock = np.abs(stamp_ns - received) < _STAMP_WITHIN_S * 1e9
+        time_ns = np.where(is_of_this_clock, stamp_ns, received)
+        self.broken += int((~whole).sum())
+        self._blocks.append((time_ns[whole], {name: values[whole] for name, values in columns.items()}))
+        self._received, self._payloads = [], []
+
+    def _layouts(self, bytes_: np.ndarray) -> Iterator[tuple[Layout, np.ndarray]]:
+        """The layouts of messages (n, size) of one size, and the rows that have each."""
+        left = np.arange(len(bytes_))
+        while left.size:
+            try:
+                layout = layout_of(bytes_[left[0]].tobytes(), self.topic.type, self.definitions, self.topic.encoding)
+            except ValueError:
+                left = left[1:]
+                continue
+            alike = (bytes_[np.ix_(left, layout.marks)] == bytes_[left[0], layout.marks]).all(axis=1)
+            yield layout, left[alike]
+            left = left[~alike]
+
+
+def _numbers(layout: Layout, path: str, bytes_: np.ndarray) -> np.ndarray:
+    """(n,) a number of each message."""
+    number = layout.numbers[path]
+    dtype = np.dtype(number.dtype)
+    return np.ascontiguousarray(bytes_[:, number.at : number.at + dtype.itemsize]).view(dtype)[:, 0].astype(float)
+
+
+def _stamps(layout: Layout, bytes_: np.ndarray) -> np.ndarray:
+    """(n,) [ns] time of each message by its own stamp; 0 where it has none."""
+    fields = [next((name for name in names if name in layout.numbers), None) for names in (_SECONDS, _NANOSECONDS)]
+    if None in fields:
+        return np.zeros(len(bytes_), dtype=np.int64)
+    seconds, nanoseconds = (_numbers(layout, str(name), bytes_).astype(np.int64) for name in fields)
+    return seconds * 1_000_000_000 + nanoseconds
+
 
 TIME = "time"
 #: Earlier times are those of a simulation, or of a clock that counts from its own start.
@@ -63,7 +294,7 @@ def _table_file(bag: _Bag, source: str, topics: list[Topic]) -> TableFile:
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
         chosen = [topic for topic in topics if set(of_topic[topic.name]) & set(names)] or topics
-        return _load(bag, source, chosen, names, progress)
+        return _load(bag, source, chosen, names)
 
     def part(kind: str, where: Mapping[str, float | str]) -> TableFile:
         readable = {topic.name: topic for topic in _readable(bag)}
@@ -91,27 +322,21 @@ def _columns(bag: _Bag, topic: Topic) -> list[str]:
     return list(column_names(topic, layout))
 
 
-def _load(
-    bag: _Bag, source: str, topics: list[Topic], wanted: Collection[str], progress: Progress | None = None
-) -> Table:
+def _load(bag: _Bag, source: str, topics: list[Topic], wanted: Collection[str]) -> Table:
     """The columns of some topics, a row for each message, in order of time where there are several topics."""
     gatherers = {topic.name: Gatherer(topic, wanted) for topic in topics}
     puts = {name: gatherer.put for name, gatherer in gatherers.items()}
     for topic, received_ns, payload in bag.recording.messages(gatherers):
         puts[topic.name](received_ns, payload)
     found = {name: gatherer.columns() for name, gatherer in gatherers.items()}
-    time_ns = np.concatenate([times for times, _ in found.values()])
-    if not time_ns.size:
+    first_ns = next((times[0] for times, _ in found.values() if times.size), None)
+    if first_ns is None:
         raise InputError(f"{source}: no message of {', '.join(gatherers)} could be read; record it again")
-    columns: dict[str, np.ndarray] = {TIME: time_ns.view("M8[ns]" if time_ns[0] > _YEAR_2000_NS else "m8[ns]")}
-    begin = 0
-    for times, values in found.values():
-        for name, column in values.items():
-            whole = columns.setdefault(name, np.full(time_ns.size, np.nan))
-            whole[begin : begin + times.size] = column
-        begin += times.size
-    table = Table(source, columns, row_numbers(1, time_ns.size), "message", _notes(bag, gatherers))
-    return table if len(topics) == 1 else table.pick(np.argsort(time_ns, kind="stable"))
+    kind = "M8[ns]" if first_ns > _YEAR_2000_NS else "m8[ns]"
+    streams = {
+        name: Stream(gatherers[name].topic.type, times.view(kind), columns) for name, (times, columns) in found.items()
+    }
+    return rows_of(source, TIME, streams, wanted, _notes(bag, gatherers))
 
 
 def _notes(bag: _Bag, gatherers: Mapping[str, Gatherer]) -> tuple[Note, ...]:

@@ -1,17 +1,71 @@
-"""Places of the numbers in a message: CDR of ROS 2 (OMG DDS-XTypes 1.3, 7.4.1) and the serialisation of ROS 1.
-
-Messages of one type whose texts and arrays are of equal lengths have their numbers at equal places, so that thousands
-of them are read at once.
-"""
+"""Layout of the messages of ROS: their fields by definition, and the places of their numbers."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.logs.bags.definitions import Definitions, Several, Single
-from ohmward.logs.bags.recording import CDR
+from ohmward.errors import InputError
+from ohmward.logs.bags.recording import CDR, ROS1, Topic
+from ohmward.optional import require
+
+
+class Single(NamedTuple):
+    """A number, text or message: `float64`, `string`, `std_msgs/msg/Header`."""
+
+    type: str
+
+
+class Several(NamedTuple):
+    """An array: of fixed `size`, or a sequence that says its own where None."""
+
+    item: Single
+    size: int | None
+
+
+#: Name and content of each field of a message, in order.
+Fields = Sequence[tuple[str, Single | Several]]
+#: Fields of each type.
+Definitions = dict[str, Fields]
+
+
+@lru_cache(maxsize=64)
+def definitions_of(topic: Topic) -> Definitions:
+    """The type of a topic and all types that it uses.
+
+    Raises:
+        InputError: a type that neither the recording nor ROS defines.
+        OhmwardError: the package rosbags is not installed.
+    """
+    typesys = require("rosbags.typesys", "a recording of ROS")
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if topic.encoding == ROS1 else typesys.Stores.LATEST)
+    known = dict(store.fielddefs)
+    if topic.definition:
+        try:
+            known |= typesys.get_types_from_msg(topic.definition, topic.type)
+        except Exception as error:  # of its parser, many kinds
+            raise InputError(f"topic {topic.name}: the definition of {topic.type} cannot be read ({error})") from error
+    if topic.type not in known:
+        raise InputError(
+            f"topic {topic.name}: neither the recording nor ROS defines {topic.type!r}; record it as MCAP, which "
+            "carries definitions"
+        )
+    return {type_: [(name, _content(found)) for name, found in fields] for type_, (_, fields) in known.items()}
+
+
+def _content(found: Any) -> Single | Several:
+    """A field as the package rosbags describes it: kind and detail."""
+    kind, detail = found
+    if kind.name in ("ARRAY", "SEQUENCE"):
+        item, count = detail
+        inner = _content(item)
+        assert isinstance(inner, Single)
+        return Several(inner, count if kind.name == "ARRAY" else None)
+    return Single(detail[0] if kind.name == "BASE" else detail)
+
 
 #: Types of numbers and their notation in NumPy, without the order of bytes.
 _NUMBERS = {

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from ohmward.logs.note import Note
+from ohmward.logs.table import Note
 
 #: Serialisations of messages: that of ROS 2 and that of ROS 1.
 CDR, ROS1 = "cdr", "ros1"

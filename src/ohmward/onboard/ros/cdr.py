@@ -6,8 +6,7 @@ import struct
 from collections.abc import Mapping
 from typing import Any
 
-from ohmward.logs.bags.definitions import Definitions, Several, Single
-from ohmward.logs.bags.layout import Layout, layout_of
+from ohmward.logs.bags.layout import Definitions, Layout, Several, Single, layout_of
 from ohmward.logs.bags.recording import CDR
 from ohmward.onboard.ros.types import DEFINITIONS
 

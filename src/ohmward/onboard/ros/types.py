@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ohmward.logs.bags.definitions import Definitions, Fields, Several, Single
+from ohmward.logs.bags.layout import Definitions, Fields, Several, Single
 
 BATTERY_STATE = "sensor_msgs/msg/BatteryState"
 JOINT_STATE = "sensor_msgs/msg/JointState"

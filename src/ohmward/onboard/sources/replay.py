@@ -12,7 +12,7 @@ from typing import ClassVar, cast, get_args
 import numpy as np
 
 from ohmward.checks import require_one_of, require_positive
-from ohmward.logs.cell_columns import find_cells, numbered_rows
+from ohmward.logs.battery_columns import find_cells, numbered_rows
 from ohmward.logs.drive_log import DriveLog, read_drive
 from ohmward.logs.log import Log, read_log
 from ohmward.logs.sign import CurrentSign

@@ -1,11 +1,10 @@
-"""Tables that are held as rows of cells: workbooks of Excel and their kin; JSON, whose objects are rows."""
+"""Workbooks of Excel and their kin, refused where their sheets would not fit the memory."""
 
 from __future__ import annotations
 
-import json
 import re
 import zipfile
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import IO, Any
@@ -14,22 +13,12 @@ from xml.parsers import expat
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.arrays import plain_array
 from ohmward.logs.cells import Marks, parse_cells
 from ohmward.logs.columns import has_log
 from ohmward.logs.header import Header, find_block, find_header, unique_names
-from ohmward.logs.hints import FileHints
-from ohmward.logs.labelled_lines import is_labelled, rows_of_lines
-from ohmward.logs.note import Note
-from ohmward.logs.table import Progress, Table, TableFile, row_numbers
+from ohmward.logs.table import FileHints, Note, Progress, Table, TableFile, parsing, row_numbers
 from ohmward.optional import require
 
-#: Beginnings of a file of JSON.
-#: The first message as `ros2 topic echo` writes it: keys and items of lists, a line each, and the end.
-_ECHO = re.compile(rb"(?:---\s*\n)?(?:[A-Za-z_]\w*:.*\n(?: *(?:- .*|[A-Za-z_]\w*:.*)?\n)*)---\s*\n")
-_ECHOED = re.compile(r"^(?P<indent> *)(?:- |(?P<name>[A-Za-z_]\w*):)\s*(?P<value>.*?)\s*$")
-_ECHO_BYTES = 4096
-_JSON = re.compile(rb"^(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\]])")
 #: Cells of a workbook, empty ones between those that are filled among them, and bytes of its unpacked parts.
 MOST_CELLS, MOST_BYTES = 1 << 24, 1 << 30
 #: Bytes of a part that are looked at together, and those of one tag that may lie across two such blocks.
@@ -40,32 +29,13 @@ _PLACE = re.compile(rb"""<(?:\w+:)?c [^<>]*?\br=["']([A-Z]{1,3})(\d{1,7})["']"""
 WORKBOOK_ENDINGS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 
 
-def is_json(head: bytes) -> bool:
-    """True where a file begins like objects of JSON."""
-    return _JSON.match(head) is not None
-
-
-def is_echo(head: bytes) -> bool:
-    """True where a file begins like messages of ROS as `ros2 topic echo` writes them, the first one ended."""
-    return _ECHO.match(head) is not None
-
-
 def open_workbook(path: Path, hints: FileHints) -> TableFile:
-    """The columns of a workbook: of its sheet that holds a log, or else of the one with the most rows.
-
-    Raises:
-        InputError: damaged, or no sheet with rows of values.
-        OhmwardError: python-calamine is not installed.
-    """
+    """The columns of a workbook: of its sheet that holds a log, or else of the one with the most rows."""
     calamine = require("python_calamine", "a workbook")
-    try:
+    with parsing(path, "no readable workbook", "save it again, or as CSV"):
         _require_size(path)
         book = calamine.CalamineWorkbook.from_path(str(path))
         sheets = {name: book.get_sheet_by_name(name).to_python(skip_empty_area=True) for name in book.sheet_names}
-    except InputError:
-        raise
-    except Exception as error:  # of its parser, many kinds
-        raise InputError(f"{path.name}: no readable workbook ({error}); save it again, or as CSV") from error
     found = []
     for name, sheet in sheets.items():
         rows = [[_text(cell) for cell in row] for row in sheet]
@@ -267,120 +237,3 @@ def _text(cell: Any) -> str:
     if isinstance(cell, float) and cell.is_integer():
         return str(int(cell))
     return "" if cell is None else str(cell)
-
-
-def open_json(path: Path, hints: FileHints) -> TableFile:
-    """The columns of echoed messages, of labelled lines or of JSON.
-
-    That is an object a line, an array of objects, or an object of columns.
-
-    Inner names stand after a point.
-
-    Raises:
-        InputError: no JSON, or no objects of one kind.
-    """
-    text = path.read_text(encoding=hints.encoding or "utf-8-sig", errors="replace")
-    echoed = is_echo(text[:_ECHO_BYTES].encode())
-    labelled = not echoed and is_labelled(text[:_ECHO_BYTES].encode())
-    content = _echoed(text) if echoed else rows_of_lines(text) if labelled else _content(path.name, text)
-    columns = _columns(path.name, content)
-
-    def load(names: Collection[str], progress: Progress | None = None) -> Table:
-        chosen = {name: values for name, values in columns.items() if name in names}
-        return Table(path.name, chosen, row_numbers(1, len(next(iter(columns.values())))), "object")
-
-    head = {name: tuple(map(str, values[:100])) for name, values in columns.items() if values.dtype == object}
-    return TableFile(path.name, tuple(columns), load, head=head, hints=hints)
-
-
-def _content(source: str, text: str) -> Any:
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError):
-        pass
-    objects = []
-    lines = [line for line in text.splitlines() if line.strip()]
-    for number, line in enumerate(lines, 1):
-        try:
-            objects.append(json.loads(line))
-        except (ValueError, RecursionError) as error:
-            if number == len(lines) and objects:
-                break  # cut off
-            raise InputError(f"{source}, line {number}: no JSON ({error}); repair or delete the line") from None
-    return objects
-
-
-def _columns(source: str, content: Any) -> dict[str, np.ndarray]:
-    """Columns of equal length."""
-    if isinstance(content, Mapping):
-        lists = {name: value for name, value in content.items() if isinstance(value, list)}
-        nested = any(isinstance(cell, list | dict) for values in lists.values() for cell in values[:5])
-        if len(lists) > 1 and len({len(value) for value in lists.values()}) == 1 and not nested:
-            return {name: plain_array(value) for name, value in lists.items()}
-        content = next(iter(lists.values()), [content])
-    while content and all(isinstance(one, list) for one in content):
-        content = [one for inner in content for one in inner]
-    rows = [dict(_flattened(one)) for one in content if isinstance(one, Mapping)] if isinstance(content, list) else []
-    names = dict.fromkeys(name for row in rows for name in row)
-    if not rows or len(names) < 2:
-        raise InputError(
-            f'{source}: no objects with two values and more; write one object a line: {{"t": 0, "I": 1}}; '
-            "messages of ROS without a stamp have no time here: record them with `ros2 bag record`"
-        )
-    return {name: plain_array(_alike([row.get(name) for row in rows])) for name in names}
-
-
-def _echoed(text: str) -> list[dict[str, str]]:
-    """The values of each message that `ros2 topic echo` wrote, by names like `header.stamp.sec` and `velocity[0]`."""
-    messages = []
-    for document in re.split(r"^---\s*$", text, flags=re.MULTILINE):
-        message: dict[str, str] = {}
-        above: list[tuple[int, str]] = []
-        item = 0
-        for line in filter(None, map(_ECHOED.match, document.splitlines())):
-            indent, name, value = len(line["indent"]), line["name"], line["value"].strip("'\"")
-            while above and (above[-1][0] > indent or (name and above[-1][0] == indent)):
-                above.pop()
-            before = ".".join(key for _, key in above)
-            if name is None:
-                message[f"{before}[{item}]"] = value
-                item += 1
-                continue
-            item, path = 0, f"{before}.{name}" if before else name
-            if value.startswith("["):
-                message |= {f"{path}[{k}]": cell.strip() for k, cell in enumerate(value.strip("[]").split(","))}
-            elif value:
-                message[path] = value
-            else:
-                above.append((indent, name))
-        messages += [message] if message else []
-    return messages
-
-
-def _alike(values: list[Any]) -> list[Any]:
-    """Numbers and what is missing as they are; text, where there is any, of all."""
-    if not any(isinstance(value, str) for value in values):
-        return [float(value) if isinstance(value, bool | int | float) else None for value in values]
-    numbers = [None if value is None else _number(value) for value in values]
-    if not any(isinstance(value, str) for value in numbers):
-        return numbers
-    return ["" if value is None else str(value) for value in values]
-
-
-def _number(value: Any) -> Any:
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        return str(value)
-
-
-def _flattened(one: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in one.items():
-        if isinstance(value, Mapping):
-            yield from _flattened(value, f"{before}{name}.")
-        elif isinstance(value, list):
-            yield from (
-                (f"{before}{name}[{k}]", item) for k, item in enumerate(value) if not isinstance(item, list | dict)
-            )
-        else:
-            yield f"{before}{name}", value

@@ -1,0 +1,359 @@
+"""Columns that say more of a battery: cells, a current for each direction, power, mode, full charge, serial number."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
+from os import PathLike
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.logs.channels import CURRENT, VOLTAGE, Channel, letters, word_set
+from ohmward.logs.columns import Column, find_column
+from ohmward.logs.read import open_table
+from ohmward.logs.table import MISSING, Note, Table, TableFile, numbers
+from ohmward.logs.units import UNITS, Unit, split_unit, unit_in_name
+
+#: The sum of the cells and the voltage of the pack are measured by different converters, and the wires between them
+#: drop a few millivolts a cell.
+SUM_TOLERANCE = 0.01
+#: Cells without a unit in their names are in mV where they show more than this: no cell has 100 V.
+_LARGEST_CELL_V = 100.0
+_OTHER_THAN_VOLTAGE = word_set(
+    "temperature temp t current i soc charge resistance ohm balance balancing capacity soh fault flag status std sigma"
+)
+
+
+class CellVoltages(NamedTuple):
+    """Voltages of the cells of a pack."""
+
+    names: tuple[str, ...]  #: (n,) of the columns, in the order of their numbers
+    voltage_V: np.ndarray  #: (T, n); nan where one was not measured
+    note: Note  #: where they come from
+
+
+def find_cells(
+    columns: Mapping[str, np.ndarray], pack_V: np.ndarray, n_series: int
+) -> tuple[CellVoltages | None, tuple[Note, ...]]:
+    """The cell voltages among columns; None where there are none. Notes say what was taken, or did not fit.
+
+    columns: name -> (T,), in the units of the file: the `extra` of a log.
+    pack_V: (T,) of the pack [V].
+    n_series: cells of the pack in series.
+    """
+    if n_series < 2:
+        return None, ()
+    notes = []
+    for row in sorted(numbered_rows(columns), key=lambda row: not is_named(row)):
+        if len(row) != n_series:
+            if is_named(row):
+                notes.append(_other_count(row, n_series))
+            continue
+        table = np.stack([columns[name] for name in row], axis=1)
+        for factor in _factors(row, table):
+            if _agrees(factor * table, pack_V):
+                note = Note(f"cell voltages from {row[0]!r} to {row[-1]!r}; their sum is the pack's voltage")
+                return CellVoltages(row, factor * table, note), (note,)
+        if is_named(row):
+            notes.append(_other_sum(row, _factors(row, table)[0] * table, pack_V))
+    return None, tuple(notes)
+
+
+def cell_names(names: Collection[str]) -> tuple[str, ...]:
+    """The columns that may be voltages of cells, by their names alone."""
+    return tuple(name for row in numbered_rows(names) for name in row)
+
+
+def numbered_rows(names: Collection[str]) -> list[tuple[str, ...]]:
+    """Rows of two and more names that differ in one number only, which counts from 0 or 1; those of a voltage."""
+    rows: dict[str, dict[int, str]] = {}
+    for name in filter(_may_be_voltage, names):
+        for number in re.finditer(r"\d+", name):
+            key = f"{name[: number.start()]}#{name[number.end() :]}"
+            rows.setdefault(key, {})[int(number[0])] = name
+    found = [tuple(row[k] for k in sorted(row)) for row in rows.values() if len(row) > 1 and _counts(row)]
+    return sorted(found, key=len, reverse=True)
+
+
+def is_named(row: Sequence[str]) -> bool:
+    """True where the names say that these are cells."""
+    return any(word.endswith(("cell", "cells")) for word in letters(row[0]))
+
+
+def _are_cells(row: Sequence[str]) -> bool:
+    """True for `V1`, `V2`, `V3` and more, and `U1 (V)`: voltages that have nothing but a number."""
+    return len(row) > 2 and all(set(letters(next(split_unit(name))[0])) <= {"v", "u"} for name in row)
+
+
+def with_pack_voltage(file: TableFile, columns: Mapping[str, str] | None = None) -> TableFile:
+    """The file with the sum of its cell voltages as a column, where it has cells and no voltage of the pack.
+
+    columns: those that the caller named.
+    """
+    rows = [row for row in numbered_rows(file.names) if is_named(row)]
+    rows = rows or [row for row in numbered_rows(file.names) if _are_cells(row)]
+    if not rows or "voltage" in (columns or {}) or _has(file, VOLTAGE, columns, cell_names(file.names)):
+        return file
+    row = rows[0]
+
+    def total(table: Table) -> tuple[np.ndarray, Note]:
+        cells = np.stack([numbers(table, cell) for cell in row], axis=1)
+        note = Note(f"voltage of the pack: the sum of {row[0]!r} to {row[-1]!r}")
+        return _factors(row, cells)[0] * cells.sum(axis=1), note
+
+    return file.with_column("pack voltage [V]", row, total)
+
+
+def _may_be_voltage(name: str) -> bool:
+    """True where neither unit nor words make it another quantity; a `[1]` counts cells and is no unit."""
+    units = [unit for _, unit in split_unit(name) if unit is not None and unit.symbol != "1"]
+    if units and not any(unit.dimension == "voltage" for unit in units):
+        return False
+    stem, _ = next(split_unit(name))
+    return not _OTHER_THAN_VOLTAGE & set(letters(stem))
+
+
+def _counts(row: Mapping[int, str]) -> bool:
+    """True where the numbers run from 0 or 1 without a gap."""
+    numbers_ = sorted(row)
+    return numbers_[0] in (0, 1) and numbers_[-1] - numbers_[0] + 1 == len(numbers_)
+
+
+def _factors(row: Sequence[str], table: np.ndarray) -> tuple[float, ...]:
+    """Factor to volts: that of the unit in the names; without one, what the numbers can be."""
+    unit: Unit | None = unit_in_name(row[0], ("voltage",))
+    if unit is not None:
+        return (unit.scale,)
+    return (1e-3,) if np.nanmedian(table) > _LARGEST_CELL_V else (1.0,)
+
+
+def _agrees(cells_V: np.ndarray, pack_V: np.ndarray) -> bool:
+    """True where the sum of the cells (T, n) is usually the voltage of the pack (T,)."""
+    error = np.abs(cells_V.sum(axis=1) - pack_V) / np.abs(pack_V)
+    error = error[np.isfinite(error)]
+    return bool(error.size) and bool(np.median(error) <= SUM_TOLERANCE)
+
+
+def _other_count(row: Sequence[str], n_series: int) -> Note:
+    return Note(
+        f"{len(row)} cell voltages, {row[0]!r} to {row[-1]!r}, but the battery file has n_series = {n_series}: they "
+        "are not used",
+        "warning",
+    )
+
+
+def _other_sum(row: Sequence[str], cells_V: np.ndarray, pack_V: np.ndarray) -> Note:
+    sums = cells_V.sum(axis=1)
+    text = (
+        f"the sum of {row[0]!r} to {row[-1]!r} is usually {np.nanmedian(sums):.4g} V, the voltage of the pack "
+        f"{np.nanmedian(pack_V):.4g} V: they are not used as cell voltages"
+    )
+    return Note(text, "warning")
+
+
+_CHARGE = word_set("charge charging charger chg chrg lade ladestrom")
+_DISCHARGE = word_set("discharge discharging dis dsg dchg dischg dischrg entlade entladestrom")
+#: Words that are a current by themselves.
+_CURRENTS = word_set("ladestrom entladestrom")
+_POWER = word_set("power p leistung watts")
+_CURRENT = "pack current [A]"
+
+
+def with_both_ways(file: TableFile, columns: Mapping[str, str] | None = None) -> TableFile:
+    """The file with the charging less the discharging current as a column, where it has both and no other current.
+
+    The size of each is taken, whatever its sign: the column says the direction.
+
+    columns: those that the caller named.
+    """
+    charge, discharge = (_only(file.names, _is_current, words) for words in (_CHARGE, _DISCHARGE))
+    if charge is None or discharge is None or _has(file, CURRENT, columns, (charge, discharge)):
+        return file
+
+    def less(table: Table) -> tuple[np.ndarray, Note]:
+        units = [unit_in_name(name, CURRENT.dimensions) or CURRENT.default for name in (charge, discharge)]
+        given = zip(units, (charge, discharge), strict=True)
+        sizes = np.stack([np.abs(unit.in_si(numbers(table, name))) for unit, name in given])
+        current_A = np.nan_to_num(sizes[0]) - np.nan_to_num(sizes[1])
+        current_A[np.isnan(sizes).all(axis=0)] = np.nan
+        return current_A, Note(f"current: {charge!r} less {discharge!r}")
+
+    return file.with_column(_CURRENT, (charge, discharge), less)._replace(positive_current="charge")
+
+
+def with_power(
+    file: TableFile, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
+) -> TableFile:
+    """The file with the power over the voltage as a column, where it has one power of the battery and no current.
+
+    columns, units: those that the caller named.
+    """
+    power = _only(file.names, _is_power, _POWER)
+    if power is None or _has(file, CURRENT, columns):
+        return file
+    voltage = _has(file, VOLTAGE, columns, (), units)
+    if voltage is None:
+        return file
+
+    def over(table: Table) -> tuple[np.ndarray, Note]:
+        power_W = (unit_in_name(power, ("power",)) or UNITS["w"]).in_si(numbers(table, power))
+        voltage_V = (voltage.unit or VOLTAGE.default).in_si(numbers(table, voltage.name))
+        current_A = np.full(power_W.size, np.nan)
+        np.divide(power_W, voltage_V, out=current_A, where=voltage_V > 0.0)
+        return current_A, Note(f"current: {power!r} over {voltage.name!r}")
+
+    return file.with_column(_CURRENT, (power, voltage.name), over)
+
+
+def _has(
+    file: TableFile,
+    channel: Channel,
+    columns: Mapping[str, str] | None,
+    leave: Collection[str] = (),
+    units: Mapping[str, str] | None = None,
+) -> Column | None:
+    """The column of a channel among all but those to leave, where there is one."""
+    optional = channel._replace(required=False)
+    of_channel = {quantity: unit for quantity, unit in (units or {}).items() if quantity == channel.name}
+    return find_column(file.source, file.names, optional, file.given(columns), of_channel, leave)
+
+
+def _only(names: Sequence[str], fits: Callable[[str, Collection[str]], bool], words: Collection[str]) -> str | None:
+    """The one column that fits the words; None where there is none, or are several."""
+    found = [name for name in names if fits(name, words)]
+    return found[0] if len(found) == 1 else None
+
+
+def _is_power(name: str, words: Collection[str]) -> bool:
+    """True where the name is that of a power of the battery; a bare letter needs its unit."""
+    for stem, unit in split_unit(name):
+        naming = set(letters(stem)) - CURRENT.beside[1]
+        if naming and naming <= {*words} and ((unit is not None and unit.dimension == "power") or "p" not in naming):
+            return unit is None or unit.dimension == "power"
+    return False
+
+
+def _is_current(name: str, direction: Collection[str]) -> bool:
+    """True where the name has a word of the direction and otherwise those of a battery's current."""
+    for stem, unit in split_unit(name):
+        if unit is not None and unit.dimension not in CURRENT.dimensions:
+            return False
+        words = set(letters(stem))
+        rest = frozenset(words - set(direction) - CURRENT.beside[1])
+        is_current = rest in CURRENT.words or (not rest and (unit is not None or bool(words & _CURRENTS)))
+        if words & set(direction) and is_current:
+            return True
+    return False
+
+
+#: Names of the column of a state.
+_STATES = (frozenset(("state",)), frozenset(("status",)), frozenset(("mode",)), frozenset(("step", "type")),
+          frozenset(("md",)), frozenset(("step", "name")), frozenset(("work", "mode")))  # fmt: skip
+_SAYS_DISCHARGE = re.compile(r"^d(?:\W|$)|dis|dch|dsg|dsch|entlad|放电", re.IGNORECASE)
+_SAYS_CHARGE = re.compile(r"^c(?:\W|$)|ch[aghr]|^cccv|^laden|充电", re.IGNORECASE)
+
+
+def state_column(file: TableFile) -> str | None:
+    """The column of texts that name charge or discharge among its first cells; None where there is none."""
+    for name, cells in file.head.items():
+        if frozenset(letters(name)) in _STATES and any(_direction(cell) for cell in cells):
+            return name
+    return None
+
+
+def with_direction(current: np.ndarray, states: np.ndarray, name: str) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The current (T,), > 0 charging by the state beside it, where it is never negative and discharges at all."""
+    if np.nanmin(current, initial=0.0) < 0 or states.dtype != object:
+        return current, ()
+    direction = {state: _direction(str(state)) for state in set(states.tolist())}
+    signs = np.array([direction[state] for state in states.tolist()])
+    if not (signs < 0).any():
+        return current, ()
+    note = Note(f"the current has no sign: that of the state in {name!r}, charge or discharge, taken")
+    return np.where(signs < 0, 0.0 - current, current), (note,)
+
+
+def _direction(state: str) -> int:
+    """1 for a charge, -1 for a discharge, 0 for any other state."""
+    text = state.strip()
+    return -1 if _SAYS_DISCHARGE.search(text) else 1 if _SAYS_CHARGE.search(text) else 0
+
+
+#: Words of a column that is 1 where the charge is complete and else 0, and words that may stand beside them.
+_FULL = (word_set("full"), word_set("fully charged"), word_set("charge complete"), word_set("charge done"))
+_BESIDE = word_set("charger charge charging battery batt bat bms flag status state is")
+#: `power_supply_status` of `sensor_msgs/BatteryState`, and its constant POWER_SUPPLY_STATUS_FULL.
+_STATUS, _STATUS_FULL = word_set("power supply status"), 4.0
+
+
+def full_charges(extra: Mapping[str, np.ndarray]) -> tuple[tuple[str, int], ...]:
+    """Name of the column and sample of each charge that one of the columns (T,) begins to call complete."""
+    found = []
+    for name, values in extra.items():
+        full = _says_full(name, values)
+        found += [(name, int(k)) for k in np.flatnonzero(full[1:] & ~full[:-1]) + 1]
+    return tuple(found)
+
+
+def charger_columns(names: Collection[str]) -> tuple[str, ...]:
+    """The columns that may say that the battery is full, by their names alone."""
+    return tuple(name for name in names if _is_status(name) or _is_flag(name))
+
+
+def _says_full(name: str, values: np.ndarray) -> np.ndarray:
+    """(T,) bool, True where the column says that the battery is full."""
+    if _is_status(name):
+        return values == _STATUS_FULL
+    flags = bool(np.isin(values[np.isfinite(values)], (0.0, 1.0)).all())
+    return (values == 1.0) & (_is_flag(name) and flags)
+
+
+def _is_status(name: str) -> bool:
+    return set(letters(name)) >= _STATUS
+
+
+def _is_flag(name: str) -> bool:
+    words = set(letters(name))
+    return any(words >= full and words - full <= _BESIDE for full in _FULL)
+
+
+#: Names of the column of a serial number, written together and in small letters, with or without the word for the
+#: battery before them.
+_SERIAL = frozenset(("serial", "serialnumber", "serialno", "serialnr"))
+_OF_BATTERY = re.compile(r"^(battery|batt|bat|pack|accu)(state)?")
+
+
+def serial_column(names: tuple[str, ...]) -> str | None:
+    """The column that holds the serial number of the battery, `battery_serial` or `Serial No.`; None for none."""
+    fits = (name for name in names if _OF_BATTERY.sub("", re.sub(r"[^a-z]", "", name.lower())) in _SERIAL)
+    return next(fits, None)
+
+
+def serial_numbers(
+    source: str | PathLike[str] | Any, where: Mapping[str, float | str] | None = None
+) -> tuple[tuple[str, str], ...]:
+    """Column and value of each serial number in a file, in order of appearance; () for a file without any.
+
+    where: column -> value of the rows wanted; a serial number among them is the only one.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    file = open_table(source)
+    column = serial_column(file.names)
+    if column is None:
+        return ()
+    if column in (where or {}):
+        return ((column, str((where or {})[column])),)
+    values = file.load({column}).columns[column]
+    changes = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
+    found = dict.fromkeys(text(value) for value in values[changes])
+    return tuple((column, value) for value in found if value.lower() not in MISSING)
+
+
+def text(value: Any) -> str:
+    """A serial number as text: whole numbers without a decimal point."""
+    if isinstance(value, float | np.floating) and float(value).is_integer():
+        return str(int(value))
+    return str(value).strip()

@@ -1,0 +1,208 @@
+"""Texts that name each value: JSON, messages as `ros2 topic echo` writes them, line protocol, `V:12.3,I:-1.2`."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.arrays import plain_array
+from ohmward.logs.table import FileHints, Table, TableFile, file_of, row_numbers
+
+#: Beginning of a file of JSON.
+_JSON = re.compile(rb"^(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\]])")
+#: The first message as `ros2 topic echo` writes it: keys and items of lists, a line each, and the end.
+_ECHO = re.compile(rb"(?:---\s*\n)?(?:[A-Za-z_]\w*:.*\n(?: *(?:- .*|[A-Za-z_]\w*:.*)?\n)*)---\s*\n")
+_ECHOED = re.compile(r"^(?P<indent> *)(?:- |(?P<name>[A-Za-z_]\w*):)\s*(?P<value>.*?)\s*$")
+_HEAD_BYTES = 4096
+#: `battery,robot=r1 voltage=13.2,current=-1.5 1700000000000000000`; a mark with a backslash before it is none.
+_NAME = r"(?:[^,=\s\\]|\\.)+"
+_VALUE = r'(?:"(?:[^"\\]|\\.)*"|[^\s,]+)'
+_PROTOCOL = re.compile(
+    rf"(?P<measurement>{_NAME})(?P<tags>(?:,{_NAME}={_NAME})*) +"
+    rf"(?P<fields>{_NAME}={_VALUE}(?:,{_NAME}={_VALUE})*)(?: +(?P<time>-?\d+))?\s*"
+)
+_TAG, _FIELD = re.compile(rf"({_NAME})=({_NAME})"), re.compile(rf"({_NAME})=({_VALUE})")
+#: What the serial monitor of Arduino writes before a line.
+_MONITOR = re.compile(r"(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?) -> ")
+_PAIR = re.compile(
+    r"(?P<name>[A-Za-z_]\w*(?:[ /-][A-Za-z_]\w*)*)\s*[:=]\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+    r"\s?(?P<unit>[A-Za-z°%µ]+(?![\w:=]))?(?=[\s,;|]|$)"
+)
+#: Lines that are looked at, and the share of a line that its pairs take.
+_HEAD_LINES, _MOSTLY = 5, 0.8
+
+
+def names_values(head: bytes) -> bool:
+    """True where a file begins like one of these texts."""
+    return _JSON.match(head) is not None or _ECHO.match(head) is not None or is_labelled(head)
+
+
+def open_objects(path: Path, hints: FileHints) -> TableFile:
+    """The columns of echoed messages, labelled lines, a JSON object a line, an array of objects, an object of columns.
+
+    Inner names stand after a point.
+    """
+    text = path.read_text(encoding=hints.encoding or "utf-8-sig", errors="replace")
+    head = text[:_HEAD_BYTES].encode()
+    if _ECHO.match(head):
+        content = _echoed(text)
+    else:
+        content = rows_of_lines(text) if is_labelled(head) else _content(path.name, text)
+    columns = _columns(path.name, content)
+    rows = row_numbers(1, len(next(iter(columns.values()))))
+    first = {name: tuple(map(str, values[:100])) for name, values in columns.items() if values.dtype == object}
+    return file_of(Table(path.name, columns, rows, "object"), hints, head=first)
+
+
+def _content(source: str, text: str) -> Any:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        pass
+    objects = []
+    lines = [line for line in text.splitlines() if line.strip()]
+    for number, line in enumerate(lines, 1):
+        try:
+            objects.append(json.loads(line))
+        except (ValueError, RecursionError) as error:
+            if number == len(lines) and objects:
+                break  # cut off
+            raise InputError(f"{source}, line {number}: no JSON ({error}); repair or delete the line") from None
+    return objects
+
+
+def _columns(source: str, content: Any) -> dict[str, np.ndarray]:
+    """Columns of equal length."""
+    if isinstance(content, Mapping):
+        lists = {name: value for name, value in content.items() if isinstance(value, list)}
+        nested = any(isinstance(cell, list | dict) for values in lists.values() for cell in values[:5])
+        if len(lists) > 1 and len({len(value) for value in lists.values()}) == 1 and not nested:
+            return {name: plain_array(value) for name, value in lists.items()}
+        content = next(iter(lists.values()), [content])
+    while content and all(isinstance(one, list) for one in content):
+        content = [one for inner in content for one in inner]
+    rows = [dict(_flattened(one)) for one in content if isinstance(one, Mapping)] if isinstance(content, list) else []
+    names = dict.fromkeys(name for row in rows for name in row)
+    if not rows or len(names) < 2:
+        raise InputError(
+            f'{source}: no objects with two values and more; write one object a line: {{"t": 0, "I": 1}}; '
+            "messages of ROS without a stamp have no time here: record them with `ros2 bag record`"
+        )
+    return {name: plain_array(_alike([row.get(name) for row in rows])) for name in names}
+
+
+def _echoed(text: str) -> list[dict[str, str]]:
+    """The values of each message that `ros2 topic echo` wrote, by names like `header.stamp.sec` and `velocity[0]`."""
+    messages = []
+    for document in re.split(r"^---\s*$", text, flags=re.MULTILINE):
+        message: dict[str, str] = {}
+        above: list[tuple[int, str]] = []
+        item = 0
+        for line in filter(None, map(_ECHOED.match, document.splitlines())):
+            indent, name, value = len(line["indent"]), line["name"], line["value"].strip("'\"")
+            while above and (above[-1][0] > indent or (name and above[-1][0] == indent)):
+                above.pop()
+            before = ".".join(key for _, key in above)
+            if name is None:
+                message[f"{before}[{item}]"] = value
+                item += 1
+                continue
+            item, path = 0, f"{before}.{name}" if before else name
+            if value.startswith("["):
+                message |= {f"{path}[{k}]": cell.strip() for k, cell in enumerate(value.strip("[]").split(","))}
+            elif value:
+                message[path] = value
+            else:
+                above.append((indent, name))
+        messages += [message] if message else []
+    return messages
+
+
+def _alike(values: list[Any]) -> list[Any]:
+    """Numbers and what is missing as they are; text, where there is any, of all."""
+    if not any(isinstance(value, str) for value in values):
+        return [float(value) if isinstance(value, bool | int | float) else None for value in values]
+    numbers = [None if value is None else _number(value) for value in values]
+    if not any(isinstance(value, str) for value in numbers):
+        return numbers
+    return ["" if value is None else str(value) for value in values]
+
+
+def _number(value: Any) -> Any:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return str(value)
+
+
+def _flattened(one: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in one.items():
+        if isinstance(value, Mapping):
+            yield from _flattened(value, f"{before}{name}.")
+        elif isinstance(value, list):
+            yield from (
+                (f"{before}{name}[{k}]", item) for k, item in enumerate(value) if not isinstance(item, list | dict)
+            )
+        else:
+            yield f"{before}{name}", value
+
+
+def is_labelled(head: bytes) -> bool:
+    """True for a text whose first lines name each of their numbers."""
+    lines = [line for line in head.decode("utf-8", "replace").splitlines()[:-1] if line.strip() and line[0] != "#"]
+    lines = lines[:_HEAD_LINES]
+    return len(lines) > 1 and (all(map(_PROTOCOL.fullmatch, lines)) or all(map(_is_row_of_pairs, lines)))
+
+
+def rows_of_lines(text: str) -> list[dict[str, Any]]:
+    """The numbers and texts of each line by their names; a line that was cut off or says something else is left out."""
+    rows = []
+    for line in text.splitlines():
+        if found := _PROTOCOL.fullmatch(line):
+            rows.append(dict(_of_protocol(found)))
+        elif _is_row_of_pairs(line):
+            rows.append(dict(_of_pairs(line)))
+    return rows
+
+
+def _is_row_of_pairs(line: str) -> bool:
+    text = _MONITOR.sub("", line.strip(), count=1)
+    taken = sum(len(pair[0]) for pair in _PAIR.finditer(text))
+    return len(_PAIR.findall(text)) > 1 and taken >= _MOSTLY * len(re.sub(r"[\s,;|]", "", text))
+
+
+def _of_pairs(line: str) -> Iterator[tuple[str, Any]]:
+    if monitor := _MONITOR.match(line.strip()):
+        yield "time", monitor["time"]
+    for pair in _PAIR.finditer(_MONITOR.sub("", line.strip(), count=1)):
+        yield f"{pair['name']} [{pair['unit']}]" if pair["unit"] else pair["name"], float(pair["value"])
+
+
+def _of_protocol(found: re.Match[str]) -> Iterator[tuple[str, Any]]:
+    """The time, the tags and the fields; a field called `value` has the name of its measurement."""
+    if found["time"]:
+        yield "time", int(found["time"])
+    for name, value in _TAG.findall(found["tags"]):
+        yield _plain(name), _plain(value)
+    for name, value in _FIELD.findall(found["fields"]):
+        own = _plain(found["measurement"] if name == "value" else name)
+        yield own, _number_or_text(value)
+
+
+def _number_or_text(value: str) -> float | str:
+    """The number in a field, `5i` and `5u` whole ones among them; else its text."""
+    try:
+        return float(value.removesuffix("i").removesuffix("u"))
+    except ValueError:
+        return _plain(value.strip('"'))
+
+
+def _plain(text: str) -> str:
+    """The text without the backslashes before its marks."""
+    return re.sub(r"\\(.)", r"\1", text)
