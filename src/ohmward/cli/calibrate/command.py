@@ -13,11 +13,10 @@ import numpy as np
 
 from ohmward.cli import wording
 from ohmward.cli.drive_inputs import DriveOptions, drive_options, read_drive_truth, truth_names
-from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.progress import counting, progress
+from ohmward.cli.outcome import Outcome, check_output, counting, progress
 from ohmward.cli.wording import FOOTER, duration, with_assumptions
 from ohmward.errors import InputError
-from ohmward.figures.terrain import calibration_figure, law_figure
+from ohmward.figures.slip import calibration_figure, law_figure
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog
 from ohmward.logs.read import open_table
@@ -36,8 +35,7 @@ from ohmward.traction.calibration.calibrate import PARTS, usual_parts
 from ohmward.traction.calibration.motor import ROLLING
 from ohmward.traction.calibration.truth import without_lateral
 from ohmward.traction.drive_checks import with_signed_speed
-from ohmward.traction.terrain.file import Floors, load_floors, save_floors
-from ohmward.traction.terrain.floor import Floor
+from ohmward.traction.terrain.floor import Floor, Floors, load_floors, save_floors
 
 PARAMETERS = ["parameter", "value", "95 % interval", ""]
 

@@ -12,13 +12,11 @@ import numpy as np
 
 from ohmward.cli import wording
 from ohmward.cli.drive_inputs import DriveReference, drive_options, make_terrain, read_drive_truth, truth_names
-from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.progress import counting, progress
+from ohmward.cli.outcome import Outcome, check_output, counting, progress
 from ohmward.cli.wording import FOOTER, duration, percent, quantity, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures.parts import wall_clock
-from ohmward.figures.slip import ground_figures, path_map, speed_figure
-from ohmward.figures.terrain import run_figures as floor_plots
+from ohmward.figures.slip import floor_plots, ground_figures, path_map, speed_figure
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog, write_table
 from ohmward.logs.write import TABLES
@@ -36,7 +34,7 @@ from ohmward.traction.observed_drive import (
 )
 from ohmward.traction.score import score_drive, score_figures, true_slip
 from ohmward.traction.speed_observer.conclusions import SlipAlarm
-from ohmward.traction.terrain.file import load_floors
+from ohmward.traction.terrain.floor import load_floors
 
 _MOST_EPISODES = 8
 

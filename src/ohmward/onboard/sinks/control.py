@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.onboard.control.drive_control import DriveControl
-from ohmward.onboard.control.limits import DriveLimits
 from ohmward.onboard.control.loop import ControlLoop
+from ohmward.onboard.control.operator_command import DriveLimits
 from ohmward.onboard.control.operator_server import OperatorServer
 from ohmward.onboard.control.outputs import CanOutput, MqttOutput, RosOutput, SimulatedOutput
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.secrets import check_secret_name, secret
-from ohmward.traction.robot.file import load_robot
+from ohmward.traction.robot.robot import load_robot
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
