@@ -136,7 +136,8 @@ def rows_of(
             if name not in wanted:
                 continue
             empty = np.full(whole.size, "", object) if values.dtype == object else np.full(whole.size, np.nan)
-            table.setdefault(name, empty)[begin:end] = values
+            with np.errstate(invalid="ignore"):  # of a float32 whose bits are those of a signalling NaN
+                table.setdefault(name, empty)[begin:end] = values
         begin = end
     rows = Table(source, table, row_numbers(1, whole.size), "message", notes)
     return rows if len(chosen) == 1 else rows.pick(np.argsort(whole, kind="stable"))
