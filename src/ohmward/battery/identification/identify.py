@@ -263,10 +263,12 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
         confidence=confidence_intervals(fit),
         notes=tuple(map(str, (*prepared.notes, *choice, *checks))),
     )
-    pulses_only = all(r.test == "pulses" for r in prepared.first.fitted)
-    anchors_std = axis_std(prepared.first.fitted, prepared.axes)
-    noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, longest_rest_s(prepared.first.fitted))
-    measured = any(branch.complete for branch in prepared.first.branches)  # from full to empty by a low-rate test
+    fitted, branches = prepared.first.fitted, prepared.first.branches
+    pulses_only = all(r.test == "pulses" for r in fitted)
+    anchors_std = axis_std(fitted, prepared.axes)
+    measured = {branch.direction for branch in branches if branch.complete}  # from full to empty, slowly
+    rest_s = longest_rest_s(fitted)
+    noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, rest_s, whole_curve=len(measured) == 2)
     correlation = MEASURED_AGEING_CORRELATION if measured else GIVEN_AGEING_CORRELATION
     noise = replace(noise, capacity_std=AGED_CAPACITY_STD, ageing_correlation=correlation)
     missing = (
