@@ -42,7 +42,7 @@ from lives_health import pulse_ohm
 from lives_table import SETTLED_S
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.learning.known import ocv_std_V
+from ohmward.battery.learning.fold import ocv_std_V
 from ohmward.battery.learning.learn import Learnt, learn
 from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.battery.soc.estimator import SocEstimator

@@ -17,7 +17,7 @@ from figure import data_file
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.identification import identify
-from ohmward.battery.identification.charge import count_charge
+from ohmward.battery.identification.record import count_charge
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.logs import Log, read_log
 from ohmward_lab.reproduce.nmc_cell import first_soc, gitt_voltage

@@ -19,8 +19,8 @@ import numpy as np
 from figure import Figure, at_least, at_most
 from lives_cells import CELLS, LABEL, PULSES, START_DEPTH, LifeCell, battery_from, capacity_of, truth_of
 from ohmward.battery.battery import Battery
+from ohmward.battery.cells.drift import expected_weakest
 from ohmward.battery.cells.pack_estimator import PackEstimator, PackRun
-from ohmward.battery.cells.weakest import expected_weakest
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.logs import Log

@@ -17,8 +17,7 @@ from marked_block import replaced
 import ohmward as ow
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import CHEMISTRIES, ChemistryPrior, CurvePrior, Normal, chemistry_prior
-from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.soc.band_forecast import TEMPERATURES_DEGC, BandForecast, forecast, forecasts_after_tests
 from ohmward.export.comments import field_comments
 

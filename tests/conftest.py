@@ -3,6 +3,7 @@
 import gc
 import os
 
+import pytest
 from hypothesis import settings
 
 # Traced programs are many objects that live long; at the usual threshold the collector walks through them all the time.
@@ -13,6 +14,7 @@ settings.register_profile("ohmward", deadline=None)
 settings.load_profile("ohmward")
 
 
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
     """One worker more than processors: tests of the process on the robot wait for servers and clocks."""
     return len(os.sched_getaffinity(0)) + 1 if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1) + 1

@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_state, voltage
 from ohmward.battery.soc.sample import SocSample
 from ohmward.trace import Kernel

@@ -8,10 +8,9 @@ from hypothesis import strategies as st
 
 from ohmward.battery.battery import Battery, ConfidenceInterval, LogFit, Provenance
 from ohmward.battery.file import BATTERY_FILE, load_battery, replace_battery, save_battery
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel
-from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.errors import InputError, OhmwardError
 

@@ -211,7 +211,8 @@ def test_the_file_no_longer_says_what_it_has_learnt_since(label, as_json, capsys
     as_json("learn", "day.csv", "test.csv", "--battery", "label.toml", "-o", "new.toml")
     everything, capacity, resistances, *_ = load_battery("new.toml").not_identified
     assert everything.startswith("everything that no log has shown: start values that cells of lithium nickel")
-    assert capacity.endswith("(1 sigma) from 2 logs") and resistances.startswith("resistances: learnt within")
+    assert capacity.endswith("(95 %) from 2 logs")
+    assert resistances.startswith("resistances: learnt within a factor of 1.")
     assert main(["doctor", "new.toml"]) == 0
     assert "learnt from     2 logs, 6.0 h" in capsys.readouterr().out
     as_json("learn", "test.csv", "--battery", "battery.toml", "-o", "tested.toml")

@@ -18,9 +18,8 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, require_rc, require_thevenin
 from ohmward.battery.identification.identify import identify
-from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator, title_of
-from ohmward.battery.soc.sample import SocSample
+from ohmward.battery.soc.sample import Estimator, SocSample
 from ohmward.filters.consistency import BAND_95
 from ohmward.trace import Kernel
 from ohmward.trace.structure import side_by_side

@@ -25,8 +25,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ohmward.battery.models import rc
-from ohmward.battery.models.noise import BatteryNoise, walk_variance
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor, walk_variance
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, sanitize

@@ -23,13 +23,13 @@ import numpy as np
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.clean_sample import first_input, sanitize_bare
-from ohmward.battery.soc.rc_soc_link import SocByCurve
 from ohmward.battery.soc.sample import SocEstimate, SocSample
 from ohmward.checks import require_each_positive
 from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.gate import choose
 from ohmward.trace import clip, where
+from ohmward_lab.published.soc_by_curve import SocByCurve
 
 #: Row that shows V_o of the state.
 _H = np.array([[0.0, 0.0, 1.0]])

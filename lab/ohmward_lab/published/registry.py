@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ohmward.battery.battery import Battery, require_rc
-from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import Choice, EstimatorSettings, rc_filter, thevenin_filter
-from ohmward.battery.soc.sample import SocSample
+from ohmward.battery.soc.sample import Estimator, SocSample
 from ohmward.battery.soc.textbook import TextbookFilter, TextbookState
 from ohmward_lab.published.hybrid import Hybrid
 from ohmward_lab.published.rc_joint import adaptive_soc_of

@@ -31,7 +31,6 @@ import numpy as np
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.clean_sample import CleanBareSample, first_input, sanitize_bare
-from ohmward.battery.soc.rc_soc_link import SocByCurve
 from ohmward.battery.soc.sample import SocEstimate, SocSample
 from ohmward.checks import require_between, require_one_of
 from ohmward.errors import InputError
@@ -39,6 +38,7 @@ from ohmward.filters import adaptive
 from ohmward.filters.belief import Belief
 from ohmward.trace import clip, maximum, where
 from ohmward_lab.published.rc_joint import Nominal, nominal_of, require_nominal
+from ohmward_lab.published.soc_by_curve import SocByCurve
 
 METHODS = ("ekf", "aekf", "ukf", "aukf")
 #: [T] (3.51): diagonals of P0 and Q0, in the squared units of the state, and R0 [V^2]; L of (3.50).

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
-from ohmward.battery.models.rc_elements import rc_of_thevenin
+from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.figures.battery import current_figure, voltage_figure
 from ohmward.logs.log import Log

@@ -15,15 +15,19 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.identification.first_ocv import IdentificationSettings
 from ohmward.battery.identification.identify import Identified, identify_in_detail
-from ohmward.battery.identification.rc_identification import RcIdentification, identify_rc
-from ohmward.battery.identification.rc_rule import find_response, find_time_constant, outside_long_charges
-from ohmward.battery.identification.relaxation import Relaxation
-from ohmward.battery.models.rc import RcModel
-from ohmward.battery.models.rc_elements import circuit_by_rule
+from ohmward.battery.identification.log_details import Relaxation
+from ohmward.battery.identification.rc_identification import (
+    RcIdentification,
+    find_response,
+    find_time_constant,
+    identify_rc,
+    outside_long_charges,
+)
+from ohmward.battery.models.rc import RcModel, circuit_by_rule
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.estimator import SocEstimator, SocRun
-from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import make_estimator
+from ohmward.battery.soc.sample import Estimator
 from ohmward.figures.battery import (
     current_figure,
     edge_response_figure,

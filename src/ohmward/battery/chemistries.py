@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import BatteryNoise, usual_sensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc_elements import rc_of_thevenin
-from ohmward.battery.models.sensor import usual_sensor
+from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
 
 #: Of a label: capacity, as batteries that are some years old have lost 10 to 30 % of it; logarithm of the resistances,
 #: which over the label's were 0.3 to 3.6 on ten measured cells and packs.
@@ -49,6 +49,11 @@ class Normal(NamedTuple):
     mean: float
     std: float
 
+    @property
+    def relative_std(self) -> float:
+        """Standard deviation over the mean."""
+        return self.std / self.mean
+
 
 class CurvePrior(NamedTuple):
     """Distribution over cells of the difference between their open-circuit voltage and the curve of their chemistry."""
@@ -72,7 +77,7 @@ class ChemistryPrior(NamedTuple):
     curve: CurvePrior
     hysteresis_V: float  #: typical half distance of the branches, for each CELL_V
     empty_activation_K: Normal = Normal(0.0, 8000.0)  #: of the RC pairs at empty beyond pair_activation_K
-    #: share of a loss of capacity by which the electrodes slip against each other, see `models.slip`
+    #: share of a loss of capacity by which the electrodes slip against each other, see `models.ocv`
     ocv_slip: Normal = Normal(0.0, 0.5)
     hysteresis_activation_K: float = 0.0  #: of that distance, where the hysteresis follows the net charge
 
@@ -391,8 +396,9 @@ def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str
         sensor=usual_sensor(capacity_Ah),
         not_identified=(
             f"everything: these are start values that cells of {c.title} have in common",
-            f"capacity: as given, taken as right within {_LABEL_CAPACITY_STD:.0%}",
-            "resistances: taken as right within a factor of two; the filter carries them as states",
+            f"capacity: as given, taken as right within ± {BAND_95 * _LABEL_CAPACITY_STD:.0%} (95 %)",
+            f"resistances: taken as right within a factor of {np.exp(BAND_95 * _LABEL_RESISTANCE_STD):.1f} (95 %); the "
+            "filter carries them as states",
         ),
     )
 

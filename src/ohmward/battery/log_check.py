@@ -17,8 +17,10 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import KELVIN
+from ohmward.battery.soc.anchor_rule import REST_C
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_voltage
 from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
 from ohmward.logs.sign import CurrentSign
 from ohmward.quantities import MOST_C
@@ -56,11 +58,11 @@ _PER_RATIO_V = 0.003
 #: Time constant of the slow part of the overpotential [s].
 _SLOW_S = 1000.0
 
-#: A rest is below this current, in multiples of the capacity per hour, and a battery that is idle below this one out of
-#: it; one sample of noise does not end it. After the first time [s] its voltage has relaxed but for a few millivolts,
-#: and moves no further than self-discharge, idle current and a late relaxation do: by this voltage a cell, and by this
-#: much of the state of charge by the curve, and more with every hour.
-REST_C, _IDLE_C, _RELAXED_S = 0.01, 0.1, 1200.0
+#: A battery is idle that gives less than this current, in multiples of the capacity per hour; one sample of noise does
+#: not end a rest. After the first time [s] its voltage has relaxed but for a few millivolts, and moves no further than
+#: self-discharge, idle current and a late relaxation do: by this voltage a cell, and by this much of the state of
+#: charge by the curve, and more with every hour.
+_IDLE_C, _RELAXED_S = 0.1, 1200.0
 _HIDDEN_V, _HIDDEN_SOC, _HIDDEN_SOC_PER_HOUR = 0.05, 0.1, 0.02
 #: A change of an idle current moves the voltage by at most so many times the file's resistance to a steady one.
 _IDLE_RESISTANCE = 2.0
@@ -364,6 +366,6 @@ def _check_temperature(log: Log, battery: Battery) -> Log:
         return log
     text = (
         f"the log goes to {degC[worst]:z.0f} degC, where the resistance follows from {reference_degC:z.0f} degC within "
-        f"± {spread[worst]:.0%} only (1 sigma); the band is wider there"
+        f"± {BAND_95 * spread[worst]:.0%} only (95 %); the band is wider there"
     )
     return log.with_notes(Note(text, "warning"))

@@ -17,9 +17,9 @@ from ohmward.battery.file import load_battery
 from ohmward.battery.log_check import check_log
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
-from ohmward.battery.soc.reference import SocReference, soc_reference
 from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import SocSample
+from ohmward.battery.soc.score import SocReference, soc_reference
 from ohmward.cli.options import UNKNOWN
 from ohmward.cli.outcome import Report, counting
 from ohmward.errors import InputError

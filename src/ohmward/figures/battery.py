@@ -24,11 +24,9 @@ from ohmward.report.palette import CYCLE, Meaning
 if TYPE_CHECKING:
     from ohmward.battery.identification import LogDetails
     from ohmward.battery.identification.circuit_fit import CircuitFit
-    from ohmward.battery.identification.edges import Edge
-    from ohmward.battery.identification.ocv_from_low_rate import OcvBranch
-    from ohmward.battery.identification.ocv_from_rests import RestPoint
-    from ohmward.battery.identification.rc_rule import EdgeResponse
-    from ohmward.battery.identification.relaxation import ExponentialFit, Relaxation
+    from ohmward.battery.identification.log_details import Edge, ExponentialFit, Relaxation
+    from ohmward.battery.identification.ocv_from_logs import OcvBranch, RestPoint
+    from ohmward.battery.identification.rc_identification import EdgeResponse
 
 SOC_AXIS = "State of charge [%]"
 #: Samples after edges that are drawn; a drive has a hundred thousand.

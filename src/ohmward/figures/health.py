@@ -7,10 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.health.ageing_fit import AgeingFit
-from ohmward.battery.health.end_of_life import LifeAhead
+from ohmward.battery.health.ageing import DAY_S, SAYS_NOTHING_STD, AgeingFit, LifeAhead
 from ohmward.battery.health.health import Health
-from ohmward.battery.health.point import DAY_S, SAYS_NOTHING_STD
 from ohmward.filters.consistency import BAND_95
 from ohmward.report import Band, Figure, Marker, Series
 

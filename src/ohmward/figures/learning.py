@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.learning.fold import PULSE_S, pulse_ohm_along
-from ohmward.battery.learning.known import ocv_std_V
+from ohmward.battery.learning.fold import PULSE_S, ocv_std_V, pulse_ohm_along
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.figures.battery import SOC_AXIS
 from ohmward.figures.parts import band_95

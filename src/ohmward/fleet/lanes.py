@@ -15,8 +15,7 @@ from typing import Any, cast
 import numpy as np
 
 from ohmward.battery.soc.estimator import samples_of
-from ohmward.battery.soc.protocol import Estimator
-from ohmward.battery.soc.sample import SocEstimate, SocSample
+from ohmward.battery.soc.sample import Estimator, SocEstimate, SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
 from ohmward.trace.structure import pick_lanes, side_by_side

@@ -9,8 +9,7 @@ import numpy as np
 
 from battery.examples import NMC, Truth, simulate
 from ohmward.battery.battery import Battery
-from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.sensor import usual_sensor
+from ohmward.battery.models.noise import BatteryNoise, usual_sensor
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs.log import Log
 

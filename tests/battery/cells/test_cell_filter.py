@@ -6,8 +6,7 @@ import pytest
 
 from battery.examples import PLAIN, STRAIGHT
 from kernels import kernel_of
-from ohmward.battery.cells.cell_filter import CellFilter
-from ohmward.battery.cells.cell_sample import COMMON, GAIN, SOC, CellSample, CellSpread, TypicalCell
+from ohmward.battery.cells.cell_filter import COMMON, GAIN, SOC, CellFilter, CellSample, CellSpread, TypicalCell
 from ohmward.filters.belief import Belief, unpack
 from ohmward.filters.kalman import correct_state
 

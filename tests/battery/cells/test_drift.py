@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ohmward.battery.cells.cell_sample import CellEstimate
+from ohmward.battery.cells.cell_filter import CellEstimate
 from ohmward.battery.cells.drift import cell_warnings, drifted, ranges
 
 NAMES = ("cell 1", "cell 2", "cell 3")

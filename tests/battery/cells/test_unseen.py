@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from ohmward.battery.cells.cell_sample import CellSpread
-from ohmward.battery.cells.weakest import expected_weakest, largest_of
+from ohmward.battery.cells.cell_filter import CellSpread
+from ohmward.battery.cells.drift import expected_weakest, largest_of
 
 
 def test_the_largest_of_few_is_that_of_the_tables():

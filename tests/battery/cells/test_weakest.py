@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from ohmward.battery.cells.cell_sample import CellEstimate
-from ohmward.battery.cells.weakest import pack_state
+from ohmward.battery.cells.cell_filter import CellEstimate
+from ohmward.battery.cells.drift import pack_state
 
 
 def cells(soc, capacity, std=0.01):

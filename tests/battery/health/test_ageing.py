@@ -5,10 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from ohmward.battery.health.ageing_fit import AgeingFit, CapacityUncertainty, fit_ageing
-from ohmward.battery.health.ageing_laws import WORN_LOSS, AgeingLaws, ageing_laws, no_law
-from ohmward.battery.health.end_of_life import life_ahead
-from ohmward.battery.health.point import Track
+from ohmward.battery.health.ageing import (
+    WORN_LOSS,
+    AgeingFit,
+    AgeingLaws,
+    CapacityUncertainty,
+    Track,
+    ageing_laws,
+    fit_ageing,
+    life_ahead,
+    no_law,
+)
 
 DOUBT = CapacityUncertainty(new=0.03, common=0.01, walk=0.01)
 CHEMISTRIES = ["lfp", "nmc", "nca", "lipo", "lead-acid", ""]

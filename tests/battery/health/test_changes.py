@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import Normal, generic_battery
-from ohmward.battery.health.ageing_laws import WORN_LOSS
+from ohmward.battery.health.ageing import WORN_LOSS, HealthPoint
 from ohmward.battery.health.health import Health, health_of
-from ohmward.battery.health.point import HealthPoint
 
 BATTERY = generic_battery("nmc", 10.0)
 #: Change of ln(capacity) and ln(resistance), and whether full charges go on, after a year.

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from battery.health.test_discharge_capacity import update
+from ohmward.battery.battery import Knowledge, SeenLog
 from ohmward.battery.chemistries import Normal, generic_battery
+from ohmward.battery.health.ageing import HealthPoint, Track, logarithm
 from ohmward.battery.health.history import DatedLogs, in_order_of_time, newness, points_of, unlearnt
-from ohmward.battery.health.point import HealthPoint, Track, logarithm
-from ohmward.battery.knowledge import Knowledge, SeenLog
 from ohmward.errors import InputError
 from ohmward.logs import Log
 

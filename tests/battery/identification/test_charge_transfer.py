@@ -40,7 +40,7 @@ def test_the_resistance_to_a_small_current_is_found_from_large_ones(problem):
 def test_a_bent_drop_is_taken_where_the_log_shows_it(problem):
     straight = fit_circuit(problem, 2)
     fit, note = try_transfer(problem, straight, 1)
-    assert fit.solution.misfit < 0.1 * straight.solution.misfit
+    assert fit.solution.rows.misfit < 0.1 * straight.solution.rows.misfit
     assert note.text.endswith("and is taken")
     model = circuit_of(fit.solution, problem, 1.0)
     assert model.transfer_V == TRANSFER_V

@@ -18,11 +18,10 @@ from ohmward.battery.identification.circuit_fit import fit_circuit
 from ohmward.battery.identification.circuit_prior import CircuitPrior, ocv_precision
 from ohmward.battery.identification.circuit_solve import CircuitProblem, last_direction, solve
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
-from ohmward.battery.identification.fit_samples import thin
-from ohmward.battery.identification.open_loop import simulate
+from ohmward.battery.identification.fit_samples import simulate, thin
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.identification.soc_axis import anchor_soc
-from ohmward.battery.models.knots import hat
+from ohmward.battery.models.ocv import hat
 
 FLAT = np.ones(RESISTANCE_GRID.size)
 # The prior of the slowest pair is centred on the true one where a test is about exactness.

@@ -2,9 +2,15 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import cell, pulse_log
-from ohmward.battery.identification.edges import Edge, OhmicResistance, find_edges, ohmic_resistance
+from ohmward.battery.identification.log_details import (
+    Edge,
+    OhmicResistance,
+    find_edges,
+    find_relaxations,
+    fit_exponentials,
+    ohmic_resistance,
+)
 from ohmward.battery.identification.record import Record, make_records
-from ohmward.battery.identification.relaxation import find_relaxations, fit_exponentials
 
 
 def record_of(p, **how) -> tuple[Record, np.ndarray]:

@@ -7,7 +7,7 @@ from battery.identification.examples import NMC_OCV, cell, identify, low_rate_lo
 from ohmward.battery.chemistries import chemistry
 from ohmward.battery.identification.circuit_prior import LFP_WALK_FROM_RESTS
 from ohmward.battery.identification.first_ocv import FirstOcv
-from ohmward.battery.identification.ocv_from_low_rate import branch_axis_std, find_branches, reconcile_branches
+from ohmward.battery.identification.ocv_from_logs import branch_axis_std, find_branches, reconcile_branches
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.identification.soc_axis import anchor_soc
 from ohmward.errors import InputError

@@ -54,7 +54,7 @@ def test_gassing_is_left_out_and_said():
     )
     found = identified(longer, chemistry="lead-acid", n_series=6)
     (details,) = found.logs
-    assert details.gassing_V
+    assert details.model.gassing_V
     assert details.gassing_share > 0.0
     residual_V = np.concatenate(details.residual_V)
     assert details.quality.residual_rms_V < 0.5 * np.sqrt(np.nanmean(residual_V**2))

@@ -47,8 +47,7 @@ def test_pulse_test_alone(found):
 
 def test_it_reproduces_another_load(found):
     """The bar: a 1 C discharge that the identification did not see, within 10 mV above 10 % SoC."""
-    from ohmward.battery.identification.fit_samples import thin
-    from ohmward.battery.identification.open_loop import simulate
+    from ohmward.battery.identification.fit_samples import simulate, thin
     from ohmward.battery.identification.record import make_records
 
     log = play(cell(), *steps([(600, 0, 30), (3300, -2.0, 10), (600, 0, 30)]), soc=1.0)

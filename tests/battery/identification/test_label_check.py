@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import CHEMISTRIES, start_model
-from ohmward.battery.identification.fit_check import label_notes
+from ohmward.battery.identification.log_details import label_notes
 
 
 @pytest.mark.parametrize("name", CHEMISTRIES)

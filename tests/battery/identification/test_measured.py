@@ -5,8 +5,7 @@ import pytest
 
 from battery.identification.examples import identify, identify_in_detail, measured
 from ohmward.battery.identification import IdentificationSettings
-from ohmward.battery.identification.fit_samples import thin
-from ohmward.battery.identification.open_loop import simulate
+from ohmward.battery.identification.fit_samples import simulate, thin
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.identification.soc_axis import anchor_soc
 

@@ -2,8 +2,14 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, low_rate_logs, play, steps
-from ohmward.battery.identification.ocv_from_low_rate import branch_notes, find_branches, monotone, ocv_from_branches
-from ohmward.battery.identification.ocv_from_rests import RestPoint, ocv_from_rests
+from ohmward.battery.identification.ocv_from_logs import (
+    RestPoint,
+    branch_notes,
+    find_branches,
+    monotone,
+    ocv_from_branches,
+    ocv_from_rests,
+)
 from ohmward.battery.identification.record import make_records
 from ohmward.errors import InputError
 from ohmward.logs import Log

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, steps
-from ohmward.battery.identification.fit_samples import thin, thin_branch
-from ohmward.battery.identification.ocv_from_low_rate import OcvBranch
-from ohmward.battery.identification.open_loop import scan, simulate
+from ohmward.battery.identification.fit_samples import scan, simulate, thin, thin_branch
+from ohmward.battery.identification.ocv_from_logs import OcvBranch
 from ohmward.battery.identification.record import make_records
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import NMC_OCV, cell, identify, play, pulse_log, steps
+from ohmward.battery.identification.circuit_fit import longest_tau_s
 from ohmward.battery.identification.circuit_prior import prior_for
-from ohmward.battery.identification.pairs import longest_tau_s
 from ohmward.battery.identification.record import make_records
 
 

@@ -47,7 +47,7 @@ def test_a_drive_in_the_cold_is_a_reference_of_its_own(drive):
     np.testing.assert_allclose(battery.rc.circuit, EVEN, rtol=0.02)
     assert rc.dc_resistance(battery.rc.circuit_at(25.0)) < 0.8 * rc.dc_resistance(EVEN)
     assert battery.rc_noise.activation_std_K == CHEMISTRIES["lead-acid"].prior.activation_std_K
-    assert any("was taken, as usual for lead-acid" in sentence for sentence in battery.not_identified)
+    assert any("as usual for lead-acid" in sentence for sentence in battery.not_identified)
 
 
 def test_the_line_is_said(found):

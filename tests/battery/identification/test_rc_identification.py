@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 
 from battery.rc_examples import CAPACITY_AH, EVEN, UNEVEN, log_of, model_of, simulate
-from ohmward.battery.identification.rc_fit import filtered, fit_voltage
-from ohmward.battery.identification.rc_identification import identify_rc
-from ohmward.battery.identification.rc_rule import FIRST_S, find_response, find_time_constant, outside_long_charges
+from ohmward.battery.identification.rc_identification import (
+    FIRST_S,
+    filtered,
+    find_response,
+    find_time_constant,
+    fit_voltage,
+    identify_rc,
+    outside_long_charges,
+)
 from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.errors import InputError

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import pulse_phases, steps
-from ohmward.battery.identification.record import make_records
-from ohmward.battery.identification.segments import find_phases, find_pulses, find_rests
+from ohmward.battery.identification.record import find_phases, find_pulses, find_rests, make_records
 from ohmward.errors import InputError
 from ohmward.logs import Log
 

@@ -11,16 +11,16 @@ from ohmward.battery.chemistries import CHEMISTRIES, chemistry_prior
 from ohmward.battery.identification import identify
 from ohmward.battery.identification.circuit import circuit_of
 from ohmward.battery.identification.circuit_fit import fit_circuit
-from ohmward.battery.identification.confidence import confidence_intervals
-from ohmward.battery.identification.open_loop import simulate
-from ohmward.battery.identification.untested import (
+from ohmward.battery.identification.confidence import (
     activation_std_K,
+    confidence_intervals,
     hysteresis_std,
     load_temperature,
     ocv_std_V_per_K,
     unknown_hysteresis_V,
     untested_sentences,
 )
+from ohmward.battery.identification.fit_samples import simulate
 
 TRUE = replace(cell(), activation_K=2200.0, pair_activation_K=4200.0, tau_activation_K=1200.0)
 
@@ -75,8 +75,8 @@ def test_one_temperature_leaves_the_prior_and_says_so():
     assert unknown_hysteresis_V(problem) > 0.0
     assert activation == (
         "activation: currents flowed at 24 to 26 degC only, so how the resistances change with temperature was assumed "
-        "as usual for nmc cells: 2500 K (R0), 3200 K (RC pairs) and 1500 K (time constants), each ± 1500 K; the RC "
-        "pairs of an empty battery have a further ± 8000 K (all 1 sigma)"
+        "as usual for nmc cells: 2500 K (R0), 3200 K (RC pairs) and 1500 K (time constants), each ± 2940 K; the RC "
+        "pairs of an empty battery have a further ± 15680 K (95 %)"
     )
     assert "needs tests at two temperatures" in curve
     assert all("name the chemistry" in sentence for sentence in untested_sentences(fit, problem, ""))

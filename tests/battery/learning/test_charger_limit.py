@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from battery.anchor_examples import day, label
-from ohmward.battery.battery import Provenance, require_thevenin
+from ohmward.battery.battery import Knowledge, Provenance, SeenLog, require_thevenin
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.knowledge import Knowledge, SeenLog
 from ohmward.battery.learning import learn
 from ohmward.battery.learning.charger_limit import full_at_charger_limit, raised_to, with_full_at
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ohmward.battery.battery import Knowledge, SeenLog
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.knowledge import Knowledge, SeenLog
 from ohmward.battery.learning import learn
-from ohmward.battery.learning.given_soc import full_at_start, given_at_start
 from ohmward.battery.learning.samples import samples_of
+from ohmward.battery.learning.start import full_at_start, given_at_start
 from ohmward.logs import Log
 
 LABEL = generic_battery("nmc", 10.0)

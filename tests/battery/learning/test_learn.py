@@ -11,15 +11,13 @@ from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import load_battery, save_battery
 from ohmward.battery.learning import learn
-from ohmward.battery.learning.capacity_marginal import moments
 from ohmward.battery.learning.fold import fold
-from ohmward.battery.learning.nuisances import nuisance_covariance
-from ohmward.battery.learning.open_circuit import CurvePlace, file_charge, true_soc
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.samples import samples_of
-from ohmward.battery.learning.solve import Normals, SocAnchor, solve
-from ohmward.battery.learning.voltage_model import VoltageModel
+from ohmward.battery.learning.solve import Normals, moments, solve
+from ohmward.battery.learning.voltage_model import CurvePlace, VoltageModel, file_charge, nuisance_covariance, true_soc
 from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.soc.anchor_rule import SocAnchor
 from ohmward.logs import Log
 
 TESTED = Battery("tested", 12.0, "nmc", 3, 5.0, 14.0, thevenin=MODEL, noise=BatteryNoise(capacity_std=0.1))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.learning.log_estimates import combined, log_estimate
+from ohmward.battery.learning.log_update import combined, log_estimate
 
 
 def posterior(P: np.ndarray, L: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

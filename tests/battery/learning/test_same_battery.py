@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import Normal, generic_battery
+from ohmward.battery.learning.fold import KnownBattery
+from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.battery.learning.same_battery import (
-    LogFindings,
     confirms,
     explained_worse,
     forgotten,
@@ -17,13 +18,12 @@ from ohmward.battery.learning.same_battery import (
     unexplained,
 )
 
-FILE = LogFindings(Normal(10.0, 0.2), Normal(0.020, 0.0012), Normal(0.0, 0.01))
+FILE = KnownBattery(Normal(10.0, 0.2), Normal(0.020, 0.0012), Normal(0.0, 0.01), np.zeros(21), 3, 20.0)
 
 
-def seen(capacity_Ah: float, resistance_ohm: float) -> LogFindings:
-    return LogFindings(
-        Normal(capacity_Ah, 0.03 * capacity_Ah), Normal(resistance_ohm, 0.1 * resistance_ohm), Normal(0.0, 0.02)
-    )
+def seen(capacity_Ah: float, resistance_ohm: float, offset_A: float = 0.0, std_A: float = 0.02) -> LogUpdate:
+    capacity, resistance = Normal(capacity_Ah, 0.03 * capacity_Ah), Normal(resistance_ohm, 0.1 * resistance_ohm)
+    return LogUpdate("day", "learnt", "", 8.0, capacity, resistance, Normal(offset_A, std_A), misfit=1.0)
 
 
 @pytest.mark.parametrize("capacity_Ah, resistance_ohm", [(10.0, 0.020), (9.6, 0.022), (10.5, 0.018)])
@@ -33,9 +33,9 @@ def test_what_both_may_err_is_no_contradiction(capacity_Ah, resistance_ohm):
 
 def test_the_quantities_that_differ_are_told():
     text = other_battery(FILE, seen(8.0, 0.030))
-    assert text.startswith("this is not the battery of the file: its capacity is 8 ± 0.24 Ah, that of the file 10 ±")
-    assert "its resistance is 30 ± 3 mohm, that of the file 20 ± 1.2 mohm" in text
-    assert "capacity" not in other_battery(FILE, seen(10.0, 0.035)).partition("(1 sigma)")[0].replace("of the file", "")
+    assert text.startswith("this is not the battery of the file: its capacity is 8 ± 0.47 Ah, that of the file 10 ±")
+    assert "its resistance is 30 ± 5.9 mohm, that of the file 20 ± 2.4 mohm" in text
+    assert "capacity" not in other_battery(FILE, seen(10.0, 0.035)).partition("(95 %)")[0].replace("of the file", "")
 
 
 def test_both_differences_count_together():
@@ -58,7 +58,9 @@ def test_the_likelihood_that_is_lost_counts_independent_errors():
 
 
 def test_a_label_may_be_wrong_by_more():
-    label = LogFindings(Normal(10.0, 1.0), Normal(0.020, 0.016), Normal(0.0, 0.25))
+    label = FILE._replace(
+        capacity_Ah=Normal(10.0, 1.0), resistance_ohm=Normal(0.020, 0.016), offset_A=Normal(0.0, 0.25)
+    )
     assert other_label(label, seen(7.0, 0.040)) == ""
     assert "its capacity is 5 ±" in other_label(label, seen(5.0, 0.020))
     assert "its capacity is 6.8 ±" in other_label(label, seen(6.8, 0.020)._replace(misfit=4.0))
@@ -67,11 +69,11 @@ def test_a_label_may_be_wrong_by_more():
 
 def test_a_sensor_with_another_offset_is_told_from_another_battery():
     other = seen(8.0, 0.030)._replace(offset_A=Normal(0.5, 0.02))
-    assert other_battery(FILE, other, 100.0).startswith("its current sensor shows 0.5 ± 0.02 A where none flows")
+    assert other_battery(FILE, other, 100.0).startswith("its current sensor shows 0.5 ± 0.039 A where none flows")
     assert "is not the battery of the file" in other_battery(FILE, other, 0.0)
     label = FILE._replace(capacity_Ah=Normal(10.0, 1.0), resistance_ohm=Normal(0.020, 0.016))
-    assert other_label(label, FILE._replace(offset_A=Normal(0.04, 0.001))) == ""
-    assert "current sensor shows 0.05 ±" in other_label(label, FILE._replace(offset_A=Normal(0.05, 0.001)))
+    assert other_label(label, seen(10.0, 0.020, 0.04, 0.001)) == ""
+    assert "current sensor shows 0.05 ±" in other_label(label, seen(10.0, 0.020, 0.05, 0.001))
 
 
 def test_a_log_moves_what_a_file_knows_by_no_more_than_that_may_err():
@@ -86,8 +88,8 @@ def test_a_log_that_moves_nothing_confirms_its_file():
 
 
 def test_a_voltage_that_does_not_follow_from_the_current_is_unexplained():
-    assert unexplained(seen(10.0, 0.020)._replace(rms_V=0.02, misfit=6.0)) == ""
-    text = unexplained(seen(10.0, 0.020)._replace(rms_V=0.05, misfit=25.0))
+    assert unexplained(seen(10.0, 0.020)._replace(residual_rms_V=0.02, misfit=6.0)) == ""
+    text = unexplained(seen(10.0, 0.020)._replace(residual_rms_V=0.05, misfit=25.0))
     assert text.startswith("its voltage does not follow from its current: 50 mV off, where 10 mV are expected")
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ohmward.battery.chemistries import CHEMISTRIES, start_model
 from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc_elements import circuit_by_rule, circuit_of, mean_activation_K, rc_of_thevenin
+from ohmward.battery.models.rc import circuit_by_rule, circuit_of, mean_activation_K, rc_of_thevenin
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs import Log
 from ohmward_lab.simulate.voltage import simulate_voltage

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ohmward.battery.models.slip import slip_shape
+from ohmward.battery.models.ocv import slip_shape
 
 SOC = np.linspace(0.0, 1.0, 201)
 LOSS = 0.1

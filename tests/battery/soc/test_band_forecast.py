@@ -7,9 +7,9 @@ import pytest
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery, start_noise
+from ohmward.battery.models.noise import CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel
-from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.band_forecast import (
     END_SOC,
     START_SOC,

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from battery.examples import LFP, NMC, drive, row, samples, simulate
-from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, next_state, voltage
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter

@@ -5,10 +5,8 @@ import pytest
 
 from battery.examples import NMC, STRAIGHT, row, samples, simulate
 from kernels import kernel_of
-from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor
-from ohmward.battery.soc.coulomb import CoulombCounting
-from ohmward.battery.soc.rest_ocv import RestOcv
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
+from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 

@@ -10,12 +10,10 @@ import pytest
 from battery.examples import LFP, NMC, drive, row, samples, simulate
 from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.soc.coulomb import CoulombCounting
+from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
 from ohmward.battery.soc.estimator import SocEstimator, samples_of
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
-from ohmward.battery.soc.protocol import Estimator
-from ohmward.battery.soc.rest_ocv import RestOcv
-from ohmward.battery.soc.sample import SocFlag
+from ohmward.battery.soc.sample import Estimator, SocFlag
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.logs.log import Log

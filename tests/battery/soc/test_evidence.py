@@ -11,7 +11,7 @@ from battery.examples import LFP
 from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.augmented_thevenin import VoltageError
-from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, log_likelihood
+from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, Widths, log_likelihood
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import Innovation, unpack
@@ -21,7 +21,7 @@ from ohmward_lab.assess.battery import CONDITIONS, METHODS, soc_cell
 def evidence(nu, prior_V2, variance, weight, renewed_V2):
     R = variance * weight
     innovation = Innovation(np.array([nu]), np.array([[R + prior_V2]]))
-    return log_likelihood(innovation, R, VoltageError(0.0, variance, weight), renewed_V2, np.inf)
+    return log_likelihood(innovation, R, VoltageError(0.0, variance, weight), Widths(renewed_V2), np.inf)
 
 
 def averaged(nu, prior_V2, variance, weight, renewed_V2):
@@ -54,6 +54,22 @@ def test_of_independent_samples_it_is_the_normal_density(renewed_V2):
 def test_doubt_that_comes_back_is_charged_once_in_the_time_of_an_error():
     surer, less_sure = (evidence(0.0, f, 1e-4, 400.0, f) for f in (1e-6, 2e-4))
     assert surer - less_sure == pytest.approx(0.5 * np.log(3e-4 / 1.01e-4) / 400.0)
+
+
+def test_a_width_that_stays_with_soc_is_charged_as_soc_moves_on():
+    """Two hypotheses that predict the voltage equally well, one where the curve is steep: at rest they stay equal."""
+
+    def charged(std_V, moved_on, samples=1000, weight=400.0):
+        error = VoltageError(0.0, 1e-4 + std_V**2, weight, uncertain_V2=std_V**2)
+        R, staying_V2 = error.variance * weight, 3.0 * std_V**2
+        innovation = Innovation(np.array([0.0]), np.array([[R + staying_V2]]))
+        widths = Widths(0.0, staying_V2, moved_on)
+        return samples * log_likelihood(innovation, R, error, widths, np.inf)
+
+    assert charged(5.0, 0.0) == pytest.approx(charged(0.01, 0.0))
+    passed_once = charged(0.01, 1e-3) - charged(5.0, 1e-3)
+    ratio = (1.0 + 3.0 / 400.0) / (1.0 + 1.5 / 400.0)  # of S over R: e is three times b, which is nearly all of v
+    assert passed_once == pytest.approx(0.5 * (math.log((1e-4 + 25.0) / 2e-4) + math.log(ratio)), rel=1e-4)
 
 
 @pytest.mark.parametrize("chemistry", ["lfp", "lead-acid"])

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from battery.examples import LFP, NMC, drive, samples, simulate
-from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.soc.causes import time_in_words, within
 from ohmward.battery.soc.charge_history import ChargeHistory
 from ohmward.battery.soc.estimator import SocEstimator

@@ -12,10 +12,8 @@ from hypothesis import strategies as st
 from battery.examples import LFP, NMC, drive, row, samples, simulate
 from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.soc.coulomb import CoulombCounting
-from ohmward.battery.soc.protocol import Estimator
-from ohmward.battery.soc.rest_ocv import RestOcv
-from ohmward.battery.soc.sample import SocFlag, SocSample
+from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
+from ohmward.battery.soc.sample import Estimator, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import unpack
 

@@ -8,8 +8,7 @@ import pytest
 from battery.examples import GRID, LFP, NMC, drive, samples, simulate
 from kernels import kernel_of
 from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.slip import slip_shape
+from ohmward.battery.models.ocv import OcvCurve, slip_shape
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, StateOfHealth, next_state, voltage
 from ohmward.battery.soc.initial_soc import initial_soc

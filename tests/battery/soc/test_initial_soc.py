@@ -5,8 +5,7 @@ import pytest
 
 from battery.examples import LFP, NMC, STRAIGHT
 from ohmward.battery.chemistries import start_model, start_noise
-from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor, usual_sensor
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor, usual_sensor
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.initial_soc import first_voltage_std, hypotheses, initial_soc

@@ -9,8 +9,7 @@ import pytest
 from battery.examples import LFP, NMC, drive, row, samples, simulate
 from kernels import kernel_of
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, StateOfHealth, next_state, ohmic_resistance, voltage
 from ohmward.battery.models.thevenin import pair_resistances as pair_ohms
 from ohmward.battery.soc.anchor_rule import SocNormal

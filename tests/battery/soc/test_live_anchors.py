@@ -13,7 +13,7 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.anchor_rule import NO_EVENT, AnchorEvent
 from ohmward.battery.soc.anchors import find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.gaussian_sum import log_likelihood
+from ohmward.battery.soc.gaussian_sum import Widths, log_likelihood
 from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -43,9 +43,10 @@ def test_an_event_is_the_kalman_update_by_soc_itself(method):
     np.testing.assert_allclose(update.belief.mean, expected.mean, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(update.belief.cov, expected.cov, rtol=1e-9, atol=1e-12)
     density = norm.logpdf(told, prior.mean[0], np.sqrt(prior.cov[0, 0] + 0.02**2))
-    assert log_likelihood(update.correction.innovation, update.R, update.error, 0.0, settings.gate) == pytest.approx(
-        density + 0.5 * np.log(2 * np.pi), abs=1e-9
-    )
+    for moved_on in (0.0, 1.0):  # no part of it is an error that stays with SoC
+        widths = Widths(0.0, update.error.model_std_V**2, moved_on)
+        found = log_likelihood(update.correction.innovation, update.R, update.error, widths, settings.gate)
+        assert found == pytest.approx(density + 0.5 * np.log(2 * np.pi), abs=1e-9)
     assert update.voltage_V == pytest.approx(
         settings.system.voltage(prior.mean, clean, settings.voltage_error(prior, clean))[0]
     )

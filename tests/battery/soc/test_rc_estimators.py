@@ -12,20 +12,19 @@ from battery.rc_examples import EVEN, UNEVEN, log_of, measured_log, model_of, ro
 from kernels import kernel_of as compiled
 from ohmward.battery.identification.rc_identification import identify_rc
 from ohmward.battery.models import rc
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.clean_sample import SampleLimits, sanitize
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.rc_filter import RcFilter, RcParameters
-from ohmward.battery.soc.rc_soc_link import BULK, MODEL_ERROR, OFFSET, RESISTANCE, SOC, SocByCurve
+from ohmward.battery.soc.rc_filter import BULK, MODEL_ERROR, OFFSET, RESISTANCE, SOC, RcFilter, RcParameters
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import unpack
 from ohmward.trace import Kernel
 from ohmward_lab.published.rc_joint import adaptive_soc_of, nominal_of
+from ohmward_lab.published.soc_by_curve import SocByCurve
 
 NAN = math.nan
 MODEL = model_of(EVEN)

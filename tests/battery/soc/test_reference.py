@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ohmward.battery.soc.reference import SocReference, soc_reference
+from ohmward.battery.soc.score import SocReference, soc_reference
 from ohmward.errors import InputError
 from ohmward.logs import Log
 

@@ -9,8 +9,7 @@ from filterpy.kalman import KalmanFilter
 
 from battery.examples import NMC, STRAIGHT, drive, row, samples, simulate
 from kernels import kernel_of
-from ohmward.battery.models.noise import PAIR_CURRENT_C, BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import PAIR_CURRENT_C, BatteryNoise, CurrentSensor
 from ohmward.battery.models.thevenin import ohmic_resistance
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocFlag, SocSample

@@ -9,9 +9,8 @@ from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, Unscen
 
 from battery.examples import LFP, NMC, PLAIN, STRAIGHT, drive, row, samples, simulate
 from kernels import kernel_of
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.sample import SocFlag, SocSample

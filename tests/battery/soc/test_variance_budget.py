@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from ohmward.battery.soc.variance_budget import explained_variance, variance_budget
+from ohmward.battery.soc.causes import explained_variance, variance_budget
 
 
 def joint(loadings, stds, rest_std):

@@ -4,9 +4,8 @@ import pytest
 from battery.examples import NMC, drive, samples, simulate
 from kernels import kernel_of
 from ohmward.battery.models import rc
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.rc import RcModel
-from ohmward.battery.models.sensor import CurrentSensor
 from ohmward.battery.soc.rc_filter import RcFilter
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter

@@ -1,14 +1,104 @@
-"""Warnings about cells that drift apart from the others of their pack, by name."""
+"""Cells of a pack that differ: warnings by name, and the weakest one with the charge that it leaves of the pack.
+
+The string carries one current. A discharge ends when the first cell is empty, a charge when the first one is full:
+
+    usable charge = min of s_k Q_k,    room for charge = min of (1 - s_k) Q_k,
+    capacity of the pack = usable + room,    SoC of the pack = usable / (usable + room)      (Plett 2015, BMS II, 4.1)
+
+Equal cells give the SoC and the capacity of a cell.
+
+Nothing balances or compares cells that are not measured. The one with the least charge of n lies below the typical one
+by the expected minimum of n draws from their spread, which grows with the charge that is gone, because they differ in
+capacity:
+
+    std(s) = sqrt(soc_std^2 + (capacity_std (1 - s))^2),    s_min = s - e_n std(s) +- k_n std(s)
+
+e_n and k_n are mean and standard deviation of the largest of n normal variables (Tippett 1925, Biometrika 17, 364).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.cells.cell_sample import CellEstimate
+from ohmward.battery.cells.cell_filter import CellEstimate, CellSpread
+from ohmward.battery.chemistries import Normal
 from ohmward.filters.consistency import BAND_95
+
+#: The grid of the integral over the largest of n normal variables.
+_GRID = np.linspace(-8.0, 8.0, 3201)
+
+
+class PackState(NamedTuple):
+    """State of a pack by its cells; numbers, or (T,) each."""
+
+    soc: Any  #: of the pack, in [0, 1]: 0 when the first cell is empty, 1 when the first one is full
+    soc_std: Any  #: its standard deviation
+    #: charge until the first cell is empty
+    usable_Ah: Any
+    usable_std_Ah: Any
+    capacity_Ah: Any  #: charge between the ends that the cells set
+    weakest: Any  #: index of the cell that will be empty first
+    weakest_soc: Any  #: its state of charge
+    weakest_soc_std: Any  #: its standard deviation
+    soc_spread: Any  #: state of charge of the fullest cell minus that of the emptiest
+
+
+def pack_state(cells: CellEstimate, typical_Ah: Any) -> PackState:
+    """State of the pack.
+
+    cells: every field (..., n).
+    typical_Ah: (...,) capacity of the typical cell.
+    """
+    capacity_Ah = np.asarray(typical_Ah)[..., None] * cells.capacity_ratio
+    charge_Ah, room_Ah = cells.soc * capacity_Ah, (1.0 - cells.soc) * capacity_Ah
+    weakest = np.argmin(charge_Ah, axis=-1)
+
+    def of_weakest(values: np.ndarray) -> np.ndarray:
+        return np.take_along_axis(values, weakest[..., None], axis=-1)[..., 0]
+
+    usable_Ah, room = of_weakest(charge_Ah), np.min(room_Ah, axis=-1)
+    pack_Ah = usable_Ah + room
+    of_soc_Ah = of_weakest(capacity_Ah * cells.soc_std)
+    of_capacity_Ah = of_weakest(charge_Ah * cells.capacity_ratio_std / cells.capacity_ratio)
+    usable_std_Ah = np.hypot(of_soc_Ah, of_capacity_Ah)
+    return PackState(
+        soc=usable_Ah / pack_Ah,
+        soc_std=of_soc_Ah / pack_Ah,
+        usable_Ah=usable_Ah,
+        usable_std_Ah=usable_std_Ah,
+        capacity_Ah=pack_Ah,
+        weakest=weakest,
+        weakest_soc=of_weakest(cells.soc),
+        weakest_soc_std=of_weakest(cells.soc_std),
+        soc_spread=np.max(cells.soc, axis=-1) - np.min(cells.soc, axis=-1),
+    )
+
+
+def expected_weakest(soc: Any, soc_std: Any, n_series: int, spread: CellSpread | None = None) -> Normal:
+    """State of charge of the weakest of n cells in series, mean and standard deviation, numbers or (T,).
+
+    soc, soc_std: of the typical cell.
+    """
+    spread = spread or CellSpread()
+    mean, std = largest_of(n_series)
+    each = np.hypot(spread.soc_std, spread.capacity_std * (1.0 - soc))
+    return Normal(np.maximum(soc - mean * each, 0.0), np.hypot(soc_std, std * each))
+
+
+@cache
+def largest_of(count: int) -> tuple[float, float]:
+    """Mean and standard deviation of the largest of `count` standard normal variables, 0 and 1 for one."""
+    below = np.array([0.5 * (1.0 + math.erf(x / math.sqrt(2.0))) for x in _GRID])
+    mass = np.diff(below**count)
+    middle = 0.5 * (_GRID[1:] + _GRID[:-1])
+    mean = float(middle @ mass)
+    return mean, float(math.sqrt((middle - mean) ** 2 @ mass))
+
 
 #: Differences to the typical cell that a healthy pack may have: three standard deviations of packs in use, 1 point of
 #: charge where a monitor balances them, 2 % of capacity, 5 % of resistance and 5 % more at the cold end of the row.

@@ -12,10 +12,8 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_battery, require_thevenin
-from ohmward.battery.cells.cell_filter import CellFilter, CellState
-from ohmward.battery.cells.cell_sample import CellEstimate, CellSample, CellSpread, TypicalCell
-from ohmward.battery.cells.drift import CellWarning, cell_warnings, drifted, ranges
-from ohmward.battery.cells.weakest import PackState, pack_state
+from ohmward.battery.cells.cell_filter import CellEstimate, CellFilter, CellSample, CellSpread, CellState, TypicalCell
+from ohmward.battery.cells.drift import CellWarning, PackState, cell_warnings, drifted, pack_state, ranges
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.registry import DEFAULT, chosen_name
 from ohmward.battery.soc.sample import SocEstimate, SocFlag

@@ -19,8 +19,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.health.ageing_fit import AgeingFit, observed_covariance
-from ohmward.battery.health.point import HealthPoint, Track
+from ohmward.battery.health.ageing import AgeingFit, HealthPoint, Track, observed_covariance
 
 #: Standard deviation of ln(capacity) of a step before it is seen: gains and broken cells reach 10 to 30 %.
 STEP_STD = 0.15

@@ -10,11 +10,20 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.health.ageing_fit import AgeingFit, CapacityUncertainty, fit_ageing
-from ohmward.battery.health.ageing_laws import WORN_SHARE, ageing_laws, no_law
+from ohmward.battery.health.ageing import (
+    DAY_S,
+    WORN_SHARE,
+    AgeingFit,
+    CapacityUncertainty,
+    HealthPoint,
+    LifeAhead,
+    Track,
+    ageing_laws,
+    fit_ageing,
+    life_ahead,
+    no_law,
+)
 from ohmward.battery.health.changes import Outlier, SuddenChange, find_change, outliers, without_change
-from ohmward.battery.health.end_of_life import LifeAhead, life_ahead
-from ohmward.battery.health.point import DAY_S, HealthPoint, Track
 
 #: Steps that are looked for, the most evident first.
 _MOST_CHANGES = 3

@@ -18,13 +18,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.health.ageing_fit import REVERSIBLE_STD
-from ohmward.battery.health.point import HealthPoint, logarithm
-from ohmward.battery.learning.fold import resistance_normal
+from ohmward.battery.health.ageing import REVERSIBLE_STD, HealthPoint, logarithm
+from ohmward.battery.learning.fold import pulse_ohm
 from ohmward.battery.learning.log_update import LogUpdate
-from ohmward.battery.learning.parameters import prior_covariance
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
 
@@ -102,9 +100,9 @@ def newness(battery: Battery, updates: Sequence[LogUpdate], capacity_Ah: float |
     if not learnt:
         return Newness(new_Ah, math.nan, tuple(notes))
     if battery.noise.resistance_std <= _TESTED_RESISTANCE_STD:
-        new_ohm = resistance_normal(battery, prior_covariance(battery)).mean
+        new_ohm = pulse_ohm(require_thevenin(battery))
         return Newness(new_Ah, new_ohm, (*notes, f"resistance when new: {1e3 * new_ohm:.3g} mΩ, the battery file's"))
-    known = next((x for x in learnt if _relative_std(x.own_resistance_ohm) < _KNOWN_RESISTANCE_STD), learnt[-1])
+    known = next((x for x in learnt if x.own_resistance_ohm.relative_std < _KNOWN_RESISTANCE_STD), learnt[-1])
     new_ohm = (
         known.own_resistance_ohm.mean if math.isfinite(known.own_resistance_ohm.std) else known.resistance_ohm.mean
     )
@@ -141,7 +139,7 @@ def common_error(battery: Battery, updates: Sequence[LogUpdate]) -> float:
     """
     first = next((update for update, each in zip(updates, used_capacities(updates), strict=True) if each.latest), None)
     if first is not None:
-        return _relative_std(first.capacity_Ah)
+        return first.capacity_Ah.relative_std
     return math.hypot(battery.sensor.gain_std, battery.noise.soc_axis_std)
 
 
@@ -162,10 +160,6 @@ def _point(log: Log, start_s: float, update: LogUpdate, new: Newness) -> HealthP
         temperature_degC=math.nan if degC is None or np.isnan(degC).all() else float(np.nanmean(degC)),
         full=update.soc_max >= _FULL_SOC,
     )
-
-
-def _relative_std(quantity: Normal) -> float:
-    return quantity.std / quantity.mean
 
 
 class FullDischarge(NamedTuple):

@@ -10,7 +10,7 @@ from ohmward.battery.identification.circuit_design import ENTROPY_KNOTS, OCV_KNO
 from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution
 from ohmward.battery.identification.confidence import covered
 from ohmward.battery.identification.fit_samples import FitSamples
-from ohmward.battery.identification.ocv_from_low_rate import OCV_GRID, monotone, smooth
+from ohmward.battery.identification.ocv_from_logs import OCV_GRID, monotone, smooth
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs.log import Note

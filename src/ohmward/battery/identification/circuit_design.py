@@ -16,10 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.fit_samples import FitSamples
-from ohmward.battery.identification.open_loop import hysteresis_along, pair_steps, scan
-from ohmward.battery.models.knots import hat
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.identification.fit_samples import FitSamples, hysteresis_along, pair_steps, scan
+from ohmward.battery.models.ocv import OcvCurve, hat
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop
 
 RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)

@@ -1,7 +1,7 @@
 """Circuit whose voltage fits whole records best, by separable least squares (variable projection).
 
 For given time constants the rest is linear and is solved at once (`circuit_solve`); the search outside runs over the
-logarithms of time constants and rates only.
+logarithms of time constants and rates only. The number of RC pairs is that of most evidence.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ import numpy as np
 
 from ohmward.battery.identification.circuit_design import OCV_KNOTS, Rates
 from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, SoughtRate, solve
+from ohmward.battery.identification.record import Record, find_rests
+from ohmward.logs.log import Note
 from ohmward.optional import require
 
 #: Rates of the hysteresis to start from.
@@ -76,7 +78,7 @@ def fit_circuit(
     starts = [np.clip(_to_search(r, problem), low + _STEP, high - _STEP) for r in near or _first_rates(problem, pairs)]
     tried: list[CircuitSolution] = []
     for k, start in enumerate(starts):
-        tried.append(solve(problem, _to_rates(start, problem, pairs), reweightings=2))
+        tried.append(solve(problem, _to_rates(start, problem, pairs), most_steps=1))
         report(0.3 * (k + 1) / len(starts))
     searches = []
     for k, start in enumerate(_best_apart(starts, tried)[: 1 if near else 2]):
@@ -153,3 +155,81 @@ def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray
     low += [rate.parameter(rate.low) for rate in problem.sought]
     high += [rate.parameter(rate.high) for rate in problem.sought]
     return np.array(low), np.array(high)
+
+
+#: A process has gone to 1 - e^-2 = 86 % in a rest of two time constants: its own end is then known.
+_REST_SHARE = 0.5
+#: Under a load the open-circuit voltage moves as well; a process that takes longer than a tenth of the record is told
+#: from an error of the OCV curve by nothing.
+_RECORD_SHARE = 0.1
+#: One pair more needs strong evidence: 2 ln(Bayes factor) > 6 (Kass and Raftery, J. Am. Stat. Assoc. 1995).
+_STRONG_EVIDENCE = 6.0
+#: The fit with two pairs comes first, at this share of the time; the others start from its time constants.
+_FIRST, _SECOND = 0.6, 0.9
+#: Time constants of a further pair, over those that two pairs have: between them, and faster than both.
+_FASTER = 0.25
+
+
+class PairChoice(NamedTuple):
+    """The circuit with the number of pairs that the records support, and why."""
+
+    fit: CircuitFit
+    note: Note
+
+
+def longest_rest_s(records: Sequence[Record]) -> float:
+    """Duration [s] of the longest rest after a current, 0 without any."""
+    return max((rest.duration_s for r in records for rest in find_rests(r.phases, 0.0)), default=0.0)
+
+
+def longest_tau_s(records: Sequence[Record]) -> float:
+    """Slowest time constant [s] that the records can show: half the longest rest, or a tenth of the longest record."""
+    return max(_REST_SHARE * longest_rest_s(records), _RECORD_SHARE * max(r.log.duration_s for r in records))
+
+
+def choose_pairs(problem: CircuitProblem, progress: Callable[[float], None] | None = None) -> PairChoice:
+    """The circuit with one, two or three RC pairs, the fewest that no strong evidence speaks against.
+
+    The evidence of a fit is its score, minus twice the log of the marginal likelihood.
+    """
+    report = progress or (lambda share: None)
+    two = fit_circuit(problem, 2, lambda share: report(_FIRST * share))
+    fits = {2: two, 3: fit_circuit(problem, 3, lambda s: report(_FIRST + (_SECOND - _FIRST) * s), _with_one_more(two))}
+    if not _speaks_for(fits[3], two):
+        fits[1] = fit_circuit(problem, 1, lambda s: report(_SECOND + (1 - _SECOND) * s), _with_one_less(two))
+    chosen = 3 if 1 not in fits else 2 if _speaks_for(two, fits[1]) else 1
+    report(1.0)
+    return PairChoice(fits[chosen], _note(chosen, fits))
+
+
+def _speaks_for(more: CircuitFit, fewer: CircuitFit) -> bool:
+    """True where the evidence for the circuit with more pairs is strong."""
+    return fewer.solution.score - more.solution.score > _STRONG_EVIDENCE
+
+
+def _with_one_more(two: CircuitFit) -> tuple[Rates, ...]:
+    """Rates of three pairs to start from: the two that were found, and one between, below or above them."""
+    rates = two.solution.rates
+    fast_s, slow_s = rates.tau_s
+    between_s = float(np.sqrt(fast_s * slow_s))
+    candidates = [(fast_s, between_s, slow_s), (_FASTER * fast_s, fast_s, slow_s), (fast_s, slow_s, slow_s / _FASTER)]
+    return tuple(rates._replace(tau_s=tau_s) for tau_s in candidates)
+
+
+def _with_one_less(two: CircuitFit) -> tuple[Rates, ...]:
+    """Rates of one pair to start from: either of the two that were found, or one between."""
+    rates = two.solution.rates
+    fast_s, slow_s = rates.tau_s
+    return tuple(rates._replace(tau_s=(tau_s,)) for tau_s in (fast_s, float(np.sqrt(fast_s * slow_s)), slow_s))
+
+
+def _note(chosen: int, fits: dict[int, CircuitFit]) -> Note:
+    """Sentence on the choice and on the evidence for it."""
+    best = fits[chosen].solution.score
+    others = ", ".join(
+        f"{fit.solution.score - best:+.0f} with {pairs}" for pairs, fit in sorted(fits.items()) if pairs != chosen
+    )
+    return Note(
+        f"RC pairs: {chosen} chosen by evidence "
+        f"(-2 ln of it: {others}; a pair more must lower it by {_STRONG_EVIDENCE:g})"
+    )

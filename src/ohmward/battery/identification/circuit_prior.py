@@ -16,57 +16,47 @@ from ohmward.battery.identification.circuit_design import (
     RESISTANCE_GRID,
     ParameterLayout,
 )
-from ohmward.battery.models.knots import correlation
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve, correlation
+from ohmward.battery.posterior import Gaussian
 
 
 class CircuitPrior(NamedTuple):
-    """Standard deviations of the prior.
+    """Standard deviations of the prior."""
 
-    walk_share: of a resistance over 0.1 of SoC, as a share of its level; a random walk along SoC.
-    level_share: of the level itself.
-    direction_share: between r0 in charge and in discharge.
-    ocv_V, ocv_soc: of the OCV curve: voltage, and error of its SoC axis; correlated over `ocv_length` of SoC.
-    ocv_axis_std: error of its SoC axis in the middle that two branches leave open, see `axis_bridge`.
-    ocv_gap: of the OCV curve again, as a share of the half gap: the truth lies between the branches, not in the middle.
-    hysteresis: mean and std of the scale ms of the hysteresis; the low-rate gap holds slow overpotential as well.
-    slow_tau_s, slow_tau_log_std: slowest of several time constants, log-normal.
-    hysteresis_rate, hysteresis_rate_log_std: gamma, log-normal.
-    discharging_factor, charging_factor: error of the model over that of a lithium-ion cell, in a discharge, and in a
-        charge and the rest after it.
-    gassing_factor: in a charge and the rest after it above `gassing_soc`, where part of the charge makes gas.
-    rest_V, start_V: of each RC voltage at the start of a record that starts at rest, or not.
-    model_V, model_soc_length: error of the model at any SoC, however well it fits, and its correlation length there.
-    pulses_V: the same error, at least, where short pulses are all there is: they show only the start of a slow process.
-    seeks_transfer: True where tests at two temperatures show how charge transfer bends the ohmic drop.
-    fits_branches: True where the low-rate branches are records of the fit, and tell hysteresis from slow processes.
-    untested: activations and temperature of the curve, where the data do not show them.
-    """
-
-    walk_share: float = 0.25
-    level_share: float = 1.0
-    direction_share: float = 0.1
+    walk_share: float = 0.25  #: of a resistance over 0.1 of SoC, as a share of its level; a random walk along SoC
+    level_share: float = 1.0  #: of the level itself
+    direction_share: float = 0.1  #: between r0 in charge and in discharge
+    #: of the OCV curve: voltage, and error of its SoC axis; correlated over `ocv_length` of SoC
     ocv_V: float = 0.004
     ocv_soc: float = 0.01
-    ocv_axis_std: float = 0.0
-    ocv_gap: float = 0.5
+    ocv_axis_std: float = 0.0  #: error of its SoC axis in the middle that two branches leave open, see `axis_bridge`
+    ocv_gap: float = 0.5  #: again, as a share of the half gap: the truth lies between the branches, not in the middle
     ocv_length: float = 0.05
+    #: mean and std of the scale ms of the hysteresis; the low-rate gap holds slow overpotential as well
     hysteresis: tuple[float, float] = (0.5, 0.2)
+    #: slowest of several time constants, log-normal
     slow_tau_s: float = 700.0
     slow_tau_log_std: float = 0.6
+    #: gamma, log-normal
     hysteresis_rate: float = 40.0
     hysteresis_rate_log_std: float = 0.7
+    #: error of the model over that of a lithium-ion cell, in a discharge, and in a charge and the rest after it
     discharging_factor: float = 1.0
     charging_factor: float = 1.0
+    #: in a charge and the rest after it above this SoC, where part of the charge makes gas
     gassing_factor: float = 1.0
     gassing_soc: float = 0.85
+    #: of each RC voltage at the start of a record that starts at rest, or not
     rest_V: float = 0.002
     start_V: float = 0.03
-    model_V: float = 0.003
-    seeks_transfer: bool = True
+    model_V: float = 0.003  #: error of the model at any SoC, however well it fits
+    seeks_transfer: bool = True  #: True where tests at two temperatures show how charge transfer bends the ohmic drop
+    #: True where the low-rate branches are records of the fit, and tell hysteresis from slow processes
     fits_branches: bool = False
+    #: activations and temperature of the curve, where the data do not show them
     untested: ChemistryPrior = chemistry_prior("")
-    model_soc_length: float = 0.1
+    model_soc_length: float = 0.1  #: correlation length of the error `model_V`
+    #: the same error, at least, where short pulses are all there is: they show only the start of a slow process
     pulses_V: float = 0.008
 
 
@@ -138,20 +128,9 @@ def with_branches(prior: CircuitPrior) -> CircuitPrior:
     return prior._replace(hysteresis=(0.8, 0.15), hysteresis_rate=18.0, hysteresis_rate_log_std=0.3, fits_branches=True)
 
 
-class GaussianPrior(NamedTuple):
-    """Gaussian density of x: precision (K, K) and precision times mean (K,)."""
-
-    precision: np.ndarray
-    information: np.ndarray
-
-    def times(self, other: GaussianPrior) -> GaussianPrior:
-        """The product of both densities."""
-        return GaussianPrior(self.precision + other.precision, self.information + other.information)
-
-
 def nuisance_prior(
     prior: CircuitPrior, layout: ParameterLayout, ocv: OcvCurve, at_rest: list[bool], volts: float
-) -> GaussianPrior:
+) -> Gaussian:
     """The prior of all but the resistances: hysteresis, OCV correction, states at the start of each record.
 
     at_rest: for each record, True where it starts with a rest.
@@ -171,12 +150,10 @@ def nuisance_prior(
         start_V = np.full(layout.pairs, volts * (prior.rest_V if rests else prior.start_V))
         std_of_start = np.concatenate([start_V, np.full(int(layout.hysteresis), prior.hysteresis[0])])
         precision[where, where] += np.diag(1 / std_of_start**2)
-    return GaussianPrior(precision, information)
+    return Gaussian(precision, information)
 
 
-def resistance_prior(
-    prior: CircuitPrior, layout: ParameterLayout, levels: np.ndarray, shapes: np.ndarray
-) -> GaussianPrior:
+def resistance_prior(prior: CircuitPrior, layout: ParameterLayout, levels: np.ndarray, shapes: np.ndarray) -> Gaussian:
     """The prior of the resistances: random walks along SoC about a level, r0 alike in both directions.
 
     levels: (2 + n,) level of each resistance [ohm]; shapes: (2 + n, 21) its expected course along SoC, about 1.
@@ -190,7 +167,7 @@ def resistance_prior(
             add_rows(precision, layout.block(j), row[None, :])
             information[layout.block(j)] += row / prior.level_share
     _tie_directions(precision, layout, prior.direction_share * levels[0])
-    return GaussianPrior(precision, information)
+    return Gaussian(precision, information)
 
 
 def ocv_precision(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> np.ndarray:

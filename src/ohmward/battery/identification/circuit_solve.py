@@ -1,12 +1,10 @@
 """Linear least squares for given time constants: resistances, hysteresis and OCV correction at once.
 
-The priors of `circuit_prior` regularise and give the posterior covariance; resistances are >= 0 (active set); samples
-that do not fit count less (pseudo-Huber, by reweighting).
+The priors of `circuit_prior` regularise and give the posterior covariance; resistances are >= 0 (active set).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, NamedTuple
@@ -17,7 +15,6 @@ from ohmward.battery.chemistries import CELL_V
 from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, ParameterLayout, Rates, design
 from ohmward.battery.identification.circuit_prior import (
     CircuitPrior,
-    GaussianPrior,
     nuisance_prior,
     resistance_prior,
 )
@@ -25,6 +22,7 @@ from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import transfer_share
+from ohmward.battery.posterior import Gaussian, gauss_newton, hessian, pseudo_huber, robust_weights, voltage_variance
 from ohmward.filters.consistency import BAND_95
 from ohmward.optional import require
 from ohmward.trace import Kernel, linearize
@@ -33,18 +31,15 @@ from ohmward.trace import Kernel, linearize
 VOLTAGE_STD_V = 0.003
 #: Samples closer than this share one error of the model [s].
 CORRELATION_S = 60.0
-#: Residuals beyond so many standard deviations count less.
-_ROBUST_RESIDUAL = 2.0
-#: The robust weights have settled after so many rounds.
-_REWEIGHTINGS = 3
+#: The robust weights have settled after so many steps.
+_STEPS = 2
 #: Keeps the levels of resistances that no data show from being singular.
 _RIDGE = 1e-9
 #: Least level of a resistance, as a share of the sum of all: a prior of no width would hold it at 0.
 _SMALLEST_SHARE = 0.02
 #: Relative error of the model's overpotential.
 _OVERPOTENTIAL_SHARE = 0.03
-#: Error of the SoC axis, and the half step for the slope of the curve there.
-_SOC_STD = 0.003
+#: Half step of SoC for the slope of the curve.
 _DSOC = 0.005
 #: A time constant beyond what the records can show is held there within about this share.
 _BEYOND_LOG_STD = 0.02
@@ -179,18 +174,22 @@ class CircuitSolution:
     layout: ParameterLayout
     rates: Rates
     x: np.ndarray  #: (K,)
-    #: (K, K) with and without the data
-    precision: np.ndarray
-    prior_precision: np.ndarray
+    rows: LinearRows  #: of all records, about x
+    prior: Gaussian  #: of x
     residual_V: tuple[np.ndarray, ...]  #: for each record (N,), nan without a voltage
-    weighted: np.ndarray  #: (M,) residuals and prior over their standard deviations, the sum of squares being the cost
-    robust: tuple[np.ndarray, ...]  #: for each record (N,) weights of outlying samples, 1 for none
-    misfit: float  #: sum of squares of the residuals over their standard deviations, outlying samples counting in full
+    of_prior: (
+        np.ndarray
+    )  #: deviations of the unknowns and of the rates from their priors over their standard deviations
 
     @property
-    def cost(self) -> float:
-        """Sum of squares that the search minimises."""
-        return float(self.weighted @ self.weighted)
+    def weighted(self) -> np.ndarray:
+        """(M,) residuals and prior over their standard deviations; the search minimises the sum of their squares."""
+        return np.concatenate([self.rows.residual, self.of_prior])
+
+    @cached_property
+    def precision(self) -> np.ndarray:
+        """(K, K) posterior precision of x."""
+        return hessian(self.rows, self.prior)
 
     @cached_property
     def cov(self) -> np.ndarray:
@@ -200,99 +199,103 @@ class CircuitSolution:
     @property
     def score(self) -> float:
         """Minus twice the log evidence, smaller is better: the cost, and by how much the data narrowed the unknowns."""
-        narrowed = np.linalg.slogdet(self.precision)[1] - np.linalg.slogdet(self.prior_precision)[1]
-        return float(self.cost + narrowed)
+        narrowed = np.linalg.slogdet(self.precision)[1] - np.linalg.slogdet(self.prior.precision)[1]
+        return float(self.weighted @ self.weighted + narrowed)
+
+
+class LinearRows(NamedTuple):
+    """Rows of all records, linear about a point."""
+
+    residual: np.ndarray  #: (M,) over the standard deviations
+    columns: np.ndarray  #: (M, K) derivatives, over the same
+    cost: float
+    residual_V: np.ndarray  #: (M,)
+    robust: np.ndarray  #: (M,) weights of outlying samples, 1 for none
+    misfit: float  #: sum of squares of the residuals over their standard deviations, outlying samples counting in full
+
+    def information(self, x: np.ndarray) -> Gaussian:
+        """What the records say of the unknowns, from the rows about x: their normal equations."""
+        target = self.residual + self.columns @ x
+        return Gaussian(self.columns.T @ self.columns, self.columns.T @ target)
 
 
 class LinearSystem(NamedTuple):
-    """Voltage less OCV curve of every record as y = A x, where the ohmic columns of A count `slopes` times."""
+    """Voltage less OCV curve of all records as y = A x, where charge transfer bends the ohmic drop."""
 
-    columns: list[np.ndarray]  #: A (N, K) of each record
-    targets: list[np.ndarray]  #: y (N,)
-    weights: list[np.ndarray]  #: (N,) one over the standard deviation of each sample
+    columns: np.ndarray  #: A (M, K)
+    targets: np.ndarray  #: y (M,)
+    std_V: np.ndarray  #: (M,) of each sample
+    weights: np.ndarray  #: (M,) samples that it counts as
     ohmic: slice  #: the columns of R_0
-    slopes: list[np.ndarray]  #: (N,) of the ohmic drop along one in proportion to the current
+    transfer_V: float | None  #: that of the bend; None for none
 
-    def about(self, x: np.ndarray, transfer_V: float) -> LinearSystem:
-        """The system whose ohmic drop is that of charge transfer, linear about the resistances in x.
+    def about(self, x: np.ndarray, robust: np.ndarray | None = None) -> LinearRows:
+        """The rows about x; robust: (M,) their weights, None finds them.
 
         V_t f(u) with u = r0 i / V_t is d r0 i + V_t (f(u) - d u), where d is the derivative of f at u.
         """
-        slopes, targets = [], []
-        for A, y in zip(self.columns, self.targets, strict=True):
-            u = A[:, self.ohmic] @ x[self.ohmic] / transfer_V
-            drop, slope = _transferred().scan(0.0, u)[1]
-            slopes.append(slope)
-            targets.append(y - transfer_V * (drop - slope * u))
-        return self._replace(slopes=slopes, targets=targets)
-
-    def weighed_by(self, robust: Sequence[np.ndarray]) -> LinearSystem:
-        """The system with the variance of each sample divided by its robust weight."""
-        return self._replace(weights=[w * np.sqrt(r) for w, r in zip(self.weights, robust, strict=True)])
-
-    def information(self) -> GaussianPrior:
-        """What the records say of x: the normal equations H x = g as precision H (K, K) and information g (K,)."""
-        size = self.columns[0].shape[1]
-        H, g = np.zeros((size, size)), np.zeros(size)
-        for A, y, w, slope in zip(self.columns, self.targets, self.weights, self.slopes, strict=True):
-            weighted = A * w[:, None]
-            weighted[:, self.ohmic] *= slope[:, None]
-            H += weighted.T @ weighted
-            g += weighted.T @ (y * w)
-        return GaussianPrior(H, g)
-
-    def residuals(self, x: np.ndarray) -> list[np.ndarray]:
-        """Y - A x of each record, (N,) [V]."""
-        rows = zip(self.columns, self.targets, self.slopes, strict=True)
-        return [y - A @ x - (slope - 1.0) * (A[:, self.ohmic] @ x[self.ohmic]) for A, y, slope in rows]
+        A, expected_V, slope = self.columns, self.columns @ x, np.ones(self.targets.size)
+        if self.transfer_V is not None:
+            straight_V = A[:, self.ohmic] @ x[self.ohmic]
+            drop, slope = _transferred().scan(0.0, straight_V / self.transfer_V)[1]
+            expected_V += self.transfer_V * drop - straight_V
+        residual_V = self.targets - expected_V
+        square = (residual_V / self.std_V) ** 2
+        robust = robust_weights(square) if robust is None else robust
+        scale = np.sqrt(self.weights * robust) / self.std_V
+        columns = A * scale[:, None]
+        columns[:, self.ohmic] *= slope[:, None]
+        cost = float(self.weights @ pseudo_huber(robust))
+        return LinearRows(scale * residual_V, columns, cost, residual_V, robust, float(self.weights @ square))
 
 
 def solve(
-    problem: CircuitProblem, rates: Rates, near: CircuitSolution | None = None, reweightings: int = _REWEIGHTINGS
+    problem: CircuitProblem, rates: Rates, near: CircuitSolution | None = None, most_steps: int = _STEPS
 ) -> CircuitSolution:
     """The linear unknowns for given rates, resistances >= 0.
 
     near: a solution for other rates, whose robust weights are kept and about whose resistances the ohmic drop is
-        linear; None finds both in rounds (pseudo-Huber, Gauss-Newton).
+        linear; None finds both.
     """
     hysteresis = any(problem.ocv.hysteresis_V)
     layout = ParameterLayout(len(rates.tau_s), len(problem.records), hysteresis, problem.fit_activation)
-    plain = system = _linear_system(problem, layout, rates)
-    if near is not None:
-        system = _tangent(plain, rates, near.x).weighed_by(near.robust)
-    of_records = system.information()
-    prior = _prior(problem, layout, of_records)
-    for k in range(reweightings if near is None else 1):
-        H, g = prior.times(system.information() if k else of_records)
-        x = _nonnegative(H, g, layout.scale.stop)
-        tangent = _tangent(plain, rates, x)
-        residuals = tangent.residuals(x)
-        found = near.robust if near else [_pseudo_huber(r, VOLTAGE_STD_V * problem.volts) for r in residuals]
-        system = tangent.weighed_by(found)
-    measured = [np.isfinite(s.voltage_V) for s in problem.samples]  # the branches come after them
-    residual_V = tuple(np.where(there, r, np.nan) for there, r in zip(measured, residuals, strict=False))
-    deviations = [w * r for w, r in zip(system.weights, residuals, strict=True)]
-    misfit = sum(float(np.square(w * r).sum()) for w, r in zip(plain.weights, residuals, strict=True))
-    of_prior = [_prior_residual(prior, x), _rates_residual(problem, rates)]
-    weighted = np.concatenate([*deviations, *of_prior])
-    return CircuitSolution(layout, rates, x, H, prior.precision, residual_V, weighted, tuple(found), misfit)
+    system = _linear_system(problem, layout, rates)
+
+    def minimum(H: np.ndarray, gradient: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return _nonnegative(H, H @ x + gradient, layout.scale.stop)
+
+    if near is None:
+        nothing = np.zeros(layout.size)
+        first = system.about(nothing, np.ones(system.targets.size)).information(nothing)
+        prior = _prior(problem, layout, first)
+        start = _nonnegative(*prior.times(first), layout.scale.stop)
+        x, rows = gauss_newton(system.about, prior, start, most_steps, minimum)
+    else:
+        of_records = system.about(near.x, near.rows.robust).information(near.x)
+        prior = _prior(problem, layout, of_records)
+        x = _nonnegative(*prior.times(of_records), layout.scale.stop)
+        rows = system.about(x, near.rows.robust)
+    measured = np.concatenate([np.isfinite(s.voltage_V) for s in problem.records])
+    ends = np.cumsum([s.soc.size for s in problem.records])
+    residual_V = np.split(np.where(measured, rows.residual_V, np.nan), ends[:-1])[: len(problem.samples)]
+    of_prior = np.concatenate([_prior_residual(prior, x), _rates_residual(problem, rates)])
+    return CircuitSolution(layout, rates, x, rows, prior, tuple(residual_V), of_prior)
 
 
 def _linear_system(problem: CircuitProblem, layout: ParameterLayout, rates: Rates) -> LinearSystem:
-    """The system of all records, weights from the standard deviations alone."""
+    """The system of all records."""
     columns = [
         design(s, k, layout, rates, problem.ocv, problem.capacity_Ah, problem.reference_degC)
         for k, s in enumerate(problem.records)
     ]
-    targets = [_target(problem, s) for s in problem.records]
-    weights = [_weights(problem, s) for s in problem.records]
-    ohmic = slice(layout.block(0).start, layout.block(1).stop)
-    return LinearSystem(columns, targets, weights, ohmic, [np.ones_like(y) for y in targets])
-
-
-def _tangent(plain: LinearSystem, rates: Rates, x: np.ndarray) -> LinearSystem:
-    """The system about the resistances in x; as it is where the ohmic drop is in proportion to the current."""
-    return plain if rates.transfer_V is None else plain.about(x, rates.transfer_V)
+    return LinearSystem(
+        np.vstack(columns),
+        np.concatenate([_target(problem, s) for s in problem.records]),
+        np.concatenate([_std_V(problem, s) for s in problem.records]),
+        np.concatenate([_samples(s) for s in problem.records]),
+        slice(layout.block(0).start, layout.block(1).stop),
+        rates.transfer_V,
+    )
 
 
 def _target(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
@@ -301,23 +304,19 @@ def _target(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
     return np.where(np.isfinite(samples.voltage_V), samples.voltage_V - ocv_V, 0.0)
 
 
-def _weights(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
-    """(N,) one over the standard deviation of a sample; samples closer than 60 s share one error.
-
-    The model is wrong by a share of the overpotential and, along SoC, where the OCV curve is steep; more so in and
-    after a charge if the prior says that this is another reaction.
-    """
-    share = np.sqrt(np.minimum(samples.dt_s, CORRELATION_S) / CORRELATION_S)
+def _std_V(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
+    """(N,) standard deviation of a sample, more in and after a charge if the prior says that it is another reaction."""
     above_V = problem.ocv.mean_V(samples.soc + _DSOC, ROOM_DEGC)
     below_V = problem.ocv.mean_V(samples.soc - _DSOC, ROOM_DEGC)
     slope_V = (above_V - below_V) / (2 * _DSOC)
-    terms_V = [
-        np.full(samples.soc.size, VOLTAGE_STD_V * problem.volts),
-        _OVERPOTENTIAL_SHARE * _target(problem, samples),
-        _SOC_STD * np.asarray(slope_V),
-    ]
-    std_V = np.sqrt(sum(term**2 for term in terms_V))
-    return np.where(np.isfinite(samples.voltage_V), share, 0.0) / (error_factor(problem.prior, samples) * std_V)
+    over_V2 = _target(problem, samples) ** 2
+    variance_V2 = voltage_variance(VOLTAGE_STD_V * problem.volts, _OVERPOTENTIAL_SHARE, over_V2, slope_V)
+    return np.asarray(error_factor(problem.prior, samples) * np.sqrt(variance_V2))
+
+
+def _samples(samples: FitSamples) -> np.ndarray:
+    """(N,) samples that each counts as: those closer than 60 s share one error, one without a voltage is none."""
+    return np.where(np.isfinite(samples.voltage_V), np.minimum(samples.dt_s, CORRELATION_S) / CORRELATION_S, 0.0)
 
 
 def error_factor(prior: CircuitPrior, samples: FitSamples) -> np.ndarray:
@@ -333,12 +332,7 @@ def last_direction(current_A: np.ndarray) -> np.ndarray:
     return np.where(last >= 0, np.sign(current_A[np.maximum(last, 0)]), 0.0)
 
 
-def _pseudo_huber(residual_V: np.ndarray, std_V: float) -> np.ndarray:
-    """(N,) weights of the pseudo-Huber loss: 1 for small residuals, like 1/|r| beyond two standard deviations."""
-    return 1 / np.sqrt(1 + (residual_V / (_ROBUST_RESIDUAL * std_V)) ** 2)
-
-
-def _prior(problem: CircuitProblem, layout: ParameterLayout, records: GaussianPrior) -> GaussianPrior:
+def _prior(problem: CircuitProblem, layout: ParameterLayout, records: Gaussian) -> Gaussian:
     """The prior about the levels that the resistances would have if each took its expected course along SoC.
 
     records: what these say of x.
@@ -376,7 +370,7 @@ def _nonnegative(H: np.ndarray, g: np.ndarray, bounded: int) -> np.ndarray:
     return np.concatenate([x, back[:, -1] - back[:, :-1] @ x])
 
 
-def _prior_residual(prior: GaussianPrior, x: np.ndarray) -> np.ndarray:
+def _prior_residual(prior: Gaussian, x: np.ndarray) -> np.ndarray:
     """(K,) deviation of x from its prior over its standard deviations."""
     L = np.linalg.cholesky(prior.precision)
     return L.T @ x - np.linalg.solve(L, prior.information)

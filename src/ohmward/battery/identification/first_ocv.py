@@ -20,15 +20,17 @@ from ohmward.battery.identification.circuit_prior import (
     prior_for,
     with_branches,
 )
-from ohmward.battery.identification.ocv_from_low_rate import (
+from ohmward.battery.identification.ocv_from_logs import (
     OcvBranch,
+    RestPoint,
     branch_axis_std,
     branch_notes,
     find_branches,
     ocv_from_branches,
+    ocv_from_rests,
     reconcile_branches,
+    rest_points,
 )
-from ohmward.battery.identification.ocv_from_rests import RestPoint, ocv_from_rests, rest_points
 from ohmward.battery.identification.record import Record, reference_degC
 from ohmward.battery.identification.soc_axis import anchor_soc, find_anchors
 from ohmward.battery.models.ocv import OcvCurve

@@ -34,10 +34,20 @@ from ohmward.battery.chemistries import (
 )
 from ohmward.battery.fingerprint import fingerprint
 from ohmward.battery.identification.circuit import circuit_of, curve_notes, slow_shape, start_of
-from ohmward.battery.identification.circuit_fit import CircuitFit, fit_circuit
+from ohmward.battery.identification.circuit_fit import (
+    CircuitFit,
+    choose_pairs,
+    fit_circuit,
+    longest_rest_s,
+    longest_tau_s,
+)
 from ohmward.battery.identification.circuit_solve import CircuitProblem
-from ohmward.battery.identification.confidence import confidence_intervals, not_identified
-from ohmward.battery.identification.edges import edge_notes
+from ohmward.battery.identification.confidence import (
+    confidence_intervals,
+    load_temperature,
+    not_identified,
+    untested_sentences,
+)
 from ohmward.battery.identification.first_ocv import (
     DEFAULT_MODEL,
     MODELS,
@@ -47,13 +57,18 @@ from ohmward.battery.identification.first_ocv import (
     known_without_curve,
     usual_efficiency,
 )
-from ohmward.battery.identification.fit_check import fit_notes, label_notes, reproduces
-from ohmward.battery.identification.fit_samples import FitSamples, thin, thin_branch
-from ohmward.battery.identification.log_details import LogDetails, branch_fits, details_of, log_fit
+from ohmward.battery.identification.fit_samples import FitSamples, simulate, thin, thin_branch
+from ohmward.battery.identification.log_details import (
+    LogDetails,
+    branch_fits,
+    edge_notes,
+    fit_notes,
+    label_notes,
+    log_fit,
+    reproduces,
+)
 from ohmward.battery.identification.noise_from_fit import current_noise_A, noise_from_fit
-from ohmward.battery.identification.ocv_from_low_rate import OcvBranch
-from ohmward.battery.identification.open_loop import simulate
-from ohmward.battery.identification.pairs import choose_pairs, longest_rest_s, longest_tau_s
+from ohmward.battery.identification.ocv_from_logs import OcvBranch
 from ohmward.battery.identification.rc_identification import (
     RcIdentification,
     rc_of_records,
@@ -62,11 +77,9 @@ from ohmward.battery.identification.rc_identification import (
 )
 from ohmward.battery.identification.record import Record, make_records, reference_degC
 from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, axis_std
-from ohmward.battery.identification.untested import load_temperature, untested_sentences
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import BatteryNoise, usual_sensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc_elements import mean_activation_K
-from ohmward.battery.models.sensor import usual_sensor
+from ohmward.battery.models.rc import mean_activation_K
 from ohmward.battery.models.temperature import KELVIN
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
@@ -108,32 +121,15 @@ class Identified(NamedTuple):
 class Preparation(NamedTuple):
     """Results of the stages before the fit."""
 
-    #: those of all logs; axes: SoC of those to fit; first: the first OCV curve; notes: how all was done
-    records: tuple[Record, ...]
-
-    axes: tuple[SocAxis, ...]
-    first: FirstOcv
-    notes: tuple[Note, ...]
+    records: tuple[Record, ...]  #: of all logs
+    axes: tuple[SocAxis, ...]  #: state of charge of those to fit, `first.fitted`
+    first: FirstOcv  #: the first curve, and the records to fit
+    notes: tuple[Note, ...]  #: how all was done
 
     @property
     def has_curve(self) -> bool:
         """True where the logs or the user gave the curve; False for a straight line or the chemistry's usual curve."""
         return self.first.source not in ("line", "chemistry")
-
-    @property
-    def fast(self) -> tuple[Record, ...]:
-        """The records that the circuit is fitted to."""
-        return self.first.fitted
-
-    @property
-    def ocv(self) -> OcvCurve:
-        """The first curve."""
-        return self.first.curve
-
-    @property
-    def branches(self) -> tuple[OcvBranch, ...]:
-        """Low-rate discharges and charges."""
-        return self.first.branches
 
 
 def identify(
@@ -186,7 +182,7 @@ def identify_in_detail(
     report("open-circuit voltage", 0.05)
     with one_blas_thread():
         prepared = (_prepare_rc if settings.model == "rc" else prepare)(records, settings)
-        if not prepared.fast:
+        if not prepared.first.fitted:
             return _curve_alone(prepared, settings)
         report("circuit", 0.1)
         if settings.model == "rc":
@@ -197,7 +193,13 @@ def identify_in_detail(
 def prepare(records: tuple[Record, ...], settings: IdentificationSettings) -> Preparation:
     """The first OCV curve, and the state of charge along each record to fit."""
     first = find_first_ocv(records, settings)
-    axes = tuple(_axis(r, settings, first) for r in first.fitted)
+    return _prepared(records, settings, first, tuple(_axis(r, settings, first) for r in first.fitted))
+
+
+def _prepared(
+    records: tuple[Record, ...], settings: IdentificationSettings, first: FirstOcv, axes: tuple[SocAxis, ...]
+) -> Preparation:
+    """A first curve and the axes along the records to fit, with the notes on both."""
     notes = (
         *label_notes(np.concatenate([r.log.voltage_V for r in records]), settings.chemistry, settings.n_series),
         *(note for r in records for note in r.charge.notes),
@@ -224,13 +226,8 @@ def _prepare_on_a_line(
     axes = tuple(_axis(r, settings, None) for r in records)
     line, record, _ = rc_of_records(records, axes, settings.capacity_Ah, None)
     text = f"open-circuit voltage: the straight line through {record.log.name!r}, because {refusal}"
-    notes = (
-        *label_notes(np.concatenate([r.log.voltage_V for r in records]), settings.chemistry, settings.n_series),
-        *(note for r in records for note in r.charge.notes),
-        *(note for axis in axes for note in axis.notes),
-        Note(text, "warning"),
-    )
-    return Preparation(records, axes, FirstOcv(line.model.ocv, "line", records), notes)
+    first = FirstOcv(line.model.ocv, "line", records, notes=(Note(text, "warning"),))
+    return _prepared(records, settings, first, axes)
 
 
 def _axis(record: Record, settings: IdentificationSettings, first: FirstOcv | None) -> SocAxis:
@@ -245,7 +242,7 @@ def _axis(record: Record, settings: IdentificationSettings, first: FirstOcv | No
 
 def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress: Callable[[float], None]) -> Identified:
     """The Thevenin circuit, its noise and its confidence, with the RC model of the same logs."""
-    parts = [thin(r, a.soc) for r, a in zip(prepared.fast, prepared.axes, strict=True)]
+    parts = [thin(r, a.soc) for r, a in zip(prepared.first.fitted, prepared.axes, strict=True)]
     samples = tuple(part for parts_of_record in parts for part in parts_of_record)
     problem = _problem(prepared, samples, settings)
     fit, choice = _fit(problem, settings, progress)
@@ -254,11 +251,11 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
         model = replace(model, gassing_V=CHEMISTRIES[settings.chemistry].gassing_V(model.ocv))
     voltages = iter(simulate(s, model, *start_of(fit.solution, k)) for k, s in enumerate(samples))
     details = tuple(
-        details_of(r, a, own, tuple(islice(voltages, len(own))), model)
-        for r, a, own in zip(prepared.fast, prepared.axes, parts, strict=True)
+        LogDetails(r, a, own, tuple(islice(voltages, len(own))), model)
+        for r, a, own in zip(prepared.first.fitted, prepared.axes, parts, strict=True)
     )
-    hysteresis, edges = any(prepared.ocv.hysteresis_V), [edge for d in details for edge in d.edges]
-    fits = *(d.quality for d in details), *branch_fits(prepared.branches)
+    hysteresis, edges = any(prepared.first.curve.hysteresis_V), [edge for d in details for edge in d.edges]
+    fits = *(d.quality for d in details), *branch_fits(prepared.first.branches)
     checks = *edge_notes(edges), *fit_notes(details, fits, model.ocv), *curve_notes(fit.solution, problem)
     provenance = replace(
         _provenance(prepared, settings),
@@ -266,10 +263,12 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
         confidence=confidence_intervals(fit),
         notes=tuple(map(str, (*prepared.notes, *choice, *checks))),
     )
-    pulses_only = all(r.test == "pulses" for r in prepared.fast)
-    anchors_std = axis_std(prepared.fast, prepared.axes)
-    noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, longest_rest_s(prepared.fast))
-    measured = any(branch.complete for branch in prepared.branches)  # from full to empty by a low-rate test
+    fitted, branches = prepared.first.fitted, prepared.first.branches
+    pulses_only = all(r.test == "pulses" for r in fitted)
+    anchors_std = axis_std(fitted, prepared.axes)
+    measured = {branch.direction for branch in branches if branch.complete}  # from full to empty, slowly
+    rest_s = longest_rest_s(fitted)
+    noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, rest_s, whole_curve=len(measured) == 2)
     correlation = MEASURED_AGEING_CORRELATION if measured else GIVEN_AGEING_CORRELATION
     noise = replace(noise, capacity_std=AGED_CAPACITY_STD, ageing_correlation=correlation)
     missing = (
@@ -280,7 +279,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     battery = _battery(prepared, settings, thevenin=model, noise=noise)
     battery = replace(battery, identification=provenance, not_identified=missing)
     battery, found = _with_rc(battery, prepared, settings, model.ocv)
-    return Identified(battery, prepared.branches, prepared.ocv, details, fit, found)
+    return Identified(battery, prepared.first.branches, prepared.first.curve, details, fit, found)
 
 
 def _fit(
@@ -304,13 +303,13 @@ def _problem(
 ) -> CircuitProblem:
     return CircuitProblem(
         samples,
-        prepared.ocv,
+        prepared.first.curve,
         settings.capacity_Ah,
         prepared.first.prior(settings.chemistry),
-        slow_shape(prepared.ocv, samples, settings.capacity_Ah),
-        reference_degC(prepared.fast),
+        slow_shape(prepared.first.curve, samples, settings.capacity_Ah),
+        reference_degC(prepared.first.fitted),
         fit_activation=load_temperature(samples).shows_activation,
-        longest_tau_s=longest_tau_s(prepared.fast),
+        longest_tau_s=longest_tau_s(prepared.first.fitted),
         branches=_fitted_branches(prepared, settings),
     )
 
@@ -319,8 +318,8 @@ def _fitted_branches(prepared: Preparation, settings: IdentificationSettings) ->
     """The low-rate branches as records of the fit, where the chemistry wants them and both directions were measured."""
     if not (prepared.first.prior(settings.chemistry).fits_branches and prepared.first.both_directions):
         return ()
-    degC = reference_degC(prepared.fast)
-    return tuple(thin_branch(b, settings.capacity_Ah, degC) for b in prepared.branches)
+    degC = reference_degC(prepared.first.fitted)
+    return tuple(thin_branch(b, settings.capacity_Ah, degC) for b in prepared.first.branches)
 
 
 def _with_rc(
@@ -329,7 +328,7 @@ def _with_rc(
     """The battery with the RC model of the same logs; without it, and a sentence why, where they do not give one."""
     curve = None if _straight(settings) else ocv
     try:
-        found, record, _ = rc_of_records(prepared.fast, prepared.axes, settings.capacity_Ah, curve)
+        found, record, _ = rc_of_records(prepared.first.fitted, prepared.axes, settings.capacity_Ah, curve)
     except InputError as refusal:
         return replace(battery, not_identified=(*battery.not_identified, f"RC model: {refusal}")), None
     if battery.thevenin:
@@ -344,8 +343,8 @@ def _straight(settings: IdentificationSettings) -> bool:
 
 def _rc(prepared: Preparation, settings: IdentificationSettings) -> Identified:
     """The RC model alone."""
-    curve = prepared.ocv if prepared.has_curve and not _straight(settings) else None
-    found, record, axis = rc_of_records(prepared.fast, prepared.axes, settings.capacity_Ah, curve)
+    curve = prepared.first.curve if prepared.has_curve and not _straight(settings) else None
+    found, record, axis = rc_of_records(prepared.first.fitted, prepared.axes, settings.capacity_Ah, curve)
     found = with_usual_activation(found, settings.chemistry, record.typical_degC())
     errors_V = (found.fit.rms_V, float(np.abs(found.fit.residual_V).max())) if found.fit else (found.rule_rms_V,)
     provenance = replace(
@@ -356,12 +355,12 @@ def _rc(prepared: Preparation, settings: IdentificationSettings) -> Identified:
     battery = _battery(prepared, settings, rc=found.model, noise=found.noise, rc_noise=found.noise)
     line = () if prepared.has_curve else ("open-circuit voltage: no curve in the logs; a straight line was taken",)
     battery = replace(battery, identification=provenance, not_identified=(*line, *found.not_identified))
-    return Identified(battery, prepared.branches, prepared.ocv, rc=found)
+    return Identified(battery, prepared.first.branches, prepared.first.curve, rc=found)
 
 
 def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Identified:
     """The OCV curve of low-rate tests, with start values of the chemistry for everything else."""
-    Q, n, ocv = settings.capacity_Ah, settings.n_series, prepared.ocv
+    Q, n, ocv = settings.capacity_Ah, settings.n_series, prepared.first.curve
     missing = "resistances and time constants: no pulses"
     if settings.chemistry:
         model = start_model(settings.chemistry, Q, n, ocv.scaled(1 / n))
@@ -376,13 +375,13 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
         identification=_provenance(prepared, settings),
         not_identified=(missing,) if prepared.first.both_directions else (missing, one_way),
     )
-    return Identified(battery, prepared.branches, ocv)
+    return Identified(battery, prepared.first.branches, ocv)
 
 
 def _battery(prepared: Preparation, settings: IdentificationSettings, *, noise: BatteryNoise, **models: Any) -> Battery:
     """The battery with these models; settings and limits of the voltage from the logs."""
     voltage_V = np.concatenate([r.log.voltage_V for r in prepared.records])
-    noise_A = max((current_noise_A(r.current_A) for r in prepared.fast), default=0.0)
+    noise_A = max((current_noise_A(r.current_A) for r in prepared.first.fitted), default=0.0)
     return Battery(
         name=settings.name,
         capacity_Ah=settings.capacity_Ah,
@@ -399,11 +398,11 @@ def _battery(prepared: Preparation, settings: IdentificationSettings, *, noise: 
 
 def _provenance(prepared: Preparation, settings: IdentificationSettings) -> Provenance:
     """Provenance of the OCV curve."""
-    complete_Ah = [b.moved_Ah for b in prepared.branches if b.complete]
+    complete_Ah = [b.moved_Ah for b in prepared.first.branches if b.complete]
     return Provenance(
         settings.capacity_Ah,
         float(np.mean(complete_Ah)) if complete_Ah else 0.0,
-        logs=branch_fits(prepared.branches),
+        logs=branch_fits(prepared.first.branches),
         notes=tuple(str(note) for note in prepared.notes),
         fingerprints=tuple(fingerprint(record.log) for record in prepared.records),
     )
@@ -432,7 +431,7 @@ def try_transfer(problem: CircuitProblem, straight: CircuitFit, n_series: int) -
     transfer_V = cells_transfer_V(problem.reference_degC, n_series)
     near = straight.solution.rates._replace(transfer_V=transfer_V)
     with_transfer = fit_circuit(problem._replace(transfer_V=transfer_V), len(near.tau_s), near=(near,))
-    left = with_transfer.solution.misfit / straight.solution.misfit
+    left = with_transfer.solution.rows.misfit / straight.solution.rows.misfit
     found = (
         f"one bent by charge transfer ({transfer_V:.2g} V) leaves {left:.0%} of the squared residuals of a straight one"
     )

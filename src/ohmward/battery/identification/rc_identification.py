@@ -1,4 +1,27 @@
-"""Identification of the RC model from a log: the rule of [P] 2.2 first, then least squares on the whole log."""
+"""Identification of the RC model from a log: the rule of [P] 2.2 first, then least squares on the whole log.
+
+By the rule, R_total is the sudden change of voltage over the change of current; R_b = R_s = 0.75 R_total, R_t =
+R_total - R_b / 2; the time constant tau of an exponential through the first 500 ms after the edges gives C_s = tau /
+(2 R_s).
+
+A linear model does not follow a battery through a full charge: the voltage limit, gassing, a charge that is not all
+stored, an open-circuit voltage above that of discharge. Short charges, a robot's braking, stay. What lies between two
+long charges is a part with an open-circuit voltage of its own at the start.
+
+Least squares are linear but for one number. With s = C_s / (C_b + C_s) and D = R_b + R_s the terminal voltage of the
+model is, exactly,
+
+    V = V_start + q / C + R_1 F[i] + R_0 i
+
+where q is the charge since the start, F a first-order filter of gain 1 and rate w, and
+
+    C = C_b + C_s,   R_0 = R_t + R_b R_s / D,   R_1 = (R_b - s D)^2 / D,   w = 1 / (s (1 - s) C D) = 1 / tau.
+
+Each part between two long charges has a V_start of its own. For a given w this is linear: one search in w finds the
+best. Where an OCV curve is known, it stands in place of V_start + q / C, so that its bends are not taken for a slow
+relaxation, and C is that of the straight line through the part of the curve that the log passes.
+`models.rc` makes a circuit of the four numbers.
+"""
 
 from __future__ import annotations
 
@@ -10,32 +33,299 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.chemistries import CELL_V, chemistry_prior
-from ohmward.battery.identification.rc_fit import (
-    LONGEST_TAU_S,
-    VoltageFit,
-    charge_in_part,
-    fit_voltage,
-    voltage_fit,
-)
-from ohmward.battery.identification.rc_rule import (
-    FIRST_S,
-    EdgeResponse,
-    RcSamples,
-    TimeConstant,
-    find_response,
-    find_time_constant,
-    outside_long_charges,
-)
-from ohmward.battery.identification.record import Record
+from ohmward.battery.identification.fit_samples import scan
+from ohmward.battery.identification.record import Record, count_charge, find_gaps, known_current_A
 from ohmward.battery.identification.soc_axis import SocAxis
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import RcModel
-from ohmward.battery.models.rc_elements import circuit_by_rule, circuit_of
+from ohmward.battery.models.rc import RcModel, circuit_by_rule, circuit_of
 from ohmward.battery.models.temperature import ROOM_DEGC, arrhenius_factor
 from ohmward.errors import InputError
+from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
+from ohmward.optional import require
+
+#: Currents below this rate neither charge nor discharge.
+_ZERO_RATE = 1 / 200
+#: A charge of more than this share of the capacity is long: no braking of a robot lasts so.
+_LONG_CHARGE = 0.05
+
+
+#: Time after an edge in which [P] looks for the time constant [s].
+FIRST_S = 0.5
+
+#: Fewest samples of a window from which a time constant can be told.
+_FEWEST_OF_A_WINDOW = 5
+#: Smallest change of current that counts as an edge: C/20.
+_EDGE_RATE = 1 / 20
+
+
+class EdgeResponse(NamedTuple):
+    """Response of the voltage to a change of current by one ampere, from all edges."""
+
+    edges: int  #: their number
+    r_total_ohm: float  #: resistance seen at once, or as soon as the sampling shows (median)
+    delay_s: float  #: time from the edge until then (median)
+    window_s: float  #: length of the window after the edge: 0.5, or ten samples where the log is slower
+    #: (K,) time since the first sample after an edge, and rise of the voltage since, of all edges
+    time_s: np.ndarray
+    rise_ohm: np.ndarray
+
+
+class TimeConstant(NamedTuple):
+    """Time constant of the exponential r (1 - e^(-t / tau)) through the rises after the edges."""
+
+    tau_s: float  #: tau; the length of the window where the rises show none
+    found: bool  #: True where they show one
+
+
+def find_response(samples: RcSamples, capacity_Ah: float) -> EdgeResponse:
+    """Mean response of the voltage to the edges: changes of current by more than C/20 from one sample to the next.
+
+    Raises:
+        InputError: there is no such edge.
+    """
+    change_A = np.diff(samples.current_A)
+    edges = np.flatnonzero((np.abs(change_A) > _EDGE_RATE * capacity_Ah) & ~samples.gap[1:])
+    if not edges.size:
+        raise InputError(
+            f"the log has no edge of current above C/20 = {_EDGE_RATE * capacity_Ah:.3g} A, so no resistance can be "
+            "found; record a few pulses"
+        )
+    typical_s = _typical_step_s(samples)
+    enough = typical_s * _FEWEST_OF_A_WINDOW <= FIRST_S
+    window_s = FIRST_S if enough else 2 * _FEWEST_OF_A_WINDOW * typical_s  # ten samples where the log is slower
+    before, after = _around(samples, edges)
+    r_total = float(np.median((samples.voltage_V[after] - samples.voltage_V[before]) / change_A[edges]))
+    if not r_total > 0:
+        raise InputError(
+            f"the voltage falls when the current rises (R = {r_total:.3g} ohm at {edges.size} edges); currents must be "
+            "> 0 when they charge: turn the sign of the current"
+        )
+    times, rises = zip(*(_after_edge(samples, int(k) + 1, change_A[k], window_s) for k in edges), strict=True)
+    return EdgeResponse(
+        edges.size,
+        r_total,
+        float(np.median(samples.time_s[after] - samples.time_s[before])),
+        window_s,
+        np.concatenate(times),
+        np.concatenate(rises),
+    )
+
+
+def _around(samples: RcSamples, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Last sample a typical step before the new current and first a typical step after the old one, for each edge.
+
+    In a regular log these are the samples of the edge itself. A logger that writes both currents and one voltage at the
+    same moment is understood too.
+    """
+    step_s = 0.99 * _typical_step_s(samples)
+    before = np.searchsorted(samples.time_s, samples.time_s[edges + 1] - step_s, "right") - 1
+    after = np.searchsorted(samples.time_s, samples.time_s[edges] + step_s, "left")
+    return np.maximum(before, 0), np.minimum(after, len(samples.time_s) - 1)
+
+
+def _after_edge(samples: RcSamples, first: int, change_A: float, window_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Time since sample `first` [s] and rise of the voltage since [ohm], while the current stays, up to a window."""
+    last = first + int(np.searchsorted(samples.time_s[first:], samples.time_s[first] + window_s, "right"))
+    moved = np.abs(samples.current_A[first:last] - samples.current_A[first]) > 0.1 * abs(change_A)
+    stays = slice(first, first + (int(np.argmax(moved)) if moved.any() else last - first))
+    rise_ohm = (samples.voltage_V[stays] - samples.voltage_V[first]) / change_A
+    return samples.time_s[stays] - samples.time_s[first], rise_ohm
+
+
+def _typical_step_s(samples: RcSamples) -> float:
+    return float(np.median(samples.dt_s[1:]))
+
+
+def find_time_constant(response: EdgeResponse) -> TimeConstant:
+    """Least squares over a grid of tau between a twentieth of the window and ten windows, weighted alike.
+
+    It is not found where the best tau stands at an end of the grid or the exponential explains less than half of the
+    rises' scatter about their mean.
+    """
+    t, y = response.time_s, response.rise_ohm
+    taus = response.window_s * np.geomspace(0.05, 10.0, 200)
+    costs = [_cost_of(1 - np.exp(-t / tau), y) for tau in taus]
+    best = int(np.argmin(costs))
+    found = 0 < best < len(taus) - 1 and costs[best] < 0.5 * float(np.sum((y - y.mean()) ** 2))
+    return TimeConstant(float(taus[best]) if found else response.window_s, found)
+
+
+def _cost_of(column: np.ndarray, y: np.ndarray) -> float:
+    """Residual sum of squares of the best multiple >= 0 of the column."""
+    scale = max(float(column @ y) / max(float(column @ column), 1e-300), 0.0)
+    return float(np.sum((y - scale * column) ** 2))
+
+
+class RcSamples(NamedTuple):
+    """The samples with a voltage, (T,) each."""
+
+    time_s: np.ndarray
+    dt_s: np.ndarray  #: step
+    current_A: np.ndarray  #: at the sample
+    charge_As: np.ndarray  #: since the start
+    mean_A: np.ndarray  #: current over the step
+    voltage_V: np.ndarray
+    gap: np.ndarray  #: True where the step is a gap in the recording, or the first of a part
+    part: np.ndarray  #: number of the part, 0 for the first
+
+
+def outside_long_charges(log: Log, capacity_Ah: float) -> RcSamples:
+    """The samples with a voltage that stand outside long charges; the charge of the others counts all the same."""
+    moved_Ah, current_A = count_charge(log).moved_Ah, known_current_A(log)
+    charging, part = _long_charges(current_A, moved_Ah, capacity_Ah)
+    used = np.isfinite(log.voltage_V) & ~charging
+    if not used.any():
+        raise InputError(f"log {log.name!r} holds nothing but a long charge; an RC model needs a discharge or pulses")
+    part = part[used] - part[used][0]
+    time_s = log.time_s[used]
+    charge_As = SECONDS_PER_HOUR * np.cumsum(moved_Ah)[used]
+    dt_s = np.diff(time_s, prepend=time_s[:1])
+    mean_A = np.diff(charge_As, prepend=charge_As[:1]) / np.where(dt_s > 0, dt_s, 1.0)
+    gap = find_gaps(time_s) | (np.diff(part, prepend=-1) > 0)
+    return RcSamples(time_s, dt_s, current_A[used], charge_As, mean_A, log.voltage_V[used], gap, part)
+
+
+def _long_charges(current_A: np.ndarray, moved_Ah: np.ndarray, capacity_Ah: float) -> tuple[np.ndarray, np.ndarray]:
+    """True inside a charge of more than 5 % of the capacity, and the number of such charges before a sample.
+
+    A charge lasts until the next discharge: after it the voltage falls for hours, and no linear model says how.
+    """
+    sign = np.sign(current_A) * (np.abs(current_A) > _ZERO_RATE * capacity_Ah)
+    last_moving = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
+    charging = sign[last_moving] > 0
+    run = np.cumsum(np.diff(charging, prepend=charging[:1]))
+    long = charging & (np.bincount(run, moved_Ah)[run] > _LONG_CHARGE * capacity_Ah)
+    return long, np.cumsum(np.diff(long.astype(int), prepend=int(long[0])) < 0)
+
+
+#: Samples further apart weigh no more: the model is wrong for as long as the current lasts.
+_LONGEST_WEIGHT_S = 60.0
+#: Slower processes belong to the open-circuit voltage of a model with one time constant.
+LONGEST_TAU_S = 900.0
+#: A relaxation that explains less of the square of the residual is none: slow samples do not tell it from R_0.
+_LEAST_EXPLAINED = 0.05
+#: Points of the grid of time constants before the search.
+_RATES = 40
+
+
+class VoltageFit(NamedTuple):
+    """The four numbers that the voltage of an RC model depends on, see the top of the file."""
+
+    start_V: np.ndarray  #: (parts,) open-circuit voltage at the first sample of each part of the log
+    capacitance_F: float  #: C_b + C_s
+    #: R_0, R_1
+    r0_ohm: float
+    r1_ohm: float
+    tau_s: float  #: 1 / w
+    residual_V: np.ndarray  #: (T,) measured minus fitted voltage; where a curve is known, the curve's is the fitted one
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """C, R_0, R_1 and tau, as `rc.four_numbers`."""
+        return self.capacitance_F, self.r0_ohm, self.r1_ohm, self.tau_s
+
+    @property
+    def rms_V(self) -> float:
+        """Root of the mean square of the residual."""
+        return float(np.sqrt(np.mean(self.residual_V**2)))
+
+
+def fit_voltage(
+    samples: RcSamples, ocv_V: np.ndarray | None = None, longest_tau_s: float = LONGEST_TAU_S
+) -> VoltageFit | None:
+    """Best V_start, C, R_0, R_1 and tau for the whole log; None where the log shows no R_0 or no C.
+
+    Samples weigh as the time they stand for, up to 60 s. No number may be negative.
+
+    ocv_V: (T,) open-circuit voltage along the log where it is known [V].
+    longest_tau_s: no slower relaxation is looked for.
+    """
+    minimize_scalar = require("scipy.optimize", "identification").minimize_scalar
+
+    longest_s = min(0.5 * (samples.time_s[-1] - samples.time_s[0]), longest_tau_s)
+    grid = np.geomspace(_shortest_s(samples), max(longest_s, 4 * _shortest_s(samples)), _RATES)
+    best = int(np.argmin([_solve(samples, ocv_V, tau)[1] for tau in grid]))
+    low, high = np.log(grid[max(best - 1, 0)]), np.log(grid[min(best + 1, _RATES - 1)])
+    found = minimize_scalar(
+        lambda log_tau: _solve(samples, ocv_V, math.exp(log_tau))[1], bounds=(low, high), method="bounded"
+    )
+    tau_s = math.exp(found.x)
+    (r0, r1, per_C), cost = _solve(samples, ocv_V, tau_s)
+    alone, cost_alone = _solve(samples, ocv_V, math.inf)
+    if r0 == 0.0 or cost > (1 - _LEAST_EXPLAINED) * cost_alone:
+        r0, r1, per_C = alone
+    if not (per_C > 0 and r0 > 0):
+        return None
+    return voltage_fit(samples, ocv_V, (1 / per_C, r0, r1, tau_s if r1 > 0 else _shortest_s(samples)))
+
+
+def voltage_fit(samples: RcSamples, ocv_V: np.ndarray | None, numbers: tuple[float, float, float, float]) -> VoltageFit:
+    """The voltage with these four numbers C, R_0, R_1 and tau, and with the V_start that suits them best."""
+    capacitance_F, r0, r1, tau_s = numbers
+    over_V = r0 * samples.current_A + r1 * filtered(samples, tau_s)
+    charge_V = charge_in_part(samples) / capacitance_F
+    open_V = samples.voltage_V - over_V if ocv_V is None else ocv_V
+    start_V = _means(samples, open_V - charge_V)
+    if ocv_V is None:
+        open_V = start_V[samples.part] + charge_V
+    return VoltageFit(start_V, capacitance_F, r0, r1, tau_s, samples.voltage_V - (open_V + over_V))
+
+
+def _solve(samples: RcSamples, ocv_V: np.ndarray | None, tau_s: float) -> tuple[tuple[float, float, float], float]:
+    """Best R_0, R_1 and 1 / C >= 0 for a time constant, and the weighted sum of squares that they leave."""
+    nnls = require("scipy.optimize", "identification").nnls
+
+    currents = _centred(samples, np.column_stack([samples.current_A, filtered(samples, tau_s)]))
+    charge = _centred(samples, charge_in_part(samples))
+    if ocv_V is None:
+        (r0, r1, per_C), norm = nnls(np.column_stack([currents, charge]), _centred(samples, samples.voltage_V))
+    else:
+        (r0, r1), norm = nnls(currents, _centred(samples, samples.voltage_V - ocv_V))
+        per_C = charge @ _centred(samples, ocv_V) / max(charge @ charge, 1e-300)
+    return (float(r0), float(r1), float(per_C)), float(norm) ** 2
+
+
+def charge_in_part(samples: RcSamples) -> np.ndarray:
+    """Charge since the first sample of each part [A s], (T,)."""
+    _, first = np.unique(samples.part, return_index=True)
+    return samples.charge_As - samples.charge_As[first][samples.part]
+
+
+def filtered(samples: RcSamples, tau_s: float) -> np.ndarray:
+    """The current through a first-order filter of gain 1, (T,); exact for the mean current of each step.
+
+    Each part starts from rest.
+    """
+    first = np.diff(samples.part, prepend=-1) > 0
+    decay = np.where(first, 0.0, np.exp(-samples.dt_s / tau_s))
+    return scan(decay, np.where(first, 0.0, (1 - decay) * samples.mean_A))
+
+
+def _weights(samples: RcSamples) -> np.ndarray:
+    """Root of the time that each sample stands for, (T,)."""
+    return np.sqrt(np.clip(samples.dt_s, 1e-3, _LONGEST_WEIGHT_S))
+
+
+def _centred(samples: RcSamples, values: np.ndarray) -> np.ndarray:
+    """Weighted values (T,) or (T, n) less the mean of their part, which the best V_start takes."""
+    columns = values.reshape(len(values), -1)
+    left = [_weights(samples) * (c - _means(samples, c)[samples.part]) for c in columns.T]
+    return np.column_stack(left).reshape(values.shape)
+
+
+def _means(samples: RcSamples, values: np.ndarray) -> np.ndarray:
+    """Weighted mean (parts,) of values (T,) over each part."""
+    weights = _weights(samples) ** 2
+    return np.bincount(samples.part, weights * values) / np.bincount(samples.part, weights)
+
+
+def _shortest_s(samples: RcSamples) -> float:
+    """Half the typical step [s]: anything faster looks like R_0."""
+    return 0.5 * float(np.median(samples.dt_s[1:]))
+
 
 #: A log that moves SoC by less does not show the slope of its open-circuit voltage.
 _LEAST_SOC_RANGE = 0.05
@@ -286,8 +576,8 @@ def with_usual_activation(found: RcIdentification, chemistry: str, record_degC: 
     activation_K = 0.5 * (prior.activation_K.mean + prior.pair_activation_K.mean)
     noise = BatteryNoise(activation_std_K=prior.activation_std_K, ocv_std_V_per_K=volts * prior.ocv_std_V_per_K)
     sentence = (
-        f"activation of the resistances: {activation_K:.0f} ± {prior.activation_std_K:.0f} K was taken, as usual for "
-        f"{chemistry or 'batteries'}"
+        f"activation of the resistances: {activation_K:.0f} ± {BAND_95 * prior.activation_std_K:.0f} K (95 %) was "
+        f"taken, as usual for {chemistry or 'batteries'}"
     )
     usual = with_activation(found, activation_K, noise, record_degC)
     return usual._replace(not_identified=(*usual.not_identified, sentence))

@@ -8,15 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.circuit_prior import axis_bridge
-from ohmward.battery.identification.open_loop import scan
-from ohmward.battery.identification.record import Record
-from ohmward.battery.identification.segments import REST_RATE, find_rests, is_rest
+from ohmward.battery.identification.fit_samples import scan
+from ohmward.battery.identification.record import SETTLED_REST_S, Record, find_rests, is_rest
 from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.soc.anchor_rule import LITHIUM_LIMITS, REST_C, SocAnchor
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
 
-#: A charge with constant voltage is full when its current has fallen to C/20; SoC then is known so well.
-FULL_RATE = 1 / 20
+#: SoC is known so well where a charge with constant voltage has tapered: that of this log, not of another charger.
 FULL_STD = 0.005
 #: A log that moves so much of the capacity was full at its highest charge, and SoC is known within these.
 _SWEEP_SHARE = 0.85
@@ -32,8 +31,7 @@ _TAPER_SAMPLES = 3
 _TAPER_CHARGE = 0.003
 #: A rest that follows a full charge within an hour is that of a full battery [s].
 _SOON_S = 3600.0
-#: Rests of this length show the open-circuit voltage [s]; no rest tells SoC better than the std.
-_LONG_REST_S = 600.0
+#: No rest tells SoC better.
 _SMALLEST_REST_STD = 0.005
 #: Error of an open-circuit voltage at the end of a rest, over itself.
 _VOLTAGE_STD_SHARE = 0.0015
@@ -53,20 +51,11 @@ _CAPACITY_SPAN = 0.5
 _CAPACITY_REST_STD = 0.02
 
 
-class AxisAnchor(NamedTuple):
-    """A sample at which the state of charge is known, how well, and why."""
-
-    sample: int
-    soc: float
-    std: float
-    reason: str
-
-
 class SocAxis(NamedTuple):
     """State of charge along a record."""
 
     soc: np.ndarray  #: (T,)
-    anchors: tuple[AxisAnchor, ...]  #: those it is tied to
+    anchors: tuple[SocAnchor, ...]  #: those it is tied to
     efficiency: float  #: share of the charging current that is stored
     notes: tuple[Note, ...]  #: for the user
 
@@ -110,10 +99,10 @@ def find_anchors(
     initial_soc: float | None,
     ocv_axis_std: float = 0.0,
     empty_V: float = 0.0,
-) -> tuple[AxisAnchor, ...]:
+) -> tuple[SocAnchor, ...]:
     """The anchors that the axis is tied to: one, or all ends of full charges."""
     if initial_soc is not None:
-        return (AxisAnchor(0, initial_soc, 0.0, "given"),)
+        return (SocAnchor(0, initial_soc, 0.0, "given"),)
     if full := full_charges(record, capacity_Ah):
         return full
     rests = rest_anchors(record, ocv, capacity_Ah) if ocv else ()
@@ -144,7 +133,7 @@ def _require_likely_capacity(record: Record, capacity_Ah: float) -> None:
         )
 
 
-def full_charges(record: Record, capacity_Ah: float) -> tuple[AxisAnchor, ...]:
+def full_charges(record: Record, capacity_Ah: float) -> tuple[SocAnchor, ...]:
     """Ends of charges with constant voltage: at the highest voltage of the log the current fell below C/20.
 
     A log that starts at rest at the voltage of the rest after such a charge started full as well.
@@ -153,10 +142,10 @@ def full_charges(record: Record, capacity_Ah: float) -> tuple[AxisAnchor, ...]:
     ends = [end for end in tapers if end]
     if ends and _starts_like(record, ends):
         ends = [0, *ends]
-    return tuple(AxisAnchor(int(end), 1.0, FULL_STD, "full charge") for end in ends)
+    return tuple(SocAnchor(int(end), 1.0, FULL_STD, "full charge") for end in ends)
 
 
-def rest_anchors(record: Record, ocv: OcvCurve, capacity_Ah: float) -> tuple[AxisAnchor, ...]:
+def rest_anchors(record: Record, ocv: OcvCurve, capacity_Ah: float) -> tuple[SocAnchor, ...]:
     """SoC at the ends of long rests, and of a rest at the start, by the inverse of the open-circuit voltage.
 
     After a discharge the voltage rests below the mean of both branches, after a charge above it.
@@ -166,12 +155,12 @@ def rest_anchors(record: Record, ocv: OcvCurve, capacity_Ah: float) -> tuple[Axi
     h, known = _hysteresis(record, capacity_Ah)
     return tuple(
         _by_voltage(record, p.last, ocv, float(degC[p.last]), float(h[p.last]), float(known[p.last]))
-        for p in [*starts, *find_rests(record.phases, _LONG_REST_S)]
+        for p in [*starts, *find_rests(record.phases, SETTLED_REST_S)]
         if np.isfinite(record.log.voltage_V[p.last])
     )
 
 
-def sweep_anchor(record: Record, capacity_Ah: float, empty_V: float = 0.0) -> tuple[AxisAnchor, ...]:
+def sweep_anchor(record: Record, capacity_Ah: float, empty_V: float = 0.0) -> tuple[SocAnchor, ...]:
     """Full at the highest charge of a log that moves at least 85 % of the capacity, else nothing.
 
     What it does not move may be missing at the top, or at the bottom: half of it is the standard deviation. Where the
@@ -184,7 +173,7 @@ def sweep_anchor(record: Record, capacity_Ah: float, empty_V: float = 0.0) -> tu
     emptied = voltage_V[lowest] < empty_V and total_Ah[lowest] - total_Ah.min() < _AT_THE_END * capacity_Ah
     at_top = 0.0 if emptied else 0.5 * (1 - np.ptp(total_Ah) / capacity_Ah)
     std = float(np.clip(at_top, *_SWEEP_STD))
-    return (AxisAnchor(int(np.argmax(total_Ah)), 1.0, std, "highest charge of a full sweep"),)
+    return (SocAnchor(int(np.argmax(total_Ah)), 1.0, std, "highest charge of a full sweep"),)
 
 
 def axis_std(records: Sequence[Record], axes: Sequence[SocAxis]) -> float:
@@ -219,7 +208,7 @@ def _tops(record: Record, capacity_Ah: float) -> list[tuple[int, int]]:
     """
     voltage_V, time_s = np.nan_to_num(record.log.voltage_V), record.log.time_s
     at = np.flatnonzero(voltage_V >= (1 - _TOP_SHARE) * voltage_V.max())
-    discharged = np.diff(np.cumsum(record.current_A < -REST_RATE * capacity_Ah)[at]) > 0
+    discharged = np.diff(np.cumsum(record.current_A < -REST_C * capacity_Ah)[at]) > 0
     breaks = np.flatnonzero(discharged | (np.diff(time_s[at]) > _TOP_BREAK_S))
     return list(zip(at[np.append(0, breaks + 1)], at[np.append(breaks, at.size - 1)], strict=True))
 
@@ -227,12 +216,12 @@ def _tops(record: Record, capacity_Ah: float) -> list[tuple[int, int]]:
 def _end_of_taper(record: Record, first: int, last: int, capacity_Ah: float) -> int | None:
     """End of a charge with constant voltage, its current died away, among the samples first ... last, or None."""
     current_A = record.current_A[first : last + 1]
-    charging = np.flatnonzero(current_A > REST_RATE * capacity_Ah)
+    charging = np.flatnonzero(current_A > REST_C * capacity_Ah)
     if charging.size < _TAPER_SAMPLES or record.log.time_s[last] - record.log.time_s[first] < _SHORTEST_TOP_S:
         return None
     end_A = float(current_A[charging[-_TAPER_SAMPLES:]].mean())
     charged_Ah = record.charge.moved_Ah[first : last + 1].sum()
-    tapered = end_A <= FULL_RATE * capacity_Ah and current_A.max() >= 2 * end_A
+    tapered = end_A <= LITHIUM_LIMITS.taper_C * capacity_Ah and current_A.max() >= 2 * end_A
     return int(first + charging[-1]) if tapered and charged_Ah >= _TAPER_CHARGE * capacity_Ah else None
 
 
@@ -241,7 +230,7 @@ def _starts_like(record: Record, full: Sequence[int]) -> bool:
     if not is_rest(record.phases[0]):
         return False
     time_s = record.log.time_s
-    rests = find_rests(record.phases, _LONG_REST_S)
+    rests = find_rests(record.phases, SETTLED_REST_S)
     after = [p for p in rests if any(0 < time_s[p.first] - time_s[end] < _SOON_S for end in full)]
     voltage_V = record.log.voltage_V
     return any(voltage_V[0] >= (1 - 0.5 * _TOP_SHARE) * voltage_V[p.last] for p in after)
@@ -255,7 +244,7 @@ def _hysteresis(record: Record, capacity_Ah: float) -> tuple[np.ndarray, np.ndar
     return h, np.ones(moved.size) if record.came_from else 1 - np.cumprod(decay)
 
 
-def _by_voltage(record: Record, sample: int, ocv: OcvCurve, degC: float, h: float, known: float) -> AxisAnchor:
+def _by_voltage(record: Record, sample: int, ocv: OcvCurve, degC: float, h: float, known: float) -> SocAnchor:
     """SoC at a rest voltage, on the side of the mean curve that the hysteresis state `h` tells.
 
     The voltage is unknown by 1.5 mV per volt and by the error of the hysteresis: all of it where nothing is known of h.
@@ -266,10 +255,10 @@ def _by_voltage(record: Record, sample: int, ocv: OcvCurve, degC: float, h: floa
     hysteresis_std = known * _HYSTERESIS_SHARE_STD + (1 - known)
     error_V = hysteresis_std * float(ocv.hysteresis_at(soc)) + _VOLTAGE_STD_SHARE * voltage_V
     low, high = (ocv.soc_at(voltage_V + s * error_V, degC, branch) for s in (-1, 1))
-    return AxisAnchor(sample, soc, max(_SMALLEST_REST_STD, 0.5 * (high - low)), f"rest at {voltage_V:.4g} V")
+    return SocAnchor(sample, soc, max(_SMALLEST_REST_STD, 0.5 * (high - low)), f"rest at {voltage_V:.4g} V")
 
 
-def _efficiency(record: Record, anchors: Sequence[AxisAnchor], otherwise: float) -> float:
+def _efficiency(record: Record, anchors: Sequence[SocAnchor], otherwise: float) -> float:
     """Charge that came out over charge that went in between the first and the last full charge; 1 above 0.99."""
     if len(anchors) < 2:
         return otherwise
@@ -280,7 +269,7 @@ def _efficiency(record: Record, anchors: Sequence[AxisAnchor], otherwise: float)
     return float(efficiency) if 0.5 <= efficiency < 1 - _SMALLEST_LOSS else 1.0
 
 
-def _tied(record: Record, capacity_Ah: float, anchors: Sequence[AxisAnchor], efficiency: float) -> np.ndarray:
+def _tied(record: Record, capacity_Ah: float, anchors: Sequence[SocAnchor], efficiency: float) -> np.ndarray:
     """Counted SoC, corrected so that it passes the anchors; between them in proportion to the charge that flowed."""
     counted = count_soc(record, capacity_Ah, efficiency)
     at = [a.sample for a in anchors]

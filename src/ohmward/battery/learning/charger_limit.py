@@ -18,13 +18,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery, Knowledge, require_thevenin
 from ohmward.battery.chemistries import chemistry, generic_battery
-from ohmward.battery.knowledge import Knowledge
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.same_battery import forgotten
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc_elements import rc_of_thevenin
+from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.anchor_rule import BEYOND_SIGMAS, AnchorRule

@@ -15,28 +15,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
-from ohmward.battery.chemistries import CELL_V, Normal, chemistry_prior
+from ohmward.battery.battery import Battery, Knowledge, SeenLog, require_thevenin
+from ohmward.battery.chemistries import CELL_V, Normal, chemistry, chemistry_prior
 from ohmward.battery.identification.circuit_prior import LFP_WITHOUT_LOW_RATE_V
 from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD, beyond_axis_V
-from ohmward.battery.identification.ocv_from_low_rate import monotone
-from ohmward.battery.knowledge import Knowledge, SeenLog
-from ohmward.battery.learning.open_circuit import CurvePlace, OpenCircuit, file_charge, true_soc
+from ohmward.battery.identification.ocv_from_logs import monotone
 from ohmward.battery.learning.parameters import (
     ENTROPY_KNOTS,
     OCV_KNOTS,
     Parameters,
     mean_slope_V,
     parameters_of,
+    prior_covariance,
 )
-from ohmward.battery.models.knots import hat
+from ohmward.battery.learning.voltage_model import CurvePlace, OpenCircuit, file_charge, true_soc
 from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc_elements import rc_of_thevenin
-from ohmward.battery.models.slip import slip_shape
+from ohmward.battery.models.ocv import OcvCurve, hat, slip_shape
+from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.models.thevenin import (
     RESISTANCE_KNOTS,
     CircuitInput,
@@ -45,6 +44,7 @@ from ohmward.battery.models.thevenin import (
     next_state,
     overpotentials,
 )
+from ohmward.filters.consistency import BAND_95
 
 #: Duration of the pulse [s], and the state of charge before the one that is quoted.
 PULSE_S, _HALF = 10.0, 0.5
@@ -63,7 +63,7 @@ _ENTROPY_SHARE = 0.5
 #: Where nothing but the curve has told the charge, a log cannot see a shift of the axis: so much of the error that the
 #: chemistry's curves have is left.
 _UNANCHORED_SHARE = 0.5
-#: Grid of the error along SoC in the noise.
+#: Grid of the error along SoC.
 _NOISE_GRID = np.linspace(0.0, 1.0, 21)
 #: Correlations between knots of the curve that tell how long its error lasts.
 _NEIGHBOUR = 0.1
@@ -224,26 +224,6 @@ def never_anchored(battery: Battery, before: Battery) -> Battery:
     return replace(battery, noise=replace(battery.noise, soc_axis_std=axis_std))
 
 
-def capacity_normal(battery: Battery, covariance: np.ndarray) -> Normal:
-    """Capacity [Ah] and its standard deviation; the gain of the current sensor cannot be told from it."""
-    p = parameters_of(battery)
-    learnt = float(covariance[p.group("capacity"), p.group("capacity")].sum())
-    std = np.hypot(max(np.sqrt(learnt), _CAPACITY_STD), battery.sensor.gain_std)
-    return Normal(battery.capacity_Ah, battery.capacity_Ah * float(std))
-
-
-def offset_normal(battery: Battery, covariance: np.ndarray) -> Normal:
-    """Reading of the current sensor at zero current [A], and its standard deviation."""
-    offset = parameters_of(battery).group("offset")
-    return Normal(battery.sensor.offset_A, float(np.sqrt(covariance[offset, offset].sum())))
-
-
-def resistance_normal(battery: Battery, covariance: np.ndarray) -> Normal:
-    """Resistance [ohm] to ten seconds of 1 C at half charge and the temperature of the file."""
-    mean = pulse_ohm(require_thevenin(battery))
-    return Normal(mean, mean * max(resistance_std(battery, covariance), _RESISTANCE_STD))
-
-
 def resistance_std(battery: Battery, covariance: np.ndarray) -> float:
     """Relative error of the resistance to a steady current, mean over SoC."""
     p, model = parameters_of(battery), require_thevenin(battery)
@@ -307,3 +287,65 @@ def pulse_ohm_along(model: Thevenin, soc: np.ndarray) -> np.ndarray:
     _, *v, h = next_state(np.array([soc, *([nothing] * (model.pairs + 1))]), u, model, PULSE_S)
     ohm = sum(overpotentials(np.array([soc, *v, h]), u, model)) / u.current_A
     return ohm + mean_slope_V(model.ocv, soc) * PULSE_S / model.capacity_As
+
+
+#: How the sentences of a label begin; those of a test stay as they are.
+_OF_A_LABEL = ("everything", "capacity: ", "resistances: ", "open-circuit voltage: ")
+#: A curve that is seen down to this SoC is seen to its end.
+_SEEN_TO_THE_END = 0.02
+
+
+class KnownBattery(NamedTuple):
+    """Quantities of a battery file with their standard deviations."""
+
+    capacity_Ah: Normal  #: the gain of the current sensor cannot be told from it
+    resistance_ohm: Normal  #: to ten seconds of 1 C at half charge and the temperature of the file
+    offset_A: Normal  #: reading of the current sensor at zero current
+    #: (21,) standard deviation of the open-circuit curve that the estimators assume, from SoC 0 to 1
+    ocv_std_V: np.ndarray
+    #: what it has learnt from
+    logs: int
+    hours: float
+
+
+def known(battery: Battery) -> KnownBattery:
+    """Quantities that a battery file knows, and how well."""
+    p, covariance = parameters_of(battery), prior_covariance(battery)
+    learnt = float(covariance[p.group("capacity"), p.group("capacity")].sum())
+    capacity_std = np.hypot(max(np.sqrt(learnt), _CAPACITY_STD), battery.sensor.gain_std)
+    ohm, offset = pulse_ohm(require_thevenin(battery)), p.group("offset")
+    logs = battery.knowledge.logs if battery.knowledge else ()
+    return KnownBattery(
+        Normal(battery.capacity_Ah, battery.capacity_Ah * float(capacity_std)),
+        Normal(ohm, ohm * max(resistance_std(battery, covariance), _RESISTANCE_STD)),
+        Normal(battery.sensor.offset_A, float(np.sqrt(covariance[offset, offset].sum()))),
+        ocv_std_V(battery, _NOISE_GRID),
+        len(logs),
+        sum(log.hours for log in logs),
+    )
+
+
+def ocv_std_V(battery: Battery, soc: Any) -> np.ndarray:
+    """Standard deviation of the open-circuit curve [V] that the estimators assume, its SoC axis included."""
+    model = require_thevenin(battery)
+    slope_V = np.gradient(np.asarray(model.ocv.mean_V(soc, model.reference_degC)), soc)
+    return np.hypot(np.asarray(battery.noise.model_std_at(soc)), slope_V * battery.noise.soc_axis_std)
+
+
+def not_identified_sentences(battery: Battery) -> tuple[str, ...]:
+    """The sentences on what is not known of the battery, those of its label brought up to what it has learnt."""
+    others = tuple(text for text in battery.not_identified if not text.startswith(_OF_A_LABEL))
+    if battery.knowledge is None or not any(text.startswith(_OF_A_LABEL[0]) for text in battery.not_identified):
+        return battery.not_identified
+    found, seen_soc = known(battery), battery.knowledge.seen_from_soc
+    capacity = BAND_95 * found.capacity_Ah.relative_std
+    resistance = np.exp(BAND_95 * found.resistance_ohm.relative_std)
+    kind = f"cells of {chemistry(battery.chemistry).title}" if battery.chemistry else "batteries"
+    sentences = [
+        f"everything that no log has shown: start values that {kind} have in common",
+        f"capacity: learnt within ± {capacity:.0%} (95 %) from {found.logs} log{'s' * (found.logs != 1)}",
+        f"resistances: learnt within a factor of {resistance:.2f} (95 %)",
+    ]
+    if seen_soc > _SEEN_TO_THE_END:
+        sentences.append(f"open-circuit voltage: no log went below {seen_soc:.0%} of charge")
+    return (*sentences, *others)

@@ -16,29 +16,28 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_battery
+from ohmward.battery.battery import Battery, Knowledge, SeenLog, require_battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.knowledge import Knowledge, SeenLog
-from ohmward.battery.learning.capacity_marginal import with_capacity
 from ohmward.battery.learning.charger_limit import full_at_charger_limit, limit_sentence
 from ohmward.battery.learning.fold import (
     ageing_direction,
-    capacity_normal,
     fold,
+    known,
     model_floor_V,
     never_anchored,
-    offset_normal,
-    resistance_normal,
+    not_identified_sentences,
     slip_direction,
 )
-from ohmward.battery.learning.given_soc import full_at_start, given_at_start, soc_anchors, span_of
-from ohmward.battery.learning.known import not_identified_sentences
-from ohmward.battery.learning.log_estimates import LogEstimates, combined, log_estimates
-from ohmward.battery.learning.log_update import LogUpdate, narrowed, what_narrowed
-from ohmward.battery.learning.nuisances import nuisance_covariance
+from ohmward.battery.learning.log_update import (
+    LogEstimates,
+    LogUpdate,
+    combined,
+    log_estimates,
+    narrowed,
+    what_narrowed,
+)
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.same_battery import (
-    LogFindings,
     confirms,
     explained_worse,
     forgotten,
@@ -50,10 +49,19 @@ from ohmward.battery.learning.same_battery import (
     unexplained,
 )
 from ohmward.battery.learning.samples import Samples, samples_of
-from ohmward.battery.learning.solve import Normals, SocAnchor, Solution, solve
-from ohmward.battery.learning.start import likely_starts, new_parts, prior_of_age
-from ohmward.battery.learning.voltage_model import VoltageModel
+from ohmward.battery.learning.solve import Normals, Solution, solve, with_capacity
+from ohmward.battery.learning.start import (
+    full_at_start,
+    given_at_start,
+    likely_starts,
+    new_parts,
+    prior_of_age,
+    soc_anchors,
+    span_of,
+)
+from ohmward.battery.learning.voltage_model import VoltageModel, nuisance_covariance
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD
+from ohmward.battery.soc.anchor_rule import SocAnchor
 from ohmward.battery.soc.anchors import Anchor, find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.fit_check import misfits
@@ -173,34 +181,28 @@ def _seen(log: Log, fingerprint: str, update: LogUpdate, anchored: int) -> SeenL
 def _remember(before: Battery, after: Battery, log: SeenLog) -> Battery:
     """The battery with the log among those that it has learnt."""
     assert after.knowledge is not None
-    known = () if before.knowledge is None else before.knowledge.logs
-    learnt = replace(after, knowledge=replace(after.knowledge, logs=(*known, log)))
-    if not any(seen.anchors for seen in (*known, log)):
+    logs = (*(() if before.knowledge is None else before.knowledge.logs), log)
+    learnt = replace(after, knowledge=replace(after.knowledge, logs=logs))
+    if not any(seen.anchors for seen in logs):
         learnt = never_anchored(learnt, before)
     return replace(learnt, not_identified=not_identified_sentences(learnt))
 
 
 def _contradiction(battery: Battery, log: Log, update: LogUpdate) -> str:
     """Contradiction of a log with the battery, as it has aged until then, or with itself; "" for none."""
-    covariance = prior_covariance(battery)
-    known = LogFindings(
-        capacity_normal(battery, covariance),
-        resistance_normal(battery, covariance),
-        offset_normal(battery, covariance),
-    )
-    after = _log_findings(update)
+    before = known(battery)
     if larger := too_small(update.capacity_Ah, update.soc_max - update.soc_min):
         return larger
     if is_label(battery):
-        return unexplained(after) or other_label(known, after)
-    if confirms(known, after):
+        return unexplained(update) or other_label(before, update)
+    if confirms(before, update):
         return ""
     _, alone = learn_log(forgotten(battery), log, check_fit=False)
     if alone.verdict != "learnt":
         return alone.reason
     seconds, correlation_s = SECONDS_PER_HOUR * update.hours, battery.noise.correlation_s
     worse = explained_worse(seconds, correlation_s, update.residual_rms_V, alone.residual_rms_V)
-    return other_battery(known, _log_findings(alone), worse) or moved_too_far(known, after) or unexplained(after)
+    return other_battery(before, alone, worse) or moved_too_far(before, update) or unexplained(update)
 
 
 def _misfit_of_file(battery: Battery, parts: Sequence[Log], initial_soc: float | None) -> str:
@@ -210,11 +212,6 @@ def _misfit_of_file(battery: Battery, parts: Sequence[Log], initial_soc: float |
         if wrong := misfits(battery, part, run.settings, run.estimates):
             return wrong[0].text
     return ""
-
-
-def _log_findings(update: LogUpdate) -> LogFindings:
-    """Findings of a log about its battery."""
-    return LogFindings(update.capacity_Ah, update.resistance_ohm, update.offset_A, update.residual_rms_V, update.misfit)
 
 
 def aged_by(battery: Battery, hours: float, log: Log) -> Battery:
@@ -314,11 +311,10 @@ def _best_start(model: VoltageModel, prior: Normals, anchors: tuple[SocAnchor, .
 
 def _update(before: Battery, after: Battery, log: Log, parts: list[_Part], anchors: tuple[Anchor, ...]) -> LogUpdate:
     """Update by the log, from the batteries before and after it."""
-    old, new = prior_covariance(before), prior_covariance(after)
-    p = parameters_of(after)
     socs = [part.solution.charge.soc for part in parts]
     residual_V = np.concatenate([part.solution.residual_V for part in parts])
-    information = narrowed(p, old, new)
+    found = known(after)
+    information = narrowed(parameters_of(after), prior_covariance(before), prior_covariance(after))
     return LogUpdate(
         log=log.name,
         verdict="learnt",
@@ -326,9 +322,9 @@ def _update(before: Battery, after: Battery, log: Log, parts: list[_Part], ancho
         hours=log.duration_s / SECONDS_PER_HOUR,
         soc_min=float(min(soc.min() for soc in socs)),
         soc_max=float(max(soc.max() for soc in socs)),
-        capacity_Ah=capacity_normal(after, new),
-        resistance_ohm=resistance_normal(after, new),
-        offset_A=offset_normal(after, new),
+        capacity_Ah=found.capacity_Ah,
+        resistance_ohm=found.resistance_ohm,
+        offset_A=found.offset_A,
         information=information,
         residual_rms_V=float(np.sqrt(np.mean(residual_V**2))),
         misfit=float(
@@ -352,23 +348,5 @@ def _soc_at(part: _Part, sample: int) -> Normal:
 
 def _not_learnt(battery: Battery, log: Log, verdict: str, reason: str) -> LogUpdate:
     """The update by a log that showed nothing new."""
-    covariance = prior_covariance(battery)
-    return LogUpdate(
-        log=log.name,
-        verdict=verdict,
-        reason=reason,
-        hours=log.duration_s / SECONDS_PER_HOUR,
-        soc_min=np.nan,
-        soc_max=np.nan,
-        capacity_Ah=capacity_normal(battery, covariance),
-        resistance_ohm=resistance_normal(battery, covariance),
-        offset_A=offset_normal(battery, covariance),
-        information={},
-        residual_rms_V=np.nan,
-        misfit=np.nan,
-        soc_start=Normal(np.nan, np.nan),
-        soc_end=Normal(np.nan, np.nan),
-        own_capacity_Ah=Normal(np.nan, np.inf),
-        own_resistance_ohm=Normal(np.nan, np.inf),
-        given_Ah=Normal(np.nan, np.inf),
-    )
+    found, hours = known(battery), log.duration_s / SECONDS_PER_HOUR
+    return LogUpdate(log.name, verdict, reason, hours, found.capacity_Ah, found.resistance_ohm, found.offset_A)

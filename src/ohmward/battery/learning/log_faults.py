@@ -11,13 +11,13 @@ from ohmward.battery.learning.fold import pulse_ohm
 from ohmward.battery.log_check import (
     HIDDEN_CHARGE,
     MEDIAN_OF,
-    REST_C,
     check_log,
     hidden_charges,
     medians,
     moving_rests,
     other_cells,
 )
+from ohmward.battery.soc.anchor_rule import REST_C
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note, without_impossible
 from ohmward.logs.sign import OTHER_SIGN, WRONG_SIGN, resolution, sign_evidence

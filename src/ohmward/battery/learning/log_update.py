@@ -1,15 +1,98 @@
-"""Update of a battery file by one log, or the reason why there is none."""
+"""Update of a battery file by one log, and capacity and resistance as a part of it shows them by itself.
+
+With the posterior N(m, C) of the corrections, their prior N(0, P) and the information L = C^-1 - P^-1 of the part, its
+own likelihood along a direction d, all other corrections at their most likely values, is normal about
+
+    m + d (d' P^-1 m) / (d' L d),        with the variance 1 / (d' L d).
+
+A trend over months is fitted to these: knowledge that is carried from log to log would count again and again.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.chemistries import Normal
+from ohmward.battery.learning.fold import ageing_direction, pulse_ohm
 from ohmward.battery.learning.parameters import TITLES, Parameters
+from ohmward.battery.learning.solve import Normals, Solution
+from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.soc.anchors import Anchor
+
+#: An empty battery has given all; the logarithm of what is left of its capacity needs a little.
+_LEAST_GIVEN = 1e-3
+#: A logarithm that is known worse than within 1 says nothing of its quantity.
+_LEAST_INFORMATION = 1.0
+_SAYS_NOTHING = Normal(float("nan"), float("inf"))
+
+
+class LogEstimates(NamedTuple):
+    """Statements of a part of a log by itself."""
+
+    #: with std inf where it says nothing
+    capacity_Ah: Normal
+    resistance_ohm: Normal
+    lowest_soc: float  #: of the part
+    given_Ah: Normal  #: charge D = Q (1 - s) from full down to it, in which errors of Q and s cancel
+
+
+def log_estimates(model: VoltageModel, prior: Normals, found: Solution, after: Battery) -> LogEstimates:
+    """Statements of a part by itself; after: the battery with its corrections."""
+    p = model.parameters
+    K = p.size
+    precision = np.linalg.inv(prior.covariance[:K, :K])
+    information = np.linalg.inv(found.covariance[:K, :K]) - precision
+    pull = precision @ found.x[:K]
+    lowest_soc, given_Ah = _given(model, found, after)
+    return LogEstimates(
+        log_estimate(after.capacity_Ah, ageing_direction(model.battery, p), pull, information),
+        log_estimate(pulse_ohm(require_thevenin(after)), _resistances(p), pull, information),
+        lowest_soc,
+        given_Ah,
+    )
+
+
+def combined(shares: Sequence[Normal]) -> Normal:
+    """The normal distributions of one positive quantity that several parts say, as one."""
+    known = [share for share in shares if np.isfinite(share.std)]
+    if not known:
+        return _SAYS_NOTHING
+    weights = np.array([(share.mean / share.std) ** 2 for share in known])
+    mean = float(np.exp(weights @ np.log([share.mean for share in known]) / weights.sum()))
+    return Normal(mean, mean * float(weights.sum() ** -0.5))
+
+
+def _resistances(p: Parameters) -> np.ndarray:
+    """(K,) 1 for the logarithms of all resistances."""
+    d = np.zeros(p.size)
+    d[np.r_[p.group("ohmic"), p.group("pair")]] = 1.0
+    return d
+
+
+def log_estimate(now: float, d: np.ndarray, pull: np.ndarray, information: np.ndarray) -> Normal:
+    """A quantity that is `now` in the corrected file, whose logarithm grows along d."""
+    of_part = float(d @ information @ d)
+    if not of_part > _LEAST_INFORMATION:
+        return _SAYS_NOTHING
+    mean = now * float(np.exp(d @ pull / of_part))
+    return Normal(mean, mean * of_part**-0.5)
+
+
+def _given(model: VoltageModel, found: Solution, after: Battery) -> tuple[float, Normal]:
+    """Lowest SoC s of a part, and D = Q (1 - s): d ln D = d ln Q - ds / (1 - s)."""
+    soc = found.charge.soc
+    lowest = int(np.argmin(soc))
+    given = max(1.0 - float(soc[lowest]), _LEAST_GIVEN)
+    columns = -found.charge.soc_columns(np.array([lowest]))[0] / given
+    columns[model.parameters.group("capacity")] += 1.0
+    given_Ah = after.capacity_Ah * given
+    return float(soc[lowest]), Normal(given_Ah, given_Ah * float(np.sqrt(columns @ found.covariance @ columns)))
 
 
 class LogUpdate(NamedTuple):
@@ -19,32 +102,34 @@ class LogUpdate(NamedTuple):
     verdict: str  #: "learnt", "set aside" or "seen"
     reason: str  #: why it was set aside, or what it taught, in a sentence
     hours: float  #: its length
-    #: range of SoC in it
-    soc_min: float
-    soc_max: float
-    #: what is known after this log; the resistance to ten seconds of 1 C at half charge and the temperature of the file
+    #: what is known after this log, see `KnownBattery`
     capacity_Ah: Normal
     resistance_ohm: Normal
     offset_A: Normal
+    #: range of SoC in it
+    soc_min: float = math.nan
+    soc_max: float = math.nan
     #: by what factor the standard deviation of each group of parameters narrowed, by its name
-    information: Mapping[str, float]
-    residual_rms_V: float  #: measured minus expected voltage
-    misfit: float  #: factor by which the squares of these errors exceed what the file expects of them, at least 1
+    information: Mapping[str, float] = MappingProxyType({})
+    residual_rms_V: float = math.nan  #: measured minus expected voltage
+    #: factor by which the squares of these errors exceed what the file expects of them, at least 1
+    misfit: float = math.nan
     #: SoC at the first and the last sample
-    soc_start: Normal
-    soc_end: Normal
+    soc_start: Normal = Normal(math.nan, math.nan)
+    soc_end: Normal = Normal(math.nan, math.nan)
     #: what this log alone says of them, all other parameters as they are known after it; the standard deviation is inf
     #: where it says nothing
-    own_capacity_Ah: Normal
-    own_resistance_ohm: Normal
-    given_Ah: Normal  #: charge from full down to the lowest SoC of the log
+    own_capacity_Ah: Normal = _SAYS_NOTHING
+    own_resistance_ohm: Normal = _SAYS_NOTHING
+    given_Ah: Normal = _SAYS_NOTHING  #: charge from full down to the lowest SoC of the log
     anchors: tuple[Anchor, ...] = ()  #: what told SoC beside the voltage
     left_out: tuple[str, ...] = ()  #: stretches and samples of the log that were not used, and why
 
     def as_dict(self) -> dict[str, Any]:
         """The update for JSON; a number that is not known is None."""
         records = {name: value._asdict() for name, value in self._asdict().items() if isinstance(value, Normal)}
-        found = self._asdict() | records | {"anchors": [anchor._asdict() for anchor in self.anchors]}
+        found = self._asdict() | records | {"information": dict(self.information)}
+        found |= {"anchors": [anchor._asdict() for anchor in self.anchors]}
         return {name: None if value != value else value for name, value in found.items()}
 
 

@@ -19,8 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
-from ohmward.battery.knowledge import SeenLog
+from ohmward.battery.battery import Battery, SeenLog
 from ohmward.battery.learning.fold import fold
 from ohmward.battery.learning.learn import aged
 from ohmward.battery.learning.parameters import Parameters, parameters_of, prior_covariance

@@ -12,9 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
-from ohmward.battery.models.knots import correlation
 from ohmward.battery.models.noise import RESISTANCE_CORRELATION, BatteryNoise
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve, correlation
 from ohmward.battery.models.thevenin import RESISTANCE_KNOTS, Thevenin
 from ohmward.errors import InputError
 

@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal, start_noise
-from ohmward.battery.models.sensor import OFFSET_SHARE
+from ohmward.battery.learning.fold import KnownBattery
+from ohmward.battery.learning.log_update import LogUpdate
+from ohmward.battery.models.noise import OFFSET_SHARE
+from ohmward.filters.consistency import BAND_95
 
 #: Length of the vector of both differences, in their standard deviations, that sets a log aside. Later logs of one
 #: battery stay below 2.0 in six simulated cells and below 2.6 in measured ones; the same cell with 80 % of its charge
@@ -47,23 +49,6 @@ _MOVED = 4.0
 _UNEXPLAINED, _MISFITS = 12.0, 3.0
 
 
-class LogFindings(NamedTuple):
-    """LogFindings of a file or of a log about the battery."""
-
-    #: the resistance to ten seconds of 1 C
-    capacity_Ah: Normal
-    resistance_ohm: Normal
-    offset_A: Normal  #: of the current sensor
-    #: of the errors of the voltage
-    rms_V: float = 0.0
-    misfit: float = 1.0  #: factor by which their squares exceed what was expected
-
-    @property
-    def of_battery(self) -> tuple[Normal, Normal]:
-        """Capacity and resistance."""
-        return self.capacity_Ah, self.resistance_ohm
-
-
 def forgotten(battery: Battery) -> Battery:
     """The battery as its label tells it: the values of the file, with widths as before any test or log."""
     label, noise, sensor = start_noise(battery.chemistry, battery.n_series), battery.noise, battery.sensor
@@ -87,34 +72,34 @@ def is_label(battery: Battery) -> bool:
     return battery.knowledge is None and battery.noise.resistance_std >= label.resistance_std
 
 
-def unexplained(found: LogFindings) -> str:
+def unexplained(found: LogUpdate) -> str:
     """Contradiction of a log with itself: its voltage does not follow from its current; "" for none."""
     if not found.misfit > _UNEXPLAINED:
         return ""
-    expected_V = found.rms_V / math.sqrt(found.misfit)
+    expected_V = found.residual_rms_V / math.sqrt(found.misfit)
     return (
-        f"its voltage does not follow from its current: {1e3 * found.rms_V:.3g} mV off, where {1e3 * expected_V:.2g} "
-        "mV are expected; was the current sensor dead for a while, does it miss the charger or a load, has the column "
-        "lost its sign or its unit?"
+        f"its voltage does not follow from its current: {1e3 * found.residual_rms_V:.3g} mV off, where "
+        f"{1e3 * expected_V:.2g} mV are expected; was the current sensor dead for a while, does it miss the charger or "
+        "a load, has the column lost its sign or its unit?"
     )
 
 
-def confirms(known: LogFindings, after: LogFindings) -> bool:
+def confirms(known: KnownBattery, after: LogUpdate) -> bool:
     """True for a log that fits its file and moves nothing in it: it need not be learnt alone."""
-    moved = [_moved(old, new) for old, new in zip(known.of_battery, after.of_battery, strict=True)]
+    moved = _moved(known, after)
     return bool(np.linalg.norm(moved) < _CONFIRMS and after.misfit < _FITS)
 
 
-def other_label(known: LogFindings, after: LogFindings) -> str:
+def other_label(known: KnownBattery, after: LogUpdate) -> str:
     """Contradiction of a log with the label that the file was made from; "" for none."""
-    moved = [_moved(old, new) for old, new in zip(known.of_battery, after.of_battery, strict=True)]
+    moved = _moved(known, after)
     other = _contradiction(known, after, moved, _OTHER_BATTERY_STD if after.misfit > _MISFITS else _OTHER_LABEL)
     return other or _other_sensor(known, after, known.offset_A.std)
 
 
-def moved_too_far(known: LogFindings, after: LogFindings) -> str:
+def moved_too_far(known: KnownBattery, after: LogUpdate) -> str:
     """Contradiction of a log that moves what the file knows further than that may err; "" for none."""
-    moved = [_moved(old, new) for old, new in zip(known.of_battery, after.of_battery, strict=True)]
+    moved = _moved(known, after)
     return _contradiction(known, after, moved, _MOVED)
 
 
@@ -123,19 +108,16 @@ def too_small(capacity_Ah: Normal, depth: float) -> str:
     if depth <= _DEEPEST_DISCHARGE:
         return ""
     larger = f"its capacity is {depth * capacity_Ah.mean:.3g} Ah at least, by the charge that the log counts"
-    return _refusal(f"{larger}, that of the file {capacity_Ah.mean:.3g} ± {capacity_Ah.std:.2g} Ah")
+    return _refusal(f"{larger}, that of the file {_band(capacity_Ah)} Ah")
 
 
-def other_battery(known: LogFindings, alone: LogFindings, explained_worse: float = 0.0) -> str:
+def other_battery(known: KnownBattery, alone: LogUpdate, explained_worse: float = 0.0) -> str:
     """Contradiction of a log with a file that knows its battery; "" for none.
 
     alone: what the log tells with nothing else known.
     explained_worse: see the function of this name.
     """
-    z = [
-        _log_ratio(old, new) / np.hypot(_share(old), _share(new))
-        for old, new in zip(known.of_battery, alone.of_battery, strict=True)
-    ]
+    z = [_log_ratio(old, new) / np.hypot(old.relative_std, new.relative_std) for old, new in _pairs(known, alone)]
     doubtful = explained_worse > _EXPLAINED_WORSE
     sensor_std_A = float(np.hypot(known.offset_A.std, alone.offset_A.std))
     other_sensor = _other_sensor(known, alone, sensor_std_A) if doubtful else ""
@@ -154,27 +136,26 @@ def explained_worse(duration_s: float, correlation_s: float, rms_V: float, alone
     return float(duration_s / correlation_s * np.log(rms_V / alone_rms_V))
 
 
-def _other_sensor(known: LogFindings, found: LogFindings, std_A: float) -> str:
+def _other_sensor(known: KnownBattery, found: LogUpdate, std_A: float) -> str:
     """Contradiction of the offset of the current sensor with the one of the file; "" for none."""
     off_A = found.offset_A.mean - known.offset_A.mean
     if abs(off_A) <= _OTHER_SENSOR * std_A:
         return ""
     return (
-        f"its current sensor shows {found.offset_A.mean:.3g} ± {found.offset_A.std:.2g} A where none flows, that of "
-        f"the file {known.offset_A.mean:.3g} ± {known.offset_A.std:.2g} A (1 sigma); check the sensor; "
+        f"its current sensor shows {_band(found.offset_A)} A where none flows, that of the file "
+        f"{_band(known.offset_A)} A (95 %); check the sensor; "
         "with another one begin anew with `ohmward generic` and the present capacity"
     )
 
 
-def _contradiction(known: LogFindings, found: LogFindings, z: list[float], limit: float) -> str:
+def _contradiction(known: KnownBattery, found: LogUpdate, z: list[float], limit: float) -> str:
     """Sentence on the differences, z of which are those in standard deviations, where they are beyond the limit."""
     if np.linalg.norm(z) < limit:
         return ""
     units = (("capacity", "Ah", 1.0), ("resistance", "mohm", 1e3))
     differ = [
-        f"its {name} is {scale * new.mean:.3g} ± {scale * new.std:.2g} {unit}, that of the file "
-        f"{scale * old.mean:.3g} ± {scale * old.std:.2g} {unit}"
-        for (name, unit, scale), old, new, off in zip(units, known.of_battery, found.of_battery, z, strict=True)
+        f"its {name} is {_band(new, scale)} {unit}, that of the file {_band(old, scale)} {unit}"
+        for (name, unit, scale), (old, new), off in zip(units, _pairs(known, found), z, strict=True)
         if abs(off) > _WORTH_TELLING
     ]
     return _refusal(" and ".join(differ))
@@ -182,20 +163,25 @@ def _contradiction(known: LogFindings, found: LogFindings, z: list[float], limit
 
 def _refusal(difference: str) -> str:
     return (
-        f"this is not the battery of the file: {difference} (1 sigma); keep a file for each battery. If "
+        f"this is not the battery of the file: {difference} (95 %); keep a file for each battery. If "
         "it is the same one nevertheless, begin anew with `ohmward generic` and its present capacity"
     )
 
 
-def _moved(old: Normal, new: Normal) -> float:
-    """Change of the logarithm in standard deviations of what was known before."""
-    return _log_ratio(old, new) / _share(old)
+def _moved(known: KnownBattery, after: LogUpdate) -> list[float]:
+    """Changes of the logarithms of capacity and resistance in standard deviations of what was known before."""
+    return [_log_ratio(old, new) / old.relative_std for old, new in _pairs(known, after)]
+
+
+def _pairs(known: KnownBattery, found: LogUpdate) -> tuple[tuple[Normal, Normal], tuple[Normal, Normal]]:
+    """Capacity and resistance of the file, each beside that of the log."""
+    return (known.capacity_Ah, found.capacity_Ah), (known.resistance_ohm, found.resistance_ohm)
 
 
 def _log_ratio(old: Normal, new: Normal) -> float:
     return float(np.log(new.mean / old.mean))
 
 
-def _share(value: Normal) -> float:
-    """Relative standard deviation."""
-    return value.std / value.mean
+def _band(value: Normal, scale: float = 1.0) -> str:
+    """A mean and the half width of its 95 % band."""
+    return f"{scale * value.mean:.3g} ± {scale * BAND_95 * value.std:.2g}"

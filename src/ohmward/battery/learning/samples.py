@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.identification.charge import find_gaps
-from ohmward.battery.models.noise import PATH_SHARE, USUAL_C
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.identification.record import find_gaps
+from ohmward.battery.models.noise import PATH_SHARE, USUAL_C, CurrentSensor
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_temperature, is_voltage
 from ohmward.errors import InputError

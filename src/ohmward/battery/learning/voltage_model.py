@@ -1,30 +1,248 @@
 """Voltage of a battery along a part of a log, and its derivatives by all that is not known.
 
-    c(t)  = c_0 + jumps + (counted(t) - integral of the offset) / Q_file         charge, by the capacity of the file
-    s(t)  = 1 - (1 - c(t)) Q_file / Q                                            state of charge
-    V     = V_ocv(c, T) + M(c, T) h + v_0 + sum v_j
+    c(t)    = c_0 + jumps + (counted(t) - integral of the offset) / Q_file       charge, by the capacity of the file
+    s(t)    = 1 - (1 - c(t)) Q_file / Q                                          state of charge
+    V_ocv(c) = OCV(z, T) + c_ocv(c) + (T - T_0) e(c)                             open-circuit voltage
+    V       = V_ocv(c, T) + M(c, T) h + v_0 + sum v_j
 
-The corrections stand along the charge c, since that is what a log shows; `open_circuit` has the voltage V_ocv. Charge,
-overpotentials and hysteresis with their derivatives are the model's own, see `sensitivities`. An offset that changes in
-the middle of a log acts from there on as one that was there from the start.
+The corrections stand along the charge c, since that is what a log shows. Charge, overpotentials and hysteresis with
+their derivatives are the model's own, see `sensitivities`. An offset that changes in the middle of a log acts from
+there on as one that was there from the start.
+
+Where logs have shown the curve, down to the SoC l, it is pinned to the charge below full, whatever the capacity is.
+Below, it is known along SoC, so that it stretches to where empty is: at the charge e = 1 - Q / Q_file, with the
+capacity Q_file taken for 1, the place z on the curve of the file is
+
+    z(c) = c                            c >= l
+    z(c) = l (c - e) / (l - e)          c <  l
+
+No log has been seen with l = 1: then z is the state of charge, and for a battery that may have aged since its test, the
+slip of its electrodes moves it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import NamedTuple
+from functools import cache, cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
-from ohmward.battery.learning.nuisances import MISFIT_KNOTS, Nuisances, nuisances_of
-from ohmward.battery.learning.open_circuit import OpenCircuit, true_soc
-from ohmward.battery.learning.parameters import Parameters, parameters_of
+from ohmward.battery.learning.parameters import ENTROPY_KNOTS, OCV_KNOTS, Parameters, parameters_of
 from ohmward.battery.learning.samples import Samples
-from ohmward.battery.models.knots import hat
+from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, walk_variance
+from ohmward.battery.models.ocv import correlation, hat, slip_shape
 from ohmward.battery.models.sensitivities import CircuitAlong, CircuitSample, SensitiveCircuit
 from ohmward.battery.models.thevenin import Corrections, Thevenin, without_curve
+from ohmward.logs.log import SECONDS_PER_HOUR
+from ohmward.trace import Kernel, exp, linearize, where
+
+#: A shorter stretch than this above empty is not stretched: it is as good as seen.
+_SHORTEST = 0.02
+
+
+class CurvePlace(NamedTuple):
+    """Places z on the curve of the file."""
+
+    seen_from_soc: Any  #: l
+    log_ratio: Any  #: of the capacity over the file's
+    slip: Any = 0.0  #: share of a loss of capacity by which the electrodes slip
+    full_stays: bool = True  #: False where slip leaves empty where it is, see `models.ocv`
+
+    @property
+    def empty(self) -> Any:
+        """Charge e at empty."""
+        return 1.0 - exp(self.log_ratio)
+
+    def at(self, charge: Any) -> Any:
+        """Places (N,) of these charges c; traced as well."""
+        low, empty = self.seen_from_soc, self.empty
+        stretches = (low > _SHORTEST) & (low - empty > _SHORTEST) & (charge < low)
+        z = where(stretches, low * (charge - empty) / where(stretches, low - empty, 1.0), charge)
+        loss = exp(-self.log_ratio) - 1.0  # over the capacity that is left
+        return z + self.slip * loss * slip_shape(z, 1.0 if self.full_stays else -1.0)
+
+    def columns(self, charge: np.ndarray) -> np.ndarray:
+        """(N, 2) derivatives of the places by the logarithm of the capacity and by the slip."""
+        place = np.array(self[:3], dtype=float)
+        return np.asarray(_columns(self.full_stays).scan(place, np.asarray(charge, dtype=float))[1])
+
+
+@cache
+def _columns(full_stays: bool) -> Kernel:
+    """The derivatives of a place, compiled once for all batteries."""
+
+    def step(place: np.ndarray, charge: Any) -> tuple[np.ndarray, np.ndarray]:
+        def at(z: np.ndarray) -> np.ndarray:
+            return np.array([CurvePlace(place[0], z[0], z[1], full_stays).at(charge)])
+
+        return place, linearize(at, place[1:])[1][0]
+
+    return Kernel(step, np.zeros(3), 0.0)
+
+
+def true_soc(charge: np.ndarray, log_ratio: float) -> np.ndarray:
+    """State of charge at the charges c by the capacity of the file."""
+    return 1.0 - (1.0 - charge) * np.exp(-log_ratio)
+
+
+def file_charge(soc: np.ndarray, log_ratio: float) -> np.ndarray:
+    """Charges c by the capacity of the file at these states of charge."""
+    return 1.0 - (1.0 - soc) * np.exp(log_ratio)
+
+
+#: Half step of SoC for the slope of the curve: nearly a distance of its knots, so that the slope has no steps there.
+#: They would tell the capacity from where the knots lie.
+_HALF_STEP = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class OpenCircuit:
+    """The curve of a battery with the corrections theta (K,)."""
+
+    battery: Battery
+    theta: np.ndarray
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """Unknowns of the battery."""
+        return parameters_of(self.battery)
+
+    @cached_property
+    def model(self) -> Thevenin:
+        """The circuit of the file."""
+        return require_thevenin(self.battery)
+
+    @cached_property
+    def place(self) -> CurvePlace:
+        """Places on the curve; the electrodes of a battery whose curve was learnt do not slip."""
+        knowledge, share = self.battery.knowledge, self.model.ocv_slip
+        log_ratio = float(self.theta[self.parameters.group("capacity")].sum())
+        if knowledge is not None:
+            return CurvePlace(knowledge.seen_from_soc, log_ratio)
+        return CurvePlace(1.0, log_ratio, share + float(self.theta[self.parameters.group("slip")].sum()), share >= 0.0)
+
+    def at(self, charge: np.ndarray, temperature_degC: np.ndarray | float) -> np.ndarray:
+        """Voltage [V] without hysteresis at these charges (N,)."""
+        group, curve = self.parameters.group, self.model.ocv
+        voltage_V = np.asarray(curve.mean_V(self.place.at(charge), temperature_degC))
+        voltage_V = voltage_V + hat(charge, OCV_KNOTS) @ self.theta[group("ocv")]
+        entropy = self.theta[group("entropy")]
+        if not entropy.size:
+            return voltage_V
+        return voltage_V + (temperature_degC - curve.reference_degC) * (hat(charge, ENTROPY_KNOTS) @ entropy)
+
+    def slope_V(self, charge: np.ndarray, temperature_degC: np.ndarray | float) -> np.ndarray:
+        """Slope of the voltage along the charge [V] (N,)."""
+        above_V, below_V = (self.at(charge + step, temperature_degC) for step in (_HALF_STEP, -_HALF_STEP))
+        return (above_V - below_V) / (2 * _HALF_STEP)
+
+    def columns(self, charge: np.ndarray, temperature_degC: np.ndarray | float) -> np.ndarray:
+        """(N, K) derivatives of the voltage by the corrections."""
+        group, curve = self.parameters.group, self.model.ocv
+        columns = np.zeros((charge.size, self.parameters.size))
+        z, degC = self.place.at(charge), temperature_degC
+        steep_V = (curve.mean_V(z + _HALF_STEP, degC) - curve.mean_V(z - _HALF_STEP, degC)) / (2 * _HALF_STEP)
+        by_capacity, by_slip = self.place.columns(charge).T
+        columns[:, group("capacity")] = (steep_V * by_capacity)[:, None]
+        if self.battery.knowledge is None:
+            columns[:, group("slip")] = (steep_V * by_slip)[:, None]
+        columns[:, group("ocv")] = hat(charge, OCV_KNOTS)
+        if self.theta[group("entropy")].size:
+            warmer_K = np.broadcast_to(degC - curve.reference_degC, charge.shape)
+            columns[:, group("entropy")] = warmer_K[:, None] * hat(charge, ENTROPY_KNOTS)
+        return columns
+
+
+#: The offset of a current sensor is followed in steps of so many hours, at most so many of them.
+_OFFSET_HOURS, _MOST_OFFSETS = 6.0, 30
+#: Knots of SoC of the error that one log has for itself, however well the model fits all others.
+MISFIT_KNOTS = np.linspace(0.0, 1.0, 11)
+_MISFIT_LENGTH = 0.1
+#: RC voltages at the start of a part, as those of this current in multiples of the capacity per hour.
+_START_C = 0.15
+#: Keeps the walk of a sensor that has none from being singular [A].
+_LEAST_WALK_A = 1e-9
+#: Least standard deviation of an RC voltage at the start, for each volt of the battery.
+_LEAST_PAIR_SHARE = 5e-4
+
+
+class Nuisances(NamedTuple):
+    """Places of the unknowns of a part in their vector (M,)."""
+
+    segments: int
+    n_pairs: int
+    n_jumps: int
+    offset_from_s: np.ndarray  #: times at which the offset changes
+    has_hysteresis: bool
+
+    @property
+    def soc(self) -> int:
+        """Place of the SoC at the start."""
+        return 0
+
+    @property
+    def jumps(self) -> slice:
+        """Places of the changes of SoC that no current shows."""
+        return slice(1, 1 + self.n_jumps)
+
+    @property
+    def offsets(self) -> slice:
+        """Places of the changes of the sensor's offset."""
+        return slice(self.jumps.stop, self.jumps.stop + self.offset_from_s.size)
+
+    def pair(self, j: int) -> slice:
+        """Places of the voltage of pair j at the start of each segment."""
+        first = self.offsets.stop + j * self.segments
+        return slice(first, first + self.segments)
+
+    @property
+    def hysteresis(self) -> slice:
+        """Places of the hysteresis at the start of each segment."""
+        first = self.offsets.stop + self.n_pairs * self.segments
+        return slice(first, first + self.has_hysteresis * self.segments)
+
+    @property
+    def misfit(self) -> slice:
+        """Places of the error of the voltage [V] of this log on MISFIT_KNOTS."""
+        return slice(self.hysteresis.stop, self.hysteresis.stop + MISFIT_KNOTS.size)
+
+    @property
+    def size(self) -> int:
+        """Number M of unknowns."""
+        return self.misfit.stop
+
+
+def nuisances_of(samples: Samples, model: Thevenin) -> Nuisances:
+    """The unknowns of a part."""
+    steps = int(min(samples.hours / _OFFSET_HOURS, _MOST_OFFSETS))
+    from_s = samples.time_s[0] + (samples.time_s[-1] - samples.time_s[0]) * np.arange(1, steps + 1) / (steps + 1)
+    hysteresis = any(model.ocv.hysteresis_V)
+    return Nuisances(1 + samples.gaps.size, model.pairs, len(samples.jumps), from_s, hysteresis)
+
+
+def nuisance_covariance(
+    nuisances: Nuisances, samples: Samples, battery: Battery, soc_std: float, misfit_V: float
+) -> np.ndarray:
+    """(M, M) prior covariance of the unknowns of a part; soc_std: of the SoC at its start."""
+    model = battery.thevenin
+    assert model is not None
+    std = np.zeros(nuisances.size)
+    std[nuisances.soc] = soc_std
+    std[nuisances.jumps] = [jump.std for jump in samples.jumps]
+    if nuisances.offset_from_s.size:
+        step_s = float(samples.time_s[-1] - samples.time_s[0]) / (nuisances.offset_from_s.size + 1)
+        walk_A2: Any = walk_variance(max(battery.sensor.offset_walk_A, _LEAST_WALK_A), SECONDS_PER_HOUR, step_s)
+        std[nuisances.offsets] = np.sqrt(walk_A2)
+    least_V = _LEAST_PAIR_SHARE * float(np.mean(model.ocv.voltage_V))
+    for j, row in enumerate(model.r_ohm):
+        std[nuisances.pair(j)] = least_V + _START_C * model.capacity_Ah * float(np.mean(row))
+    std[nuisances.hysteresis] = HYSTERESIS_UNKNOWN_STD
+    covariance = np.diag(std**2)
+    covariance[nuisances.misfit, nuisances.misfit] = misfit_V**2 * correlation(MISFIT_KNOTS, _MISFIT_LENGTH)
+    return covariance
+
 
 #: Half step of the hysteresis at the start for its derivative, since a state that saturates is not linear in it.
 _HYSTERESIS_STEP = 0.5

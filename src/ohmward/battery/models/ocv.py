@@ -1,7 +1,22 @@
-"""Open-circuit voltage against state of charge: mean curve, hysteresis, temperature."""
+"""Open-circuit voltage against state of charge: mean curve, hysteresis, temperature, and the slip of an aged cell.
+
+Curves along SoC stand on a uniform grid, or on knots: straight between them, constant beyond.
+
+A cell that has lost lithium has not its first curve over less charge: the electrodes have slipped against each other.
+Between oxides of nickel, manganese and cobalt and graphite the sloped curve of the oxide stays where it was below
+full, and the knee of graphite comes earlier at empty; with iron phosphate, whose curve is flat, that of graphite stays
+where it was above empty, and the knee comes earlier at full. With a loss L of the capacity, s = `share`,
+
+OCV_aged(z) = OCV(z + s L (1 - z) z^2 / (z^2 + k^2))   where full stays (s > 0),
+OCV_aged(z) = OCV(z + s L z (1 - z)^2 / ((1 - z)^2 + k^2))   where empty stays (s < 0).
+
+Full and empty stay full and empty. |s| is 1 where all of the loss is lithium, and 0 where the active material of both
+electrodes is lost alike (Birkl et al. 2017, J. Power Sources 341, 373).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -10,7 +25,46 @@ import numpy as np
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.checks import require_between, require_finite, require_length
 from ohmward.errors import InputError
-from ohmward.trace import table
+from ohmward.trace import clip, table
+
+
+def hat(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """(N, K) weights of the values on the knots (K,) at x (N,)."""
+    x = np.clip(x, knots[0], knots[-1])
+    left = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
+    share = (x - knots[left]) / (knots[left + 1] - knots[left])
+    weights = np.zeros((x.size, knots.size))
+    rows = np.arange(x.size)
+    weights[rows, left] = 1 - share
+    weights[rows, left + 1] += share
+    return weights
+
+
+def between_knots(values: Sequence[Any] | np.ndarray, knots: np.ndarray, x: Any) -> Any:
+    """The curve through values (K,) at x; values and x may be traced."""
+    found = values[0]
+    for k, (left, right) in enumerate(zip(knots.tolist(), knots[1:].tolist(), strict=False)):
+        found = found + (values[k + 1] - values[k]) * clip((x - left) * (1.0 / (right - left)), 0.0, 1.0)
+    return found
+
+
+def correlation(knots: np.ndarray, length: float) -> np.ndarray:
+    """(K, K) correlation between knots of a Gauss-Markov process along SoC: e^-1 at a distance of `length`."""
+    return np.exp(-np.abs(knots[:, None] - knots) / length)
+
+
+#: Distance k of the knee from the end of the curve: at empty with layered oxides, at full with iron phosphate.
+_KNEE_AT_EMPTY, _KNEE_AT_FULL = 0.2, 0.08
+
+
+def slip_shape(soc: Any, share: float) -> Any:
+    """Change of the SoC on the curve for each unit of `share` and of the loss; float, array or traced.
+
+    share: its sign says the end that stays, >= 0 full.
+    """
+    z = clip(soc, 0.0, 1.0)
+    moved, knee = (z, _KNEE_AT_EMPTY) if share >= 0.0 else (1.0 - z, _KNEE_AT_FULL)
+    return (1.0 - moved) * (moved * moved) / (moved * moved + knee * knee)
 
 
 def beyond_line(above_V: Any, below_V: Any) -> tuple[Any, Any]:

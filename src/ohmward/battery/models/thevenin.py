@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.knots import between_knots, hat
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve, between_knots, hat
 from ohmward.battery.models.temperature import ROOM_DEGC, arrhenius_factor, coldness_per_K
 from ohmward.checks import require_between, require_finite, require_length, require_positive
 from ohmward.errors import InputError
@@ -100,7 +99,7 @@ class Thevenin:
     #: an ohmic drop beyond this grows only as its logarithm, as charge transfer does; None for a drop in proportion to
     #: the current
     transfer_V: float | None = None
-    #: share of a loss of capacity by which the electrodes slip, see `slip`; 0 keeps the curve as it is
+    #: share of a loss of capacity by which the electrodes slip, see `models.ocv`; 0 keeps the curve as it is
     ocv_slip: float = 0.0
     #: True where the hysteresis follows the net charge, False where it follows the throughput
     net_charge_hysteresis: bool = False

@@ -22,8 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise, CurrentSensor
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
 from ohmward.battery.soc.clean_sample import CleanSocSample, Rest, continue_rest
@@ -41,21 +40,11 @@ _HELD_DROPS = 2.0
 #: That limit is below full where the curve says so by so many of its standard deviations. It is above this state of
 #: charge: less would be no charge for a day.
 BEYOND_SIGMAS, _LOWEST_LIMIT_SOC = 2.0, 0.8
-#: Last current of a full charge, in multiples of the capacity per hour, and the time at the limit before [s]: chargers
-#: of lithium stop at C/10 to C/30, monitors of lead-acid take 2 to 4 % of C for full.
-_TAPER_C, _GASSING_TAPER_C = 0.05, 0.03
-_HELD_S, _GASSING_HELD_S = 120.0, 1800.0
-#: By then the current has fallen to this share of its largest: a charge at a small constant current has no such end.
+#: By the end of a charge the current has fallen to this share of its largest: a charge at a small constant current has
+#: no such end.
 _TAPERED = 0.5
-#: A current is a load, or ends a charge, beyond this rate over the capacity [1/h].
-_LOAD_C = 0.02
-#: Standard deviations of the state of charge where a charger or a protection ends: lithium, and lead-acid, whose last
-#: percents take a day and whose depth depends on the current.
-_FULL_STD, _GASSING_FULL_STD = 0.01, 0.03
-_EMPTY_STD, _GASSING_EMPTY_STD = 0.02, 0.05
-#: Charge that a load leaves behind at its cut-off, over its current [s], and its standard deviation: 2 C leave 3 to 8 %
-#: in fresh cells of lithium, 10 to 20 % in worn ones.
-_LEFT_S, _GASSING_LEFT_S = (100.0, 250.0), (600.0, 600.0)
+#: A current is a load, or ends a charge, beyond this rate over the capacity [1/h], and a rest below that one.
+_LOAD_C, REST_C = 0.02, 0.01
 #: A cut-off is below this state of charge by the curve, and stays there for this time [s]: peaks of a load do not.
 _EMPTY_SOC, _LOW_S = 0.03, 30.0
 #: Lead-acid runs out of acid, and its voltage falls far below the line of the curve: 1.80 V a cell of 1.88 V at rest.
@@ -66,8 +55,6 @@ _LOAD_ENDED = 0.2
 AGAIN = 0.05
 #: A rest is long after so many of the largest time constant at its temperature, and this time [s].
 _RELAXED, _LONG_REST_S = 4.0, 3600.0
-#: Current of a rest over the capacity [1/h].
-_REST_C = 0.01
 #: Time constant of a circuit without RC pairs [s].
 _WITHOUT_PAIRS_S = 1.0
 #: A longer step [s] says nothing about the voltage between its ends.
@@ -76,6 +63,25 @@ _LONGEST_ANCHOR_STEP_S = 3600.0
 _MOST_STD = 0.1
 #: Points of the inverse of the curve.
 _INVERSE_POINTS = 257
+
+
+class AnchorLimits(NamedTuple):
+    """What chargers and protections of one kind of battery do."""
+
+    taper_C: float  #: last current of a full charge, in multiples of the capacity per hour
+    held_s: float  #: shortest time at the limit before [s]
+    #: standard deviations of the state of charge where a charger or a protection ends
+    full_std: float
+    empty_std: float
+    #: charge that a load leaves behind at its cut-off, over its current [s], and its standard deviation
+    left_s: float
+    left_std_s: float
+
+
+#: Chargers of lithium stop at C/10 to C/30; 2 C leave 3 to 8 % in fresh cells, 10 to 20 % in worn ones.
+LITHIUM_LIMITS = AnchorLimits(0.05, 120.0, 0.01, 0.02, 100.0, 250.0)
+#: Monitors of lead-acid take 2 to 4 % of C for full. Its last percents take a day, its depth depends on the current.
+GASSING_LIMITS = AnchorLimits(0.03, 1800.0, 0.03, 0.05, 600.0, 600.0)
 
 
 class AnchorMemory(NamedTuple):
@@ -119,6 +125,15 @@ class SocNormal(NamedTuple):
 
     soc: Any
     std: Any
+
+
+class SocAnchor(NamedTuple):
+    """Sample of a log at which something else than a model of the voltage tells the state of charge."""
+
+    sample: int
+    soc: float
+    std: float
+    reason: str = ""  #: in words
 
 
 @dataclass(frozen=True)
@@ -180,7 +195,7 @@ class AnchorRule:
         """True where the voltage has stood still for long enough while the charging current fell."""
         current_A = clean.now.current_A
         tapered = (memory.peak_A > self.taper_A) & (current_A < minimum(self.taper_A, _TAPERED * memory.peak_A))
-        return tapered & (memory.held_s > self.held_s)
+        return tapered & (memory.held_s > self.limits.held_s)
 
     def is_held(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
         """True where a charger holds the voltage: without it, the drop of the current would have moved it further."""
@@ -190,7 +205,7 @@ class AnchorRule:
     def full(self, voltage_V: Scalar, u: CircuitInput) -> SocNormal:
         """State of charge of a complete charge."""
         missing = 1.0 - self.soc_at(self.relaxed_V(voltage_V, u))
-        return SocNormal(1.0 - 0.5 * missing, _hypot(self.full_std, 0.5 * missing))
+        return SocNormal(1.0 - 0.5 * missing, _hypot(self.limits.full_std, 0.5 * missing))
 
     def relaxed_V(self, voltage_V: Scalar, u: CircuitInput) -> Scalar:
         """Voltage [V] of a charge near full without its overpotential."""
@@ -221,11 +236,11 @@ class AnchorRule:
         variance = self.noise.resistance_variance(coldness_per_K(u.temperature_degC, self.model.reference_degC))
         uncertain_V = sqrt(variance) * (still_V - voltage_V) + self.noise.model_std_V[0]
         soc = self.soc_at(still_V)
-        left_s, left_std_s = _GASSING_LEFT_S if self.gases else _LEFT_S
         rate_per_s = maximum(-u.current_A, 0.0) / self.model.capacity_As
         slower = maximum(1.0 / self.model.rate_arrhenius_factor(u.temperature_degC), 1.0)
-        std = _hypot(_hypot(self.empty_std, rate_per_s * left_std_s * slower), self.soc_at(still_V + uncertain_V) - soc)
-        return SocNormal(soc + rate_per_s * left_s * slower, std)
+        of_load = _hypot(self.limits.empty_std, rate_per_s * self.limits.left_std_s * slower)
+        std = _hypot(of_load, self.soc_at(still_V + uncertain_V) - soc)
+        return SocNormal(soc + rate_per_s * self.limits.left_s * slower, std)
 
     def but_for_drop_V(self, voltage_V: Scalar, u: CircuitInput) -> Scalar:
         """The voltage of an empty battery without the overpotential of its load."""
@@ -276,6 +291,11 @@ class AnchorRule:
         return self.model.gassing_V is not None
 
     @property
+    def limits(self) -> AnchorLimits:
+        """Limits of its chargers and protections."""
+        return GASSING_LIMITS if self.gases else LITHIUM_LIMITS
+
+    @property
     def full_V(self) -> float:
         """Least voltage of a charger that has reached its limit [V]."""
         ocv = self.model.ocv
@@ -291,22 +311,7 @@ class AnchorRule:
     @property
     def taper_A(self) -> float:
         """Largest last current of a full charge."""
-        return (_GASSING_TAPER_C if self.gases else _TAPER_C) * self.model.capacity_Ah
-
-    @property
-    def held_s(self) -> float:
-        """Shortest time at the limit of a charger."""
-        return _GASSING_HELD_S if self.gases else _HELD_S
-
-    @property
-    def full_std(self) -> float:
-        """Standard deviation of the state of charge where chargers stop."""
-        return _GASSING_FULL_STD if self.gases else _FULL_STD
-
-    @property
-    def empty_std(self) -> float:
-        """Standard deviation of the state of charge where protections cut off."""
-        return _GASSING_EMPTY_STD if self.gases else _EMPTY_STD
+        return self.limits.taper_C * self.model.capacity_Ah
 
     @property
     def load_A(self) -> float:
@@ -316,7 +321,7 @@ class AnchorRule:
     @property
     def rest_A(self) -> float:
         """Largest current of a rest."""
-        return self.sensor.rest_threshold_A(self.model.capacity_Ah, _REST_C)
+        return self.sensor.rest_threshold_A(self.model.capacity_Ah, REST_C)
 
 
 def _hypot(a: Scalar, b: Scalar) -> Scalar:

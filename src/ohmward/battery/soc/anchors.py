@@ -45,15 +45,6 @@ class Anchor(NamedTuple):
     source: str = VOLTAGE  #: `VOLTAGE`, or the name of the column that says so
 
 
-class _Event(NamedTuple):
-    """Kind, sample, state of charge and origin of an anchor."""
-
-    kind: AnchorKind
-    sample: int
-    soc: SocNormal
-    source: str = VOLTAGE
-
-
 class FinderState(NamedTuple):
     """Last credible current and temperature, the memory of the rule, and the rest that the battery may be in."""
 
@@ -116,17 +107,17 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
         InputError: the battery file has no Thevenin model.
     """
     finder = _finder(battery)
-    measured: list[_Event] = []
+    found: list[Anchor] = []
     current_A = np.zeros(len(log))
     for stretch in _stretches(log, finder):
         current_A[stretch.inside] = stretch.output.state.current_A
-        events_inside = _events_inside(log.select(stretch.inside), finder, stretch.output)
-        found = (event._replace(sample=stretch.inside.start + event.sample) for event in events_inside)
-        measured += [event for event in found if stretch.first <= event.sample < stretch.first + _STRETCH]
-    events = sorted([*measured, *_flagged(log, finder.rule)], key=lambda event: event.sample)
+        inside = _anchors_inside(log, stretch.inside, finder, stretch.output)
+        found += [anchor for anchor in inside if stretch.first <= anchor.sample < stretch.first + _STRETCH]
+    said = SocNormal(1.0, finder.rule.limits.full_std)
+    found += [_anchor("full charge", k, said, log, name) for name, k in log.full_charges()]
+    found.sort(key=lambda anchor: anchor.sample)
     moved_As = current_A * np.diff(log.time_s, prepend=log.time_s[0])
-    once = _without_repeats(events, moved_As, AGAIN * finder.rule.model.capacity_As)
-    return tuple(_anchor(event, log) for event in once)
+    return tuple(_without_repeats(found, moved_As, AGAIN * finder.rule.model.capacity_As))
 
 
 class JudgedAnchor(NamedTuple):
@@ -201,31 +192,28 @@ def _stretches(log: Log, finder: AnchorFinder) -> Iterator[_Stretch]:
         yield _Stretch(first, inside, output)
 
 
-def _events_inside(log: Log, finder: AnchorFinder, output: FinderOutput) -> Iterator[_Event]:
-    """The events that current and voltage show."""
-    rule, event, memory = finder.rule, output.event, output.state.memory
+def _anchors_inside(log: Log, inside: slice, finder: AnchorFinder, output: FinderOutput) -> Iterator[Anchor]:
+    """The anchors that current and voltage show in some samples of a log."""
+    rule, event, state = finder.rule, output.event, output.state
 
     def at(k: int) -> tuple[float, CircuitInput]:
-        state = output.state
-        return float(log.voltage_V[k]), CircuitInput(float(state.current_A[k]), float(state.temperature_degC[k]))
+        voltage_V = float(log.voltage_V[inside.start + k])
+        return voltage_V, CircuitInput(float(state.current_A[k]), float(state.temperature_degC[k]))
 
-    for k in np.flatnonzero(event.full):
-        last = _end_of_run(memory.held_s, int(k))
-        yield _Event("full charge", last, rule.full(*at(last)))
-    for k in np.flatnonzero(event.empty):
-        yield _Event("empty", int(k), SocNormal(float(event.soc[k]), float(event.std[k])))
-    ends = np.append(np.diff(log.time_s) > finder.gap_s, True)
-    for k in np.flatnonzero(rule.was_low(memory) & ends):
-        yield _Event("empty", int(k), SocNormal(float(memory.low_soc[k]), float(memory.low_std[k])))
-    for k in np.flatnonzero(output.long_rest):
-        last = _end_of_run(output.state.rest.rest_s, int(k))
-        yield _Event("rest", last, rule.at_rest(*at(last)))
+    def anchor(kind: AnchorKind, k: int, soc: Any, std: Any) -> Anchor:
+        return _anchor(kind, inside.start + k, SocNormal(float(soc), float(std)), log)
 
-
-def _flagged(log: Log, rule: AnchorRule) -> Iterator[_Event]:
-    """The events that a column says."""
-    for name, k in log.full_charges():
-        yield _Event("full charge", k, SocNormal(1.0, rule.full_std), name)
+    for k in np.flatnonzero(event.full).tolist():
+        last = _end_of_run(state.memory.held_s, k)
+        yield anchor("full charge", last, *rule.full(*at(last)))
+    for k in np.flatnonzero(event.empty).tolist():
+        yield anchor("empty", k, event.soc[k], event.std[k])
+    ends = np.append(np.diff(log.time_s[inside]) > finder.gap_s, True)
+    for k in np.flatnonzero(rule.was_low(state.memory) & ends).tolist():
+        yield anchor("empty", k, state.memory.low_soc[k], state.memory.low_std[k])
+    for k in np.flatnonzero(output.long_rest).tolist():
+        last = _end_of_run(state.rest.rest_s, k)
+        yield anchor("rest", last, *rule.at_rest(*at(last)))
 
 
 def _end_of_run(held_s: np.ndarray, k: int) -> int:
@@ -234,23 +222,22 @@ def _end_of_run(held_s: np.ndarray, k: int) -> int:
     return k + int(falls[0]) if falls.size else len(held_s) - 1
 
 
-def _without_repeats(events: Sequence[_Event], moved_As: np.ndarray, apart_As: float) -> Iterator[_Event]:
-    """The events, those of one charge or one cut-off once: between two of them charge flows the other way.
+def _without_repeats(anchors: Sequence[Anchor], moved_As: np.ndarray, apart_As: float) -> Iterator[Anchor]:
+    """The anchors, those of one charge or one cut-off once: between two of them charge flows the other way.
 
     moved_As: (T,) charge of each interval, > 0 charges; apart_As: least of it the other way.
     """
     flowed = {"full charge": np.cumsum(np.maximum(-moved_As, 0.0)), "empty": np.cumsum(np.maximum(moved_As, 0.0))}
     last: dict[str, int] = {}
-    for event in events:
-        kind, k = event.kind, event.sample
+    for anchor in anchors:
+        kind, k = anchor.kind, anchor.sample
         if kind in flowed and kind in last and flowed[kind][k] - flowed[kind][last[kind]] < apart_As:
             continue
         last[kind] = k
-        yield event
+        yield anchor
 
 
-def _anchor(event: _Event, log: Log) -> Anchor:
-    k = event.sample
+def _anchor(kind: AnchorKind, k: int, soc: SocNormal, log: Log, source: str = VOLTAGE) -> Anchor:
     degC = math.nan if log.temperature_degC is None else float(log.temperature_degC[k])
     measured = float(log.voltage_V[k]), float(log.current_A[k]), degC
-    return Anchor(event.kind, float(log.time_s[k]), k, event.soc.soc, event.soc.std, *measured, event.source)
+    return Anchor(kind, float(log.time_s[k]), k, *soc, *measured, source)

@@ -35,10 +35,9 @@ from ohmward.battery.models.noise import (
     RESISTANCE_CORRELATION,
     USUAL_C,
     BatteryNoise,
+    CurrentSensor,
 )
-from ohmward.battery.models.ocv import beyond_line
-from ohmward.battery.models.sensor import CurrentSensor
-from ohmward.battery.models.slip import slip_shape
+from ohmward.battery.models.ocv import beyond_line, slip_shape
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import (
     CircuitInput,

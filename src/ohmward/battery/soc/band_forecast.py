@@ -13,8 +13,8 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import start_noise
-from ohmward.battery.models.sensor import CurrentSensor
-from ohmward.battery.soc.rehearsal import filtered
+from ohmward.battery.models.noise import CurrentSensor
+from ohmward.battery.soc.explanation import filtered
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import unpack

@@ -15,9 +15,8 @@ from ohmward.battery.soc.charge_history import FULL_WITHIN, ChargeHistory, Charg
 from ohmward.battery.soc.clean_sample import LONGEST_PAUSE_S
 from ohmward.battery.soc.explanation import Explanation, explain
 from ohmward.battery.soc.given_soc import full_charge, takes_given_soc, tell_soc
-from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
-from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.sample import Estimator, SocEstimate, SocFlag, SocSample
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, Progress, number

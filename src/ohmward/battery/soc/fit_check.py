@@ -19,8 +19,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.log_check import OTHER_FILE, contradictions
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
-from ohmward.battery.soc.protocol import Estimator
-from ohmward.battery.soc.sample import SocEstimate
+from ohmward.battery.soc.sample import Estimator, SocEstimate
 from ohmward.battery.soc.thevenin_filter import TheveninFilter, implausible_capacity
 from ohmward.logs.log import Log, Note
 

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import CurrentSensor
 from ohmward.battery.models.thevenin import pair_decays
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
 from ohmward.battery.soc.clean_sample import CleanSocSample
@@ -137,11 +137,20 @@ class GaussianSumFilter:
     def evidence(
         self, before: FilterState, update: TheveninUpdate, walk_A2: np.ndarray, clean: CleanSocSample
     ) -> Scalar:
-        """Log likelihood of the hypothesis that this filter holds; see `evidence.log_likelihood`."""
+        """Log likelihood of the hypothesis that this filter holds; see `log_likelihood`."""
         fades = pair_decays(clean.mean, self.member.model, self.member.noise.correlation_s)
         ohm = self.system.pair_ohm(before.belief.mean, clean)
         renewed_V2 = sum(r * r * v * (1 - a * a) for r, v, a in zip(ohm, walk_A2, fades, strict=True))
-        return log_likelihood(update.correction.innovation, update.R, update.error, renewed_V2, self.member.gate)
+        decay = self.system.error_decay(clean.mean.current_A, clean)
+        kept = unpack(before.belief).cov[self.model_error_index, self.model_error_index]
+        staying_V2 = update.error.model_std_V**2 * (decay**2 * kept + 1.0 - decay**2)
+        widths = Widths(renewed_V2, staying_V2, moved_on=1.0 - decay**2)
+        return log_likelihood(update.correction.innovation, update.R, update.error, widths, self.member.gate)
+
+    @property
+    def model_error_index(self) -> int:
+        """Index of the model's error in the state of a member."""
+        return self.state_names.index("model_error")
 
     @property
     def restarts(self) -> list[Callable[[Belief], Belief]]:
@@ -207,12 +216,23 @@ def mixed(estimates: Sequence[SocEstimate], log_weights: Sequence[Any] | np.ndar
     return most_likely(estimates, log_weights)._replace(**states)
 
 
+#: Least variance of what passes in the error of a voltage [V^2]: no sensor is better.
+_LEAST_V2 = 1e-8
+
 #: Mass of a hypothesis that the first voltage rules out.
 _TINY = float(np.finfo(float).tiny)
 
 
+class Widths(NamedTuple):
+    """Parts of the variance of a voltage that are charged apart from all else."""
+
+    renewed_V2: Scalar = 0.0  #: by the state, what the process noise brings back whenever it was learnt [V^2]
+    staying_V2: Scalar = 0.0  #: by the error of the model, which stays while SoC stays [V^2]
+    moved_on: Scalar = 1.0  #: share of that error which is new with this sample, in [0, 1]
+
+
 def log_likelihood(
-    innovation: Innovation, R: Scalar, error: VoltageError, renewed_V2: Scalar, largest_nis: float
+    innovation: Innovation, R: Scalar, error: VoltageError, widths: Widths, largest_nis: float
 ) -> Scalar:
     """Log density of a voltage before it was used, up to a constant that is the same for every belief.
 
@@ -225,14 +245,25 @@ def log_likelihood(
     every w samples, as in the update. As a part of the state f would be charged for with every sample, and prefer
     whichever hypothesis has the least resistance. With w = 1 it is ln N(nu; 0, S).
 
+    The errors that stay while SoC stays, e in S and b in v, leave the voltage wide where the curve is steep, and that
+    is no news as long as SoC stays. Charged with every observation they would rule out whichever hypothesis stands
+    there; they are charged as SoC moves on, by the share m that is new:
+
+        ln(S' / R') + ln(v + f) / w   becomes
+        ln((S' - e) / R') + ln(v - b + f) / w + m (ln(S' / (S' - e)) + ln((v + f) / (v - b + f)))
+
     Args:
         innovation: nu (1,) and S (1, 1), [V] and [V^2].
         R: of the update [V^2], w v or more.
-        error: v and w.
-        renewed_V2: f [V^2]; at most A of it is taken.
+        error: v, b and w.
+        widths: f, e and m; at most A of the first two is taken.
         largest_nis: of one sample: an outlier counts no more.
     """
     nu, S, w = innovation.value[0], innovation.cov[0, 0], error.weight
-    f = clip(renewed_V2, 0.0, S - R)
+    f = clip(widths.renewed_V2, 0.0, S - R)
     S, R = S + (w - 1.0) * f, R + w * f
-    return -0.5 * (minimum(nu * nu / S, largest_nis) + log(S / R) + log(error.variance + f) / w)
+    e = clip(widths.staying_V2, 0.0, S - R)
+    passing_V2 = maximum(error.variance - error.uncertain_V2 - error.tangent_V2, _LEAST_V2) + f
+    passing = log((S - e) / R) + log(passing_V2) / w
+    staying = log(S / (S - e)) + log((error.variance + f) / passing_V2)
+    return -0.5 * (minimum(nu * nu / S, largest_nis) + passing + widths.moved_on * staying)

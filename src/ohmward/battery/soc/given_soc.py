@@ -38,7 +38,7 @@ def takes_given_soc(settings: Any) -> bool:
 
 def full_charge(settings: TheveninFilter | GaussianSumFilter) -> SocNormal:
     """State of charge where a charger says full, its width by chemistry."""
-    return SocNormal(1.0, _single(settings).anchor_rule.full_std)
+    return SocNormal(1.0, _single(settings).anchor_rule.limits.full_std)
 
 
 def after_absence(settings: Any, state: Any, away_s: float, moved_std: float) -> Any:

@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise, CurrentSensor
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop, pair_resistances
 from ohmward.battery.soc.clean_sample import finite_or, first_input

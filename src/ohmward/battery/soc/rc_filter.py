@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.models import rc
-from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import BatteryNoise, CurrentSensor, on_soc_grid
+from ohmward.battery.models.rc import Circuit, RcModel
 from ohmward.battery.models.temperature import ROOM_DEGC, coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.clean_sample import (
@@ -34,16 +34,6 @@ from ohmward.battery.soc.clean_sample import (
 )
 from ohmward.battery.soc.coulomb import charge_variance
 from ohmward.battery.soc.initial_soc import VoltageStart
-from ohmward.battery.soc.rc_soc_link import (
-    BULK,
-    MODEL_ERROR,
-    OFFSET,
-    RESISTANCE,
-    SocAsState,
-    SocByCurve,
-    SocLink,
-    line_slope_V,
-)
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis, InitialSoc
 from ohmward.checks import require_one_of, require_positive
@@ -51,10 +41,98 @@ from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, require_gate, time_rejected
-from ohmward.trace import exp, logical_not, maximum, sqrt, where
+from ohmward.lab import lab
+from ohmward.trace import clip, exp, logical_not, maximum, sqrt, where
 from ohmward.trace.expression import Scalar
 
-LINKS: dict[str, type[SocLink]] = {"state": SocAsState, "curve": SocByCurve}
+BULK, SURFACE, MODEL_ERROR, OFFSET, RESISTANCE, SOC = range(6)
+
+#: Links between state of charge and voltage by name: `SocAsState`, and the one of [P], which is in the laboratory.
+LINKS = ("state", "curve")
+
+
+@dataclass(frozen=True)
+class SocAsState:
+    """SoC is a state that counts charge, d soc/dt = i / Q, and V_cb lies on a straight OCV line ([T] 3.4.2).
+
+    SoC does not change when the circuit's capacitances do, and the voltage corrects it by
+    their common errors: a wrong start, a wrong current. The distance of the OCV curve from the line is model error.
+    """
+
+    model: RcModel
+    noise: BatteryNoise
+    soc_is_state = True
+
+    def ocv_V(self, soc: Scalar) -> Scalar:
+        """Open-circuit voltage [V] on the line, which passes through the middle of the curve."""
+        return self._empty_V + self._slope_V * soc
+
+    def slope_V(self, soc: Scalar) -> Scalar:
+        """Slope of the line [V per unit of SoC]."""
+        return self._slope_V
+
+    def curvature_variance_V2(self, soc: Scalar) -> Scalar:
+        """Process variance of the voltages for a bent curve [V^2 per unit of SoC moved]: none."""
+        return 0.0
+
+    def model_std_V(self, soc: Scalar) -> Scalar:
+        """Standard deviation of the model's voltage error [V], that of the line included."""
+        return on_soc_grid(self._model_std_V, soc)
+
+    def soc(self, x: np.ndarray) -> Scalar:
+        """State of charge in state x."""
+        return x[SOC]
+
+    def soc_variance(self, belief: Belief) -> Scalar:
+        """Variance of SoC."""
+        return maximum(belief.cov[SOC, SOC], 0.0)
+
+    def project(self, belief: Belief) -> tuple[Belief, Scalar]:
+        """The belief with its SoC in [0, 1], and the condition that it was not."""
+        return project(belief, np.eye(SOC + 1)[SOC], 0.0, 1.0)
+
+    @cached_property
+    def _slope_V(self) -> float:
+        return float(line_slope_V(self.model, self.model.capacity_As))
+
+    @cached_property
+    def _empty_V(self) -> float:
+        """Voltage of the line [V] at SoC 0."""
+        soc, ocv_V = curve_on_grid(self.model)
+        return float(np.median(ocv_V - self._slope_V * soc))
+
+    @cached_property
+    def _model_std_V(self) -> tuple[float, ...]:
+        """Model error [V] on a uniform grid of SoC.
+
+        The distance of the curve has zeros, but at a SoC that is itself in doubt: it counts as at least its root mean
+        square between 10 and 90 %.
+        """
+        soc, ocv_V = curve_on_grid(self.model)
+        curvature_V = np.abs(ocv_V - self._empty_V - self._slope_V * soc)
+        usual_V = np.sqrt(np.mean(curvature_V[(soc > 0.1) & (soc < 0.9)] ** 2))
+        return tuple(np.hypot(np.maximum(curvature_V, usual_V), on_soc_grid(self.noise.model_std_V, soc)).tolist())
+
+
+def line_slope_V(p: Circuit | RcModel, capacity_As: float) -> Scalar:
+    """Slope Q / (C_b + C_s) [V per unit of SoC] of the straight OCV line for which the capacitances stand."""
+    return capacity_As / (p.c_bulk_F + p.c_surface_F)
+
+
+def project(belief: Belief, row: np.ndarray, low: float, high: float) -> tuple[Belief, Scalar]:
+    """The belief with row @ x projected into [low, high] along its covariance, and the condition that it had to be."""
+    mean, P = belief
+    value = row @ mean
+    excess = value - clip(value, low, high)
+    common = P @ row
+    projected = mean - common * (excess / maximum(row @ common, 1e-30))
+    return Belief(projected, P), abs(excess) > 0.0
+
+
+def curve_on_grid(model: RcModel) -> tuple[np.ndarray, np.ndarray]:
+    """OCV curve at its reference temperature on a uniform grid of SoC."""
+    soc = np.linspace(0.0, 1.0, 101)
+    return soc, model.ocv.mean_V(soc, model.ocv.reference_degC)
 
 
 class RcFilterState(NamedTuple):
@@ -116,9 +194,10 @@ class RcFilter:
         return sample_limits(self.model, self.gap_s)
 
     @cached_property
-    def link(self) -> SocLink:
-        """The link between state of charge and voltage."""
-        return LINKS[self.soc_as](self.model, self.noise)
+    def link(self) -> Any:
+        """The link between state of charge and voltage, `SocAsState` or with its methods."""
+        cls = SocAsState if self.soc_as == "state" else lab("published.soc_by_curve").SocByCurve
+        return cls(self.model, self.noise)
 
     @cached_property
     def thevenin(self) -> Thevenin:

@@ -7,11 +7,10 @@ from typing import NamedTuple
 
 from ohmward.battery.battery import Battery, require_battery, require_rc, require_thevenin
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
-from ohmward.battery.soc.coulomb import CoulombCounting
+from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
-from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.rc_filter import RcFilter
-from ohmward.battery.soc.rest_ocv import RestOcv
+from ohmward.battery.soc.sample import Estimator
 from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
@@ -25,18 +24,14 @@ DEFAULT = "default"
 
 
 class EstimatorSettings(NamedTuple):
-    """Settings of the use of a battery, the same for every estimator.
+    """Settings of the use of a battery, the same for every estimator."""
 
-    idle_current_A: true current of a rest [A], > 0 charges: 0 in a laboratory, minus the idle draw on a robot; None
-        when unknown.
-    gap_s: a longer step between two samples says nothing about the current in between [s].
-    anchors: let full charges and cut-offs correct the filters on the Thevenin model. None does so where the battery
-        gases: there the voltage of a charge says nothing. Cells of lithium show by their voltage that they are full,
-        and whether a worn one is empty at its cut-off is a matter of the load.
-    """
-
+    #: true current of a rest, > 0 charges: 0 in a laboratory, minus the idle draw on a robot; None when unknown
     idle_current_A: float | None = None
-    gap_s: float = CURRENT_GAP_S
+    gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
+    #: let full charges and cut-offs correct the filters on the Thevenin model. None does so where the battery gases:
+    #: there the voltage of a charge says nothing. Cells of lithium show by their voltage that they are full, and
+    #: whether a worn one is empty at its cut-off is a matter of the load.
     anchors: bool | None = None
 
 

@@ -1,8 +1,8 @@
-"""Input and output of every estimator of the battery, one sample at a time: plain numbers."""
+"""Input, output and protocol of every estimator of the battery, one sample at a time: plain numbers."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ohmward.filters.flags import SampleFlag
 
@@ -75,3 +75,15 @@ class SocFlag(SampleFlag):
     RESTARTED = 512  # in Python: the state was no longer a number, a new one was started from this sample
     ANCHORED = 1024  # a full charge or the cut-off of a load told SoC
     MISFIT = 2048  # an offset or a capacity that sensor and battery cannot have: another battery's file?
+
+
+class Estimator(Protocol):
+    """Frozen settings with two pure functions."""
+
+    def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> Any:
+        """State before the first sample; `soc` None is unknown."""
+        ...
+
+    def step(self, state: Any, sample: SocSample) -> tuple[Any, SocEstimate]:
+        """State after a sample, and the estimate then."""
+        ...

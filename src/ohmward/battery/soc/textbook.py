@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import PAIR_CURRENT_C, BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import PAIR_CURRENT_C, BatteryNoise, CurrentSensor
 from ohmward.battery.models.thevenin import (
     CircuitInput,
     Thevenin,

@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.noise import SOC_UNKNOWN_STD, BatteryNoise
-from ohmward.battery.models.sensor import CurrentSensor
+from ohmward.battery.models.noise import SOC_UNKNOWN_STD, BatteryNoise, CurrentSensor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.anchor_rule import NO_EVENT, AnchorEvent, AnchorMemory, AnchorRule
 from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedThevenin, VoltageError
@@ -86,7 +85,7 @@ class TheveninUpdate(NamedTuple):
     accepted: Any  #: the condition that the voltage was used
     contradicts: Any  #: the condition that the voltage contradicts the belief
     R: Scalar  #: by which the voltage was weighed [V^2]
-    error: VoltageError  #: of the voltage
+    error: VoltageError  #: of the voltage, or of the event that shows SoC in its place
 
 
 class TheveninStep(NamedTuple):
@@ -287,7 +286,7 @@ class TheveninFilter:
             accepted=used_now | anchored,
             contradicts=self.contradicts(correction.innovation, repeated) & logical_not(anchored),
             R=R[0, 0],
-            error=error,
+            error=choose(anchored, VoltageError(0.0, error.variance, error.weight), error),
         )
 
     def voltage_error(self, prior: Belief, clean: CleanSocSample) -> VoltageError:

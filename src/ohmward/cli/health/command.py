@@ -14,7 +14,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.file import load_battery
-from ohmward.battery.health.ageing_laws import DAYS_PER_YEAR
+from ohmward.battery.health.ageing import DAY_S, DAYS_PER_YEAR, HealthPoint
 from ohmward.battery.health.changes import Cause, Outlier
 from ohmward.battery.health.health import Health, health_of
 from ohmward.battery.health.history import (
@@ -27,7 +27,6 @@ from ohmward.battery.health.history import (
     unlearnt,
     used_capacities,
 )
-from ohmward.battery.health.point import DAY_S, HealthPoint
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.cli import wording

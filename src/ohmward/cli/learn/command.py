@@ -14,8 +14,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.file import load_battery
-from ohmward.battery.learning.fold import PULSE_S
-from ohmward.battery.learning.known import known
+from ohmward.battery.learning.fold import PULSE_S, known
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import log_files, read_options, with_sensor
 from ohmward.cli.outcome import Outcome, check_output, progress

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from ohmward.battery.cells.drift import expected_weakest
 from ohmward.battery.cells.pack_estimator import PackRun
-from ohmward.battery.cells.weakest import expected_weakest
 from ohmward.battery.soc.anchors import judged_anchors
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.fit_check import misfits

@@ -1,4 +1,4 @@
-"""State of charge and voltage of the RC model: by the inverse OCV curve, or as a state beside a straight OCV line."""
+"""State of charge of the RC model by the inverse OCV curve at the mean voltage of its capacitors ([P] 3.1)."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from functools import cached_property
 import numpy as np
 
 from ohmward.battery.models.noise import BatteryNoise, on_soc_grid
-from ohmward.battery.models.rc import Circuit, RcModel
+from ohmward.battery.models.rc import RcModel
+from ohmward.battery.soc.rc_filter import curve_on_grid, line_slope_V, project
 from ohmward.filters.belief import Belief
 from ohmward.trace import clip, maximum, table
 from ohmward.trace.expression import Scalar
-
-BULK, SURFACE, MODEL_ERROR, OFFSET, RESISTANCE, SOC = range(6)
 
 _CURVE_POINTS = 1001
 
@@ -84,92 +83,5 @@ class SocByCurve:
     @cached_property
     def _slopes_V(self) -> tuple[float, ...]:
         """Slope of the OCV curve on a uniform grid of SoC."""
-        soc, ocv_V = _curve(self.model)
+        soc, ocv_V = curve_on_grid(self.model)
         return tuple(np.gradient(ocv_V, soc).tolist())
-
-
-@dataclass(frozen=True)
-class SocAsState:
-    """SoC is a state that counts charge, d soc/dt = i / Q, and V_cb lies on a straight OCV line ([T] 3.4.2).
-
-    SoC does not change when the circuit's capacitances do, and the voltage corrects it by
-    their common errors: a wrong start, a wrong current. The distance of the OCV curve from the line is model error.
-    """
-
-    model: RcModel
-    noise: BatteryNoise
-    soc_is_state = True
-
-    def ocv_V(self, soc: Scalar) -> Scalar:
-        """Open-circuit voltage [V] on the line, which passes through the middle of the curve."""
-        return self._empty_V + self._slope_V * soc
-
-    def slope_V(self, soc: Scalar) -> Scalar:
-        """Slope of the line [V per unit of SoC]."""
-        return self._slope_V
-
-    def curvature_variance_V2(self, soc: Scalar) -> Scalar:
-        """Process variance of the voltages for a bent curve [V^2 per unit of SoC moved]: none."""
-        return 0.0
-
-    def model_std_V(self, soc: Scalar) -> Scalar:
-        """Standard deviation of the model's voltage error [V], that of the line included."""
-        return on_soc_grid(self._model_std_V, soc)
-
-    def soc(self, x: np.ndarray) -> Scalar:
-        """State of charge in state x."""
-        return x[SOC]
-
-    def soc_variance(self, belief: Belief) -> Scalar:
-        """Variance of SoC."""
-        return maximum(belief.cov[SOC, SOC], 0.0)
-
-    def project(self, belief: Belief) -> tuple[Belief, Scalar]:
-        """The belief with its SoC in [0, 1], and the condition that it was not."""
-        return project(belief, np.eye(SOC + 1)[SOC], 0.0, 1.0)
-
-    @cached_property
-    def _slope_V(self) -> float:
-        return float(line_slope_V(self.model, self.model.capacity_As))
-
-    @cached_property
-    def _empty_V(self) -> float:
-        """Voltage of the line [V] at SoC 0."""
-        soc, ocv_V = _curve(self.model)
-        return float(np.median(ocv_V - self._slope_V * soc))
-
-    @cached_property
-    def _model_std_V(self) -> tuple[float, ...]:
-        """Model error [V] on a uniform grid of SoC.
-
-        The distance of the curve has zeros, but at a SoC that is itself in doubt: it counts as at least its root mean
-        square between 10 and 90 %.
-        """
-        soc, ocv_V = _curve(self.model)
-        curvature_V = np.abs(ocv_V - self._empty_V - self._slope_V * soc)
-        usual_V = np.sqrt(np.mean(curvature_V[(soc > 0.1) & (soc < 0.9)] ** 2))
-        return tuple(np.hypot(np.maximum(curvature_V, usual_V), on_soc_grid(self.noise.model_std_V, soc)).tolist())
-
-
-SocLink = SocByCurve | SocAsState
-
-
-def line_slope_V(p: Circuit | RcModel, capacity_As: float) -> Scalar:
-    """Slope Q / (C_b + C_s) [V per unit of SoC] of the straight OCV line for which the capacitances stand."""
-    return capacity_As / (p.c_bulk_F + p.c_surface_F)
-
-
-def project(belief: Belief, row: np.ndarray, low: float, high: float) -> tuple[Belief, Scalar]:
-    """The belief with row @ x projected into [low, high] along its covariance, and the condition that it had to be."""
-    mean, P = belief
-    value = row @ mean
-    excess = value - clip(value, low, high)
-    common = P @ row
-    projected = mean - common * (excess / maximum(row @ common, 1e-30))
-    return Belief(projected, P), abs(excess) > 0.0
-
-
-def _curve(model: RcModel) -> tuple[np.ndarray, np.ndarray]:
-    """OCV curve at its reference temperature on a uniform grid of SoC."""
-    soc = np.linspace(0.0, 1.0, 101)
-    return soc, model.ocv.mean_V(soc, model.ocv.reference_degC)

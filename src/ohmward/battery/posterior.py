@@ -1,0 +1,114 @@
+"""Most likely parameters of a battery given voltages: Gauss-Newton on the posterior, for identification and learning.
+
+    minimise  (x - m)' P^-1 (x - m) + sum w rho(r^2 / R),      R = white^2 + (share over)^2 + (std slope)^2
+
+with the residuals r = y - V(x). An error of the model holds on for minutes, so that a sample counts w <= 1. Samples
+that do not fit count less: rho is the pseudo-Huber loss (Hartley and Zisserman 2004, A6.8), by reweighting.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+#: Errors beyond so many standard deviations count less.
+_ROBUST_AT = 2.5
+#: Error of SoC from sample to sample, which the slope of the curve turns into one of the voltage.
+_SOC_STD = 0.003
+#: Halvings of a step at most, and the step, in posterior standard deviations, at which the search has ended.
+_MOST_HALVINGS, _SMALL_STEP = 5, 0.03
+#: The cost may rise by so much in a step: the slope of the curve is a mean, so that no step is quite downhill.
+_SLACK = 0.5
+
+
+class Gaussian(NamedTuple):
+    """Gaussian density of the unknowns x: precision P^-1 (K, K) and information P^-1 m (K,)."""
+
+    precision: np.ndarray
+    information: np.ndarray
+
+    def times(self, other: Gaussian) -> Gaussian:
+        """The product of both densities."""
+        return Gaussian(self.precision + other.precision, self.information + other.information)
+
+    def cost(self, x: np.ndarray) -> float:
+        """(x - m)' P^-1 (x - m) but for what does not depend on x."""
+        return float(x @ self.precision @ x - 2.0 * self.information @ x)
+
+
+class Tangent(Protocol):
+    """Rows of a problem, linear about a point."""
+
+    @property
+    def residual(self) -> np.ndarray:
+        """(R,) residuals over their standard deviations, outlying ones counting less."""
+        ...
+
+    @property
+    def columns(self) -> np.ndarray:
+        """(R, K) derivatives of what was expected, over the same."""
+        ...
+
+    @property
+    def cost(self) -> float:
+        """Sum of their losses."""
+        ...
+
+
+#: Rows of a problem as its user has them.
+T = TypeVar("T", bound=Tangent)
+
+
+def voltage_variance(white_V: float, share: Any, over_V2: Any, slope_V: Any) -> Any:
+    """(N,) variance R of a single voltage [V^2].
+
+    share: relative error of the overpotential, of which over_V2 (N,) is the square; slope_V: (N,) of the voltage along
+    SoC.
+    """
+    return white_V**2 + share**2 * over_V2 + (_SOC_STD * slope_V) ** 2
+
+
+def robust_weights(square: np.ndarray) -> np.ndarray:
+    """(N,) weights of the pseudo-Huber loss at r^2 / R: 1 for small residuals, like 1/|r| for large ones."""
+    return np.asarray(1.0 / np.sqrt(1.0 + square / _ROBUST_AT**2))
+
+
+def pseudo_huber(robust: np.ndarray) -> np.ndarray:
+    """(N,) loss rho of residuals with these weights."""
+    return 2 * _ROBUST_AT**2 * (1.0 / robust - 1.0)
+
+
+def gauss_newton(
+    problem: Callable[[np.ndarray], T],
+    prior: Gaussian,
+    x: np.ndarray,
+    most_steps: int,
+    minimum: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
+) -> tuple[np.ndarray, T]:
+    """The minimum, and the rows there.
+
+    minimum: of the quadratic function with Hessian H (K, K) and the negative gradient (K,) at x (K,).
+    """
+    here = problem(x)
+    for _ in range(most_steps):
+        H = hessian(here, prior)
+        step = minimum(H, here.columns.T @ here.residual + prior.information - prior.precision @ x, x) - x
+        shorter = 1.0
+        for _ in range(_MOST_HALVINGS):
+            there = problem(x + shorter * step)
+            if there.cost + prior.cost(x + shorter * step) <= here.cost + prior.cost(x) + _SLACK:
+                break
+            shorter *= 0.5
+        else:
+            break
+        x, here = x + shorter * step, there
+        if shorter**2 * step @ H @ step < _SMALL_STEP**2 * step.size:
+            break
+    return x, here
+
+
+def hessian(rows: Tangent, prior: Gaussian) -> np.ndarray:
+    """(K, K) Hessian of half the cost, by Gauss and Newton: the posterior precision."""
+    return rows.columns.T @ rows.columns + prior.precision
