@@ -11,7 +11,7 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.drive_log import DriveLog
 from ohmward.report import TIME, Band, Figure, Line, Map, Marker, Series
-from ohmward.report.palette import Meaning
+from ohmward.report.figure import Meaning
 from ohmward.traction.calibration import Calibration
 from ohmward.traction.calibration.floor import points
 from ohmward.traction.calibration.stretches import cut, travel_speed

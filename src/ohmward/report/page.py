@@ -29,8 +29,7 @@ from ohmward.atomic import write_text
 from ohmward.errors import InputError
 from ohmward.report import blocks
 from ohmward.report.axis import WallClock
-from ohmward.report.figure import Figure
-from ohmward.report.palette import css_variables
+from ohmward.report.figure import Figure, css_variables
 
 _CODE: Final = ("vendor/uplot/uPlot.iife.min.js", "assets/data.js", "assets/save.js", "assets/plots.js")
 

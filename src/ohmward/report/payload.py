@@ -1,4 +1,4 @@
-"""A stack of figures as plain data for the browser: every sample that the figures hold, packed."""
+"""The samples of a figure in its page, packed into text, with what its script needs to draw them."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from ohmward.report.axis import WallClock, XAxis, decimals, shared_x, value_decimals
-from ohmward.report.figure import Band, Figure, Series
-from ohmward.report.palette import MEANING, colours
+from ohmward.report.figure import MEANING, Band, Figure, Series, colours
 
 DIGITS: Final = 5
 """Digits of the usual variation of a column that stay: ten times what one screen shows."""
