@@ -23,9 +23,8 @@ from ohmward.battery.learning.on_board import learnt_on_board
 from ohmward.battery.log_check import check_log
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.fit_check import misfits
-from ohmward.battery.soc.protocol import Estimator
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
-from ohmward.battery.soc.sample import STD_OF, SocEstimate, SocFlag
+from ohmward.battery.soc.sample import STD_OF, Estimator, SocEstimate, SocFlag
 from ohmward.battery.soc.score import soc_figures
 from ohmward.errors import InputError, OhmwardError
 from ohmward.fleet.lanes import estimate_logs
