@@ -13,7 +13,7 @@ import numpy as np
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RollingResistance, Terrain, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
-from ohmward.traction.speed_observer.estimate import SlipSample
+from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
@@ -41,7 +41,7 @@ def step_times(repeats: int = REPEATS) -> Iterator[StepTime]:
     """Of every observer."""
     for name, observer in OBSERVERS.items():
         samples = drive(observer)
-        first = SlipSample(*(np.asarray(c)[0] for c in samples))
+        first = RobotSample(*(np.asarray(c)[0] for c in samples))
         state = observer.init(first)
         kernel = Kernel(observer.step, state, first, lowering="python")
         kernel.scan(state, samples)
@@ -63,7 +63,7 @@ def live_times() -> Iterator[LiveTime]:
     """Of every observer, with NumPy alone and in machine code."""
     for name, observer in OBSERVERS.items():
         columns = drive(observer)
-        samples = [SlipSample(*(np.asarray(c)[k] for c in columns)) for k in range(UPDATES)]
+        samples = [RobotSample(*(np.asarray(c)[k] for c in columns)) for k in range(UPDATES)]
         for lowering in ("python", "machine"):
             estimator = SlipEstimator(observer, lowering)
             estimator.step(samples[0])
@@ -71,12 +71,12 @@ def live_times() -> Iterator[LiveTime]:
             yield LiveTime(name, lowering, min(seconds(live) for _ in range(REPEATS)) / UPDATES)
 
 
-def _update(estimator: SlipEstimator, samples: list[SlipSample]) -> None:
+def _update(estimator: SlipEstimator, samples: list[RobotSample]) -> None:
     for sample in samples:
         estimator.step(sample)
 
 
-def drive(observer: SpeedObserver) -> SlipSample:
+def drive(observer: SpeedObserver) -> RobotSample:
     """Encoders and currents of a robot between 2 and 4 rad/s."""
     rng, t = np.random.default_rng(0), 0.01 * np.arange(STEPS)
     speeds = np.full((STEPS, 4), np.nan)
@@ -85,7 +85,7 @@ def drive(observer: SpeedObserver) -> SlipSample:
     nothing = np.full(STEPS, np.nan)
     blank = observer.no_sample()
     columns = dict.fromkeys(blank._fields, nothing) | {"speed_age_s": np.zeros(STEPS)}
-    return SlipSample(**(columns | {"dt_s": np.full(STEPS, 0.01), "wheel_speed_rad_s": speeds, "current_A": current}))
+    return RobotSample(**(columns | {"dt_s": np.full(STEPS, 0.01), "wheel_speed_rad_s": speeds, "current_A": current}))
 
 
 def rounds() -> float:

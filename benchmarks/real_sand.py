@@ -13,19 +13,24 @@ from typing import NamedTuple
 import numpy as np
 
 from figure import Figure, at_most
-from ohmward.traction.friction.families import (
+from ohmward.traction.friction.law import contact, direction_and_size
+from ohmward.traction.friction.soft_ground import SoftGround, mean_shear
+from ohmward.traction.friction.terrain import SOILS
+from ohmward_lab.traction.friction_fit import (
     Family,
+    ForceSlip,
+    LawFit,
     brush,
     burckhardt,
     coulomb_creep,
+    fit_law,
+    lack_of_fit,
+    left_out_errors_N,
+    select_law,
     soft_ground,
     ward_iagnemma,
     ward_iagnemma_with_slope,
 )
-from ohmward.traction.friction.law import contact, direction_and_size
-from ohmward.traction.friction.soft_ground import SoftGround, mean_shear
-from ohmward.traction.friction.terrain import SOILS
-from ohmward_lab.traction.friction_fit import ForceSlip, LawFit, fit_law, lack_of_fit, left_out_errors_N, select_law
 from real_data import columns
 
 DATA = "CMU wheel in sand"

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ohmward.filters.estimator import rows_of
 from ohmward.logs.drive_log import DriveLog
-from ohmward.traction.terrain.estimate import FloorEstimate
-from ohmward.traction.terrain.slip_on_floors import FloorRun, SlipOnFloors, first_of, wheel_samples
-from ohmward.traction.terrain.wheel_filter import WheelSample
+from ohmward.traction.motion.sample import first_of
+from ohmward.traction.terrain.slip_on_floors import FloorEstimate, FloorRun, SlipOnFloors, floor_samples
 
 
 def live(estimator: SlipOnFloors, logs: Mapping[int, DriveLog]) -> dict[int, FloorRun]:
@@ -17,9 +17,9 @@ def live(estimator: SlipOnFloors, logs: Mapping[int, DriveLog]) -> dict[int, Flo
     stepper = estimator.kernel.live(estimator.init(estimator.no_sample()))
     found = {}
     for number, log in logs.items():
-        samples = wheel_samples(log, estimator.wheels.robot.driven)
+        samples = floor_samples(log, estimator.wheels.robot)
         stepper.state = estimator.init(first_of(samples))
-        estimates = [stepper.step(WheelSample(*row)) for row in zip(*samples, strict=True)]
+        estimates = [stepper.step(row) for row in rows_of(samples)]
         columns = (np.array(values) for values in zip(*estimates, strict=True))
         found[number] = FloorRun(log.time_s, FloorEstimate(*columns), 0.0)
     return found

@@ -26,7 +26,7 @@ from ohmward.traction.control import (
     WheelSpeedDrive,
     driven_wheel,
 )
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.law import CoulombCreep
 from ohmward.traction.friction.rolling import RollingResistance
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant

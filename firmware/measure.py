@@ -36,9 +36,7 @@ from ohmward.export import Export, Twin, battery_export, controller_export, libr
 from ohmward.export.twin import first_of
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
-from ohmward.traction.dynamics.forces import scene
-from ohmward.traction.speed_observer.estimator import samples_of as drive_samples_of
-from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward.traction.motion.sample import samples_of as drive_samples_of
 from ohmward_lab.simulate import closed_loop, make_robot_day
 
 PAGE = Path(__file__).resolve().parents[1] / "benchmarks" / "firmware.md"
@@ -179,7 +177,7 @@ def cases() -> Iterator[Case]:
         yield Case(title_of(name, **options), battery_export(battery, name, "filter", **options), hour)
     ground = hard_terrain("dry asphalt")
     for robot, name, scenario in OBSERVERS:
-        samples = faulty(drive_samples_of(drive(scenario), SpeedObserver(scene(robot, ground))))
+        samples = faulty(drive_samples_of(drive(scenario), robot))
         yield Case(f"{robot.name} speed, {name}", observer_export(robot, ground, name, "filter"), samples)
     for name in CONTROLLERS:
         yield Case(f"{RLMA.name} {name}", controller_export(RLMA, name, "filter"))

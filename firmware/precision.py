@@ -26,9 +26,7 @@ from ohmward.logs import Log
 from ohmward.trace import Kernel
 from ohmward.trace.structure import flatten
 from ohmward.traction import hard_terrain
-from ohmward.traction.dynamics.forces import scene
-from ohmward.traction.speed_observer.estimator import samples_of as drive_samples_of
-from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward.traction.motion.sample import samples_of as drive_samples_of
 from ohmward_lab.simulate.voltage import simulate_voltage
 
 PAGE = Path(__file__).resolve().parents[1] / "benchmarks" / "single_precision.md"
@@ -72,7 +70,7 @@ def cases() -> Iterator[Case]:
             yield Case(title_of(name, **options), export, of_rc if name == JOINT else samples)
     ground = hard_terrain("dry asphalt")
     for robot, name, scenario in OBSERVERS:
-        samples = drive_samples_of(drive(scenario), SpeedObserver(scene(robot, ground)))
+        samples = drive_samples_of(drive(scenario), robot)
         yield Case(f"{robot.name} speed, {name}", observer_export(robot, ground, name, "filter"), samples)
 
 

@@ -40,12 +40,12 @@ if TYPE_CHECKING:
     from ohmward.logs.write import write_log as write_log
     from ohmward.logs.write import write_table as write_table
     from ohmward.traction.calibration import calibrate as calibrate
-    from ohmward.traction.robot.file import load_robot as load_robot
-    from ohmward.traction.robot.file import save_robot as save_robot
+    from ohmward.traction.motion.sample import RobotSample as RobotSample
     from ohmward.traction.robot.robot import Robot as Robot
+    from ohmward.traction.robot.robot import load_robot as load_robot
+    from ohmward.traction.robot.robot import save_robot as save_robot
     from ohmward.traction.speed_observer.estimate import SlipEstimate as SlipEstimate
     from ohmward.traction.speed_observer.estimate import SlipFlag as SlipFlag
-    from ohmward.traction.speed_observer.estimate import SlipSample as SlipSample
     from ohmward.traction.speed_observer.estimator import SlipEstimator as SlipEstimator
     from ohmward_lab.simulate import make_robot_day as make_robot_day
 
@@ -66,8 +66,8 @@ _HOMES = {
     "save_battery": "battery.file",
     "Robot": "traction.robot.robot",
     "calibrate": "traction.calibration",
-    "load_robot": "traction.robot.file",
-    "save_robot": "traction.robot.file",
+    "load_robot": "traction.robot.robot",
+    "save_robot": "traction.robot.robot",
     "Consumption": "energy.consumption",
     "load_consumption": "energy.consumption_file",
     "save_consumption": "energy.consumption_file",
@@ -79,7 +79,7 @@ _HOMES = {
     "SocSample": "battery.soc.sample",
     "SocEstimate": "battery.soc.sample",
     "SocFlag": "battery.soc.sample",
-    "SlipSample": "traction.speed_observer.estimate",
+    "RobotSample": "traction.motion.sample",
     "SlipEstimate": "traction.speed_observer.estimate",
     "SlipFlag": "traction.speed_observer.estimate",
     "RangeEstimate": "energy.range_step",

@@ -7,7 +7,7 @@ from cli import test_slip
 from ohmward.cli.main import main
 from ohmward.logs import write_table
 from ohmward.traction import load_robot, save_robot
-from ohmward.traction.terrain.file import load_floors
+from ohmward.traction.terrain.floor import load_floors
 from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive
 
 POSE = ("--pose", "x,y,angle", "--pose-scale", "0.001,-0.001", "--pose-turn", "90", "--each", "run")

@@ -16,9 +16,8 @@ from ohmward.traction import RLMA, ROBOTINO, hard_terrain, scene
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import States
-from ohmward.traction.terrain.estimator import FloorSlipEstimator
 from ohmward.traction.terrain.floor import Floor
-from ohmward.traction.terrain.slip_on_floors import slip_on_floors
+from ohmward.traction.terrain.slip_on_floors import FloorSlipEstimator, slip_on_floors
 
 T = 40
 TIME_S = 0.02 * np.arange(T)

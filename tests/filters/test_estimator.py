@@ -18,14 +18,12 @@ from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, number, numbers
 from ohmward.logs import DriveLog, Log
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain, scene
-from ohmward.traction.speed_observer.estimate import SlipSample
+from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND
-from ohmward.traction.terrain.estimator import FloorSlipEstimator
 from ohmward.traction.terrain.floor import Floor
-from ohmward.traction.terrain.slip_on_floors import slip_on_floors
-from ohmward.traction.terrain.wheel_filter import WheelSample
+from ohmward.traction.terrain.slip_on_floors import FloorSlipEstimator, slip_on_floors
 
 BATTERY = generic_battery("lfp", 12.0, n_series=4)
 OBSERVER = SpeedObserver(scene(RLMA, hard_terrain("gravel")), KNOWN_GROUND, method="ekf")
@@ -60,14 +58,14 @@ def subjects() -> dict[str, Subject]:
             SlipEstimator,
             OBSERVER,
             list(zip(wheels, motors, strict=True)),
-            SlipSample,
+            RobotSample,
             DriveLog("log", TIME_S, four, motors),
         ),
         "floors": Subject(
             FloorSlipEstimator,
             FLOORS,
             list(zip(rims, torques, strict=True)),
-            WheelSample,
+            RobotSample,
             DriveLog("log", TIME_S, rims, torques),
         ),
     }

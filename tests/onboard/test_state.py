@@ -31,8 +31,7 @@ from ohmward.onboard.state_folder import (
     write_snapshot,
 )
 from ohmward.trace.snapshot import sealed
-from ohmward.traction.robot.file import load_robot
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.robot import RLMA, load_robot
 
 
 class FakeClock:

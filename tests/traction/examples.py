@@ -15,7 +15,7 @@ from ohmward.traction import (
     soft_terrain,
 )
 from ohmward.traction.friction.brush import Brush
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.law import CoulombCreep
 from ohmward.traction.friction.soft_ground import SoftGround
 from ohmward.traction.friction.terrain import ROADS, SOILS
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma

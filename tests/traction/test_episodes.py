@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from ohmward.traction.episodes import immobilised_episodes, robot_episodes, slip_episodes
+from ohmward.traction.observed_drive import immobilised_episodes, robot_episodes, slip_episodes
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.estimator import SlipRun
-from ohmward.traction.terrain.estimate import FloorEstimate
-from ohmward.traction.terrain.slip_on_floors import FloorRun
+from ohmward.traction.terrain.slip_on_floors import FloorEstimate, FloorRun
 
 TIME = 0.1 * np.arange(100)
 

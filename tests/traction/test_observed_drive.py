@@ -7,8 +7,7 @@ from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
 from ohmward.traction.observed_drive import drive_figures, floor_figures, observe_drive, observe_on_floors
-from ohmward.traction.terrain.file import Floors
-from ohmward.traction.terrain.floor import Floor
+from ohmward.traction.terrain.floor import Floor, Floors
 
 TIME_S = np.arange(0.0, 3.0, 0.01)
 SPIN_RAD_S = np.where((TIME_S > 1.0) & (TIME_S < 1.5), 9.0, 0.0)

@@ -22,14 +22,14 @@ from ohmward.trace.lower import llvm_machine_code
 from ohmward.trace.structure import pick_lanes, side_by_side
 from ohmward.traction.control import Limits, WheelSpeedDrive
 from ohmward.traction.friction.terrain import Terrain, terrain_named
+from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.chassis import SkidSteer
 from ohmward.traction.robot.robot import GRAVITY, RLMA, Robot
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
-from ohmward.traction.speed_observer.default_observer import DEFAULT_TERRAIN, default_observer
-from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample, unknown_ground
+from ohmward.traction.speed_observer.estimate import SlipEstimate, unknown_ground
 from ohmward.traction.speed_observer.estimator import considered_step
-from ohmward.traction.speed_observer.observer_state import ObserverState
-from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward.traction.speed_observer.make_observer import DEFAULT_TERRAIN, default_observer
+from ohmward.traction.speed_observer.speed_observer import ObserverState, SpeedObserver
 from ohmward_lab.assess.draws import generator, signs
 from ohmward_lab.assess.recommendation import Processor, Remedy, Situation, as_in_the_base_case
 from ohmward_lab.simulate.closed_loop.scenario import ROBOTS as PACKAGED
@@ -319,7 +319,7 @@ _GLITCH_RAD_S = 20.0
 
 
 @lru_cache(maxsize=2)
-def measured(name: str, condition: DriveCondition, runs: int, seed: int) -> tuple[SlipSample, Drives]:
+def measured(name: str, condition: DriveCondition, runs: int, seed: int) -> tuple[RobotSample, Drives]:
     """Samples (T, ..., B) as the sensors of this condition give them, and the truth at their times."""
     robot = ROBOTS[name]
     every = round(condition.interval_s / INTERVAL_S)
@@ -336,7 +336,7 @@ def measured(name: str, condition: DriveCondition, runs: int, seed: int) -> tupl
     known = np.isfinite(speed)
     dt_s = np.full(times[0], condition.interval_s)
     dt_s[0] = 0.0
-    sample = SlipSample(
+    sample = RobotSample(
         dt_s=dt_s,
         wheel_speed_rad_s=_wheel_speeds(condition, robot, truth.angle_rad, rng),
         current_A=_currents(condition, robot, truth.impulse_Nms, rng),
@@ -401,12 +401,12 @@ class WheelsAlone(NamedTuple):
 
     robot: Robot
 
-    def init(self, sample: SlipSample) -> np.ndarray:
+    def init(self, sample: RobotSample) -> np.ndarray:
         """(driven,) speeds of the wheels [rad/s]."""
         del sample
         return np.zeros(self.robot.driven)
 
-    def step(self, state: np.ndarray, sample: SlipSample) -> tuple[np.ndarray, SlipEstimate]:
+    def step(self, state: np.ndarray, sample: RobotSample) -> tuple[np.ndarray, SlipEstimate]:
         """Speeds after a sample, and the motion of the body that fits them best."""
         n = self.robot.driven
         pairs = zip(sample.wheel_speed_rad_s[:n], state, strict=True)
@@ -426,11 +426,11 @@ class ConsideredObserver(NamedTuple):
 
     observer: SpeedObserver
 
-    def init(self, sample: SlipSample) -> ObserverState:
+    def init(self, sample: RobotSample) -> ObserverState:
         """State before the first sample."""
         return self.observer.init(sample)
 
-    def step(self, state: ObserverState, sample: SlipSample) -> tuple[ObserverState, SlipEstimate]:
+    def step(self, state: ObserverState, sample: RobotSample) -> tuple[ObserverState, SlipEstimate]:
         """State after a sample, and the estimate."""
         return considered_step(self.observer, state, sample)
 
@@ -494,7 +494,7 @@ def slip_cell(name: str, condition: DriveCondition, method: SlipMethod, runs: in
     """Run the method along every drive of this condition."""
     samples, truth = measured(name, condition, runs, seed)
     kernel, observer = _compiled(name, condition.assumed, method.name)
-    firsts = [SlipSample(0.0, *(values[0, ..., run] for values in samples[1:])) for run in range(runs)]
+    firsts = [RobotSample(0.0, *(values[0, ..., run] for values in samples[1:])) for run in range(runs)]
     states = side_by_side([observer.init(first) for first in firsts])
     began = time.perf_counter()
     _, found = kernel.scan_lanes(states, samples)
@@ -519,7 +519,7 @@ def _compiled(name: str, ground: str, method: str) -> tuple[Kernel, Any]:
     """The step in machine code where it can be, since it serves many conditions; and the observer."""
     observer = next(m for m in SLIP_METHODS if m.name == method).make(ROBOTS[name], ground)
     robot = ROBOTS[name]
-    example = SlipSample(0.0, np.zeros(len(robot.places)), np.zeros(robot.driven))
+    example = RobotSample(0.0, np.zeros(len(robot.places)), np.zeros(robot.driven))
     lowering = "python" if llvm_machine_code.reason_for_none() else "machine"
     return Kernel(observer.step, observer.init(example), example, lowering=lowering), observer
 

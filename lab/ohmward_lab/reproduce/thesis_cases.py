@@ -10,8 +10,7 @@ import numpy as np
 
 from ohmward.report import TIME, Figure, Series
 from ohmward.traction import RLMA, RollingResistance
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
-from ohmward.traction.friction.law import Contact
+from ohmward.traction.friction.law import Contact, CoulombCreep
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.reproduce.row import Result, ResultRow
 from ohmward_lab.simulate.closed_loop import ClosedLoopRun, find_scenario, run

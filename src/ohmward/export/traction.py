@@ -26,12 +26,13 @@ from ohmward.traction.control import (
 )
 from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.friction.terrain import Terrain
-from ohmward.traction.odometry.noise import noise_of
+from ohmward.traction.motion.sample import RobotSample as DriveSample
+from ohmward.traction.motion.sample import no_sample
+from ohmward.traction.odometry.model import noise_of
 from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipFlag
-from ohmward.traction.speed_observer.estimate import SlipSample as DriveSample
 from ohmward.traction.speed_observer.make_observer import FILTERS
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
@@ -142,6 +143,11 @@ def _sample(sample: DriveSample, wheel_speed: np.ndarray, current_A: np.ndarray)
     return sample._replace(dt_s=0.01, wheel_speed_rad_s=wheel_speed, current_A=current_A)
 
 
+def _row(sample: Any) -> np.ndarray:
+    """The numbers of a sample in order."""
+    return np.concatenate([_row(x) if isinstance(x, tuple) else np.ravel(x) for x in sample]).astype(float)
+
+
 def _drive(observer: SpeedObserver) -> np.ndarray:
     """Samples (T, m): from rest, with a wheel that spins, and faults of encoder, motor current and clock."""
     rng, robot = np.random.default_rng(0), observer.scene.robot
@@ -151,7 +157,7 @@ def _drive(observer: SpeedObserver) -> np.ndarray:
         wheels[0] += 2.0 * (30 < k < 40)
         currents = 1.0 + 0.1 * rng.standard_normal(robot.driven)
         sample = _sample(observer.no_sample(), wheels, currents)
-        rows.append(np.concatenate([np.ravel(x) for x in sample]).astype(float))
+        rows.append(_row(sample))
     samples = np.array(rows)
     samples[10, 1], samples[14, 1 + len(robot.places)], samples[18, 0], samples[22, 0] = math.nan, math.inf, -1.0, 5.0
     return samples
@@ -163,12 +169,15 @@ def _way(settings: PoseFilter) -> np.ndarray:
     rows = []
     for k in range(_STEPS):
         wheels = np.linspace(1.0, 1.2, driven) * min(0.1 * k, 3.0) + 0.01 * rng.standard_normal(driven)
-        sample = settings.no_sample()._replace(dt_s=0.02, wheel_speed_rad_s=wheels, yaw_rate_rad_s=0.1 + 0.001 * k)
+        sample = no_sample(settings.robot)
+        speeds = np.concatenate([wheels, sample.wheel_speed_rad_s[driven:]])
+        sample = sample._replace(dt_s=0.02, wheel_speed_rad_s=speeds, yaw_rate_rad_s=0.1 + 0.001 * k)
         if k % 10 == 9:
             sample = sample._replace(speed_m_s=0.011 * k, speed_std_m_s=0.05)
-        rows.append(np.concatenate([np.ravel(x) for x in sample]).astype(float))
+        rows.append(_row(settings.no_sample()._replace(robot=sample)))
     samples = np.array(rows)
-    samples[10, 1], samples[14, 1 + driven], samples[18, 0], samples[22, 0] = math.nan, math.inf, -1.0, 5.0
+    gyro = 1 + len(sample.wheel_speed_rad_s) + driven
+    samples[10, 1], samples[14, gyro], samples[18, 0], samples[22, 0] = math.nan, math.inf, -1.0, 5.0
     return samples
 
 

@@ -10,7 +10,7 @@ import os
 import struct
 import time
 from abc import ABC
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from threading import Lock
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
@@ -215,7 +215,7 @@ class LiveEstimator(ABC, Generic[S, E]):
         if is_finite(structure_of(after, "state"), after):
             self.state = after
         else:
-            found = [self._advance(row, end_s) for row in zip(*samples, strict=True)]
+            found = [self._advance(row, end_s) for row in rows_of(samples)]
             estimates = type(estimates)(*(np.array(column, dtype=float) for column in zip(*found, strict=True)))
         self.time_s = end_s
         *values, flags = (column[-1] for column in estimates)
@@ -234,6 +234,12 @@ class LiveEstimator(ABC, Generic[S, E]):
     def __getstate__(self) -> dict[str, Any]:
         """State to pickle; the other process compiles the step again, or finds it in its cache."""
         return self.__dict__ | {"_state": self.state, "_live": None, "_kernel": None}
+
+
+def rows_of(samples: Any) -> Iterator[Any]:
+    """Each of the samples (T, ...), of which fields may be records themselves."""
+    columns = (rows_of(values) if isinstance(values, tuple) else values for values in samples)
+    return (type(samples)(*row) for row in zip(*columns, strict=True))
 
 
 def number(name: str, value: Any) -> float:

@@ -26,8 +26,7 @@ from ohmward.onboard.sinks.store import StoreSink
 from ohmward.onboard.sources.replay import replays_in_step
 from ohmward.onboard.sources.ros2 import Ros2Source
 from ohmward.onboard.state_folder import StateFolder
-from ohmward.traction.robot.file import load_robot
-from ohmward.traction.robot.robot import Robot
+from ohmward.traction.robot.robot import Robot, load_robot
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from ohmward.quantities import GROUPS
 from ohmward.trace.lower.kept_steps import keeping
 from ohmward.traction.inbox import HEADING, SensorInbox
 from ohmward.traction.odometry.estimator import Odometry, by_wheels_and_gyro, force_known, with_slip_of
-from ohmward.traction.odometry.sample import OdometryFlag, OdometrySample
+from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of
@@ -48,8 +48,8 @@ FULL, CELL = "battery_full", "cell_voltage_V"
 #: Events that somebody at the robot tells of.
 CHANGED, RESET = "battery_changed", "pose_reset"
 
-#: What the odometry takes of a sample of the drive, beside the speed observer's estimate.
-ODOMETRY_SIGNALS = {"time_s", *OdometrySample._fields}
+#: What the odometry does not take of a sample of the drive: it is in the speed observer's estimate.
+NOT_OF_ODOMETRY = ("current_A", "acceleration_m_s2", "pitch_rad")
 
 #: A charger that goes on saying that the battery is full is heard again after so long [s].
 FULL_AGAIN_S = 60.0
@@ -275,7 +275,7 @@ class Estimation:
     def _drive_state(self, sample: dict[str, Any]) -> RobotState:
         assert self.slip is not None and self.odometry is not None
         slip = self.slip.update(**{name: value for name, value in sample.items() if name not in HEADING})
-        seen = {name: value for name, value in sample.items() if name in ODOMETRY_SIGNALS}
+        seen = {name: value for name, value in sample.items() if name not in NOT_OF_ODOMETRY}
         pose = self.odometry.update(**seen, observed=slip)
         self._measured |= sample.keys()
         robot = self.odometry.settings.robot

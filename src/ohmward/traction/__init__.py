@@ -8,9 +8,8 @@ from ohmward.traction.friction.terrain import Terrain, hard_terrain, soft_terrai
 from ohmward.traction.inbox import SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer, TwoWheeled
-from ohmward.traction.robot.file import load_robot, save_robot
 from ohmward.traction.robot.motor import Motor
-from ohmward.traction.robot.robot import RLMA, ROBOTINO, SEEDER, Robot, Wheel
+from ohmward.traction.robot.robot import RLMA, ROBOTINO, SEEDER, Robot, Wheel, load_robot, save_robot
 
 __all__ = [
     "ALEXANDER",

@@ -16,12 +16,11 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.runs import long_runs
+from ohmward.traction.motion.sample import require_wheels
 from ohmward.traction.motion_check import MotionCheck, wrong_sign, wrong_signs
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import GRAVITY, Robot
-from ohmward.traction.speed_observer.estimator import require_wheels
-from ohmward.traction.speed_observer.make_observer import yaw_rate_of_wheels
-from ohmward.traction.speed_observer.sensor_noise import speed_and_wheels_m_s
+from ohmward.traction.speed_observer.make_observer import speed_and_wheels_m_s, yaw_rate_of_wheels
 
 #: Sizes from which on a wheel turns, a robot moves and turns, a motor works [rad/s, m/s, rad/s, A].
 TURNS_RAD_S, MOVES_M_S, YAWS_RAD_S, WORKS_A = 0.2, 0.1, 0.1, 1.0
@@ -317,8 +316,7 @@ def _stuck_robot(robot: Robot, log: DriveLog) -> Iterator[str]:
     for first, stop in long_runs(stands, time_s, STUCK_S, FEWEST_STUCK):
         yield (
             f"the robot stands by the speed from outside {_from_to(time_s[first:stop])} while its wheels turn: stuck, "
-            "or that speed is dead; between two of its samples way and slip are those of the wheels, do not count on "
-            "them here"
+            "or that speed is dead; the robot is taken to stand between two of its samples, too"
         )
 
 

@@ -7,27 +7,24 @@ import pytest
 from scipy.stats import binom, kstest, t
 
 from ohmward.errors import InputError
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
-from ohmward.traction.friction.families import (
+from ohmward.traction.friction.law import CoulombCreep, contact
+from ohmward.traction.friction.terrain import SOILS
+from ohmward_lab.traction.friction_fit import (
     Family,
+    ForceSlip,
     Free,
+    LawFit,
     brush,
     burckhardt,
     coulomb_creep,
-    soft_ground,
-    ward_iagnemma,
-    ward_iagnemma_with_slope,
-)
-from ohmward.traction.friction.law import contact
-from ohmward.traction.friction.terrain import SOILS
-from ohmward_lab.traction.friction_fit import (
-    ForceSlip,
-    LawFit,
     drawbar_N,
     fit_law,
     lack_of_fit,
     left_out_errors_N,
     select_law,
+    soft_ground,
+    ward_iagnemma,
+    ward_iagnemma_with_slope,
 )
 
 FLOOR = 1e-3

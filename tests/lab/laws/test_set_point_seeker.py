@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
-from ohmward.traction.friction.law import TractionLaw
+from ohmward.traction.friction.law import CoulombCreep, TractionLaw
 from ohmward.traction.friction.terrain import ROADS
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward_lab.traction.set_point_seeker import SetPointSeeker

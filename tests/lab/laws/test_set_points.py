@@ -3,7 +3,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from ohmward.errors import InputError
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.law import CoulombCreep
 from ohmward.traction.friction.terrain import ROADS
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward_lab.traction.set_points import best_slip, driving_force, peak

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ohmward.traction.dynamics.forces import RobotInput, rates, scene
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.law import CoulombCreep
 from ohmward.traction.friction.rolling import RollingResistance
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.chassis import Differential, SkidSteer

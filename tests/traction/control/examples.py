@@ -6,8 +6,7 @@ from kernels import kernel_of
 from ohmward.traction import RLMA
 from ohmward.traction.control import Limits, Measurement, SlidingMode, Uncertainty, driven_wheel
 from ohmward.traction.control.slip_law import Motion
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
-from ohmward.traction.friction.law import TractionLaw, contact
+from ohmward.traction.friction.law import CoulombCreep, TractionLaw, contact
 
 WHEEL = driven_wheel(RLMA)
 LIMITS = Limits(torque_Nm=12.0, rate_Nm_per_s=5000.0)

@@ -22,8 +22,7 @@ from ohmward.traction import (
     scene,
 )
 from ohmward.traction.dynamics.forces import weight_along_ground
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
-from ohmward.traction.friction.law import contact
+from ohmward.traction.friction.law import CoulombCreep, contact
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import GRAVITY
 from traction.examples import HARD, LOSSY, LOW, ROBOTS, SLIPPERY, TERRAINS

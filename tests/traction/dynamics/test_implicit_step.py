@@ -23,7 +23,7 @@ from ohmward.traction import (
 )
 from ohmward.traction.dynamics.energy_balance import kinetic_energy
 from ohmward.traction.dynamics.implicit_step import solve
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.law import CoulombCreep
 from traction.examples import HARD, LOW, ROBOTS, SLIPPERY, TERRAINS
 
 METHODS = {"euler": EULER, "alexander": ALEXANDER}

@@ -8,7 +8,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.traction import ROBOTINO
 from ohmward.traction.dynamics.forces import RobotInput, normal_loads
-from ohmward.traction.robot.file import ROBOT_FILE
+from ohmward.traction.robot.robot import ROBOT_FILE
 
 LOADS = (30.4, 50.0, 30.4)
 

@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.traction import RLMA
-from ohmward.traction.odometry.noise import OdometryNoise
+from ohmward.traction.motion.sample import RobotSample
+from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter
-from ohmward.traction.odometry.sample import OdometrySample
+from ohmward.traction.odometry.sample import Observed, OdometrySample
 
 DT_S = 0.02
 NOISE = OdometryNoise()
@@ -23,9 +24,22 @@ class Drive(NamedTuple):
 
 def samples(settings: PoseFilter, **given) -> OdometrySample:
     """Samples (T, ...) with nothing but what is given."""
-    T = len(given["wheel_speed_rad_s"])
-    nothing = settings.no_sample()._asdict() | {"dt_s": DT_S}
-    return OdometrySample(**({k: np.broadcast_to(v, (T, *np.shape(v))) for k, v in nothing.items()} | given))
+    T, nothing = len(given["wheel_speed_rad_s"]), settings.no_sample()
+    speeds = np.full((T, len(settings.robot.places)), np.nan)
+    speeds[:, : settings.robot.driven] = given.pop("wheel_speed_rad_s")
+    if "passive_rad_s" in given:
+        speeds[:, settings.robot.driven :] = given.pop("passive_rad_s")
+    observed = {name.removeprefix("observed_"): given.pop(name) for name in [*given] if name.startswith("observed_")}
+
+    def filled(record, values):
+        fields = {name: value for name, value in record._asdict().items() if not isinstance(value, tuple)}
+        return {name: np.broadcast_to(values.get(name, v), (T, *np.shape(v))) for name, v in fields.items()}
+
+    return OdometrySample(
+        **filled(nothing, given),
+        robot=RobotSample(**filled(nothing.robot, {"dt_s": DT_S, **given, "wheel_speed_rad_s": speeds})),
+        observed=Observed(**filled(nothing.observed, observed)),
+    )
 
 
 def gauss_markov(rng, T, noise):

@@ -11,8 +11,7 @@ from ohmward.filters.belief import unpack
 from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, Motor, Robot, TwoWheeled, Wheel
-from ohmward.traction.odometry.model import APART, CURVATURE, GYRO_SCALE, NAMES, RADIUS, TURN_SCALE
-from ohmward.traction.odometry.noise import OdometryNoise
+from ohmward.traction.odometry.model import APART, CURVATURE, GYRO_SCALE, NAMES, RADIUS, TURN_SCALE, OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter, PoseState, pose_filter
 from ohmward.traction.odometry.sample import OdometryEstimate
 from traction.odometry.examples import DT_S, integrate, samples
@@ -82,7 +81,7 @@ def test_stop_and_go_is_as_good_as_the_gyro_less_its_mean_at_rest_and_its_band_i
     for seed in range(30):
         drive = stop_and_go(seed, counts, late_s, every)
         given = {"wheel_speed_rad_s": drive.wheel_speed_rad_s, "yaw_rate_rad_s": drive.gyro_rad_s}
-        _, e = scan(settings, samples(settings, **given)._replace(dt_s=np.full(len(drive.pose), step_s)))
+        _, e = scan(settings, samples(settings, dt_s=np.full(len(drive.pose), step_s), **given))
         error = np.array([e.x_m[-1], e.y_m[-1], e.yaw_rad[-1]]) - drive.pose[-1]
         yaw = np.cumsum(drive.gyro_rad_s - drive.gyro_rad_s[: int(3.0 / step_s)].mean()) * step_s
         way = drive.wheel_speed_rad_s.mean(axis=1) * INDOOR.wheel.radius_m * step_s

@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose
 
 from ohmward import DriveLog, InputError, SlipEstimator
 from ohmward.traction import RLMA, Odometry, hard_terrain
-from ohmward.traction.odometry.estimator import motion_of_observer
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.speed_observer.make_observer import make_observer
 
@@ -124,19 +123,8 @@ def test_bad_samples_are_flagged_and_bad_calls_refused():
     assert odometry.update(7200.0, None).flags & OdometryFlag.BAD_TIME
     with pytest.raises(InputError, match="increment must have the shape"):
         odometry.update(0.1, [1.0, 1.0], increment=[1.0])
-    with pytest.raises(InputError, match="has 2 wheels, robot 'RLMA' has 4"):
+    with pytest.raises(InputError, match="has 2 wheels and 2 motors, robot 'RLMA' has 4"):
         Odometry(RLMA).run(DriveLog("other", np.arange(3.0), np.ones((3, 2)), np.ones((3, 2))))
     slip = SlipEstimator(RLMA, filter="ekf").run(log(50))
     with pytest.raises(InputError, match="observed must have the 300 samples"):
         Odometry(RLMA).run(log(), observed=slip.estimates)
-
-
-@pytest.mark.parametrize("robot", ["rlma", "robotino"])
-def test_the_motion_of_one_estimate_is_that_of_a_log_of_them(robot):
-    observer, odometry = SlipEstimator(robot), Odometry(robot)
-    robot = observer.observer.scene.robot
-    for k in range(50):
-        speeds = [math.sin(0.1 * k) + 0.1 * wheel for wheel in range(len(robot.places))]
-        estimate = observer.update(0.01 * k, speeds, [0.2] * robot.driven)
-        expected = [float(value) for value in motion_of_observer(odometry.settings, estimate)]
-        assert_allclose(odometry._motion_of(estimate), expected, rtol=1e-13, atol=1e-16)

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO
+from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.odometry.modes import (
     COUNTED,
     EVIDENCE_S,
@@ -25,7 +26,6 @@ from ohmward.traction.odometry.modes import (
     slip_modes,
     weigh,
 )
-from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.chassis import Differential
@@ -147,7 +147,7 @@ def test_no_drive_without_slip_makes_slip_more_likely_than_before(every, counts)
     for seed in range(10):
         drive = stop_and_go(seed, counts, every=every)
         given = {"wheel_speed_rad_s": drive.wheel_speed_rad_s, "yaw_rate_rad_s": drive.gyro_rad_s}
-        _, modes = run(samples(settings, **given)._replace(dt_s=np.full(len(drive.pose), every * DT_S)), settings)
+        _, modes = run(samples(settings, dt_s=np.full(len(drive.pose), every * DT_S), **given), settings)
         more = np.concatenate([[0], 1.0 - modes[:, 0] > prior, [0]]).astype(int)
         begins, ends = np.flatnonzero(np.diff(more) > 0), np.flatnonzero(np.diff(more) < 0)
         assert ((ends - begins) * every * DT_S < 1.0).all()

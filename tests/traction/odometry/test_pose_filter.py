@@ -9,11 +9,11 @@ from numpy.testing import assert_allclose
 
 from ohmward.errors import InputError
 from ohmward.filters.consistency import mean_bounds
+from ohmward.filters.estimator import rows_of
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO, SkidSteer
 from ohmward.traction.odometry.corrections import HEADING_WAIT
-from ohmward.traction.odometry.model import ANY_HEADING_RAD
-from ohmward.traction.odometry.noise import OdometryNoise, noise_of
+from ohmward.traction.odometry.model import ANY_HEADING_RAD, OdometryNoise, noise_of
 from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.terrain.floor import ROLLING, STIFFNESS
@@ -157,8 +157,8 @@ def test_a_traced_step_is_the_step():
     d = drive(FILTER, 3, distance_m=2.0)
     state = FILTER.init(FILTER.no_sample())
     traced = run(FILTER, d.samples)
-    for k in range(150):
-        state, e = FILTER.step(state, type(d.samples)(*(values[k] for values in d.samples)))
+    for _, sample in zip(range(150), rows_of(d.samples), strict=False):
+        state, e = FILTER.step(state, sample)
     assert_allclose([e.x_m, e.y_m, e.yaw_rad], [traced.x_m[149], traced.y_m[149], traced.yaw_rad[149]], atol=1e-12)
     assert_allclose(e.pose_cov, traced.pose_cov[149], rtol=1e-9, atol=1e-18)
 
@@ -182,12 +182,12 @@ def test_speeds_from_outside_show_slip_forward_and_to_the_left():
 def test_a_speed_beyond_its_gate_opens_the_band_and_is_believed_when_it_comes_again():
     steps = 300
     outside = np.full(steps, math.nan)
-    outside[100::10] = 0.1
+    outside[100::10] = 0.25
     given = {"speed_m_s": outside, "speed_std_m_s": np.full(steps, 0.01)}
     e = run(FILTER, samples(FILTER, wheel_speed_rad_s=rolling(0.5, 0.0, steps), **given))
     assert int(e.flags[100]) & OdometryFlag.SPEED_REJECTED
-    assert e.twist_cov[100, 0, 0] > 0.3**2
-    assert_allclose(e.speed_m_s[110:], 0.1, atol=0.1)  # it goes back to the wheels' in between
+    assert e.twist_cov[100, 0, 0] > 0.2**2
+    assert_allclose(e.speed_m_s[110:], 0.25, atol=0.1)  # it goes back to the wheels' in between
 
 
 def test_a_robot_that_an_outside_speed_shows_to_be_stuck_stays_so_until_the_next_one():
@@ -348,12 +348,15 @@ def test_no_sample_makes_the_state_no_number():
     bad = np.array([math.nan, math.inf, -math.inf, 1e300, -1.0, 0.0, 1e9])
     steps = 3000
     given = samples(FILTER, wheel_speed_rad_s=rolling(0.5, 0.1, steps), yaw_rate_rad_s=np.full(steps, 0.1))
-    noisy = []
-    for values in given:
+
+    def noisy(values):
+        if isinstance(values, tuple):
+            return type(values)(*map(noisy, values))
         values = np.array(values, dtype=float)
         wrong = rng.random(values.shape) < 0.3
-        noisy.append(np.where(wrong, rng.choice(bad, values.shape), values))
-    e = run(FILTER, type(given)(*noisy))
+        return np.where(wrong, rng.choice(bad, values.shape), values)
+
+    e = run(FILTER, noisy(given))
     assert np.isfinite(e.x_m).all() and np.isfinite(e.pose_cov).all()
     assert (e.position_std_m >= 0).all()
 

@@ -19,7 +19,7 @@ from ohmward.traction import (
     load_robot,
     save_robot,
 )
-from ohmward.traction.robot.file import ROBOT_FILE
+from ohmward.traction.robot.robot import ROBOT_FILE
 from traction.examples import ROBOTS
 
 TEXT = ROBOT_FILE.dump(RLMA).partition("\n\n")[2]  # without the comments at its head

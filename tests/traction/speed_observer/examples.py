@@ -19,7 +19,7 @@ from ohmward.traction import (
     scene,
 )
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
-from ohmward.traction.speed_observer.estimate import SlipSample
+from ohmward.traction.motion.sample import RobotSample
 
 DT_S = 0.01
 FLOOR = Terrain("rubber on a hard floor", WardIagnemma(0.7, 20.0), RollingResistance(a3_s_per_m=0.0), "tests")
@@ -67,5 +67,5 @@ def log(wheel_speed_rad_s, current_A, **others):
         "wheel_speed_rad_s": np.column_stack([speed, speed, nothing, nothing]),
         "current_A": np.column_stack([current, current]),
     }
-    blank = dict.fromkeys(SlipSample._fields, nothing) | {"speed_age_s": np.zeros(len(speed))}
-    return SlipSample(**(blank | columns | others))
+    blank = dict.fromkeys(RobotSample._fields, nothing) | {"speed_age_s": np.zeros(len(speed))}
+    return RobotSample(**(blank | columns | others))

@@ -9,8 +9,8 @@ import numpy as np
 from kernels import kernel_of
 from ohmward.traction import RLMA, RollingResistance, Terrain, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.speed_observer.encoders import wheel_speeds
-from ohmward.traction.speed_observer.estimate import SlipSample
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
@@ -65,7 +65,7 @@ def samples_of(truth, rng, passive=False, speed_every=0, speed_std=0.05, age_ste
         external[age_steps::speed_every] = noisy[: len(true) - age_steps : speed_every]
     nothing = np.full(len(speeds), np.nan)
     pitch = nothing if pitch_std is None else truth.grade_rad[1:] + pitch_std * rng.standard_normal(len(speeds))
-    return SlipSample(
+    return RobotSample(
         np.diff(time_s),
         speeds,
         np.array([r.motor_current_A for r in readings[1:]]),

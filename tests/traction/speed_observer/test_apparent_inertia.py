@@ -6,11 +6,12 @@ import pytest
 from ohmward.trace import Kernel, clip
 from ohmward.traction import ALEXANDER, RLMA, RobotInput, RollingResistance, Terrain, next_state, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
-from ohmward.traction.speed_observer.apparent_inertia import grips, tells_grip, untested, with_evidence
-from ohmward.traction.speed_observer.default_observer import default_observer
-from ohmward.traction.speed_observer.estimate import SlipFlag, SlipSample
+from ohmward.traction.motion.sample import RobotSample
+from ohmward.traction.speed_observer.estimate import SlipFlag
+from ohmward.traction.speed_observer.make_observer import default_observer
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
+from ohmward.traction.speed_observer.speed_evidence import SpeedEvidence, grips, tells_grip, with_evidence
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, zones
@@ -30,7 +31,7 @@ NOISE = ObserverNoise(gyro_std_rad_s=0.003)
 
 def driven_by(current_A, mass_kg):
     """The test after wheels that carry this mass have been driven by these currents (T,), the same on both."""
-    test, rim_m_s = untested(), 0.0
+    test, rim_m_s = SpeedEvidence(), 0.0
     for current in current_A:
         rim_m_s += DT_S * 2 * N_PER_A * current / mass_kg
         omega = np.full(2, rim_m_s / ROBOT.wheel.radius_m)
@@ -137,7 +138,7 @@ def servo_drive(friction, seed, steps=3000):
     currents = current_A + 0.05 * rng.standard_normal((steps, 2))
     yaw_rate = x[:, 1] + 0.01 * rng.standard_normal(steps)
     none = [nothing, nothing, nothing, nothing, np.zeros(steps)]
-    return x[:, 0], SlipSample(np.full(steps, DT_S), speeds, currents, yaw_rate, *none)
+    return x[:, 0], RobotSample(np.full(steps, DT_S), speeds, currents, yaw_rate, *none)
 
 
 @pytest.mark.parametrize("seed", [1, 3, 6, 7])

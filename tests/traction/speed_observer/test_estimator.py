@@ -11,9 +11,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, scene
+from ohmward.traction.motion.sample import RobotSample, samples_of
 from ohmward.traction.robot.robot import wheel_speeds
-from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
-from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of, observe, samples_of
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
+from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of, observe
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND
@@ -30,7 +31,7 @@ def drive(steps=40, wheel_speed=2.0, **others):
 
 
 def rows(samples):
-    return [SlipSample(*(values[k] for values in samples)) for k in range(len(samples.dt_s))]
+    return [RobotSample(*(values[k] for values in samples)) for k in range(len(samples.dt_s))]
 
 
 def test_a_drive_at_constant_speed():
@@ -76,7 +77,7 @@ each = pytest.mark.parametrize("observer", OBSERVERS.values(), ids=OBSERVERS.key
 
 
 def live_estimates(estimator, log):
-    estimates = map(estimator.step, rows(samples_of(log, estimator.observer)))
+    estimates = map(estimator.step, rows(samples_of(log, estimator.observer.scene.robot)))
     return SlipEstimate(*map(np.array, zip(*estimates, strict=True)))
 
 
@@ -110,13 +111,13 @@ def test_machine_code_is_python_live_and_from_a_log_that_has_every_fault(observe
 
 def test_live_samples_run_in_machine_code_where_it_is_installed():
     live = SlipEstimator(OBSERVER)
-    live.step(rows(samples_of(drive(), OBSERVER))[0])
+    live.step(rows(samples_of(drive(), OBSERVER.scene.robot))[0])
     assert type(live._live).__name__ == "MachineLive"
 
 
 @pytest.mark.parametrize("lowering", ["python", "machine"])
 def test_a_sample_of_another_robot_is_refused_and_the_state_stays(lowering):
-    live, sample = SlipEstimator(OBSERVER, lowering), rows(samples_of(drive(), OBSERVER))[0]
+    live, sample = SlipEstimator(OBSERVER, lowering), rows(samples_of(drive(), OBSERVER.scene.robot))[0]
     live.step(sample)
     before = live.snapshot()
     with pytest.raises(InputError, match=r"wheel_speed_rad_s must have the shape \(4,\) .* got \(3,\)"):
@@ -126,7 +127,7 @@ def test_a_sample_of_another_robot_is_refused_and_the_state_stays(lowering):
 
 
 def test_the_clock_stands_where_a_step_cannot_be_true():
-    live, sample = SlipEstimator(OBSERVER), rows(samples_of(drive(), OBSERVER))[0]
+    live, sample = SlipEstimator(OBSERVER), rows(samples_of(drive(), OBSERVER.scene.robot))[0]
     for dt_s in (0.5, math.nan, math.inf, -1.0, 1e9, 0.25):
         live.step(sample._replace(dt_s=dt_s))
     assert live.time_s == 0.75
@@ -135,7 +136,7 @@ def test_the_clock_stands_where_a_step_cannot_be_true():
 
 @pytest.mark.parametrize("lowering", ["python", "machine"])
 def test_a_live_restart_goes_on_to_the_bit(lowering):
-    samples = rows(samples_of(faulty_drive(60), OBSERVER))
+    samples = rows(samples_of(faulty_drive(60), OBSERVER.scene.robot))
     before = SlipEstimator(OBSERVER, lowering)
     for sample in samples[:30]:
         before.step(sample)
@@ -193,7 +194,7 @@ def test_a_log_of_a_robot_with_other_wheels_is_refused():
 
 def test_a_sensor_that_the_log_lacks_is_nan():
     log = drive(yaw_rate_rad_s=np.full(40, 0.1), speed_m_s=np.full(40, 0.2))
-    samples = samples_of(log, OBSERVER)
+    samples = samples_of(log, OBSERVER.scene.robot)
     assert_array_equal(samples.yaw_rate_rad_s, log.yaw_rate_rad_s)
     assert_array_equal(samples.speed_m_s, log.speed_m_s)
     assert np.isnan(samples.pitch_rad).all() and np.isnan(samples.speed_age_s).all()

@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 
 from ohmward.filters.belief import Belief
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
-from ohmward.traction.speed_observer.gross_slip import (
-    change_by_momentum,
-    compare_hypotheses,
-    is_ambiguous,
-    log_friction_of_sliding,
-    unexplained_change,
-)
+from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
+from ohmward.traction.speed_observer.speed_evidence import (
+    Judgement,
+    SpeedEvidence,
+    change_by_momentum,
+    is_ambiguous,
+    log_friction_of_sliding,
+    with_gross_slip,
+    with_unexplained,
+)
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop.figures import score
@@ -39,7 +41,7 @@ def belief(grade_rad, grade_std_rad=0.015, slip_m_s=0.01):
 
 def clean(current_A):
     none = np.zeros(4)
-    return CleanSlipSample(
+    return CleanSample(
         dt_s=0.01,
         modelled_s=0.01,
         unmodelled_s=0.0,
@@ -54,7 +56,8 @@ def clean(current_A):
 
 
 def after(grade_rad=-0.06, gained_m_s=GAINED_M_S, current_A=3.0, **others):
-    return compare_hypotheses(belief(grade_rad, **others), gained_m_s, clean(current_A), MODEL, GATE)
+    evidence = SpeedEvidence(unexplained_m_s=gained_m_s)
+    return with_gross_slip(Judgement(evidence, belief(grade_rad, **others), False), clean(current_A), MODEL, GATE)
 
 
 def test_another_sensor_or_a_known_ground_leaves_no_doubt():
@@ -84,7 +87,7 @@ def test_it_starts_again_from_wheels_that_slide():
     assert mean[2:4] == pytest.approx(0.31 / 0.12)
     assert np.all(MODEL.grip(mean, MODEL.slip(mean)) < 0.01)
     assert mean[GRADE] == 0.0 and cov[GRADE, GRADE] == pytest.approx(MODEL.noise.grade_std_rad**2)
-    assert found.gross_slip and found.unexplained_m_s == 0.0
+    assert found.ground_changed and found.evidence.unexplained_m_s == 0.0
 
 
 @pytest.mark.parametrize(
@@ -106,8 +109,8 @@ def test_it_starts_again_from_wheels_that_slide():
 )
 def test_otherwise_it_goes_on(other):
     found = after(**other)
-    assert not found.gross_slip and found.belief.mean[0] == 0.3
-    assert found.unexplained_m_s == other.get("gained_m_s", GAINED_M_S)
+    assert not found.ground_changed and found.belief.mean[0] == 0.3
+    assert found.evidence.unexplained_m_s == other.get("gained_m_s", GAINED_M_S)
 
 
 @pytest.mark.slow
@@ -136,5 +139,6 @@ def test_what_the_wheels_alone_have_moved_is_unexplained():
     step = MODEL.slip_step(before.mean, clean(3.0))
     mean = np.array([*step.motion, *step.omega, *before.mean[4:]])
     mean[0] += moved_m_s
-    found = unexplained_change(0.0, before, before._replace(mean=mean), clean(3.0), MODEL)
-    assert found == pytest.approx(moved_m_s, abs=1e-12)
+    end = before._replace(mean=mean)
+    found = with_unexplained(SpeedEvidence(), before, end, end, clean(3.0), MODEL)
+    assert found.unexplained_m_s == pytest.approx(moved_m_s, abs=1e-12)

@@ -9,17 +9,17 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, Differential, SkidSteer, hard_terrain
-from ohmward.traction.speed_observer.default_observer import default_observer
 from ohmward.traction.speed_observer.estimator import observe
-from ohmward.traction.speed_observer.make_observer import make_observer
-from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
-from ohmward.traction.speed_observer.sensor_noise import (
+from ohmward.traction.speed_observer.make_observer import (
     correlation,
+    default_observer,
     encoder_std_rad_s,
+    make_observer,
     noise_std,
     quantum,
     speed_std_m_s,
 )
+from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
 
 TERRAIN = hard_terrain("dry asphalt")
 TIME = 0.01 * np.arange(1000)

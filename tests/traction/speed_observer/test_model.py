@@ -11,8 +11,8 @@ from ohmward.filters.belief import PackedBelief
 from ohmward.trace import Kernel
 from ohmward.traction import EULER, Differential, RollingResistance, Terrain, scene
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.speed_observer import encoders
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
@@ -28,7 +28,7 @@ def clean(current_A, measured=True):
     wheels = len(RLMA_ON_FLOOR.robot.places)
     currents = np.asarray(current_A, dtype=float)
     none = np.zeros(wheels)
-    return CleanSlipSample(
+    return CleanSample(
         dt_s=DT_S,
         modelled_s=DT_S,
         unmodelled_s=0.0,

@@ -6,9 +6,9 @@ import pytest
 
 from ohmward.filters.consistency import mean_bounds
 from ohmward.traction import RLMA, RollingResistance
-from ohmward.traction.speed_observer.apparent_inertia import MASS_STD
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.noise import ObserverNoise
+from ohmward.traction.speed_observer.speed_evidence import MASS_STD
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")

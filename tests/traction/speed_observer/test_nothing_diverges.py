@@ -9,10 +9,10 @@ from kernels import kernel_of
 from ohmward.filters.belief import pack, unpack
 from ohmward.logs import DriveLog
 from ohmward.traction import Motor, Robot, SkidSteer, Wheel, hard_terrain
-from ohmward.traction.speed_observer.default_observer import default_observer
-from ohmward.traction.speed_observer.estimate import SlipFlag, SlipSample
+from ohmward.traction.motion.sample import RobotSample
+from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipEstimator
-from ohmward.traction.speed_observer.make_observer import FILTERS, make_observer
+from ohmward.traction.speed_observer.make_observer import FILTERS, default_observer, make_observer
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
@@ -106,12 +106,12 @@ def test_a_belief_that_is_no_number_starts_again_and_says_so():
     observer = SpeedObserver(RLMA_ON_FLOOR)
     state = observer.init(at_rest(observer))
     kernel = kernel_of(observer, state, at_rest(observer))
-    state, _ = kernel.scan(state, SlipSample(*(column[:500] for column in samples)))
+    state, _ = kernel.scan(state, RobotSample(*(column[:500] for column in samples)))
     for spoil in (np.nan, np.inf, 1e60, 20.0):
         belief = unpack(state.belief)
         belief.mean[0] = spoil
         lost = state._replace(belief=pack(belief))
-        _, e = kernel.scan(lost, SlipSample(*(column[500:600] for column in samples)))
+        _, e = kernel.scan(lost, RobotSample(*(column[500:600] for column in samples)))
         assert has(e, SlipFlag.RESTARTED)[0] and not has(e, SlipFlag.RESTARTED)[1:].any()
         assert np.isfinite(e.speed_m_s).all() and np.abs(e.speed_m_s).max() < 2.0
         assert e.speed_m_s[-1] == pytest.approx(0.5 * sum(samples.wheel_speed_rad_s[599, :2]) * 0.12, abs=0.1)
@@ -157,7 +157,7 @@ def test_a_million_samples_made_to_destroy(name, spoilt):
         rows = np.arange(steps) % len(wheels)
         speeds = np.column_stack([wheels[rows], wheels[rows]])
         others = [x[rows, 1], np.zeros(steps), np.zeros(steps), x[rows, 0], np.full(steps, 0.05), np.zeros(steps)]
-        samples = SlipSample(np.full(steps, DT_S), speeds, current_A[rows], *others)
+        samples = RobotSample(np.full(steps, DT_S), speeds, current_A[rows], *others)
         for column in samples:
             hit = rng.random(column.shape) < spoilt
             burst = np.repeat(rng.random(steps // 100 + 1) < 0.3, 100)[:steps]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from ohmward.traction import RLMA
+from ohmward.traction.speed_observer.body_sensors import in_common
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.noise import ObserverNoise
-from ohmward.traction.speed_observer.passive_wheels import in_common
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 
 from .examples import DT_S, RLMA_ON_FLOOR, log, observed

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ohmward.traction.speed_observer import apparent_inertia
+from ohmward.traction.speed_observer import speed_evidence
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
@@ -45,5 +45,5 @@ def test_nine_of_ten_speeds_are_in_their_band_whatever_the_load(load, friction, 
 
 def test_a_mass_that_is_taken_for_certain_misleads(monkeypatch):
     monkeypatch.setattr("kernels._KERNELS", {})
-    monkeypatch.setattr(apparent_inertia, "MASS_STD", 0.0)
+    monkeypatch.setattr(speed_evidence, "MASS_STD", 0.0)
     assert covered(1.4, 0.2, spin, 4.0) < 0.2

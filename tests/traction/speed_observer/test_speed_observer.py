@@ -14,9 +14,9 @@ from ohmward.filters.consistency import mean_bounds, nees
 from ohmward.filters.kalman import correct_state
 from ohmward.trace import Kernel
 from ohmward.traction import RollingResistance, SkidSteer, scene
+from ohmward.traction.motion.sample import RobotSample
+from ohmward.traction.motion.sanitize import sanitize
 from ohmward.traction.speed_observer.body_sensors import correct_sensor
-from ohmward.traction.speed_observer.clean_sample import sanitize
-from ohmward.traction.speed_observer.estimate import SlipSample
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
@@ -61,7 +61,7 @@ def test_every_robot_and_method_follows_its_wheels(name, method):
 def test_compiled_it_does_what_it_does_with_floats():
     observer = SpeedObserver(RLMA_ON_FLOOR, noise=FULL, matching=True)
     state = observer.init(at_rest(observer))
-    sample = SlipSample(
+    sample = RobotSample(
         0.01, np.array([1.0, 1.3, 0.9, np.nan]), np.array([2.0, np.nan]), 0.1, 0.4, 0.01, 0.11, np.nan, 0.0
     )
     kernel = kernel_of(observer, state, sample)

@@ -8,7 +8,7 @@ import pytest
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA, RollingResistance, Terrain
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.law import CoulombCreep
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.estimator import observe
 from ohmward.traction.speed_observer.make_observer import UNMEASURED_TRACTION, make_observer, unmeasured_force_walk

@@ -2,15 +2,20 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
+from kernels import kernel_of
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import ROBOTINO, Robot
 from ohmward.traction.calibration import CalibrationDrive
+from ohmward.traction.motion.sample import RobotSample, first_of
+from ohmward.traction.motion.sanitize import sanitize
 from ohmward.traction.robot.motor import current_for_torque
 from ohmward.traction.terrain.floor import Floor
-from ohmward.traction.terrain.slip_on_floors import SlipOnFloors, slip_on_floors
+from ohmward.traction.terrain.slip_on_floors import LIMITS, SlipOnFloors, slip_on_floors
+from ohmward.traction.terrain.wheel_filter import WheelFilter
 
 DT_S = 0.03
 OMNI = replace(
@@ -96,3 +101,19 @@ def current_for_torque_rows(robot: Robot, torque: np.ndarray, omega: np.ndarray)
             for row in zip(torque, omega, strict=True)
         ]
     )
+
+
+class OnRawSamples(NamedTuple):
+    """A filter of the wheels that takes samples as they come."""
+
+    wheels: WheelFilter
+
+    def step(self, state, sample):
+        return self.wheels.step(state, sanitize(sample, LIMITS))
+
+
+def along(wheels: WheelFilter, samples: RobotSample):
+    """State at the end, and beliefs (T, ...)."""
+    first = first_of(samples)
+    state = wheels.init(sanitize(first, LIMITS))
+    return kernel_of(OnRawSamples(wheels), state, first).scan(state, samples)

@@ -9,10 +9,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from ohmward.errors import InputError
 from ohmward.traction import RLMA
-from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
-from ohmward.traction.terrain.estimator import FloorSlipEstimator
-from ohmward.traction.terrain.slip_on_floors import slip_on_floors, wheel_samples
-from ohmward.traction.terrain.wheel_filter import WheelSample
+from ohmward.traction.motion.sample import RobotSample
+from ohmward.traction.terrain.slip_on_floors import (
+    FloorEstimate,
+    FloorFlag,
+    FloorSlipEstimator,
+    floor_samples,
+    slip_on_floors,
+)
 from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive
 from traction.terrain.whole_log import whole_log
 
@@ -39,7 +43,7 @@ def drive(seed=1, seconds=8.0, later=None):
 
 def samples_of(log):
     """As lists that a test may spoil."""
-    return WheelSample(*(np.array(values) for values in wheel_samples(log, 3)))
+    return RobotSample(*(np.array(values) for values in floor_samples(log, OMNI)))
 
 
 def watch(samples, estimator=None):
@@ -47,7 +51,7 @@ def watch(samples, estimator=None):
     estimator = estimator or live()
     T = len(samples.dt_s)
     columns = (values if np.ndim(values) else np.full(T, values) for values in samples)
-    found = [estimator.step(WheelSample(*row)) for row in zip(*columns, strict=True)]
+    found = [estimator.step(RobotSample(*row)) for row in zip(*columns, strict=True)]
     return FloorEstimate(*(np.array(values) for values in zip(*found, strict=True)))
 
 
@@ -81,8 +85,8 @@ def test_a_step_on_floats_is_the_compiled_one():
     samples = samples_of(drive(seconds=0.6))
     compiled, state = watch(samples), None
     for k, row in enumerate(zip(*samples, strict=True)):
-        state = FLOORS.init(WheelSample(*row)) if state is None else state
-        state, estimate = FLOORS.step(state, WheelSample(*row))
+        state = FLOORS.init(RobotSample(*row)) if state is None else state
+        state, estimate = FLOORS.step(state, RobotSample(*row))
         assert_allclose(estimate.slip_ratio, compiled.slip_ratio[k], rtol=1e-12)
         assert_allclose(estimate.floor_probability, compiled.floor_probability[k], rtol=1e-9, atol=1e-30)
 
@@ -109,7 +113,7 @@ def test_a_log_in_two_parts_is_the_log():
 def test_samples_may_follow_a_log():
     log, estimator = drive(), live()
     estimator.run(log.select(slice(0, 90)))
-    rest = WheelSample(*(values[90:] for values in samples_of(log)))
+    rest = RobotSample(*(values[90:] for values in samples_of(log)))
     assert_array_equal(watch(rest, estimator).speed_m_s, live().run(log).speed_m_s[90:])
 
 
@@ -167,7 +171,7 @@ def test_sensors_with_messages_of_their_own_come_at_one_time():
     """An encoder's message and a motor's of the same time, one after the other, are one sample."""
     samples = samples_of(drive(seconds=3.0))
     T = len(samples.dt_s)
-    apart = WheelSample(*(np.repeat(values, 2, axis=0) for values in samples))
+    apart = RobotSample(*(np.repeat(values, 2, axis=0) for values in samples))
     apart.dt_s[1::2] = 0.0
     apart.current_A[::2] = np.nan
     apart.wheel_speed_rad_s[1::2] = np.nan
@@ -182,14 +186,14 @@ def test_samples_may_come_at_any_time():
     log, rng = omni_drive([SOFT] * 3, 20.0, later=[SOFT, SMOOTH, SOFT]).log, np.random.default_rng(7)
     fine = np.arange(0.0, log.time_s[-1], 0.01)
     rows = np.searchsorted(log.time_s, fine, side="right") - 1
-    noisy = WheelSample(
+    noisy = RobotSample(
         np.diff(fine, prepend=0.0),
         log.wheel_speed_rad_s[rows] + rng.normal(0.0, 0.1, (fine.size, 3)),
         log.motor_current_A[rows] + rng.normal(0.0, 0.15, (fine.size, 3)),
     )
     found = []
     for kept in (np.arange(fine.size), np.arange(0, fine.size, 3), np.sort(rng.choice(fine.size, 250, replace=False))):
-        e = watch(WheelSample(np.diff(fine[kept], prepend=fine[kept[0]]), noisy[1][kept], noisy[2][kept]))
+        e = watch(RobotSample(np.diff(fine[kept], prepend=fine[kept[0]]), noisy[1][kept], noisy[2][kept]))
         at = fine[kept][e.crossing > 0]
         assert at.shape == (1,) and 4.0 < at[0] < 5.0
         found.append([np.mean(e.travel_slip[(fine[kept] > a) & (fine[kept] < b)]) for a, b in ((2.5, 4.0), (5.5, 7.9))])
@@ -198,7 +202,7 @@ def test_samples_may_come_at_any_time():
 
 def test_a_sample_of_other_wheels_is_refused():
     with pytest.raises(InputError, match=r"wheel_speed_rad_s must have the shape \(3,\) .* got \(4,\)"):
-        live().step(WheelSample(0.03, np.ones(4), np.ones(3)))
+        live().step(RobotSample(0.03, np.ones(4), np.ones(3)))
 
 
 def test_a_gap_is_flagged_and_one_sample_after_it_is_one_look():
@@ -276,7 +280,8 @@ def test_nothing_that_a_sensor_can_say_makes_it_stop(method):
 
 def test_a_robot_with_two_driven_wheels_and_no_floor():
     estimator = FloorSlipEstimator(slip_on_floors(RLMA), "python")
-    e = watch(WheelSample(np.full(100, 0.01), np.full((100, 2), 3.0), np.full((100, 2), 1.0)), estimator)
+    speeds = np.full((100, 4), [3.0, 3.0, np.nan, np.nan])
+    e = watch(RobotSample(np.full(100, 0.01), speeds, np.full((100, 2), 1.0)), estimator)
     assert e.floor_probability.shape == (100, 4, 1) and e.slip_ratio.shape == (100, 2)
     assert 0.0 < e.travel_slip[-1] < 0.2
 

@@ -7,14 +7,16 @@ from hypothesis import strategies as st
 
 from ohmward.errors import InputError
 from ohmward.traction.friction.law import contact
-from ohmward.traction.terrain.file import Floors, load_floors, save_floors
 from ohmward.traction.terrain.floor import (
     BETWEEN_SHARE,
     STIFFNESS,
     STIFFNESS_STD,
     Floor,
+    Floors,
     like,
+    load_floors,
     new_floor,
+    save_floors,
     slip_at_force,
     slip_belief,
     slip_scale,

@@ -3,11 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ohmward.traction.motion.sample import RobotSample
+from ohmward.traction.motion.sanitize import sanitize
 from ohmward.traction.observed_drive import observe_on_floors
-from ohmward.traction.terrain.estimate import FloorFlag
-from ohmward.traction.terrain.estimator import FloorSlipEstimator
-from ohmward.traction.terrain.file import Floors
-from ohmward.traction.terrain.floor import SlipBelief
+from ohmward.traction.terrain.floor import Floors, SlipBelief
 from ohmward.traction.terrain.outside_speed import (
     LASTING_SHARE,
     LOSS_MEMORY_S,
@@ -20,8 +19,7 @@ from ohmward.traction.terrain.outside_speed import (
     no_loss,
     seen,
 )
-from ohmward.traction.terrain.slip_on_floors import wheel_samples
-from ohmward.traction.terrain.wheel_filter import WheelSample
+from ohmward.traction.terrain.slip_on_floors import LIMITS, FloorFlag, FloorSlipEstimator
 from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive, on_floors
 
 LATE = slice(100, None)
@@ -110,7 +108,7 @@ def test_live_is_what_the_run_gives():
     log = with_speed(omni_drive([SOFT] * 3, 0.0, rng=np.random.default_rng(15)))
     floors = on_floors((SMOOTH, SOFT))
     robot = FloorSlipEstimator(floors)
-    rows = zip(log.time_s, *wheel_samples(log, 3)[1:5], strict=True)
+    rows = zip(log.time_s, log.wheel_speed_rad_s, log.motor_current_A, log.speed_m_s, log.speed_std_m_s, strict=True)
     found = [robot.update(t, w, a, speed_m_s=v, speed_std_m_s=s).travel_slip for t, w, a, v, s in rows]
     np.testing.assert_allclose(found, floors.run(log).travel_slip, rtol=1e-9, atol=1e-12)
 
@@ -130,13 +128,17 @@ def test_the_mean_loss_has_less_variance_but_not_without_end():
 
 
 def test_the_loss_of_a_sample_and_its_variance():
-    sample = WheelSample(0.1, NOTHING, NOTHING, 0.15, 0.01, 0.2)
+    sample = RobotSample(0.1, NOTHING, NOTHING, speed_m_s=0.15, speed_std_m_s=0.01, speed_age_s=0.2)
     still = np.zeros(3)
-    loss = loss_sample(sample, np.array([0.2, 0.0, 0.0]), np.full(3, 0.02), np.array([0.1, 0.0, 0.0]), 0.2)
+    loss = loss_sample(
+        sanitize(sample, LIMITS), np.array([0.2, 0.0, 0.0]), np.full(3, 0.02), np.array([0.1, 0.0, 0.0]), 0.2
+    )
     assert loss[:2] == pytest.approx((0.25, (0.01**2 + 0.02**2 + 0.02**2) / 0.04))
-    old = loss_sample(sample._replace(speed_age_s=5.0), np.array([0.2, 0.0, 0.0]), still, still, 0.2)
+    old = loss_sample(sanitize(sample._replace(speed_age_s=5.0), LIMITS), np.array([0.2, 0.0, 0.0]), still, still, 0.2)
     assert old.refused and np.isnan(old.value)
-    none = loss_sample(sample._replace(speed_m_s=np.nan), np.array([0.2, 0.0, 0.0]), still, still, 0.2)
+    none = loss_sample(
+        sanitize(sample._replace(speed_m_s=np.nan), LIMITS), np.array([0.2, 0.0, 0.0]), still, still, 0.2
+    )
     assert not none.refused and np.isnan(none.value)
 
 

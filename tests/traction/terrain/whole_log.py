@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from scipy.stats import multivariate_normal
 
-from kernels import kernel_of
+from ohmward.traction.motion.sample import samples_of
 from ohmward.traction.terrain.demand import drag_columns, inertial_forces, static_loads, undetermined_force_std
 from ohmward.traction.terrain.floor import slip_belief, slip_scale
 from ohmward.traction.terrain.recognition import (
@@ -20,7 +20,7 @@ from ohmward.traction.terrain.recognition import (
     RIGHT_SHARE,
     SETTLING_S,
 )
-from ohmward.traction.terrain.wheel_filter import WheelSample
+from traction.terrain.drives import along
 
 RATE_S = 0.3
 
@@ -28,10 +28,7 @@ RATE_S = 0.3
 def whole_log(estimator, log):
     """travel_slip (T,), its sigma (T,), probability (T, wheels, floors) and times of crossings of a log."""
     wheels, robot, t = estimator.wheels, estimator.wheels.robot, log.time_s
-    dt = np.diff(t, prepend=t[0])
-    samples = WheelSample(dt, log.wheel_speed_rad_s, log.motor_current_A)
-    first = WheelSample(0.0, *(values[0] for values in samples[1:3]))
-    _, belief = kernel_of(wheels, wheels.init(first), first).scan(wheels.init(first), samples)
+    _, belief = along(wheels, samples_of(log, robot))
     turning = belief.rim @ robot.rolling.T / robot.wheel.radius_m
     std = np.hypot(belief.force_std_N, undetermined_force_std(robot, turning))
     before = np.searchsorted(t, t - RATE_S)

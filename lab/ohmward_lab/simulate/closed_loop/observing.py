@@ -13,11 +13,12 @@ from ohmward.errors import InputError
 from ohmward.trace import Kernel
 from ohmward.traction.control import Measurement
 from ohmward.traction.dynamics.forces import scene
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.law import CoulombCreep
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.robot import Robot, free_sideways
-from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample, unknown_ground
+from ohmward.traction.speed_observer.estimate import SlipEstimate, unknown_ground
 from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.closed_loop.ground import Patch
@@ -127,7 +128,7 @@ def noise(sensing: Sensing, robot: Robot) -> ObserverNoise:
     )
 
 
-def angle_sample(sample: SlipSample) -> AngleSample:
+def angle_sample(sample: RobotSample) -> AngleSample:
     """The sample for the momentum observer: what the wheels have turned since the one before."""
     unknown = np.full(sample.wheel_speed_rad_s.size, math.nan)
     return AngleSample(
@@ -185,7 +186,7 @@ class Observation:
         self._force_N = estimate.traction_N
         return estimate
 
-    def _estimate(self, observer: SpeedObserver | MomentumObserver, sample: SlipSample) -> SlipEstimate:
+    def _estimate(self, observer: SpeedObserver | MomentumObserver, sample: RobotSample) -> SlipEstimate:
         """Estimate of either observer after a sample."""
         momentum = isinstance(observer, MomentumObserver)
         taken = angle_sample(sample) if momentum else sample

@@ -10,7 +10,8 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.traction.control import Report
 from ohmward.traction.dynamics.energy_balance import EnergyBalance
-from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipSample
+from ohmward.traction.motion.sample import RobotSample
+from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward_lab.simulate.closed_loop.scenario import Scenario
 from ohmward_lab.simulate.robot_sensors import RobotTruth
 
@@ -35,7 +36,7 @@ class RunRow(NamedTuple):
     """One row of the log: sample, estimate and truth at the time at which the sample was taken."""
 
     time_s: Any
-    sample: SlipSample
+    sample: RobotSample
     heading_rad: Any  #: of a compass; nan without one
     estimate: SlipEstimate | None  #: None without an observer
     truth: RobotTruth

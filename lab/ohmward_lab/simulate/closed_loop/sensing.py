@@ -14,8 +14,8 @@ import numpy as np
 
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive, require_positive
 from ohmward.errors import InputError
+from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.estimate import SlipSample
 from ohmward_lab.simulate.robot_sensors import (
     COMPASS,
     GYRO,
@@ -115,7 +115,7 @@ class Arrival(NamedTuple):
     """A sample that has arrived, the time at which it was taken [s], and the heading of a compass [rad]."""
 
     taken_s: float
-    sample: SlipSample
+    sample: RobotSample
     heading_rad: float = math.nan
 
 
@@ -189,10 +189,10 @@ class SensorSuite:
         if self._rng.random() >= speed.drop_share:
             self._speeds = (*self._speeds, DelayedSpeed(truth.time_s, arrival_s, measured_m_s))
 
-    def _slip_sample(self, frame: SensorFrame) -> SlipSample:
+    def _slip_sample(self, frame: SensorFrame) -> RobotSample:
         """The observer's sample of a frame, with the newest speed that has arrived."""
         before, speed = self._before, self._newest_speed(frame)
-        return SlipSample(
+        return RobotSample(
             frame.time_s - before.time_s if before else 0.0,
             self._wheel_speeds(frame),
             frame.motor_current_A,

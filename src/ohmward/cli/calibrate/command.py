@@ -35,8 +35,7 @@ from ohmward.traction.calibration.calibrate import PARTS, usual_parts
 from ohmward.traction.calibration.motor import ROLLING
 from ohmward.traction.calibration.truth import without_lateral
 from ohmward.traction.drive_checks import with_signed_speed
-from ohmward.traction.terrain.file import Floors, load_floors, save_floors
-from ohmward.traction.terrain.floor import Floor
+from ohmward.traction.terrain.floor import Floor, Floors, load_floors, save_floors
 
 PARAMETERS = ["parameter", "value", "95 % interval", ""]
 

@@ -21,9 +21,7 @@ from ohmward.export.twin import Twin, first_of, output_columns
 from ohmward.logs import DriveLog, Log, write_table
 from ohmward.logs.write import TABLES
 from ohmward.traction import load_robot
-from ohmward.traction.dynamics.forces import scene
-from ohmward.traction.speed_observer.estimator import samples_of as drive_samples_of
-from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward.traction.motion.sample import samples_of as drive_samples_of
 
 #: A member of the sample that only a battery's, or only a drive's has.
 _BATTERY, _DRIVE = "voltage_V", "wheel_speed_rad_s"
@@ -88,7 +86,7 @@ def prepare(twin: Twin, args: argparse.Namespace) -> Replay:
     terrain = make_terrain(args.terrain, robot)
     log = drive_options(args, robot).read(args.log, extra=())
     export = observer_export(robot, terrain, args.filter) if args.filter else None
-    return Replay(log, drive_samples_of(log, SpeedObserver(scene(robot, terrain))), {}, export)
+    return Replay(log, drive_samples_of(log, robot), {}, export)
 
 
 def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:

@@ -15,13 +15,10 @@ from ohmward.onboard.evidence import OF_CHARGE
 from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.ros.types import BATTERY_STATE
 from ohmward.quantities import QUANTITIES
+from ohmward.traction.odometry.nav_msgs import UNKNOWN_VARIANCE, header, odometry_message, twist_with_covariance
 
 Message = dict[str, Any]
 
-#: Variance of what is not estimated: height, roll and pitch of a robot that stays on its floor.
-UNKNOWN_VARIANCE = 1e6
-#: Covariance of x, y and yaw among the six of ROS: x, y, z, roll, pitch, yaw.
-_PLANAR = (0, 1, 5)
 #: A current of less than this share of the capacity in an hour neither charges nor discharges.
 _IDLE_C = 0.01
 #: Constants of BatteryState.
@@ -43,12 +40,6 @@ class Frames:
 
     odom: str = "odom"  #: in which the pose is continuous
     base: str = "base_link"  #: of the robot, at its centre of gravity
-
-
-def header(date_s: float, frame: str) -> Message:
-    """Stamp and frame of a message; date_s: seconds since 1970, nan where it is not known."""
-    sec, nanosec = divmod(round(date_s * 1e9), 10**9) if math.isfinite(date_s) else (0, 0)
-    return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame}
 
 
 def battery_date_s(state: RobotState) -> float:
@@ -122,16 +113,7 @@ def odometry(state: RobotState, frames: Frames) -> Message:
     """
     pose = state.pose
     assert pose is not None
-    half = 0.5 * float(pose.yaw_rad)
-    turned = {"x": 0.0, "y": 0.0, "z": math.sin(half), "w": math.cos(half)}
-    position = {"x": float(pose.x_m), "y": float(pose.y_m), "z": 0.0}
-    twist = _twist(pose.speed_m_s, pose.speed_left_m_s, pose.yaw_rate_rad_s)
-    return {
-        "header": header(state.date_s("drive"), frames.odom),
-        "child_frame_id": frames.base,
-        "pose": {"pose": {"position": position, "orientation": turned}, "covariance": _covariance(pose.pose_cov)},
-        "twist": {"twist": twist, "covariance": _covariance(pose.twist_cov)},
-    }
+    return odometry_message(pose, state.date_s("drive"), frames.odom, frames.base)
 
 
 def transform(state: RobotState, frames: Frames) -> Message:
@@ -156,11 +138,8 @@ def twist(state: RobotState, frames: Frames) -> Message:
     left = 0.0 if state.pose is None else float(state.pose.speed_left_m_s)
     left_var = UNKNOWN_VARIANCE if state.pose is None else float(state.pose.twist_cov[1, 1])
     covariance = np.diag([float(slip.speed_std_m_s) ** 2, left_var, float(slip.yaw_rate_std_rad_s) ** 2])
-    moved = _twist(slip.speed_m_s, left, slip.yaw_rate_rad_s)
-    return {
-        "header": header(state.date_s("drive"), frames.base),
-        "twist": {"twist": moved, "covariance": _covariance(covariance)},
-    }
+    moved = twist_with_covariance(slip.speed_m_s, left, slip.yaw_rate_rad_s, covariance)
+    return {"header": header(state.date_s("drive"), frames.base), "twist": moved}
 
 
 def diagnostics(state: RobotState, robot: str) -> Message:
@@ -229,17 +208,3 @@ def _stale(estimate: str, sensors: str, age_s: float, known: Sequence[Diagnostic
     message = f"{said}: the sensors of the {sensors} are silent; look at them, their wires and their driver"
     values = {key: value for condition in known for key, value in condition.values.items()}
     return Diagnostic(estimate, Level.STALE, message, {**values, "age_s": age_s})
-
-
-def _twist(forward_m_s: Any, left_m_s: Any, yaw_rate_rad_s: Any) -> Message:
-    return {
-        "linear": {"x": float(forward_m_s), "y": float(left_m_s), "z": 0.0},
-        "angular": {"x": 0.0, "y": 0.0, "z": float(yaw_rate_rad_s)},
-    }
-
-
-def _covariance(planar: np.ndarray) -> Sequence[float]:
-    """(36,) of x, y, z, roll, pitch and yaw from (3, 3) of x, y and yaw."""
-    whole = UNKNOWN_VARIANCE * np.eye(6)
-    whole[np.ix_(_PLANAR, _PLANAR)] = planar
-    return whole.ravel().tolist()

@@ -1,14 +1,16 @@
-"""Interface of all friction laws: force from a contact.
-
-Direction and size of a number, so that odd functions keep their slope at zero.
+"""Interface of all friction laws: force from a contact; and the simplest law, that of rigid-body simulators.
 
 A friction law is f(s) = sign(s) g(|s|). Written with `sign` and `abs` its traced derivative at s = 0 is 0 instead of
 g'(0): a filter that linearises at rest would see ice. Written with the two parts from here it is right everywhere.
 """
 
+from __future__ import annotations
+
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
-from ohmward.trace import maximum, where
+from ohmward.checks import require_each_positive
+from ohmward.trace import clip, maximum, where
 
 
 def direction_and_size(x: Any) -> tuple[Any, Any]:
@@ -60,3 +62,23 @@ def creepage(c: Contact, floor_m_s: float) -> Any:
     One variable serves both, and grows without limit as the wheel locks.
     """
     return c.slip_speed_m_s / maximum(abs(c.rim_speed_m_s), floor_m_s)
+
+
+@dataclass(frozen=True)
+class CoulombCreep:
+    """Coulomb friction with viscous creep: the family of rigid-body simulators (MuJoCo's `solreffriction`).
+
+    F = N clip(c s, -mu, mu)
+
+    In adhesion the slip speed is proportional to the force; the ground gives mu N at most, and has no peak.
+    """
+
+    adhesion: float  #: mu, > 0
+    slope_s_per_m: float  #: c, adhesion per slip speed while the wheel grips, > 0
+
+    def __post_init__(self) -> None:
+        require_each_positive("coulomb_creep.", self, "adhesion", "slope_s_per_m")
+
+    def force_N(self, contact: Contact) -> Any:
+        """Force [N] of the ground on the wheel."""
+        return contact.load_N * clip(self.slope_s_per_m * contact.slip_speed_m_s, -self.adhesion, self.adhesion)

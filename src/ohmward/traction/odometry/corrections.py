@@ -15,8 +15,11 @@ from ohmward.filters.belief import Belief, Function
 from ohmward.filters.gate import choose, inflate, time_rejected
 from ohmward.filters.linear_algebra import TINY, mirror_lower
 from ohmward.filters.sanitize import between, every, some, within
+from ohmward.quantities import FASTEST_M_S
 from ohmward.trace import clip, cos, exp, isfinite, linearize, logical_not, maximum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.intervals import History, change_since
+from ohmward.traction.motion.sanitize import OLDEST_S, SPEED_STD_M_S, CleanSample
 from ohmward.traction.odometry.model import (
     AHEAD,
     APART,
@@ -30,13 +33,11 @@ from ohmward.traction.odometry.model import (
     TURN_SLIP,
     YAW,
     MotionInput,
+    OdometryNoise,
     twist,
     yaw_now,
 )
-from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.sample import OdometrySample
-from ohmward.traction.speed_observer.body_sensors import LOST_M_S, OLDEST_S, SPEED_STD_M_S
-from ohmward.traction.speed_observer.intervals import History, change_since
 
 #: Keeps a step of no length from dividing by zero [s].
 _TINY_S = 1e-9
@@ -195,24 +196,30 @@ def scrubbing(belief: Belief, sums: TurnSums) -> Belief:
 def use_speeds(
     body: PoseCorrection,
     sample: OdometrySample,
+    clean: CleanSample,
     u: MotionInput,
+    late_m_s: Scalar,
+    larger: Scalar,
     history: History,
     noise: OdometryNoise,
     gate: float,
 ) -> PoseCorrection:
-    """Correct with external speeds forward and to the left, the first with what it has changed by since."""
-    age_s = where(between(sample.speed_age_s, 0.0, OLDEST_S), sample.speed_age_s, 0.0)
-    too_old = sample.speed_age_s > OLDEST_S
+    """Correct with external speeds forward and to the left, the first with what it has changed by since.
+
+    late_m_s: what it may have changed by besides.
+    larger: noise of the first over the standard deviation that is given.
+    """
+    age_s = clean.speed_age_s
+    credible = within(sample.speed_left_m_s, FASTEST_M_S) & logical_not(sample.robot.speed_age_s > OLDEST_S)
+    left_m_s = where(credible, sample.speed_left_m_s, np.nan)
     given = (
-        (0, SLIP, sample.speed_m_s + change_since(history, age_s), sample.speed_std_m_s),
-        (1, SIDE_SLIP, sample.speed_left_m_s, sample.speed_left_std_m_s),
+        (0, SLIP, clean.speed_m_s + change_since(history, age_s) + late_m_s, clean.speed_std_m_s, larger),
+        (1, SIDE_SLIP, left_m_s, sample.speed_left_std_m_s, 1.0),
     )
-    for axis, state, y, own_std in given:
-        std_m_s = where(between(own_std, *SPEED_STD_M_S), own_std, noise.speed_std_m_s)
+    for axis, state, y, own_std, factor in given:
+        std_m_s = factor * where(between(own_std, *SPEED_STD_M_S), own_std, noise.speed_std_m_s)
         since = u.motion_std[axis] ** 2 * forgotten(age_s, noise)
-        credible = within(y, LOST_M_S) & logical_not(too_old)
-        y_used = where(credible, y, np.nan)
-        belief, rejected = use_motion(body.belief, y_used, axis, state, 1.0, std_m_s**2 + since, u, gate)
+        belief, rejected = use_motion(body.belief, y, axis, state, 1.0, std_m_s**2 + since, u, gate)
         body = body._replace(belief=belief, speed_rejected=some([body.speed_rejected, rejected]))
     return body
 

@@ -12,22 +12,22 @@ from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number,
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.traction.dynamics.slip import slip_ratio
-from ohmward.traction.odometry.measured_motion import passive_wheels
+from ohmward.traction.motion.held import ALARM
+from ohmward.traction.motion.sample import RobotSample, first_of, samples_of
+from ohmward.traction.motion.sanitize import LONGEST_STEP_S
+from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.odometry.modes import slip_modes
-from ohmward.traction.odometry.noise import OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
-from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
-from ohmward.traction.robot.file import load_robot
-from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
+from ohmward.traction.odometry.sample import Observed, OdometryEstimate, OdometryFlag, OdometrySample
+from ohmward.traction.robot.robot import Robot, load_robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 
 #: A pose increment: forward, left [m] and turn [rad].
 Increment = Sequence[float] | np.ndarray
 
 
-#: No pose increment.
-NO_INCREMENT = np.full(3, np.nan)
+#: No pose increment, and no speed observer.
+NO_INCREMENT, NOT_OBSERVED = np.full(3, np.nan), Observed()
 
 
 class OdometryRun(Run[OdometryEstimate]):
@@ -65,8 +65,7 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
         super().__init__(settings, lowering)
         self._driven = settings.robot.driven
         self._wheels = len(settings.robot.places)
-        self._passive = passive_wheels(settings.robot)
-        self._left = settings.rims[1].tolist()
+        self._no_current_A = np.full(self._driven, np.nan)
 
     def update(
         self,
@@ -105,40 +104,28 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
         speeds = numbers("wheel_speed_rad_s", wheel_speed_rad_s, self._wheels, self._driven)
         if observed is not None and not force_known(observed):
             observed = None
-        sample = OdometrySample(
+        robot = RobotSample(
             self._since_last(time_s),
-            speeds[: self._driven],
-            speeds[self._passive],
+            speeds,
+            self._no_current_A,
             number("yaw_rate_rad_s", yaw_rate_rad_s),
-            number("speed_m_s", speed_m_s if observed is None else None),
-            number("speed_std_m_s", speed_std_m_s),
+            speed_m_s=number("speed_m_s", speed_m_s if observed is None else None),
+            speed_std_m_s=number("speed_std_m_s", speed_std_m_s),
+            speed_age_s=number("speed_age_s", speed_age_s),
+        )
+        sample = OdometrySample(
+            robot,
             number("speed_left_m_s", speed_left_m_s),
             number("speed_left_std_m_s", speed_left_std_m_s),
-            number("speed_age_s", speed_age_s),
             number("heading_rad", heading_rad),
             number("heading_std_rad", heading_std_rad),
             NO_INCREMENT if increment is None else numbers("increment", increment, 3),
             NO_INCREMENT if increment_std is None else numbers("increment_std", increment_std, 3),
             number("increment_s", increment_s),
             number("increment_age_s", increment_age_s),
-            *(() if observed is None else self._motion_of(observed)),
+            NOT_OBSERVED if observed is None else motion_of_observer(self.settings, observed),
         )
         return self._advance(sample, self._clock(time_s))
-
-    def _motion_of(self, estimate: SlipEstimate) -> tuple[float, ...]:
-        """`motion_of_observer` of one estimate, on floats: an eighth of the time of as many arrays of two."""
-        radius_m, most_std = self.settings.robot.wheel.radius_m * estimate.radius_ratio, self.settings.noise.radius_std
-        wheels = zip(self._left, estimate.wheel_speed_rad_s.tolist(), estimate.slip_speed_m_s.tolist(), strict=True)
-        radius_std = float(estimate.radius_std)
-        return (
-            estimate.speed_m_s,
-            estimate.speed_std_m_s,
-            sum(left * (radius_m * speed_rad_s - slip_m_s) for left, speed_rad_s, slip_m_s in wheels),
-            estimate.yaw_rate_rad_s,
-            estimate.yaw_rate_std_rad_s,
-            (min(radius_std / most_std, 1.0) if most_std else 0.0) if radius_std > 0.0 else 1.0,
-            min(estimate.grip.tolist()),
-        )
 
     def run(
         self, log: DriveSource, observed: SlipEstimate | None = None, progress: Progress | None = None
@@ -154,9 +141,8 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
             InputError: the log is of a robot with other wheels, or `observed` of another log.
         """
         log = as_drive(log, self.settings.robot)
-        samples = samples_of(log, self.settings, observed, self.time_s)
-        first = OdometrySample(0.0, *(values[0] for values in samples[1:]))
-        return OdometryRun(log.time_s, *self._scan(samples, first, float(log.time_s[-1]), progress))
+        samples = odometry_samples(log, self.settings, observed, self.time_s)
+        return OdometryRun(log.time_s, *self._scan(samples, first_of(samples), float(log.time_s[-1]), progress))
 
     def __repr__(self) -> str:
         e = self.last
@@ -164,7 +150,7 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
         return f"Odometry({self.settings.robot.name}{now})"
 
 
-def samples_of(
+def odometry_samples(
     log: DriveLog, settings: PoseFilter, observed: SlipEstimate | None = None, before_s: float = np.nan
 ) -> OdometrySample:
     """The log as samples (T, ...), its first step counted from `before_s` where that is a time before it.
@@ -172,29 +158,22 @@ def samples_of(
     Raises:
         InputError: the log has other wheels than the robot, or `observed` another number of samples.
     """
-    robot, T = settings.robot, len(log)
-    if log.wheel_speed_rad_s.shape[1] != len(robot.places):
-        raise InputError(
-            f"log {log.name!r} has {log.wheel_speed_rad_s.shape[1]} wheels, robot {robot.name!r} has "
-            f"{len(robot.places)}; read the log for this robot"
-        )
+    T = len(log)
     if observed is not None and len(observed.speed_m_s) != T:
         raise InputError(f"observed must have the {T} samples of log {log.name!r}, got {len(observed.speed_m_s)}")
-    start_s = log.time_s[0] if not before_s < log.time_s[0] else before_s
-    nothing = settings.no_sample()
-    given: dict[str, Any] = {
-        name: np.broadcast_to(value, (T, *np.shape(value))) for name, value in nothing._asdict().items()
+    robot, nothing = samples_of(log, settings.robot, before_s), settings.no_sample()
+    body = {name: values for name, values in log.quantities("body").items() if name in OdometrySample._fields}
+    other: dict[str, Any] = {
+        name: body.get(name, np.broadcast_to(value, (T, *np.shape(value))))
+        for name, value in nothing._asdict().items()
+        if name not in ("robot", "observed")
     }
-    given["dt_s"] = np.diff(log.time_s, prepend=start_s)
-    given["wheel_speed_rad_s"] = log.wheel_speed_rad_s[:, : robot.driven]
-    given["passive_rad_s"] = log.wheel_speed_rad_s[:, passive_wheels(robot)]
-    given |= {name: values for name, values in log.quantities("body").items() if name in OdometrySample._fields}
+    motion = Observed(*(np.broadcast_to(value, T) for value in nothing.observed))
     if observed is not None:
-        known = force_known(observed)
-        given |= dict(zip(OBSERVED, motion_of_observer(settings, observed), strict=True))
-        given["observed_speed_m_s"] = np.where(known, given["observed_speed_m_s"], np.nan)
-        given["speed_m_s"] = np.where(known, np.nan, given["speed_m_s"])
-    return OdometrySample(**given)
+        known, motion = force_known(observed), motion_of_observer(settings, observed)
+        motion = motion._replace(speed_m_s=np.where(known, motion.speed_m_s, np.nan))
+        robot = robot._replace(speed_m_s=np.where(known, np.nan, robot.speed_m_s))
+    return OdometrySample(robot, **other, observed=motion)
 
 
 def force_known(observed: SlipEstimate) -> np.ndarray:
@@ -207,8 +186,8 @@ def force_known(observed: SlipEstimate) -> np.ndarray:
 
 
 def by_wheels_and_gyro(robot: Robot, measured: Collection[str]) -> bool:
-    """True where wheels and gyro alone show slip; measured: what came beside wheels and motor currents."""
-    return bool(slip_modes(robot)) and "yaw_rate_rad_s" in measured and "speed_m_s" not in measured
+    """True where wheels and gyro show slip; measured: what came beside wheels and motor currents."""
+    return bool(slip_modes(robot)) and "yaw_rate_rad_s" in measured
 
 
 def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate, heard: Any = True) -> SlipEstimate:
@@ -233,6 +212,7 @@ def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate, h
         "slip_ratio": slip_ratio(rim, rim - slip),
         "grip": 1.0 - slips,
         "slipping": np.where(slips > 0.5, 1.0, 0.0),
+        "immobilised": np.where(np.asarray(pose.stuck_probability) > ALARM, 1.0, 0.0),
     }
     if np.all(heard):
         return estimate._replace(**by_pose)
@@ -247,23 +227,18 @@ def _where(heard: Any, values: Any, others: Any) -> np.ndarray:
     return np.where(condition[..., None] if values.ndim > condition.ndim else condition, values, others)
 
 
-#: Fields of a sample that a speed observer fills.
-OBSERVED = tuple(name for name in OdometrySample._fields if name.startswith("observed_"))
-
-
-def motion_of_observer(settings: PoseFilter, estimate: SlipEstimate) -> tuple[Any, ...]:
-    """The fields `OBSERVED` of a sample from estimates (...) of a speed observer."""
-    robot = settings.robot
-    rim = robot.wheel.radius_m * np.asarray(estimate.radius_ratio)[..., None] * estimate.wheel_speed_rad_s
-    left_m_s = (rim - estimate.slip_speed_m_s) @ settings.rims[1]
-    radius_std = np.asarray(estimate.radius_std)
-    scale = np.minimum(radius_std / settings.noise.radius_std, 1.0) if settings.noise.radius_std else 0.0 * radius_std
-    return (
+def motion_of_observer(settings: PoseFilter, estimate: SlipEstimate) -> Observed:
+    """Motion of the body by estimates (...) of a speed observer."""
+    radius_m, most_std = settings.robot.wheel.radius_m * estimate.radius_ratio, settings.noise.radius_std
+    wheels = range(settings.robot.driven)
+    travel_m_s = [radius_m * estimate.wheel_speed_rad_s[..., k] - estimate.slip_speed_m_s[..., k] for k in wheels]
+    share = np.minimum(estimate.radius_std / most_std, 1.0) if most_std else 0.0
+    return Observed(
         estimate.speed_m_s,
         estimate.speed_std_m_s,
-        left_m_s,
+        sum(settings.rims[1, k] * speed for k, speed in zip(wheels, travel_m_s, strict=True)),
         estimate.yaw_rate_rad_s,
         estimate.yaw_rate_std_rad_s,
-        np.where(radius_std > 0.0, scale, 1.0),
-        np.min(estimate.grip, axis=-1),
+        np.where(np.asarray(estimate.radius_std) > 0.0, share, 1.0)[()],
+        estimate.grip.min(axis=-1),
     )

@@ -10,18 +10,18 @@ import numpy as np
 from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import std
-from ohmward.filters.sanitize import CleanStep, every, some, within
-from ohmward.quantities import MOST_WHEEL_RAD_S
-from ohmward.trace import exp, logical_not, maximum, minimum, sqrt, where
+from ohmward.filters.sanitize import every, some, within
+from ohmward.trace import exp, isfinite, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.odometry.model import OFFSET, SLIP, TURN_SCALE, USUAL_TURN_S, MotionInput
+from ohmward.traction.motion.held import IS_HELD, ROCKS_M_S, TURNS_M_S, Held, weigh_held
+from ohmward.traction.motion.intervals import LOST, NEVER_S, Intervals, advance, holds, never, was_seen
+from ohmward.traction.motion.sanitize import MOST_YAW_RAD_S, CleanSample
+from ohmward.traction.odometry.model import OFFSET, SLIP, TURN_SCALE, USUAL_TURN_S, MotionInput, OdometryNoise
 from ohmward.traction.odometry.modes import ModeSpeed, ModeState, Turning, first_modes, weigh
-from ohmward.traction.odometry.noise import OdometryNoise
-from ohmward.traction.odometry.sample import OdometrySample
+from ohmward.traction.odometry.sample import Observed
 from ohmward.traction.robot.chassis import PLANAR, Differential
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.body_sensors import LOST_M_S, MOST_YAW_RAD_S
-from ohmward.traction.speed_observer.intervals import LOST, NEVER_S, Intervals, advance, holds, never, was_seen
+from ohmward.traction.speed_observer.speed_evidence import LOST_M_S
 
 #: A rim whose speed changes by more than that of counting [m/s] and an acceleration of 2 g [m/s2] is not the robot's.
 JUMP_M_S, JUMP_M_S2 = 0.2, 20.0
@@ -40,18 +40,6 @@ FREE_SHARE = 0.7
 
 #: Channels whose usual interval is learnt.
 WHEELS, GYRO, OBSERVER, PASSIVE = range(4)
-
-
-class Observed(NamedTuple):
-    """The last motion that a speed observer gave, see `OdometrySample`."""
-
-    speed_m_s: Any = 0.0
-    speed_std_m_s: Any = 0.0
-    left_m_s: Any = 0.0
-    yaw_rate_rad_s: Any = 0.0
-    yaw_rate_std_rad_s: Any = 0.0
-    scale: Any = 1.0
-    grip: Any = 1.0
 
 
 #: Larger values are no observer's.
@@ -78,6 +66,7 @@ class MotionState(NamedTuple):
     passive_rad_s: np.ndarray  #: (passive,)
     gyro_rad_s: Any  #: yaw rate of the gyro
     modes: ModeState  #: which wheels roll
+    held: Held  #: whether the robot is held while they turn
     #: (3,) way that was reckoned by the wheels since their last values [m, m, rad]
     reckoned: np.ndarray
     turned_rad: np.ndarray  #: (driven,) angles of the last steps
@@ -94,11 +83,11 @@ class MeasuredMotion(NamedTuple):
     white_variance: np.ndarray  #: (3,) of the twist, by counting and by the gyro's noise over one step
     rims_m_s: np.ndarray  #: (driven,) speeds of the rims
     rim_m: Scalar  #: way of the driven rims whatever its direction, their mean
-    #: `MotionState` after the step
-    reckoned: np.ndarray
-    usual_turn_rad_s: Scalar
+    sensors: MotionState  #: after the step
     speed: ModeSpeed  #: forward speed of the rims, and which of them slip
-    modes: ModeState  #: `MotionState` after the step
+    is_held: Any  #: the condition that the robot is more likely held than not
+    late_m_s: Scalar  #: change of the speed that an outside speed may have missed, however late it is
+    turns: Any  #: the condition that the wheels would move it
     by_driven: Scalar  #: the condition that the driven ones tell it, no observer and no wheel that rolls freely
     #: see `OdometryFlag`
     no_wheels: Scalar
@@ -115,11 +104,12 @@ def no_motion(robot: Robot) -> MotionState:
         passive,
         0.0,
         first_modes(robot),
+        Held(),
         np.zeros(3),
         driven,
         CountOfEncoder(),
         0.0,
-        Observed(),
+        Observed(0.0, 0.0, 0.0, 0.0, 0.0),
         never(4),
     )
 
@@ -141,35 +131,37 @@ def passive_wheels(robot: Robot) -> np.ndarray:
     return np.arange(robot.driven, len(robot.places) if isinstance(robot.chassis, Differential) else robot.driven)
 
 
-def sense(before: MotionState, sample: OdometrySample, time: CleanStep, robot: Robot) -> tuple[MotionState, Scalar]:
-    """The state with the sample's values where they are credible, and the condition that wheels have jumped."""
-    measured = every([within(speed, MOST_WHEEL_RAD_S) for speed in sample.wheel_speed_rad_s])
-    jumps = jumped(sample.wheel_speed_rad_s, before.wheel_speed_rad_s, before.wheel_age_s, time, robot)
+def sense(before: MotionState, clean: CleanSample, new: Observed, robot: Robot) -> tuple[MotionState, Scalar]:
+    """The state with the sample's values, and the condition that wheels have jumped; new: of a speed observer."""
+    speed_rad_s, dt_s = clean.wheel_speed_rad_s[: robot.driven], clean.dt_s
+    passive_rad_s = clean.wheel_speed_rad_s[passive_wheels(robot)]
+    measured = every(clean.wheel_measured[: robot.driven])
+    jumps = jumped(speed_rad_s, before.wheel_speed_rad_s, before.wheel_age_s, dt_s, robot)
     jump = measured & some(jumps)
     # Where a gyro tells the turn, the wheels that have not jumped still tell the speed.
     rolled = measured & logical_not(some([jump & logical_not(holds(before.intervals)[GYRO]), every(jumps)]))
     taken = np.array([rolled & logical_not(bad) for bad in jumps])
-    free = passive_rolled(before, sample, time, robot)
-    turned = within(sample.yaw_rate_rad_s, MOST_YAW_RAD_S)
-    turned_rad = where(taken, sample.wheel_speed_rad_s * (before.wheel_age_s + time.dt_s), before.turned_rad)
-    new = Observed(*sample[-len(Observed._fields) :])
+    free = passive_rolled(before, clean, robot)
+    turned = isfinite(clean.yaw_rate_rad_s)
+    turned_rad = where(taken, speed_rad_s * (before.wheel_age_s + dt_s), before.turned_rad)
     credible = [within(value, limit) for value, limit in zip(new, CREDIBLE, strict=True)]
     observed = credible[0] & credible[1] & (new.speed_std_m_s >= 0.0)
     latest = [
         where(observed & good, value, last) for good, value, last in zip(credible, new, before.observed, strict=True)
     ]
     after = MotionState(
-        wheel_speed_rad_s=where(taken, sample.wheel_speed_rad_s, before.wheel_speed_rad_s),
-        wheel_age_s=where(taken, 0.0, before.wheel_age_s + time.dt_s),
-        passive_rad_s=where(free, sample.passive_rad_s, before.passive_rad_s),
-        gyro_rad_s=where(turned, sample.yaw_rate_rad_s, before.gyro_rad_s),
+        wheel_speed_rad_s=where(taken, speed_rad_s, before.wheel_speed_rad_s),
+        wheel_age_s=where(taken, 0.0, before.wheel_age_s + dt_s),
+        passive_rad_s=where(free, passive_rad_s, before.passive_rad_s),
+        gyro_rad_s=where(turned, clean.yaw_rate_rad_s, before.gyro_rad_s),
         modes=before.modes,
+        held=before.held,
         reckoned=before.reckoned,
         turned_rad=where(rolled, turned_rad, before.turned_rad),
         encoder=choose(rolled, count_seen(before, turned_rad), before.encoder),
         usual_turn_rad_s=before.usual_turn_rad_s,
         observed=Observed(*latest),
-        intervals=advance(before.intervals, np.array([rolled, turned, observed, free]), time.dt_s),
+        intervals=advance(before.intervals, np.array([rolled, turned, observed, free]), dt_s),
     )
     return after, jump
 
@@ -185,27 +177,27 @@ def count_seen(before: MotionState, turned_rad: np.ndarray) -> CountOfEncoder:
     return CountOfEncoder(least, minimum(differences, FEWEST_DIFFERENCES))
 
 
-def jumped(now: np.ndarray, last: np.ndarray, age_s: np.ndarray, time: CleanStep, robot: Robot) -> list[Scalar]:
+def jumped(now: np.ndarray, last: np.ndarray, age_s: np.ndarray, dt_s: Scalar, robot: Robot) -> list[Scalar]:
     """Conditions (wheels,) that a rim has changed its speed as no robot can since its last value, so long ago."""
-    most_m_s = JUMP_M_S + JUMP_M_S2 * (age_s + time.dt_s)
+    most_m_s = JUMP_M_S + JUMP_M_S2 * (age_s + dt_s)
     changes = zip(now, last, most_m_s, strict=True)
     return [abs(new - old) * robot.wheel.radius_m > most for new, old, most in changes]
 
 
-def passive_rolled(before: MotionState, sample: OdometrySample, time: CleanStep, robot: Robot) -> Scalar:
+def passive_rolled(before: MotionState, clean: CleanSample, robot: Robot) -> Scalar:
     """The condition that there are credible speeds of the wheels that are not driven."""
-    if len(sample.passive_rad_s) == 0:
+    passive = passive_wheels(robot)
+    if len(passive) == 0:
         return False
-    measured = every([within(speed, MOST_WHEEL_RAD_S) for speed in sample.passive_rad_s])
-    age_s = np.array([before.intervals.age_s[PASSIVE]] * len(sample.passive_rad_s))
-    jumps = jumped(sample.passive_rad_s, before.passive_rad_s, age_s, time, robot)
-    return measured & logical_not(some(jumps))
+    age_s = np.array([before.intervals.age_s[PASSIVE]] * len(passive))
+    jumps = jumped(clean.wheel_speed_rad_s[passive], before.passive_rad_s, age_s, clean.dt_s, robot)
+    return every(clean.wheel_measured[passive]) & logical_not(some(jumps))
 
 
 def show(
     now: MotionState,
     jump: Scalar,
-    dt_s: Scalar,
+    clean: CleanSample,
     since_s: Scalar,
     gyro_variance: Scalar,
     before: Belief,
@@ -214,10 +206,13 @@ def show(
 ) -> MeasuredMotion:
     """Motion over the step to this state of the sensors: an observer's before the wheels', a gyro's before both.
 
+    A robot that is held neither goes as its wheels turn nor turns as they do.
+
     since_s: time since the wheels were last measured, at its end.
     gyro_variance: of the gyro's angle over time.
     before: belief of the odometry before the step.
     """
+    dt_s = clean.dt_s
     rolls, by_gyro, observed, free = holds(now.intervals)
     rims_m_s = robot.wheel.radius_m * now.wheel_speed_rad_s
     driven = rim_matrix(robot) @ rims_m_s
@@ -230,8 +225,10 @@ def show(
     counting_m_s = math.sqrt(2.0) * counted_m / maximum(since_s, LEAST_STEP_S)
     refused = np.array([age_s > 0.0 for age_s in now.wheel_age_s])
     modes, speed = weigh(now.modes, rims_m_s, driven[0], refused, turning, fresh, since_s, counting_m_s, robot, noise)
-    rim = where(free, free_motion(now, robot), driven)
-    forward_m_s = where(free, rim[0], (1.0 - noise.creep) * speed.forward_m_s)
+    held = weigh_held(now.held, speed.forward_m_s, clean, noise.speed_std_m_s)
+    is_held = (held.probability > IS_HELD) & logical_not(observed | free)
+    rim = where(free, free_motion(now, robot), where(is_held, 0.0, driven))
+    forward_m_s = where(free | is_held, rim[0], (1.0 - noise.creep) * speed.forward_m_s)
     rim_m_s = hypot(forward_m_s, rim[1])
     motion = np.array([forward_m_s, rim[1], rim[2]])
     # A speed by counting is the mean since the last value, so that no way is lost where one is late or missing.
@@ -240,6 +237,7 @@ def show(
     reckoned = where(fresh, 0.0, now.reckoned + way)
     o = now.observed
     turn_observed = observed & logical_not(by_gyro)
+    spins = observed & (o.grip <= LEAST_TURN_GRIP)
     u = MotionInput(
         dt_s=dt_s,
         motion=np.array([
@@ -252,13 +250,12 @@ def show(
             where(observed, o.left_m_s * dt_s, way[1]),
             where(turn_observed, o.yaw_rate_rad_s * dt_s, way[2]),
         ]),
-        motion_std=motion_std(now, observed, turn_observed, rim_m_s, rim[2], robot, noise),
+        motion_std=motion_std(now, observed, turn_observed, is_held, rim_m_s, rim[2], robot, noise),
         scale=where(observed, o.scale, where(free, FREE_SHARE, 1.0)),
         gyro_rad_s=now.gyro_rad_s,
         gyro_variance=gyro_variance,
         by_gyro=by_gyro,
-        comparable=by_gyro
-        & (free | rolls & logical_not(jump | speed.named) & (logical_not(observed) | (o.grip > LEAST_TURN_GRIP))),
+        comparable=by_gyro & (free | rolls & logical_not(jump | speed.named | is_held | spins)),
         count_rad=turn_per_slip(robot) * counted_m,
         unobserved_s=unobserved(now.intervals, rolls | free | observed, by_gyro),
         usual_turn_rad_s=now.usual_turn_rad_s,
@@ -269,22 +266,37 @@ def show(
     counted = where(by_gyro, speed.counted, 1.0 / robot.driven)
     white = white_variance(u, observed, count_m_s, counted, robot)
     rim_m = sum(abs(rims_m_s)) / robot.driven * dt_s
-    by_driven, no_wheels = rolls & logical_not(observed | free), logical_not(rolls | free | observed)
     usual = now.usual_turn_rad_s + (rim[2] - now.usual_turn_rad_s) * (1.0 - exp(-dt_s / USUAL_TURN_S))
-    return MeasuredMotion(u, white, rims_m_s, rim_m, reckoned, usual, speed, modes, by_driven, no_wheels, no_gyro, jump)
+    return MeasuredMotion(
+        input=u,
+        white_variance=white,
+        rims_m_s=rims_m_s,
+        rim_m=rim_m,
+        sensors=now._replace(modes=modes, held=held, reckoned=reckoned, usual_turn_rad_s=usual),
+        speed=speed,
+        is_held=is_held,
+        late_m_s=where(is_held, 0.0, held.late_m_s),
+        turns=abs(speed.forward_m_s) > TURNS_M_S,
+        by_driven=rolls & logical_not(observed | free),
+        no_wheels=logical_not(rolls | free | observed),
+        no_gyro=no_gyro,
+        jump=jump,
+    )
 
 
 def motion_std(
     now: MotionState,
     observed: Scalar,
     turn_observed: Scalar,
+    is_held: Scalar,
     rim_m_s: Scalar,
     yaw_rate_rad_s: Scalar,
     robot: Robot,
     noise: OdometryNoise,
 ) -> np.ndarray:
     """Standard deviations (3,) of the motion: an observer's where it tells, else those of slip and scrub."""
-    speed_std_m_s = where(observed, now.observed.speed_std_m_s, noise.slip_share * rim_m_s)
+    speed_std_m_s = where(is_held, ROCKS_M_S, noise.slip_share * rim_m_s)
+    speed_std_m_s = where(observed, now.observed.speed_std_m_s, speed_std_m_s)
     by_wheels = turn_std(rim_m_s, yaw_rate_rad_s, robot, noise)
     return np.array(
         [

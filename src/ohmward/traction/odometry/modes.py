@@ -26,7 +26,7 @@ import numpy as np
 
 from ohmward.trace import clip, exp, log, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.odometry.noise import OdometryNoise
+from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.robot.chassis import PLANAR
 from ohmward.traction.robot.robot import Robot
 

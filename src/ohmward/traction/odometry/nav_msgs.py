@@ -38,30 +38,31 @@ def odometry_message(
             },
             "covariance": six_by_six(estimate.pose_cov),
         },
-        "twist": twist_with_covariance(estimate),
+        "twist": twist_of(estimate),
     }
 
 
 def twist_message(estimate: OdometryEstimate, stamp_s: float, frame_id: str = "base_link") -> dict[str, Any]:
     """The fields of a `geometry_msgs/TwistWithCovarianceStamped`, nested as in the message."""
-    return {"header": header(stamp_s, frame_id), "twist": twist_with_covariance(estimate)}
+    return {"header": header(stamp_s, frame_id), "twist": twist_of(estimate)}
 
 
-def twist_with_covariance(estimate: OdometryEstimate) -> dict[str, Any]:
+def twist_of(estimate: OdometryEstimate) -> dict[str, Any]:
     """The fields of a `geometry_msgs/TwistWithCovariance`."""
-    return {
-        "twist": {
-            "linear": vector(estimate.speed_m_s, estimate.speed_left_m_s),
-            "angular": vector(z=estimate.yaw_rate_rad_s),
-        },
-        "covariance": six_by_six(estimate.twist_cov),
-    }
+    rates = estimate.speed_m_s, estimate.speed_left_m_s, estimate.yaw_rate_rad_s
+    return twist_with_covariance(*rates, estimate.twist_cov)
+
+
+def twist_with_covariance(forward_m_s: Any, left_m_s: Any, yaw_rate_rad_s: Any, cov: np.ndarray) -> dict[str, Any]:
+    """The same from speeds, a yaw rate and their covariance (3, 3)."""
+    twist = {"linear": vector(forward_m_s, left_m_s), "angular": vector(z=yaw_rate_rad_s)}
+    return {"twist": twist, "covariance": six_by_six(cov)}
 
 
 def header(stamp_s: float, frame_id: str) -> dict[str, Any]:
-    """A `std_msgs/Header`: whole seconds and nanoseconds."""
-    total_ns = round(stamp_s * 1e9)
-    return {"stamp": {"sec": total_ns // 10**9, "nanosec": total_ns % 10**9}, "frame_id": frame_id}
+    """A `std_msgs/Header`: whole seconds and nanoseconds, zero where the time is not known."""
+    sec, nanosec = divmod(round(stamp_s * 1e9), 10**9) if math.isfinite(stamp_s) else (0, 0)
+    return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame_id}
 
 
 def vector(x: Any = 0.0, y: Any = 0.0, z: Any = 0.0) -> dict[str, float]:

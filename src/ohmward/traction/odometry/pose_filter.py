@@ -16,9 +16,13 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, inflate
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.filters.linear_algebra import std as std_of
-from ohmward.filters.sanitize import CleanStep, every, sanitize_step, some
+from ohmward.filters.sanitize import every, some
 from ohmward.trace import linearize, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.held import ALARM, IS_HELD
+from ohmward.traction.motion.intervals import History, empty_history, remember, was_seen
+from ohmward.traction.motion.sample import no_sample
+from ohmward.traction.motion.sanitize import CleanSample, CredibleLimits, sanitize
 from ohmward.traction.odometry.corrections import (
     LEAST_REJECTED_STD,
     MOST_OPENED,
@@ -29,6 +33,7 @@ from ohmward.traction.odometry.corrections import (
     add_turn,
     empty_trail,
     extend,
+    forget,
     use_heading,
     use_increment,
     use_speeds,
@@ -42,7 +47,6 @@ from ohmward.traction.odometry.measured_motion import (
     MeasuredMotion,
     MotionState,
     no_motion,
-    passive_wheels,
     rim_matrix,
     sense,
     show,
@@ -54,22 +58,21 @@ from ohmward.traction.odometry.model import (
     SLIP,
     YAW,
     MotionInput,
+    OdometryNoise,
     X,
     Y,
     first_belief,
     next_state,
+    noise_of,
     position_std,
     process_noise,
     twist,
     yaw_now,
 )
 from ohmward.traction.odometry.modes import lever_m
-from ohmward.traction.odometry.noise import OdometryNoise, noise_of
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
 from ohmward.traction.robot.chassis import PLANAR
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
-from ohmward.traction.speed_observer.intervals import History, empty_history, remember, was_seen
 
 
 class PoseState(NamedTuple):
@@ -127,7 +130,7 @@ class PoseFilter:
 
     def no_sample(self) -> OdometrySample:
         """A sample without any measurement, to be filled with `_replace`."""
-        return OdometrySample(0.0, np.full(self.robot.driven, np.nan), np.full(len(passive_wheels(self.robot)), np.nan))
+        return OdometrySample(no_sample(self.robot))
 
     def init(self, first: OdometrySample) -> PoseState:
         """State before the first sample: the origin of the frame `odom`."""
@@ -140,42 +143,41 @@ class PoseFilter:
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
         """State and estimate after a sample: dead reckoning, then each measurement corrects."""
-        time = sanitize_step(sample.dt_s, LONGEST_STEP_S, self.gap_s)
+        clean = sanitize(sample.robot, CredibleLimits(self.gap_s))
         before = unpack(state.belief)
-        sensors, jump = sense(state.motion, sample, time, self.robot)
-        since_s = state.motion.intervals.age_s[WHEELS] + time.dt_s
-        gyro = self.hear(state.gyro, sensors, time)
+        sensors, jump = sense(state.motion, clean, sample.observed, self.robot)
+        since_s = state.motion.intervals.age_s[WHEELS] + clean.dt_s
+        gyro = self.hear(state.gyro, sensors, clean.dt_s)
         walk = walk_variance(gyro, self.noise.gyro_walk)
-        motion = show(sensors, jump, time.dt_s, since_s, walk, before, self.robot, self.noise)
-        sensors = sensors._replace(
-            modes=motion.modes, reckoned=motion.reckoned, usual_turn_rad_s=motion.usual_turn_rad_s
-        )
+        motion = show(sensors, jump, clean, since_s, walk, before, self.robot, self.noise)
+        begins = motion.is_held & (state.motion.held.probability <= IS_HELD)
         prior = with_slip_speed(before, state.slip_std_m_s, motion.input.motion_std[0])
+        prior = choose(begins, forget(prior, SLIP, 1.0), prior)
         reckoned = self.predict(opened(prior, motion, motion.speed.std_m_s), motion.input)
-        trail = extend(state.trail, twist(before.mean, motion.input), time.dt_s)
+        trail = extend(state.trail, twist(before.mean, motion.input), clean.dt_s)
         speed_m_s = twist(reckoned.mean, motion.input)[0]
-        history = remember(state.history, time.dt_s, speed_m_s - state.speed_m_s)
+        history = remember(state.history, clean.dt_s, speed_m_s - state.speed_m_s)
         sums = add_turn(state.sums, motion.input, motion.rim_m)
         fresh = some([sensors.intervals.age_s[WHEELS] <= 0.0, sensors.intervals.age_s[PASSIVE] <= 0.0])
-        body, sums = self.correct(PoseCorrection(reckoned), sums, sample, motion, fresh, history, trail)
+        body, sums = self.correct(PoseCorrection(reckoned), sums, sample, clean, motion, fresh, history, trail)
         body, heading = use_heading(
             body, sample, state.heading, motion.input, self.noise, self.gate, self.reset_after_s
         )
         distance_m = state.distance_m + travelled(body.belief, motion.input)
         second_order_m = state.second_order_m + second_order(before, reckoned)
         estimate = self.conclude(body.belief, motion, distance_m, second_order_m)
-        flags = self.flags(before, time, motion, body)
+        flags = self.flags(before, clean, motion, body)
         after = PoseState(
-            pack(body.belief), sensors, gyro, sums, history, trail, heading, speed_m_s, motion.input.motion_std[0],
-            distance_m, second_order_m,
+            pack(body.belief), motion.sensors, gyro, sums, history, trail, heading, speed_m_s,
+            motion.input.motion_std[0], distance_m, second_order_m,
         )  # fmt: skip
         return after, estimate._replace(flags=flags)
 
-    def hear(self, known: GyroNoise, sensors: MotionState, time: CleanStep) -> GyroNoise:
+    def hear(self, known: GyroNoise, sensors: MotionState, dt_s: Scalar) -> GyroNoise:
         """Noise of the gyro after the step, which ended with a sample of it where that is of no age."""
         new = sensors.intervals.age_s[GYRO] <= 0.0
         stands = every([speed == 0.0 for speed in sensors.wheel_speed_rad_s]) & was_seen(sensors.intervals)[WHEELS]
-        return learn(known, sensors.gyro_rad_s, new, stands, time.dt_s, self.noise.gyro_walk)
+        return learn(known, sensors.gyro_rad_s, new, stands, dt_s, self.noise.gyro_walk)
 
     def predict(self, before: Belief, u: MotionInput) -> Belief:
         """Belief at the end of a step by dead reckoning."""
@@ -187,6 +189,7 @@ class PoseFilter:
         body: PoseCorrection,
         sums: TurnSums,
         sample: OdometrySample,
+        clean: CleanSample,
         motion: MeasuredMotion,
         fresh: Scalar,
         history: History,
@@ -196,13 +199,13 @@ class PoseFilter:
         noise, gate, u = self.noise, self.gate, motion.input
         body, sums = use_turn(body, sums, u, fresh, gate, self.reset_after_s)
         body = body._replace(belief=opened(body.belief, motion, self.slip_by_turn(body, motion)))
-        body = use_speeds(body, sample, u, history, noise, gate)
+        body = use_speeds(body, sample, clean, u, motion.late_m_s, motion.sensors.held.noise, history, noise, gate)
         return use_increment(body, sample, u, trail, noise, gate), sums
 
     def slip_by_turn(self, body: PoseCorrection, motion: MeasuredMotion) -> Scalar:
         """Slip [m/s] of the driven wheels that a turn they showed and the robot did not make tells of, if they roll."""
         apart_m_s = lever_m(self.robot) * body.turn_apart_rad_s
-        rolls = motion.modes.probability[0]
+        rolls = motion.sensors.modes.probability[0]
         return where(body.turn_rejected, rolls * minimum(apart_m_s, motion.speed.loose_m_s), 0.0)
 
     def conclude(
@@ -221,6 +224,7 @@ class PoseFilter:
         rates, J = linearize(lambda state: twist(state, motion.input), x)
         twist_cov = mirror_lower(J @ P @ J.T + np.diag(motion.white_variance))
         rims = motion.rims_m_s * (1.0 + motion.input.scale * x[RADIUS])
+        stuck = where(motion.by_driven & motion.turns, motion.sensors.held.probability, 0.0)
         return OdometryEstimate(
             x_m=x[X],
             y_m=x[Y],
@@ -238,19 +242,21 @@ class PoseFilter:
             radius_std=std_of(P[RADIUS, RADIUS]),
             slip_speed_m_s=rims - self.rolling @ rates,
             slip_speed_std_m_s=np.array([std_of(row @ twist_cov @ row) for row in self.rolling]),
-            slip_probability=motion.speed.slips,
+            slip_probability=where(motion.is_held, maximum(motion.speed.slips, stuck), motion.speed.slips),
+            stuck_probability=stuck,
             flags=0.0,
         )
 
-    def flags(self, before: Belief, time: CleanStep, motion: MeasuredMotion, body: PoseCorrection) -> Scalar:
+    def flags(self, before: Belief, clean: CleanSample, motion: MeasuredMotion, body: PoseCorrection) -> Scalar:
         """Flags of a sample."""
         return flags_of({
-            OdometryFlag.BAD_TIME: logical_not(time.credible),
-            OdometryFlag.GAP: time.gap,
+            OdometryFlag.BAD_TIME: logical_not(clean.time_credible),
+            OdometryFlag.GAP: clean.gap,
             OdometryFlag.NO_WHEELS: motion.no_wheels,
             OdometryFlag.NO_GYRO: motion.no_gyro,
             OdometryFlag.WHEEL_JUMP: motion.jump,
             OdometryFlag.WHEEL_SLIPS: motion.by_driven & motion.speed.named,
+            OdometryFlag.STUCK: motion.by_driven & motion.turns & (motion.sensors.held.probability > ALARM),
             OdometryFlag.TURN_REJECTED: body.turn_rejected,
             OdometryFlag.SPEED_REJECTED: body.speed_rejected,
             OdometryFlag.HEADING_REJECTED: body.heading_rejected,

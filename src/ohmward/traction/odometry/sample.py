@@ -8,23 +8,30 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.filters.flags import SampleFlag
+from ohmward.traction.motion.sample import RobotSample
+
+
+class Observed(NamedTuple):
+    """Motion that a speed observer gives, which knows the slip of the wheels; nan where there is nothing new."""
+
+    speed_m_s: Any = math.nan
+    speed_std_m_s: Any = math.nan
+    left_m_s: Any = math.nan  #: speed to the left
+    #: used where there is no gyro
+    yaw_rate_rad_s: Any = math.nan
+    yaw_rate_std_rad_s: Any = math.nan
+    #: share of `OdometryNoise.radius_std` that it does not know either; 1 where it does not estimate it
+    scale: Any = 1.0
+    grip: Any = 1.0  #: least grip of the driven wheels, 0 to 1; wheels that spin do not show a turn
 
 
 class OdometrySample(NamedTuple):
-    """One sample of the sensors; nan where there is nothing new."""
+    """One sample of the robot's sensors, of other sources of its motion, and of a speed observer."""
 
-    dt_s: Any  #: time since the sample before [s]; 0 for the first
-    wheel_speed_rad_s: np.ndarray  #: (driven,) from encoders, the mean over the step
-    #: (passive,) the same of the wheels that are not driven; empty where the robot has none that count
-    passive_rad_s: np.ndarray = np.zeros(0)
-    yaw_rate_rad_s: Any = math.nan  #: from a gyro, the mean over the step, > 0 to the left
-    #: forward, from outside, and its standard deviation where the source gives one
-    speed_m_s: Any = math.nan
-    speed_std_m_s: Any = math.nan
-    #: to the left, the same
+    robot: RobotSample
+    #: outside speed to the left and its standard deviation, as old as that forward
     speed_left_m_s: Any = math.nan
     speed_left_std_m_s: Any = math.nan
-    speed_age_s: Any = 0.0  #: age of both
     #: from a compass or two GNSS antennas, > 0 to the left, from any zero, which is learnt; full turns may be counted
     #: or not; and its standard deviation where the source gives one
     heading_rad: Any = math.nan
@@ -35,16 +42,12 @@ class OdometrySample(NamedTuple):
     increment_std: np.ndarray = np.full(3, math.nan)  #: (3,) standard deviations where the source gives them
     increment_s: Any = math.nan  #: time between its start and its end
     increment_age_s: Any = 0.0  #: time since its end
-    #: of a speed observer, which knows the slip of the wheels
-    observed_speed_m_s: Any = math.nan
-    observed_speed_std_m_s: Any = math.nan
-    observed_left_m_s: Any = math.nan  #: the same to the left
-    #: of a speed observer; used where there is no gyro
-    observed_yaw_rate_rad_s: Any = math.nan
-    observed_yaw_rate_std_rad_s: Any = math.nan
-    #: share of `OdometryNoise.radius_std` that it does not know either; 1 where it does not estimate it
-    observed_scale: Any = 1.0
-    observed_grip: Any = 1.0  #: least grip of the driven wheels, 0 to 1; wheels that spin do not show a turn
+    observed: Observed = Observed()
+
+    @property
+    def dt_s(self) -> Any:
+        """Time since the sample before [s]."""
+        return self.robot.dt_s
 
 
 class OdometryEstimate(NamedTuple):
@@ -73,6 +76,7 @@ class OdometryEstimate(NamedTuple):
     slip_speed_std_m_s: np.ndarray
     #: (driven,) probability that each wheel slips beside the others; 0 where no gyro tells, or wheels roll sideways
     slip_probability: np.ndarray
+    stuck_probability: Any  #: that the robot is held while its driven wheels turn; an outside speed tells
     flags: Any  #: sum of `OdometryFlag` values; 0 is a sample without incident
 
 
@@ -92,3 +96,4 @@ class OdometryFlag(SampleFlag):
     RESTARTED = 1024  #: the state was no longer a number; a new one was started from this sample
     HEADING_REJECTED = 2048  #: a heading outside its gate, as beside iron; not used
     WHEEL_SLIPS = 4096  #: a wheel, or those of a side, slip more likely than not: the others show the speed
+    STUCK = 8192  #: the wheels turn and the robot does not, by an outside speed

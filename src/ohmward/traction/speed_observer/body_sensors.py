@@ -1,12 +1,28 @@
-"""Sensors of the body, each an update of its own: gyro, pitch, accelerometer, standstill.
+"""Sensors of the body, each an update of its own: gyro, pitch, accelerometer, standstill, speeds, passive wheels.
 
 Each function takes the correction so far and returns it with one more. A sensor that `ObserverNoise` does not have
-costs nothing; a measurement that is missing or outside its gate changes nothing. Speeds from outside and passive wheels
-have files of their own, `external_speed` and `passive_wheels`.
+costs nothing; a measurement that is missing or outside its gate changes nothing.
+
+External speed: from GNSS, visual or lidar odometry, optical flow; late, and at odds with the wheels at times.
+
+Wheels that slide steadily look as if they gripped under a robot as fast as they are, and the filter is sure of that. A
+speed from outside that contradicts it is outside its gate. One may be a glitch, so it is not used, but the estimate is
+open until the next one comes, for `reset_after_s` at most: the wheels would close it at once, and whether they grip is
+in dispute. A second one in a row that says the same is used, and so is one after others that leaned to the same side.
+Then the wheels slide: they keep their traction, and the friction is the one that gives it at their new slip.
+
+Passive wheels: encoders on wheels that no motor drives, which roll as fast as the robot goes.
+
+They are the best speed that there is, so the filter follows what they have in common. An innovation inside the gate to
+the same side for some tenths of a second is a force that the model lacks, as that of a drawbar or of a steep slope: the
+disturbance is opened for it, before the estimate lags so far that the gate excludes the wheels. Where all are beyond
+their gates and say the same, they are no glitch, and the speed is opened for them.
 """
 
 from __future__ import annotations
 
+import math
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,31 +30,22 @@ import numpy as np
 from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, Correction, Function
 from ohmward.filters.gate import choose, correct_gated, inflate, time_rejected
-from ohmward.filters.sanitize import some, within
-from ohmward.trace import isfinite, logical_not, maximum, minimum, where
+from ohmward.filters.linear_algebra import std as std_of
+from ohmward.filters.sanitize import every, some
+from ohmward.trace import clip, exp, isfinite, linearize, log, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
-from ohmward.traction.speed_observer.estimate import SlipSample
-from ohmward.traction.speed_observer.model import STEEPEST_RAD, Model
+from ohmward.traction.motion.held import ROCKS_M_S
+from ohmward.traction.motion.intervals import TINY_S, History, change_since
+from ohmward.traction.motion.sanitize import CleanSample
+from ohmward.traction.robot.robot import GRAVITY
+from ohmward.traction.speed_observer.encoders import SPIKE_S
+from ohmward.traction.speed_observer.model import Model
 
 #: Standard deviation of the zero speed and yaw rate of a robot that stands [m/s, rad/s].
 STANDSTILL_STD = 0.003
 
-#: A faster turn [rad/s] is a gyro's fault: the range of those that robots carry is 2000 degrees a second.
-MOST_YAW_RAD_S = 35.0
-
-
 #: A pitch outside its gate for longer [s] is no glitch.
 GLITCH_S = 0.05
-
-#: No belief of a robot reaches this speed [m/s], and none is so uncertain: twice the fastest robot, as an estimate may
-#: err where a sensor may not.
-LOST_M_S = 100.0
-
-#: An external speed beyond these limits is a source's fault: `LOST_M_S` and its age [s] make it no measurement, a
-#: standard deviation [m/s] outside of its own is replaced by the one of `ObserverNoise`.
-OLDEST_S = 60.0
-SPEED_STD_M_S = (1e-4, 10.0)
 
 
 class BodyTimers(NamedTuple):
@@ -74,14 +81,12 @@ class SensorGate(NamedTuple):
     reset_after_s: float
 
 
-def use_gyro(
-    body: BodyCorrection, sample: SlipSample, clean: CleanSlipSample, model: Model, gate: SensorGate
-) -> BodyCorrection:
+def use_gyro(body: BodyCorrection, clean: CleanSample, model: Model, gate: SensorGate) -> BodyCorrection:
     """Correct with the yaw rate; one that has been outside its gate for too long is right, and the estimate opened."""
     i = model.layout.index("yaw_rate_rad_s")
     if model.noise.gyro_std_rad_s is None:
         return body
-    y = where(within(sample.yaw_rate_rad_s, MOST_YAW_RAD_S), sample.yaw_rate_rad_s, np.nan)
+    y = clean.yaw_rate_rad_s
     nu = where(isfinite(y), y - body.belief.mean[i], 0.0)
     opened = inflate(body.belief, i, nu * nu)
     prior = choose(body.rejected.gyro_s > gate.reset_after_s, opened, body.belief)
@@ -91,9 +96,7 @@ def use_gyro(
     return body._replace(belief=belief, gyro_rejected=rejected, rejected=body.rejected._replace(gyro_s=gyro_s))
 
 
-def use_pitch(
-    body: BodyCorrection, sample: SlipSample, clean: CleanSlipSample, model: Model, gate: SensorGate
-) -> BodyCorrection:
+def use_pitch(body: BodyCorrection, clean: CleanSample, model: Model, gate: SensorGate) -> BodyCorrection:
     """Correct with the pitch, which is the grade under a stiff robot.
 
     One that is off for longer than a glitch shows the edge of a slope, and the grade is opened for it: what the wheels
@@ -103,7 +106,7 @@ def use_pitch(
     if std is None or not model.states.grade:
         return body
     i = model.layout.index("grade_rad")
-    y = where(within(sample.pitch_rad, STEEPEST_RAD), sample.pitch_rad, np.nan)
+    y = clean.pitch_rad
     nu = where(isfinite(y), y - body.belief.mean[i], 0.0)
     opened = inflate(body.belief, i, nu * nu)
     prior = choose(body.rejected.pitch_s > minimum(GLITCH_S, gate.reset_after_s), opened, body.belief)
@@ -113,11 +116,9 @@ def use_pitch(
     return body._replace(belief=belief, rejected=body.rejected._replace(pitch_s=pitch_s))
 
 
-def use_accelerometer(
-    body: BodyCorrection, sample: SlipSample, clean: CleanSlipSample, model: Model, gate: SensorGate
-) -> BodyCorrection:
+def use_accelerometer(body: BodyCorrection, clean: CleanSample, model: Model, gate: SensorGate) -> BodyCorrection:
     """Correct with the specific force along x."""
-    std, y = model.noise.accelerometer_std_m_s2, sample.acceleration_m_s2
+    std, y = model.noise.accelerometer_std_m_s2, clean.acceleration_m_s2
     if std is None:
         return body
     belief, _ = correct_sensor(body.belief, y, lambda x: model.specific_force(x, clean), std**2, gate.nis)
@@ -130,6 +131,21 @@ def use_standstill(body: BodyCorrection, resting: Scalar, model: Model) -> BodyC
     for i in range(model.scene.robot.freedoms):
         belief = kalman.correct_state(belief, i, 0.0, STANDSTILL_STD**2, resting)
     return body._replace(belief=belief, observable=some([body.observable, resting]))
+
+
+def use_held(body: BodyCorrection, held: Scalar, clean: CleanSample, model: Model) -> BodyCorrection:
+    """Correct with the zero speed of a robot that is held while its wheels turn, however fast they have taken it.
+
+    It rocks about it, with errors that last for a second; where no force is known its speed walks so far from sample to
+    sample that they do not.
+    """
+    if model.noise.speed_std_m_s is None:
+        return body
+    nu = body.belief.mean[0]
+    opened = inflate(body.belief, 0, nu * nu - body.belief.cov[0, 0])
+    lasts = 1.0 if model.states.friction == "known" else 1.0 / clip(clean.dt_s, TINY_S, 1.0)
+    belief = kalman.correct_state(choose(held, opened, body.belief), 0, 0.0, ROCKS_M_S**2 * lasts, held)
+    return body._replace(belief=belief, observable=some([body.observable, held]))
 
 
 def correct_sensor(belief: Belief, y: Scalar, h: Function, variance: Scalar, gate: float) -> tuple[Belief, Scalar]:
@@ -147,3 +163,224 @@ def disturbance_unknown(belief: Belief, model: Model, least_rad: Scalar = 0.0) -
         return belief
     i = model.layout.index("grade_rad")
     return inflate(belief, i, maximum(model.noise.grade_std_rad**2, least_rad**2) - belief.cov[i, i])
+
+
+#: A disturbance that the model lacks may have made an innovation of the speed within this time [s].
+OPENED_S = 0.2
+
+#: Innovations that lean to one side for long are a contradiction, too: share of their sum that each keeps, and squared
+#: sum over its variance from which on they are one; 16 is one in 16,000 where the noise is white.
+LASTS, LASTING_NIS = 0.8, 16.0
+
+#: A speed that comes late may have missed a disturbance of so many sigmas of the grade.
+LATE_GRADES = 1.5
+
+#: Where an external speed says that wheels slide: least share to which the friction falls, relative standard deviation
+#: of the friction by the force that the motors give, and a force that is nearly none [N].
+LEAST_SHARE, SLIDING_STD, TINY_N = 0.01, 0.3, 1e-3
+
+#: Two external speeds in a row say the same where the second is off by this share of what the first was off by.
+AGREES = 0.5
+
+
+class ReceivedSpeed(NamedTuple):
+    """An external speed against the belief."""
+
+    credible: Scalar  #: the condition that there is one
+    speed_m_s: Scalar  #: what it says of now; nan where there is none
+    variance: Scalar  #: of that
+    innovation_m_s: Scalar  #: against the belief; 0 where there is none
+
+
+class Dispute(NamedTuple):
+    """Disagreement of wheels and external speeds."""
+
+    innovation_sum: Scalar  #: as in `BodyTimers`, with this speed
+    reset: Scalar  #: the condition that the speed is used although it contradicts
+    open_m_s: Scalar  #: standard deviation that the speed keeps at least until the next one comes
+
+
+def use_speed(
+    body: BodyCorrection,
+    clean: CleanSample,
+    history: History,
+    fastest_m_s: Scalar,
+    model: Model,
+    gate: SensorGate,
+) -> BodyCorrection:
+    """Correct with the external speed, or open the estimate for it; one that no such robot can have is not used.
+
+    fastest_m_s: greatest speed that the body can have, by its wheels and by how long it can have slid.
+    """
+    if model.noise.speed_std_m_s is None:
+        return body
+    received = external_speed(clean, body.belief, history, model.noise.speed_std_m_s, model)
+    y = within_reach(received, fastest_m_s)
+    dispute = disputed(y, body.belief, body.rejected, clean.dt_s, gate)
+    opened = opened_for(body.belief, y.innovation_m_s, model)
+    held = inflate(body.belief, 0, dispute.open_m_s**2 - body.belief.cov[0, 0])
+    prior = choose(dispute.reset, sliding_for(opened, y.innovation_m_s, model), held)
+    belief, accepted = correct_sensor(prior, y.speed_m_s, lambda x: x[:1], y.variance, gate.nis)
+    rejected = isfinite(y.speed_m_s) & logical_not(accepted)
+    last = body.rejected
+    return body._replace(
+        belief=choose(rejected, opened, belief),
+        observable=some([body.observable, accepted]),
+        speed_rejected=some([rejected, every([received.credible, logical_not(y.credible)])]),
+        speed_reset=dispute.reset,
+        rejected=last._replace(
+            speed_s=time_rejected(last.speed_s, clean.dt_s, rejected, y.credible, sparse=True),
+            disputed_m_s=where(y.credible, where(rejected, y.innovation_m_s, 0.0), last.disputed_m_s),
+            innovation_sum=where(rejected | dispute.reset, 0.0, dispute.innovation_sum),
+        ),
+    )
+
+
+def external_speed(clean: CleanSample, belief: Belief, history: History, std_m_s: float, model: Model) -> ReceivedSpeed:
+    """The external speed of a sample: y = v - (predicted change since) + noise.
+
+    A disturbance of the grade's sigma may have acted over its age.
+
+    std_m_s: of a source that does not give its own.
+    """
+    own_std = where(isfinite(clean.speed_std_m_s), clean.speed_std_m_s, std_m_s)
+    grade_std = minimum(grade_std_rad(belief, model), LATE_GRADES * model.noise.grade_std_rad)
+    drift = GRAVITY * maximum(model.noise.grade_std_rad, grade_std) * clean.speed_age_s
+    credible = isfinite(clean.speed_m_s)
+    y = clean.speed_m_s + change_since(history, clean.speed_age_s)
+    innovation_m_s = where(credible, y, belief.mean[0]) - belief.mean[0]
+    return ReceivedSpeed(credible, y, own_std * own_std + drift * drift, innovation_m_s)
+
+
+def within_reach(y: ReceivedSpeed, fastest_m_s: Scalar) -> ReceivedSpeed:
+    """The external speed, or none where the body cannot have it: |y| > fastest_m_s."""
+    reachable = every([y.credible, abs(y.speed_m_s) <= fastest_m_s])
+    return y._replace(
+        credible=reachable,
+        speed_m_s=where(reachable, y.speed_m_s, np.nan),
+        innovation_m_s=where(reachable, y.innovation_m_s, 0.0),
+    )
+
+
+def disputed(y: ReceivedSpeed, belief: Belief, last: BodyTimers, dt_s: Scalar, gate: SensorGate) -> Dispute:
+    """The dispute after this speed, by it and by those before it; last: before the step."""
+    since_s = time_rejected(last.speed_s, dt_s, True, False, sparse=True)
+    too_long = since_s > gate.reset_after_s
+    confirmed = y.innovation_m_s * last.disputed_m_s > AGREES * last.disputed_m_s**2
+    normalised, most = y.innovation_m_s / sqrt(belief.cov[0, 0] + y.variance), math.sqrt(gate.nis)
+    innovation_sum = LASTS * last.innovation_sum + clip(normalised, -most, most)
+    leans = (1.0 - LASTS**2) * innovation_sum**2 > LASTING_NIS
+    return Dispute(
+        innovation_sum=where(y.credible, innovation_sum, last.innovation_sum),
+        reset=every([y.credible, some([confirmed, leans, too_long])]),
+        open_m_s=where(some([y.credible, too_long]), 0.0, last.disputed_m_s),
+    )
+
+
+def opened_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
+    """The belief as uncertain of the speed as this innovation, on a ground as unknown as at first."""
+    belief = disturbance_unknown(inflate(belief, 0, nu_m_s * nu_m_s), model, nu_m_s / (GRAVITY * OPENED_S))
+    if model.states.friction == "known":
+        return belief
+    for i in sorted({model.layout.friction(k) for k in range(model.driven)}):
+        belief = inflate(belief, i, model.noise.friction_std**2 - belief.cov[i, i])
+    return belief
+
+
+def sliding_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
+    """The belief with a ground that lets the wheels slide as they do where the speed is off by this innovation.
+
+    They keep their traction, so the friction ratio falls to that traction over the one they would have had.
+    """
+    if model.states.friction == "known":
+        return belief
+    slipped, mean, cov = belief.mean.copy(), belief.mean.copy(), belief.cov.copy()
+    slipped[0] = slipped[0] + nu_m_s
+    most_N = model.traction_N(slipped)
+    shares = model.traction_N(belief.mean) * most_N / maximum(most_N * most_N, TINY_N**2)
+    logs = [log(clip(share, LEAST_SHARE, 1.0)) for share in shares]
+    places = [model.layout.friction(k) for k in range(model.driven)]
+    for i in sorted(set(places)):
+        mean[i] = mean[i] + reduce(maximum, [x for x, place in zip(logs, places, strict=True) if place == i])
+        cov[i, :] = cov[:, i] = 0.0
+        cov[i, i] = SLIDING_STD**2
+    return Belief(mean, cov)
+
+
+def grade_std_rad(belief: Belief, model: Model) -> Scalar:
+    """Standard deviation [rad] of the grade; 0 where it is no state."""
+    i = model.layout.index("grade_rad") if model.states.grade else None
+    return 0.0 if i is None else std_of(belief.cov[i, i])
+
+
+#: Time constant [s] with which an innovation that they have in common is forgotten.
+LASTS_S = 0.2
+
+
+class CommonInnovation(NamedTuple):
+    """Innovation that all passive wheels have in common: the smallest one where all lean to the same side, else 0."""
+
+    speed_m_s: Scalar  #: of the speed of the body
+    normalised: Scalar  #: over its standard deviation; 0 where a wheel is outside its gate or not measured
+    confirmed: Scalar  #: the condition that all of several wheels say about the same
+
+
+def use_passive_wheels(
+    body: BodyCorrection, lag: np.ndarray, clean: CleanSample, model: Model, gate: SensorGate
+) -> BodyCorrection:
+    """Correct with the speeds of the wheels that are not driven; lag: (wheels,) as of `Model.encoder_lag`.
+
+    One that contradicts for too long is at fault; where all do, the speed is, and it is opened for them.
+    """
+    n, times_s = model.driven, body.rejected.passive_s
+    if model.noise.passive_std_rad_s is None or not len(times_s):
+        return body
+    common = common_innovation(body, lag, clean, model, gate)
+    lasts = exp(-clean.dt_s / LASTS_S)
+    innovation_sum = lasts * body.rejected.passive_sum + common.normalised
+    leans = (1.0 - lasts * lasts) * innovation_sum**2 > LASTING_NIS
+    wrong_after_s = where(common.confirmed, minimum(SPIKE_S, gate.reset_after_s), gate.reset_after_s)
+    wrong = every(time_s > wrong_after_s for time_s in times_s) & every(clean.wheel_measured[n:])
+    opened = opened_for(body.belief, common.speed_m_s, model)
+    body = body._replace(
+        belief=choose(some([leans, wrong]), opened, body.belief),
+        passive_doubted=some(time_s > gate.reset_after_s for time_s in times_s),
+    )
+    after_s = []
+    for k, measured, time_s in zip(range(n, len(lag)), clean.wheel_measured[n:], times_s, strict=True):
+        y = where(measured, clean.wheel_speed_rad_s[k] + lag[k], np.nan)
+        belief, accepted = correct_sensor(
+            body.belief, y, model.passive_speed(k), model.stds(clean).encoder_rad_s[k] ** 2, gate.nis
+        )
+        rejected = measured & logical_not(accepted)
+        after_s.append(time_rejected(time_s, clean.dt_s, rejected, measured))
+        body = body._replace(
+            belief=belief,
+            observable=some([body.observable, accepted]),
+            passive_rejected=some([body.passive_rejected, rejected]),
+        )
+    passive_sum = where(leans, 0.0, innovation_sum)
+    return body._replace(rejected=body.rejected._replace(passive_s=np.array(after_s), passive_sum=passive_sum))
+
+
+def common_innovation(
+    body: BodyCorrection, lag: np.ndarray, clean: CleanSample, model: Model, gate: SensorGate
+) -> CommonInnovation:
+    """The innovation that the passive wheels have in common, against the belief before all of them."""
+    x, P = body.belief
+    innovations, normalised = [], []
+    for k in range(model.driven, len(lag)):
+        predicted, H = linearize(model.passive_speed(k), x)
+        nu = where(clean.wheel_measured[k], clean.wheel_speed_rad_s[k] + lag[k] - predicted[0], 0.0)
+        S = H[0] @ P @ H[0] + model.stds(clean).encoder_rad_s[k] ** 2
+        innovations.append(model.scene.robot.wheel.radius_m * nu)
+        normalised.append(where(nu * nu <= gate.nis * S, nu / sqrt(S), 0.0))
+    least_m_s = in_common(innovations)
+    most_m_s = reduce(maximum, [abs(nu) for nu in innovations])
+    confirmed = (abs(least_m_s) > AGREES * most_m_s) if len(innovations) > 1 else False
+    return CommonInnovation(least_m_s, in_common(normalised), confirmed)
+
+
+def in_common(values: list[Scalar]) -> Scalar:
+    """The value nearest to zero where all have the same sign, else 0."""
+    return maximum(reduce(minimum, values), 0.0) + minimum(reduce(maximum, values), 0.0)

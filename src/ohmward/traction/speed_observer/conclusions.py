@@ -22,11 +22,11 @@ from ohmward.checks import require_each_not_negative, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import std
-from ohmward.filters.sanitize import every
+from ohmward.filters.sanitize import every, some
 from ohmward.trace import linearize, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.slip import slip_ratio
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
+from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.model import Model
 
@@ -136,9 +136,15 @@ def with_unknown_mass(wheels: DrivenWheels, by_mass_m_s: Scalar, model: Model) -
 
 
 def conclude(
-    belief: Belief, wheels: DrivenWheels, timers: MotionTimers, clean: CleanSlipSample, model: Model, alarm: SlipAlarm
+    belief: Belief,
+    wheels: DrivenWheels,
+    timers: MotionTimers,
+    held: Scalar,
+    clean: CleanSample,
+    model: Model,
+    alarm: SlipAlarm,
 ) -> SlipEstimate:
-    """The estimate after a sample, still without flags."""
+    """The estimate after a sample, still without flags; held: the condition that the robot is while its wheels turn."""
     x, P = belief
     parts, yaw = model.layout.split(x), model.layout.index("yaw_rate_rad_s")
     slips = zip(wheels.slip_m_s, wheels.slip_std_m_s, wheels.rim_m_s, strict=True)
@@ -162,7 +168,7 @@ def conclude(
         grip=wheels.grip,
         unobserved_s=timers.unobserved_s,
         slipping=np.array([where(alarm.slips(slip, slip_std, rim), 1.0, 0.0) for slip, slip_std, rim in slips]),
-        immobilised=where(timers.stuck_s > alarm.stuck_s, 1.0, 0.0),
+        immobilised=where(some([timers.stuck_s > alarm.stuck_s, held]), 1.0, 0.0),
         flags=0.0,
     )
 

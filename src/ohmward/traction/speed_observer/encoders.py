@@ -23,7 +23,7 @@ from ohmward.filters.linear_algebra import TINY, std
 from ohmward.filters.sanitize import some
 from ohmward.trace import logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
+from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.slip_step import SlipStep
 
@@ -92,7 +92,7 @@ def correct_wheels(
     prior: Belief,
     lag: np.ndarray,
     step: SlipStep,
-    clean: CleanSlipSample,
+    clean: CleanSample,
     rejected: RejectedFor,
     model: Model,
     gate: EncoderGate,
@@ -127,7 +127,7 @@ def correct_wheel(
     possible: PossibleSpeeds,
     torque_noise: Scalar,
     before: RejectedFor,
-    clean: CleanSlipSample,
+    clean: CleanSample,
     model: Model,
     gate: EncoderGate,
 ) -> WheelCorrection:
@@ -222,14 +222,14 @@ def possible_speeds(
     return PossibleSpeeds(least - room, most + room)
 
 
-def turned(free: FreeWheels, clean: CleanSlipSample, model: Model) -> FreeWheels:
+def turned(free: FreeWheels, clean: CleanSample, model: Model) -> FreeWheels:
     """The free wheels at the end of a step."""
     robot = model.scene.robot
     gain = robot.motor.wheel_constant_Nm_per_A / robot.inertia[robot.freedoms :]
     return free._replace(motor_rad_s=free.motor_rad_s + clean.dt_s * gain * clean.current_A)
 
 
-def released(free: FreeWheels, belief: Belief, clean: CleanSlipSample, model: Model) -> FreeWheels:
+def released(free: FreeWheels, belief: Belief, clean: CleanSample, model: Model) -> FreeWheels:
     """The free wheels for the next step: from the belief on where an encoder has had a value."""
     layout = model.layout
     measured, omega = clean.wheel_measured[: model.driven], belief.mean[layout.wheel(0) : layout.robot_states]

@@ -10,31 +10,6 @@ import numpy as np
 from ohmward.filters.flags import SampleFlag
 
 
-class SlipSample(NamedTuple):
-    """One sample of the sensors; nan where there is nothing new.
-
-    dt_s: time since the sample before [s]; 0 for the first.
-    wheel_speed_rad_s: (wheels,) from encoders, driven wheels first; nan for a wheel without one.
-    current_A: (driven,) of the motors over the step that ends now, > 0 drives forward.
-    yaw_rate_rad_s: from a gyro, > 0 to the left.
-    acceleration_m_s2: from an accelerometer along x, gravity included: at rest g sin(pitch).
-    pitch_rad: from an attitude filter, > 0 with the nose up.
-    speed_m_s: forward, from GNSS, visual or lidar odometry, optical flow.
-    speed_std_m_s: its standard deviation where the source gives one.
-    speed_age_s: age of that speed.
-    """
-
-    dt_s: Any
-    wheel_speed_rad_s: np.ndarray
-    current_A: np.ndarray
-    yaw_rate_rad_s: Any = math.nan
-    acceleration_m_s2: Any = math.nan
-    pitch_rad: Any = math.nan
-    speed_m_s: Any = math.nan
-    speed_std_m_s: Any = math.nan
-    speed_age_s: Any = 0.0
-
-
 class SlipEstimate(NamedTuple):
     """Estimate after a sample. A quantity that is not a state has the value that is assumed, and std 0.
 

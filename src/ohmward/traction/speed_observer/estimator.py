@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial, reduce
 
 import numpy as np
 
-from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.trace import Kernel, maximum
 from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.motion.sample import RobotSample, first_of, samples_of
+from ohmward.traction.motion.sanitize import LONGEST_STEP_S
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.clean_sample import LONGEST_STEP_S
-from ohmward.traction.speed_observer.default_observer import DEFAULT_FILTER, DEFAULT_TERRAIN, default_observer
-from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
-from ohmward.traction.speed_observer.observer_state import ObserverState
-from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
+from ohmward.traction.speed_observer.make_observer import DEFAULT_FILTER, DEFAULT_TERRAIN, default_observer
+from ohmward.traction.speed_observer.speed_observer import ObserverState, SpeedObserver
 
 
 class SlipRun(Run[SlipEstimate]):
@@ -38,7 +36,7 @@ def observe(observer: SpeedObserver, log: DriveLog, progress: Progress | None = 
     return SlipEstimator(observer).run(log, progress)
 
 
-class SlipEstimator(LiveEstimator[SlipSample, SlipEstimate]):
+class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
     """Speed and slip, live or from logs.
 
     >>> estimator = SlipEstimator("rlma", terrain="gravel")                                          # doctest: +SKIP
@@ -90,14 +88,14 @@ class SlipEstimator(LiveEstimator[SlipSample, SlipEstimate]):
             where it is earlier by more than a minute, the clock was set, and time goes on from there.
         wheel_speed_rad_s: (wheels,) or (driven,) from encoders, driven wheels first.
         current_A: (driven,) of the motors, > 0 drives forward.
-        All others: see `SlipSample`. What the observer has no noise for is not used.
+        All others: see `RobotSample`. What the observer has no noise for is not used.
 
         Raises:
             InputError: something else than a number, or not one for each wheel or motor.
         """
         wheels, driven = self._counts
         time_s = number("time_s", time_s)
-        sample = SlipSample(
+        sample = RobotSample(
             self._since_last(time_s),
             numbers("wheel_speed_rad_s", wheel_speed_rad_s, wheels, driven),
             numbers("current_A", current_A, driven),
@@ -120,7 +118,7 @@ class SlipEstimator(LiveEstimator[SlipSample, SlipEstimate]):
             InputError: the log is of a robot with other wheels.
         """
         log = as_drive(log, self.observer.scene.robot)
-        samples = samples_of(log, self.observer, self.time_s)
+        samples = samples_of(log, self.observer.scene.robot, self.time_s)
         return SlipRun(log.time_s, *self._scan(samples, first_of(samples), float(log.time_s[-1]), progress))
 
     def compiled(self) -> Kernel:
@@ -135,31 +133,8 @@ class SlipEstimator(LiveEstimator[SlipSample, SlipEstimate]):
         return f"SlipEstimator({self.observer.method}, {robot.name} on {ground.name}{now})"
 
 
-def samples_of(log: DriveLog, observer: SpeedObserver, before_s: float = math.nan) -> SlipSample:
-    """The log as samples (T, ...), its first step counted from `before_s` where that is a time before it.
-
-    Raises:
-        InputError: the log has other wheels than the observer's robot.
-    """
-    require_wheels(observer.scene.robot, log)
-    start_s = log.time_s[0] if not before_s < log.time_s[0] else before_s
-    nothing = np.full(len(log), math.nan)
-    given = {name: nothing if (values := getattr(log, name)) is None else values for name in SlipSample._fields[3:]}
-    return SlipSample(np.diff(log.time_s, prepend=start_s), log.wheel_speed_rad_s, log.motor_current_A, **given)
-
-
-def require_wheels(robot: Robot, log: DriveLog) -> None:
-    """Raise InputError where a log has other wheels or motors than a robot."""
-    found = log.wheel_speed_rad_s.shape[1], log.motor_current_A.shape[1]
-    if found != (len(robot.places), robot.driven):
-        raise InputError(
-            f"log {log.name!r} has {found[0]} wheels and {found[1]} motors, robot {robot.name!r} has "
-            f"{len(robot.places)} and {robot.driven}; read the log for this robot"
-        )
-
-
 def considered_step(
-    observer: SpeedObserver, state: ObserverState, sample: SlipSample
+    observer: SpeedObserver, state: ObserverState, sample: RobotSample
 ) -> tuple[ObserverState, SlipEstimate]:
     """A step of the observer, with the uncertainty of the wheel radius in its estimate."""
     after, estimate = observer.step(state, sample)
@@ -181,8 +156,3 @@ def motion_of(robot: Robot, estimates: SlipEstimate) -> np.ndarray:
     """Motion (..., freedoms) of the body from the speeds of the wheels' centres in estimates (...)."""
     rim = robot.wheel.radius_m * np.asarray(estimates.radius_ratio)[..., None] * estimates.wheel_speed_rad_s
     return (rim - estimates.slip_speed_m_s) @ np.linalg.pinv(robot.rolling[: robot.driven]).T
-
-
-def first_of(samples: SlipSample) -> SlipSample:
-    """Sample to start from: the first one, without a step before it."""
-    return SlipSample(0.0, *(values[0] for values in samples[1:]))

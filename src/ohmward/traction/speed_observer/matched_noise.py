@@ -21,15 +21,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.filters.sanitize import every, within
-from ohmward.trace import clip, logical_not, maximum, minimum, sqrt, where
+from ohmward.filters.sanitize import every
+from ohmward.trace import clip, isfinite, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.speed_observer.body_sensors import MOST_YAW_RAD_S
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
-from ohmward.traction.speed_observer.estimate import SlipSample
-from ohmward.traction.speed_observer.intervals import NEVER_S, TINY_S
+from ohmward.traction.motion.intervals import NEVER_S, TINY_S
+from ohmward.traction.motion.sanitize import CleanSample, SensorStds
 from ohmward.traction.speed_observer.model import Model
-from ohmward.traction.speed_observer.noise import SensorStds
 
 #: A squared deviation counts up to so many times the usual one; the mean of a chi-square of one degree of freedom that
 #: is cut off there.
@@ -102,9 +99,7 @@ def matched_stds(matched: MatchedNoise, model: Model) -> SensorStds:
     )
 
 
-def match(
-    matched: MatchedNoise, sample: SlipSample, clean: CleanSlipSample, model: Model, window: float
-) -> MatchedNoise:
+def match(matched: MatchedNoise, clean: CleanSample, model: Model, window: float) -> MatchedNoise:
     """The matched noise after a sample.
 
     clean: the sample before its currents are held.
@@ -112,8 +107,8 @@ def match(
     """
     given = unmatched(model)
     wheels, gyros = len(given.encoder.variance), len(given.gyro.variance)
-    turns = within(sample.yaw_rate_rad_s, MOST_YAW_RAD_S)
-    yaw_rad_s = where(turns, sample.yaw_rate_rad_s, 0.0)
+    turns = isfinite(clean.yaw_rate_rad_s)
+    yaw_rad_s = where(turns, clean.yaw_rate_rad_s, 0.0)
     values = (clean.wheel_speed_rad_s[:wheels], clean.current_A, np.array([yaw_rad_s] * gyros))
     measured = (clean.wheel_measured[:wheels], clean.current_measured, np.array([turns] * gyros))
     sensors = zip(matched, given, values, measured, strict=True)

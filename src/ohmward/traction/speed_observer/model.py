@@ -18,12 +18,12 @@ import numpy as np
 from ohmward.filters.belief import Belief
 from ohmward.filters.gate import inflate
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import exp, maximum, minimum, sin, sqrt, where
+from ohmward.trace import exp, isfinite, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import RobotInput, Scene, momentum_rates, normal_loads
+from ohmward.traction.motion.sanitize import CleanSample, SensorStds
 from ohmward.traction.robot.robot import GRAVITY, motion_from_wheels
-from ohmward.traction.speed_observer.clean_sample import CleanSlipSample
-from ohmward.traction.speed_observer.noise import ObserverNoise, SensorStds
+from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.slip_step import SlipStep, grip, slip_step, traction, without_traction
 from ohmward.traction.speed_observer.states import StateLayout, States
 
@@ -32,9 +32,6 @@ UNKNOWN_M_S2, UNKNOWN_M_S = 3.0, 3.0
 
 #: Share of the change of the speed in a gap that a wheel may slip by after it.
 GAP_SLIP = 0.3
-
-#: A steeper pitch [rad] is a sensor's fault.
-STEEPEST_RAD = 1.5
 
 #: Keeps a step of no length from dividing by zero [s].
 _TINY_S = 1e-9
@@ -74,7 +71,7 @@ class Model:
         gyro = [] if noise.gyro_std_rad_s is None else [noise.gyro_std_rad_s]
         return SensorStds(np.array(encoders), np.full(robot.driven, noise.torque_std_Nm), np.array(gyro))
 
-    def stds(self, clean: CleanSlipSample) -> SensorStds:
+    def stds(self, clean: CleanSample) -> SensorStds:
         """Standard deviations of the sensors in a sample: matched, or the given ones."""
         return clean.stds or self.given_stds
 
@@ -129,11 +126,11 @@ class Model:
         slope_rad = self.noise.mass_std * force_N / (robot.inertia[0] * GRAVITY)
         return inflate(belief, i, slope_rad**2 - belief.cov[i, i])
 
-    def slip_step(self, x: np.ndarray, clean: CleanSlipSample, start_m_s: np.ndarray | None = None) -> SlipStep:
+    def slip_step(self, x: np.ndarray, clean: CleanSample, start_m_s: np.ndarray | None = None) -> SlipStep:
         """Step of body and wheels from state x (n,); start_m_s as in `slip_step`."""
         return slip_step(self.layout.split(x), self.input(x, clean), self.scene, clean.modelled_s, start_m_s)
 
-    def next_state(self, x: np.ndarray, clean: CleanSlipSample, start_m_s: np.ndarray | None = None) -> np.ndarray:
+    def next_state(self, x: np.ndarray, clean: CleanSample, start_m_s: np.ndarray | None = None) -> np.ndarray:
         """Mean of the state after the step, (n,)."""
         step = self.slip_step(x, clean, start_m_s)
         first = self.layout.robot_states
@@ -141,16 +138,16 @@ class Model:
         decayed = [self.decay_factor(name, clean.dt_s) * value for name, value in walking]
         return np.array([*step.motion, *step.omega, *decayed])
 
-    def input(self, x: np.ndarray, clean: CleanSlipSample) -> RobotInput:
+    def input(self, x: np.ndarray, clean: CleanSample) -> RobotInput:
         """Input of the robot; the grade is the state's, else the measured pitch, else level."""
         grade = self.layout.split(x).grade_rad
         if grade is None:
             grade = 0.0
             if self.noise.pitch_std_rad is not None:
-                grade = where(abs(clean.pitch_rad) <= STEEPEST_RAD, clean.pitch_rad, 0.0)
+                grade = where(isfinite(clean.pitch_rad), clean.pitch_rad, 0.0)
         return RobotInput(clean.current_A, grade)
 
-    def process_noise(self, step: SlipStep, clean: CleanSlipSample) -> np.ndarray:
+    def process_noise(self, step: SlipStep, clean: CleanSample) -> np.ndarray:
         """Q (n, n) of a step; errors of torque and traction go through the model, where a wheel that grips damps them.
 
         Q = diag(random walks) + B B' + C C' + g^2 D,  B: `torque_noise`, C: `curve_shape_noise`, D: `gap_covariance`
@@ -165,7 +162,7 @@ class Model:
         Q[:own, :own] = Q[:own, :own] + within * (B @ B.T) + C @ C.T + gap**2 * self.gap_covariance
         return mirror_lower(Q)
 
-    def motion_variances(self, clean: CleanSlipSample) -> list[Scalar]:
+    def motion_variances(self, clean: CleanSample) -> list[Scalar]:
         """Variances that the robot's own states gain by unknown accelerations."""
         speed = self.noise.speed_walk**2 * clean.modelled_s
         yaw_rate = self.noise.yaw_rate_walk**2 * clean.modelled_s
@@ -185,7 +182,7 @@ class Model:
         slip = [0.0] * len(body) + [(GAP_SLIP / robot.wheel.radius_m) ** 2] * self.driven
         return together @ together.T + np.diag(slip)
 
-    def torque_noise(self, step: SlipStep, clean: CleanSlipSample) -> np.ndarray:
+    def torque_noise(self, step: SlipStep, clean: CleanSample) -> np.ndarray:
         """B (freedoms + driven, driven): change of body and wheels by one sigma of torque on each driven wheel.
 
         Where a current is not measured its torque may be any that the ground takes.
@@ -194,11 +191,11 @@ class Model:
         usual_Nm = self.stds(clean).torque_Nm
         return step.torque_response * where(clean.current_measured, usual_Nm, maximum(usual_Nm, most_Nm))
 
-    def torque_noise_rad_s(self, step: SlipStep, clean: CleanSlipSample) -> np.ndarray:
+    def torque_noise_rad_s(self, step: SlipStep, clean: CleanSample) -> np.ndarray:
         """Standard deviation (driven,) of each wheel's predicted speed by the error of its own torque."""
         return np.diag(self.torque_noise(step, clean)[self.scene.robot.freedoms :])
 
-    def curve_shape_noise(self, step: SlipStep, clean: CleanSlipSample) -> np.ndarray:
+    def curve_shape_noise(self, step: SlipStep, clean: CleanSample) -> np.ndarray:
         """C (freedoms + driven, driven): change of body and wheels by one sigma of the friction curve's shape.
 
         Friction and stiffness fix a friction law at its two ends, not its curvature in between, where a wheel then
@@ -242,7 +239,7 @@ class Model:
         """Grip (driven,) in [0, 1] of wheels at these slip speeds (driven,)."""
         return grip(slip_m_s, self.layout.split(x), self.static_load_N, self.scene)
 
-    def specific_force(self, x: np.ndarray, clean: CleanSlipSample) -> np.ndarray:
+    def specific_force(self, x: np.ndarray, clean: CleanSample) -> np.ndarray:
         """Output (1,) [m/s^2] of an accelerometer along x in state x."""
         parts, robot = self.layout.split(x), self.scene.robot
         u = self.input(x, clean)
@@ -260,6 +257,11 @@ class Model:
             return np.array([robot.rolling[k] @ parts.motion / (robot.wheel.radius_m * parts.radius_ratio)])
 
         return speed
+
+    @cached_property
+    def forward(self) -> np.ndarray:
+        """(driven,) forward speed of the body over that of each rim, where none slips."""
+        return np.linalg.pinv(self.scene.robot.rolling[: self.driven])[0]
 
     @cached_property
     def static_load_N(self) -> np.ndarray:

@@ -5,9 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
-from typing import NamedTuple
-
-import numpy as np
 
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
@@ -74,14 +71,6 @@ class ObserverNoise:
         stds = {field.name: getattr(self, field.name) for field in fields(self)}
         require_between("noise.encoder_lag_share", stds.pop("encoder_lag_share"), 0.0, 1.0)
         require_stds("noise", stds, _OPTIONAL)
-
-
-class SensorStds(NamedTuple):
-    """Standard deviations of sensors in a sample, given or matched."""
-
-    encoder_rad_s: np.ndarray  #: (encoders,), driven wheels first, then passive ones where their encoders are used
-    torque_Nm: np.ndarray  #: (driven,) of the torque by each motor's current
-    gyro_rad_s: np.ndarray  #: (1,), or empty without a gyro
 
 
 def require_stds(prefix: str, values: Mapping[str, float | None], optional: Collection[str]) -> None:

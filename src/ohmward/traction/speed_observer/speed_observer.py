@@ -30,7 +30,7 @@ from ohmward.checks import (
 )
 from ohmward.errors import InputError
 from ohmward.filters import extended, unscented
-from ohmward.filters.belief import Belief, is_healthy, pack, unpack
+from ohmward.filters.belief import Belief, PackedBelief, is_healthy, pack, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import std
@@ -39,27 +39,38 @@ from ohmward.quantities import MOST_MOTOR_A, MOST_WHEEL_RAD_S
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
-from ohmward.traction.speed_observer.apparent_inertia import (
-    LEAST_GRIP,
-    ApparentInertia,
-    advance_inertia,
-    by_mass_m_s,
-    reconsidered,
+from ohmward.traction.motion.held import ALARM, IS_HELD, TURNS_M_S, Held, weigh_held
+from ohmward.traction.motion.intervals import (
+    TINY_S,
+    History,
+    Intervals,
+    advance,
+    empty_history,
+    holds,
+    never,
+    remember,
+    share_measured,
+    was_seen,
 )
-from ohmward.traction.speed_observer.body_sensors import (
-    BodyCorrection,
-    SensorGate,
-    use_accelerometer,
-    use_gyro,
-    use_pitch,
-    use_standstill,
-)
-from ohmward.traction.speed_observer.clean_sample import (
-    CleanSlipSample,
+from ohmward.traction.motion.sample import RobotSample, no_sample
+from ohmward.traction.motion.sanitize import (
+    CleanSample,
     CredibleLimits,
     hold_currents,
     hold_still,
     sanitize,
+)
+from ohmward.traction.speed_observer.body_sensors import (
+    BodyCorrection,
+    BodyTimers,
+    SensorGate,
+    use_accelerometer,
+    use_gyro,
+    use_held,
+    use_passive_wheels,
+    use_pitch,
+    use_speed,
+    use_standstill,
 )
 from ohmward.traction.speed_observer.conclusions import (
     UNOBSERVED_S,
@@ -75,32 +86,72 @@ from ohmward.traction.speed_observer.encoders import (
     EncoderCorrection,
     EncoderGate,
     FreeWheels,
+    RejectedFor,
     correct_wheels,
     rejected_for,
     released,
     turned,
 )
-from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag, SlipSample
-from ohmward.traction.speed_observer.external_speed import use_speed
-from ohmward.traction.speed_observer.gross_slip import SlipTest, compare_hypotheses, is_ambiguous, unexplained_change
-from ohmward.traction.speed_observer.intervals import (
-    TINY_S,
-    History,
-    Intervals,
-    advance,
-    holds,
-    remember,
-    share_measured,
-    was_seen,
-)
-from ohmward.traction.speed_observer.matched_noise import match, matched_stds
+from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
+from ohmward.traction.speed_observer.matched_noise import MatchedNoise, fixed, match, matched_stds, unmatched
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
-from ohmward.traction.speed_observer.observer_state import ObserverState, started
-from ohmward.traction.speed_observer.passive_wheels import use_passive_wheels
-from ohmward.traction.speed_observer.restart import advance_reach, fastest_m_s, is_lost, restarted
 from ohmward.traction.speed_observer.slip_step import SlipStep
+from ohmward.traction.speed_observer.speed_evidence import (
+    LEAST_GRIP,
+    SpeedEvidence,
+    by_mass_m_s,
+    fastest_m_s,
+    is_lost,
+    judge,
+    restarted,
+    with_reach,
+)
 from ohmward.traction.speed_observer.states import States
+
+
+class ObserverState(NamedTuple):
+    """State of the observer from sample to sample: plain numbers."""
+
+    belief: PackedBelief  #: mean (n,) and lower triangle of the covariance
+    matched: MatchedNoise  #: noise of the sensors; empty without matching
+    current_A: np.ndarray  #: (driven,) last credible ones
+    current_intervals: Intervals  #: of the motor currents, each (driven,)
+    encoder_intervals: Intervals  #: of the encoders, each (wheels,)
+    lag_rad_s: np.ndarray  #: (wheels,) `Model.encoder_lag` since each encoder's last value
+    free: FreeWheels  #: the wheels as their motors alone would turn them
+    history: History  #: predicted changes of the speed of late, for speeds that come late
+    rest_s: Scalar  #: time for which wheels and motors have been at rest
+    rejected: RejectedFor  #: for how long each encoder has been outside its gate, (driven,)
+    body_rejected: BodyTimers  #: the same of the sensors of the body
+    evidence: SpeedEvidence  #: of whether the wheels show the speed
+    #: as in `MotionTimers`
+    unobserved_s: Scalar
+    stuck_s: Scalar
+
+
+def started(
+    belief: Belief, model: Model, late_steps: int, matching: bool, before: ObserverState | None = None
+) -> ObserverState:
+    """State of an observer that has this belief and no past, but for the clocks and the noise of the sensors before."""
+    n, wheels = model.driven, len(model.scene.robot.places)
+    return ObserverState(
+        belief=pack(belief),
+        matched=before.matched if before else unmatched(model) if matching else fixed(),
+        current_A=before.current_A if before else np.zeros(n),
+        current_intervals=before.current_intervals if before else never(n),
+        encoder_intervals=before.encoder_intervals if before else never(wheels),
+        lag_rad_s=np.zeros(wheels),
+        free=FreeWheels(belief.mean[model.layout.wheel(0) : model.layout.robot_states], np.zeros(n)),
+        history=empty_history(0 if model.noise.speed_std_m_s is None else late_steps),
+        rest_s=0.0,
+        rejected=RejectedFor(np.zeros(n), np.zeros(n)),
+        body_rejected=BodyTimers(0.0, 0.0, 0.0, 0.0, 0.0, np.zeros(wheels - n), 0.0),
+        evidence=SpeedEvidence(held=before.evidence.held if before else Held()),
+        unobserved_s=0.0,
+        stuck_s=0.0,
+    )
+
 
 #: No ground takes more than so many times the load.
 MOST_ADHESION = 2.0
@@ -185,37 +236,36 @@ class SpeedObserver:
         """True where nothing is learnt of the ground: the gyro shows turns first, and what wheels add is slip."""
         return self.states.friction == "known"
 
-    def no_sample(self) -> SlipSample:
+    def no_sample(self) -> RobotSample:
         """A sample without any measurement, to be filled with `_replace`."""
-        robot = self.scene.robot
-        return SlipSample(0.0, np.full(len(robot.places), math.nan), np.full(robot.driven, math.nan))
+        return no_sample(self.scene.robot)
 
-    def init(self, first: SlipSample) -> ObserverState:
+    def init(self, first: RobotSample) -> ObserverState:
         """State before the first sample, of which it takes the speeds: a body that moves as the driven wheels say."""
         clean = sanitize(first, self.limits)
         speeds = np.asarray(clean.wheel_speed_rad_s[: self.model.driven], dtype=float)
         return started(self.model.first_belief(speeds), self.model, self.late_steps, self.matching)
 
-    def step(self, state: ObserverState, sample: SlipSample) -> tuple[ObserverState, SlipEstimate]:
+    def step(self, state: ObserverState, sample: RobotSample) -> tuple[ObserverState, SlipEstimate]:
         """State and estimate after a sample: the model predicts, then each measurement corrects."""
         before, clean, state = self.sanitize(state, sample)
         prediction = self.predict(state, before, clean)
-        turn = self.correct_turn(state, prediction, sample, clean)
+        turn = self.correct_turn(state, prediction, clean)
         prediction = prediction._replace(belief=turn.belief)
         free = turned(state.free, clean, self.model)
         wheels = self.correct_wheels(state, free, prediction, clean)
         history = remember(state.history, clean.dt_s, speed_change(before, prediction, wheels, clean))
-        body = self.correct_body(state, turn._replace(belief=wheels.belief), prediction, sample, clean, history)
-        slip_test = self.compare_hypotheses(state, before, prediction, body, clean)
-        inertia = advance_inertia(state.inertia, before, wheels.belief, body, clean, self.model)
-        inertia, belief, reopened = reconsidered(inertia, state.inertia, slip_test.belief, clean, self.model)
-        belief = belief._replace(mean=self.model.layout.bounded(belief.mean))
-        reach = advance_reach(state.reach, belief, body.observable, state.unobserved_s, clean, self.model)
+        evidence = state.evidence._replace(held=self.weigh_held(state.evidence.held, wheels.belief, clean))
+        body = self.correct_body(state, turn._replace(belief=wheels.belief), prediction, clean, history)
+        body = use_held(body, evidence.held.probability > IS_HELD, clean, self.model)
+        judged = judge(evidence, before, wheels.belief, body, clean, self.model, self.gate)
+        belief = judged.belief._replace(mean=self.model.layout.bounded(judged.belief.mean))
+        evidence = with_reach(judged.evidence, belief, body.observable, state.unobserved_s, clean, self.model)
         rejected = rejected_for(wheels.wheels)
-        lost = is_lost(belief, reach, rejected.gate_s, LOCKED_OUT * self.reset_after_s, self.model)
+        lost = is_lost(belief, evidence, rejected.gate_s, LOCKED_OUT * self.reset_after_s, self.model)
         new = restarted(before, clean, self.model)
-        timers, estimate = self.conclude(state, choose(lost, new, belief), inertia, wheels, body, clean)
-        ground_changed = some([wheels.ground_changed, slip_test.gross_slip, reopened])
+        timers, estimate = self.conclude(state, choose(lost, new, belief), evidence, wheels, body, clean)
+        ground_changed = some([wheels.ground_changed, judged.ground_changed])
         flags = self.flags(before, clean, wheels, body, ground_changed, timers, lost)
         after = state._replace(
             belief=pack(belief),
@@ -224,16 +274,14 @@ class SpeedObserver:
             history=history,
             rejected=rejected,
             body_rejected=body.rejected,
-            unexplained_m_s=slip_test.unexplained_m_s,
-            inertia=inertia,
+            evidence=evidence,
             unobserved_s=timers.unobserved_s,
             stuck_s=timers.stuck_s,
-            reach=reach,
         )
         fresh = started(new, self.model, self.late_steps, self.matching, state)
         return choose(lost, fresh, after), estimate._replace(flags=flags)
 
-    def sanitize(self, state: ObserverState, sample: SlipSample) -> tuple[Belief, CleanSlipSample, ObserverState]:
+    def sanitize(self, state: ObserverState, sample: RobotSample) -> tuple[Belief, CleanSample, ObserverState]:
         """The belief before the step, the sample without what no sensor can have shown, and the state with its clocks.
 
         Where an encoder shows its first value, the belief is one of a body that moves as the wheels do. Where the robot
@@ -247,7 +295,7 @@ class SpeedObserver:
         current_intervals = advance(state.current_intervals, clean.current_measured, clean.dt_s)
         encoder_intervals = advance(state.encoder_intervals, clean.wheel_measured, clean.dt_s)
         stds = matched_stds(state.matched, self.model) if self.matching else None
-        matched = match(state.matched, sample, clean, self.model, self.window) if self.matching else state.matched
+        matched = match(state.matched, clean, self.model, self.window) if self.matching else state.matched
         clean = hold_currents(clean, state.current_A, current_intervals)._replace(stds=stds)
         at_rest = self.is_at_rest(clean, holds(encoder_intervals))
         clean = hold_still(clean, where(at_rest, state.rest_s + clean.dt_s, 0.0), self.rest_hold_s)
@@ -261,7 +309,7 @@ class SpeedObserver:
         )
         return before, clean, state
 
-    def is_at_rest(self, clean: CleanSlipSample, holds: np.ndarray) -> Scalar:
+    def is_at_rest(self, clean: CleanSample, holds: np.ndarray) -> Scalar:
         """True where all driven wheels and motors are measured, and all are at rest.
 
         holds: (wheels,) conditions that an encoder which is not measured is only slower than the samples.
@@ -271,7 +319,7 @@ class SpeedObserver:
         idle = [within(current, self.rest_current_A) for current in clean.current_A]
         return every([*still, *idle, *(clean.wheel_measured | holds)[:n], *clean.current_measured])
 
-    def predict(self, state: ObserverState, before: Belief, clean: CleanSlipSample) -> Prediction:
+    def predict(self, state: ObserverState, before: Belief, clean: CleanSample) -> Prediction:
         """Predict the belief over one step."""
         before = self.model.with_unknown_mass(before)
         step = self.model.slip_step(before.mean, clean)
@@ -281,15 +329,13 @@ class SpeedObserver:
         lag_rad_s = state.lag_rad_s + self.model.encoder_lag(before.mean, belief.mean, step)
         return Prediction(belief, step, lag_rad_s * clean.lag_share, lag_rad_s)
 
-    def correct_turn(
-        self, state: ObserverState, prediction: Prediction, sample: SlipSample, clean: CleanSlipSample
-    ) -> BodyCorrection:
+    def correct_turn(self, state: ObserverState, prediction: Prediction, clean: CleanSample) -> BodyCorrection:
         """Correct with the gyro before the wheels, where nothing is learnt of the ground."""
         body = BodyCorrection(prediction.belief, state.body_rejected)
-        return use_gyro(body, sample, clean, self.model, self.sensor_gate) if self.gyro_first else body
+        return use_gyro(body, clean, self.model, self.sensor_gate) if self.gyro_first else body
 
     def correct_wheels(
-        self, state: ObserverState, free: FreeWheels, prediction: Prediction, clean: CleanSlipSample
+        self, state: ObserverState, free: FreeWheels, prediction: Prediction, clean: CleanSample
     ) -> EncoderCorrection:
         """Correct with the encoders of the driven wheels."""
         jumps_teach = self.method == "ukf" and not self.gyro_first
@@ -302,57 +348,51 @@ class SpeedObserver:
         state: ObserverState,
         body: BodyCorrection,
         prediction: Prediction,
-        sample: SlipSample,
-        clean: CleanSlipSample,
+        clean: CleanSample,
         history: History,
     ) -> BodyCorrection:
         """Correct with every other sensor of the body, and with a standstill."""
         model, gate = self.model, self.sensor_gate
         body = use_passive_wheels(body, prediction.lag_rad_s, clean, model, gate)
         if not self.gyro_first:
-            body = use_gyro(body, sample, clean, model, gate)
-        body = use_pitch(body, sample, clean, model, gate)
-        body = use_accelerometer(body, sample, clean, model, gate)
-        body = use_speed(body, sample, clean, history, fastest_m_s(state.reach), model, gate)
+            body = use_gyro(body, clean, model, gate)
+        body = use_pitch(body, clean, model, gate)
+        body = use_accelerometer(body, clean, model, gate)
+        body = use_speed(body, clean, history, fastest_m_s(state.evidence), model, gate)
         return use_standstill(body, clean.resting, model)
 
-    def compare_hypotheses(
-        self,
-        state: ObserverState,
-        before: Belief,
-        prediction: Prediction,
-        body: BodyCorrection,
-        clean: CleanSlipSample,
-    ) -> SlipTest:
-        """Test gross slip against a disturbance, where no other sensor tells them apart."""
-        if not is_ambiguous(self.model):
-            return SlipTest(body.belief, False, state.unexplained_m_s)
-        unexplained_m_s = unexplained_change(state.unexplained_m_s, before, body.belief, clean, self.model)
-        return compare_hypotheses(body.belief, unexplained_m_s, clean, self.model, self.gate)
+    def weigh_held(self, before: Held, wheels: Belief, clean: CleanSample) -> Held:
+        """Weigh that the robot is held while its wheels turn, where it has an outside speed; wheels: as corrected."""
+        std_m_s, model = self.model.noise.speed_std_m_s, self.model
+        if std_m_s is None:
+            return before
+        rims_m_s = model.scene.robot.wheel.radius_m * model.layout.split(wheels.mean).omega
+        return weigh_held(before, model.forward @ rims_m_s, clean, std_m_s)
 
     def conclude(
         self,
         state: ObserverState,
         belief: Belief,
-        inertia: ApparentInertia,
+        evidence: SpeedEvidence,
         wheels: EncoderCorrection,
         body: BodyCorrection,
-        clean: CleanSlipSample,
+        clean: CleanSample,
     ) -> tuple[MotionTimers, SlipEstimate]:
         """The timers, and the estimate still without flags."""
-        driven = driven_wheels(belief, inertia.open_m_s, self.model)
+        driven = driven_wheels(belief, evidence.open_m_s, self.model)
         encoders = zip(wheels.wheels, driven.grip, strict=True)
         gripping = [wheel.used & (grip > LEAST_GRIP) for wheel, grip in encoders]
         observable = some([*gripping, body.observable])
         timers = MotionTimers(state.unobserved_s, state.stuck_s)
         timers = advance_timers(timers, driven, observable, clean.dt_s, self.alarm)
-        driven = with_unknown_mass(driven, by_mass_m_s(inertia), self.model)
-        return timers, conclude(belief, driven, timers, clean, self.model, self.alarm)
+        driven = with_unknown_mass(driven, by_mass_m_s(evidence), self.model)
+        stuck = (evidence.held.probability > ALARM) & (abs(self.model.forward @ driven.rim_m_s) > TURNS_M_S)
+        return timers, conclude(belief, driven, timers, stuck, clean, self.model, self.alarm)
 
     def flags(
         self,
         before: Belief,
-        clean: CleanSlipSample,
+        clean: CleanSample,
         wheels: EncoderCorrection,
         body: BodyCorrection,
         ground_changed: Scalar,
@@ -378,13 +418,13 @@ class SpeedObserver:
         })  # fmt: skip
 
 
-def speed_change(before: Belief, prediction: Prediction, wheels: EncoderCorrection, clean: CleanSlipSample) -> Scalar:
+def speed_change(before: Belief, prediction: Prediction, wheels: EncoderCorrection, clean: CleanSample) -> Scalar:
     """Change [m/s] of the speed in the step: the forces', or the wheels' where a motor current is missing."""
     speed_m_s = where(every(clean.current_measured), prediction.belief.mean[0], wheels.belief.mean[0])
     return speed_m_s - before.mean[0]
 
 
-def first_sight(belief: Belief, clean: CleanSlipSample, encoders: Intervals, model: Model) -> Belief:
+def first_sight(belief: Belief, clean: CleanSample, encoders: Intervals, model: Model) -> Belief:
     """The belief, or where an encoder shows its first value one of a body that moves as the wheels do.
 
     encoders: clocks before the step.
@@ -397,7 +437,7 @@ def first_sight(belief: Belief, clean: CleanSlipSample, encoders: Intervals, mod
     return choose(some(first), model.first_belief(speeds), belief)
 
 
-def without_impossible_currents(clean: CleanSlipSample, before: Belief, model: Model) -> CleanSlipSample:
+def without_impossible_currents(clean: CleanSample, before: Belief, model: Model) -> CleanSample:
     """The sample without currents whose torque neither the ground nor the wheel can have taken.
 
     K_m n |I| <= MOST_ADHESION r N + J_w (|change of the wheel's speed| + its uncertainty) / dt

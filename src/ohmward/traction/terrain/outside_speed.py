@@ -19,15 +19,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.filters.sanitize import every, within
-from ohmward.quantities import FASTEST_M_S
+from ohmward.filters.sanitize import every, some
 from ohmward.trace import exp, isfinite, log, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.terrain.floor import SlipBelief
-from ohmward.traction.terrain.wheel_filter import WheelSample
 
 #: Standard deviation [m/s] of a speed without one of its own: GNSS, and odometry of cameras at a walking pace.
-SPEED_STD_M_S = 0.05
+LOSS_STD_M_S = 0.05
 #: An older speed says nothing of now [s].
 OLDEST_LOSS_S = 1.0
 #: s. Share of the variance of a speed that lasts: its scale and mounting are off by about a third of its noise.
@@ -68,26 +67,22 @@ def no_loss() -> LossState:
     return LossState(0.0, 1.0, 0.0)
 
 
-def loss_sample(sample: WheelSample, rim: np.ndarray, rim_std: np.ndarray, rate: np.ndarray, u: Scalar) -> LossSample:
+def loss_sample(clean: CleanSample, rim: np.ndarray, rim_std: np.ndarray, rate: np.ndarray, u: Scalar) -> LossSample:
     """Loss that the speed of a sample shows, u = |w| > 0.
 
     A wheel that slips loses no more than all of its rim's motion, nor gains more: another speed is refused. What the
     rims changed by since an old speed was true counts as its error.
     """
-    age_s: Any = where(isfinite(sample.speed_age_s), maximum(sample.speed_age_s, 0.0), 0.0)
-    given = isfinite(sample.speed_std_m_s) & (sample.speed_std_m_s > 0.0)
-    std_m_s = where(given, sample.speed_std_m_s, SPEED_STD_M_S)
-    lost_m_s = rim[0] - sample.speed_m_s
-    variance = std_m_s**2 + rim_std[0] ** 2 + (rate[0] * age_s) ** 2
+    std_m_s = where(isfinite(clean.speed_std_m_s), clean.speed_std_m_s, LOSS_STD_M_S)
+    lost_m_s = rim[0] - clean.speed_m_s
+    variance = std_m_s**2 + rim_std[0] ** 2 + (rate[0] * clean.speed_age_s) ** 2
     beyond = maximum(abs(lost_m_s) - u, 0.0)
-    there = isfinite(sample.speed_m_s)
-    used = every(
-        [within(sample.speed_m_s, FASTEST_M_S), age_s <= OLDEST_LOSS_S, beyond * beyond <= CHANGED**2 * variance]
-    )
+    there = isfinite(clean.speed_m_s)
+    used = every([there, clean.speed_age_s <= OLDEST_LOSS_S, beyond * beyond <= CHANGED**2 * variance])
     return LossSample(
         where(used, lost_m_s / u, math.nan),
         where(used, variance / (u * u), math.nan),
-        every([there, logical_not(used)]),
+        some([clean.speed_refused, every([there, logical_not(used)])]),
     )
 
 

@@ -6,8 +6,8 @@ floors the slip is their terrain mixture, and wide on a floor that was never met
 
     lambda_i = sum over floors p_i h_i sigma_i(F_i / N_i),    v = w - G_d^+ (lambda |w|)
 
-All of it is one recursive step: a robot runs it live (`estimator`), a log is a scan of it. The acceleration of the
-body, which is in the forces besides the drag, is that of the rims, filtered.
+All of it is one recursive step: a robot runs it live (`FloorSlipEstimator`), a log is a scan of it. The acceleration
+of the body, which is in the forces besides the drag, is that of the rims, filtered.
 
 Belief in the slip of wheels on a floor, as curves over their force: `floor.slip_belief` for a traced step.
 
@@ -30,7 +30,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.filters.flags import flags_of
+from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
+from ohmward.filters.flags import SampleFlag, flags_of
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.run import Run
 from ohmward.filters.sanitize import every, some
@@ -38,8 +39,9 @@ from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.trace import Kernel, exp, logical_not, maximum, minimum, sqrt, table, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.friction.law import direction_and_size
+from ohmward.traction.motion.sample import RobotSample, first_of, no_sample, samples_of
+from ohmward.traction.motion.sanitize import LONGEST_STEP_S, CredibleLimits, EncoderWatch, sanitize, without_stopped
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.terrain.clean_sample import EncoderWatch, new_watch, sanitize
 from ohmward.traction.terrain.crossing import Crossing, CrossingResult, CrossingState, CrossingTest, crossing_test
 from ohmward.traction.terrain.demand import (
     drag_share,
@@ -50,7 +52,6 @@ from ohmward.traction.terrain.demand import (
     undetermined_force_std,
     wheel_motion,
 )
-from ohmward.traction.terrain.estimate import FloorEstimate, FloorFlag
 from ohmward.traction.terrain.floor import AS_LEARNT, Floor, SlipBelief, SlipScale, scaled, slip_scale, slips_of_floors
 from ohmward.traction.terrain.outside_speed import (
     LossState,
@@ -62,7 +63,49 @@ from ohmward.traction.terrain.outside_speed import (
     seen,
 )
 from ohmward.traction.terrain.recognition import FloorForces, Recognition, RecognitionState
-from ohmward.traction.terrain.wheel_filter import WheelBelief, WheelFilter, WheelSample, WheelState
+from ohmward.traction.terrain.wheel_filter import WheelBelief, WheelFilter, WheelState
+
+
+class FloorEstimate(NamedTuple):
+    """Estimate after a sample."""
+
+    rim: np.ndarray  #: (freedoms,) motion of the rims, as if no wheel slipped
+    motion: np.ndarray  #: (freedoms,) of the body
+    motion_std: np.ndarray  #: its standard deviation
+    #: over ground
+    speed_m_s: Any
+    speed_std_m_s: Any
+    travel_slip: Any  #: share of the rims' travel speed that is lost; nan while the wheels hardly turn
+    travel_slip_std: Any  #: its standard deviation
+    slip_ratio: np.ndarray  #: (driven,) of each wheel, slip speed over the rims' travel speed; likewise nan
+    slip_ratio_std: np.ndarray  #: its standard deviation
+    force_N: np.ndarray  #: (driven,) of the ground
+    floor_probability: np.ndarray  #: (wheels, floors), floors as in `Recognition.names`
+    crossing: Any  #: 1 where a wheel has come to another floor, else 0
+    #: share of the weight that the ground takes, before the last change and now
+    drag_before: Any
+    drag_after: Any
+    #: (wheels,) mean time until a crossing of each wheel is known, as the robot moves now; inf while none is looked
+    #: for, and for a wheel whose floor hardly shows in the forces
+    crossing_delay_s: np.ndarray
+    flags: Any  #: sum of `FloorFlag` values; 0 is a sample without incident
+
+
+class FloorFlag(SampleFlag):
+    """Events at a sample. None of them stops the estimator."""
+
+    BAD_TIME = 1  # dt_s is not a number, negative or hours: taken as 0
+    GAP = 2  # half a second without a sample: floors may have changed
+    NO_CURRENT = 4  # of at least one motor: its force wanders on
+    NO_ENCODER = 8  # of at least one driven wheel: its speed wanders on
+    ENCODER_STOPPED = 16  # one repeats a number to the last bit while others move: not used until it moves again
+    MOTION_UNKNOWN = 32  # the wheels hardly turn, or their motion is uncertain: no slip ratio, no floor recognised
+    RESTARTED = 64  # in Python: the state was no longer a number, a new one was started from this sample
+    SPEED_REFUSED = 128  # an outside speed that no slip of these wheels explains, or older than a second
+
+
+#: A longer step is a gap [s].
+LIMITS = CredibleLimits(gap_s=0.5)
 
 #: Largest force over load of the curves, more than any floor gives, and the distance of their points.
 MOST, SPACING = 2.0, 0.01
@@ -163,25 +206,26 @@ class SlipOnFloors:
         if self.wheels.robot != self.recognition.robot:
             raise InputError("wheels.robot and recognition.robot must be the same robot")
 
-    def no_sample(self) -> WheelSample:
+    def no_sample(self) -> RobotSample:
         """A sample without any measurement, to be filled with `_replace`."""
-        nothing = np.full(self.wheels.robot.driven, math.nan)
-        return WheelSample(0.0, nothing, nothing)
+        return no_sample(self.wheels.robot)
 
-    def init(self, first: WheelSample) -> FloorState:
+    def init(self, first: RobotSample) -> FloorState:
         """State before the first sample, of which it takes the speeds: rims that turn as the encoders say."""
         robot = self.wheels.robot
-        watch = new_watch(robot.driven)
-        wheels = self.wheels.init(sanitize(first, watch).sample)
+        nothing = np.zeros(len(robot.places))
+        watch = EncoderWatch(nothing, nothing)
+        wheels = self.wheels.init(sanitize(first, LIMITS))
         rim = wheels.belief.mean[: robot.freedoms]
         return FloorState(
             wheels, np.array([rim, rim]), self.recognition.init(), self.crossing.init(robot), watch, no_loss()
         )
 
-    def step(self, state: FloorState, sample: WheelSample) -> tuple[FloorState, FloorEstimate]:
+    def step(self, state: FloorState, sample: RobotSample) -> tuple[FloorState, FloorEstimate]:
         """State and estimate after a sample."""
         robot = self.wheels.robot
-        clean, watch, flags = sanitize(sample, state.encoders)
+        seen_now = sanitize(sample, LIMITS)
+        clean, watch, stopped = without_stopped(seen_now, state.encoders)
         wheels, belief = self.wheels.step(state.wheels, clean)
         noise_N, belief = belief.force_std_N, with_friction(robot, belief)
         slow_rim, rate = low_pass(state.slow_rim, belief.rim, clean.dt_s)
@@ -203,14 +247,16 @@ class SlipOnFloors:
             drag_before=drag_share(robot, belief.rim, state.crossing.mean * mean_load(robot)),
             drag_after=drag_share(robot, belief.rim, drag_N),
             crossing_delay_s=result.delay_s,
-            flags=flags
-            + flags_of(
-                {
-                    FloorFlag.MOTION_UNKNOWN: logical_not(moving),
-                    FloorFlag.SPEED_REFUSED: every([moving, outside.refused]),
-                }
-            ),
-        )
+            flags=flags_of({
+                FloorFlag.BAD_TIME: logical_not(clean.time_credible),
+                FloorFlag.GAP: clean.gap,
+                FloorFlag.NO_CURRENT: logical_not(every(clean.current_measured)),
+                FloorFlag.NO_ENCODER: logical_not(every(seen_now.wheel_measured[: robot.driven])),
+                FloorFlag.ENCODER_STOPPED: stopped,
+                FloorFlag.MOTION_UNKNOWN: logical_not(moving),
+                FloorFlag.SPEED_REFUSED: every([moving, outside.refused]),
+            }),
+        )  # fmt: skip
         return FloorState(wheels, slow_rim, recognised, crossing, watch, loss), estimate
 
     def recognise(
@@ -247,7 +293,7 @@ class SlipOnFloors:
         """
         began = time.perf_counter()
         log = as_drive(log, self.wheels.robot)
-        samples = wheel_samples(log, self.wheels.robot.driven)
+        samples = floor_samples(log, self.wheels.robot)
         _, estimates = self.kernel.scan(self.init(first_of(samples)), samples)
         return FloorRun(log.time_s, estimates, time.perf_counter() - began)
 
@@ -372,22 +418,91 @@ def travel_variance(belief: WheelBelief) -> Scalar:
     return belief.rim_std[:-1] @ belief.rim_std[:-1]
 
 
-def wheel_samples(log: DriveLog, driven: int, before_s: float = math.nan) -> WheelSample:
-    """The log as samples (T, ...), its first step counted from `before_s` where that is a time before it.
+def floor_samples(log: DriveLog, robot: Robot, before_s: float = math.nan) -> RobotSample:
+    """`samples_of` a log that has the encoder and the motor current of every driven wheel.
 
     Raises:
         InputError: a driven wheel without encoder or motor current.
     """
-    speed, current = log.wheel_speed_rad_s[:, :driven], log.motor_current_A
-    for name, values in (("encoder", speed), ("motor current", current)):
-        if values.shape[1] != driven or not np.isfinite(values).any(axis=0).all():
+    for name, values in (("encoder", log.wheel_speed_rad_s[:, : robot.driven]), ("motor current", log.motor_current_A)):
+        if values.shape[1] != robot.driven or not np.isfinite(values).any(axis=0).all():
             raise InputError(f"log {log.name!r}: slip on floors needs the {name} of every driven wheel; one has none")
-    start_s = log.time_s[0] if not before_s < log.time_s[0] else before_s
-    nothing = np.full(len(log), math.nan)
-    of_outside = (nothing if v is None else v for v in (log.speed_m_s, log.speed_std_m_s, log.speed_age_s))
-    return WheelSample(np.diff(log.time_s, prepend=start_s), speed, current, *of_outside)
+    return samples_of(log, robot, before_s)
 
 
-def first_of(samples: WheelSample) -> WheelSample:
-    """The first of the samples (T, ...)."""
-    return WheelSample(0.0, *(values[0] for values in samples[1:]))
+#: With more combinations of floors than an omni robot has of five, the step is not compiled to machine code by itself:
+#: it would take half a minute.
+MOST_COMPILED = 221
+
+
+class FloorSlipEstimator(LiveEstimator[RobotSample, FloorEstimate]):
+    """Slip on floors, live or from logs, in machine code where it is installed.
+
+    >>> estimator = FloorSlipEstimator(slip_on_floors(robot, load_floors("floors.toml").floor))    # doctest: +SKIP
+    >>> estimator.update(0.0, [-2.1, 0.0, 2.1], [-1.0, 0.1, 1.1]).travel_slip                      # doctest: +SKIP
+    0.214
+
+    The first sample waits for the compilation, some seconds; later starts find it in the cache.
+
+    Args:
+        floors: settings, of `slip_on_floors`.
+        lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
+    """
+
+    flag_type = FloorFlag
+    known = FloorEstimate._fields.index("speed_m_s"), FloorEstimate._fields.index("speed_std_m_s")
+    longest_step_s = LONGEST_STEP_S
+
+    def __init__(self, floors: SlipOnFloors, lowering: str | None = None):
+        if lowering is None and len(floors.recognition.combinations) > MOST_COMPILED:
+            lowering = "python"
+        super().__init__(floors, lowering)
+        self.floors = floors
+
+    def update(
+        self,
+        time_s: float,
+        wheel_speed_rad_s: PerWheel,
+        current_A: PerWheel,
+        speed_m_s: float | None = None,
+        speed_std_m_s: float | None = None,
+        speed_age_s: float | None = None,
+    ) -> FloorEstimate:
+        """Estimate after one live sample. A bad one is survived and flagged, see `FloorFlag`; None and nan are missing.
+
+        time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
+            where it is earlier by more than a minute, the clock was set, and time goes on from there.
+        wheel_speed_rad_s, current_A: (driven,) of each driven wheel and its motor.
+        speed_m_s, speed_std_m_s, speed_age_s: outside speed, forward, where there is one; 0.05 m/s and 0 s unless
+            given. The slip that it shows tells floors apart that ask for like forces, and narrows the band.
+
+        Raises:
+            InputError: something else than a number, or not one for each driven wheel.
+        """
+        robot, time_s = self.floors.wheels.robot, number("time_s", time_s)
+        sample = RobotSample(
+            self._since_last(time_s),
+            numbers("wheel_speed_rad_s", wheel_speed_rad_s, len(robot.places), robot.driven),
+            numbers("current_A", current_A, robot.driven),
+            speed_m_s=number("speed_m_s", speed_m_s),
+            speed_std_m_s=number("speed_std_m_s", speed_std_m_s),
+            speed_age_s=number("speed_age_s", speed_age_s),
+        )
+        return self._advance(sample, self._clock(time_s))
+
+    def run(self, log: DriveSource, progress: Progress | None = None) -> FloorRun:
+        """Slip and floors along a log, from this estimator's state on; a new one starts at the log's start.
+
+        progress: called now and then with (steps done, T).
+
+        Raises:
+            InputError: a driven wheel without encoder or motor current.
+        """
+        log = as_drive(log, self.floors.wheels.robot)
+        samples = floor_samples(log, self.floors.wheels.robot, self.time_s)
+        return FloorRun(log.time_s, *self._scan(samples, first_of(samples), float(log.time_s[-1]), progress))
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.floors.recognition.names)
+        now = f", speed {self.last.speed_m_s:.3f} ± {self.last.speed_std_m_s:.3f} m/s" if self.last else ""
+        return f"FloorSlipEstimator({self.floors.wheels.robot.name} on {names}{now})"

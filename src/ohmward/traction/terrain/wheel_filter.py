@@ -19,7 +19,6 @@ A missing number has a variance that leaves the belief as it was; its quantity w
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
@@ -31,7 +30,8 @@ from ohmward.checks import require_each_positive, require_one_of
 from ohmward.filters import extended, kalman, unscented
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, pack, unpack
 from ohmward.filters.linear_algebra import std
-from ohmward.trace import isfinite, linearize, maximum, minimum, where
+from ohmward.trace import linearize, maximum, minimum, where
+from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.robot.motor import current_for_torque
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.demand import static_loads
@@ -51,19 +51,6 @@ _LEAST_SHARE = 0.2
 _MISSING = 1e12
 #: Standard deviation of rims of which the first sample lacks an encoder [m/s].
 _UNKNOWN_M_S = 1.0
-
-
-class WheelSample(NamedTuple):
-    """Numbers of the sensors, nan where nothing new was measured."""
-
-    dt_s: Any  #: since the sample before
-    #: (driven,)
-    wheel_speed_rad_s: np.ndarray
-    current_A: np.ndarray
-    #: outside speed, forward, its standard deviation, and the time for which it is late
-    speed_m_s: Any = math.nan
-    speed_std_m_s: Any = math.nan
-    speed_age_s: Any = math.nan
 
 
 class WheelState(NamedTuple):
@@ -118,24 +105,23 @@ class WheelFilter:
         n = self.robot.driven
         return np.array([self.encoder_std_rad_s**2] * n + [self.current_std_A**2] * n)
 
-    def init(self, first: WheelSample) -> WheelState:
+    def init(self, first: CleanSample) -> WheelState:
         """State of rims that turn as the first sample says, as far as it has encoders, with unknown forces."""
-        robot, measured = self.robot, np.isfinite(first.wheel_speed_rad_s)
-        speed_m_s = np.where(measured, first.wheel_speed_rad_s, 0.0) * robot.wheel.radius_m
+        robot, measured = self.robot, first.wheel_measured[: self.robot.driven]
+        speed_m_s = first.wheel_speed_rad_s[: robot.driven] * robot.wheel.radius_m
         mean = np.concatenate([np.linalg.pinv(robot.rolling[: robot.driven]) @ speed_m_s, np.zeros(robot.driven)])
         unknown = 1.0 if measured.all() else _UNKNOWN_M_S / self.speed_walk
         initial_std = self.walk * np.repeat([unknown, 1.0], [robot.freedoms, robot.driven])
         return WheelState(pack(Belief(mean, np.diag(initial_std**2))), self.given, self.given_samples)
 
-    def step(self, state: WheelState, sample: WheelSample) -> tuple[WheelState, WheelBelief]:
+    def step(self, state: WheelState, clean: CleanSample) -> tuple[WheelState, WheelBelief]:
         """State and belief after a sample."""
         n, free = self.robot.driven, self.robot.freedoms
         before = unpack(state.belief)
-        prior = Belief(before.mean, before.cov + np.diag(self.walk**2 * sample.dt_s))
+        prior = Belief(before.mean, before.cov + np.diag(self.walk**2 * clean.dt_s))
         filtered, matching = METHODS[self.method]
-        y = np.concatenate([sample.wheel_speed_rad_s, sample.current_A])
-        measured = isfinite(y)
-        y = where(measured, y, 0.0)
+        y = np.concatenate([clean.wheel_speed_rad_s[:n], clean.current_A])
+        measured = np.concatenate([clean.wheel_measured[:n], clean.current_measured])
         R = where(measured, state.variance, _MISSING * self.given)
         known, encoders, _ = kalman.correct(prior, y[:n], self.turning, np.diag(R[:n]))
         after, currents, _ = filtered.correct(known, y[n:], self.current, np.diag(R[n:]))

@@ -7,8 +7,8 @@ import pytest
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
-from ohmward.traction.speed_observer.default_observer import default_observer
 from ohmward.traction.speed_observer.estimator import observe
+from ohmward.traction.speed_observer.make_observer import default_observer
 from ohmward_lab.assess.traction import (
     BASE_DRIVE,
     DRIVE_CONDITIONS,

@@ -4,7 +4,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction import RLMA
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
+from ohmward.traction.friction.law import CoulombCreep
 from ohmward.traction.friction.soft_ground import SoftGround
 from ohmward_lab.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
 

@@ -7,8 +7,8 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.traction import RLMA, SkidSteer
 from ohmward.traction.friction.law import contact
+from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.robot import free_sideways
-from ohmward.traction.speed_observer.estimate import SlipSample
 from ohmward_lab.simulate.closed_loop.ground import Patch
 from ohmward_lab.simulate.closed_loop.observing import (
     Observation,
@@ -23,7 +23,7 @@ BASE = Patch(friction=0.5)
 
 
 def sample(dt_s, wheel_speed_rad_s):
-    return SlipSample(dt_s, np.array([wheel_speed_rad_s] * 2 + [math.nan] * 2), np.zeros(2))
+    return RobotSample(dt_s, np.array([wheel_speed_rad_s] * 2 + [math.nan] * 2), np.zeros(2))
 
 
 def test_the_age_of_an_estimate_counts_from_when_its_sample_was_taken():

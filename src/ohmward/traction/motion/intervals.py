@@ -14,8 +14,8 @@ import numpy as np
 from ohmward.trace import clip, maximum, where
 from ohmward.trace.expression import Scalar
 
-#: Keeps a step of no length from dividing by zero [s].
-_TINY_S = 1e-9
+#: Keeps a time of no length from dividing by zero [s].
+TINY_S = 1e-9
 
 
 class History(NamedTuple):
@@ -42,7 +42,7 @@ def change_since(history: History, age_s: Scalar) -> Scalar:
     change: Scalar = 0.0
     left_s: Scalar = maximum(age_s, 0.0)
     for dt_s, step_m_s in zip(history.dt_s, history.change_m_s, strict=True):
-        change = change + step_m_s * clip(left_s / maximum(dt_s, _TINY_S), 0.0, 1.0)
+        change = change + step_m_s * clip(left_s / maximum(dt_s, TINY_S), 0.0, 1.0)
         left_s = left_s - dt_s
     return change
 
@@ -61,9 +61,6 @@ LOST = 3
 
 #: Time [s] for which the first value holds, until a second one tells the interval: sensors of 5 Hz are usual.
 FIRST_INTERVAL_S = 0.25
-
-#: Keeps a time of no length from dividing by zero [s].
-TINY_S = 1e-9
 
 
 class Intervals(NamedTuple):

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 from scipy.stats import loguniform
 
-from ohmward.traction.friction import published_grounds
-from ohmward.traction.friction.coulomb_creep import CoulombCreep
-from ohmward.traction.friction.law import Contact, TractionLaw
-from ohmward.traction.friction.published_grounds import departures, usual_traction
+from ohmward.traction.friction.law import Contact, CoulombCreep, TractionLaw
 from ohmward.traction.friction.soft_ground import SoftGround, Soil
 from ohmward.traction.friction.terrain import ROADS, SOILS
+from ohmward_lab.traction import friction_fit
+from ohmward_lab.traction.friction_fit import departures, usual_traction
 
 LOAD_N, SPEED_M_S = 50.0, 0.4
 TYPICAL = Contact(0.0, SPEED_M_S, SPEED_M_S, LOAD_N)
@@ -18,7 +17,7 @@ MEAN_RESISTANCE = float(loguniform(0.01, 0.4).mean())
 
 def soils():
     """The soils of the table under the two wheels, made here."""
-    for name, k_phi, k_c, n, cohesion, phi, lengths in published_grounds.SOILS:
+    for name, k_phi, k_c, n, cohesion, phi, lengths in friction_fit.SOILS:
         for length_m in lengths:
             for radius_m in (0.06, 0.165):
                 soil = Soil(name, 1e3 * k_phi, 1e3 * k_c, n, 1e3 * cohesion, phi, length_m)
@@ -59,7 +58,7 @@ def test_published_laws_are_usual_and_laws_that_no_ground_has_are_not():
 
 def test_a_sand_of_both_tables_is_the_same_sand():
     ours = SOILS["LETE sand"]
-    k_phi, k_c, n, cohesion, phi = next(row for row in published_grounds.SOILS if row[0] == "LETE sand")[1:6]
+    k_phi, k_c, n, cohesion, phi = next(row for row in friction_fit.SOILS if row[0] == "LETE sand")[1:6]
     theirs = (1e3 * k_phi, 1e3 * k_c, n, 1e3 * cohesion, phi)
     mine = (ours.frictional_modulus, ours.cohesive_modulus, ours.exponent, ours.cohesion_Pa, ours.friction_deg)
     assert mine == pytest.approx(theirs, rel=0.01)

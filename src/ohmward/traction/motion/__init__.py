@@ -1,0 +1,1 @@
+"""One sample of the sensors of a robot, for every estimator of its motion; sanitised in one place."""
