@@ -1,5 +1,6 @@
 """A package that is missing is one line that names what to install."""
 
+import os
 import re
 import sys
 import tomllib
@@ -10,7 +11,7 @@ import threadpoolctl
 
 import ohmward
 from ohmward.errors import OhmwardError
-from ohmward.optional import MissingPackageError, one_blas_thread, require
+from ohmward.optional import MissingPackageError, one_blas_thread, require, silenced
 
 SOURCE = Path(ohmward.__file__).parent
 PYPROJECT = Path(__file__).parents[1] / "pyproject.toml"
@@ -51,6 +52,15 @@ def test_ros_itself_has_two_ways_to_it(monkeypatch):
 def test_no_message_names_an_extra_of_a_package_that_is_not_on_the_index():
     texts = {path: path.read_text(encoding="utf-8") for path in SOURCE.rglob("*.py")}
     assert [str(path) for path, text in texts.items() if "ohmward[" in text] == []
+
+
+def test_what_a_package_and_its_c_print_is_kept_off_the_standard_streams(capfd):
+    with silenced():
+        print("a remark")
+        print("a fault", file=sys.stderr)
+        os.write(2, b"a fault of C")
+    print("a result", file=sys.stderr)
+    assert capfd.readouterr() == ("", "a result\n")
 
 
 def test_blas_keeps_to_one_thread_and_gets_its_own_back():

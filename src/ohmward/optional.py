@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import io
+import os
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, redirect_stderr, redirect_stdout
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from ohmward.errors import OhmwardError
@@ -62,9 +63,22 @@ def require(module: str, user: str) -> Any:
 
 @contextmanager
 def silenced() -> Iterator[None]:
-    """Keep what a package prints off standard output and standard error, where results and errors stand."""
-    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-        yield
+    """Keep what a package prints off standard output and standard error, where results and errors stand.
+
+    Off standard error also what its C prints, and meanwhile other threads.
+    """
+    with Path(os.devnull).open("w") as nothing, redirect_stdout(nothing), redirect_stderr(nothing):
+        try:
+            before = os.dup(2)
+        except OSError:  # a process without standard error
+            yield
+            return
+        os.dup2(nothing.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:

@@ -1,6 +1,7 @@
 """ULog files of PX4, made record by record as docs.px4.io/main/en/dev_log/ulog_file_format describes them."""
 
 import struct
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +76,17 @@ def test_a_topic_whose_time_is_damaged_is_left_out(tmp_path):
     path.write_bytes(path.read_bytes().replace(b"uint64_t timestamp;float[2]", b"uint64_t tmestamp_;float[2]"))
     log = read_log(path)
     assert any("damaged: what could not be read" in note.text for note in log.notes)
+
+
+def test_a_signalling_nan_is_missing(tmp_path):
+    path = tmp_path / "log.ulg"
+    known = write_ulog(path)
+    signalling = np.array([0x7F800001], np.uint32).tobytes()
+    path.write_bytes(path.read_bytes().replace(known["voltage"][5].tobytes(), signalling, 1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        log = read_log(path)
+    assert np.isnan(log.voltage_V).sum() == 1
 
 
 def test_a_file_that_is_no_ulog_inside_is_refused(tmp_path):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ohmward.cli.parser import gain_std, number, offset_std, pair, positive, share
-from ohmward.logs.streams import TOPIC
+from ohmward.logs.hints import TOPIC
 
 #: What an argument that names a chemistry takes.
 CHEMISTRY = "lfp, nmc, nca, lipo, lead-acid, lto, sodium-ion or nimh, or as the label says: LiFePO4, AGM"

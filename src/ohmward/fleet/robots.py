@@ -12,9 +12,10 @@ import numpy as np
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs.battery_columns import serial_column
 from ohmward.logs.battery_columns import text as as_text
+from ohmward.logs.hints import FileHints
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
-from ohmward.logs.table import MISSING, FileHints, TableFile
+from ohmward.logs.table import MISSING, TableFile
 
 #: Ways to tell the robot beside the name of a column; the first tries the others in turn.
 AUTO, ALONE, SERIAL, NAME, FOLDER = "auto", "log", "serial", "name", "folder"

@@ -7,16 +7,16 @@ if TYPE_CHECKING:
     from ohmward.logs.doctor import examine as examine
     from ohmward.logs.drive_log import DriveLog as DriveLog
     from ohmward.logs.drive_log import read_drive as read_drive
+    from ohmward.logs.hints import FileHints as FileHints
     from ohmward.logs.log import Log as Log
     from ohmward.logs.log import read_log as read_log
-    from ohmward.logs.table import FileHints as FileHints
     from ohmward.logs.table import Note as Note
     from ohmward.logs.write import write_log as write_log
     from ohmward.logs.write import write_table as write_table
 
 _HOMES = {
     "DriveLog": "drive_log",
-    "FileHints": "table",
+    "FileHints": "hints",
     "Log": "log",
     "Note": "table",
     "examine": "doctor",

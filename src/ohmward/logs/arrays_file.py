@@ -12,7 +12,8 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.arrays import plain_array, table_of
-from ohmward.logs.table import FileHints, Table, TableFile, file_of, parsing, row_numbers
+from ohmward.logs.hints import FileHints
+from ohmward.logs.table import Table, TableFile, file_of, parsing, row_numbers
 from ohmward.optional import require
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"

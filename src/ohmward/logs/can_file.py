@@ -15,8 +15,9 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.csv_layout import open_text
+from ohmward.logs.hints import FileHints
 from ohmward.logs.streams import Stream, Streams
-from ohmward.logs.table import FileHints, Note, TableFile, counted, parsing
+from ohmward.logs.table import Note, TableFile, counted, parsing
 from ohmward.logs.units import unit_of
 from ohmward.optional import require, silenced
 

@@ -28,7 +28,6 @@ _TIME = re.compile(rf"{_TIME_OF_DAY}|{_DATE_MARKS}|{_MONTH}.*\d{{4}}|^\s*\d{{8}}
 _MARKS = re.compile(r"[;|\t]")
 _GROUPS_OF_THREE = re.compile(r"^[-+]?[1-9]\d{0,2}(?:,\d{3})+(?P<fraction>\.\d+)?$")
 _COMMA = re.compile(r"^[-+]?\d*,\d+(?:[eE][-+]?\d+)?$")
-_FLAGS = frozenset(("true", "false", "on", "off", "yes", "no"))
 
 
 class Marks(NamedTuple):
@@ -79,7 +78,9 @@ def find_marks(columns: Sequence[Sequence[str]], delimiter: str) -> Marks | None
         plain = any(
             found and (found["fraction"] or cell.count(",") > 1) for found, cell in zip(groups, cells_with, strict=True)
         )
-        if plain or any(_integers_beside(cells, found) for cells, found in zip(columns, comma, strict=True)):
+        # whole numbers below a thousand in the column of numbers with groups of three digits
+        beside = [cell for cells, found in zip(columns, comma, strict=True) if found for cell in cells]
+        if plain or any(re.fullmatch(r"[-+]?\d{1,3}", _bare(cell)) for cell in beside):
             return Marks(thousands=",")
         return None if delimiter == "," else Marks(decimal_comma=True)
     return Marks(decimal_comma=True)
@@ -136,8 +137,3 @@ def plain_number(text: str, marks: Marks) -> str:
 def _bare(cell: str) -> str:
     found = _MEASURED.match(cell.translate(_SIGNS))
     return found["number"] if found else ""
-
-
-def _integers_beside(cells: Sequence[str], with_comma: Sequence[str]) -> bool:
-    """True where whole numbers below a thousand stand in the column of numbers with groups of three digits."""
-    return bool(with_comma) and any(re.fullmatch(r"[-+]?\d{1,3}", _bare(cell)) for cell in cells)

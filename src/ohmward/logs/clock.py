@@ -26,7 +26,8 @@ from ohmward.logs.dates import (
     to_utc,
     unreadable,
 )
-from ohmward.logs.table import EXCEL, FileHints, Note, Table, TableFile, number, numbers
+from ohmward.logs.hints import EXCEL, FileHints
+from ohmward.logs.table import Note, Table, TableFile, number, numbers
 from ohmward.logs.units import UNITS
 
 # Unix times of the years 2000 to 2100; an elapsed time of 30 years does not occur in a log.

@@ -18,7 +18,8 @@ from ohmward.logs import csv_arrow
 from ohmward.logs.cells import Marks, is_value, parse_cells
 from ohmward.logs.csv_layout import CsvLayout, bytes_read, find_layout, known_table, lines_of, open_text, skip_preamble
 from ohmward.logs.header import is_data
-from ohmward.logs.table import FileHints, Note, Progress, Table, TableFile, counted, number, row_numbers
+from ohmward.logs.hints import FileHints
+from ohmward.logs.table import Note, Progress, Table, TableFile, counted, number, row_numbers
 from ohmward.logs.units import Unit
 
 _BLOCK_ROWS = 50_000

@@ -17,7 +17,7 @@ from ohmward.errors import InputError
 from ohmward.logs.cells import Marks, find_marks, unit_in_cells
 from ohmward.logs.channels import BATTERY, letters
 from ohmward.logs.header import Header, ValueBlock, find_block, find_header, unique_names
-from ohmward.logs.table import FileHints
+from ohmward.logs.hints import FileHints
 from ohmward.logs.units import Unit, split_unit
 
 #: Marks at the beginning of a text, the longest first: that of UTF-32 LE begins with that of UTF-16 LE.
@@ -152,6 +152,7 @@ UNPACKED_BYTES, _UNPACKED_TIMES = 16 << 20, 100
 _COMMENT = ("#", "%", "//", "~")
 # Ties go to the first: a comma may also be a decimal mark, and spaces stand in dates.
 _DELIMITERS = "\t;,|"
+#: Excel's first line, which names the delimiter.
 _SEPARATOR_LINE = re.compile(r'^"?sep=(?P<mark>.)"?$', re.IGNORECASE)
 #: Interval of a LabVIEW measurement whose rows carry no time.
 _INTERVAL = re.compile(r"^Delta_X\s+(?P<seconds>[\d.,Ee+-]+)")
@@ -268,7 +269,8 @@ def find_layout(path: Path, hints: FileHints | None = None) -> CsvLayout:
     with open_text(path, hints.encoding) as stream:
         encoding = stream.encoding
         lines = _head(path, stream)
-    first, mark = _separator_line(lines)
+    separator = _SEPARATOR_LINE.match(lines[0].strip()) if lines else None
+    first, mark = (1, separator["mark"]) if separator else (0, "")
     numbered = [k for k in range(first, len(lines)) if lines[k].strip() and not lines[k].startswith(_COMMENT)]
     if not numbered:
         raise InputError(f"{path.name}: the file is empty; a log needs a header line and rows below it")
@@ -313,12 +315,6 @@ def _encoding_of(path: Path, head: bytes) -> str:
             "them; export the log as CSV, Parquet or Excel with the program that wrote it"
         )
     return encoding
-
-
-def _separator_line(lines: Sequence[str]) -> tuple[int, str]:
-    """The number of lines to pass over and the delimiter that Excel's first line `sep=;` names, "" for none."""
-    found = _SEPARATOR_LINE.match(lines[0].strip()) if lines else None
-    return (1, found["mark"]) if found else (0, "")
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:

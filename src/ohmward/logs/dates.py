@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.table import EXCEL, FileHints, zone_of
+from ohmward.logs.hints import EXCEL, FileHints, zone_of
 from ohmward.runs import runs
 
 _EPOCH = date(1970, 1, 1).toordinal()
@@ -118,15 +118,19 @@ def read_dates(cells: Sequence[str], time_format: str | None = None) -> Dates:
         InputError: it may be day or month that stands first, and the dates do not tell.
     """
     if time_format is not None and time_format != EXCEL:
-        seconds = _parsed(cells, lambda cell: _formatted(cell, time_format))
-        return Dates(seconds, "%z" in time_format)
+        parsed = [datetime.strptime(cell.strip(), time_format) if cell.strip() else None for cell in cells]
+        return Dates(_timestamps(parsed), "%z" in time_format)
     try:
         moments = [datetime.fromisoformat(cell.strip()) if cell.strip() else None for cell in cells]
     except ValueError:
         return _read_any(cells)
     zones = {moment.tzinfo is not None for moment in moments if moment}
-    times = [np.nan if m is None else (m if m.tzinfo else m.replace(tzinfo=UTC)).timestamp() for m in moments]
-    return Dates(np.array(times), zones == {True})
+    return Dates(_timestamps(moments), zones == {True})
+
+
+def _timestamps(moments: Sequence[datetime | None]) -> np.ndarray:
+    """(T,) seconds since 1970, nan for none; a time without a zone is taken as UTC."""
+    return np.array([np.nan if m is None else (m if m.tzinfo else m.replace(tzinfo=UTC)).timestamp() for m in moments])
 
 
 def _read_any(cells: Sequence[str]) -> Dates:
@@ -188,7 +192,8 @@ def _day_numbers(
         raise ValueError(days[0])
     if halves and "mdy" in read:
         return read["mdy"], True
-    step = {order: _longest_step(number, moments) for order, number in read.items()}
+    seconds = {order: [_DAY_S * number[day] + second for day, second in moments] for order, number in read.items()}
+    step = {order: np.abs(np.diff(of_order)).max(initial=0.0) for order, of_order in seconds.items()}
     best = [order for order in read if step[order] == min(step.values())]
     first = read[best[0]]
     return first, all(read[order] == first for order in best)
@@ -224,12 +229,6 @@ def _month(name: str) -> int:
     return _MONTHS.index(name[:3].lower()) + 1
 
 
-def _longest_step(number: dict[str, int], moments: Sequence[tuple[str, float]]) -> float:
-    """The longest step, either way, between neighbours [s]."""
-    seconds = np.array([_DAY_S * number[day] + second for day, second in moments])
-    return float(np.abs(np.diff(seconds)).max(initial=0.0))
-
-
 def _parsed(cells: Sequence[str], read: Callable[[str], float]) -> np.ndarray:
     return np.array([read(cell) if cell.strip() else np.nan for cell in cells])
 
@@ -237,11 +236,6 @@ def _parsed(cells: Sequence[str], read: Callable[[str], float]) -> np.ndarray:
 def _compact(cell: str) -> float:
     moment = _moment(cell)
     return _DAY_S * _day_number(moment.day, _ORDERS[0]) + moment.second
-
-
-def _formatted(cell: str, time_format: str) -> float:
-    moment = datetime.strptime(cell.strip(), time_format)
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
 def unreadable(source: str, place: str, column: str, cell: str, first: str) -> InputError:

@@ -14,11 +14,12 @@ from ohmward.logs.clean import gap_notes
 from ohmward.logs.dates import window_s
 from ohmward.logs.drive_channels import DriveChannels, drive_channels, to_numbers
 from ohmward.logs.frame import to_frame
+from ohmward.logs.hints import FileHints
 from ohmward.logs.plausible import require_plausible_drive
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
-from ohmward.logs.table import FileHints, Note, TableFile, counted, with_sample_time
+from ohmward.logs.table import Note, TableFile, counted, with_sample_time
 from ohmward.logs.time_series import TimeSeries
-from ohmward.logs.wheel_columns import Found, Wheels, find_drive_columns
+from ohmward.logs.wheel_columns import Wheels, find_drive_columns
 from ohmward.logs.wheel_speed import Mechanics
 from ohmward.quantities import BODY, QUANTITIES
 
@@ -152,7 +153,11 @@ def read_drive(
     rows = read_recording(file, found.columns, wanted, lambda table: to_numbers(table, found.columns))
     channels = drive_channels(rows.table, found, wheels, mechanics)
     require_plausible_drive(file.source, found.columns["time"], channels.time_s, rows.guessed_unit)
-    log = _as_log(file, rows, channels, _order_notes(found, wheels))
+    order: tuple[Note, ...] = ()
+    if found.by_number and not all(any(c.isdigit() for c in place) for place in wheels.places):
+        text = f"wheels told by their numbers, in the robot's order: {', '.join(wheels.places)}; check it"
+        order = (Note(text, "warning"),)
+    log = _as_log(file, rows, channels, order)
     part = window_s(log.name, rows.start_unix_s, file.hints)
     return log if part is None else log.between(*part)
 
@@ -191,14 +196,6 @@ def _as_log(file: TableFile, rows: RecordedTable, channels: DriveChannels, order
         time_zone=rows.time_zone,
     )
     return log.select(measured)
-
-
-def _order_notes(found: Found, wheels: Wheels) -> tuple[Note, ...]:
-    """A warning where wheels without numbers in their names were told by numbers."""
-    if not found.by_number or all(any(c.isdigit() for c in place) for place in wheels.places):
-        return ()
-    text = f"wheels told by their numbers, in the robot's order: {', '.join(wheels.places)}; check it"
-    return (Note(text, "warning"),)
 
 
 def _wheels(robot: Any, driven: int | None) -> Wheels:

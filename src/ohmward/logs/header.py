@@ -64,7 +64,9 @@ def find_block(rows: Sequence[Row]) -> ValueBlock | None:
             if at < len(rows) and is_data(row):
                 run.append(at)
             elif run:
-                block = _block(rows, run)
+                (width, _), *_ = Counter(len(rows[k]) for k in run).most_common(1)
+                cells = [cell for k in run for cell in rows[k] if cell.strip()]
+                block = ValueBlock(run[0], len(run), width, sum(map(is_value, cells)) / len(cells))
                 best = block if best is None or block.weight > best.weight else best
                 run = []
     return best
@@ -99,12 +101,6 @@ def find_header(rows: Sequence[Row], block: ValueBlock) -> Header:
     # a header may name a remark that the rows do not have
     remark = len(names) == block.width + 1 and (not names[-1] or names[-1].lower() == "comment")
     return Header(tuple(names[: block.width] if remark else names), first_same, first, timezone)
-
-
-def _block(rows: Sequence[Row], run: Sequence[int]) -> ValueBlock:
-    (width, _), *_ = Counter(len(rows[at]) for at in run).most_common(1)
-    cells = [cell for at in run for cell in rows[at] if cell.strip()]
-    return ValueBlock(run[0], len(run), width, sum(map(is_value, cells)) / len(cells))
 
 
 def _may_be_header(row: Row, width: int) -> bool:

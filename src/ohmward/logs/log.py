@@ -31,11 +31,12 @@ from ohmward.logs.clean import (
 from ohmward.logs.columns import Column, UnclearColumnsError, find_columns
 from ohmward.logs.dates import window_s
 from ohmward.logs.frame import is_frame, to_frame
+from ohmward.logs.hints import FileHints
 from ohmward.logs.plausible import guess_notes, milliampere_notes, require_not_wrapped, require_plausible
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.sign import CurrentSign, UnknownSignError, charging_current
-from ohmward.logs.table import FileHints, Note, Progress, Table, TableFile, counted, with_sample_time
+from ohmward.logs.table import Note, Progress, Table, TableFile, counted, with_sample_time
 from ohmward.logs.time_series import TimeSeries
 from ohmward.quantities import QUANTITIES, Quantity
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.arrays import plain_array
-from ohmward.logs.table import FileHints, Table, TableFile, file_of, row_numbers
+from ohmward.logs.hints import FileHints
+from ohmward.logs.table import Table, TableFile, file_of, row_numbers
 
 #: Beginning of a file of JSON.
 _JSON = re.compile(rb"^(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\]])")

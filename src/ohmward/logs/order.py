@@ -1,4 +1,8 @@
-"""Make the time of a table increase: late rows, clocks that start again, equal and coarse stamps."""
+"""Make the time of a table increase: late rows, clocks that start again, equal and coarse stamps.
+
+Everywhere `time` is the column of the time [s], and `channels` are the columns that were measured; the time does not
+fall but in `find_restarts`, `sort_rows` and `join_steps`.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +66,7 @@ def sort_rows(table: Table, time: str, *, sort_time: bool = False) -> Table:
     A few late rows are sorted and noted: each row carries its own time. A larger fall of the time is refused, because
     two recordings would be mixed.
 
-    time: the column with the time [s]; sort_time: sort whatever the file's order.
+    sort_time: sort whatever the file's order.
 
     Raises:
         InputError: the file holds several recordings, or its time runs backwards.
@@ -78,10 +82,7 @@ def sort_rows(table: Table, time: str, *, sort_time: bool = False) -> Table:
 
 
 def join_steps(table: Table, time: str) -> Table:
-    """The table with one time for steps whose clock starts again at each: a usual interval after the one before.
-
-    time: the column with the time [s].
-    """
+    """The table with one time for steps whose clock starts again at each: a usual interval after the one before."""
     time_s = table.columns[time]
     steps = np.diff(time_s, prepend=time_s[0])
     restarts = find_restarts(time_s)
@@ -98,8 +99,6 @@ def join_steps(table: Table, time: str) -> Table:
 def require_one_instance(table: Table, time: str, channels: Collection[str]) -> None:
     """Refuse rows of several batteries or robots side by side.
 
-    time: the column with the time [s], which does not fall; channels: the columns that were measured.
-
     Raises:
         InputError: names the column that tells them apart, and its values.
     """
@@ -115,9 +114,6 @@ def settle_equal_times(table: Table, time: str, channels: Collection[str]) -> Ta
     Rows of one time that hold different channels, or the same values twice, become one row. Rows that measured the
     same channel again are readings of their own: where they are many, the stamps are coarser than the rows, which are
     spread over the interval of the stamps; where they are few, the last one counts, with a warning.
-
-    time: the column with the time [s], which does not fall; channels: the columns that were measured.
-
     """
     repeats = find_repeats(table, time, channels)
     if repeats.differ and repeats.again.mean() > _MOST_REPEATED:
@@ -133,10 +129,7 @@ class Repeats(NamedTuple):
 
 
 def find_repeats(table: Table, time: str, channels: Collection[str]) -> Repeats:
-    """The rows that measured a channel which a later row of the same time measured as well.
-
-    time: the column with the time [s], which does not fall; channels: the columns that were measured.
-    """
+    """The rows that measured a channel which a later row of the same time measured as well."""
     time_s = table.columns[time]
     again = np.zeros(time_s.size, dtype=bool)
     differ = False

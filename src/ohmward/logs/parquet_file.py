@@ -11,7 +11,8 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.arrays import to_column, values_of
-from ohmward.logs.table import FileHints, Progress, Table, TableFile, parsing, require_unique, row_numbers
+from ohmward.logs.hints import FileHints
+from ohmward.logs.table import Progress, Table, TableFile, parsing, require_unique, row_numbers
 from ohmward.optional import require
 
 #: Rows that are decoded at a time: what Arrow holds beside the columns stays small.

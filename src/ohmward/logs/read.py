@@ -41,6 +41,7 @@ from ohmward.logs.clock import date_column, nanosecond_column, read_clock
 from ohmward.logs.columns import Column, listed, other_times
 from ohmward.logs.csv_file import open_csv
 from ohmward.logs.frame import is_frame, open_frame
+from ohmward.logs.hints import TOPIC, FileHints
 from ohmward.logs.long_table import as_wide
 from ohmward.logs.objects_file import names_values, open_objects
 from ohmward.logs.order import (
@@ -55,8 +56,7 @@ from ohmward.logs.order import (
 from ohmward.logs.parquet_file import open_parquet
 from ohmward.logs.selection import RECORDING, names_instances, recording_numbers, select_rows
 from ohmward.logs.sqlite_table import open_sqlite_table
-from ohmward.logs.streams import TOPIC
-from ohmward.logs.table import FileHints, Note, Opener, Progress, Table, TableFile, counted, row_numbers
+from ohmward.logs.table import Note, Opener, Progress, Table, TableFile, counted, row_numbers
 from ohmward.logs.vehicle_file import (
     DATAFLASH_MAGIC,
     DATAFLASH_TEXT,
@@ -101,16 +101,6 @@ _KNOWN = tuple(
         (rb"7z\xbc\xaf|Rar!|\xfd7zXZ|BZh\d|\x28\xb5\x2f\xfd", _UNPACK),
     )
 )
-
-
-def require_readable(path: Path, head: bytes) -> None:
-    """Refuse a file that begins like one which is known and not read.
-
-    Raises:
-        InputError: says what it is, and what makes a log of it.
-    """
-    if about := next((about for beginning, about in _KNOWN if beginning.match(head)), None):
-        raise InputError(f"{path.name}: {about}")
 
 
 STANDARD_INPUT = "-"
@@ -247,7 +237,8 @@ def _open_file(path: Path, hints: FileHints) -> TableFile:
         raise InputError(f"{path}: is a TOML file, not a log; give it with its option (--battery, --robot, --floors)")
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES)
-    require_readable(path, head)
+    if about := next((about for beginning, about in _KNOWN if beginning.match(head)), None):
+        raise InputError(f"{path.name}: {about}")
     opener = next((opener for magic, opener in OPENERS if head.startswith(magic)), None)
     if opener is None and HDF5_MAGIC in head:
         opener = open_hdf5

@@ -1,4 +1,8 @@
-"""Pick the rows of one recording out of a file that holds several."""
+"""Pick the rows of one recording out of a file that holds several.
+
+Everywhere `time` is the column of the time [s], which does not fall among instances, and `channels` are the columns
+that were measured.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +63,7 @@ def recording_numbers(restarts: np.ndarray, size: int) -> np.ndarray:
 def explain_recordings(table: Table, time: str, restarts: np.ndarray, separators: Sequence[str]) -> str:
     """The message on a clock that starts again at the rows `restarts` (K,): the place, and a way to choose a recording.
 
-    time: the column with the time [s].  separators: as of `find_separators`.
+    separators: as of `find_separators`.
     """
     at = int(restarts[0])
     time_s = table.columns[time]
@@ -83,7 +87,7 @@ def find_separators(table: Table, time: str, restarts: np.ndarray) -> tuple[str,
 
     Only columns that change about as often as the clock starts again are labels of recordings.
 
-    time: the column with the time [s]; restarts: (K,) rows at which it falls.
+    restarts: (K,) rows at which the time falls.
     """
     changes = {name: _changes(values) for name, values in table.columns.items() if name != time}
     labels = {name: rows for name, rows in changes.items() if 0 < rows.size <= 2 * (restarts.size + 1)}
@@ -106,8 +110,6 @@ def find_instances(table: Table, time: str, channels: Collection[str]) -> str | 
     stamp twice. A flag of one battery may do the same: the name of the column must be that of instances, or a channel
     changes more from instance to instance than within each. Under the name of instances, those that take turns may have
     a stamp twice: the stamps are coarse.
-
-    time: the column with the time [s], which does not fall; channels: the columns that were measured.
     """
     time_s = table.columns[time]
     equal = time_s[1:] == time_s[:-1]
@@ -141,8 +143,6 @@ def count_unnamed_instances(table: Table, time: str, channels: Collection[str]) 
     Every stamp, a few aside, has as many rows, and from one of these to the next a channel changes more than from
     stamp to stamp. Rows of one battery under coarse stamps change less, but for a load that keeps time with them; the
     rest of the stamp in a column of its own says that they are of one.
-
-    time: the column with the time [s], which does not fall; channels: the columns that were measured.
     """
     if any(name != time and _STAMP & set(letters(name)) for name in table.columns):
         return 1

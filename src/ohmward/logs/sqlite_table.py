@@ -11,9 +11,9 @@ from ohmward.errors import InputError
 from ohmward.logs.arrays import plain_array
 from ohmward.logs.bags.sqlite_file import connect
 from ohmward.logs.columns import has_log, listed
+from ohmward.logs.hints import TOPIC, FileHints
 from ohmward.logs.long_table import as_wide
-from ohmward.logs.streams import TOPIC
-from ohmward.logs.table import FileHints, Note, Progress, Table, TableFile, parsing, row_numbers
+from ohmward.logs.table import Note, Progress, Table, TableFile, parsing, row_numbers
 
 
 def open_sqlite_table(path: Path, hints: FileHints) -> TableFile:

@@ -9,12 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.table import FileHints, Note, Progress, Table, TableFile, row_numbers
+from ohmward.logs.hints import TOPIC, FileHints
+from ohmward.logs.table import Note, Progress, Table, TableFile, row_numbers
 
 BATTERY, DRIVE, BOTH = "battery", "drive", "both"
-
-#: Name of the choice of topics among the rows that are wanted: `--topic /a` is `--where topic=/a`.
-TOPIC = "topic"
 
 
 class KnownType(NamedTuple):
@@ -138,7 +136,8 @@ def rows_of(
             if name not in wanted:
                 continue
             empty = np.full(whole.size, "", object) if values.dtype == object else np.full(whole.size, np.nan)
-            table.setdefault(name, empty)[begin:end] = values
+            with np.errstate(invalid="ignore"):  # of a float32 whose bits are those of a signalling NaN
+                table.setdefault(name, empty)[begin:end] = values
         begin = end
     rows = Table(source, table, row_numbers(1, whole.size), "message", notes)
     return rows if len(chosen) == 1 else rows.pick(np.argsort(whole, kind="stable"))

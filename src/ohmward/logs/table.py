@@ -1,18 +1,17 @@
-"""A file or DataFrame as columns, whatever they mean; facts that it does not tell, and notes on what was done."""
+"""A file or DataFrame as columns, whatever they mean, and notes on what was done with it."""
 
 from __future__ import annotations
 
-import codecs
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
-from zoneinfo import ZoneInfo
 
 import numpy as np
 
 from ohmward.errors import InputError, OhmwardError
+from ohmward.logs.hints import FileHints
 
 
 class Note(NamedTuple):
@@ -29,59 +28,6 @@ class Note(NamedTuple):
 def counted(count: int, noun: str) -> str:
     """A count with its noun for a message: "1 row", "2 rows"."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
-#: The notation of days since 1899-12-30 in `time_format`.
-EXCEL = "excel"
-
-
-class FileHints(NamedTuple):
-    """Facts about a file, each None where it is left to the reader."""
-
-    names: Sequence[str] | None = None  #: of the columns, of a table without a header
-    encoding: str | None = None  #: of a text, as Python names it: "cp1251"
-    time_format: str | None = None  #: of dates as text, in the notation of `strptime`: "%d/%m/%Y %H:%M:%S"; or "excel"
-    timezone: str | None = None  #: of dates that name none: "Europe/Berlin"
-    #: the part that is wanted, from `start` until before `stop`: seconds of the log, h:mm:ss, or a date
-    start: str | None = None
-    stop: str | None = None
-    sample_time_s: float | None = None  #: interval [s] between the rows of a table without a time
-    temperature_degC: float | None = None  #: of the battery, where the log has none
-    dbc: str | None = None  #: path of the database of the CAN bus, of a recording of its frames
-
-    def checked(self) -> FileHints:
-        """The same hints.
-
-        Raises:
-            InputError: an encoding or a time zone that does not exist, an interval that is not > 0.
-        """
-        if self.encoding is not None:
-            try:
-                codecs.lookup(self.encoding)
-            except LookupError:
-                raise InputError(
-                    f"--encoding (encoding) must be one that Python knows, like cp1251 or shift_jis; got "
-                    f"{self.encoding!r}"
-                ) from None
-        if self.timezone is not None:
-            zone_of(self.timezone)
-        if self.sample_time_s is not None and not self.sample_time_s > 0:
-            raise InputError(f"--sample-time (sample_time_s) must be > 0 s, got {self.sample_time_s:g}")
-        return self
-
-
-def zone_of(name: str) -> ZoneInfo:
-    """The time zone of a name.
-
-    Raises:
-        InputError: there is none.
-    """
-    try:
-        return ZoneInfo(name)
-    except (KeyError, ValueError, OSError):
-        raise InputError(
-            f"--timezone (timezone) must be a name of the IANA database, like Europe/Berlin or UTC; got {name!r}"
-        ) from None
 
 
 #: Called now and then with the amounts done and to do: rows, or bytes of a text file.

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.hints import FileHints
 from ohmward.logs.streams import BATTERY, DRIVE, KnownType, Stream, Streams
-from ohmward.logs.table import FileHints, Note, TableFile, parsing
+from ohmward.logs.table import Note, TableFile, parsing
 from ohmward.optional import require, silenced
 
 ULOG_MAGIC = b"ULog\x01\x12\x35"

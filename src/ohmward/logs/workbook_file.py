@@ -16,7 +16,8 @@ from ohmward.errors import InputError
 from ohmward.logs.cells import Marks, parse_cells
 from ohmward.logs.columns import has_log
 from ohmward.logs.header import Header, find_block, find_header, unique_names
-from ohmward.logs.table import FileHints, Note, Progress, Table, TableFile, parsing, row_numbers
+from ohmward.logs.hints import FileHints
+from ohmward.logs.table import Note, Progress, Table, TableFile, parsing, row_numbers
 from ohmward.optional import require
 
 #: Cells of a workbook, empty ones between those that are filled among them, and bytes of its unpacked parts.
