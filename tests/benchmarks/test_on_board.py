@@ -14,16 +14,16 @@ on_board_day = script("on_board_day")
 
 @pytest.mark.slow
 def test_no_sample_is_lost_at_1_khz():
-    found = on_board_load.measure(10.0)
-    assert found.estimated == found.sent == 10_000
+    found = on_board_load.measure(5.0)
+    assert found.estimated == found.sent == 5000
     assert 0.0 < found.p50_s <= found.p99_s
     assert found.memory_MB.max() < 200.0
 
 
 @pytest.mark.slow
 def test_memory_and_handles_stay_flat_along_simulated_hours():
-    looks = on_board_day.drive_a_day(0.34)
-    assert len(looks) == 10
+    looks = on_board_day.drive_a_day(0.21)
+    assert len(looks) == 6
     assert on_board_day.growth([look.memory_MB for look in looks]) < 1.05
     assert on_board_day.growth([float(look.handles) for look in looks]) == 1.0
 

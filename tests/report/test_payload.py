@@ -14,7 +14,7 @@ from ohmward.report.payload import GAP, stack
 
 
 def unpack(number, data, unit=1.0):
-    """The column as the browser reads it, from the description in packed.py."""
+    """The column as the browser reads it, from the description in payload.py."""
     column = data["columns"][number]
     planes = np.frombuffer(zlib.decompress(base64.b64decode(column["data"])), np.uint8).reshape(4, -1)
     words = (planes.astype(np.int64).T * [1, 2**8, 2**16, 2**24]).sum(axis=1).astype(np.uint32)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ohmward.errors import OhmwardError
-from ohmward.onboard.handover import Handover
+from ohmward.onboard.message import Handover
 from ohmward.optional import require
 
 #: Error class "bus off" in the identifier of an error frame, linux/can/error.h.

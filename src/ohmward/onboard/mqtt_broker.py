@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
-from ohmward.onboard.handover import Handover
+from ohmward.onboard.message import Handover
 from ohmward.onboard.secrets import check_secret_name, is_loopback, secret
 from ohmward.optional import require
 

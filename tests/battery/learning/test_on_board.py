@@ -90,7 +90,7 @@ def test_the_next_estimator_goes_on_from_the_new_file(estimator):
     truth = 1.0 + log.charge_Ah() / 9.0
     learnt = learnt_on_board(LABEL, estimator)
     rms = [np.sqrt(np.mean((SocEstimator(b, 1.0).run(log).soc - truth) ** 2)) for b in (LABEL, learnt)]
-    assert rms[1] < 0.9 * rms[0]
+    assert rms[1] < 0.95 * rms[0]
 
 
 def test_no_correction_goes_beyond_its_bound():

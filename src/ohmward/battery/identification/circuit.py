@@ -60,7 +60,8 @@ def corrected_ocv(solution: CircuitSolution, problem: CircuitProblem) -> OcvCurv
 def curve_notes(solution: CircuitSolution, problem: CircuitProblem) -> tuple[Note, ...]:
     """A warning where much of the fitted OCV curve runs backwards, so that `corrected_ocv` levels it."""
     fitted_V = _fitted_curve_V(solution, problem)
-    share = backward_share(fitted_V)
+    falls_V = np.maximum.accumulate(fitted_V) - np.minimum.accumulate(fitted_V[::-1])[::-1]
+    share = float(np.mean(falls_V > _SMALL_FALL * fitted_V[-1]))
     if share <= _MOST_BACKWARDS:
         return ()
     text = (
@@ -69,12 +70,6 @@ def curve_notes(solution: CircuitSolution, problem: CircuitProblem) -> tuple[Not
         f"Is {problem.capacity_Ah:g} Ah what the tests at low rate move, and are all logs of the same battery?"
     )
     return (Note(text, "warning"),)
-
-
-def backward_share(curve_V: np.ndarray) -> float:
-    """Share of a curve (N,) along SoC that `monotone` levels because it falls there by more than noise."""
-    falls_V = np.maximum.accumulate(curve_V) - np.minimum.accumulate(curve_V[::-1])[::-1]
-    return float(np.mean(falls_V > _SMALL_FALL * curve_V[-1]))
 
 
 def _fitted_curve_V(solution: CircuitSolution, problem: CircuitProblem) -> np.ndarray:

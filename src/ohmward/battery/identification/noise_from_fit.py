@@ -142,7 +142,8 @@ def overpotential_share(
     soc = np.concatenate([s.soc for s in problem.samples])
     over_V = np.concatenate([s.voltage_V - p.ocv.mean_V(s.soc, s.temperature_degC) for s in problem.samples])
     residual_V = np.concatenate(solution.residual_V)
-    near = (np.abs(soc - RESISTANCE_GRID[:, None]) <= _SHARE_WINDOW) & np.isfinite(residual_V) & _charging(problem)
+    charging = np.concatenate([last_direction(s.mean_current_A) > 0 for s in problem.samples])  # or at rest after it
+    near = (np.abs(soc - RESISTANCE_GRID[:, None]) <= _SHARE_WINDOW) & np.isfinite(residual_V) & charging
     over_V2, residual_V2 = near @ np.nan_to_num(over_V) ** 2, near @ np.nan_to_num(residual_V) ** 2
     seen = over_V2 > 0
     if not seen.any():
@@ -214,11 +215,6 @@ def _decay_s(samples: FitSamples, residual_V: np.ndarray) -> float:
     autocorrelation = np.fft.irfft(np.abs(spectrum) ** 2)[: r.size]
     below = np.flatnonzero(autocorrelation < autocorrelation[0] / np.e)
     return _RESAMPLED_S * float(below[0]) if below.size else _CORRELATION_S[1]
-
-
-def _charging(problem: CircuitProblem) -> np.ndarray:
-    """(N,) bool over all samples: in a charge or the rest after it."""
-    return np.concatenate([last_direction(s.mean_current_A) > 0 for s in problem.samples])
 
 
 def lasting_error_V(p: Thevenin, typical_A: float, longest_rest_s: float) -> np.ndarray:

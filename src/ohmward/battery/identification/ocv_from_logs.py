@@ -139,18 +139,12 @@ def _reconciled(branch: OcvBranch, branches: Sequence[OcvBranch]) -> OcvBranch:
     if not longer:
         return branch
     share = branch.moved_Ah / longer[0].moved_Ah
-    from_start = _without_end(branch, branch.soc[0] + share * (branch.soc - branch.soc[0]), 1 - share)
+    soc = branch.soc[0] + share * (branch.soc - branch.soc[0])
+    # without its last part: there the voltage already runs to the limit, as if the battery were full or empty
+    inside = np.abs(soc - soc[-1]) >= 1 - share
+    from_start = branch._replace(soc=soc[inside], voltage_V=branch.voltage_V[inside], complete=False)
     even = _unevenness_V(from_start, longer[0]) < _UNEVEN * _unevenness_V(branch, longer[0])
     return from_start if even else branch
-
-
-def _without_end(branch: OcvBranch, soc: np.ndarray, missing: float) -> OcvBranch:
-    """The branch on another axis without its last part, as long as what it misses.
-
-    There the voltage already runs to the limit, as if the battery were full or empty.
-    """
-    before_end = np.abs(soc - soc[-1]) >= missing
-    return branch._replace(soc=soc[before_end], voltage_V=branch.voltage_V[before_end], complete=False)
 
 
 def _unevenness_V(branch: OcvBranch, other: OcvBranch) -> float:

@@ -182,12 +182,6 @@ def axis_std(records: Sequence[Record], axes: Sequence[SocAxis]) -> float:
     return float(np.sqrt(np.average([a.std**2 for a in axes], weights=moved_Ah)))
 
 
-def count_soc(record: Record, capacity_Ah: float, efficiency: float = 1.0) -> np.ndarray:
-    """(T,) change of SoC since the first sample by counting charge."""
-    moved_Ah = record.charge.moved_Ah
-    return np.cumsum(np.where(moved_Ah > 0, efficiency * moved_Ah, moved_Ah)) / capacity_Ah
-
-
 def capacity_from_rests(record: Record, axis: SocAxis, ocv: OcvCurve, capacity_Ah: float) -> float | None:
     """Capacity [Ah] for which the counted charge agrees with the open-circuit voltage at the rests.
 
@@ -271,9 +265,10 @@ def _efficiency(record: Record, anchors: Sequence[SocAnchor], otherwise: float) 
 
 def _tied(record: Record, capacity_Ah: float, anchors: Sequence[SocAnchor], efficiency: float) -> np.ndarray:
     """Counted SoC, corrected so that it passes the anchors; between them in proportion to the charge that flowed."""
-    counted = count_soc(record, capacity_Ah, efficiency)
+    moved_Ah = record.charge.moved_Ah
+    counted = np.cumsum(np.where(moved_Ah > 0, efficiency * moved_Ah, moved_Ah)) / capacity_Ah
     at = [a.sample for a in anchors]
-    flowed = np.cumsum(np.abs(record.charge.moved_Ah))
+    flowed = np.cumsum(np.abs(moved_Ah))
     return counted + np.interp(flowed, flowed[at], [a.soc - counted[a.sample] for a in anchors])
 
 

@@ -42,7 +42,7 @@ def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
     if battery.identification is not None or require_thevenin(battery).gassing_V is not None:
         return battery
     rule = AnchorRule(require_thevenin(battery), battery.noise, battery.sensor)
-    if _was_full(battery.knowledge):
+    if battery.knowledge is not None and any(log.anchors for log in battery.knowledge.logs):
         highest_V = max(
             (float(rule.relaxed_V(a.voltage_V, _input(a))) for a in _full_charges(log, battery)), default=0.0
         )
@@ -78,7 +78,9 @@ def with_full_at(battery: Battery, soc: float) -> Battery:
     if knowledge is not None:
         capacity_Ah = battery.capacity_Ah * soc
         knowledge = replace(knowledge, seen_from_soc=min(knowledge.seen_from_soc / soc, 1.0))
-    stretched = replace(model, ocv=_stretched(model.ocv, soc), capacity_Ah=capacity_Ah)
+    inside = soc * np.linspace(0.0, 1.0, max(len(model.ocv.voltage_V), _LEAST_CURVE_POINTS))
+    voltage_V = np.asarray(model.ocv.mean_V(inside, model.ocv.reference_degC))
+    stretched = replace(model, ocv=_resampled(model.ocv, inside, voltage_V), capacity_Ah=capacity_Ah)
     wider = replace(
         noise,
         soc_axis_std=math.hypot(noise.soc_axis_std, half),
@@ -138,17 +140,6 @@ def limit_sentence(before: Battery, after: Battery) -> str:
         return ""
     full_V = require_thevenin(after).ocv.voltage_V[-1]
     return f"full is where its charger stops, at {full_V:.3g} V at rest; "
-
-
-def _was_full(knowledge: Knowledge | None) -> bool:
-    """True where something else than the voltage has told the charge in a log."""
-    return knowledge is not None and any(log.anchors for log in knowledge.logs)
-
-
-def _stretched(ocv: OcvCurve, full_soc: float) -> OcvCurve:
-    """The curve from 0 to this SoC as one from 0 to 1."""
-    soc = full_soc * np.linspace(0.0, 1.0, max(len(ocv.voltage_V), _LEAST_CURVE_POINTS))
-    return _resampled(ocv, soc, np.asarray(ocv.mean_V(soc, ocv.reference_degC)))
 
 
 def _resampled(ocv: OcvCurve, soc: np.ndarray, voltage_V: np.ndarray) -> OcvCurve:

@@ -141,10 +141,11 @@ def learn_log(
     try:
         ready = reduce(full_at_charger_limit, new.parts, battery)
         anchors = tuple(anchor for part in new.parts for anchor in find_anchors(part, ready))
-        aged = aged_by(ready, hours_since_last(ready, log), log)
+        cycles = 0.5 * log.throughput_Ah() / ready.capacity_Ah
+        before = aged(ready, hours_since_last(ready, log), cycles)
         at_start = new.parts[0].time_s[0] == log.time_s[0]
         given = given_at_start(ready, log, initial_soc) if at_start else ()
-        parts = _learn_parts(aged, new.parts, anchors, given)
+        parts = _learn_parts(before, new.parts, anchors, given)
     except (InputError, np.linalg.LinAlgError) as refusal:
         if new.mostly_seen:
             return battery, _not_learnt(battery, log, "seen", f"but for a part that tells nothing: {refusal}")
@@ -152,7 +153,7 @@ def learn_log(
     after = parts[-1].battery
     update = _update(ready, after, log, parts, anchors)._replace(hours=new.hours, left_out=new.left_out)
     update = update._replace(reason=limit_sentence(battery, ready) + update.reason)
-    contradiction = _contradiction(aged, log, update)
+    contradiction = _contradiction(before, log, update)
     if not contradiction and check_fit:
         contradiction = _misfit_of_file(battery, new.parts, initial_soc)
     if contradiction:
@@ -214,16 +215,8 @@ def _misfit_of_file(battery: Battery, parts: Sequence[Log], initial_soc: float |
     return ""
 
 
-def aged_by(battery: Battery, hours: float, log: Log) -> Battery:
-    """The battery that has aged for so long, and by the charge that goes through it in the log.
-
-    Its knowledge has the walk of its noise, and the walk of the capacity by use.
-    """
-    return aged(battery, hours, 0.5 * log.throughput_Ah() / battery.capacity_Ah)
-
-
 def aged(battery: Battery, hours: float, cycles: float) -> Battery:
-    """The battery that has aged for so long and by so many full cycles."""
+    """The battery that has aged for so long and by so many full cycles; capacity and resistances walk."""
     if battery.knowledge is None:
         return battery
     p, noise, span_s = parameters_of(battery), battery.noise, SECONDS_PER_HOUR * hours

@@ -161,7 +161,10 @@ def prior_of_age(model: VoltageModel, prior: Normals, x: np.ndarray) -> Normals:
     covariance[q, q] += _scale2(max(-float(x[q].sum()), 0.0), covariance[q, q])
     together = np.ix_(resistances, resistances)
     covariance[together] += _scale2(max(float(x[resistances].mean()), 0.0), covariance[together])
-    axis_V = _shape_V(model, max(float(np.expm1(-x[q].sum())), 0.0))
+    # (K,) of what slip does not describe of a curve at this loss of capacity
+    loss = max(float(np.expm1(-x[q].sum())), 0.0)
+    inside = np.minimum(np.minimum(OCV_KNOTS, 1.0 - OCV_KNOTS) / _ENDS, 1.0)
+    axis_V = _SHAPE_STD * loss * inside * mean_slope_V(require_thevenin(model.battery).ocv, OCV_KNOTS)
     covariance[p.group("ocv"), p.group("ocv")] += np.outer(axis_V, axis_V) * correlation(OCV_KNOTS, _SHAPE_LENGTH)
     return Normals(prior.mean, covariance)
 
@@ -170,12 +173,6 @@ def _scale2(change: float, covariance: np.ndarray) -> float:
     """Variance that a change which these unknowns have in common adds to their covariance."""
     shared = float(covariance.min(initial=np.inf))
     return _SCALE**2 * change**2 - shared if change**2 > shared else 0.0
-
-
-def _shape_V(model: VoltageModel, loss: float) -> np.ndarray:
-    """Standard deviation [V] on OCV_KNOTS of what slip does not describe of a curve at this loss of capacity."""
-    inside = np.minimum(np.minimum(OCV_KNOTS, 1.0 - OCV_KNOTS) / _ENDS, 1.0)
-    return _SHAPE_STD * loss * inside * mean_slope_V(require_thevenin(model.battery).ocv, OCV_KNOTS)
 
 
 class NewParts(NamedTuple):

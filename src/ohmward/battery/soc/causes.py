@@ -330,10 +330,6 @@ def _ocv_temperature(now: Conditions) -> str:
     return f"open-circuit curve at {now.temperature_degC:z.0f} degC known within ± {BAND_95 * std_mV:.2g} mV"
 
 
-def _offset(now: Conditions) -> str:
-    return f"offset of the current sensor known within ± {BAND_95 * now.std['offset']:.2g} A"
-
-
 def _history(now: Conditions) -> str:
     if now.unknown_s > _MISSING_S:
         return f"current not measured for {time_in_words(now.unknown_s)}"
@@ -352,16 +348,8 @@ def _settling(now: Conditions) -> str:
     return f"{time_in_words(300.0 * max(math.ceil(minutes / 5.0), 1))} of rest"
 
 
-def _cold_test(now: Conditions) -> str:
-    return f"a pulse test at {5 * round(now.temperature_degC / 5):.0f} degC"
-
-
-def _offset_remedy(now: Conditions) -> str:
-    known = now.settings.idle_current_A is not None
-    return "a minute of rest" if known else "a declared rest current (idle_current_A in the battery file)"
-
-
 _BOTH_BRANCHES = "a slow discharge and a slow charge as a test"
+_DECLARED_REST = "a declared rest current (idle_current_A in the battery file)"
 
 #: Sentence parts by cause.
 WORDINGS: dict[str, Wording] = {
@@ -385,7 +373,10 @@ WORDINGS: dict[str, Wording] = {
     "hysteresis_size": Wording(
         lambda now: f"hysteresis known within {within(now.std['hysteresis_size'])}", lambda now: _BOTH_BRANCHES
     ),
-    "offset": Wording(_offset, _offset_remedy),
+    "offset": Wording(
+        lambda now: f"offset of the current sensor known within ± {BAND_95 * now.std['offset']:.2g} A",
+        lambda now: "a minute of rest" if now.settings.idle_current_A is not None else _DECLARED_REST,
+    ),
     "capacity": Wording(
         lambda now: f"capacity known within {within(now.std['capacity'])}",
         lambda now: "a discharge from full to empty",
@@ -398,7 +389,7 @@ WORDINGS: dict[str, Wording] = {
         lambda now: f"resistance known within {within(now.std['resistance'])}",
         lambda now: "an hour of driving with changing current",
     ),
-    "activation": Wording(_activation, _cold_test),
+    "activation": Wording(_activation, lambda now: f"a pulse test at {5 * round(now.temperature_degC / 5):.0f} degC"),
     "relaxation": Wording(lambda now: "voltage not settled after the last load", _settling),
 }
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.log_format import FORMATS, TEXT
+#: Formats of the log.
+TEXT, JSON = "text", "json"
 
 EXAMPLES = """\
   ohmward run --demo                                a simulated robot, with nothing attached
@@ -37,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="with --check: print the findings as JSON")
     parser.add_argument(
         "--log-format",
-        choices=FORMATS,
+        choices=(TEXT, JSON),
         default=TEXT,
         help="of the log on standard error: lines for people, or a JSON object a line",
     )

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import json
 import logging
+import sys
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from importlib.resources import files
 from typing import Any
 
 from ohmward.checks import require_positive
 from ohmward.cli import wording
-from ohmward.cli.log_format import TEXT, begin_log
 from ohmward.cli.outcome import Outcome
+from ohmward.cli.run import JSON, TEXT
 from ohmward.errors import InputError, OhmwardError
 from ohmward.lab import lab
 from ohmward.onboard.assembly import assemble
@@ -126,3 +129,28 @@ def _signals(trial: Trial) -> Mapping[str, Any]:
         }
         for signal, record in trial.signals.items()
     }
+
+
+class JsonFormatter(logging.Formatter):
+    """Records as JSON objects: time (ISO 8601, UTC), level, logger, message and, of an unexpected error, traceback."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """One line."""
+        found = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            "message": record.getMessage(),
+        }
+        if record.exc_info:
+            found["traceback"] = self.formatException(record.exc_info)
+        return json.dumps(found, ensure_ascii=False)
+
+
+def begin_log(log_format: str) -> None:
+    """Send the log, and warnings with it, to standard error."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(JsonFormatter() if log_format == JSON else logging.Formatter("ohmward: %(message)s"))
+    logging.basicConfig(level=logging.INFO, handlers=[handler])
+    if log_format == JSON:
+        logging.captureWarnings(True)

@@ -1,4 +1,4 @@
-/* Columns of numbers of a page: unpacked from the text that packed.py makes, and thinned to what a screen shows. */
+/* Columns of numbers of a page: unpacked from the text that payload.py makes, and thinned to what a screen shows. */
 const columns = (() => {
   "use strict";
 
