@@ -1,6 +1,7 @@
 """Binary files of cyclers: what is damaged, and the frame that fastnda gives."""
 
 import sys
+import tracemalloc
 import zipfile
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,6 +23,22 @@ def test_a_damaged_file_of_ec_lab_is_refused_with_the_way_out(tmp_path):
         InputError, match=r"log.mpr: no .mpr file that galvani reads [^;]*; export it in EC-Lab as text"
     ):
         read_log(path)
+
+
+def test_a_length_that_no_file_has_takes_no_memory(tmp_path):
+    pytest.importorskip("galvani")
+    content = mpr(tmp_path).read_bytes()
+    at = content.index(b"MODULEVMP data") + len(b"MODULE") + 35
+    damaged = tmp_path / "long.mpr"
+    damaged.write_bytes(content[:at] + (1 << 30).to_bytes(4, "little") + content[at + 4 :])
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match="export it in EC-Lab as text"):
+            read_log(damaged)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 64 << 20
 
 
 def neware(folder: Path, name: str) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import zipfile
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
@@ -27,9 +28,9 @@ _KINDS = "biufmM"
 
 def open_matlab(path: Path, hints: FileHints) -> TableFile:
     """The columns of a MATLAB file of version 5 to 7.2: vectors, fields of structures."""
-    io = require("scipy.io", "a MATLAB file")
+    matlab = require("scipy.io", "a MATLAB file")
     with parsing(path, "no readable MATLAB file", "save it again with save(..., '-v7')"):
-        content = io.loadmat(str(path), squeeze_me=True, struct_as_record=False)
+        content = matlab.loadmat(str(path), squeeze_me=True, struct_as_record=False)
     named = {name: value for name, value in content.items() if not name.startswith("__")}
     return open_arrays(
         path.name, dict(_fields(named)), hints, "; write a table of MATLAB with writetable(T, 'log.csv')"
@@ -125,11 +126,9 @@ _NDAX_PART = ".ndc"
 def open_mpr(path: Path, hints: FileHints) -> TableFile:
     """The columns of a file of EC-Lab, of a version that galvani knows."""
     galvani = require("galvani", "a file of EC-Lab (.mpr)")
-    with (
-        parsing(path, "no .mpr file that galvani reads", "export it in EC-Lab as text"),
-        path.open("rb") as stream,
-    ):
-        data = galvani.MPRfile(stream).data
+    with parsing(path, "no .mpr file that galvani reads", "export it in EC-Lab as text"):
+        # not the file itself, whose `read` takes the memory for whatever length a damaged header says
+        data = galvani.MPRfile(io.BytesIO(path.read_bytes())).data
     return open_arrays(path.name, {name: np.asarray(data[name]) for name in data.dtype.names}, hints)
 
 
