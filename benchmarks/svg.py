@@ -13,9 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from ohmward.report.axis import XAxis, linear_ticks, log_ticks, shared_x, tick_labels
-from ohmward.report.decimate import DOT_PX, envelope
-from ohmward.report.figure import Figure, Side
-from ohmward.report.palette import MEANING, SHADES, SURFACES, Theme, colours
+from ohmward.report.figure import DOT_PX, MEANING, SHADES, SURFACES, Figure, Side, Theme, colours, envelope
 from ohmward.runs import runs
 
 MARGIN: Final = 70.0

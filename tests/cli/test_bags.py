@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from logs.bags.examples import TYPE, payloads, write_mcap
-from ohmward.cli.log_files import log_files
+from ohmward.cli.battery_inputs import log_files
 from ohmward.cli.main import main
 
 TWO = ("soc", "two.mcap", "--battery", "label.toml")

@@ -14,9 +14,8 @@ import pytest
 from ohmward.cli.drive.command import EVENT, keys_of, line, moved_stick, pressed
 from ohmward.cli.main import main
 from ohmward.onboard.control.drive_control import DriveControl
-from ohmward.onboard.control.limits import DriveLimits
 from ohmward.onboard.control.loop import ControlLoop
-from ohmward.onboard.control.operator_command import OperatorCommand
+from ohmward.onboard.control.operator_command import DriveLimits, OperatorCommand
 from ohmward.onboard.control.operator_server import OperatorServer
 from ohmward.traction.robot.robot import RLMA
 from onboard.control.test_drive_control import state

@@ -4,7 +4,7 @@ from contextlib import nullcontext
 import pytest
 
 from ohmward.cli.main import main
-from ohmward.cli.progress import counting, progress
+from ohmward.cli.outcome import counting, progress
 from ohmward.cli.soc import command as soc
 
 

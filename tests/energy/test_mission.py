@@ -9,8 +9,7 @@ from energy.examples import PRIOR, battery
 from ohmward.energy.consumption import start
 from ohmward.energy.consumption_figures import record_figures, terrain_figures
 from ohmward.energy.leg import Leg
-from ohmward.energy.mission import DEFAULT_RESERVE, MissionSettings, analyse, battery_state
-from ohmward.energy.plan_file import Plan
+from ohmward.energy.mission import DEFAULT_RESERVE, MissionSettings, Plan, analyse, battery_state
 from ohmward.errors import InputError
 from ohmward.logs import Log
 

@@ -10,11 +10,15 @@ import numpy as np
 import pytest
 
 from fleet import examples
+from fleet.test_reading import BATTERY as CELL
+from fleet.test_reading import RAMP_S, pulses, ramp
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.errors import InputError
-from ohmward.fleet.spark import ESTIMATED, soc_stream
+from ohmward.fleet.spark import ESTIMATED, sign_of_fleet, soc_stream
+from ohmward.logs import Log
+from ohmward.logs.sign import UnknownSignError
 
 pytest.importorskip("pyspark", reason="needs Spark: pip install pyspark")
 if shutil.which("java") is None:
@@ -61,9 +65,9 @@ def _or_none(value: float) -> float | None:
     return None if math.isnan(value) else float(value)
 
 
-def stream(spark, folder, out, checkpoint) -> dict[str, np.ndarray]:
+def stream(spark, folder, out, checkpoint, **options) -> dict[str, np.ndarray]:
     """Run over all that is new, then stop; rows so far by robot in order of their time."""
-    found = soc_stream(spark.readStream.schema(SAMPLES).parquet(str(folder)), BATTERY)
+    found = soc_stream(spark.readStream.schema(SAMPLES).parquet(str(folder)), BATTERY, **options)
     writer = found.writeStream.format("parquet").option("checkpointLocation", str(checkpoint))
     writer.trigger(availableNow=True).start(str(out)).awaitTermination()
     listed = spark.read.parquet(str(out)).collect()
@@ -107,6 +111,40 @@ def test_bad_rows_are_flagged_and_a_late_one_is_used_as_live(spark, tmp_path):
     expected = never_stopped(np.vstack([samples, late]))
     np.testing.assert_array_equal(found, expected[np.argsort(expected[:, 0])])
     assert found[3, -1] and found[5, -1]
+
+
+def test_a_stream_whose_positive_current_discharges(spark, tmp_path):
+    samples = rows(0)[:20]
+    write(spark, tmp_path / "in", slice(None), {"ada": samples * [1.0, -1.0, 1.0, 1.0]})
+    found = stream(spark, tmp_path / "in", tmp_path / "out", tmp_path / "state", current_sign="discharge")["ada"]
+    np.testing.assert_array_equal(found, never_stopped(samples))
+
+
+def history(spark, logs: dict):
+    listed = [
+        (robot, float(t), float(i), float(u), 25.0)
+        for robot, log in logs.items()
+        for t, i, u in zip(log.time_s, log.current_A, log.voltage_V, strict=True)
+    ]
+    return spark.createDataFrame(listed, SAMPLES)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_robots_that_tell_the_sign_tell_it_of_all_and_else_the_battery_file_does(spark, sign):
+    battery, expected = BATTERY_FILE.dump(CELL), "charge" if sign > 0 else "discharge"
+    assert sign_of_fleet(history(spark, {"ada": ramp(sign), "bob": pulses(sign)}), battery) == expected
+    assert sign_of_fleet(history(spark, {"ada": ramp(sign), "eve": ramp(sign)}), battery) == expected
+
+
+def test_a_sign_that_nobody_tells_or_robots_contradict_is_refused(spark):
+    rest = Log("rest", RAMP_S, np.zeros(RAMP_S.size), np.full(RAMP_S.size, 3.7))
+    battery = BATTERY_FILE.dump(CELL)
+    with pytest.raises(UnknownSignError, match="the samples of 1 robot do not tell"):
+        sign_of_fleet(history(spark, {"ada": rest}), battery)
+    with pytest.raises(UnknownSignError, match="the samples of 2 robots do not tell"):
+        sign_of_fleet(history(spark, {"ada": pulses(1.0), "bob": pulses(-1.0)}), battery)
+    with pytest.raises(InputError, match="current_sign must be 'charge' or 'discharge', not 'auto'"):
+        soc_stream(history(spark, {"ada": rest}), battery, current_sign="auto")
 
 
 def test_a_missing_column_is_refused(spark):

@@ -69,6 +69,14 @@ def test_a_file_that_was_cut_gives_what_is_before_the_cut(tmp_path):
     assert 0.4 * N < len(read_log(path, current_sign="discharge")) < 0.6 * N
 
 
+def test_a_topic_whose_time_is_damaged_is_left_out(tmp_path):
+    path = tmp_path / "log.ulg"
+    write_ulog(path)
+    path.write_bytes(path.read_bytes().replace(b"uint64_t timestamp;float[2]", b"uint64_t tmestamp_;float[2]"))
+    log = read_log(path)
+    assert any("damaged: what could not be read" in note.text for note in log.notes)
+
+
 def test_a_file_that_is_no_ulog_inside_is_refused(tmp_path):
     path = tmp_path / "bad.ulg"
     path.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(5))

@@ -17,9 +17,8 @@ from ohmward.onboard.notify import status
 from ohmward.onboard.page.metrics import metrics
 from ohmward.onboard.page.view import HISTORY, history_row, view
 from ohmward.onboard.part import EndedError
-from ohmward.onboard.plain import plain_state
 from ohmward.onboard.process import END_S, Process
-from ohmward.onboard.robot_state import Level
+from ohmward.onboard.robot_state import Level, plain_state
 from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.terminal import line_of
 from ohmward.onboard.state_folder import StateFolder

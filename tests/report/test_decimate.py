@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from ohmward.report import decimate
-from ohmward.report.decimate import FINEST, column_edges, envelope, finest, m4, scatter
-from ohmward.report.figure import Band, Series
+from ohmward.report import figure
+from ohmward.report.figure import FINEST, Band, Series, column_edges, envelope, finest, m4, scatter
 
 COLUMNS = 7
 DRAWN = 1000
@@ -76,7 +75,7 @@ def test_one_spike_among_ten_million_samples_survives():
 def test_what_a_figure_keeps_of_a_line_draws_what_the_line_draws(signal):
     x, y = signal
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(decimate, "FINEST", 2 * COLUMNS)
+        patch.setattr(figure, "FINEST", 2 * COLUMNS)
         x_kept, y_kept = finest(x, y)
     assert (x_kept[0], x_kept[-1]) == (x[0], x[-1])
     wanted, found = m4(x, y, COLUMNS), m4(x_kept, y_kept, COLUMNS)

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from ohmward.report.palette import CYCLE, MEANING, SHADES, SURFACES, colours, css_variables
+from ohmward.report.figure import CYCLE, MEANING, SHADES, SURFACES, colours, css_variables
 
 # Machado, Oliveira and Fernandes (2009), severity 1: linear RGB as seen with each colour blindness.
 BLINDNESS = {

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from ohmward.report.figure import TIME, Band, Figure, Marker, Series, Span
-from ohmward.report.packed import GAP
-from ohmward.report.payload import stack
+from ohmward.report.payload import GAP, stack
 
 
 def unpack(number, data, unit=1.0):

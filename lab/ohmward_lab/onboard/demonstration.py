@@ -6,7 +6,7 @@ import socket
 from dataclasses import replace
 
 from ohmward.battery.chemistries import generic_battery
-from ohmward.onboard.control.limits import DriveLimits
+from ohmward.onboard.control.operator_command import DriveLimits
 from ohmward.onboard.control.outputs import SimulatedOutput
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.estimation import Estimation

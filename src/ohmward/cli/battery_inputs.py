@@ -1,10 +1,12 @@
-"""Battery, log, truth and estimator as the options of a command name them."""
+"""Battery, logs, truth and estimator as the options of a command name them."""
 
 from __future__ import annotations
 
 import argparse
+import glob
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -19,10 +21,12 @@ from ohmward.battery.soc.registry import EstimatorSettings, make_estimator
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.score import SocReference, soc_reference
 from ohmward.cli.options import UNKNOWN
-from ohmward.cli.progress import Report, counting
+from ohmward.cli.outcome import Report, counting
 from ohmward.errors import InputError
 from ohmward.fleet.reading import read_one_of
 from ohmward.logs import DriveLog, FileHints, Log
+from ohmward.logs.bags.bag_table import ENDINGS as RECORDINGS
+from ohmward.logs.bags.bag_table import parts_of
 from ohmward.logs.battery_columns import CellVoltages, cell_names, charger_columns, find_cells
 from ohmward.logs.channels import BATTERY, TIME
 from ohmward.logs.columns import guess, listed
@@ -201,3 +205,38 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
         truth = read_soc_truth(log, args.truth, battery.capacity_Ah, start_soc)
     task = SocTask(battery, log, truth, cells, rest_A, *start)
     return task._replace(contradictions=(*contradictions, *task.start_contradicted()))
+
+
+#: Endings of logs in a folder.
+_ENDINGS = (".csv", ".csv.gz", ".tsv", ".parquet", ".ulg", *RECORDINGS)
+
+
+def log_files(words: Sequence[str]) -> list[str]:
+    """The logs that the words name, each once: patterns and folders in the order of their names.
+
+    Raises:
+        InputError: a word names nothing.
+    """
+    return list(dict.fromkeys(text for word in words for text in _named(word)))
+
+
+def _named(word: str) -> list[str]:
+    """A file, a recording's folder or rows of one as they are; the files of a folder or of a pattern."""
+    path = split_selection(word)[0]
+    if path.is_file() or (path.is_dir() and parts_of(path)):
+        return [word]
+    if path.is_dir():
+        files = [file for file in sorted(path.rglob("*")) if file.name.lower().endswith(_ENDINGS)]
+        if not files:
+            raise InputError(f"the folder {word!r} holds no log ({', '.join(_ENDINGS)}); name the files")
+        return list(dict.fromkeys(_recording_of(file, path) for file in files))
+    found = sorted(name for name in glob.glob(word, recursive=True) if Path(name).is_file())  # noqa: PTH207 absolute too
+    if not found:
+        raise InputError(f"no file matches {word!r}; check the path, and quote a pattern for the shell")
+    return found
+
+
+def _recording_of(file: Path, folder: Path) -> str:
+    """The folder of the recording that a file is a part of, else the file."""
+    inner = file.parent != folder and file.name.endswith(RECORDINGS) and file in parts_of(file.parent)
+    return str(file.parent if inner else file)

@@ -1,4 +1,4 @@
-"""Result of a command: carried out, printed, and written as a report."""
+"""Result of a command: carried out with its progress, printed, and written as a report."""
 
 from __future__ import annotations
 
@@ -8,12 +8,47 @@ import math
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ohmward.errors import InputError, OhmwardError
+
+#: Called with the name of a task and the share of it that is done, from 0 to 1.
+Report = Callable[[str, float], None]
+
+
+def counting(report: Report | None, what: str) -> Callable[[int, int], None] | None:
+    """Progress callback (done, total) for one task, which begins now; None where nobody watches."""
+    if report is None:
+        return None
+    report(what, 0.0)
+    return lambda done, total: report(what, done / total)
+
+
+@contextmanager
+def progress() -> Iterator[Report | None]:
+    """A callback that draws a bar with rich; None where nobody watches or rich is not installed."""
+    bars = _bars() if sys.stderr.isatty() else None
+    if bars is None:
+        yield None
+        return
+    with bars:
+        task = bars.add_task("", total=1.0)
+        yield lambda what, share: bars.update(task, description=what, completed=share)
+
+
+def _bars() -> Any:
+    """Bars of rich on standard error; None where rich is not installed."""
+    try:
+        from rich.console import Console
+        from rich.progress import Progress
+    except ImportError:
+        return None
+    return Progress(console=Console(stderr=True), transient=True)
+
 
 if TYPE_CHECKING:
     from ohmward.report import Page

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from enum import IntFlag
+from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,13 +16,32 @@ from ohmward import __version__
 from ohmward.atomic import write_text
 from ohmward.errors import InputError, OhmwardError
 from ohmward.export.comments import flag_comments, member_comments
-from ohmward.export.template import filled, template, templates
 from ohmward.trace import single_precision
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.lower.c_operations import are_bytes, constant_arrays, literal
 from ohmward.trace.lower.c_source import Loops, Member, c_source, members
 from ohmward.trace.program import Program
 from ohmward.trace.structure import Structure
+
+
+def templates() -> list[str]:
+    """Names of the files that every library has."""
+    return sorted(t.name for t in _folder().iterdir() if t.name.endswith(".in"))
+
+
+def template(name: str) -> str:
+    """Text of a template."""
+    return _folder().joinpath(*name.split("/")).read_text(encoding="utf-8")
+
+
+def filled(text: str, words: Mapping[str, str]) -> str:
+    """The text with @WORD@ replaced."""
+    return re.sub(r"@(\w+)@", lambda match: words[match[1]], text)
+
+
+def _folder() -> Traversable:
+    return resources.files("ohmward.export") / "templates"
+
 
 # Bytes of Thumb-2 code, compiled with -Os: of an operation, of one that chooses, of a number read or written. Fitted
 # to all filters; `tests/export/test_size.py` compares them with the compiler's.

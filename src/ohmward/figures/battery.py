@@ -19,7 +19,7 @@ from ohmward.filters.flags import SampleFlag
 from ohmward.logs.log import Log
 from ohmward.quantities import QUANTITIES, Quantity
 from ohmward.report import TIME, Band, Figure, Series, Span
-from ohmward.report.palette import CYCLE, Meaning
+from ohmward.report.figure import CYCLE, Meaning
 
 if TYPE_CHECKING:
     from ohmward.battery.identification import LogDetails

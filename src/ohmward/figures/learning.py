@@ -14,8 +14,7 @@ from ohmward.figures.battery import SOC_AXIS
 from ohmward.figures.parts import band_95
 from ohmward.filters.consistency import BAND_95
 from ohmward.report import Band, Figure, Series
-from ohmward.report.figure import Style
-from ohmward.report.palette import Meaning
+from ohmward.report.figure import Meaning, Style
 
 _SOC = np.linspace(0.0, 1.0, 201)
 #: Where the curve is steep its band is far wider: the change is drawn on the scale of the middle.

@@ -8,7 +8,7 @@ from ohmward.energy import BatteryState, Consumption, MissionForecast
 from ohmward.energy.consumption_figures import expected_J_per_m, usual_speed_m_s
 from ohmward.energy.drive_record import DriveRecord, RecordedBalance
 from ohmward.report import TIME, Band, Figure, Marker, Series
-from ohmward.report.palette import Meaning
+from ohmward.report.figure import Meaning
 
 #: Parts of the power that lie on each other in the picture, and their colours.
 _STACK: dict[str, tuple[tuple[str, ...], Meaning]] = {

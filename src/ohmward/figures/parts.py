@@ -12,7 +12,7 @@ from ohmward.filters.flags import SampleFlag
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log
 from ohmward.report import Band, Span, WallClock
-from ohmward.report.palette import Meaning
+from ohmward.report.figure import Meaning
 from ohmward.runs import runs
 
 #: More spans than this would be a grey wall; the longest are drawn.

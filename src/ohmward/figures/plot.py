@@ -11,7 +11,7 @@ from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
-from ohmward.figures import battery, slip, terrain
+from ohmward.figures import battery, slip
 from ohmward.report import TIME, Band, Figure, Map, Plot, Series
 from ohmward.traction.odometry.estimator import OdometryRun
 from ohmward.traction.speed_observer.estimator import SlipRun
@@ -47,7 +47,7 @@ def _(result: SlipRun) -> Plot:
 
 @plot.register
 def _(result: FloorRun) -> Plot:
-    return Plot("Slip on floors", terrain.run_figures(result))
+    return Plot("Slip on floors", slip.floor_plots(result))
 
 
 @plot.register

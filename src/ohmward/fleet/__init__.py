@@ -1,10 +1,9 @@
 """Many logs at once: in lanes, over processes or a cluster, resumable; see docs/fleet.md."""
 
 from ohmward.fleet.dask import on_dask
-from ohmward.fleet.job import Job
+from ohmward.fleet.job import Job, RobotJob
 from ohmward.fleet.lanes import estimate_logs
 from ohmward.fleet.overview import RobotRecord, robot_states
-from ohmward.fleet.robot_job import RobotJob
 from ohmward.fleet.robots import Robots, robots_of
 from ohmward.fleet.run import Finished, in_processes, run_fleet
 from ohmward.logs.log import ReadOptions

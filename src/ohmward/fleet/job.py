@@ -1,27 +1,37 @@
-"""Job of a fleet: an estimator for all of its logs, and a row of figures for each of them."""
+"""Jobs of a fleet: an estimator for all of its logs side by side, or for those of each robot one after the other.
+
+Of a robot, what the estimator knew at the end of a log, charge, capacity, resistance and the sensor's offset, is where
+it begins the next one; the pause between them makes it less sure of the charge.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.file import BATTERY_FILE
+from ohmward.battery.battery import Battery
+from ohmward.battery.file import BATTERY_FILE, save_battery
+from ohmward.battery.learning.on_board import learnt_on_board
 from ohmward.battery.log_check import check_log
+from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.fit_check import misfits
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
-from ohmward.battery.soc.sample import SocEstimate, SocFlag
+from ohmward.battery.soc.sample import STD_OF, Estimator, SocEstimate, SocFlag
 from ohmward.battery.soc.score import soc_figures
-from ohmward.errors import OhmwardError
+from ohmward.errors import InputError, OhmwardError
 from ohmward.fleet.lanes import estimate_logs
 from ohmward.fleet.reading import read_one_of
 from ohmward.logs import Log, write_table
 from ohmward.logs.log import ReadOptions
+from ohmward.logs.selection import split_selection
 
 
 @dataclass(frozen=True)
@@ -38,7 +48,7 @@ class Job:
     @property
     def digest(self) -> str:
         """Digest of the settings: another one for every job with other results."""
-        return hashlib.sha256(json.dumps(asdict(self)).encode()).hexdigest()[:16]
+        return _digest(self)
 
     def run(self, paths: Sequence[str]) -> list[dict[str, Any]]:
         """Rows of the logs, in the order of the paths; a log that cannot be used has its reason in `error`."""
@@ -53,18 +63,9 @@ class Job:
                 rows[path] = failed(path, str(error))
         estimates = estimate_logs(estimator, list(logs.values()), self.initial_soc, self.initial_soc_std)
         for (path, log), found in zip(logs.items(), estimates, strict=True):
-            self._write(path, log, found)
-            wrong = misfits(battery, log, estimator, found)
-            fit = {"fits": not wrong, "misfit": wrong[0].text if wrong else None}
-            rows[path] = {"path": path, "error": None, **fit, **summary(log, found)}
+            _write(self.estimates, Path(path).stem, log, found)
+            rows[path] = _row(path, log, battery, estimator, found)
         return [rows[path] for path in paths]
-
-    def _write(self, path: str, log: Log, found: SocEstimate) -> None:
-        """Write the estimates of one log, where they are wanted."""
-        if not self.estimates:
-            return
-        table = {"time_s": log.time_s, "soc": found.soc, "soc_std": found.soc_std, "flags": found.flags.astype(int)}
-        write_table(table, Path(self.estimates) / f"{Path(path).stem}.estimates.parquet")
 
 
 def failed(path: str, reason: str) -> dict[str, Any]:
@@ -72,9 +73,158 @@ def failed(path: str, reason: str) -> dict[str, Any]:
     return {"path": path, "error": reason}
 
 
-def summary(log: Log, found: SocEstimate) -> dict[str, Any]:
-    """Figures of one log; None for one that this estimator does not know."""
+def _row(text: str, log: Log, battery: Battery, estimator: Estimator, found: SocEstimate) -> dict[str, Any]:
+    """Row of a log: its figures, None for one that this estimator does not know, and whether the battery file fits."""
+    wrong = misfits(battery, log, estimator, found)
+    fit = {"error": None, "fits": not wrong, "misfit": wrong[0].text if wrong else None}
     incidents = found.flags.astype(int) & ~int(SocFlag.REST | SocFlag.ANCHORED)
-    head = {"samples": len(log), "duration_s": log.duration_s}
-    figures = head | soc_figures(log, found) | {"flagged_share": float(np.mean(incidents != 0))}
-    return {name: None if value != value else value for name, value in figures.items()}
+    figures = {"samples": len(log), "duration_s": log.duration_s, **soc_figures(log, found)}
+    figures |= {"flagged_share": float(np.mean(incidents != 0))}
+    return {"path": text, **fit, **{name: None if value != value else value for name, value in figures.items()}}
+
+
+def _write(folder: str | None, name: str, log: Log, found: SocEstimate) -> None:
+    """Write the estimates of one log, where they are wanted."""
+    if folder:
+        table = {"time_s": log.time_s, "soc": found.soc, "soc_std": found.soc_std, "flags": found.flags.astype(int)}
+        write_table(table, Path(folder) / f"{name}.estimates.parquet")
+
+
+def _digest(job: Any) -> str:
+    """Digest of the settings of a job; the logs of its robots are part of its items."""
+    settings = {name: value for name, value in asdict(job).items() if name != "robots"}
+    return hashlib.sha256(json.dumps(settings).encode()).hexdigest()[:16]
+
+
+#: Without a wall clock nothing tells the pause between two logs [s]: so long that no charge is counted over it.
+UNKNOWN_PAUSE_S = 3600.0
+#: Logs of one robot that overlap by more than this [s] are not of one battery.
+_OVERLAP_S = 1.0
+
+
+class _Dated(NamedTuple):
+    """A log of a robot and the time of its first sample, since the first of the robot [s]."""
+
+    text: str
+    log: Log
+    start_s: float
+
+
+@dataclass(frozen=True)
+class RobotJob:
+    """An estimator and its settings, the same for every robot; its items are robots."""
+
+    battery: str  #: text of the battery file from which every robot begins
+    robots: dict[str, list[str]]  #: robot -> its logs
+    filter: str = DEFAULT  #: name of the estimator
+    initial_soc: float | None = None  #: at the start of the first log of each; None takes it from the first voltage
+    initial_soc_std: float = 0.03  #: its standard deviation
+    reading: ReadOptions = field(default_factory=ReadOptions)  #: options of the reader
+    estimates: str | None = None  #: folder for the estimates of every log, one Parquet file each; None writes none
+    batteries: str | None = None  #: folder for the file of each robot's battery as it was learnt; None writes none
+
+    @property
+    def digest(self) -> str:
+        """Digest of the settings: another one for every job with other results; the logs are part of the items."""
+        return _digest(self)
+
+    @property
+    def items(self) -> list[str]:
+        """An item for each robot, another one where its logs have changed."""
+        return [f"{robot} {_fingerprint(logs)}" for robot, logs in sorted(self.robots.items())]
+
+    def run(self, paths: Sequence[str]) -> list[dict[str, Any]]:
+        """Rows of robots, in the order of the items; that of a robot none of whose logs can be used has an `error`."""
+        return [self._robot(item) for item in paths]
+
+    def _robot(self, item: str) -> dict[str, Any]:
+        robot = item.rpartition(" ")[0]
+        texts = self.robots[robot]
+        battery = BATTERY_FILE.parse(self.battery)
+        rows: dict[str, dict[str, Any]] = {}
+        logs = self._read(texts, battery, rows)
+        estimator = SocEstimator(make_estimator(self.filter, battery), self.initial_soc, self.initial_soc_std)
+        for text, log, start_s in logs:
+            # the clock of the robot, on which the estimator counts the pause since the log before
+            on_clock = replace(log, time_s=log.time_s - log.time_s[0] + start_s)
+            found = estimator.run(on_clock).estimates
+            _write(self.estimates, _file_name(Path(text).stem), log, found)
+            last_stds = {std: float(getattr(found, std)[-1]) for std in STD_OF.values()}
+            stds = {std: value if math.isfinite(value) else None for std, value in last_stds.items()}
+            warnings = [note.text for note in log.notes if note.level == "warning"]
+            rows[text] = {"robot": robot, "begins": _date(log), **_row(text, log, battery, estimator.settings, found)}
+            rows[text] |= stds | {"throughput_Ah": log.throughput_Ah(), "warnings": warnings}
+        ordered = [rows[text] for text in dict.fromkeys([*(one.text for one in logs), *texts])]
+        error = None if logs else f"none of its {len(texts)} logs could be used: {ordered[0]['error']}"
+        return {"path": item, "robot": robot, "error": error, "logs": ordered, **self._learn(robot, battery, estimator)}
+
+    def _read(self, texts: Sequence[str], battery: Battery, rows: dict[str, dict[str, Any]]) -> list[_Dated]:
+        """The logs that can be used, in order of time; `rows` gets the others, each with its reason."""
+        read: list[tuple[str, Log]] = []
+        for text in texts:
+            try:
+                log = check_log(read_one_of(text, self.reading, texts, battery), battery)
+                read.append((text, log))
+            except OhmwardError as error:
+                rows[text] = failed(text, str(error))
+        has_clock = [log.start_unix_s is not None for _, log in read]
+        if not any(has_clock):
+            return _one_after_the_other(read)
+        for text, log in read:
+            if log.start_unix_s is None:
+                rows[text] = failed(text, f"{log.name}: no wall clock, but other logs of this robot have one")
+        dated = sorted((first, text, log) for text, log in read if (first := _first_unix_s(log)) is not None)
+        usable: list[_Dated] = []
+        end_s, before = -math.inf, ""
+        for first_s, text, log in dated:
+            if first_s < end_s - _OVERLAP_S:
+                rows[text] = failed(text, f"{log.name}: overlaps in time with {before} of this robot: recorded twice?")
+                continue
+            usable.append(_Dated(text, log, first_s - dated[0][0]))
+            end_s, before = first_s + log.duration_s, log.name
+        return usable
+
+    def _learn(self, robot: str, battery: Battery, estimator: SocEstimator) -> dict[str, Any]:
+        """The file of the robot's battery as the estimator has learnt it; None for one that learns nothing."""
+        if self.batteries is None:
+            return {"battery": None}
+        path = Path(self.batteries) / f"{_file_name(robot)}.toml"
+        try:
+            save_battery(replace(learnt_on_board(battery, estimator), name=robot), path)
+        except InputError:
+            return {"battery": None}
+        return {"battery": str(path)}
+
+
+def _one_after_the_other(read: Sequence[tuple[str, Log]]) -> list[_Dated]:
+    """Logs without a wall clock as they are named, with a pause of unknown length between them."""
+    found, start_s = [], 0.0
+    for text, log in read:
+        found.append(_Dated(text, log, start_s))
+        start_s += log.duration_s + UNKNOWN_PAUSE_S
+    return found
+
+
+def _first_unix_s(log: Log) -> float | None:
+    return None if log.start_unix_s is None else log.start_unix_s + float(log.time_s[0])
+
+
+def _date(log: Log) -> str | None:
+    """The time of the first sample in ISO 8601, UTC."""
+    first_s = _first_unix_s(log)
+    return None if first_s is None else datetime.fromtimestamp(first_s, UTC).isoformat(timespec="seconds")
+
+
+def _fingerprint(texts: Sequence[str]) -> str:
+    """Digest of logs, another one where a file has changed."""
+    stats = []
+    for text in texts:
+        path = split_selection(text)[0]
+        stat = path.stat() if path.exists() else None
+        stats.append((text, stat and stat.st_size, stat and stat.st_mtime_ns))
+    return hashlib.sha256(json.dumps(stats).encode()).hexdigest()[:12]
+
+
+def _file_name(robot: str) -> str:
+    """The name of a robot as that of a file."""
+    return "".join(c if c.isalnum() or c in "._-" else "_" for c in robot)

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import BATTERY_FILE, load_battery, replace_battery
 from ohmward.battery.learning.learn import learn
-from ohmward.errors import InputError, OhmwardError
+from ohmward.errors import InputError
 from ohmward.fleet.reading import read_one_of
+from ohmward.fleet.run import read_rows, write_rows
 from ohmward.logs.battery_columns import serial_numbers
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.selection import selected_name, split_selection
@@ -214,40 +215,21 @@ class Journal:
 
     def __init__(self, path: Path | None, job: str):
         self.path = path
-        lines = path.read_text(encoding="utf-8").splitlines() if path and path.exists() else []
-        rows = [row for row in map(_parsed, lines) if row is not None]
+        rows = read_rows(path) if path else []
         self.rows: list[Row] = rows[1:] if rows and rows[0].get("job") == job else []
         if path is not None and not self.rows:
-            self._write([{"job": job}], "w")
+            write_rows(path, [{"job": job}], "w")
 
     def add(self, row: Row) -> None:
         """Append a row; it is on the disk before the next log is read."""
         self.rows.append(row)
         if self.path is not None:
-            self._write([row], "a")
+            write_rows(self.path, [row])
 
     def finish(self) -> None:
         """Remove the file."""
         if self.path is not None:
             self.path.unlink(missing_ok=True)
-
-    def _write(self, rows: Sequence[Row], mode: str) -> None:
-        assert self.path is not None
-        try:
-            with self.path.open(mode, encoding="utf-8") as stream:
-                stream.write("".join(f"{json.dumps(row)}\n" for row in rows))
-        except OSError as error:
-            raise OhmwardError(
-                f"{self.path}: cannot be written ({error.strerror}); free space, then start again"
-            ) from error
-
-
-def _parsed(line: str) -> Row | None:
-    """Object in a line; None for one that was cut off when the run was interrupted."""
-    try:
-        return json.loads(line)
-    except json.JSONDecodeError:
-        return None
 
 
 def journal_path(output: str | None) -> Path | None:

@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import TypeVar
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.log_check import sign_by_model
@@ -18,6 +19,7 @@ from ohmward.logs.table import Note, Progress, TableFile, counted
 
 #: So many other logs are looked at.
 _MOST_OTHERS = 9
+T = TypeVar("T")
 
 
 def read_one_of(
@@ -58,11 +60,25 @@ def _sign_of_others(text: str, others: tuple[str, ...], reading: ReadOptions) ->
     """The sign that all other logs of equal columns tell, as far as they tell one, and who tells it."""
     names = _columns(text, reading)
     alike = [other for other in others if other != text and _columns(other, reading) == names]
-    chosen = alike[:: max(len(alike) // _MOST_OTHERS, 1)][:_MOST_OTHERS]
-    verdicts = [sign for other in chosen if (sign := _own_sign(other, reading))]
-    if len(set(verdicts)) != 1:
-        return None, ""
-    return verdicts[0], f"{counted(len(verdicts), 'other log')} with the same columns"
+    verdicts = [_own_sign(other, reading) for other in some_of(alike)]
+    return unanimous(verdicts), f"{counted(len(verdicts) - verdicts.count(None), 'other log')} with the same columns"
+
+
+def some_of(others: Sequence[T]) -> Sequence[T]:
+    """Those of the others that are looked at, spread over all of them."""
+    return others[:: max(len(others) // _MOST_OTHERS, 1)][:_MOST_OTHERS]
+
+
+def unanimous(verdicts: Sequence[CurrentSign | None]) -> CurrentSign | None:
+    """The sign that all who tell one tell; None where none does, or they contradict each other."""
+    signs = set(verdicts) - {None}
+    return signs.pop() if len(signs) == 1 else None
+
+
+def sign_in_data(log: Log) -> CurrentSign | None:
+    """The sign that the data of a log tell; None where they do not."""
+    verdict = sign_evidence(log.time_s, log.current_A, log.voltage_V).verdict
+    return "charge" if verdict == "charge" else "discharge" if verdict == "discharge" else None
 
 
 @lru_cache(maxsize=1024)
@@ -78,8 +94,6 @@ def _columns(text: str, reading: ReadOptions) -> tuple[str, ...] | None:
 def _own_sign(text: str, reading: ReadOptions) -> CurrentSign | None:
     """The sign that the data of a log tell; None where they do not, or it cannot be read."""
     try:
-        log = replace(reading, current_sign="charge").read(text, ())
+        return sign_in_data(replace(reading, current_sign="charge").read(text, ()))
     except OhmwardError:
         return None
-    verdict = sign_evidence(log.time_s, log.current_A, log.voltage_V).verdict
-    return "charge" if verdict == "charge" else "discharge" if verdict == "discharge" else None

@@ -15,7 +15,7 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -149,7 +149,7 @@ def run_fleet(
     left = [path for path in wanted if path not in done]
     resumed = len(wanted) - len(left)
     for rows in work(job, [left[i : i + batch] for i in range(0, len(left), batch)]):
-        _append(folder / PROGRESS, rows)
+        write_rows(folder / PROGRESS, rows)
         done |= {row["path"]: row for row in rows}
         if progress:
             progress(len(done.keys() & set(wanted)), len(wanted))
@@ -165,13 +165,13 @@ def _begin(folder: Path, job: FleetJob) -> dict[str, dict[str, Any]]:
         folder.mkdir(parents=True, exist_ok=True)
         if job.estimates:
             Path(job.estimates).mkdir(parents=True, exist_ok=True)
-        lines = progress.read_text(encoding="utf-8").splitlines() if progress.exists() else []
+        lines = read_rows(progress)
     except OSError as error:
         raise OhmwardError(f"{folder}: cannot be used ({error.strerror}); choose another folder") from error
     if not lines:
-        _append(progress, [{"job": job.digest}])
+        write_rows(progress, [{"job": job.digest}])
         return {}
-    head, *rows = [row for row in map(_parsed, lines) if row is not None] or [{"job": job.digest}]
+    head, *rows = lines
     if head.get("job") != job.digest:
         raise InputError(
             f"{folder} holds results of another battery file, filter or settings; choose another folder or remove "
@@ -180,17 +180,19 @@ def _begin(folder: Path, job: FleetJob) -> dict[str, dict[str, Any]]:
     return {row["path"]: row for row in rows if not row["error"]}
 
 
-def _parsed(line: str) -> dict[str, Any] | None:
-    """Object in a line; None for one that was cut off when the run was interrupted."""
-    try:
-        return json.loads(line)
-    except json.JSONDecodeError:
-        return None
+def read_rows(path: Path) -> list[dict[str, Any]]:
+    """The objects of a file, one a line, without one that was cut off by an interruption; [] where there is none."""
+    rows = []
+    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
+        with suppress(json.JSONDecodeError):
+            rows.append(json.loads(line))
+    return rows
 
 
-def _append(path: Path, rows: list[dict[str, Any]]) -> None:
+def write_rows(path: Path, rows: Sequence[dict[str, Any]], mode: str = "a") -> None:
+    """Write objects, one a line; mode: `a` appends them, `w` begins the file."""
     try:
-        with path.open("a", encoding="utf-8") as stream:
+        with path.open(mode, encoding="utf-8") as stream:
             stream.write("".join(f"{json.dumps(row)}\n" for row in rows))
     except OSError as error:
         raise OhmwardError(f"{path}: cannot be written ({error.strerror}); free space, then start again") from error

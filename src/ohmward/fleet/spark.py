@@ -8,9 +8,14 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from ohmward.battery.file import BATTERY_FILE
+from ohmward.battery.log_check import sign_by_model
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.errors import InputError, OhmwardError
+from ohmward.fleet.reading import sign_in_data, some_of, unanimous
+from ohmward.logs.log import Log
+from ohmward.logs.sign import CurrentSign, UnknownSignError
+from ohmward.logs.table import counted
 from ohmward.optional import require
 
 if TYPE_CHECKING:
@@ -29,6 +34,7 @@ def soc_stream(
     filter: str = DEFAULT,
     initial_soc: float | None = None,
     initial_soc_std: float = 0.03,
+    current_sign: CurrentSign = "charge",
 ) -> DataFrame:
     """Estimates for a streaming DataFrame, a row of `SCHEMA` for each of its rows.
 
@@ -37,19 +43,70 @@ def soc_stream(
 
     samples: columns robot and `MEASURED`; null is no measurement.
     battery: text of the battery file of all robots.
+    current_sign: effect of a positive current, "charge" or "discharge"; `sign_of_fleet` tells it.
 
     Raises:
-        InputError: a column is missing, or the battery file cannot be read or lacks the model that the filter needs.
+        InputError: a column is missing, the sign is neither, or the battery file cannot be read or lacks the model
+            that the filter needs.
         OhmwardError: pyspark is older than 4.0 or not installed.
     """
     functions = _functions(samples)
-    if missing := [name for name in ("robot", *MEASURED) if name not in samples.columns]:
-        raise InputError(f"samples must have the column {missing[0]!r}, got {', '.join(samples.columns)}; add it")
+    if current_sign not in ("charge", "discharge"):
+        raise InputError(f"current_sign must be 'charge' or 'discharge', not {current_sign!r}; see sign_of_fleet")
     robot: Any = SocOfRobot(battery, filter, initial_soc, initial_soc_std)
     robot.estimator()  # refused now, not on the executors
-    columns = [functions.col("robot").cast("string"), *(functions.col(name).cast("double") for name in MEASURED)]
-    by_robot = samples.select(*columns).groupBy("robot")
+    by_robot = _measured(samples, functions, 1.0 if current_sign == "charge" else -1.0).groupBy("robot")
     return by_robot.transformWithStateInPandas(robot, SCHEMA, "Append", "None")
+
+
+def sign_of_fleet(history: DataFrame, battery: str) -> CurrentSign:
+    """Effect of a positive current in the samples of a fleet, as `ohmward fleet` tells it of logs with equal columns.
+
+    All robots whose own samples tell a sign must tell the same one; where none does, the voltages must tell by the
+    battery file.
+
+    history: a static DataFrame with the columns of `soc_stream`; hours of a few robots are enough.
+    battery: text of the battery file of all robots.
+
+    Raises:
+        InputError: a column is missing.
+        UnknownSignError: neither the samples nor the battery file tell.
+        OhmwardError: pyspark is older than 4.0 or not installed.
+    """
+    samples = _measured(history, _functions(history), 1.0)
+    robots = some_of(sorted(row.robot for row in samples.select("robot").distinct().collect()))
+    chosen = samples.where(samples.robot.isin(*robots)).groupBy("robot")
+    votes = chosen.applyInPandas(lambda frame: _votes(battery, frame), "own string, by_model string").collect()
+    own = [vote.own for vote in votes]
+    sign = unanimous(own if any(own) else [vote.by_model for vote in votes])
+    if sign is None:
+        raise UnknownSignError(
+            f"the samples of {counted(len(votes), 'robot')} do not tell whether a positive current charges or "
+            "discharges the battery; say it with current_sign='charge' or current_sign='discharge'",
+            "charge",
+        )
+    return sign
+
+
+def _votes(battery: str, frame: PandasFrame) -> PandasFrame:
+    """The sign that the samples of one robot tell, and the one by the battery file, null for none."""
+    pandas = require("pandas", "the stream")
+
+    frame = frame.dropna(subset=["time_s"]).drop_duplicates("time_s").sort_values("time_s")
+    own = by_model = None
+    if len(frame):
+        log = Log("samples", *(frame[name].to_numpy(float) for name in MEASURED[:3]))
+        own, by_model = sign_in_data(log), sign_by_model(log, BATTERY_FILE.parse(battery))
+    return pandas.DataFrame({"own": [own], "by_model": [by_model]})
+
+
+def _measured(samples: DataFrame, functions: Any, sign: float) -> DataFrame:
+    """The columns that are needed, the current times `sign`; InputError where one is missing."""
+    if missing := [name for name in ("robot", *MEASURED) if name not in samples.columns]:
+        raise InputError(f"samples must have the column {missing[0]!r}, got {', '.join(samples.columns)}; add it")
+    columns = {name: functions.col(name).cast("double") for name in MEASURED}
+    columns["current_A"] = (sign * columns["current_A"]).alias("current_A")
+    return samples.select(functions.col("robot").cast("string"), *columns.values())
 
 
 class SocOfRobot:

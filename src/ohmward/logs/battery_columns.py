@@ -48,7 +48,11 @@ def find_cells(
     for row in sorted(numbered_rows(columns), key=lambda row: not is_named(row)):
         if len(row) != n_series:
             if is_named(row):
-                notes.append(_other_count(row, n_series))
+                text = (
+                    f"{len(row)} cell voltages, {row[0]!r} to {row[-1]!r}, but the battery file has n_series = "
+                    f"{n_series}: they are not used"
+                )
+                notes.append(Note(text, "warning"))
             continue
         table = np.stack([columns[name] for name in row], axis=1)
         for factor in _factors(row, table):
@@ -56,7 +60,12 @@ def find_cells(
                 note = Note(f"cell voltages from {row[0]!r} to {row[-1]!r}; their sum is the pack's voltage")
                 return CellVoltages(row, factor * table, note), (note,)
         if is_named(row):
-            notes.append(_other_sum(row, _factors(row, table)[0] * table, pack_V))
+            text = (
+                f"the sum of {row[0]!r} to {row[-1]!r} is usually "
+                f"{np.nanmedian((_factors(row, table)[0] * table).sum(axis=1)):.4g} V, the voltage of the pack "
+                f"{np.nanmedian(pack_V):.4g} V: they are not used as cell voltages"
+            )
+            notes.append(Note(text, "warning"))
     return None, tuple(notes)
 
 
@@ -72,7 +81,11 @@ def numbered_rows(names: Collection[str]) -> list[tuple[str, ...]]:
         for number in re.finditer(r"\d+", name):
             key = f"{name[: number.start()]}#{name[number.end() :]}"
             rows.setdefault(key, {})[int(number[0])] = name
-    found = [tuple(row[k] for k in sorted(row)) for row in rows.values() if len(row) > 1 and _counts(row)]
+    found = [
+        tuple(row[k] for k in sorted(row))
+        for row in rows.values()
+        if len(row) > 1 and min(row) in (0, 1) and max(row) - min(row) + 1 == len(row)
+    ]
     return sorted(found, key=len, reverse=True)
 
 
@@ -81,18 +94,16 @@ def is_named(row: Sequence[str]) -> bool:
     return any(word.endswith(("cell", "cells")) for word in letters(row[0]))
 
 
-def _are_cells(row: Sequence[str]) -> bool:
-    """True for `V1`, `V2`, `V3` and more, and `U1 (V)`: voltages that have nothing but a number."""
-    return len(row) > 2 and all(set(letters(next(split_unit(name))[0])) <= {"v", "u"} for name in row)
-
-
 def with_pack_voltage(file: TableFile, columns: Mapping[str, str] | None = None) -> TableFile:
     """The file with the sum of its cell voltages as a column, where it has cells and no voltage of the pack.
 
     columns: those that the caller named.
     """
-    rows = [row for row in numbered_rows(file.names) if is_named(row)]
-    rows = rows or [row for row in numbered_rows(file.names) if _are_cells(row)]
+    all_rows = numbered_rows(file.names)
+    rows = [row for row in all_rows if is_named(row)]
+    # V1, V2, V3 and more, or U1 (V): voltages that have nothing but a number
+    bare = [[set(letters(next(split_unit(name))[0])) <= {"v", "u"} for name in row] for row in all_rows]
+    rows = rows or [row for row, is_bare in zip(all_rows, bare, strict=True) if len(row) > 2 and all(is_bare)]
     if not rows or "voltage" in (columns or {}) or _has(file, VOLTAGE, columns, cell_names(file.names)):
         return file
     row = rows[0]
@@ -114,12 +125,6 @@ def _may_be_voltage(name: str) -> bool:
     return not _OTHER_THAN_VOLTAGE & set(letters(stem))
 
 
-def _counts(row: Mapping[int, str]) -> bool:
-    """True where the numbers run from 0 or 1 without a gap."""
-    numbers_ = sorted(row)
-    return numbers_[0] in (0, 1) and numbers_[-1] - numbers_[0] + 1 == len(numbers_)
-
-
 def _factors(row: Sequence[str], table: np.ndarray) -> tuple[float, ...]:
     """Factor to volts: that of the unit in the names; without one, what the numbers can be."""
     unit: Unit | None = unit_in_name(row[0], ("voltage",))
@@ -133,23 +138,6 @@ def _agrees(cells_V: np.ndarray, pack_V: np.ndarray) -> bool:
     error = np.abs(cells_V.sum(axis=1) - pack_V) / np.abs(pack_V)
     error = error[np.isfinite(error)]
     return bool(error.size) and bool(np.median(error) <= SUM_TOLERANCE)
-
-
-def _other_count(row: Sequence[str], n_series: int) -> Note:
-    return Note(
-        f"{len(row)} cell voltages, {row[0]!r} to {row[-1]!r}, but the battery file has n_series = {n_series}: they "
-        "are not used",
-        "warning",
-    )
-
-
-def _other_sum(row: Sequence[str], cells_V: np.ndarray, pack_V: np.ndarray) -> Note:
-    sums = cells_V.sum(axis=1)
-    text = (
-        f"the sum of {row[0]!r} to {row[-1]!r} is usually {np.nanmedian(sums):.4g} V, the voltage of the pack "
-        f"{np.nanmedian(pack_V):.4g} V: they are not used as cell voltages"
-    )
-    return Note(text, "warning")
 
 
 _CHARGE = word_set("charge charging charger chg chrg lade ladestrom")

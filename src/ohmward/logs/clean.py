@@ -117,7 +117,8 @@ def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
     measured = has_current | has_voltage
     if (has_current & has_voltage).sum() < _TOGETHER_FRACTION * min(has_current.sum(), has_voltage.sum()):
         table = _interpolate(table, time, current, has_voltage & ~has_current)
-        if _in_turn(has_voltage[measured]):
+        turns = np.diff(has_voltage[measured].astype(int)) != 0
+        if turns.size >= _TURNS and turns.mean() >= _IN_TURN:
             alone = has_current & ~has_voltage
             table = table.with_notes(
                 Note(f"{counted(alone.sum(), 'row')} of a current alone: joined with the voltages")
@@ -131,12 +132,6 @@ def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
     if nothing := (~has_current & ~has_voltage).sum():
         table = table.with_notes(Note(f"{counted(nothing, 'row')} with neither current nor voltage: dropped"))
     return table.pick(measured)
-
-
-def _in_turn(of_voltage: np.ndarray) -> bool:
-    """True where rows of a voltage and rows of a current follow each other; of_voltage: (T,) the condition of each."""
-    turns = np.diff(of_voltage.astype(int)) != 0
-    return turns.size >= _TURNS and bool(turns.mean() >= _IN_TURN)
 
 
 def _interpolate(table: Table, time: str, name: str, rows: np.ndarray) -> Table:

@@ -242,20 +242,19 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
             # a letter without a unit may be another quantity: v is a speed beside `voltage`
             bare_letter = unit is None and len("".join(naming)) == 1
             auxiliary = channel in BATTERY and _AUXILIARY.search(stem) is not None
-            return rank + _BARE_LETTER * bare_letter + _wall_clock(channel, stem) + _OF_AUXILIARY * auxiliary
+            # a wall clock may be set while the log runs
+            wall_clock = channel is TIME and any(word in stem.lower() for word in _WALL_CLOCK)
+            return rank + _BARE_LETTER * bare_letter + _WALL_CLOCK_TIME * wall_clock + _OF_AUXILIARY * auxiliary
     # `motor_current` is a current, `current_speed` is not
     last = channel in BATTERY and channel is not TIME and words[-1:] == [channel.name]
     return _LAST_WORD if last and not _OTHER_WORDS & set(words) else _NEVER
 
 
-def _wall_clock(channel: Channel, stem: str) -> int:
-    """A time since the start is better than the wall clock, which may be set while the log runs."""
-    return _WALL_CLOCK_TIME * (channel is TIME and any(word in stem.lower() for word in _WALL_CLOCK))
-
-
 def _nearest(names: Sequence[str], channel: Channel) -> str | None:
     """The column whose name is most like that of a channel, by its first letters or misspelled; None for none."""
-    likely = [name for name in names if not _OTHER_WORDS & set(channel.split(name)) and _may_have_unit(name, channel)]
+    units = {name: next(split_unit(name))[1] for name in names}
+    likely = [name for name in names if not _OTHER_WORDS & set(channel.split(name))]
+    likely = [name for name in likely if (unit := units[name]) is None or unit.dimension in channel.dimensions]
     by_letters = next((name for name in likely if channel.name[:3] in name.lower()), None)
     beside = channel.beside[-1]
     known = [
@@ -263,12 +262,6 @@ def _nearest(names: Sequence[str], channel: Channel) -> str | None:
     ]
     misspelled = (n for n in likely if any(difflib.get_close_matches(w, known, 1, _ALIKE) for w in channel.split(n)))
     return by_letters or next(misspelled, None)
-
-
-def _may_have_unit(name: str, channel: Channel) -> bool:
-    """False for a name with a unit of other quantities only."""
-    _, unit = next(split_unit(name))
-    return unit is None or unit.dimension in channel.dimensions
 
 
 def _counts_up(cells: Sequence[str]) -> bool:

@@ -87,7 +87,7 @@ def _blocks(
     path: Path, layout: CsvLayout, notes: list[Note], progress: Progress | None
 ) -> Iterator[tuple[list[list[str]], np.ndarray]]:
     """Rows of equal length and their line numbers; says in `notes` what was left out."""
-    width = len(layout.names)
+    width, last_name = len(layout.names), layout.names[-1].partition(" [")[0]
     size = path.stat().st_size
     stray: list[int] = []
     with open_text(path, layout.encoding) as stream:
@@ -96,7 +96,8 @@ def _blocks(
         while rows := list(islice(reader, _BLOCK_ROWS)):
             last_line = layout.skip_lines + reader.line_num
             line = row_numbers(last_line - len(rows) + 1, len(rows))
-            if set(map(len, rows)) != {width} or "\0" in rows[-1][-1] or _has_header_again(rows, layout.names):
+            last_cells = [row[-1] for row in rows if len(row) == width]
+            if len(last_cells) < len(rows) or "\0" in last_cells[-1] or (last_name and last_name in last_cells):
                 at_end = len(rows) < _BLOCK_ROWS
                 rows, line = _repair(path, layout, rows, line, at_end, notes)
             if rows:
@@ -106,12 +107,6 @@ def _blocks(
     if stray:
         text = f"a quote that nothing closes in {counted(len(stray), 'line')} (first in line {stray[0]}): left out"
         notes.append(Note(text, "warning"))
-
-
-def _has_header_again(rows: Sequence[Sequence[str]], names: Sequence[str]) -> bool:
-    """True where the last cell of some row is the name of its column; rows are of equal length."""
-    name = names[-1].partition(" [")[0]
-    return bool(name) and name in map(itemgetter(-1), rows)
 
 
 def _repair(
@@ -125,9 +120,12 @@ def _repair(
     if headers:
         notes.append(Note(f"the header stands again in {counted(len(headers), 'line')}: left out", "warning"))
     filled = [i for i in filled if i not in headers]
-    rows = [_trimmed(rows[i], width) for i in filled]
-    line = line[filled]
-    while at_end and len(rows) > 1 and len(rows[-1]) != width and _is_text(rows[-1]):
+    rows, line = [rows[i] for i in filled], line[filled]
+    for k, row in enumerate(rows):
+        while len(row) > width and not row[-1].strip():
+            rows[k] = row = row[:-1]
+    # a remark below the rows; a row of numbers that was cut off is none
+    while at_end and len(rows) > 1 and len(rows[-1]) != width and not (is_data(rows[-1]) or is_value(rows[-1][0])):
         excerpt = layout.delimiter.join(rows[-1])[:40]
         notes.append(Note(f"line {line[-1]} below the rows left out: {excerpt!r}"))
         rows, line = rows[:-1], line[:-1]
@@ -141,17 +139,6 @@ def _repair(
                 "repair or delete the line (a text with the delimiter in it needs quotes)"
             )
     return rows, line
-
-
-def _is_text(row: Sequence[str]) -> bool:
-    """True for a remark below the rows; a row of numbers that was cut off is none."""
-    return not is_data(row) and not is_value(row[0])
-
-
-def _trimmed(row: list[str], width: int) -> list[str]:
-    while len(row) > width and not row[-1].strip():
-        row = row[:-1]
-    return row
 
 
 def _parse(cells: Sequence[str], marks: Marks, unit: Unit | None = None) -> np.ndarray:

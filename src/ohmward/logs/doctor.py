@@ -193,9 +193,10 @@ def _sign(log: Log) -> Sign:
 
 
 def _activity(log: Log, resting: np.ndarray) -> Activity:
+    between_rests = [(first, stop) for first, stop in runs(~resting) if first > 0 and stop < resting.size]
     return Activity(
         rests=len(runs(resting)),
-        pulses=_pulses(log.time_s, resting),
+        pulses=sum(bool(log.time_s[stop] - log.time_s[first - 1] <= _PULSE_MOST_S) for first, stop in between_rests),
         rest_current_A=float(np.nanmedian(log.current_A[resting])) if resting.any() else None,
         charge_in_Ah=_charge_Ah(log, 1.0),
         charge_out_Ah=_charge_Ah(log, -1.0),
@@ -210,12 +211,6 @@ def _resting(log: Log) -> np.ndarray:
         if log.time_s[stop - 1] - log.time_s[first] < _REST_LEAST_S:
             resting[first:stop] = False
     return resting
-
-
-def _pulses(time_s: np.ndarray, resting: np.ndarray) -> int:
-    """Number of flows of current of two minutes at most between two rests."""
-    inside = [(first, stop) for first, stop in runs(~resting) if first > 0 and stop < resting.size]
-    return sum(bool(time_s[stop] - time_s[first - 1] <= _PULSE_MOST_S) for first, stop in inside)
 
 
 def _charge_Ah(log: Log, sign: float) -> float:

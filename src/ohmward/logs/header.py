@@ -83,18 +83,22 @@ def find_header(rows: Sequence[Row], block: ValueBlock) -> Header:
     Above it may stand rows of units and text that is no header; a row of values that a note interrupts goes on.
     """
     above = [at for at in range(block.first) if _may_be_header(rows[at], block.width)]
-    last = next((at for at in reversed(above) if not _is_unit_row(rows[at]) or not _names_above(above, rows, at)), None)
+    of_units = [at for at in above if _is_unit_row(rows[at])]
+    has_names_above = [at for at in of_units if at - 1 in above and at - 1 not in of_units]
+    last = next((at for at in reversed(above) if at not in has_names_above), None)
     if last is None:
         return Header((), None, block.first)
     names = [name.strip() for name in rows[last]]
     first_same = next(at for at in above if [name.strip() for name in rows[at]] == names)
-    units = rows[last + 1] if last + 1 in above and _is_unit_row(rows[last + 1]) else None
+    units = rows[last + 1] if last + 1 in of_units else None
     layered = rows[first_same - 1] if first_same - 1 in above else None
     names, timezone = _with_devices(names, layered)
     if units is not None:
         names = [_with_unit(name, unit) for name, unit in zip(names, [*units, *[""] * len(names)], strict=False)]
     first = next((at for at in range(first_same + 1, len(rows)) if is_data(rows[at])), first_same + 1)
-    return Header(tuple(names[: _width(names, block.width)]), first_same, first, timezone)
+    # a header may name a remark that the rows do not have
+    remark = len(names) == block.width + 1 and (not names[-1] or names[-1].lower() == "comment")
+    return Header(tuple(names[: block.width] if remark else names), first_same, first, timezone)
 
 
 def _block(rows: Sequence[Row], run: Sequence[int]) -> ValueBlock:
@@ -115,11 +119,6 @@ def _is_unit_row(row: Row) -> bool:
     filled = [_bare_unit(cell) for cell in row if cell.strip()]
     known = [cell for cell in filled if unit_of(cell)]
     return bool(known) and all(len(cell) <= _LONGEST_UNIT for cell in filled)
-
-
-def _names_above(above: Sequence[int], rows: Sequence[Row], at: int) -> bool:
-    """True where the row above a row of units may hold the names."""
-    return at - 1 in above and not _is_unit_row(rows[at - 1])
 
 
 def _bare_unit(cell: str) -> str:
@@ -143,8 +142,3 @@ def _with_devices(names: list[str], devices: Row | None) -> tuple[list[str], str
         for device, name in zip(devices, names, strict=False)
     ]
     return ["timestamp", *whole[1:]], zone["zone"]
-
-
-def _width(names: Sequence[str], width: int) -> int:
-    """The number of columns: a header may name a remark that the rows do not have."""
-    return width if len(names) == width + 1 and (not names[-1] or names[-1].lower() == "comment") else len(names)

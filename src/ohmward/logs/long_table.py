@@ -76,8 +76,12 @@ def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
         of_name = names == name
         column = np.full(time_s.size, np.nan)
         column[row[of_name]] = values[known][of_name]
-        if np.isfinite(column).any():
-            wide[name] = _held(column) if columns.holds else column
+        known_rows = np.isfinite(column)
+        if columns.holds and known_rows.any():
+            last = np.maximum.accumulate(np.where(known_rows, np.arange(column.size), -1))
+            column = np.where(last >= 0, column[np.maximum(last, 0)], np.nan)
+        if known_rows.any():
+            wide[name] = column
     held = ", each of which holds until the next" if columns.holds else ""
     note = Note(f"a row for each value: columns made of the names in {columns.name!r}{held}")
     return Table(table.source, wide, row_numbers(1, time_s.size), "time", (*table.notes, note))
@@ -91,9 +95,3 @@ def _number(cell: object) -> float:
         return float(text)
     except ValueError:
         return np.nan
-
-
-def _held(values: np.ndarray) -> np.ndarray:
-    """(T,) the last value that was known."""
-    last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(values.size), -1))
-    return np.where(last >= 0, values[np.maximum(last, 0)], np.nan)

@@ -61,7 +61,11 @@ def read_ocv_table(source: Any) -> OcvTable:
     notes = [Note(f"{file.source}: {columns_read}")]
     if dropped := int((~whole).sum()):
         notes.append(Note(f"{file.source}: {counted(dropped, 'row')} with an empty cell left out", "warning"))
-    soc, slope = _as_share(used["soc"], columns["soc"]), used.get("ocv_slope")
+    soc, slope = used["soc"], used.get("ocv_slope")
+    if columns["soc"].unit is None and np.max(soc) > _PERCENT_ABOVE:
+        soc = soc / 100
+    if slope is not None and columns["ocv_slope"].unit is None and np.max(np.abs(slope)) > _MOST_V_PER_K:
+        slope = slope / 1000
     return OcvTable(
         file.source,
         soc,
@@ -69,7 +73,7 @@ def read_ocv_table(source: Any) -> OcvTable:
         used.get("ocv_charge"),
         used.get("ocv_discharge"),
         used.get("hysteresis"),
-        None if slope is None else _as_volts(slope, columns["ocv_slope"]),
+        slope,
         None if reference is None or not np.isfinite(reference).any() else float(np.nanmedian(reference)),
         tuple(notes),
     )
@@ -94,13 +98,3 @@ def _require_columns(source: str, names: tuple[str, ...], columns: dict[str, Col
             f"{source}: no column for the open-circuit voltage found; it has: {listed(names)}; call it 'ocv_V', or its "
             "branches 'ocv_charge_V' and 'ocv_discharge_V'"
         )
-
-
-def _as_share(soc: np.ndarray, column: Column) -> np.ndarray:
-    """SoC in shares of 1; percent without a unit is told by its size."""
-    return soc / 100 if column.unit is None and np.max(soc) > _PERCENT_ABOVE else soc
-
-
-def _as_volts(slope: np.ndarray, column: Column) -> np.ndarray:
-    """Change with temperature in V/K; millivolts without a unit are told by their size."""
-    return slope / 1000 if column.unit is None and np.max(np.abs(slope)) > _MOST_V_PER_K else slope

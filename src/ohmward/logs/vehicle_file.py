@@ -39,7 +39,8 @@ def open_ulog(path: Path, hints: FileHints) -> TableFile:
     with parsing(path, "no readable ULog file", "download it from the vehicle again"):
         log = pyulog.ULog(str(path), disable_str_exceptions=True)
     streams = {}
-    for data in log.data_list:
+    timed = [data for data in log.data_list if "timestamp" in data.data]
+    for data in timed:
         name = f"{data.name}[{data.multi_id}]" if data.multi_id else data.name
         columns = _named(_PX4, name, data.name, {key: v for key, v in data.data.items() if key != "timestamp"})
         absent = [cell for cell in columns if cell.startswith("cell_voltage") and not np.any(columns[cell])]
@@ -47,7 +48,7 @@ def open_ulog(path: Path, hints: FileHints) -> TableFile:
         streams[name] = Stream(data.name, 1e-6 * np.asarray(data.data["timestamp"], float), measured)
     damaged = (Note("the file is damaged: what could not be read was left out", "warning"),)
     sign = "discharge" if any(stream.type == "battery_status" for stream in streams.values()) else None
-    notes = damaged if log.file_corruption else ()
+    notes = damaged if log.file_corruption or len(timed) < len(log.data_list) else ()
     return Streams(path.name, streams, "topics of PX4", _PX4, sign, notes, hints).open()
 
 

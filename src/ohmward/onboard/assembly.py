@@ -1,11 +1,11 @@
-"""The process of a setup, put together: files read, estimators made, state of before taken up."""
+"""The process of a setup, put together: files read, estimators made, state of before taken up, nodes of ROS shared."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from ohmward.battery.file import load_battery
 from ohmward.energy.consumption_file import load_consumption
@@ -13,18 +13,69 @@ from ohmward.errors import InputError
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.message_parts import no_such_part
-from ohmward.onboard.part import LOG, is_live
+from ohmward.onboard.part import LOG, Sink, Source, is_live
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
-from ohmward.onboard.ros.one_node import on_one_node
-from ohmward.onboard.signal_faults import NOT_COUNTED, doubled
+from ohmward.onboard.ros.transport import SharedNode
+from ohmward.onboard.sensor_watch import NOT_COUNTED, doubled
 from ohmward.onboard.sinks import AnySink
 from ohmward.onboard.sinks.page import PageSink
+from ohmward.onboard.sinks.ros2 import Ros2Sink
 from ohmward.onboard.sinks.store import StoreSink
 from ohmward.onboard.sources.replay import replays_in_step
+from ohmward.onboard.sources.ros2 import Ros2Source
 from ohmward.onboard.state_folder import StateFolder
 from ohmward.traction.robot.robot import Robot, load_robot
+
+
+@dataclass(frozen=True)
+class OnNode:
+    """A source or a sink on a node that others use too."""
+
+    takes_all: ClassVar[bool] = True
+    signals: ClassVar[tuple[str, ...]] = ()
+    part: Ros2Source | Ros2Sink
+    node: SharedNode
+
+    @property
+    def name(self) -> str:
+        """In diagnostics and logs."""
+        return self.part.name
+
+    @property
+    def live(self) -> bool:
+        """As of the source."""
+        return getattr(self.part, "live", True)
+
+    @property
+    def interval_s(self) -> float:
+        """As of the sink."""
+        return getattr(self.part, "interval_s", 0.0)
+
+    async def run(self, other: Any) -> None:
+        """Run the source or the sink, with what it takes."""
+        async with self.node.opened() as transport:
+            await self.part.run_on(transport, other)
+
+
+def on_one_node(
+    sources: Sequence[Source], sinks: Sequence[Sink], node: Any = None
+) -> tuple[Sequence[Source], Sequence[Sink]]:
+    """The sources and sinks of a process; those with the same node, namespace and domain share it.
+
+    node: of rclpy that there is already, for all of them.
+    """
+    nodes: dict[tuple[object, ...], SharedNode] = {}
+
+    def shared(part: Any) -> Any:
+        if not isinstance(part, Ros2Source | Ros2Sink) or not (part.uses_rclpy or node is not None):
+            return part
+        key = () if node is not None else (part.node, part.namespace, part.domain)
+        return OnNode(part, nodes.setdefault(key, SharedNode(part, node)))
+
+    return [shared(source) for source in sources], [shared(sink) for sink in sinks]
+
 
 #: Folder of the state of a robot whose setup names none.
 STATE = "ohmward-state"

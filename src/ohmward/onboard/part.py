@@ -1,9 +1,10 @@
-"""Sources and sinks: what they promise, and a supervisor that begins them again whenever they end."""
+"""Sources and sinks: what they promise, a supervisor that begins them again, and their input that cannot be read."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import reprlib
 from collections.abc import Awaitable, Callable
 from typing import Protocol, runtime_checkable
 
@@ -106,3 +107,26 @@ async def keep_running(
         tell(Diagnostic(name, Level.ERROR, reason, {"again_in_s": wait_s}))
         await asyncio.sleep(wait_s)
         wait_s = min(2.0 * wait_s, longest_s)
+
+
+class FaultyInput:
+    """Faulty lines, frames or payloads of a source.
+
+    Args:
+        name: of the source.
+        sentence: about them, "lines are no JSON object".
+        kind: of what is named, "source".
+
+    Attributes:
+        number: of them so far.
+    """
+
+    def __init__(self, name: str, sentence: str, kind: str = "source"):
+        self.name, self.sentence, self.kind, self.number = name, sentence, kind, 0
+
+    def count(self, more: int = 1, example: bytes = b"") -> None:
+        """Count more of them; every doubling of the number is a line in the log, with the beginning of an example."""
+        before, self.number = self.number, self.number + more
+        if self.number.bit_length() > before.bit_length():
+            quoted = f", such as {reprlib.repr(example.decode(errors='replace'))}" if example else ""
+            LOG.warning("%s %s: %s (%d so far%s)", self.kind, self.name, self.sentence, self.number, quoted)

@@ -20,10 +20,9 @@ from ohmward.errors import OhmwardError
 from ohmward.onboard.clock import DELAY_WINDOW_S, LEAP_S, MessageDates, SourceClock, SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.evidence import AgeingModel
-from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
-from ohmward.onboard.part import LOG, EndedError, Sink, Source, feed_interval_s, is_live, keep_running
+from ohmward.onboard.part import LOG, EndedError, FaultyInput, Sink, Source, feed_interval_s, is_live, keep_running
 from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.sensor_watch import SensorWatch
 

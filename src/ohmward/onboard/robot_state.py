@@ -1,15 +1,18 @@
-"""State of the robot: everything that is known at an instant, one record for every sink."""
+"""State of the robot: everything that is known at an instant, one record for every sink, and plain dicts for JSON."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from ohmward.battery.cells.pack_estimator import PackEstimate
 from ohmward.battery.soc.sample import SocEstimate
 from ohmward.energy.range_step import RangeEstimate
+from ohmward.filters.flags import SampleFlag
 from ohmward.traction.odometry.sample import OdometryEstimate
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 
@@ -81,3 +84,27 @@ def stale(state: RobotState) -> str:
     if missing:
         return f"stale: no news from the sensors of the {' and of the '.join(missing)}"
     return "no news from any sensor yet" if state.battery is None and state.slip is None else ""
+
+
+def plain_state(state: RobotState) -> dict[str, Any]:
+    """The state as a dict for JSON, parts that are not estimated left out."""
+    return {name: plain(value) for name, value in zip(state._fields, state, strict=True) if value is not None}
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON knows it: null for a number that is not finite, flags and levels by name, records as dicts."""
+    if isinstance(value, SampleFlag):
+        return [flag.name for flag in value]
+    if isinstance(value, Level):
+        return value.name
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if hasattr(value, "_asdict"):
+        return {name: plain(item) for name, item in value._asdict().items()}
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value

@@ -14,7 +14,7 @@ from ohmward.logs.sign import WRONG_SIGN, sign_evidence
 from ohmward.onboard.message import Message
 from ohmward.onboard.message_parts import no_such_part, wheel_number
 from ohmward.onboard.robot_state import Diagnostic, Level
-from ohmward.onboard.signal_faults import NOT_COUNTED, SCALES, doubled, implausible, missing, no_number
+from ohmward.onboard.sensor_watch import NOT_COUNTED, SCALES, doubled, implausible, missing, no_number
 from ohmward.quantities import limits_of, quantity_of
 from ohmward.traction.drive_checks import brakes_all_the_way, only_brakes
 from ohmward.traction.motion_check import MotionCheck, contradiction, wrong_sign, wrong_signs

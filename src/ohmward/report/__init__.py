@@ -3,7 +3,6 @@
 from ohmward.report.axis import WallClock
 from ohmward.report.figure import TIME, Band, Figure, Marker, Series, Span
 from ohmward.report.map import Line, Map
-from ohmward.report.page import Page
-from ohmward.report.plot import Plot
+from ohmward.report.page import Page, Plot
 
 __all__ = ["TIME", "Band", "Figure", "Line", "Map", "Marker", "Page", "Plot", "Series", "Span", "WallClock"]

@@ -13,8 +13,8 @@ import numpy as np
 from ohmward.checks import require_one_of
 from ohmward.errors import InputError
 from ohmward.report.axis import linear_ticks, tick_labels
+from ohmward.report.figure import MEANING, Meaning
 from ohmward.report.page import Page
-from ohmward.report.palette import MEANING, Meaning
 
 #: Largest area of the lines [px], and room for labels at its left, bottom and top.
 WIDTH_PX, HEIGHT_PX, LEFT_PX, BOTTOM_PX, TOP_PX = 960.0, 480.0, 64.0, 48.0, 12.0

@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from html import escape
 from importlib.resources import files
+from os import PathLike
 from pathlib import Path
 from string import Template
 from typing import Final, Protocol
@@ -28,8 +29,7 @@ from ohmward.atomic import write_text
 from ohmward.errors import InputError
 from ohmward.report import blocks
 from ohmward.report.axis import WallClock
-from ohmward.report.figure import Figure
-from ohmward.report.palette import css_variables
+from ohmward.report.figure import Figure, css_variables
 
 _CODE: Final = ("vendor/uplot/uPlot.iife.min.js", "assets/data.js", "assets/save.js", "assets/plots.js")
 
@@ -166,3 +166,28 @@ def _contents(headings: Sequence[str]) -> str:
 def _anchor(number: int, text: str) -> str:
     words = re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
     return f"{number + 1}-{words}".rstrip("-")
+
+
+#: Height of a title with its legend, and of what stands above the first figure [px].
+_LEGEND_PX, _HEADER_PX = 75, 130
+
+
+@dataclass(frozen=True, eq=False)
+class Plot:
+    """Figures on one x axis: they zoom and scroll together. A notebook shows it; `save` writes one HTML file."""
+
+    title: str
+    figures: Sequence[Figure]
+
+    def html(self) -> str:
+        """A page that needs no network."""
+        return Page(self.title).plot(*self.figures).html()
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the page; the file is either whole or not there."""
+        Page(self.title).plot(*self.figures).write(path)
+
+    def _repr_html_(self) -> str:
+        height_px = _HEADER_PX + sum(figure.height_px + _LEGEND_PX for figure in self.figures)
+        page = escape(self.html(), quote=True)
+        return f'<iframe srcdoc="{page}" style="width:100%;height:{height_px}px;border:0"></iframe>'

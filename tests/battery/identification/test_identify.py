@@ -103,7 +103,7 @@ def test_low_rate_and_drive():
     assert "taken from the shape of the low-rate branches" in unseen
     std_V = battery.noise.model_std_V
     # the drive has no rest that shows its lasting overpotential, so that it is known less where it went, too
-    assert std_V[4] > 1.4 * std_V[-3]
+    assert 1.2 * std_V[-3] < std_V[4] < np.hypot(std_V[-3], 0.015)  # the branches have shown the curve there
 
 
 def test_low_rate_alone_gives_the_curve_only():

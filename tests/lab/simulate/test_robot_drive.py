@@ -1,6 +1,6 @@
 import pytest
 
-from ohmward.energy.plan_file import load_plan
+from ohmward.energy.mission import load_plan
 from ohmward_lab.simulate.closed_loop import parse_scenario, run, save_scenario
 from ohmward_lab.simulate.closed_loop.figures import figures
 from ohmward_lab.simulate.robot_drive import WAY_HOME, robot_drive

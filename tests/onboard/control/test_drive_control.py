@@ -7,8 +7,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.onboard.control.drive_control import DriveControl, DrivePhase
-from ohmward.onboard.control.limits import SAFE_STOP_S, DriveLimits
-from ohmward.onboard.control.operator_command import OperatorCommand, command_of
+from ohmward.onboard.control.operator_command import SAFE_STOP_S, DriveLimits, OperatorCommand, command_of
 from ohmward.onboard.robot_state import RobotState
 from ohmward.traction.robot.robot import RLMA
 from ohmward.traction.speed_observer.estimator import SlipEstimator

@@ -19,9 +19,8 @@ import pytest
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.control.drive_control import DriveControl
-from ohmward.onboard.control.limits import SAFE_STOP_S, DriveLimits
 from ohmward.onboard.control.loop import ControlLoop
-from ohmward.onboard.control.operator_command import OperatorCommand, Signing
+from ohmward.onboard.control.operator_command import SAFE_STOP_S, DriveLimits, OperatorCommand, Signing
 from ohmward.onboard.control.operator_link import OperatorLink
 from ohmward.onboard.control.outputs import CanOutput, MqttOutput, RosOutput
 from ohmward.onboard.feed import Feed

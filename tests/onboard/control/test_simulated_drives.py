@@ -9,8 +9,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.onboard.assembly import assemble
-from ohmward.onboard.control.limits import DriveLimits
-from ohmward.onboard.control.operator_command import OperatorCommand
+from ohmward.onboard.control.operator_command import DriveLimits, OperatorCommand
 from ohmward.onboard.control.operator_link import OperatorLink
 from ohmward.onboard.control.simulated_drives import (
     COMMAND_TIMEOUT_S,

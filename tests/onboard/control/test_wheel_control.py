@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from ohmward.onboard.control.limits import DriveLimits
-from ohmward.onboard.control.operator_command import OperatorCommand
+from ohmward.onboard.control.operator_command import DriveLimits, OperatorCommand
 from ohmward.onboard.control.wheel_control import WheelControl
 from ohmward.traction.control import Measurement, SlipCommand, SpeedCommand
 from ohmward.traction.robot.robot import RLMA

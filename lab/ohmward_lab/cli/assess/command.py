@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ohmward.cli import wording
-from ohmward.cli.outcome import Outcome
-from ohmward.cli.progress import progress
+from ohmward.cli.outcome import Outcome, progress
 from ohmward.cli.wording import FOOTER
 from ohmward.fleet.run import SUMMARY
 from ohmward.report import Page

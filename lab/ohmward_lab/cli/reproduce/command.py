@@ -12,8 +12,7 @@ from ohmward.battery.file import load_battery
 from ohmward.battery.log_check import check_log, with_contradictions
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import read_battery_log, read_options
-from ohmward.cli.outcome import Outcome
-from ohmward.cli.progress import progress
+from ohmward.cli.outcome import Outcome, progress
 from ohmward.cli.wording import FOOTER
 from ohmward.errors import InputError
 from ohmward.report import Page

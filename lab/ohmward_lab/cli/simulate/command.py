@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.cli import wording
-from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.progress import counting, progress
+from ohmward.cli.outcome import Outcome, check_output, counting, progress
 from ohmward.cli.wording import FOOTER, duration, quantity
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95

@@ -142,8 +142,8 @@ class GaussianSumFilter:
         ohm = self.system.pair_ohm(before.belief.mean, clean)
         renewed_V2 = sum(r * r * v * (1 - a * a) for r, v, a in zip(ohm, walk_A2, fades, strict=True))
         decay = self.system.error_decay(clean.mean.current_A, clean)
-        kept = unpack(before.belief).cov[self.model_error_index, self.model_error_index]
-        staying_V2 = update.error.model_std_V**2 * (decay**2 * kept + 1.0 - decay**2)
+        variance = unpack(before.belief).cov[self.model_error_index, self.model_error_index]
+        staying_V2 = update.error.model_std_V**2 * (decay**2 * variance + 1.0 - decay**2)
         widths = Widths(renewed_V2, staying_V2, moved_on=1.0 - decay**2)
         return log_likelihood(update.correction.innovation, update.R, update.error, widths, self.member.gate)
 

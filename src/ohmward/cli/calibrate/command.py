@@ -13,11 +13,10 @@ import numpy as np
 
 from ohmward.cli import wording
 from ohmward.cli.drive_inputs import DriveOptions, drive_options, read_drive_truth, truth_names
-from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.progress import counting, progress
+from ohmward.cli.outcome import Outcome, check_output, counting, progress
 from ohmward.cli.wording import FOOTER, duration, with_assumptions
 from ohmward.errors import InputError
-from ohmward.figures.terrain import calibration_figure, law_figure
+from ohmward.figures.slip import calibration_figure, law_figure
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog
 from ohmward.logs.read import open_table

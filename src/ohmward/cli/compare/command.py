@@ -14,8 +14,7 @@ from ohmward.battery.soc.registry import DEFAULT, available, chosen_name, title_
 from ohmward.battery.soc.score import soc_rms_differences, soc_scores, voltage_score
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask, make_soc_task
-from ohmward.cli.outcome import Outcome
-from ohmward.cli.progress import progress
+from ohmward.cli.outcome import Outcome, progress
 from ohmward.cli.wording import FOOTER, duration, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures import battery as pictures

@@ -12,12 +12,10 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.file import load_battery
 from ohmward.battery.soc.registry import DEFAULT
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log, read_options, read_soc_truth, with_sensor
+from ohmward.cli.battery_inputs import log_files, read_battery_log, read_options, read_soc_truth, with_sensor
 from ohmward.cli.drive_inputs import make_terrain
-from ohmward.cli.log_files import log_files
 from ohmward.cli.options import BUILT_IN
-from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.progress import progress
+from ohmward.cli.outcome import Outcome, check_output, progress
 from ohmward.errors import InputError
 from ohmward.export import blind
 from ohmward.export.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V

@@ -15,13 +15,11 @@ import numpy as np
 from ohmward.battery.file import BATTERY_FILE, load_battery
 from ohmward.battery.soc.registry import chosen_name, make_estimator
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_options, with_sensor
-from ohmward.cli.log_files import log_files
-from ohmward.cli.outcome import Outcome
-from ohmward.cli.progress import Report, progress
+from ohmward.cli.battery_inputs import log_files, read_options, with_sensor
+from ohmward.cli.outcome import Outcome, Report, progress
 from ohmward.cli.wording import FOOTER, with_assumptions
 from ohmward.errors import InputError
-from ohmward.figures.fleet import battery_map, trend_figure
+from ohmward.figures.health import battery_map, trend_figure
 from ohmward.filters.consistency import BAND_95
 from ohmward.fleet import (
     Finished,

@@ -30,10 +30,8 @@ from ohmward.battery.health.history import (
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log, read_options, with_sensor
-from ohmward.cli.log_files import log_files
-from ohmward.cli.outcome import Outcome
-from ohmward.cli.progress import Report, progress
+from ohmward.cli.battery_inputs import log_files, read_battery_log, read_options, with_sensor
+from ohmward.cli.outcome import Outcome, Report, progress
 from ohmward.cli.wording import FOOTER, lognormal, normal, sentence, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures.health import capacity_figure, life_figure, resistance_figure

@@ -17,8 +17,7 @@ from ohmward.battery.identification.rc_identification import RcIdentification
 from ohmward.battery.models import rc
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import read_battery_log, read_options, with_sensor
-from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.progress import progress
+from ohmward.cli.outcome import Outcome, check_output, progress
 from ohmward.cli.wording import FOOTER, with_assumptions
 from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock

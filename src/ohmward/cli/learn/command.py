@@ -16,10 +16,8 @@ from ohmward.battery.battery import Battery, require_thevenin
 from ohmward.battery.file import load_battery
 from ohmward.battery.learning.fold import PULSE_S, known
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_options, with_sensor
-from ohmward.cli.log_files import log_files
-from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.progress import progress
+from ohmward.cli.battery_inputs import log_files, read_options, with_sensor
+from ohmward.cli.outcome import Outcome, check_output, progress
 from ohmward.cli.wording import FOOTER, lognormal, normal, sentence, with_assumptions
 from ohmward.figures import learning as pictures
 from ohmward.filters.consistency import BAND_95

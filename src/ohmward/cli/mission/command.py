@@ -15,8 +15,7 @@ from ohmward.cli import wording
 from ohmward.cli.battery_inputs import of_kinds, read_battery_log, read_options, with_sensor
 from ohmward.cli.drive_inputs import DriveOptions, drive_options, make_terrain
 from ohmward.cli.options import DEFAULT_TERRAIN
-from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.progress import counting, progress
+from ohmward.cli.outcome import Outcome, check_output, counting, progress
 from ohmward.cli.wording import FOOTER, duration, percent, quantity, with_assumptions
 from ohmward.energy import (
     Consumption,
@@ -28,8 +27,7 @@ from ohmward.energy import (
     start,
 )
 from ohmward.energy.consumption_figures import RecordFigures, record_figures, terrain_figures
-from ohmward.energy.mission import MissionResult, MissionSettings, analyse
-from ohmward.energy.plan_file import EXAMPLE, load_plan
+from ohmward.energy.mission import EXAMPLE, MissionResult, MissionSettings, analyse, load_plan
 from ohmward.energy.points import Quantiles
 from ohmward.errors import InputError
 from ohmward.figures import mission as pictures

@@ -12,13 +12,11 @@ import numpy as np
 
 from ohmward.cli import wording
 from ohmward.cli.drive_inputs import DriveReference, drive_options, make_terrain, read_drive_truth, truth_names
-from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.progress import counting, progress
+from ohmward.cli.outcome import Outcome, check_output, counting, progress
 from ohmward.cli.wording import FOOTER, duration, percent, quantity, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures.parts import wall_clock
-from ohmward.figures.slip import ground_figures, path_map, speed_figure
-from ohmward.figures.terrain import run_figures as floor_plots
+from ohmward.figures.slip import floor_plots, ground_figures, path_map, speed_figure
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog, write_table
 from ohmward.logs.write import TABLES

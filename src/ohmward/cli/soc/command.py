@@ -21,8 +21,7 @@ from ohmward.battery.soc.sample import LEARNT, STD_OF
 from ohmward.battery.soc.score import rejected_voltages, soc_figures, soc_scores
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask, make_soc_task
-from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.progress import counting, progress
+from ohmward.cli.outcome import Outcome, check_output, counting, progress
 from ohmward.cli.wording import FOOTER, band, duration, lognormal, normal, percent, quantity, sentence, with_assumptions
 from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock

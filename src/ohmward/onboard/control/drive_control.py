@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.onboard.control.limits import SAFE_STOP_S, DriveLimits
-from ohmward.onboard.control.operator_command import OperatorCommand
+from ohmward.onboard.control.operator_command import SAFE_STOP_S, DriveLimits, OperatorCommand
 from ohmward.onboard.control.wheel_control import WheelCommands, WheelControl
 from ohmward.onboard.part import LOG
 from ohmward.onboard.robot_state import RobotState

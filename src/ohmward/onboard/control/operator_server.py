@@ -19,12 +19,10 @@ from typing import Any
 from ohmward.errors import OhmwardError
 from ohmward.onboard.control.loop import ControlLoop
 from ohmward.onboard.control.operator_command import LONGEST_COMMAND, OperatorCommand, Signing, command_of
-from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.line_reader import BACKLOG, Visitors
 from ohmward.onboard.message import as_number
-from ohmward.onboard.part import LOG
-from ohmward.onboard.plain import plain
-from ohmward.onboard.robot_state import RobotState
+from ohmward.onboard.part import LOG, FaultyInput
+from ohmward.onboard.robot_state import RobotState, plain
 
 #: Time between two beats [s].
 BEAT_S = 0.02

@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.onboard.control.limits import DriveLimits
-from ohmward.onboard.control.operator_command import NOTHING, OperatorCommand
+from ohmward.onboard.control.operator_command import NOTHING, DriveLimits, OperatorCommand
 from ohmward.trace import Kernel
 from ohmward.traction.control import (
     ForceFilter,

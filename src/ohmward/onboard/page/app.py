@@ -20,9 +20,9 @@ from ohmward.onboard.page.dashboard import Dashboard
 from ohmward.onboard.page.metrics import metrics
 from ohmward.onboard.page.openapi import openapi
 from ohmward.onboard.page.past import SPANS, Past, after
-from ohmward.onboard.plain import plain_state
+from ohmward.onboard.robot_state import plain_state
 from ohmward.optional import require
-from ohmward.report.palette import css_variables
+from ohmward.report.figure import css_variables
 
 #: Time between two events at least, and between two signs of life where nothing is new.
 EVENT_S, ALIVE_S = 0.2, 10.0

@@ -11,8 +11,7 @@ import numpy as np
 from ohmward.battery.soc.causes import time_in_words
 from ohmward.energy.points import Quantiles
 from ohmward.filters.consistency import BAND_95
-from ohmward.onboard.plain import plain
-from ohmward.onboard.robot_state import Level, RobotState, stale
+from ohmward.onboard.robot_state import Level, RobotState, plain, stale
 from ohmward.quantities import QUANTITIES, Quantity
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from ohmward.checks import require_between
 from ohmward.errors import InputError
 from ohmward.onboard.control.drive_control import DriveControl
-from ohmward.onboard.control.limits import DriveLimits
 from ohmward.onboard.control.loop import ControlLoop
+from ohmward.onboard.control.operator_command import DriveLimits
 from ohmward.onboard.control.operator_server import OperatorServer
 from ohmward.onboard.control.outputs import CanOutput, MqttOutput, RosOutput, SimulatedOutput
 from ohmward.onboard.feed import Feed

@@ -12,7 +12,7 @@ from typing import TextIO
 from ohmward.checks import require_between
 from ohmward.errors import OhmwardError
 from ohmward.onboard.feed import Feed
-from ohmward.onboard.plain import plain_state
+from ohmward.onboard.robot_state import plain_state
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.mqtt_broker import MqttBroker, Will
-from ohmward.onboard.plain import plain_state
-from ohmward.onboard.robot_state import RobotState
+from ohmward.onboard.robot_state import RobotState, plain_state
 from ohmward.onboard.state_path import number_at, require_path
 
 #: The broker has so long to acknowledge what was sent [s].

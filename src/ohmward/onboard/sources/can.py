@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from ohmward.errors import InputError
 from ohmward.onboard.can_bus import CanPort, frames_of
 from ohmward.onboard.can_database import CanDatabase, CanDecoder
-from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.message import Message, Put, Signals, Wiring
+from ohmward.onboard.part import FaultyInput
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,9 @@ from pathlib import Path
 from typing import TextIO
 
 from ohmward.errors import InputError, OhmwardError
-from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.line_reader import BACKLOG, LONGEST_LINE, LineReader, Visitors
 from ohmward.onboard.message import Message, Put, Signals, Wiring, as_number
-from ohmward.onboard.part import LOG, EndedError
+from ohmward.onboard.part import LOG, EndedError, FaultyInput
 from ohmward.quantities import QUANTITIES, quantity_of
 
 #: Likeness of a key to a quantity, from 0 to 1, beyond which it is taken for a slip of the pen.

@@ -7,9 +7,9 @@ import math
 from dataclasses import dataclass, field
 
 from ohmward.errors import InputError, OhmwardError
-from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.message import Message, Put, Signals, Wiring, as_number
 from ohmward.onboard.mqtt_broker import MqttBroker, Payload
+from ohmward.onboard.part import FaultyInput
 from ohmward.onboard.sources.json_lines import LONGEST_LINE, own_names
 
 #: Between the topic and the key of its JSON object in the name of a signal; no topic has it.

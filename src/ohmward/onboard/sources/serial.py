@@ -13,9 +13,9 @@ from typing import Any
 
 from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
-from ohmward.onboard.faulty import FaultyInput
 from ohmward.onboard.handover import Handover
 from ohmward.onboard.message import Message, Put, Signals, Wiring
+from ohmward.onboard.part import FaultyInput
 from ohmward.onboard.serial_frame import FrameClock, FrameReader, SerialFrame
 from ohmward.optional import require
 from ohmward.quantities import QUANTITIES
