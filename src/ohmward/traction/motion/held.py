@@ -46,7 +46,7 @@ GARBAGE, GARBAGE_S_PER_M = 0.01, 0.5
 OF_DIFFERENCES, MEAN_OF, MOST_TIMES = math.sqrt(math.pi) / 2.0, 20.0, 4.0
 
 #: Rims are remembered for once to twice so long [s].
-LATE_S = 0.6
+RIMS_SPAN_S = 0.6
 
 
 class Held(NamedTuple):
@@ -54,7 +54,7 @@ class Held(NamedTuple):
 
     probability: Any = 0.0  #: that it is held
     slides: Any = 0.0  #: that it slides
-    #: (2,) least and greatest speed of the rims [m/s] in the running span of `LATE_S` and the one before
+    #: (2,) least and greatest speed of the rims [m/s] in the running span of `RIMS_SPAN_S` and the one before
     low_m_s: np.ndarray = np.full(2, FASTEST_M_S)
     high_m_s: np.ndarray = np.full(2, -FASTEST_M_S)
     span_s: Any = 0.0  #: since the running span began
@@ -70,7 +70,7 @@ def weigh_held(before: Held, rim_m_s: Any, clean: CleanSample, speed_std_m_s: fl
     rim_m_s: forward speed as the wheels show it.
     speed_std_m_s: of an outside speed without a standard deviation of its own.
     """
-    over = before.span_s + clean.dt_s >= LATE_S
+    over = before.span_s + clean.dt_s >= RIMS_SPAN_S
     low = where(over, np.array([rim_m_s, before.low_m_s[0]]), minimum(before.low_m_s, np.array([rim_m_s, np.inf])))
     high = where(over, np.array([rim_m_s, before.high_m_s[0]]), maximum(before.high_m_s, np.array([rim_m_s, -np.inf])))
     turns = abs(rim_m_s) > TURNS_M_S
