@@ -27,7 +27,7 @@ def test_leaf_pulse_test_reproduces_the_1c_discharge():
     error_V, part = voltage_error_V(battery.thevenin, measured(LEAF + "discharge-bitrode-1c.parquet"), 30.34)
     discharge = (part.mean_current_A < -20) & (part.soc > 0.1)
     assert np.sqrt(np.mean(error_V[discharge] ** 2)) < 0.018
-    assert 1000 < battery.thevenin.tau_s[1] < 3000
+    assert 1000 < battery.thevenin.tau_s[-1] < 3000  # the slowest pair
 
 
 @pytest.mark.parametrize("log, rms_V, middle_ohm", [("10c", 0.02, 0.0031), ("40c-1", 0.055, 0.0017)])
