@@ -73,6 +73,22 @@ def test_without_motor_currents_slip_is_what_wheels_and_gyro_show():
     assert e.slip_speed_m_s[325, 0] == pytest.approx(0.0, abs=0.02)
 
 
+@pytest.mark.parametrize("interval", [10, 50])
+def test_an_outside_speed_of_unstated_noise_does_no_harm(interval):
+    """Half a metre a second of noise, five times or once a second, beside wheels that show the speed within 2 cm/s."""
+    rng = np.random.default_rng(2)
+    time_s = np.arange(0.0, 40.0, 0.02)
+    speed_m_s = np.interp(time_s, [2.0, 4.0, 20.0, 24.0, 38.0], [0.0, 0.8, 0.8, 0.4, 0.4])
+    wheels = np.full((time_s.size, 4), np.nan)
+    wheels[:, :2] = (speed_m_s[:, None] + 0.005 * rng.standard_normal((time_s.size, 2))) / RLMA.wheel.radius_m
+    gyro, nothing = 0.002 * rng.standard_normal(time_s.size), np.full((time_s.size, 2), np.nan)
+    outside = np.full(time_s.size, np.nan)
+    outside[::interval] = speed_m_s[::interval] + 0.5 * rng.standard_normal(outside[::interval].size)
+    log = DriveLog("noisy", time_s, wheels, nothing, yaw_rate_rad_s=gyro, speed_m_s=outside)
+    e = observe_drive(RLMA, log, hard_terrain("dry asphalt"), "ekf").track.estimates
+    assert np.abs(e.speed_m_s - speed_m_s).max() < 0.05
+
+
 def test_the_speed_is_covered_where_a_wheel_has_fallen_silent():
     """The left encoder ends at 6 s, and the robot brakes at 9 s."""
     time_s = np.arange(0.0, 14.0, 0.02)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,12 +21,13 @@ from ohmward.traction.drive_checks import check_drive, with_signed_speed
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.odometry.estimator import Odometry, OdometryRun, by_wheels_and_gyro, force_known, with_slip_of
+from ohmward.traction.odometry.model import noise_of
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.conclusions import SlipAlarm
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipRun, motion_of, observe
-from ohmward.traction.speed_observer.make_observer import make_observer
+from ohmward.traction.speed_observer.make_observer import make_observer, speed_std_m_s
 from ohmward.traction.terrain.crossing import Crossing
 from ohmward.traction.terrain.demand import travel_speed
 from ohmward.traction.terrain.floor import Floors
@@ -290,7 +292,7 @@ def observe_drive(
     log = with_signed_speed(robot, log)
     chosen = make_observer(robot, log, terrain, method)
     track = observe(chosen.observer, log, progress)
-    path = Odometry(robot).run(log, track.estimates)
+    path = odometry_for(robot, log).run(log, track.estimates)
     if by_wheels_and_gyro(robot, log.channels) and not force_known(track.estimates).any():
         without_gyro = path.estimates.flags.astype(int) & OdometryFlag.NO_GYRO > 0
         heard = ~(_are_silent(log, robot.driven) | without_gyro)
@@ -298,6 +300,14 @@ def observe_drive(
     return ObservedDrive(
         robot, track, path, (*faults, *log.notes, *chosen.notes, *fit_notes(track)), not misfits(track)
     )
+
+
+def odometry_for(robot: Robot, log: DriveLog) -> Odometry:
+    """The odometry of a robot that trusts an outside speed as far as its own errors in the log allow."""
+    noise = noise_of(robot)
+    if "speed_m_s" not in log.channels:
+        return Odometry(robot)
+    return Odometry(robot, noise=replace(noise, speed_std_m_s=max(noise.speed_std_m_s, speed_std_m_s(robot, log))))
 
 
 def _are_silent(log: DriveLog, driven: int) -> np.ndarray:
@@ -330,7 +340,7 @@ def observe_on_floors(
     notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors, on))
     if "speed_m_s" in log.channels:
         notes += (Note("the outside speed shows slip: it tells which floor this may be, and narrows the band"),)
-    path = Odometry(robot).run(log, track.estimates)
+    path = odometry_for(robot, log).run(log, track.estimates)
     return ObservedDrive(robot, track, path, notes, on_floors=OnFloors(on_floors, estimator.recognition.names))
 
 
