@@ -270,6 +270,8 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     rest_s = longest_rest_s(fitted)
     noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, rest_s, whole_curve=len(measured) == 2)
     correlation = MEASURED_AGEING_CORRELATION if measured else GIVEN_AGEING_CORRELATION
+    if settings.chemistry and CHEMISTRIES[settings.chemistry].gases:
+        correlation = 0.0  # the resistance of lead-acid changes with acid and sulphate more than with age
     noise = replace(noise, capacity_std=AGED_CAPACITY_STD, ageing_correlation=correlation)
     missing = (
         *prepared.first.not_identified,
