@@ -33,8 +33,8 @@ OFFSET_C = 0.3 / 4.6
 RESTARTS = {0.9: 3.0, 0.6: 2.0, 0.3: 1.0}
 #: Weights of the cases; a case without a run counts nothing.
 WEIGHTS = {"drives": 0.7, "charges": 0.1, "restarts": 0.1, "offset": 0.1}
-#: Rows longer than this apart are a gap, over which nothing is interpolated [s].
-_GAP_S = 60.0
+#: Rows are interpolated over so long [s]; further apart they leave a gap.
+_INTERPOLATED_S = 60.0
 
 Model = Callable[..., tuple[np.ndarray, Any]]
 
@@ -87,7 +87,7 @@ def blind_run(log: Log, soc: np.ndarray) -> BlindRun:
     if not np.isfinite(soc).any():
         raise InputError(f"{log.name}: the column of the true state of charge has no value")
     longest_s = float(np.max(np.diff(log.time_s), initial=0.0))
-    if longest_s > _GAP_S:
+    if longest_s > _INTERPOLATED_S:
         raise InputError(
             f"{log.name}: a gap of {longest_s:.0f} s; the benchmark has a row every second, cut the log there"
         )
