@@ -304,9 +304,9 @@ def observe_drive(
 
 def odometry_for(robot: Robot, log: DriveLog) -> Odometry:
     """The odometry of a robot that trusts an outside speed as far as its own errors in the log allow."""
-    noise = noise_of(robot)
     if "speed_m_s" not in log.channels:
         return Odometry(robot)
+    noise = noise_of(robot)
     return Odometry(robot, noise=replace(noise, speed_std_m_s=max(noise.speed_std_m_s, speed_std_m_s(robot, log))))
 
 

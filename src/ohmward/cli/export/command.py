@@ -43,8 +43,7 @@ def run(args: argparse.Namespace) -> Outcome:
         raise InputError("--style, --flash-kb and --ram-kb are for C; leave them out with --language python")
     if python and is_robot:
         raise InputError(f"{args.file} is a robot; Python is written for batteries, leave out --language python")
-    given = {"soc": args.initial_soc, "soc_std": args.initial_soc_std}
-    start = {word: value for word, value in given.items() if value is not None}  # the rest is as of the language
+    start = _given_start(args)
     name, filter_name = args.name or (_MODULE if python else _symbol(args.output)), args.filter
     filter_name = filter_name or (DEFAULT if python else _SMALL)
     contradictions: list[str] = []
@@ -123,9 +122,7 @@ def _submission(args: argparse.Namespace) -> Outcome:
     battery, contradictions = with_sensor(load_battery(args.file), args.sensor_offset, args.sensor_gain)
     filter_name = args.filter or _SMALL  # the sum of three takes three times as long, and found no start better there
     export = battery_export(battery, filter_name, blind.MODULE, sample_time_s=blind.INTERVAL_S)
-    start = {} if args.initial_soc is None else {"soc": args.initial_soc}
-    start |= {} if args.initial_soc_std is None else {"soc_std": args.initial_soc_std}
-    text = python_file(export, blind.INTERVAL_S, **start)
+    text = python_file(export, blind.INTERVAL_S, **_given_start(args))
     with replacing(Path(args.output)) as archive:
         archive.write_bytes(blind.submission(text))
     notes = [f"warning: {sentence}" for sentence in contradictions]
@@ -151,13 +148,19 @@ def _submission(args: argparse.Namespace) -> Outcome:
     )
 
 
+def _given_start(args: argparse.Namespace) -> dict[str, float]:
+    """The initial state of charge and its standard deviation, where given; the rest is as of the language."""
+    given = {"soc": args.initial_soc, "soc_std": args.initial_soc_std}
+    return {word: value for word, value in given.items() if value is not None}
+
+
 def _rehearsed(text: str, args: argparse.Namespace, battery: Battery) -> Iterator[blind.BlindScore]:
-    model, words = blind.model_of(text), log_files(args.score)
+    model, words, reading = blind.model_of(text), log_files(args.score), read_options(args)
     with progress() as report:
         for k, word in enumerate(words):
             if report:
                 report(word, k / len(words))
-            log = read_battery_log(word, read_options(args), battery=battery, others=words)
+            log = read_battery_log(word, reading, battery=battery, others=words)
             truth = read_soc_truth(log, args.truth, battery.capacity_Ah, args.truth_start)
             yield from blind.rehearse(model, blind.blind_run(log, truth.soc), battery.capacity_Ah)
 
