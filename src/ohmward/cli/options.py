@@ -101,12 +101,7 @@ def add_soc_options(parser: argparse.ArgumentParser) -> None:
         "--battery", required=True, metavar="FILE.toml", help="battery file, made by `ohmward identify`"
     )
     group = parser.add_argument_group("estimation")
-    group.add_argument(
-        "--initial-soc", type=share, metavar="S", help="state of charge at the start, 0 to 1; default: from the voltage"
-    )
-    group.add_argument(
-        "--initial-soc-std", type=positive, default=0.03, metavar="S", help="how sure that is (default %(default)s)"
-    )
+    add_start_options(group, "state of charge at the start, 0 to 1; default: from the voltage")
     group.add_argument(
         "--rest-current",
         type=rest_current,
@@ -124,6 +119,14 @@ def add_soc_options(parser: argparse.ArgumentParser) -> None:
     )
     add_sensor_options(group)
     add_log_options(parser)
+
+
+def add_start_options(group: argparse._ActionsContainer, start: str) -> None:
+    """Options of the state of charge at the start, and of how sure it is; start: help."""
+    group.add_argument("--initial-soc", type=share, metavar="S", help=start)
+    group.add_argument(
+        "--initial-soc-std", type=positive, default=0.03, metavar="S", help="how sure that is (default %(default)s)"
+    )
 
 
 def add_sensor_options(
