@@ -7,7 +7,7 @@ import glob
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -101,7 +101,7 @@ def load_with_sensor(path: str, args: argparse.Namespace) -> tuple[Battery, list
     return with_sensor(load_battery(path), args.sensor_offset, args.sensor_gain)
 
 
-def given_start(args: argparse.Namespace) -> dict[str, float]:
+def given_start(args: argparse.Namespace) -> dict[str, Any]:
     """The state of charge at the start and its standard deviation as arguments, where the options name them."""
     given = {"soc": args.initial_soc, "soc_std": args.initial_soc_std}
     return {word: value for word, value in given.items() if value is not None}

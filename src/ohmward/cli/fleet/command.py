@@ -61,15 +61,15 @@ def run(args: argparse.Namespace) -> Outcome:
         paths = [str(Path(path).absolute()) for path in paths]
     text = BATTERY_FILE.dump(battery) if notes else Path(args.battery).read_text(encoding="utf-8")
     estimates = str(folder / "estimates") if args.estimates else None
-    given = (name, args.initial_soc, args.initial_soc_std, read_options(args), estimates)
-    robots = robots_of(paths, args.by, given[3].hints)
+    job = Job(text, name, args.initial_soc, args.initial_soc_std, read_options(args), estimates)
+    robots = robots_of(paths, args.by, job.reading.hints)
     executor = executor_of(args.dask, args.processes)
     if robots.by != ALONE:
         notes.append(f"info: robots told by {_WAYS.get(robots.by, f'the column {robots.by!r}')}: {len(robots.logs)}")
-        job = RobotJob(text, robots.logs, *given, str(folder / "batteries"))
-        return _of_robots(args.battery, job, folder, executor, notes)
+        of_robots = RobotJob(job, robots.logs, str(folder / "batteries"))
+        return _of_robots(args.battery, of_robots, folder, executor, notes)
     with progress() as report:
-        finished = run_fleet(paths, Job(text, *given), folder, executor, _progress_of(report))
+        finished = run_fleet(paths, job, folder, executor, _progress_of(report))
     figures = summary(args.battery, finished.rows, finished) | {"filter": name, "notes": notes}
     return Outcome(figures, describe(figures), notes, status=status(figures))
 
@@ -83,7 +83,7 @@ def _of_robots(battery: str, job: RobotJob, folder: Path, executor: Executor, no
     logs = [log for row in finished.rows for log in row.get("logs", [row])]
     page = folder / PAGE
     figures = summary(battery, logs, finished) | {
-        "filter": job.filter,
+        "filter": job.settings.filter,
         "robots": [state._asdict() for state in states],
         "report": str(page),
         "notes": notes,
