@@ -20,10 +20,6 @@ from ohmward.traction.drive_checks import brakes_all_the_way, only_brakes
 from ohmward.traction.motion_check import MotionCheck, contradiction, wrong_sign, wrong_signs
 from ohmward.traction.robot.robot import Robot
 
-#: Rates below which an estimator is of little use: of a battery, by logs at 1 Hz; of a drive, by the time in
-#: which a wheel begins to slip.
-LEAST_HZ = {"battery_current_A": 0.5, "battery_voltage_V": 0.5, "wheel_speed_rad_s": 5.0, "wheel_counts": 5.0}
-
 #: A wheel that turns slower than this tells nothing about its sign [rad/s].
 TURNING_RAD_S = 0.5
 
@@ -160,11 +156,9 @@ def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: R
         yield Diagnostic(signal, Level.ERROR, no_number(f"in {1 - finite:.0%} of its values"))
         if finite == 0.0:
             return
-    least_hz = LEAST_HZ.get(quantity.name, 0.0)
-    if record.rate_hz < least_hz:
-        yield Diagnostic(
-            signal, Level.ERROR, f"comes {record.rate_hz:.2g} times a second; at least {least_hz:g} are needed"
-        )
+    if record.rate_hz < quantity.least_hz:
+        text = f"comes {record.rate_hz:.2g} times a second; at least {quantity.least_hz:g} are needed"
+        yield Diagnostic(signal, Level.ERROR, text)
     low, high = limits_of(quantity.name, battery, robot)
     lowest, highest = float(np.nanmin(record.values)), float(np.nanmax(record.values))
     if low <= lowest and highest <= high:
