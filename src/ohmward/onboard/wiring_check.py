@@ -16,15 +16,12 @@ from ohmward.onboard.message_parts import no_such_part, wheel_number
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.sensor_watch import NOT_COUNTED, SCALES, doubled, implausible, missing, no_number
 from ohmward.quantities import limits_of, quantity_of
-from ohmward.traction.drive_checks import brakes_all_the_way, only_brakes
+from ohmward.traction.drive_checks import FEWEST, brakes_all_the_way, only_brakes
 from ohmward.traction.motion_check import MotionCheck, contradiction, wrong_sign, wrong_signs
 from ohmward.traction.robot.robot import Robot
 
 #: A wheel that turns slower than this tells nothing about its sign [rad/s].
 TURNING_RAD_S = 0.5
-
-#: So many samples in motion decide about a sign.
-DECIDING = 20
 
 #: Contradictions [rad/s] below this are the noise of encoders and gyro, and a little slip.
 LEAST_RAD_S = 0.1
@@ -190,7 +187,7 @@ def _wheel_signs(found: Mapping[str, SignalRecord], robot: Robot) -> Iterator[Di
     if len(names) < 2:
         return
     moving = np.abs(values).max(axis=0) > TURNING_RAD_S
-    if moving.sum() < DECIDING:
+    if moving.sum() < FEWEST:
         yield Diagnostic("signs of wheels and gyro", Level.WARN, "cannot be told at rest; drive a little, with a turn")
         return
     values = values[:, moving]
@@ -250,7 +247,7 @@ def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str
         speed = np.interp(current.time_s, speeds[k].time_s, speeds[k].values)
         pitch = found.get("pitch_rad")
         pitch_rad = np.interp(current.time_s, pitch.time_s, pitch.values) if pitch else np.zeros_like(speed)
-        if np.sum((np.abs(speed) > TURNING_RAD_S) & np.isfinite(current.values)) < DECIDING:
+        if np.sum((np.abs(speed) > TURNING_RAD_S) & np.isfinite(current.values)) < FEWEST:
             yield Diagnostic(signal, Level.WARN, "its sign cannot be told at rest; drive a little")
         elif only_brakes(robot, current.time_s, speed, current.values, pitch_rad):
             yield Diagnostic(signal, Level.ERROR, brakes_all_the_way("it", "scale = -1"))
