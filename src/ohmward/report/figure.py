@@ -173,9 +173,9 @@ class Series:
     """Samples (x_i, y_i) with a label.
 
     x: (n,) ascending (points may come in any order), y: (n,), NaN (or an infinity) is a gap in the line.
-       Of a long line only those samples stay that `decimate.finest` picks: all that can be seen of a log.
+       Of a long line only those samples stay that `finest` picks: all that can be seen of a log.
     style: "line", "points", "step" (each value holds until the next sample) or "dashed".
-    role: meaning of the colour, see `palette.MEANING`; "auto" takes the next free hue.
+    role: meaning of the colour, see `MEANING`; "auto" takes the next free hue.
     axis: its y axis, "left" or "right".
     Raises: InputError for lengths that differ, descending x, an unknown style, role or axis.
     """
@@ -216,7 +216,7 @@ class Band:
     Raises: InputError for lengths that differ, descending x, low above high, an unknown role.
     """
 
-    #: (n,) ascending; low, high: (n,), NaN in either is a gap. A long band becomes its `decimate.envelope`.
+    #: (n,) ascending; low, high: (n,), NaN in either is a gap. A long band becomes its `envelope`.
     x: np.ndarray
 
     low: np.ndarray
