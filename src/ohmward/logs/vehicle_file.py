@@ -37,8 +37,9 @@ _PX4 = {
 def open_ulog(path: Path, hints: FileHints) -> TableFile:
     """The columns of a ULog file; of one that was cut off those before the cut."""
     pyulog = require("pyulog", "a ULog file")
-    with parsing(path, "no readable ULog file", "download it from the vehicle again"):
-        log = pyulog.ULog(str(path), disable_str_exceptions=True)
+    # a stream of ours: pyulog leaves its own open where it gives up
+    with parsing(path, "no readable ULog file", "download it from the vehicle again"), path.open("rb") as stream:
+        log = pyulog.ULog(stream, disable_str_exceptions=True)
     streams = {}
     timed = [data for data in log.data_list if "timestamp" in data.data]
     for data in timed:
