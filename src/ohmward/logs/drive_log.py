@@ -14,7 +14,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.channels import BODY as BODY_CHANNELS
 from ohmward.logs.channels import MOTOR_CURRENT, WHEEL, WHEEL_SPEED, channel_of
-from ohmward.logs.clean import find_gaps, finite, gap_notes
+from ohmward.logs.clean import finite, gap_notes, on_lines
 from ohmward.logs.columns import Column
 from ohmward.logs.frame import to_frame
 from ohmward.logs.hints import FileHints
@@ -23,7 +23,7 @@ from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.table import Note, Table, TableFile, counted, numbers, with_sample_time
 from ohmward.logs.time_series import TimeSeries
 from ohmward.logs.wheel_columns import Found, Wheels, find_drive_columns
-from ohmward.logs.wheel_speed import POSITIONS, Mechanics, even_times, unit_notes, unit_of_channel, wheel_speed
+from ohmward.logs.wheel_speed import Mechanics, rate_of_change, unit_notes, unit_of_channel, wheel_speed, without_bursts
 from ohmward.quantities import BODY, QUANTITIES
 
 #: A current that pulls backwards for this fraction of the samples must once be negative.
@@ -35,9 +35,6 @@ _OWN_RATE_FRACTION = 0.9
 #: A heading counts clockwise where the gyro has turned by this standard deviation [rad] at least, and the heading by at
 #: least this share of it the other way.
 _TURNED_RAD, _CLOCKWISE = 0.3, 0.5
-
-#: A row that comes after less than this share of the interval in which it was measured is one of a burst.
-_BURST = 1 / 3
 
 Mended = tuple[np.ndarray, list[Note]]
 
@@ -194,7 +191,7 @@ def _as_log(
     table = rows.table
     measured = [q for q in wheels.quantities[1:] if q in found.columns and found.columns[q].name in table.columns]
     columns = {quantity: found.columns[quantity] for quantity in measured}
-    time_s, burst_notes = _without_bursts(table, table.columns[found.columns["time"].name], columns, mechanics)
+    time_s, burst_notes = without_bursts(table, table.columns[found.columns["time"].name], columns, mechanics)
     channels, conversion_notes = _in_si(table, time_s, columns, mechanics)
     require_plausible_drive(file.source, found.columns["time"], time_s, rows.guessed_unit)
     speed_rad_s, turn_notes = _at_once(time_s, _side_by_side(channels, wheels.of(WHEEL_SPEED), time_s))
@@ -283,38 +280,9 @@ def _bridge(time_s: np.ndarray, current_A: np.ndarray, wheels_measured: np.ndarr
     bridged = current_A.copy()
     for motor in apart:
         rows = known[:, motor]
-        times = time_s[rows]
-        line = np.interp(time_s, times, current_A[rows, motor], left=np.nan, right=np.nan)
-        for gap in find_gaps(times):
-            line[(time_s > times[gap]) & (time_s < times[gap + 1])] = np.nan
-        bridged[:, motor] = line
+        bridged[:, motor] = on_lines(time_s, time_s[rows], current_A[rows, motor])
     names = ", ".join(f"{places[int(motor)]} motor current".replace("_", " ") for motor in apart)
     return bridged, [Note(f"{names}: sampled on other rows than the wheels, straight lines in between")]
-
-
-def _without_bursts(
-    table: Table, time_s: np.ndarray, columns: Mapping[str, Column], mechanics: Mechanics
-) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The times (T,) of the rows where positions of wheels arrived in bursts as they were measured, and a note.
-
-    A position over the time between two arrivals is no speed where the second did not wait for its turn.
-    """
-    positions = [
-        table.columns[column.name]
-        for quantity, column in columns.items()
-        if channel_of(quantity) is WHEEL_SPEED and unit_of_channel(quantity, column, mechanics).dimension in POSITIONS
-    ]
-    if not positions:
-        return time_s, ()
-    known = np.isfinite(np.column_stack(positions)).all(axis=1)
-    arrived_s = time_s[known]
-    even_s = even_times(arrived_s)
-    in_bursts = int(np.count_nonzero(np.diff(arrived_s) < _BURST * np.diff(even_s)))
-    if not in_bursts:
-        return time_s, ()
-    text = f"{counted(in_bursts, 'row')} with positions of wheels arrived in bursts: their times are made even"
-    moved_s = np.interp(time_s, arrived_s, even_s - arrived_s)
-    return time_s + moved_s, (Note(text),)
 
 
 def _in_si(
@@ -356,11 +324,7 @@ def _at_once(time_s: np.ndarray, speed_rad_s: np.ndarray) -> tuple[np.ndarray, t
     first = known[:, 0]
     together = np.full(speed_rad_s.shape, np.nan)
     for wheel, rows in zip(measured, known.T, strict=True):
-        own_s = time_s[rows]
-        values = np.interp(time_s[first], own_s, speed_rad_s[rows, wheel], left=np.nan, right=np.nan)
-        after = np.clip(np.searchsorted(own_s, time_s[first]), 1, own_s.size - 1)
-        in_gap = np.isin(after - 1, find_gaps(own_s)) & ~rows[first]
-        together[first, wheel] = np.where(in_gap, np.nan, values)
+        together[first, wheel] = on_lines(time_s[first], time_s[rows], speed_rad_s[rows, wheel])
     text = "no two wheels report at the same time: their speeds are interpolated to the times of the first one"
     return together, (Note(text),)
 
@@ -371,7 +335,7 @@ def _use_angles(time_s: np.ndarray, body: dict[str, np.ndarray]) -> list[Note]:
     A heading whose changes are the yaw rate is left out: it must not count twice.
     """
     if "yaw_rate" not in body and (angles := [name for name in ("yaw", "heading") if name in body]):
-        body["yaw_rate"] = _rate_of_change(time_s, body.pop(angles[0]))
+        body["yaw_rate"] = rate_of_change(time_s, body.pop(angles[0]), 2 * math.pi, over_gaps=True)
         return [Note(f"no gyro: the yaw rate is the change of the {angles[0]}")]
     if "heading" not in body or not _counts_clockwise(time_s, body["heading"], body["yaw_rate"]):
         return []
@@ -389,15 +353,6 @@ def _counts_clockwise(time_s: np.ndarray, heading_rad: np.ndarray, yaw_rate_rad_
     gyro -= gyro.mean()
     against = -float(gyro @ np.unwrap(heading_rad[at]))
     return bool(gyro.std() > _TURNED_RAD and against > _CLOCKWISE * (gyro @ gyro))
-
-
-def _rate_of_change(time_s: np.ndarray, angle_rad: np.ndarray) -> np.ndarray:
-    """(T,) [rad/s] since the angle before, the short way round; NaN in rows without an angle."""
-    known = np.flatnonzero(np.isfinite(angle_rad))
-    turned = np.mod(np.diff(angle_rad[known]) + math.pi, 2 * math.pi) - math.pi
-    rate = np.full(time_s.size, np.nan)
-    rate[known[1:]] = turned / np.diff(time_s[known])
-    return rate
 
 
 def _absent_notes(columns: Collection[str], wheels: Wheels) -> tuple[Note, ...]:

@@ -181,9 +181,7 @@ def _places(file: TableFile, robot: Robot | None) -> tuple[str, ...]:
 def _read_drive(path: str, options: DriveOptions, file: TableFile) -> DriveLog:
     """The drive, with a warning for each fault that the robot's file shows."""
     log = options.read(path, file=file)
-    if options.robot is None:
-        return log
-    return replace(log, notes=(*log.notes, *check_drive(options.robot, log)))
+    return log.with_notes(*check_drive(options.robot, log)) if options.robot else log
 
 
 def _read(path: str, reading: ReadOptions, file: TableFile) -> Log:
