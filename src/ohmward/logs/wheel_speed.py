@@ -191,8 +191,8 @@ def speed_from_angle(angle_rad: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     A position that stays within one turn is one that starts anew each turn, if it ever jumps by more than half of it.
     """
     known = angle_rad[np.isfinite(angle_rad)]
-    starts_anew = known.size and np.ptp(known) <= 2 * math.pi + 1e-6
-    return rate_of_change(time_s, angle_rad, 2 * math.pi if starts_anew else math.inf)
+    is_within_turn = known.size and np.ptp(known) <= 2 * math.pi + 1e-6
+    return rate_of_change(time_s, angle_rad, 2 * math.pi if is_within_turn else math.inf)
 
 
 def rate_of_change(

@@ -342,12 +342,12 @@ def _cell(band: BandForecast) -> str:
 
 def make_page(parts: Sequence[Part]) -> Page:
     """One section for each log, battery file and drive: figures, findings, plots, assumptions."""
-    shown = [(part.section, part) for part in parts if part.section]
-    kinds = [part.kind for _, part in shown]
-    names = [part.name.removesuffix(", drive") for _, part in shown]
+    sections = [(part.section, part) for part in parts if part.section]
+    kinds = [part.kind for _, part in sections]
+    names = [part.name.removesuffix(", drive") for _, part in sections]
     title = names[0] if len(names) == 1 else f"{len(names)} {'files' if 'batteries' in kinds else 'logs'}"
     page = Page(title, "What is in it, what is wrong, what was assumed", FOOTER)
-    for section, part in sorted(shown, key=lambda one: one[1].kind == "drives"):
+    for section, part in sorted(sections, key=lambda one: one[1].kind == "drives"):
         page = section(page if len(names) == 1 else page.heading(part.name))
     return page
 
