@@ -42,6 +42,25 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+#: What the file before is called: battery.toml.bak.
+BACKUP_SUFFIX = ".bak"
+
+
+def back_up(path: Path) -> Path | None:
+    """Keep what a file holds beside it, before it is written over; the path of that, None where there is no file.
+
+    Raises:
+        OhmwardError: it cannot be written.
+    """
+    if not path.exists():
+        return None
+    backup = path.with_name(path.name + BACKUP_SUFFIX)
+    text = path.read_bytes()
+    with replacing(backup) as temporary:
+        temporary.write_bytes(text)
+    return backup
+
+
 def write_text(path: Path, text: str | Iterable[str]) -> None:
     """Write a text, or its pieces, in UTF-8 with line feeds; the file is whole or as it was.
 
