@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ohmward.figures.parts import band_95, flag_spans, spans_where
+from ohmward.figures.parts import band_95, estimated, flag_spans, spans_where
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.drive_log import DriveLog
@@ -84,27 +84,22 @@ def speed_figure(run: SlipRun, rolled_m_s: np.ndarray | None = None, truth_m_s: 
     rolled_m_s: (T,) speed that the wheels alone would show.  truth_m_s: (T,).
     """
     time_s, e = run.time_s, run.estimates
-    series = [Series(time_s, e.speed_m_s, "estimate", role="estimate")]
-    if truth_m_s is not None:
-        series.append(Series(time_s, truth_m_s, "reference", "dashed", "reference"))
+    series, bands = estimated(time_s, e.speed_m_s, e.speed_std_m_s, truth_m_s)
     limits = _around(*(s.y for s in series))
     if rolled_m_s is not None:
         series.insert(0, Series(time_s, rolled_m_s, "wheels, as if none slipped", role="background"))
-    band, spans = band_95(time_s, e.speed_m_s, e.speed_std_m_s), flag_spans(time_s, e.flags, FLAG_MEANINGS)
-    return Figure("Speed", TIME, "Speed [m/s]", series, [band], spans=spans, y_limits=limits, height_px=300)
+    spans = flag_spans(time_s, e.flags, FLAG_MEANINGS)
+    return Figure("Speed", TIME, "Speed [m/s]", series, bands, spans=spans, y_limits=limits, height_px=300)
 
 
 def slip_figure(run: SlipRun, k: int, wheel: str, truth_m_s: np.ndarray | None = None) -> Figure:
     """Slip speed of driven wheel k with its band and its alarms."""
     time_s, e = run.time_s, run.estimates
-    series = [Series(time_s, e.slip_speed_m_s[:, k], "estimate", role="estimate")]
-    if truth_m_s is not None:
-        series.append(Series(time_s, truth_m_s, "reference", "dashed", "reference"))
-    band = band_95(time_s, e.slip_speed_m_s[:, k], e.slip_speed_std_m_s[:, k])
+    curves = estimated(time_s, e.slip_speed_m_s[:, k], e.slip_speed_std_m_s[:, k], truth_m_s)
     alarms = spans_where(time_s, e.slipping[:, k] > 0.5, "slips", "alert")
     alarms += spans_where(time_s, e.immobilised > 0.5, "immobilised", "comparison")
     title = f"Slip, {wheel.replace('_', ' ')}"
-    return Figure(title, TIME, "Slip speed [m/s]", series, [band], spans=alarms, height_px=220)
+    return Figure(title, TIME, "Slip speed [m/s]", *curves, spans=alarms, height_px=220)
 
 
 def friction_figure(run: SlipRun) -> Figure:
@@ -117,9 +112,8 @@ def friction_figure(run: SlipRun) -> Figure:
 
 def grade_figure(run: SlipRun) -> Figure:
     """Grade of the ground, and whatever else disturbs the body as a grade would."""
-    grade, std = np.degrees(run.grade_rad), np.degrees(run.grade_std_rad)
-    series = [Series(run.time_s, grade, "estimate", role="estimate")]
-    return Figure("Grade", TIME, "Grade [degrees]", series, [band_95(run.time_s, grade, std)], height_px=180)
+    curves = estimated(run.time_s, np.degrees(run.grade_rad), np.degrees(run.grade_std_rad))
+    return Figure("Grade", TIME, "Grade [degrees]", *curves, height_px=180)
 
 
 def _around(*values: np.ndarray) -> tuple[float, float]:
@@ -159,18 +153,12 @@ def floor_plots(run: FloorRun, floors: Sequence[str] = (), wheels: Sequence[str]
 
     floors, wheels: their names; without them they are numbered.
     """
-    t, slip, std = run.time_s, 100 * run.travel_slip, 100 * run.travel_slip_std
     _, wheel_count, floor_count = run.floor_probability.shape
     floors = floors or [f"floor {k}" for k in range(floor_count)]
     wheels = wheels or [f"wheel {k}" for k in range(wheel_count)]
-    robot = Figure(
-        "Slip of the robot",
-        TIME,
-        "Slip [%]",
-        series=[Series(t, slip, "estimate", role="estimate")],
-        bands=[band_95(t, slip, std)],
-        markers=[Marker(c.time_s, "other floor", "alert") for c in run.crossings],
-    )
+    curves = estimated(run.time_s, 100 * run.travel_slip, 100 * run.travel_slip_std)
+    crossings = [Marker(crossing.time_s, "other floor", "alert") for crossing in run.crossings]
+    robot = Figure("Slip of the robot", TIME, "Slip [%]", *curves, markers=crossings)
     return [robot, *(floor_figure(run, k, wheel, floors) for k, wheel in enumerate(wheels))]
 
 

@@ -35,7 +35,7 @@ class Line:
     """A line through points in their order, in any direction.
 
     x, y: (n,); a point with NaN is a gap.
-    role: meaning of its colour, see `palette.MEANING`.
+    role: meaning of its colour, see `MEANING`.
 
     Raises:
         InputError: lengths that differ, an unknown role.

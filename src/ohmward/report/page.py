@@ -150,7 +150,7 @@ def _asset(name: str) -> str:
 
 
 def _theme() -> str:
-    """The colours of `palette`: light, dark where the reader prefers it, light on paper."""
+    """The colours: light, dark where the reader prefers it, light on paper."""
     return (
         f":root{{{css_variables('light')}}}"
         f"@media screen and (prefers-color-scheme:dark){{:root{{{css_variables('dark')}}}}}"
