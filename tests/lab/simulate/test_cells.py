@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ohmward.battery.battery import require_thevenin
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.models.thevenin import CircuitInput, voltage
 from ohmward.errors import InputError
@@ -63,7 +62,7 @@ def test_impossible_values_are_refused(name, value):
 @pytest.mark.parametrize("chemistry, n_series", [("lipo", 10), ("lfp", 4), ("lead-acid", 6)])
 def test_the_plant_of_a_battery_file_has_its_voltage_and_keeps_the_charge_in_range(chemistry, n_series):
     file = generic_battery(chemistry, 8.0, n_series)
-    circuit = require_thevenin(file)
+    circuit = file.thevenin
     plant = of_battery_file(file)
     x, u = resting_state(plant, 0.5).x, CircuitInput(-4.0, 10.0)
     assert terminal_voltage(x, u, plant) == pytest.approx(voltage(x, u, circuit)[0], rel=1e-12)
