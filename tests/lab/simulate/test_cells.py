@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -70,8 +68,3 @@ def test_the_plant_of_a_battery_file_has_its_voltage_and_keeps_the_charge_in_ran
     assert plant.full_width > 0 or plant.voltage_max_V <= voltage(full, CircuitInput(0.0, 25.0), circuit)[0]
     assert plant.voltage_min_V >= voltage(empty, CircuitInput(0.0, 25.0), circuit)[0]
     assert plant.heat_capacity_J_per_K > 100.0
-
-
-def test_a_battery_file_without_a_thevenin_model_is_refused():
-    with pytest.raises(InputError, match=r"has no \[thevenin\] model"):
-        of_battery_file(replace(generic_battery("lipo", 8.0, 10), thevenin=None))
