@@ -45,7 +45,7 @@ BELOW: dict[str, set[str]] = {
     "cli": {"onboard", "fleet", "energy", "export", "figures", "logs", "report"} | CORE,
     "__main__": {"cli.main"},
     # the laboratory imports the product; nothing in the product imports it
-    "ohmward_lab.published": {"export"} | CORE,
+    "ohmward_lab.published": {"export"} | CORE | LOGS,
     "ohmward_lab.traction": CORE | LOGS,
     "ohmward_lab.simulate": {"ohmward_lab.published", "ohmward_lab.traction", "energy", "logs"} | CORE,
     "ohmward_lab.onboard": {"ohmward_lab.simulate", "onboard", "logs"} | CORE,

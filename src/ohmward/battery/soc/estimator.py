@@ -230,7 +230,7 @@ def _from(begin: int, steps: int, progress: Progress | None) -> Progress | None:
 
 def _title(battery: Battery | Estimator, filter: str) -> str:
     if isinstance(battery, Battery):
-        return f"{chosen_name(filter.lower(), battery)}, {battery.chemistry or battery.name} {battery.capacity_Ah:g} Ah"
+        return f"{chosen_name(filter.lower())}, {battery.chemistry or battery.name} {battery.capacity_Ah:g} Ah"
     return type(battery).__name__
 
 
