@@ -67,7 +67,7 @@ class OutsideSpeed(NamedTuple):
 
 
 def receive(
-    before: SpeedErrors, rim_m_s: Scalar, clean: CleanSample, rolls: Any, std_m_s: float
+    before: SpeedErrors, rim_m_s: Any, clean: CleanSample, rolls: Any, std_m_s: float
 ) -> tuple[SpeedErrors, OutsideSpeed]:
     """The state after a step, and the outside speed with which it ends, if there is one.
 
