@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
@@ -42,14 +42,33 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text in UTF-8 with line feeds; the file is whole or as it was.
+#: What the file before is called: battery.toml.bak.
+BACKUP_SUFFIX = ".bak"
+
+
+def back_up(path: Path) -> Path | None:
+    """Keep what a file holds beside it, before it is written over; the path of that, None where there is no file.
+
+    Raises:
+        OhmwardError: it cannot be written.
+    """
+    if not path.exists():
+        return None
+    backup = path.with_name(path.name + BACKUP_SUFFIX)
+    text = path.read_bytes()
+    with replacing(backup) as temporary:
+        temporary.write_bytes(text)
+    return backup
+
+
+def write_text(path: Path, text: str | Iterable[str]) -> None:
+    """Write a text, or its pieces, in UTF-8 with line feeds; the file is whole or as it was.
 
     Raises:
         OhmwardError: see `replacing`.
     """
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
+        file.writelines([text] if isinstance(text, str) else text)
 
 
 @contextmanager

@@ -118,7 +118,7 @@ _TABLE = (
     Quantity(
         "wheel_speed_rad_s", "speed of each wheel behind its gear, > 0 drives forward", "wheel", "rad/s",
         ValueLimits(-1e4, 1e4),
-        words_of("speed", "vel", "velocity", "velocities", "v", "w", "omega", "rate", "angvel"),
+        words_of("speed", "spd", "rpm", "vel", "velocity", "velocities", "v", "w", "omega", "rate", "angvel"),
         "rad/s, rpm, m/s, counts, rad or m", ("speed", "turn", "angle", "length"),
     ),
     Quantity(
@@ -129,7 +129,7 @@ _TABLE = (
     ),
     Quantity(
         "motor_current_A", "current of each motor, > 0 drives forward", "motor", "A", ValueLimits(-2000.0, 2000.0),
-        words_of("current", "currents", "cur", "curr", "i", "amps"), "A or mA",
+        words_of("current", "currents", "cur", "curr", "i", "iq", "amps"), "A or mA",
     ),
     Quantity(
         "yaw_rate_rad_s", "yaw rate from a gyro, > 0 to the left", "body", "rad/s", ValueLimits(-50.0, 50.0),
@@ -139,7 +139,7 @@ _TABLE = (
     ),
     Quantity(
         "acceleration_m_s2", "acceleration along x, gravity included", "body", "m/s2", ValueLimits(-200.0, 200.0),
-        words_of(*each_with_each("acceleration accel acc", "- x forward"), "a x",
+        words_of(*each_with_each("acceleration accel acc", "- x forward long longitudinal"), "a x",
                  *(f"linear {name}" for name in each_with_each("acceleration accel acc", "x forward"))),
         "m/s2 or g", ros_type=_IMU, ros_field="linear_acceleration.x",
     ),

@@ -6,7 +6,7 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
-from ohmward.atomic import replacing
+from ohmward.atomic import back_up
 from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.chemistries import chemistry_name
 from ohmward.errors import InputError
@@ -17,8 +17,6 @@ _HEADER = """\
 # Currents > 0 charge. SoC runs from 0 (empty) to 1 (full). Voltages and resistances are those of the whole pack.
 # A list along SoC stands on a uniform grid from SoC 0 to SoC 1, ends included. *_std are standard deviations.
 """
-#: What the file before is called: battery.toml.bak.
-BACKUP_SUFFIX = ".bak"
 #: Its `dump` and `parse` give and take the text.
 BATTERY_FILE = TomlFile(
     Battery,
@@ -45,12 +43,7 @@ def replace_battery(battery: Battery, path: str | PathLike[str]) -> Path | None:
     Raises:
         OhmwardError: a file cannot be written; the one before is then where it was.
     """
-    before, backup = Path(path), None
-    if before.exists():
-        backup = before.with_name(before.name + BACKUP_SUFFIX)
-        text = before.read_bytes()
-        with replacing(backup) as temporary:
-            temporary.write_bytes(text)
+    backup = back_up(Path(path))
     save_battery(battery, path)
     return backup
 

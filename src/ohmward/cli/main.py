@@ -32,6 +32,7 @@ COMMANDS = {
     "calibrate": "radius, motors and floors of a robot, from drives whose true motion is known",
     "slip": "speed and wheel slip along a drive, with their uncertainty",
     "mission": "where a drive's energy went, what the ground takes, how far the rest reaches",
+    "setup": "the setup of `run` from a CAN database, a recording, or what is heard on a bus, a broker or a line",
     "run": "the process on the robot: sensors in, charge, speed, slip, pose and range out",
     "service": "`ohmward run` as a service of systemd, begun with the machine",
     "drive": "drive a robot that `ohmward run` controls, by keys or joystick: set speed and slip, see its state, stop",

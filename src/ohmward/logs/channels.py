@@ -62,7 +62,7 @@ def word_set(text: str) -> frozenset[str]:
 
 # Words that say where the whole battery was measured; they do not make it another quantity.
 _OF_BATTERY = word_set(
-    "battery batt bat bms pack terminal total measured meas test state field data main header stamp surface payload"
+    "battery batt bat bms hv pack terminal total measured meas test state field data main header stamp surface payload"
 )
 # Words of columns that serve where there is nothing better.
 _SECOND_CHOICE = word_set("cell raw mean avg average")
@@ -76,8 +76,8 @@ _BESIDE_BATTERY = (
 )
 _BESIDE_WHEELS = (
     word_set(
-        "wheel wheels motor m joint joints state states drive angular ang rim encoder enc measured meas actual act "
-        "feedback fb service delta increment"
+        "wheel wheels whl motor mot mc esc m joint joints state states drive angular ang rim encoder enc measured meas "
+        "actual act feedback fb service delta increment"
     ),
 )
 _BESIDE_BODY = (word_set("imu data body base robot msg"),)

@@ -91,10 +91,10 @@ def find_drive_columns(
     _require_units(units, wheels)
     time = find_column(source, names, TIME, given, units, leave)
     free = [name for name in names if name not in {*leave, *given.values(), time and time.name}]
-    speeds = _find_wheels(source, free, WHEEL_SPEED, wheels, given)
+    speeds = find_wheels(source, free, WHEEL_SPEED, wheels, given)
     if not speeds.columns:
-        speeds = _find_wheels(source, free, WHEEL_COUNTS, wheels, given)
-    currents = _find_wheels(source, free, MOTOR_CURRENT, wheels, given)
+        speeds = find_wheels(source, free, WHEEL_COUNTS, wheels, given)
+    currents = find_wheels(source, free, MOTOR_CURRENT, wheels, given)
     body = {channel.name: find_column(source, free, channel, {}, {}) for channel in BODY if channel.name not in given}
     named = {quantity: named_column(source, names, quantity, name) for quantity, name in given.items()}
     found = {TIME.name: time, **speeds.columns, **currents.columns, **body, **named}
@@ -139,8 +139,14 @@ def _require_units(units: Mapping[str, str], wheels: Wheels) -> None:
         given_unit(key, spelling)
 
 
-def _find_wheels(source: str, names: Sequence[str], channel: Channel, wheels: Wheels, given: Collection[str]) -> Found:
-    """The columns of one channel of the wheels: by their corners, and only if there are none by their numbers."""
+def find_wheels(source: str, names: Sequence[str], channel: Channel, wheels: Wheels, given: Collection[str]) -> Found:
+    """The columns of one channel of the wheels: by their corners, and only if there are none by their numbers.
+
+    given: channels that are not looked for.
+
+    Raises:
+        UnclearColumnsError: two columns fit a wheel equally well.
+    """
     wanted = {place: quantity for place, quantity in wheels.of(channel).items() if quantity not in given}
     candidates = [found for name in names if (found := _of_wheel(name, channel))]
     for find in (_by_corner, _by_number):

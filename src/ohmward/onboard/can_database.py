@@ -10,19 +10,9 @@ from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
 from ohmward.logs.can_file import load_can_database
-from ohmward.onboard.message import ScaledSignal, Wiring
+from ohmward.logs.units import unit_of
+from ohmward.onboard.message import ScaledSignal, Wiring, signal_line
 from ohmward.quantities import quantity_of
-
-#: Units that databases give, as factors to that of a quantity's name.
-_UNITS: dict[str, dict[str, float]] = {
-    "_A": {"A": 1.0, "mA": 1e-3},
-    "_V": {"V": 1.0, "mV": 1e-3},
-    "_degC": {"degC": 1.0, "°C": 1.0, "C": 1.0, "deg C": 1.0},
-    "_rad_s": {"rad/s": 1.0, "rpm": math.pi / 30, "1/min": math.pi / 30, "deg/s": math.pi / 180, "°/s": math.pi / 180},
-    "_m_s": {"m/s": 1.0, "km/h": 1 / 3.6, "kph": 1 / 3.6, "mm/s": 1e-3},
-    "_m_s2": {"m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "g": 9.80665},
-    "_rad": {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180},
-}
 
 
 class CanSignal(NamedTuple):
@@ -46,6 +36,22 @@ class CanDatabase:
     def __init__(self, path: str):
         self.path = path
         self._frames = {frame.name: frame for frame in load_can_database(path).messages}
+        self._by_identifier = {(frame.frame_id, frame.is_extended_frame): frame for frame in self._frames.values()}
+
+    @property
+    def signals(self) -> dict[str, Any]:
+        """All signals of cantools by "MESSAGE.SIGNAL"."""
+        return {f"{frame.name}.{found.name}": found for frame in self._frames.values() for found in frame.signals}
+
+    def decoded(self, frame_id: int, extended: bool, data: bytes) -> dict[str, float]:
+        """Numbers of a frame by "MESSAGE.SIGNAL"; none of one that is not in the file or cannot be decoded."""
+        if (frame := self._by_identifier.get((frame_id, extended))) is None:
+            return {}
+        try:
+            numbers = frame.decode_simple(data, decode_choices=False)
+        except Exception:  # too short, an unknown multiplexer, a container: bits are no promise
+            return {}
+        return {f"{frame.name}.{name}": number for name, number in numbers.items()}
 
     def find(self, name: str) -> CanSignal:
         """The signal of a name.
@@ -58,8 +64,7 @@ class CanDatabase:
             for found in frame.signals:
                 if found.name == signal:
                     return CanSignal(frame, found)
-        names = [f"{frame.name}.{found.name}" for frame in self._frames.values() for found in frame.signals]
-        near = difflib.get_close_matches(name, names, n=3, cutoff=0.0)
+        near = difflib.get_close_matches(name, self.signals, n=3, cutoff=0.0)
         raise InputError(
             f"{name!r} is not in {Path(self.path).name}; write MESSAGE.SIGNAL, such as {', '.join(near) or 'none'}"
         )
@@ -172,9 +177,8 @@ def _saturated(signal: Any, value: float) -> float:
 
 def _line_with_scale(name: str, quantity: str, scale: float, unit: str | None) -> str:
     """Line of a setup with the scale that brings a unit of the database to the quantity's; "" where none is due."""
-    word = quantity_of(quantity).name
-    units = next((units for suffix, units in _UNITS.items() if word.endswith(suffix)), {})
-    factor = units.get(unit or "", 1.0)
-    if scale != 1.0 or factor == 1.0:
+    own, found = unit_of(quantity_of(quantity).unit), unit_of(unit or "")
+    if scale != 1.0 or own is None or found is None or found.dimension != own.dimension:
         return ""
-    return f'"{quantity}" = {{name = "{name}", scale = {factor:.8g}}}'
+    wired = ScaledSignal(name, found.scale / own.scale, found.offset)
+    return "" if wired == ScaledSignal(name) else signal_line(quantity, wired)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -48,6 +49,15 @@ class ScaledSignal:
         require_finite("offset", self.offset)
         if self.scale == 0.0:
             raise InputError("scale must not be 0: leave the signal out where it is not measured")
+
+
+def signal_line(quantity: str, signal: ScaledSignal) -> str:
+    """Line of a setup, below `signals`, that wires a quantity."""
+    scale = f", scale = {signal.scale:.8g}" if signal.scale != 1.0 else ""
+    offset = f", offset = {signal.offset:.8g}" if signal.offset else ""
+    name = json.dumps(signal.name, ensure_ascii=False)  # TOML quotes a text as JSON does
+    given = f"{{name = {name}{scale}{offset}}}" if scale or offset else name
+    return f'"{quantity}" = {given}'
 
 
 #: Signals of a source in its settings: quantity -> name, or name with scale and offset.

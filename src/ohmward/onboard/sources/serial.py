@@ -62,7 +62,7 @@ class SerialSource:
         names = {int(number): found for number, found in self.messages.items()}
         faulty = FaultyInput(self.name, "frames with a wrong CRC or of another length; are baud and messages right?")
         lost = FaultyInput(self.name, "frames were lost on the line or before it")
-        async with self._line() as line:
+        async with self.line() as line:
             while True:
                 for data, received_s in await line.take():
                     for frame in frames.feed(data):
@@ -90,7 +90,7 @@ class SerialSource:
         return Message(stamp_s, received_s, self.name, wiring.values(dict(zip(of_frame, frame.values, strict=True))))
 
     @asynccontextmanager
-    async def _line(self) -> AsyncIterator[Handover[tuple[bytes, float]]]:
+    async def line(self) -> AsyncIterator[Handover[tuple[bytes, float]]]:
         """Bytes of the line, read in a thread, with the monotonic times of their receipt."""
         line, received, end = self._open(), Handover[tuple[bytes, float]](), threading.Event()
         thread = threading.Thread(target=self._read, args=(line, received, end), name=f"read {self.port}", daemon=True)

@@ -1,0 +1,400 @@
+"""`ohmward setup`: the setup of `ohmward run`, written from what a robot's bus, broker or recording offers."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import shlex
+import sys
+import urllib.parse
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ohmward.atomic import back_up, write_text
+from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.file import BATTERY_FILE
+from ohmward.cli import wording
+from ohmward.cli.outcome import Outcome, check_output
+from ohmward.cli.parser import Parser
+from ohmward.cli.setup import add_arguments
+from ohmward.errors import InputError
+from ohmward.onboard.can_bus import CanPort
+from ohmward.onboard.can_database import CanDatabase
+from ohmward.onboard.discovery import (
+    BagTopic,
+    messages_of_line,
+    of_broker,
+    of_bus,
+    of_can_log,
+    of_database,
+    topics_of_bag,
+)
+from ohmward.onboard.message import ScaledSignal, signal_line
+from ohmward.onboard.mqtt_broker import MqttBroker
+from ohmward.onboard.recognition import Answers, Offered, Question, recognise
+from ohmward.onboard.robot_setup import SETUP_FILE
+from ohmward.onboard.ros import types
+from ohmward.onboard.sources.ros2 import wheel_of
+from ohmward.quantities import QUANTITIES
+from ohmward.toml_file import noun_of
+from ohmward.traction.robot.generic import generic_robot
+from ohmward.traction.robot.robot import PACKAGED, ROBOT_FILE, load_robot
+
+_DATABASES, _CAN_LOGS = (".dbc", ".kcd", ".sym", ".arxml"), (".log", ".asc", ".blf", ".trc", ".csv")
+_RECORDINGS = (".mcap", ".db3", ".bag")
+_BUS = re.compile(r"(?P<interface>[a-z]\w*):(?P<channel>[^/].*)|(?P<link>v?can\d+)")
+_PORT = re.compile(r"/dev/\S+|COM\d+|socket://\S+")
+
+#: Topics of ROS by the key of the source, those of odometry left out: that of the wheels themselves tells nothing new.
+_TOPICS = {"battery_state": types.BATTERY_STATE, "joint_states": types.JOINT_STATE, "imu": types.IMU}
+
+
+class Offer(NamedTuple):
+    """A source of the setup: its kind and settings, what it offers, and what has to be asked about it."""
+
+    kind: str
+    settings: dict[str, Any]
+    offered: list[Offered]
+    topics: tuple[BagTopic, ...] = ()
+    questions: tuple[Question, ...] = ()
+
+
+class SetupPlan(NamedTuple):
+    """A setup that can be written."""
+
+    sources: list[tuple[Offer, Mapping[str, ScaledSignal]]]
+    battery: str | None  #: path of the file, as that of the robot
+    robot: str | None
+    files: dict[str, str]  #: path -> text of battery and robot files that are made
+    questions: list[Question]
+    notes: list[str]
+    unused: list[str]
+
+    @property
+    def wired(self) -> dict[str, str]:
+        """Signal -> name in its source, with its scale."""
+        return {s: _wired(signal) for _, signals in self.sources for s, signal in signals.items()}
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    """Look, ask where somebody can answer, and write."""
+    check_output("--output", args.output, (".toml",), (args.battery or "", args.robot or ""))
+    offers = [_look(source, args) for source in args.sources]
+    plan = make_plan(args, offers)
+    asking = sys.stdin.isatty() and not args.json
+    while asking and plan.questions and (words := _ask(plan.questions)):
+        parser = Parser(prog="ohmward setup")
+        add_arguments(parser)
+        args = parser.parse_args([*args.sources, *words], argparse.Namespace(**vars(args) | {"sources": None}))
+        plan = make_plan(args, offers)
+    if plan.battery is None and plan.robot is None:
+        if not plan.questions:
+            raise InputError("no signal of a battery or of wheels was recognised; wire some: --signal SIGNAL=NAME")
+        raise InputError(
+            f"{len(plan.wired)} signals recognised, and neither a battery nor a robot to estimate with; "
+            + " ".join(question.text for question in plan.questions),
+            [word for question in plan.questions for word in (question.option, question.example)],
+        )
+    backups = _write(args, plan)
+    return Outcome(_summary(args, plan, backups), _text(args, plan, backups), status=1 if plan.questions else 0)
+
+
+def _look(source: str, args: argparse.Namespace) -> Offer:
+    """What a source offers.
+
+    Raises:
+        InputError: it is none that is known, or frames of CAN without a database.
+    """
+    suffix = Path(source).suffix.lower()
+    if suffix in _DATABASES:
+        return _can(CanPort(channel=args.channel or "can0"), source, of_database(CanDatabase(source)))
+    if suffix in _RECORDINGS or Path(source).is_dir():
+        return _recording(topics_of_bag(source))
+    if suffix in _CAN_LOGS and Path(source).exists():
+        log = of_can_log(source, CanDatabase(_database(source, args)))
+        return _can(CanPort(channel=args.channel or "can0"), args.dbc, log)
+    if source.startswith("mqtt://"):
+        return _broker(source, args)
+    if _PORT.fullmatch(source):
+        return _line(source, args)
+    if found := _BUS.fullmatch(source):
+        port = CanPort(found["interface"] or "socketcan", found["channel"] or found["link"])
+        return _can(port, args.dbc, of_bus(port, CanDatabase(_database(source, args)), args.seconds))
+    raise InputError(
+        f"{source!r} is no source: give a CAN database (.dbc), a recording of CAN ({', '.join(_CAN_LOGS)}) or of ROS "
+        f"({', '.join(_RECORDINGS)}, a folder), can0 or INTERFACE:CHANNEL, mqtt://HOST, or a serial port"
+    )
+
+
+def _database(source: str, args: argparse.Namespace) -> str:
+    if args.dbc is None:
+        raise InputError(f"{source}: frames have no names without the database of the bus: --dbc robot.dbc")
+    return str(args.dbc)
+
+
+def _can(port: CanPort, dbc: str, offered: list[Offered]) -> Offer:
+    settings = {"interface": port.interface, "channel": port.channel, "dbc": dbc}
+    return Offer("can", settings, offered)
+
+
+def _broker(source: str, args: argparse.Namespace) -> Offer:
+    url = urllib.parse.urlsplit(source)
+    settings: dict[str, Any] = {"host": url.hostname or "localhost", "port": url.port or 1883}
+    settings |= {"username": url.username} if url.username else {}
+    settings |= {"password": args.password} if args.password else {}
+    offered = of_broker(MqttBroker(**settings), args.seconds)
+    own = sorted({topic for one in offered if (topic := one.name.rpartition("#")[0]) and one.short in QUANTITIES})
+    left = [one for one in offered if one.name.partition("#")[0] not in own]
+    return Offer("mqtt", settings | ({"topics": own} if own else {}), left)
+
+
+def _line(source: str, args: argparse.Namespace) -> Offer:
+    """Messages of a serial line, which have no names but those that are given."""
+    given = {number: names.split(",") for number, names in args.message}
+    heard = {} if given else messages_of_line(source, args.baud, args.seconds)
+    questions = [
+        Question(f"message {number} has {count} values: what are they, in order?", "--message", f"{number}=NAME,...")
+        for number, count in heard.items()
+    ]
+    names = [name for names in given.values() for name in names if name.partition(".")[0] not in QUANTITIES]
+    settings = {"port": source, "baud": args.baud, "messages": given}
+    return Offer("serial", settings, [Offered(name, name) for name in names if name], (), tuple(questions))
+
+
+def _recording(topics: Sequence[BagTopic]) -> Offer:
+    """Topics of a recording of ROS, which the robot has too; several of a type are asked for."""
+    settings: dict[str, Any] = {}
+    questions, joints = [], []
+    for key, type_ in _TOPICS.items():
+        of_type = [topic for topic in topics if topic.type == type_]
+        if len(of_type) > 1:
+            names = ", ".join(topic.name for topic in of_type)
+            questions.append(
+                Question(f"{names} are all {type_}: which one is it?", "--signal", f"{key}={of_type[0].name}")
+            )
+        if of_type:
+            settings[key] = of_type[0].name
+            joints += list(of_type[0].joints)
+    offered = [Offered(joint, f"{joint} velocity", "rad/s") for joint in joints]
+    return Offer("ros2", settings, offered, tuple(topics), tuple(questions))
+
+
+def make_plan(args: argparse.Namespace, offers: Sequence[Offer]) -> SetupPlan:
+    """Signals of the sources, files of battery and robot, and what is left to ask."""
+    of_ros = dict(pair for pair in args.signal if pair[0] in _TOPICS)
+    signals = {signal: name for signal, name in args.signal if signal not in _TOPICS}
+    answers = Answers(signals, dict(args.unit), args.current_sign, args.shaft, args.counts_per_turn)
+    offers = [_with_topics(offer, of_ros) for offer in offers]
+    first = [recognise(offer.offered, None, _of(answers, offer, len(offers) == 1)) for offer in offers]
+    sent = [s for offer, found in zip(offers, first, strict=True) for s in _named(offer, found.signals)]
+    battery = _battery(args, [signal for signal in sent if signal.startswith(("battery", "cell"))])
+    robot = _robot(args, [signal for signal in sent if signal.startswith("wheel")])
+    of_robot = ROBOT_FILE.parse(robot.text) if robot.text else load_robot(robot.path) if robot.path else None
+    questions = [*battery.questions, *robot.questions, *(question for offer in offers for question in offer.questions)]
+    sources: list[tuple[Offer, Mapping[str, ScaledSignal]]] = []
+    notes: list[str] = []
+    unused: list[str] = []
+    for offer in offers:
+        found = recognise(offer.offered, of_robot, _of(answers, offer, len(offers) == 1))
+        settings = offer.settings
+        if offer.kind == "ros2":
+            joints = {s.partition(".")[2]: j.name for s, j in found.signals.items()}
+            joints = joints if any(wheel_of(joint) != wheel for wheel, joint in joints.items()) else {}
+            offer = offer._replace(settings=settings | ({"joints": joints} if joints else {}))
+        sources.append((offer, {} if offer.kind == "ros2" else found.signals))
+        questions += found.questions
+        notes += found.notes
+        unused += found.unused
+    made = {str(file.path): file.text for file in (battery, robot) if file.text}
+    return SetupPlan(sources, battery.path, robot.path, made, questions, notes, unused)
+
+
+def _of(answers: Answers, offer: Offer, alone: bool) -> Answers:
+    """The answers about one source: the signals that it offers, all where it is alone."""
+    names = {name for one in offer.offered for name in (one.name, one.short)}
+    return answers._replace(signals={s: name for s, name in answers.signals.items() if alone or name in names})
+
+
+def _with_topics(offer: Offer, chosen: Mapping[str, str]) -> Offer:
+    """The source with the topics that were chosen."""
+    if offer.kind != "ros2":
+        return offer
+    left = tuple(q for q in offer.questions if q.example.partition("=")[0] not in chosen)
+    return offer._replace(settings=offer.settings | dict(chosen), questions=left)
+
+
+def _named(offer: Offer, signals: Mapping[str, ScaledSignal]) -> list[str]:
+    """Signals that a source will send, as far as they are known."""
+    messages = [name for names in offer.settings.get("messages", {}).values() for name in names]
+    of_ros = ["battery_voltage_V"] if "battery_state" in offer.settings else []
+    return [*signals, *of_ros, *(name for name in messages if name.partition(".")[0] in QUANTITIES)]
+
+
+class _File(NamedTuple):
+    """File of the battery or of the robot."""
+
+    path: str | None  #: None where there is none
+    text: str = ""  #: where it is made
+    questions: tuple[Question, ...] = ()
+
+
+def _battery(args: argparse.Namespace, signals: Sequence[str]) -> _File:
+    """The battery file that is given, one that is made of the label, or that which lies beside the setup."""
+    path = str(Path(args.output).with_name("battery.toml"))
+    if args.battery:
+        BATTERY_FILE.load(args.battery)
+        return _File(str(args.battery))
+    cells = sum(signal.startswith("cell") for signal in signals)
+    if args.chemistry and args.capacity_ah and (n_series := args.n_series or cells):
+        return _File(path, BATTERY_FILE.dump(generic_battery(args.chemistry, args.capacity_ah, n_series)))
+    if not (args.chemistry or args.capacity_ah) and noun_of(path) == BATTERY_FILE.noun:
+        return _File(path)
+    asked = (
+        (args.chemistry, "of which chemistry is the battery? Or its file, --battery FILE.toml", "--chemistry", "lfp"),
+        (args.capacity_ah, "which capacity [Ah] is on its label?", "--capacity-ah", "40"),
+        (args.n_series or cells, "how many of its cells are in series?", "--n-series", "8"),
+    )
+    return _File(None, "", tuple(Question(*question) for known, *question in asked if signals and not known))
+
+
+def _robot(args: argparse.Namespace, wheels: Sequence[str]) -> _File:
+    """The robot file as `_battery` has that of the battery; a packaged robot has a name instead."""
+    path = str(Path(args.output).with_name("wheels.toml"))
+    if args.robot:
+        load_robot(args.robot)
+        return _File(str(args.robot))
+    sizes = args.mass_kg, args.wheel_radius_m, args.track_m
+    if all(sizes):
+        driven = args.wheels or (4 if len(wheels) > 2 else 2)
+        return _File(path, ROBOT_FILE.dump(generic_robot(*sizes, args.wheelbase_m, args.gear, driven, args.name)))
+    if not any(sizes) and noun_of(path) == ROBOT_FILE.noun:
+        return _File(path)
+    asked = (
+        (args.mass_kg, f"what does the robot weigh [kg]? Or its file, --robot FILE.toml, or {', '.join(PACKAGED)}",
+         "--mass-kg", "60"),
+        (args.wheel_radius_m, "what is the radius of its wheels [m]?", "--wheel-radius-m", "0.1"),
+        (args.track_m, "how far apart are its left and right wheels [m]?", "--track-m", "0.45"),
+    )  # fmt: skip
+    return _File(None, "", tuple(Question(*question) for known, *question in asked if wheels and not known))
+
+
+def _ask(questions: Sequence[Question]) -> list[str]:
+    """Ask each on the terminal; the answers as words of a command line. An empty one leaves the question open."""
+    print(f"{len(questions)} to ask; Enter leaves one open", file=sys.stderr)
+    words: list[str] = []
+    for k, question in enumerate(questions, start=1):
+        fixed, equals, example = question.example.rpartition("=")
+        print(f"{k}/{len(questions)} {question.text} [{example}] ", end="", file=sys.stderr, flush=True)
+        if answer := sys.stdin.readline().strip():
+            file = {"--chemistry": "--battery", "--mass-kg": "--robot"}.get(question.option)
+            if file and (answer.endswith(".toml") or answer in PACKAGED):
+                words += [file, answer]
+            else:
+                words += [question.option, f"{fixed}{equals}{answer}"]
+    return words
+
+
+def _write(args: argparse.Namespace, plan: SetupPlan) -> dict[str, str]:
+    """Write the files; path -> where what stood there before is now.
+
+    Raises:
+        OhmwardError: a file cannot be written.
+    """
+    text = "\n".join(_lines(args, plan)) + "\n"
+    SETUP_FILE.parse(text)
+    backups = {}
+    for path, content in {**plan.files, args.output: text}.items():
+        if backup := back_up(Path(path)):
+            backups[path] = str(backup)
+        write_text(Path(path), content)
+    return backups
+
+
+def _lines(args: argparse.Namespace, plan: SetupPlan) -> Iterator[str]:
+    """Lines of the setup."""
+    yield SETUP_FILE.header
+    yield f"# Written by `ohmward setup` from {', '.join(args.sources)}."
+    yield from (f"# To be answered: {q.text} {q.option} {q.example}" for q in plan.questions)
+    head = {"format": SETUP_FILE.format, "name": args.name, "battery": plan.battery, "robot": plan.robot}
+    yield from _settings(head | {"counts_per_turn": args.counts_per_turn})
+    for k, (offer, signals) in enumerate(plan.sources):
+        if not (signals or offer.kind == "ros2" or offer.settings.get("topics") or offer.settings.get("messages")):
+            continue
+        same = any(other.kind == offer.kind for other, _ in plan.sources[:k])
+        yield from ("", "[[source]]", f'kind = "{offer.kind}"')
+        yield from _settings(offer.settings | ({"name": f"{offer.kind}-{k + 1}"} if same else {}))
+        for key in ("messages", "joints"):
+            if table := offer.settings.get(key):
+                yield from ("", f"[source.{key}]", *(f"{json.dumps(n)} = {json.dumps(v)}" for n, v in table.items()))
+        if signals:
+            yield from ("", "[source.signals]", *(signal_line(*one) for one in signals.items()))
+    for kind in ("page", "store"):
+        yield from ("", "[[sink]]", f'kind = "{kind}"')
+
+
+def _settings(values: Mapping[str, Any]) -> Iterator[str]:
+    """Lines of settings; texts, numbers and lists stand in TOML as in JSON."""
+    for key, value in values.items():
+        if value is not None and not isinstance(value, dict):
+            yield f"{key} = {json.dumps(value, ensure_ascii=False)}"
+
+
+def _wired(signal: ScaledSignal) -> str:
+    scale = f" × {signal.scale:.6g}" if signal.scale != 1.0 else ""
+    return f"{signal.name}{scale}{f' {signal.offset:+.6g}' if signal.offset else ''}"
+
+
+def _found(plan: SetupPlan) -> dict[str, str]:
+    """What the robot sends, by the name here: signals, topics of ROS, and values that have their names already."""
+    found = plan.wired
+    for offer, _ in plan.sources:
+        settings = offer.settings
+        found |= {key: settings[key] for key in _TOPICS if key in settings}
+        found |= {f"wheel {wheel}": joint for wheel, joint in settings.get("joints", {}).items()}
+        found |= {f"topic {topic}": "names of its own" for topic in settings.get("topics", ())}
+        found |= {n: f"message {k}" for k, names in settings.get("messages", {}).items() for n in names if n}
+    return found
+
+
+def _summary(args: argparse.Namespace, plan: SetupPlan, backups: Mapping[str, str]) -> dict[str, Any]:
+    """The object of --json."""
+    signals = {
+        signal: {"source": offer.kind, **wired.__dict__}
+        for offer, found in plan.sources
+        for signal, wired in found.items()
+    }
+    return {
+        "command": "setup",
+        "output": args.output,
+        "battery": plan.battery,
+        "robot": plan.robot,
+        "written": [*plan.files, args.output],
+        "backups": backups,
+        "recognised": _found(plan),
+        "signals": signals,
+        "asked": plan.questions,
+        "assumed": plan.notes,
+        "unused": plan.unused,
+    }
+
+
+def _text(args: argparse.Namespace, plan: SetupPlan, backups: Mapping[str, str]) -> str:
+    """The same for people."""
+    found, asked = _found(plan), plan.questions
+    head = f"{args.output}: {len(found)} signals recognised, {len(asked)} asked"
+    written = ", ".join([*plan.files, args.output])
+    before = "".join(f"; {path} of before is {backup}" for path, backup in backups.items())
+    questions = [f"{q.text}  {q.option} {q.example}" for q in asked]
+    options = shlex.join([word for q in asked for word in (q.option, q.example)])
+    return wording.paragraphs(
+        head,
+        "Recognised:\n" + wording.fields(found) if found else "",
+        wording.bullets("Asked, each with the option that answers it", questions),
+        f"All at once, with your answers: {options}" if asked else "",
+        wording.bullets("Assumed", plan.notes),
+        wording.bullets("Not used", [", ".join(plan.unused)] if plan.unused else []),
+        f"Written: {written}{before}",
+        f"Next: ohmward run --check {args.output}; then ohmward run {args.output} and http://127.0.0.1:8080",
+    )

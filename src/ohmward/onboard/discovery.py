@@ -1,0 +1,202 @@
+"""What a robot offers: signals of a CAN database, recorded or heard; numbers of a broker; topics of a bag of ROS."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections import defaultdict
+from collections.abc import Coroutine, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError, OhmwardError
+from ohmward.logs.bags.bag_table import open_recording
+from ohmward.logs.bags.recording import CDR, Topic
+from ohmward.onboard.can_bus import CanPort, frames_of
+from ohmward.onboard.can_database import CanDatabase
+from ohmward.onboard.message import as_number
+from ohmward.onboard.mqtt_broker import MqttBroker
+from ohmward.onboard.recognition import Offered
+from ohmward.onboard.ros.cdr import read
+from ohmward.onboard.ros.types import JOINT_STATE
+from ohmward.onboard.serial_frame import FrameReader
+from ohmward.onboard.sources.serial import SerialSource
+from ohmward.optional import require
+
+#: Topics with more different ones are those of a whole building; the rest is left out.
+MOST_NAMES = 2000
+
+
+class Heard:
+    """Numbers that come, by name."""
+
+    def __init__(self) -> None:
+        self._rows: dict[str, list[tuple[float, float]]] = defaultdict(list)
+
+    def put(self, time_s: float, numbers: Mapping[str, object]) -> None:
+        """Take in numbers of one time; what is no number is left out."""
+        for name, value in numbers.items():
+            if isinstance(value, bool | int | float) and (name in self._rows or len(self._rows) < MOST_NAMES):
+                self._rows[name].append((time_s, as_number(value)))
+
+    def offered(self, name: str, short: str, unit: str = "") -> Offered:
+        """What came by a name."""
+        rows = np.array(self._rows[name])
+        return Offered(name, short, unit, rows[:, 0], rows[:, 1])
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all that came."""
+        return list(self._rows)
+
+
+def of_database(database: CanDatabase, heard: Heard | None = None) -> list[Offered]:
+    """Signals of a database; of those heard alone where some were."""
+    signals = database.signals.items()
+    if heard:
+        return [heard.offered(name, signal.name, signal.unit or "") for name, signal in signals if name in heard.names]
+    limits = {name: (as_number(signal.minimum), as_number(signal.maximum)) for name, signal in signals}
+    return [
+        Offered(name, signal.name, signal.unit or "", lowest=limits[name][0], highest=limits[name][1])
+        for name, signal in signals
+    ]
+
+
+def of_can_log(path: str, database: CanDatabase) -> list[Offered]:
+    """Signals in a recording of a bus: candump, ASC, BLF, TRC or CSV.
+
+    Raises:
+        InputError: it cannot be read, or the database knows none of its frames.
+    """
+    can = require("can", "a recording of CAN")
+    heard = Heard()
+    try:
+        with can.LogReader(path) as frames:
+            for frame in frames:
+                heard.put(frame.timestamp, database.decoded(frame.arbitration_id, frame.is_extended_id, frame.data))
+    except (OSError, ValueError, TypeError) as error:
+        raise InputError(f"{path}: no readable recording of CAN ({error}); record it with candump -l") from error
+    if not heard.names:
+        raise InputError(f"{path}: {database.path} knows none of its frames; name the database of this bus with --dbc")
+    return of_database(database, heard)
+
+
+def of_bus(port: CanPort, database: CanDatabase, seconds: float) -> list[Offered]:
+    """Signals that are heard on a bus.
+
+    Raises:
+        OhmwardError: the bus cannot be opened or fails, or says nothing that the database knows.
+    """
+    heard = Heard()
+
+    async def listen() -> None:
+        async with frames_of(port) as frames:
+            while True:
+                for frame, received_s in await frames.take():
+                    message = frame.arbitration_id, frame.is_extended_id, bytes(frame.data)
+                    heard.put(received_s, database.decoded(*message))
+
+    _for_so_long(listen(), seconds)
+    if not heard.names:
+        raise OhmwardError(f"{port.channel}: no frame of {database.path} in {seconds:g} s; is the robot on?")
+    return of_database(database, heard)
+
+
+def of_broker(broker: MqttBroker, seconds: float) -> list[Offered]:
+    """Numbers that are heard on a broker: payloads, and those in JSON objects as TOPIC#KEY.
+
+    Raises:
+        OhmwardError: no broker, or one that says nothing.
+    """
+    heard = Heard()
+
+    async def listen() -> None:
+        async with broker.connected() as (client, received):
+            client.subscribe("#", 0)
+            while True:
+                for topic, payload, received_s in await received.take():
+                    heard.put(received_s, dict(_numbers(topic, payload)))
+
+    _for_so_long(listen(), seconds)
+    if not heard.names:
+        raise OhmwardError(f"{broker.host}: no number on any topic in {seconds:g} s; is the robot on?")
+    return [heard.offered(name, name.replace("#", "/").rpartition("/")[2]) for name in heard.names]
+
+
+def _numbers(topic: str, payload: bytes) -> Iterator[tuple[str, object]]:
+    try:
+        found = json.loads(payload)
+    except (ValueError, RecursionError):
+        return
+    if isinstance(found, dict):
+        yield from ((f"{topic}#{key}", value) for key, value in found.items())
+    else:
+        yield topic, found
+
+
+def messages_of_line(port: str, baud: int, seconds: float) -> dict[int, int]:
+    """Numbers of the messages that are heard on a serial line, and how many values each has.
+
+    Raises:
+        OhmwardError: the line cannot be opened or fails, or has no frame.
+    """
+    frames = FrameReader()
+    found: dict[int, int] = {}
+    source = SerialSource(port, {"0": ("",)}, baud)
+
+    async def listen() -> None:
+        async with source.line() as line:
+            while True:
+                for data, _ in await line.take():
+                    found.update({frame.number: len(frame.values) for frame in frames.feed(data)})
+
+    _for_so_long(listen(), seconds)
+    if not found:
+        raise OhmwardError(f"{port}: no frame in {seconds:g} s; is the board on, and is --baud {baud} its rate?")
+    return dict(sorted(found.items()))
+
+
+class BagTopic(NamedTuple):
+    """A topic of a recording, its type, and its joints where it is of them."""
+
+    name: str
+    type: str
+    joints: tuple[str, ...]
+
+
+def topics_of_bag(path: str) -> list[BagTopic]:
+    """Topics of a recording of ROS.
+
+    Raises:
+        InputError: it is none.
+    """
+    recording = open_recording(Path(path))
+    found: dict[str, BagTopic] = {}
+    for topic, _, payload in recording.messages():
+        if topic.name not in found:
+            found[topic.name] = BagTopic(topic.name, topic.type, tuple(_joints(topic, payload)))
+            if recording.all_known and len(found) == len(recording.topics):
+                break
+    return list(found.values())
+
+
+def _joints(topic: Topic, payload: bytes) -> list[str]:
+    """Names of the joints in a message; none of another type, or of ROS 1."""
+    if topic.type != JOINT_STATE or topic.encoding != CDR:
+        return []
+    layout, _ = read(topic.type, payload)
+    return [joint for path, joint in layout.texts.items() if path.startswith("name[")]
+
+
+def _for_so_long(listening: Coroutine[Any, Any, None], seconds: float) -> None:
+    """Listen for so long."""
+
+    async def listen() -> None:
+        try:
+            await asyncio.wait_for(listening, seconds)
+        except TimeoutError:
+            return
+
+    asyncio.run(listen())

@@ -1,0 +1,336 @@
+"""Recognition of a robot's signals by their names, units and values: the wiring of a setup, and what has to be asked.
+
+The names are matched as those of the columns of a log are, by the table of quantities: `BMS_PackVoltage`, `Pack_I`,
+`MotorRPM_FL`, `wheel_speed_rl`. A name is tried alone first, then behind that of its message: `BMS.Current`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ohmward.errors import InputError
+from ohmward.logs.battery_columns import cell_names
+from ohmward.logs.channels import BATTERY, BODY, MOTOR_CURRENT, TIME, WHEEL_COUNTS, WHEEL_SPEED, Channel, robot_words
+from ohmward.logs.columns import Column, UnclearColumnsError, find_column, listed
+from ohmward.logs.sign import SignEvidence, sign_evidence
+from ohmward.logs.units import UNITS, Unit, unit_of
+from ohmward.logs.wheel_columns import Found, Wheels, find_wheels, wheel_places
+from ohmward.logs.wheel_speed import POSITIONS
+from ohmward.onboard.message import ScaledSignal
+from ohmward.quantities import QUANTITIES, limits_of, quantity_of
+from ohmward.traction.robot.robot import Robot
+
+#: Words of a motor, whose speed may be that before the gear.
+_MOTOR = frozenset(("motor", "mot", "mc", "esc"))
+
+
+class Offered(NamedTuple):
+    """A number that a source offers."""
+
+    name: str  #: as the setup calls it: "BMS.PackVoltage", "robot/bms#current"
+    short: str  #: its name alone: "PackVoltage"
+    unit: str = ""  #: that its source gives; "" for none
+    #: times [s] and values (n,) as heard or recorded; empty where only a database tells of it
+    time_s: np.ndarray = np.empty(0)
+    values: np.ndarray = np.empty(0)
+    #: values that it can have by its database, nan where that is silent
+    lowest: float = math.nan
+    highest: float = math.nan
+
+    @property
+    def long(self) -> str:
+        """Its name with that of its message, or the last two words of its topic."""
+        return ".".join(re.split(r"[./#]", self.name)[-2:])
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Lowest and highest value, as heard or by the database; nan where neither tells."""
+        finite = self.values[np.isfinite(self.values)]
+        return (float(finite.min()), float(finite.max())) if finite.size else (self.lowest, self.highest)
+
+
+class Question(NamedTuple):
+    """What a person has to say, and the option of `ohmward setup` that says it."""
+
+    text: str
+    option: str  #: "--unit"
+    example: str  #: of its value, "wheel_speed=rpm"; what stands before an equals sign is fixed
+
+
+class Answers(NamedTuple):
+    """What a person has said."""
+
+    signals: Mapping[str, str] = {}  #: signal -> name of what the source offers
+    units: Mapping[str, str] = {}  #: channel -> unit, `wheel_speed` -> "rpm"
+    current_sign: str = "auto"  #: effect of a positive current: "charge", "discharge"; "auto" tells it from values
+    shaft: str | None = None  #: "wheel" or "motor", that the speeds are of
+    counts_per_turn: float | None = None  #: of the encoders
+
+
+class RecognisedSignals(NamedTuple):
+    """The wiring of one source."""
+
+    signals: Mapping[str, ScaledSignal]  #: in the order of the table of quantities
+    questions: tuple[Question, ...]
+    notes: tuple[str, ...]  #: what was assumed
+    unused: tuple[str, ...]  #: names of what is offered and not wired
+
+
+class _Match(NamedTuple):
+    """What a signal is wired to, and the unit that its name tells."""
+
+    offered: Offered
+    unit: Unit | None
+
+
+def recognise(offered: Sequence[Offered], robot: Robot | None, answers: Answers) -> RecognisedSignals:
+    """The signals among what a source offers.
+
+    robot: whose wheels are looked for; None takes the wheels as they are named.
+
+    Raises:
+        InputError: an answer names what is not offered, or a unit that is none of its quantity.
+    """
+    found = _Finder(offered, robot, answers)
+    found.find()
+    signals: dict[str, ScaledSignal] = {}
+    for signal, match in sorted(found.matches.items(), key=lambda item: _order(item[0])):
+        signals[signal] = found.scaled(signal, match)
+    used = {signal.name for signal in signals.values()}
+    unused = tuple(one.name for one in offered if one.name not in used)
+    return RecognisedSignals(signals, tuple(found.questions), tuple(found.notes), unused)
+
+
+def _order(signal: str) -> tuple[int, str]:
+    """Place of a signal in a setup: as in the table of quantities, numbers by their size."""
+    name, _, part = signal.partition(".")
+    return list(QUANTITIES).index(name), f"{int(part):04d}" if part.isdecimal() else part
+
+
+class _Finder:
+    """Matches of one source, quantity after quantity: what is taken by one is not offered to the next."""
+
+    def __init__(self, offered: Sequence[Offered], robot: Robot | None, answers: Answers):
+        self.offered, self.robot, self.answers = list(offered), robot, answers
+        self.matches: dict[str, _Match] = {}
+        self.questions: list[Question] = []
+        self.notes: list[str] = []
+        self._unclear: dict[str, UnclearColumnsError] = {}
+
+    def find(self) -> None:
+        """Wheels and motors first, whose currents are not the battery's; then cells, battery and body."""
+        self._take_answers()
+        finders: tuple[Callable[[Mapping[str, Offered]], None], ...] = (self._wheels, self._cells, self._single)
+        for find in finders:
+            for long in (False, True):
+                find(self._texts(long))
+        found = {quantity_of(signal).channel for signal in self.matches}
+        of_battery = any(quantity_of(signal).group == "battery" for signal in self.matches)
+        for channel, error in self._unclear.items():
+            is_missing = error.faults[next(iter(error.faults))].startswith("no column")
+            if channel not in found and (of_battery or not is_missing):
+                self._ask_which(channel, error)
+        self._ask_shaft()
+        self._ask_units()
+        self._ask_sign()
+
+    def _take_answers(self) -> None:
+        for signal, name in self.answers.signals.items():
+            quantity_of(signal)
+            one = next((one for one in self.offered if name in (one.name, one.short)), None)
+            if one is None:
+                raise InputError(f"{signal}: there is no {name!r}; there are {listed([o.name for o in self.offered])}")
+            self.matches[signal] = _Match(one, unit_of(one.unit) if one.unit else None)
+
+    def _texts(self, long: bool) -> dict[str, Offered]:
+        """What is left, by names with their units that stand once, as columns of a log are called."""
+        taken = {id(match.offered) for match in self.matches.values()}
+        texts = {id(one): _column(one, long) for one in self.offered}
+        counts = Counter(texts.values())
+        return {texts[id(o)]: o for o in self.offered if id(o) not in taken and counts[texts[id(o)]] == 1}
+
+    def _wheels(self, texts: Mapping[str, Offered]) -> None:
+        """Speeds or counts of wheels, and currents of motors."""
+        robot = self.robot
+        places = tuple(p.name for p in robot.places) if robot else wheel_places(list(texts))
+        if not places:
+            return
+        wheels = Wheels(places, robot.driven if robot else len(places))
+        for kind in (WHEEL_SPEED, WHEEL_COUNTS, MOTOR_CURRENT):
+            taken = {signal.partition(".")[0] for signal in self.matches}
+            if kind is WHEEL_COUNTS and taken & {"wheel_speed_rad_s", "wheel_counts"}:
+                continue
+            try:
+                found = self._of_kind(kind, list(texts), wheels)
+            except UnclearColumnsError as error:
+                self._unclear[kind.name] = error
+                continue
+            if found.by_number:
+                self.notes.append(f"each {kind.name} told by its number alone, in the order {', '.join(places)}")
+            for place, quantity in wheels.of(kind).items():
+                if column := found.columns.get(quantity):
+                    self._add_wheel(kind, place if robot else str(places.index(place)), column, texts)
+
+    def _of_kind(self, kind: Channel, names: Sequence[str], wheels: Wheels) -> Found:
+        """Columns of wheels; where both wheel and motor tell of one, the wheel does so behind the gear."""
+        try:
+            return find_wheels("", names, kind, wheels, ())
+        except UnclearColumnsError:
+            of_wheels = [name for name in names if not _MOTOR & set(robot_words(name))]
+            found = find_wheels("", of_wheels, kind, wheels, ())
+            if not found.columns:
+                raise
+            return found
+
+    def _add_wheel(self, kind: Channel, place: str, column: Column, texts: Mapping[str, Offered]) -> None:
+        unit = column.unit or _named_unit(column.name)
+        counted = kind is WHEEL_COUNTS or (unit is not None and unit.dimension in POSITIONS)
+        name = "motor_current_A" if kind is MOTOR_CURRENT else "wheel_counts" if counted else "wheel_speed_rad_s"
+        self.matches.setdefault(f"{name}.{place}", _Match(texts[column.name], unit))
+
+    def _cells(self, texts: Mapping[str, Offered]) -> None:
+        """Voltages of cells, which have the word in their names and count from 0 or 1."""
+        rows = [name for name in cell_names(list(texts)) if "cell" in name.lower()]
+        if any(signal.startswith("cell_voltage_V") for signal in self.matches):
+            return
+        for k, name in enumerate(rows):
+            self.matches[f"cell_voltage_V.{k}"] = _Match(texts[name], unit_of(texts[name].unit))
+
+    def _single(self, texts: Mapping[str, Offered]) -> None:
+        """Quantities of the battery and of the body."""
+        names = {quantity.channel: name for name, quantity in QUANTITIES.items() if not quantity.each}
+        for channel in (*BATTERY, *BODY):
+            signal = names.get(channel.name, "")
+            if channel is TIME or not signal or signal in self.matches:
+                continue
+            free = [n for n, one in texts.items() if all(one is not match.offered for match in self.matches.values())]
+            try:
+                column = find_column("", free, channel, {}, {})
+            except UnclearColumnsError as error:
+                self._unclear[channel.name] = error
+                continue
+            if column:
+                self.matches[signal] = _Match(texts[column.name], column.unit)
+
+    def _ask_which(self, channel: str, error: UnclearColumnsError) -> None:
+        """Ask which of several names is the quantity."""
+        signal = next((n for n, q in QUANTITIES.items() if q.channel == channel), channel)
+        texts = {_column(one, long): one.name for one in self.offered for long in (True, False)}
+        names = [texts[name] for name in error.choice.values() if name in texts]
+        text = f"{'; '.join(error.faults.values())}: which one is it?"
+        part = "" if not QUANTITIES[signal].each else ".NAME"
+        self.questions.append(Question(text, "--signal", f"{signal}{part}={(names or ['NAME'])[0]}"))
+
+    def _ask_shaft(self) -> None:
+        """Ask whether speeds called those of motors are before the gear."""
+        speeds = [m.offered for s, m in self.matches.items() if s.startswith(("wheel_speed", "wheel_counts"))]
+        of_motors = [one for one in speeds if _MOTOR & set(robot_words(one.long))]
+        gear = self.robot.motor.gear_ratio if self.robot else 1.0
+        if of_motors and gear != 1.0 and self.answers.shaft is None:
+            text = f"is {of_motors[0].name} the speed of the motor, before the gear of {gear:g}, or of the wheel?"
+            self.questions.append(Question(text, "--shaft", "motor"))
+        counted = any(signal.startswith("wheel_counts") for signal in self.matches)
+        if counted and self.answers.counts_per_turn is None:
+            text = "how many counts has a turn of the wheel?"
+            self.questions.append(Question(text, "--counts-per-turn", "4096"))
+
+    def _ask_units(self) -> None:
+        """Ask for units that no name tells, once for each channel; a battery's are taken where they can be."""
+        asked: set[str] = set()
+        for signal, match in self.matches.items():
+            quantity = quantity_of(signal)
+            channel = quantity.channel
+            if match.unit or channel in self.answers.units or channel in asked or quantity.unit in ("1", "counts", ""):
+                continue
+            own, fits = quantity.unit, _fitting(signal, match.offered, self.robot)
+            if quantity.group == "battery" and own in fits:
+                self.notes.append(f"{match.offered.name} has no unit: taken as {own}")
+                continue
+            asked.add(channel)
+            proposed = fits[0] if fits else own
+            units = ", ".join(fits or (quantity.example or own,))
+            text = f"{match.offered.name} has no unit ({units}?)"
+            self.questions.append(Question(text, "--unit", f"{channel}={proposed}"))
+
+    def _ask_sign(self) -> None:
+        """Tell the sign of the current from values, or ask for it."""
+        current, voltage = self.matches.get("battery_current_A"), self.matches.get("battery_voltage_V")
+        if current is None or self.answers.current_sign != "auto":
+            return
+        evidence = _evidence(current.offered, voltage.offered) if voltage else None
+        verdict = evidence.verdict if evidence else ""
+        if verdict in ("charge", "discharge"):
+            self.answers = self.answers._replace(current_sign=verdict)
+            self.notes.append(f"{current.offered.name}: positive is {verdict}, as the voltage answers it")
+            return
+        likely = "charge" if evidence and evidence.edges.t_value > 0.0 else "discharge"
+        text = f"does a positive {current.offered.name} charge or discharge the battery?"
+        text += f" The voltage does not tell it clearly: {evidence}" if evidence else ""
+        self.questions.append(Question(text, "--current-sign", likely))
+
+    def scaled(self, signal: str, match: _Match) -> ScaledSignal:
+        """The signal with its scale and offset to the unit of the quantity."""
+        quantity = quantity_of(signal)
+        unit = match.unit
+        if given := self.answers.units.get(quantity.channel):
+            unit = unit_of(given)
+            if unit is None or (unit.dimension != UNITS[quantity.unit.lower()].dimension and not _by_radius(unit)):
+                raise InputError(
+                    f"--unit {quantity.channel}={given}: no unit of the {quantity.label.lower()}; give one of "
+                    f"{quantity.example or quantity.unit}"
+                )
+        scale, offset = (unit.scale, unit.offset) if unit and quantity.name != "wheel_counts" else (1.0, 0.0)
+        if quantity.name == "wheel_speed_rad_s" and unit and _by_radius(unit):
+            scale /= self.robot.wheel.radius_m if self.robot else 1.0
+        if self.answers.shaft == "motor" and quantity.owner == "wheel" and self.robot:
+            scale /= self.robot.motor.gear_ratio
+        if quantity.name == "battery_current_A" and self.answers.current_sign == "discharge":
+            scale = -scale
+        return ScaledSignal(match.offered.name, scale, offset)
+
+
+def _column(one: Offered, long: bool) -> str:
+    """The name of a column with its unit."""
+    stem = one.long if long else one.short
+    return f"{stem} [{one.unit}]" if one.unit and unit_of(one.unit) else stem
+
+
+def _named_unit(column: str) -> Unit | None:
+    """The unit that is a word of a name, as in `MotorRPM_FL`."""
+    return unit_of("rpm") if "rpm" in robot_words(column) else None
+
+
+def _by_radius(unit: Unit) -> bool:
+    """True for a speed of the rim, which the radius makes one of the wheel."""
+    return unit.dimension == "speed"
+
+
+def _evidence(current: Offered, voltage: Offered) -> SignEvidence | None:
+    """How the voltage answers the current; None where they were not heard."""
+    if len(current.values) < 2 or len(voltage.values) < 2:
+        return None
+    answered_V = np.interp(current.time_s, voltage.time_s, voltage.values)
+    return sign_evidence(current.time_s, current.values, answered_V)
+
+
+def _fitting(signal: str, one: Offered, robot: Robot | None) -> list[str]:
+    """Units of the table's examples in which the values can be those of the quantity; all where none are known."""
+    quantity = quantity_of(signal)
+    low, high = limits_of(quantity.name, None, robot)
+    units = [unit for word in re.split(", | or ", quantity.example) if (unit := unit_of(word))]
+    of_speed = [unit for unit in units if unit.dimension not in ("turn", "angle", "length") or quantity.unit == "rad"]
+    lowest, highest = one.range
+    if not (math.isfinite(lowest) and math.isfinite(highest)):
+        return [unit.symbol for unit in of_speed]
+    radius_m = robot.wheel.radius_m if robot else 1.0
+    scales = {
+        unit.symbol: unit.scale / (radius_m if quantity.owner == "wheel" and _by_radius(unit) else 1.0)
+        for unit in of_speed
+    }
+    return [symbol for symbol, scale in scales.items() if low <= scale * lowest and scale * highest <= high]

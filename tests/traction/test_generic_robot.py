@@ -1,0 +1,29 @@
+"""A robot of a few sizes."""
+
+import pytest
+
+from ohmward.errors import InputError
+from ohmward.traction.robot.generic import generic_robot
+from ohmward.traction.robot.robot import GRAVITY, ROBOT_FILE
+
+
+@pytest.mark.parametrize(("wheels", "driven"), [(2, 2), (4, 4)])
+def test_it_is_a_robot_of_these_sizes(wheels, driven):
+    robot = generic_robot(60.0, 0.1, 0.45, 0.5, 5.0, wheels)
+    assert (robot.mass_kg, robot.wheel.radius_m, robot.chassis.track_m) == (60.0, 0.1, 0.45)
+    assert robot.driven == driven
+    assert robot.loads[:, 0].sum() == pytest.approx(1.0)
+    assert ROBOT_FILE.parse(ROBOT_FILE.dump(robot)).places == robot.places
+
+
+def test_its_motors_pull_the_weight_at_standstill_and_run_free_at_two_and_a_half_metres_a_second():
+    robot = generic_robot(60.0, 0.1, 0.45, gear_ratio=5.0)
+    stall_A = 24.0 / robot.motor.resistance_ohm
+    pull_N = robot.driven * robot.motor.wheel_constant_Nm_per_A * stall_A / robot.wheel.radius_m
+    assert pull_N == pytest.approx(60.0 * GRAVITY)
+    assert 24.0 / robot.motor.wheel_constant_Nm_per_A * robot.wheel.radius_m == pytest.approx(2.5)
+
+
+def test_a_size_that_cannot_be_is_refused():
+    with pytest.raises(InputError, match="track_m must be"):
+        generic_robot(60.0, 0.1, -0.45)
