@@ -327,8 +327,7 @@ def describe_battery(found: BatteryFindings) -> str:
         f"{battery.chemistry or 'chemistry not said'}, {battery.n_series} in series",
         wording.fields(sources(battery)),
         wording.bullets("Not known", battery.not_identified),
-        f"{wording.table(BANDS, band_rows(found))}\n({READING})" if found.bands else "",
-        "" if found.bands else "No band: this file has no Thevenin model.",
+        f"{wording.table(BANDS, band_rows(found))}\n({READING})",
     )
 
 
@@ -381,10 +380,7 @@ def make_page(
         page = page if len(names) == 1 else page.heading(one.battery.name)
         page = page.table(["Quantity", "Found"], list(sources(one.battery).items()))
         page = page.table(["Not known"], [[text] for text in one.battery.not_identified])
-        if one.bands:
-            page = page.table(BANDS, band_rows(one), sentence(READING))
-        else:
-            page = page.text("No band: this file has no Thevenin model.")
+        page = page.table(BANDS, band_rows(one), sentence(READING))
     for _, drive, of_drive in drives:
         page = page if len(names) == 1 else page.heading(f"{drive.name}, drive")
         page = _with_findings(page, of_drive)
