@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ohmward.battery.identification.record import LOW_RATE, SETTLED_REST_S, Phase, Record, settled_ends
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve, monotone
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
 from ohmward.optional import require
@@ -109,11 +109,6 @@ def ocv_from_branches(branches: Sequence[OcvBranch], reference_degC: float) -> O
 def branch_notes(branches: Sequence[OcvBranch], capacity_Ah: float) -> tuple[Note, ...]:
     """Notes on the SoC axis of each branch, warnings where its charge is not the given capacity."""
     return tuple(_branch_note(branch, capacity_Ah) for branch in branches)
-
-
-def monotone(values: np.ndarray) -> np.ndarray:
-    """(N,) non-decreasing: the middle of the running maximum from the left and the running minimum from the right."""
-    return 0.5 * (np.maximum.accumulate(values) + np.minimum.accumulate(values[::-1])[::-1])
 
 
 def smooth(values: np.ndarray, points: int = _SMOOTHING_POINTS) -> np.ndarray:
