@@ -71,6 +71,15 @@ def test_a_drive_whose_state_of_charge_nobody_knows_is_refused(drive):
         identify_in_detail(drive.select(slice(0, 2500)), SETTINGS)
 
 
+def test_a_drive_too_short_for_a_slope_and_a_charge_alone_are_refused(drive):
+    short = drive.select(slice(0, 200))
+    with pytest.raises(InputError, match=r"move SoC by .* % outside charges, do not show .* that rises"):
+        identify(short, capacity_Ah=CAPACITY_AH, model="rc", initial_soc={drive.name: 0.95})
+    charge = replace(drive, current_A=np.full(len(drive), 1.0))
+    with pytest.raises(InputError, match=r"move SoC by 0 % outside charges, do not show .* that rises"):
+        identify(charge, capacity_Ah=CAPACITY_AH, model="rc", initial_soc={drive.name: 0.0})
+
+
 def test_a_curve_that_is_given_is_not_replaced_by_a_line(drive):
     """A curve of another battery: refused, not forgotten."""
     with pytest.raises(InputError, match="the given OCV curve runs from"):
