@@ -12,6 +12,7 @@ from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
+from ohmward.rich_display import RichDisplay
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,7 @@ class Provenance:
 
 
 @dataclass(frozen=True)
-class Battery:
+class Battery(RichDisplay):
     """Battery, a cell or a pack. All voltages and resistances are those of the whole pack."""
 
     name: str  #: for people

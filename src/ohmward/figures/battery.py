@@ -12,7 +12,7 @@ from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
-from ohmward.figures.parts import MOST_SPANS, Timed, band_95, flag_spans, lognormal_band_95
+from ohmward.figures.parts import MOST_SPANS, Timed, band_95, estimated, flag_spans, lognormal_band_95
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.log import Log
@@ -94,12 +94,9 @@ def soc_figure(
 
     truth: (T,) in [0, 1], nan where there is none.
     """
-    soc, std = 100 * estimates.soc, 100 * estimates.soc_std
-    series = [Series(log.time_s, soc, "estimate", role="estimate")]
-    if truth is not None:
-        series.append(Series(log.time_s, 100 * truth, "reference", "dashed", "reference"))
-    band = band_95(log.time_s, soc, std, (0.0, 100.0))
-    return Figure("State of charge", TIME, SOC_AXIS, series, [band], spans=spans, height_px=300)
+    soc, std, reference = 100 * estimates.soc, 100 * estimates.soc_std, None if truth is None else 100 * truth
+    curves = estimated(log.time_s, soc, std, reference, (0.0, 100.0))
+    return Figure("State of charge", TIME, SOC_AXIS, *curves, spans=spans, height_px=300)
 
 
 def soc_error_figure(log: Timed, estimates: SocEstimate, truth: np.ndarray) -> Figure:
@@ -116,9 +113,8 @@ def soc_error_figure(log: Timed, estimates: SocEstimate, truth: np.ndarray) -> F
 def offset_figure(log: Timed, estimates: SocEstimate) -> Figure:
     """Estimated offset of the current sensor with its 95 % band."""
     time_s, offset_mA, std_mA = _slow(log.time_s, 1e3, estimates.current_offset_A, estimates.current_offset_std_A)
-    series = [Series(time_s, offset_mA, "estimate", role="estimate")]
-    band = band_95(time_s, offset_mA, std_mA)
-    return Figure("Offset of the current sensor", TIME, "Offset [mA]", series, [band], height_px=180)
+    curves = estimated(time_s, offset_mA, std_mA)
+    return Figure("Offset of the current sensor", TIME, "Offset [mA]", *curves, height_px=180)
 
 
 def health_figure(log: Timed, estimates: SocEstimate) -> Figure:
