@@ -9,7 +9,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.traction.calibration.truth import CalibrationDrive, between
-from ohmward.traction.robot.robot import Robot
+from ohmward.traction.robot.robot import Robot, motion_from_wheels
 from ohmward.traction.terrain.demand import travel_speed
 
 LENGTH_S = 1.0
@@ -89,17 +89,12 @@ def _straight(found: Stretches, robot: Robot) -> Stretches:
     return Stretches(*(values[straight] for values in found))
 
 
-def rim_motion(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
-    """Motion (..., freedoms) of the driven wheels (..., driven), as if none slipped."""
-    return robot.wheel.radius_m * wheel_speed_rad_s @ np.linalg.pinv(robot.rolling[: robot.driven]).T
-
-
 def _of_drive(
     number: int, drive: CalibrationDrive, robot: Robot, steady: bool, turning: bool, length_s: float
 ) -> Iterator[tuple]:
     log, t = drive.log, drive.log.time_s
     wheels, current = (_bridged(t, values, length_s) for values in (log.wheel_speed_rad_s, log.motor_current_A))
-    rim = rim_motion(robot, wheels[:, : robot.driven])
+    rim = motion_from_wheels(robot, wheels[:, : robot.driven])
     pace = rim @ robot.rolling[: robot.driven].T if turning else rim[:, :-1]  # of the wheels, or of the body alone
     edges = np.searchsorted(t, np.arange(t[0], t[-1] - length_s / 2, length_s)).tolist()
     for first, last in zip(edges, [*edges[1:], t.size], strict=True):

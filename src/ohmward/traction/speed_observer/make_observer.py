@@ -36,7 +36,7 @@ from ohmward.traction.friction.law import contact
 from ohmward.traction.friction.terrain import Terrain, terrain_named
 from ohmward.traction.robot.chassis import SkidSteer
 from ohmward.traction.robot.motor import wheel_torque
-from ohmward.traction.robot.robot import GRAVITY, Robot, free_sideways, load_robot
+from ohmward.traction.robot.robot import GRAVITY, Robot, free_sideways, load_robot, motion_from_wheels
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import States
@@ -116,8 +116,7 @@ def speed_minus_wheels_m_s(robot: Robot, log: DriveLog) -> np.ndarray:
 
 def speed_and_wheels_m_s(robot: Robot, log: DriveLog) -> tuple[np.ndarray, np.ndarray]:
     """External speeds and those by the driven wheels at the times that they tell of, each (N,); may be empty."""
-    n = robot.driven
-    rolled = log.wheel_speed_rad_s[:, :n] @ np.linalg.pinv(robot.rolling[:n])[0] * robot.wheel.radius_m
+    rolled = motion_from_wheels(robot, log.wheel_speed_rad_s[:, : robot.driven])[:, 0]
     speed = np.full(len(log), np.nan) if log.speed_m_s is None else log.speed_m_s
     seen, given = np.isfinite(rolled), np.isfinite(speed)
     if not seen.any():
@@ -414,8 +413,7 @@ def with_effective_track(robot: Robot, log: DriveLog) -> Robot:
 
 def yaw_rate_of_wheels(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
     """Yaw rate (T,) [rad/s] by the driven wheels of a log (T, wheels) and the track, as if no wheel scrubbed."""
-    n = robot.driven
-    return robot.wheel.radius_m * wheel_speed_rad_s[:, :n] @ np.linalg.pinv(robot.rolling[:n])[-1]
+    return motion_from_wheels(robot, wheel_speed_rad_s[:, : robot.driven])[:, -1]
 
 
 def disturbance_m_s2(robot: Robot, log: DriveLog) -> float:
@@ -432,7 +430,7 @@ def disturbance_m_s2(robot: Robot, log: DriveLog) -> float:
     force_N = (window_mean(torque, half) - robot.inertia[robot.freedoms :] * wheel_rate) / robot.wheel.radius_m
     linear = slice(0, robot.freedoms - 1)
     forced = (force_N @ robot.rolling[:n])[:, linear] / robot.mass_kg
-    measured = (wheel_rate @ np.linalg.pinv(robot.rolling[:n]).T * robot.wheel.radius_m)[:, linear]
+    measured = motion_from_wheels(robot, wheel_rate)[:, linear]
     return float(np.median(np.linalg.norm(forced - measured, axis=1)[moving]))
 
 

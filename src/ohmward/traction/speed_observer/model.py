@@ -259,11 +259,6 @@ class Model:
         return speed
 
     @cached_property
-    def forward(self) -> np.ndarray:
-        """(driven,) forward speed of the body over that of each rim, where none slips."""
-        return np.linalg.pinv(self.scene.robot.rolling[: self.driven])[0]
-
-    @cached_property
     def static_load_N(self) -> np.ndarray:
         """Loads (wheels,) on level ground."""
         return normal_loads(RobotInput(0.0), self.scene.robot, np.zeros(2))

@@ -369,7 +369,8 @@ class SpeedObserver:
         std_m_s, model = self.model.noise.speed_std_m_s, self.model
         if std_m_s is None:
             return before
-        rim_m_s = model.forward @ (model.scene.robot.wheel.radius_m * model.layout.split(wheels.mean).omega)
+        robot = model.scene.robot
+        rim_m_s = robot.motion_by_rims[0] @ (robot.wheel.radius_m * model.layout.split(wheels.mean).omega)
         was_held = before.held.probability > IS_HELD
         outside, y = receive(before.outside, rim_m_s, clean, logical_not(was_held), std_m_s)
         return before._replace(outside=outside, held=weigh_held(before.held, y, rim_m_s, clean.dt_s))
@@ -391,7 +392,8 @@ class SpeedObserver:
         timers = MotionTimers(state.unobserved_s, state.stuck_s)
         timers = advance_timers(timers, driven, observable, clean.dt_s, self.alarm)
         driven = with_unknown_mass(driven, by_mass_m_s(evidence), self.model)
-        stuck = (evidence.held.probability > ALARM) & (abs(self.model.forward @ driven.rim_m_s) > TURNS_M_S)
+        rim_m_s = self.scene.robot.motion_by_rims[0] @ driven.rim_m_s
+        stuck = (evidence.held.probability > ALARM) & (abs(rim_m_s) > TURNS_M_S)
         return timers, conclude(belief, driven, timers, stuck, clean, self.model, self.alarm)
 
     def flags(
