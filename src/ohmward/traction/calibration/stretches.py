@@ -9,6 +9,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.traction.calibration.truth import CalibrationDrive, between
+from ohmward.traction.motion.held import STUCK_SHARE
 from ohmward.traction.robot.robot import Robot, motion_from_wheels
 from ohmward.traction.terrain.demand import travel_speed
 
@@ -17,9 +18,6 @@ LENGTH_S = 1.0
 STRAIGHT_SHARE = 0.1
 #: Least speed of the rims [m/s] in a stretch, and largest change of it as a share.
 SLOWEST_M_S, STEADY_SHARE = 0.02, 0.3
-#: A robot is stuck where the body's speed over that of the rims is below this share of what the faster half of the
-#: stretches has in its upper quartile: such a stretch tells of no radius, motor or law of a floor.
-STUCK_SHARE = 0.2
 
 
 class Stretches(NamedTuple):
@@ -67,7 +65,11 @@ def cut(
 
 
 def stuck(s: Stretches) -> np.ndarray:
-    """Conditions (K,) that the wheels turn and the body hardly moves; those that turn on the spot are not judged."""
+    """Conditions (K,) that the wheels turn and the body hardly moves; those that turn on the spot are not judged.
+
+    The speed of the body over that of the rims is below `STUCK_SHARE` of what the faster half of the stretches has in
+    its upper quartile: such a stretch tells of no radius, motor or law of a floor.
+    """
     rim_m_s, body_m_s = travel_speed(s.rim), travel_speed(s.motion)
     rolls = rim_m_s >= SLOWEST_M_S
     if not rolls.any():
