@@ -8,8 +8,6 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ohmward.cli import wording
 from ohmward.cli.drive_inputs import DriveReference, drive_options, make_terrain, read_drive_truth, truth_names
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
@@ -32,6 +30,7 @@ from ohmward.traction.observed_drive import (
     observe_on_floors,
     pose_figures,
 )
+from ohmward.traction.robot.robot import motion_from_wheels
 from ohmward.traction.score import score_drive, score_figures, true_slip
 from ohmward.traction.speed_observer.conclusions import SlipAlarm
 from ohmward.traction.terrain.floor import load_floors
@@ -239,7 +238,7 @@ def _plots(task: SlipTask, observed: ObservedDrive) -> list[Figure]:
     e = run.estimates
     truth = task.reference.truth if task.reference else None
     wheels = robot.driven_wheels
-    rolled_m_s = robot.wheel.radius_m * e.wheel_speed_rad_s @ np.linalg.pinv(robot.rolling[: robot.driven])[0]
+    rolled_m_s = motion_from_wheels(robot, e.wheel_speed_rad_s)[:, 0]
     plots = [speed_figure(run, rolled_m_s, truth.speed_m_s if truth else None)]
     if observed.on_floors:
         plots += floor_plots(observed.on_floors.track, observed.on_floors.floors, wheels)
