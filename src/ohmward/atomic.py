@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
@@ -61,14 +61,14 @@ def back_up(path: Path) -> Path | None:
     return backup
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text in UTF-8 with line feeds; the file is whole or as it was.
+def write_text(path: Path, text: str | Iterable[str]) -> None:
+    """Write a text, or its pieces, in UTF-8 with line feeds; the file is whole or as it was.
 
     Raises:
         OhmwardError: see `replacing`.
     """
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
+        file.writelines([text] if isinstance(text, str) else text)
 
 
 @contextmanager

@@ -36,18 +36,13 @@ def check_names(file: str, names: Sequence[str]) -> None:
     Raises:
         InputError: names the columns that are missing.
     """
-    lacking = [NAMES[field][0] for field in REQUIRED if not _has(names, field)]
+    known = set(map(_quantity, names))
+    lacking = [NAMES[field][0] for field in REQUIRED if known.isdisjoint(map(_quantity, NAMES[field]))]
     if is_bdf(file) and lacking:
         raise InputError(
             f"{file}: BDF requires the columns {listed([NAMES[field][0] for field in REQUIRED])}; missing: "
             f"{listed(lacking)}; it has: {listed(names)}; rename the columns, or the file so that it is not called BDF"
         )
-
-
-def _has(names: Sequence[str], field: str) -> bool:
-    """True where a name is one of those of the field, in whatever unit of its dimension."""
-    wanted = {_quantity(name) for name in NAMES[field]}
-    return any(_quantity(name) in wanted for name in names)
 
 
 def _quantity(name: str) -> tuple[str, str]:

@@ -19,7 +19,6 @@ from ohmward.logs.dates import (
     from_excel,
     has_date,
     has_time_of_day,
-    is_duration,
     read_dates,
     require_no_change,
     text_of,
@@ -27,7 +26,7 @@ from ohmward.logs.dates import (
     unreadable,
 )
 from ohmward.logs.hints import EXCEL, FileHints
-from ohmward.logs.table import Note, Table, TableFile, number, numbers
+from ohmward.logs.table import Note, Table, TableFile, can_read, number, numbers
 from ohmward.logs.units import UNITS
 
 # Unix times of the years 2000 to 2100; an elapsed time of 30 years does not occur in a log.
@@ -217,9 +216,9 @@ def _is_unix(seconds: float) -> bool:
 
 def _from_text(table: Table, column: Column, values: np.ndarray, hints: FileHints) -> Clock:
     first = next((cell for cell in values if cell.strip()), "")
-    if hints.time_format is None and _is_number(first):
+    if hints.time_format is None and can_read(number, first):
         return _from_numbers(table, column, numbers(table, column.name), hints)
-    if hints.time_format is None and is_duration(first):
+    if hints.time_format is None and can_read(duration_s, first):
         return _over_midnight(table, column, _each(table, column, values, duration_s, first))
     if hints.time_format is None and has_time_of_day(first) and not has_date(first):
         days = [f"1970-01-01 {cell}" if cell.strip() else "" for cell in values]
@@ -278,11 +277,3 @@ def _from_dates(table: Table, column: Column, dates: Dates, hints: FileHints, wh
         "warning",
     )
     return Clock(seconds - start, None, (unsure,))
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        number(cell)
-    except ValueError:
-        return False
-    return True

@@ -327,10 +327,7 @@ def split_cells(line: str, delimiter: str) -> list[str]:
 def _best_split(lines: Sequence[str], mark: str) -> _Split | None:
     """The way to divide the lines by which most of them are rows of values."""
     if sum(_ARROW in line for line in lines) > _MOSTLY * len(lines):
-        arrows = [
-            _split_by(lines, delimiter, partial(_at_arrow, delimiter=delimiter)) for delimiter in mark or _DELIMITERS
-        ]
-        return _heaviest(arrows)
+        return _heaviest([_split_by(lines, one, partial(_at_arrow, delimiter=one)) for one in mark or _DELIMITERS])
     marked = _heaviest([_split_by(lines, delimiter, None) for delimiter in mark or _DELIMITERS])
     if mark or (marked is not None and marked.block.length >= _MOSTLY * len(lines)):
         return marked

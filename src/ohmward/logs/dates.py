@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, date, datetime, timedelta
 from functools import lru_cache
 from typing import NamedTuple
@@ -14,6 +14,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.hints import EXCEL, FileHints, zone_of
+from ohmward.logs.table import can_read
 from ohmward.runs import runs
 
 _EPOCH = date(1970, 1, 1).toordinal()
@@ -64,9 +65,8 @@ def from_excel(days: np.ndarray) -> np.ndarray:
 
 def from_compact(values: np.ndarray) -> np.ndarray | None:
     """(T,) seconds since 1970 of numbers like 20260328091500; None where one is none."""
-    known = np.isfinite(values)
     try:
-        return _parsed([f"{value:.0f}" if ok else "" for value, ok in zip(values, known, strict=True)], _compact)
+        return _read_any([f"{value:.0f}" if np.isfinite(value) else "" for value in values]).seconds
     except ValueError:
         return None
 
@@ -86,21 +86,9 @@ def duration_s(cell: str) -> float:
     raise ValueError(cell)
 
 
-def is_duration(cell: str) -> bool:
-    """True for a notation of `duration_s`."""
-    try:
-        duration_s(cell)
-    except ValueError:
-        return False
-    return True
-
-
 def has_date(cell: str) -> bool:
     """True where the cell names a day, with or without a time."""
-    try:
-        return bool(_moment(cell).day)
-    except ValueError:
-        return False
+    return can_read(_moment, cell)
 
 
 def has_time_of_day(cell: str) -> bool:
@@ -227,15 +215,6 @@ def _day_number(text: str, order: str) -> int:
 
 def _month(name: str) -> int:
     return _MONTHS.index(name[:3].lower()) + 1
-
-
-def _parsed(cells: Sequence[str], read: Callable[[str], float]) -> np.ndarray:
-    return np.array([read(cell) if cell.strip() else np.nan for cell in cells])
-
-
-def _compact(cell: str) -> float:
-    moment = _moment(cell)
-    return _DAY_S * _day_number(moment.day, _ORDERS[0]) + moment.second
 
 
 def unreadable(source: str, place: str, column: str, cell: str, first: str) -> InputError:

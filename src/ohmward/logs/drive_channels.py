@@ -25,26 +25,8 @@ _OWN_RATE_FRACTION = 0.9
 Mended = tuple[np.ndarray, list[Note]]
 
 
-def mend_currents(
-    time_s: np.ndarray,
-    current_A: np.ndarray,
-    speed_rad_s: np.ndarray,
-    columns: Sequence[str],
-    places: Sequence[str],
-) -> Mended:
-    """The currents of the driven motors as they must have been, and a note on each mending.
-
-    time_s: (T,) [s]; current_A: (T, driven) [A]; speed_rad_s: (T, wheels) [rad/s], driven ones first.
-    columns: name of the column of each motor, empty where there is none; places: names of the driven wheels.
-    """
-    current_A, shared = _share(current_A, columns)
-    current_A, signed = _sign(current_A, speed_rad_s[:, : len(places)])
-    current_A, bridged = _bridge(time_s, current_A, np.isfinite(speed_rad_s).any(axis=1), places)
-    return current_A, [*shared, *signed, *bridged]
-
-
 def _share(current_A: np.ndarray, columns: Sequence[str]) -> Mended:
-    """Even shares of each current that is that of several motors."""
+    """Even shares of each current that is that of several motors; columns: name of that of each, "" for none."""
     shared = {name: count for name, count in Counter(columns).items() if name and count > 1}
     notes = [Note(f"{name!r} is the current of {count} wheels: shared evenly") for name, count in shared.items()]
     return current_A / np.array([shared.get(name, 1) for name in columns]), notes
@@ -132,12 +114,14 @@ def drive_channels(table: Table, found: Found, wheels: Wheels, mechanics: Mechan
     speed_rad_s, turn_notes = _at_once(time_s, _side_by_side(channels, wheels.of(WHEEL_SPEED), time_s))
     current_A = _side_by_side(channels, wheels.of(MOTOR_CURRENT), time_s)
     names = [columns[q].name if q in columns else "" for q in wheels.of(MOTOR_CURRENT).values()]
-    current_A, current_notes = mend_currents(time_s, current_A, speed_rad_s, names, wheels.driven_places)
+    current_A, shared = _share(current_A, names)
+    current_A, signed = _sign(current_A, speed_rad_s[:, : wheels.driven])
+    current_A, bridged = _bridge(time_s, current_A, np.isfinite(speed_rad_s).any(axis=1), wheels.driven_places)
     body = {channel.name: channels[channel.name] for channel in BODY if channel.name in channels}
     notes = [*unit_notes(columns, mechanics), *conversion_notes, *burst_notes, *turn_notes]
     notes += _use_angles(time_s, body)
     absent = _absent_notes(columns, wheels)
-    return DriveChannels(time_s, speed_rad_s, current_A, body, (*notes, *current_notes), absent)
+    return DriveChannels(time_s, speed_rad_s, current_A, body, (*notes, *shared, *signed, *bridged), absent)
 
 
 def _without_bursts(

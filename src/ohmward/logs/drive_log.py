@@ -11,7 +11,6 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.clean import gap_notes
-from ohmward.logs.dates import window_s
 from ohmward.logs.drive_channels import DriveChannels, drive_channels, to_numbers
 from ohmward.logs.frame import to_frame
 from ohmward.logs.hints import FileHints
@@ -61,9 +60,7 @@ class DriveLog(TimeSeries):
     time_zone: str = "UTC"
 
     def __post_init__(self) -> None:
-        start_unix_s = self._freeze(("wheel_speed_rad_s", "motor_current_A", *BODY))
-        if self.start_unix_s is None:
-            object.__setattr__(self, "start_unix_s", start_unix_s)
+        self._freeze(("wheel_speed_rad_s", "motor_current_A", *BODY))
         self._require_lengths(BODY)
         for name in ("wheel_speed_rad_s", "motor_current_A"):
             shape = getattr(self, name).shape
@@ -157,9 +154,7 @@ def read_drive(
     if found.by_number and not all(any(c.isdigit() for c in place) for place in wheels.places):
         text = f"wheels told by their numbers, in the robot's order: {', '.join(wheels.places)}; check it"
         order = (Note(text, "warning"),)
-    log = _as_log(file, rows, channels, order)
-    part = window_s(log.name, rows.start_unix_s, file.hints)
-    return log if part is None else log.between(*part)
+    return _as_log(file, rows, channels, order).part(file.hints)
 
 
 def as_drive(source: DriveSource, robot: Any) -> DriveLog:

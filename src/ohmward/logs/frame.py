@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
-from functools import partial
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -48,23 +47,18 @@ def _open_stream(source: Any) -> TableFile:
         ) from error
     names = [str(name) for name in table.column_names]
     require_unique("DataFrame", names)
-    columns = {name: partial(_of_arrow, table, at) for at, name in enumerate(names)}
-    return _table_file("DataFrame", table.num_rows, columns)
-
-
-def _of_arrow(table: Any, at: int) -> np.ndarray:
-    return values_of(table.column(at).combine_chunks())
+    return _table_file("DataFrame", table.num_rows, names, lambda at: values_of(table.column(at).combine_chunks()))
 
 
 def _table_file(
-    source: str, rows: int, columns: Mapping[str, Callable[[], np.ndarray]], time: str | None = None
+    source: str, rows: int, columns: Sequence[str], column: Callable[[int], np.ndarray], time: str | None = None
 ) -> TableFile:
-    """The file of columns (rows,), each made when it is asked for."""
+    """The file of columns (rows,); column: makes the one of a number when it is asked for."""
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
         if not rows:
             raise InputError("the DataFrame has no rows; a log needs samples")
-        chosen = {name: column() for name, column in columns.items() if name in names}
+        chosen = {name: column(at) for at, name in enumerate(columns) if name in names}
         return Table(source, chosen, row_numbers(1, rows), "row")
 
     return TableFile(source, tuple(columns), load, time)
@@ -76,13 +70,9 @@ def _open_pandas(frame: Any) -> TableFile:
     names = [str(name) for name in frame.columns]
     require_unique("DataFrame", names)
     index, time = _index(frame, names)
-    columns: dict[str, Callable[[], np.ndarray]] = {name: partial(plain_array, v) for name, v in index.items()}
-    columns |= {name: partial(_of_pandas, frame, at) for at, name in enumerate(names)}
-    return _table_file(str(frame.attrs.get("name", "DataFrame")), len(frame), columns, time)
-
-
-def _of_pandas(frame: Any, at: int) -> np.ndarray:
-    return plain_array(frame.iloc[:, at])
+    columns = [*index.values(), *(frame.iloc[:, at] for at in range(len(names)))]
+    source = str(frame.attrs.get("name", "DataFrame"))
+    return _table_file(source, len(frame), [*index, *names], lambda at: plain_array(columns[at]), time)
 
 
 def _index(frame: Any, columns: Collection[str]) -> tuple[dict[str, np.ndarray], str | None]:

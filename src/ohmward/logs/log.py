@@ -29,7 +29,6 @@ from ohmward.logs.clean import (
     without_spikes,
 )
 from ohmward.logs.columns import Column, UnclearColumnsError, find_columns
-from ohmward.logs.dates import window_s
 from ohmward.logs.frame import is_frame, to_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.plausible import guess_notes, milliampere_notes, require_not_wrapped, require_plausible
@@ -83,9 +82,7 @@ class Log(TimeSeries):
     time_zone: str = "UTC"  #: of the wall clock in the file; "" where its dates name none and were taken as UTC
 
     def __post_init__(self) -> None:
-        start_unix_s = self._freeze(_COLUMNS)
-        if self.start_unix_s is None:
-            object.__setattr__(self, "start_unix_s", start_unix_s)
+        self._freeze(_COLUMNS)
         self._require_lengths(_COLUMNS)
 
     @classmethod
@@ -187,9 +184,7 @@ def read_log(
     wanted = Wanted(where or {}, columns_beside, sort_time, progress, "time" in file.given(columns))
     rows = read_recording(file, chosen, wanted, lambda table: _to_numbers(table, chosen, state))
     left_out = {*wanted.where} if extra is None else set(file.names) - set(extra)
-    log = _as_log(file, rows, current_sign, left_out)
-    part = window_s(log.name, log.start_unix_s, file.hints)
-    return log if part is None else log.between(*part)
+    return _as_log(file, rows, current_sign, left_out).part(file.hints)
 
 
 def _with_further(error: UnclearColumnsError, columns: Mapping[str, str], read: Callable[..., Log]) -> InputError:

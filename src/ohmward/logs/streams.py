@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -91,9 +90,13 @@ class Streams(NamedTuple):
     def open(self, chosen: Sequence[str] | None = None) -> TableFile:
         """The columns of the chosen streams, of all without a choice."""
         of_chosen = {name: self.streams[name] for name in (self.streams if chosen is None else chosen)}
-        names = dict.fromkeys([TIME, *(name for stream in of_chosen.values() for name in stream.columns)])
-        load = partial(_load, self._replace(streams=of_chosen))
-        return TableFile(self.source, tuple(names), load, TIME, self._part, self.positive_current, hints=self.hints)
+        columns = dict.fromkeys([TIME, *(name for stream in of_chosen.values() for name in stream.columns)])
+
+        def load(names: Collection[str], progress: Progress | None = None) -> Table:
+            note = Note(f"{self.what}: {', '.join(_with_any(of_chosen, names))}")
+            return rows_of(self.source, TIME, of_chosen, names, (note, *self.notes))
+
+        return TableFile(self.source, tuple(columns), load, TIME, self._part, self.positive_current, hints=self.hints)
 
     def _part(self, kind: str, where: Mapping[str, float | str]) -> TableFile:
         """The columns of a battery or of a drive, or of the streams that `where` names."""
@@ -101,11 +104,6 @@ class Streams(NamedTuple):
         if self.known or TOPIC in where:
             return self.open(choose_topics(self.source, kind, where, types, self.known))
         return self.open()
-
-
-def _load(recording: Streams, wanted: Collection[str], progress: Progress | None = None) -> Table:
-    note = Note(f"{recording.what}: {', '.join(_with_any(recording.streams, wanted))}")
-    return rows_of(recording.source, TIME, recording.streams, wanted, (note, *recording.notes))
 
 
 def _with_any(streams: Mapping[str, Stream], wanted: Collection[str]) -> Mapping[str, Stream]:

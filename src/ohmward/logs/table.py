@@ -199,6 +199,15 @@ def number(cell: str) -> float:
     return math.nan if cell.strip().lower() in MISSING else float(cell)
 
 
+def can_read(read: Callable[[str], object], cell: str) -> bool:
+    """True where a reader takes the cell, without a ValueError."""
+    try:
+        read(cell)
+    except ValueError:
+        return False
+    return True
+
+
 def numbers(table: Table, name: str) -> np.ndarray:
     """(T,) the column as float64, durations in seconds.
 

@@ -11,17 +11,20 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.arrays import plain_array
 from ohmward.logs.clock import clock_of_dates
+from ohmward.logs.dates import window_s
+from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note
 from ohmward.quantities import QUANTITIES
 
 
 class TimeSeries:
-    """Base of the frozen dataclasses with `name`, `time_s` (T,), further arrays of T rows, `extra` and `notes`."""
+    """Base of the frozen dataclasses with `name`, `time_s` (T,), its Unix start, more arrays, `extra` and `notes`."""
 
     name: str
     time_s: np.ndarray
     extra: Mapping[str, np.ndarray]
     notes: tuple[Note, ...]
+    start_unix_s: float | None
 
     def __len__(self) -> int:
         return self.time_s.size
@@ -70,24 +73,33 @@ class TimeSeries:
         log: Any = self
         return replace(log, notes=self.notes + notes)
 
-    def _freeze(self, names: Iterable[str]) -> float | None:
+    def part(self, hints: FileHints) -> Self:
+        """The part that the hints name, from a time until another; all where they name none.
+
+        Raises:
+            InputError: it has no sample, or its ends are no times of this log.
+        """
+        window = window_s(self.name, self.start_unix_s, hints)
+        return self if window is None else self.between(*window)
+
+    def _freeze(self, names: Iterable[str]) -> None:
         """Make the time, the arrays of these names and those in `extra` read-only float64 views.
 
-        Returns: Unix time [s] of the first sample where the time was given as dates, else None.
+        Dates as the time tell its Unix start, where that was not given.
         """
-        start_unix_s = None
+        start_unix_s = self.start_unix_s
         time_s = self._plain("time_s", self.time_s)
         if time_s.dtype.kind in "mM":
             clock = clock_of_dates(time_s)
-            time_s, start_unix_s = clock.time_s, clock.start_unix_s
+            time_s = clock.time_s
+            start_unix_s = clock.start_unix_s if start_unix_s is None else start_unix_s
         arrays = {"time_s": time_s} | {name: getattr(self, name) for name in names}
         frozen: dict[str, Any] = {name: self._numbers(name, v) for name, v in arrays.items() if v is not None}
         frozen["extra"] = {name: self._numbers(name, values) for name, values in self.extra.items()}
-        frozen["notes"] = tuple(self.notes)
+        frozen |= {"notes": tuple(self.notes), "start_unix_s": start_unix_s}
         for name, values in frozen.items():
             object.__setattr__(self, name, values)
         self._require_time()
-        return start_unix_s
 
     def _plain(self, name: str, values: Any) -> np.ndarray:
         try:

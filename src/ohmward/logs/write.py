@@ -154,13 +154,8 @@ def _write_csv(path: Path, columns: Mapping[str, np.ndarray], progress: Progress
             if (text := csv_arrow.rows_as_text(block)) is not None:
                 stream.write(text)
             else:
-                writer.writerows(zip(*map(_cells, block), strict=True))
+                # Python numbers, which are written with every digit; None is an empty cell
+                cells = [[None if value != value else value for value in values.tolist()] for values in block]
+                writer.writerows(zip(*cells, strict=True))
             if progress:
                 progress(start + len(block[0]), rows)
-
-
-def _cells(values: np.ndarray) -> list:
-    """Python numbers, which the csv module writes with every digit; None (an empty cell) for NaN."""
-    if values.dtype.kind != "f":
-        return values.tolist()
-    return [None if value != value else value for value in values.tolist()]

@@ -136,7 +136,8 @@ def value_decimals(values: np.ndarray, digits: int = 4) -> int:
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return 0
-    low, high = np.quantile(finite, [0.01, 0.99])
+    largest = float(max(-finite.min(), finite.max()))
+    low, high = np.quantile(finite, [0.01, 0.99], overwrite_input=True)
     span = high - low if high - low > 1e-9 * abs(high) else abs(high)
-    span = span or np.abs(finite).max() or 1.0
+    span = span or largest or 1.0
     return min(digits + decimals(float(span)), 15)

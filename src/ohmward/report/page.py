@@ -106,19 +106,27 @@ class Page:
 
     def html(self) -> str:
         """The whole page."""
+        return "".join(self._pieces())
+
+    def _pieces(self) -> Iterator[str]:
+        """The whole page piece by piece: its blocks may be large."""
         code = "\n".join(map(_asset, _CODE))
-        style = f"{_asset('vendor/uplot/uPlot.min.css')}\n{_theme()}\n{_asset('assets/report.css')}"
-        return Template(_asset("assets/page.html")).substitute(
-            policy=_content_policy(code),
-            title=escape(self.title),
-            subtitle=f'<p class="subtitle">{escape(self.subtitle)}</p>' if self.subtitle else "",
-            contents=_contents(self.headings),
-            body="\n".join(blocks.folded(self.body)),
-            footer=f"<footer>{escape(self.footer)}</footer>" if self.footer else "",
-            style=style,
-            licence=_asset("vendor/uplot/LICENSE"),
-            code=code,
-        )
+        values = {
+            "policy": _content_policy(code),
+            "title": escape(self.title),
+            "subtitle": f'<p class="subtitle">{escape(self.subtitle)}</p>' if self.subtitle else "",
+            "contents": _contents(self.headings),
+            "footer": f"<footer>{escape(self.footer)}</footer>" if self.footer else "",
+            "style": f"{_asset('vendor/uplot/uPlot.min.css')}\n{_theme()}\n{_asset('assets/report.css')}",
+            "licence": _asset("vendor/uplot/LICENSE"),
+            "code": code,
+        }
+        before, after = _asset("assets/page.html").split("$body\n")
+        yield Template(before).substitute(values)
+        for block in blocks.folded(self.body):
+            yield block
+            yield "\n"
+        yield Template(after).substitute(values)
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the page; a reader of `path` sees the old file or the whole new one.
@@ -131,7 +139,7 @@ class Page:
             raise InputError(
                 f"{path}: a page of figures is HTML; name it .html, and save a figure as PNG by its button in the page"
             )
-        write_text(Path(path), self.html())
+        write_text(Path(path), self._pieces())
 
     def _with(self, block: str) -> Page:
         return replace(self, body=(*self.body, block))

@@ -63,22 +63,27 @@ def _packed_x(x: np.ndarray, x_axis: XAxis) -> dict[str, Any]:
 def _packed_y(y: np.ndarray, logarithmic: bool) -> dict[str, Any]:
     """In steps of the usual variation; as 32-bit floats where these do not fit: on a log axis, beside a huge spike."""
     per_unit = 10.0 ** value_decimals(y, DIGITS)
-    known = y[np.isfinite(y)]
-    extremes = {"extremes": [float(known.min()), float(known.max())] if known.size else [0.0]}
-    if logarithmic or (known.size and np.ptp(known) * per_unit > _LARGEST_RANGE):
+    known = np.isfinite(y)
+    low, high = (float(y.min(initial=np.inf, where=known)), float(y.max(initial=-np.inf, where=known)))
+    extremes = {"extremes": [low, high] if low <= high else [0.0]}
+    if logarithmic or (high - low) * per_unit > _LARGEST_RANGE:
         return extremes | {"data": _text(y.astype("<f4").view("<i4"))}
-    whole = np.rint(y * per_unit)
-    while per_unit > 1.0 and not np.any(whole[np.isfinite(whole)] % 10.0):
+    whole = y * per_unit
+    np.rint(whole, out=whole)
+    while per_unit > 1.0 and not np.any(whole % 10.0, where=known):
         whole, per_unit = np.rint(whole / 10.0), per_unit / 10.0
     return extremes | _differences(whole, per_unit)
 
 
 def _differences(whole: np.ndarray, per_unit: float) -> dict[str, Any]:
     """Whole numbers (n,) with their first one apart."""
-    known = np.flatnonzero(np.isfinite(whole))
-    first = float(whole[known[0]]) if known.size else 0.0
+    known = np.isfinite(whole)
+    values = whole if known.all() else whole[known]
+    first = float(values[0]) if values.size else 0.0
+    between = np.zeros(values.size, dtype="<i4")
+    np.subtract(values[1:], values[:-1], out=between[1:], casting="unsafe")
     steps = np.full(whole.size, GAP, dtype="<i4")
-    steps[known] = np.diff(whole[known], prepend=first)
+    steps[known] = between
     return {"first": int(first), "per_unit": per_unit, "data": _text(steps)}
 
 

@@ -21,8 +21,8 @@ LOWERINGS = ("auto", "python", "machine")
 #: Steps of a log from which on machine code is faster although it must be compiled first.
 WORTH_STEPS = 10_000
 #: The logs of a kernel together are worth it from the same number on, of programs up to this many operations. The time
-#: to compile larger ones grows with the square: 0.5 s for 1,400 operations, 1.7 s for 4,300, 11 s for 8,100, 46 s for
-#: 16,000, where a step in Python takes 55, 190, 250 and 340 us.
+#: to compile larger ones grows with the square: 0.4 s for 1,700 operations, 1.4 s for 5,000, 4.5 s for 6,800, 10 s for
+#: 10,700, where a step in Python takes 55, 190, 220 and 300 us.
 USUAL_OPERATIONS = 4_000
 #: The same for the steps of all lanes of one call together.
 WORTH_LANE_STEPS = 400_000

@@ -14,8 +14,11 @@ from ohmward.errors import OhmwardError
 from ohmward.optional import MissingPackageError, require
 from ohmward.trace.lower.code_cache import cached
 
-#: Level of optimisation: LLVM's -O2. Straight-line code gains nothing from more.
+#: Level of the code generator: LLVM's -O2. Straight-line code gains nothing from more.
 _LEVEL = 2
+#: A traced program is one straight line without a common subexpression. Of the optimiser's passes only this one makes
+#: it faster; all of them together take as long as the code generator.
+_PASSES = ("instruction_combine",)
 #: Constants lie near the code, so instructions hold their addresses; the linker keeps both together.
 _CODE_MODEL = "small"
 _NUMBERS = count()
@@ -130,10 +133,10 @@ def compile_object(source: str) -> bytes:
     module.verify()
     target = machine()
     module.triple, module.data_layout = binding.get_default_triple(), str(target.target_data)
-    options = binding.create_pipeline_tuning_options(speed_level=_LEVEL)
-    options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
-    passes = binding.create_pass_builder(target, options)
-    passes.getModulePassManager().run(module, passes)
+    passes = binding.create_new_module_pass_manager()
+    for name in _PASSES:
+        getattr(passes, f"add_{name}_pass")()
+    passes.run(module, binding.create_pass_builder(target, binding.create_pipeline_tuning_options(_LEVEL)))
     code: bytes = target.emit_object(module)
     return code
 
@@ -154,4 +157,4 @@ def this_machine() -> bytes:
     import llvmlite.binding as binding
 
     parts = (binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten(), llvmlite.__version__)
-    return "\0".join(map(str, (*parts, _LEVEL, _CODE_MODEL))).encode()
+    return "\0".join(map(str, (*parts, _LEVEL, _PASSES, _CODE_MODEL))).encode()
