@@ -56,7 +56,7 @@ write_log(log, "again.csv")
 assert "humidity" in read_log("again.csv", current_sign="charge").extra
 
 assert Wiring({"battery_humidity": "rh"}).values({"rh": 0.4}) == {"battery_humidity": 0.4}
-numbers = dict.fromkeys(("current", "voltage", "temperature", "humidity"), 0.3)
+numbers = dict.fromkeys(("current", "voltage", "temperature", "percentage", "humidity"), 0.3)
 assert ros2._of_table("sensor_msgs/msg/BatteryState", numbers)["battery_humidity"] == 0.3
 
 estimation, rows, states = Estimation(generic_battery("lfp", 10.0, 4)), RowMaker(), []

@@ -45,6 +45,8 @@ class Quantity(NamedTuple):
     ros_type: str = ""  #: message of ROS that has it, `sensor_msgs/msg/BatteryState`
     ros_field: str = ""  #: its path there
     axis_label: str = ""  #: of its figures, where it is not the name and the unit
+    #: in the names of signals, of a quantity that is no column of a log: a log's `soc` may be anybody's
+    signal_words: frozenset[frozenset[str]] = frozenset()
 
     @property
     def each(self) -> str:
@@ -87,6 +89,14 @@ def each_with_each(first: str, second: str) -> list[str]:
     return [f"{a} {b}".replace("-", "") for a in first.split() for b in second.split()]
 
 
+def current_limits(ways: str) -> list[str]:
+    """Names of the largest current of a direction, each with each of its words."""
+    return each_with_each(ways, "limit") + [
+        f"{way} {most} {current}" for way in ways.split() for most in ("max", "limit") for current in ("current", "i")
+    ]
+
+
+_BMS, _CHARGE, _DISCHARGE = "bms battery batt pack", "charge charging chg", "discharge discharging dischg dsg"
 _COMPASSES = "- compass magnetic mag gnss gps"
 _SPEEDOMETERS = "- ground gnss gps vo visual flow radar lidar"
 _BATTERY_STATE, _IMU, _ODOMETRY = "sensor_msgs/msg/BatteryState", "sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry"
@@ -118,6 +128,18 @@ _TABLE = (
              ValueLimits(0.0, 1.0)),
     Quantity("battery_changed", "1 when another battery was put in: the charge before does not count", "battery", "1",
              ValueLimits(0.0, 1.0), estimated_from=False),
+    Quantity("bms_soc", "state of charge by the battery's own management, beside ours", "battery", "1",
+             ValueLimits(0.0, 1.0), example="% or 1", estimated_from=False, ros_type=_BATTERY_STATE,
+             ros_field="percentage", signal_words=words_of("soc", "bms soc", "state of charge", "percentage")),
+    Quantity("bms_charge_limit_A", "largest current of charge that the battery's management allows", "battery", "A",
+             ValueLimits(0.0, 5000.0), example="A or mA", estimated_from=False,
+             signal_words=words_of("ccl", *current_limits(_CHARGE))),
+    Quantity("bms_discharge_limit_A", "largest current of discharge that it allows", "battery", "A",
+             ValueLimits(0.0, 5000.0), example="A or mA", estimated_from=False,
+             signal_words=words_of("dcl", *current_limits(_DISCHARGE))),
+    Quantity("bms_alarm", "alarms of the battery's management, 0 for none", "battery", "1",
+             ValueLimits(0.0, 2.0**64), estimated_from=False,
+             signal_words=words_of(*each_with_each(_BMS, "alarm alarms fault faults error errors"))),
     Quantity("cell_voltage_V", "voltage of each cell", "cell", "V", ValueLimits(0.0, 20.0)),
     Quantity(
         "wheel_speed_rad_s", "speed of each wheel behind its gear, > 0 drives forward", "wheel", "rad/s",

@@ -35,6 +35,7 @@ STYLES = {
     "one word, abbreviated corners, rpm in the name alone": (
         {
             "BMS_Status1": {"BMS_PackVoltage": "V", "Pack_I": "A", "BMS_Temp": "degC", "BMS_TempMax": "degC"},
+            "BMS_Status2": {"BMS_SOC": "%", "CCL": "A", "Max_Discharge_Current": "A", "BMS_Alarms": ""},
             "Cells": {f"CellVoltage_{k}": "mV" for k in (1, 2, 3, 4)},
             "Drives": {f"MotorRPM_{corner}": "" for corner in ("FL", "FR", "RL", "RR")},
             "Currents": {f"MotorCurrent_{corner}": "A" for corner in ("FL", "FR", "RL", "RR")},
@@ -42,6 +43,7 @@ STYLES = {
             "Command": {"SetpointRPM_FL": "rpm"},
         },
         {"battery_voltage_V": 1.0, "battery_current_A": 1.0, "battery_temperature_degC": 1.0}
+        | {"bms_soc": 0.01, "bms_charge_limit_A": 1.0, "bms_discharge_limit_A": 1.0, "bms_alarm": 1.0}
         | {f"cell_voltage_V.{k}": 0.001 for k in range(4)}
         | {f"wheel_speed_rad_s.{corner}": RPM for corner in CORNERS}
         | {f"motor_current_A.{corner}": 1.0 for corner in CORNERS}
@@ -64,7 +66,7 @@ STYLES = {
             "Wheels": {f"wheel_speed_{corner}": "km/h" for corner in ("fl", "fr", "rl", "rr")},
             "Motors": {"Motor1_RPM": "rpm", "Motor2_RPM": "rpm"},
         },
-        {"battery_voltage_V": 1.0, "battery_current_A": 1.0, "battery_temperature_degC": 1.0}
+        {"battery_voltage_V": 1.0, "battery_current_A": 1.0, "battery_temperature_degC": 1.0, "bms_charge_limit_A": 1.0}
         | {f"wheel_speed_rad_s.{corner}": 1 / 3.6 / 0.1 for corner in CORNERS},
     ),
     "controllers by number": (

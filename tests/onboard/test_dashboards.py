@@ -8,7 +8,7 @@ import urllib.request
 import pytest
 
 from markdown_pages import ROOT
-from ohmward.onboard.store.influx import lines, post
+from ohmward.onboard.store.influx import lines, write_lines
 from ohmward.onboard.store.postgresql import write
 from ohmward.onboard.store.rows import Row, RowMaker
 from onboard.page_server import drive
@@ -40,7 +40,7 @@ def stored() -> list[Row]:
 
 def test_influxdb_answers_every_panel(tmp_path):
     with influxdb(tmp_path, free_port()) as address:
-        post(f"{address}/write?db=robots", lines(stored(), "rover"))
+        write_lines(f"{address}/write?db=robots", lines(stored(), "rover"))
         for target in targets("influxdb"):
             query = target["query"].replace("/^$robot$/", "/^rover$/").replace("$timeFilter", "time > 0")
             query = urllib.parse.urlencode({"db": "robots", "q": query.replace("$__interval", "1h")})
@@ -50,7 +50,7 @@ def test_influxdb_answers_every_panel(tmp_path):
 
 def test_victoria_metrics_answers_every_panel(tmp_path):
     with victoria_metrics(tmp_path, free_port()) as address:
-        post(f"{address}/write", lines(stored(), "rover"))
+        write_lines(f"{address}/write", lines(stored(), "rover"))
         urllib.request.urlopen(f"{address}/internal/force_flush", timeout=10).read()
         for target in targets("victoria-metrics"):
             expression = target["expr"].replace("$robot", "rover").replace("$__interval", "1h")

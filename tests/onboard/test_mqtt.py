@@ -96,7 +96,7 @@ def test_states_are_retained_and_the_will_says_offline(tmp_path):
             feed.put(state())
             await asyncio.sleep(0.7)
             late, got = client(broker, "ohmward/robot/#")
-            await until(lambda: len(got) == 3)
+            await until(lambda: len(got) == 4)
             await asyncio.sleep(0.1)
             feed.end()
             await task

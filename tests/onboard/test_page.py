@@ -16,6 +16,7 @@ import pytest
 
 from ohmward import generic_battery
 from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.alarms import AlarmLimits, AlarmWatch
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.page.app import MOST_READERS, make_app
@@ -374,6 +375,7 @@ def test_the_sink_ends_with_its_feed():
 )
 def test_an_operator_is_told_what_to_do_by_the_low_end_of_the_band(soc, std, current_A, sentence):
     state = driven()._replace(battery=charge(soc)._replace(soc_std=std), sample={"battery_current_A": current_A})
+    state = state._replace(alarms=AlarmWatch(AlarmLimits(after_s=0.0)).take(state))
     assert advice(state) == view(state)["advice"] == sentence
 
 
@@ -381,8 +383,10 @@ def test_an_operator_is_told_of_the_wheel_that_turns_on_the_spot():
     state = driven()
     assert state.slip is not None
     stuck = state.slip._replace(immobilised=1.0, slip_speed_m_s=np.array([0.1, -0.9]))
-    found = advice(state._replace(slip=stuck, wheels=("front_left", "front_right")))
-    assert found == "Stop and look at the front right wheel: it turns and the robot does not move."
+    (alarm,) = AlarmWatch(AlarmLimits(after_s=0.0)).take(
+        state._replace(slip=stuck, wheels=("front_left", "front_right"))
+    )
+    assert alarm.text == "Stop and look at the front right wheel: it turns and the robot does not move."
 
 
 def test_the_cells_are_shown_by_their_extremes():

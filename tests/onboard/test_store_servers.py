@@ -17,7 +17,7 @@ from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.sinks.server import InfluxSink, PostgresqlSink
 from ohmward.onboard.store.delivery import deliver, send_batch
-from ohmward.onboard.store.influx import lines, post
+from ohmward.onboard.store.influx import lines, write_lines
 from ohmward.onboard.store.postgresql import write
 from ohmward.onboard.store.rows import Row
 from ohmward.onboard.store.spool import Spool
@@ -210,7 +210,7 @@ def in_postgresql(address, table):
 def test_a_server_that_refuses_is_quoted(tmp_path):
     port = free_port()
     with influxdb(tmp_path, port) as address, pytest.raises(OhmwardError, match=r"refuses the rows \(404 .*not found"):
-        post(f"{address}/write?db=nothing", lines(rows(1), "rover"))
+        write_lines(f"{address}/write?db=nothing", lines(rows(1), "rover"))
 
 
 class OtherServer(http.server.BaseHTTPRequestHandler):
@@ -251,7 +251,7 @@ def other_server():
 @pytest.mark.parametrize(("path", "status"), [("/write?db=robots", 302), ("/login", 200)])
 def test_a_page_of_another_server_is_no_confirmation(other_server, path, status):
     with pytest.raises(OhmwardError, match=rf"\({status}.*\); check url"):
-        post(other_server + path, lines(rows(1), "rover"), "the secret")
+        write_lines(other_server + path, lines(rows(1), "rover"), "the secret")
     assert OtherServer.seen == [], "the token must not follow a redirection"
 
 
@@ -261,7 +261,7 @@ def test_rows_that_a_server_will_never_take_do_not_hold_up_the_others(tmp_path, 
         short = "CREATE RETENTION POLICY short ON robots DURATION 1h REPLICATION 1 DEFAULT"
         urllib.request.urlopen(f"{address}/query", urllib.parse.urlencode({"q": short}).encode(), timeout=10).read()
         old = Row("battery", NOW_NS - 5 * 3600 * 10**9, {"soc": 0.5})
-        post(f"{address}/write?db=robots", lines([old, *rows(5)], "rover"))
+        write_lines(f"{address}/write?db=robots", lines([old, *rows(5)], "rover"))
         assert in_influx(address) == 5
     assert "retention policy" in caplog.text
 

@@ -83,8 +83,8 @@ _BESIDE_WHEELS = (
 _BESIDE_BODY = (word_set("imu data body base robot msg"),)
 
 
-def _channel(quantity: Quantity) -> Channel:
-    """The channel of a quantity."""
+def channel_for(quantity: Quantity) -> Channel:
+    """The channel of a quantity: the columns that may be it, by its words."""
     unit = unit_of(quantity.unit)
     assert unit is not None, f"{quantity.name}: no unit {quantity.unit!r}"
     of_battery = quantity.owner == "battery"
@@ -101,7 +101,7 @@ def _channel(quantity: Quantity) -> Channel:
     )
 
 
-_OF_TABLE = {quantity.name: _channel(quantity) for quantity in QUANTITIES.values() if quantity.words}
+_OF_TABLE = {quantity.name: channel_for(quantity) for quantity in QUANTITIES.values() if quantity.words}
 
 
 def _channels_of(owner: str) -> tuple[Channel, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any, ClassVar
 
 from ohmward.battery.file import load_battery
 from ohmward.energy.consumption_file import load_consumption
-from ohmward.errors import InputError
+from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.message_parts import no_such_part
@@ -26,6 +27,8 @@ from ohmward.onboard.sinks.store import StoreSink
 from ohmward.onboard.sources.replay import replays_in_step
 from ohmward.onboard.sources.ros2 import Ros2Source
 from ohmward.onboard.state_folder import StateFolder
+from ohmward.onboard.store.store import DATABASE
+from ohmward.onboard.store.sums import totals_of_store
 from ohmward.traction.robot.robot import Robot, load_robot
 
 
@@ -93,15 +96,29 @@ def assemble(setup: Setup, ros_node: Any = None) -> Process:
     folder = state_folder(setup)
     estimation = estimation_of(setup, folder)
     sources, sinks = connect_simulated_drives(replays_in_step(setup.source), sinks_of(setup))
-    process = Process(estimation, *on_one_node(sources, sinks, ros_node), strict=setup.strict)
+    parts = on_one_node(sources, sinks, ros_node)
+    process = Process(estimation, *parts, strict=setup.strict, alarms=setup.alarms)
     if folder:
         folder.begin(estimation)
+        _count_from_store(estimation, setup)
         process.companions.append(("snapshots", folder.writer(estimation, process.now_s)))
     for signal, fault in wiring_faults(setup, estimation.robot):
         if setup.strict:
             raise InputError(f"{signal}: {fault}")
         process.tell(Diagnostic(f"wiring of {signal}", Level.ERROR, fault))
     return process
+
+
+def _count_from_store(estimation: Estimation, setup: Setup) -> None:
+    """Let the totals of a robot that has counted none begin with what its store holds."""
+    store = next((sink.folder for sink in setup.sink if isinstance(sink, StoreSink)), None)
+    if store is None or any(estimation.totals) or not (Path(store) / DATABASE).exists():
+        return
+    try:
+        capacity_Ah = estimation.battery.capacity_Ah if estimation.battery else math.inf
+        estimation.totals = totals_of_store(Path(store), capacity_Ah)
+    except OhmwardError as error:
+        LOG.warning("totals begin with this start: %s", error)
 
 
 def state_folder(setup: Setup) -> StateFolder | None:

@@ -26,6 +26,7 @@ from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.energy.range_step import RangeEstimate, RangeSample
 from ohmward.onboard.message_parts import MessageSorter
 from ohmward.onboard.robot_state import RobotState
+from ohmward.onboard.totals import Totals
 from ohmward.quantities import GROUPS
 from ohmward.trace.lower.kept_steps import keeping
 from ohmward.traction.inbox import HEADING, SensorInbox
@@ -93,6 +94,9 @@ class Estimation:
         self.absence: tuple[float, SocNormal] | None = None
         #: Last current of the battery, nan before the first.
         self.last_current_A = math.nan
+        #: Since ever, as far as it is known: a snapshot of before goes on in it.
+        self.totals = Totals()
+        self._distance_m = 0.0
         self._sorter = MessageSorter(robot, counted=counts_per_turn is not None)
         places = tuple(place.name for place in robot.places) if robot else ()
         self.state = RobotState(math.nan, math.nan, wheels=places[: robot.driven] if robot else ())
@@ -233,6 +237,9 @@ class Estimation:
         charge = self.soc.update(time_s, current_A, voltage_V, self._temperature_degC)
         if math.isfinite(current_A):
             self.last_current_A = current_A
+        if self.battery:
+            dt_s = sample.time_s - self.state.battery_time_s
+            self.totals = self.totals.after_battery(dt_s, current_A, voltage_V, self.battery.capacity_Ah)
         reach = None
         if self.range:
             speed_m_s = self._travel_speed_m_s()
@@ -277,6 +284,8 @@ class Estimation:
         slip = self.slip.update(**{name: value for name, value in sample.items() if name not in HEADING})
         seen = {name: value for name, value in sample.items() if name not in NOT_OF_ODOMETRY}
         pose = self.odometry.update(**seen, observed=slip)
+        self.totals = self.totals.after_drive(self._distance_m, float(pose.distance_m))
+        self._distance_m = float(pose.distance_m)
         self._measured |= sample.keys()
         robot = self.odometry.settings.robot
         heard = not int(slip.flags) & SlipFlag.NO_ENCODER and not int(pose.flags) & OdometryFlag.NO_GYRO
@@ -303,7 +312,7 @@ class Estimation:
 
     def _after(self, time_s: float, sample: Mapping[str, float], **estimates: Any) -> RobotState:
         """The state after new estimates; all others as they were."""
-        self.state = self.state._replace(time_s=time_s, sample=sample, **estimates)
+        self.state = self.state._replace(time_s=time_s, sample=sample, totals=self.totals, **estimates)
         return self.state
 
 

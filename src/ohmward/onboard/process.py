@@ -17,6 +17,7 @@ from typing import Any
 from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
+from ohmward.onboard.alarms import AlarmLimits, AlarmWatch
 from ohmward.onboard.clock import DELAY_WINDOW_S, LEAP_S, MessageDates, SourceClock, SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.evidence import AgeingModel
@@ -66,6 +67,7 @@ class Process:
         sources, sinks: the parts around them.
         clock: of this machine.
         strict: end with an error where a source or sink cannot begin.
+        alarms: their limits.
         companions: what else runs; each begins again as sources do, and is cancelled at the end.
 
     Attributes:
@@ -82,6 +84,7 @@ class Process:
         clock: SystemClock | None = None,
         strict: bool = False,
         companions: Sequence[Companion] = (),
+        alarms: AlarmLimits | None = None,
     ):
         self.estimation, self.sources, self.strict = estimation, sources, strict
         self.clock = clock or SystemClock()
@@ -95,6 +98,7 @@ class Process:
         self.state = estimation.state
         self._reported: tuple[Diagnostic, ...] = ()
         self._late = 0
+        self._alarms = AlarmWatch(alarms)
         self._passed_s = self.clock.now_s()
         self._began_s = math.inf
         self.faults: Counter[str] = Counter()
@@ -299,6 +303,7 @@ class Process:
             drive_unix_s=self._dates.at(state.drive_time_s, unix_s - (state.time_s - state.drive_time_s)),
             diagnostics=self._reported,
         )
+        self.state = self.state._replace(alarms=self._alarms.take(self.state))
         for _, feed in self.sinks:
             feed.put(self.state)
 

@@ -16,7 +16,17 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.battery_columns import cell_names
-from ohmward.logs.channels import BATTERY, BODY, MOTOR_CURRENT, TIME, WHEEL_COUNTS, WHEEL_SPEED, Channel, robot_words
+from ohmward.logs.channels import (
+    BATTERY,
+    BODY,
+    MOTOR_CURRENT,
+    TIME,
+    WHEEL_COUNTS,
+    WHEEL_SPEED,
+    Channel,
+    channel_for,
+    robot_words,
+)
 from ohmward.logs.columns import Column, UnclearColumnsError, find_column, listed
 from ohmward.logs.sign import SignEvidence, sign_evidence
 from ohmward.logs.units import UNITS, Unit, unit_of
@@ -28,6 +38,9 @@ from ohmward.traction.robot.robot import Robot
 
 #: Words of a motor, whose speed may be that before the gear.
 _MOTOR = frozenset(("motor", "mot", "mc", "esc"))
+
+#: Channels that only signals have, no columns of a log.
+_OF_SIGNALS = tuple(channel_for(q._replace(words=q.signal_words)) for q in QUANTITIES.values() if q.signal_words)
 
 
 class Offered(NamedTuple):
@@ -205,7 +218,7 @@ class _Finder:
     def _single(self, texts: Mapping[str, Offered]) -> None:
         """Quantities of the battery and of the body."""
         names = {quantity.channel: name for name, quantity in QUANTITIES.items() if not quantity.each}
-        for channel in (*BATTERY, *BODY):
+        for channel in (*BATTERY, *BODY, *_OF_SIGNALS):
             signal = names.get(channel.name, "")
             if channel is TIME or not signal or signal in self.matches:
                 continue

@@ -27,6 +27,7 @@ from ohmward.checks import require_between, require_positive
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.errors import InputError
 from ohmward.onboard.estimation import Estimation
+from ohmward.onboard.totals import totals_from
 from ohmward.quantities import QUANTITIES
 from ohmward.trace.snapshot import to_json, typed
 
@@ -77,6 +78,8 @@ def remember(estimation: Estimation, time_s: float) -> dict[str, Any]:
         content["cells"] = estimation.cells.snapshot()
     if estimation.range and math.isfinite(estimation.range.time_s):
         content["range"] = estimation.range.snapshot()
+    if any(estimation.totals) and (content or estimation.battery is None):  # a charge of before is not written over
+        content["totals"] = estimation.totals._asdict()
     return content
 
 
@@ -85,6 +88,8 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
 
     away_s: since it was taken, nan where no clock tells.  now_s: on the clock of the messages.
     """
+    if isinstance(totals := content.get("totals"), Mapping):
+        estimation.totals = totals_from(totals)
     if "soc" not in content or estimation.battery is None:
         return []
     away_s = UNKNOWN_S if math.isnan(away_s) else away_s

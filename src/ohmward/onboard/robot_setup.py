@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 
 from ohmward.checks import require_between
 from ohmward.errors import InputError
+from ohmward.onboard.alarms import AlarmLimits
 from ohmward.onboard.ros.transport import require_others_topics
 from ohmward.onboard.ros.zenoh_transport import full_name
 from ohmward.onboard.sinks import SINKS, AnySink
@@ -34,6 +35,7 @@ class Setup:
     strict: bool = False
     delay_s: float = 0.0  #: messages wait so long for others with an earlier time, >= 0
     counts_per_turn: float | None = None  #: of the encoders, where they send counts
+    alarms: AlarmLimits = field(default_factory=AlarmLimits)  #: when somebody has to hear of something
     #: where measurements come from and where estimates go, each with its `kind`
     source: tuple[AnySource, ...] = ()
     sink: tuple[AnySink, ...] = ()

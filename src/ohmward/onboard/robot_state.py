@@ -12,7 +12,9 @@ import numpy as np
 from ohmward.battery.cells.pack_estimator import PackEstimate
 from ohmward.battery.soc.sample import SocEstimate
 from ohmward.energy.range_step import RangeEstimate
+from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
+from ohmward.onboard.totals import Totals
 from ohmward.traction.odometry.sample import OdometryEstimate
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 
@@ -33,6 +35,14 @@ class Diagnostic(NamedTuple):
     level: Level  #: how bad it is
     message: str  #: a sentence for people, with the fix where there is one
     values: Mapping[str, str | float] = {}  #: figures beside it
+
+
+class Alarm(NamedTuple):
+    """A condition that somebody has to hear of, see `alarms`."""
+
+    name: str  #: "stuck", "bms", "empty", "low", "home", "cells", "slip"
+    text: str  #: a sentence for people, with what to do
+    since_unix_s: float  #: date at which it was raised
 
 
 class RobotState(NamedTuple):
@@ -58,6 +68,8 @@ class RobotState(NamedTuple):
     battery_unix_s: float = math.nan
     drive_unix_s: float = math.nan
     silent: tuple[str, ...] = ()  #: "battery", "cells" and "drive", of those whose sensors are all silent
+    alarms: tuple[Alarm, ...] = ()  #: those that are raised, the most urgent first
+    totals: Totals | None = None  #: since ever; None before anything was measured
     wheels: tuple[str, ...] = ()  #: names of the driven wheels of the robot file, in the order of the arrays of `slip`
 
     def date_s(self, group: str) -> float:
@@ -69,6 +81,11 @@ class RobotState(NamedTuple):
         """True where the sensors of the "battery" or of the "drive" have reported, and do not any more."""
         estimate = self.battery if group == "battery" else self.slip
         return group in self.silent or (estimate is None and math.isfinite(getattr(self, f"{group}_time_s")))
+
+
+def soc_band(soc: float, soc_std: float) -> tuple[float, float]:
+    """Band of 95 % of a state of charge, within what it can be."""
+    return max(soc - BAND_95 * soc_std, 0.0), min(soc + BAND_95 * soc_std, 1.0)
 
 
 def stale(state: RobotState) -> str:

@@ -16,6 +16,7 @@ from ohmward.energy.range_step import RangeEstimate
 from ohmward.errors import InputError
 from ohmward.onboard.message import as_number
 from ohmward.onboard.robot_state import RobotState
+from ohmward.onboard.totals import Totals
 from ohmward.quantities import quantity_of
 from ohmward.traction.odometry.sample import OdometryEstimate
 from ohmward.traction.speed_observer.estimate import SlipEstimate
@@ -27,6 +28,7 @@ PARTS: dict[str, type] = {
     "slip": SlipEstimate,
     "pose": OdometryEstimate,
     "range": RangeEstimate,
+    "totals": Totals,
 }
 
 #: Estimates whose evidence has an age.

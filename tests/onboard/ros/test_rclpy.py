@@ -227,6 +227,40 @@ def described(robot: Robot, node: str, names: list[str]) -> list:
     return list(answer.result().descriptors)
 
 
+def test_services_change_what_is_estimated(robot, start):
+    trigger = pytest.importorskip("std_srvs.srv", reason="std_srvs is not installed").Trigger
+    battery = robot.hear(types.BATTERY_STATE, "battery_state")
+    odometry = robot.hear(types.ODOMETRY, "ohmward/odometry")
+    node = start("-p battery:=battery.toml -p robot:=rlma -p battery_state_in:=bms")
+
+    def call(name: str) -> str:
+        client = robot.node.create_client(trigger, f"/ohmward/{name}")
+        assert client.wait_for_service(timeout_sec=PATIENCE_S)
+        answer = client.call_async(trigger.Request())
+        robot.until(answer.done, battery=True, wheels=True)
+        assert answer.result().success
+        return answer.result().message
+
+    def driven_m() -> float:
+        return odometry[-1].pose.pose.position.x if odometry else 0.0
+
+    def charge() -> float:
+        return battery[-1].percentage if battery else math.nan
+
+    robot.until(lambda: driven_m() > 1.0 and charge() > 0.0, battery=True, wheels=True)
+    before = charge()
+    assert before < 0.9
+    assert call("reset_pose") == "the pose begins again at the origin of odom"
+    robot.until(lambda: driven_m() < 0.9, battery=True, wheels=True)
+    assert call("battery_full") == "the battery is full"
+    robot.until(lambda: charge() > 0.95, battery=True, wheels=True)
+    call("battery_changed")
+    robot.until(lambda: charge() == pytest.approx(before, abs=0.1), battery=True, wheels=True)
+    node.send_signal(signal.SIGINT)
+    node.communicate(timeout=PATIENCE_S)
+    assert node.returncode == 0
+
+
 @pytest.mark.parametrize("after_s", [0.1, 0.4, 1.0])
 def test_a_signal_while_the_node_begins_leaves_no_traceback(robot, start, after_s):
     node = start("-p robot:=rlma")

@@ -1,28 +1,57 @@
-"""Metrics for Prometheus, in its text format 0.0.4."""
+"""Numbers of a robot for other systems: metrics for Prometheus, in its text format 0.0.4, and Home Assistant."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Any
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
+from ohmward import __version__
+from ohmward.onboard.page.view import total_words
 from ohmward.onboard.robot_state import Level
+from ohmward.onboard.totals import Totals
 
-#: Name, help, and where in the view of a state the value is.
+
+class Gauge(NamedTuple):
+    """A number of a robot's view for other systems."""
+
+    metric: str  #: its name in Prometheus, with its unit
+    help: str  #: a sentence on it
+    path: tuple[str, ...]  #: where it stands in the view
+    label: str = ""  #: for people, in Home Assistant; "" leaves it out there
+    unit: str = ""  #: there
+    scale: float = 1.0  #: to that unit
+    kind: str = ""  #: device class of Home Assistant, which chooses its icon and its units
+
+
 _GAUGES = (
-    ("ohmward_soc_ratio", "State of charge, 0 to 1.", ("charge", "soc")),
-    ("ohmward_soc_low_ratio", "Lower end of the 95 % band of the state of charge.", ("charge", "low")),
-    ("ohmward_soc_high_ratio", "Upper end of the 95 % band of the state of charge.", ("charge", "high")),
-    ("ohmward_soh_capacity_ratio", "Capacity over that of the battery file.", ("charge", "soh_capacity")),
-    ("ohmward_resistance_ratio", "Resistance over that of the battery file.", ("charge", "resistance_ratio")),
-    ("ohmward_battery_power_watts", "Power that the battery gives.", ("power", "battery_W")),
-    ("ohmward_range_metres", "Range left, median.", ("range", "distance_m", "p50")),
-    ("ohmward_range_p10_metres", "Range left that is reached with 90 %.", ("range", "distance_m", "p10")),
-    ("ohmward_time_left_seconds", "Time left, median.", ("range", "duration_s", "p50")),
-    ("ohmward_speed_metres_per_second", "Speed of the body, forward.", ("drive", "speed_m_s")),
-    ("ohmward_speed_band_metres_per_second", "Half of the 95 % band of the speed.", ("drive", "band_m_s")),
-    ("ohmward_distance_metres", "Length of the path since the start.", ("pose", "distance_m")),
-)
+    Gauge("ohmward_soc_ratio", "State of charge, 0 to 1.", ("charge", "soc"), "Charge", "%", 100.0, "battery"),
+    Gauge("ohmward_soc_low_ratio", "Lower end of the 95 % band of the state of charge.", ("charge", "low"),
+          "Charge at least", "%", 100.0),
+    Gauge("ohmward_soc_high_ratio", "Upper end of the 95 % band of the state of charge.", ("charge", "high"),
+          "Charge at most", "%", 100.0),
+    Gauge("ohmward_battery_volts", "Voltage of the battery.", ("charge", "voltage_V"), "Voltage", "V", 1.0, "voltage"),
+    Gauge("ohmward_battery_amperes", "Current of the battery, > 0 charges.", ("charge", "current_A"),
+          "Current", "A", 1.0, "current"),
+    Gauge("ohmward_battery_celsius", "Temperature of the battery.", ("charge", "temperature_degC"),
+          "Temperature", "°C", 1.0, "temperature"),
+    Gauge("ohmward_soh_capacity_ratio", "Capacity over that of the battery file.", ("charge", "soh_capacity"),
+          "Capacity", "%", 100.0),
+    Gauge("ohmward_resistance_ratio", "Resistance over that of the battery file.", ("charge", "resistance_ratio"),
+          "Resistance", "%", 100.0),
+    Gauge("ohmward_battery_power_watts", "Power that the battery gives.", ("power", "battery_W"),
+          "Power", "W", 1.0, "power"),
+    Gauge("ohmward_range_metres", "Range left, median.", ("range", "distance_m", "p50"), "Range", "m", 1.0, "distance"),
+    Gauge("ohmward_range_p10_metres", "Range left that is reached with 90 %.", ("range", "distance_m", "p10"),
+          "Range at least", "m", 1.0, "distance"),
+    Gauge("ohmward_time_left_seconds", "Time left, median.", ("range", "duration_s", "p50"),
+          "Time left", "s", 1.0, "duration"),
+    Gauge("ohmward_speed_metres_per_second", "Speed of the body, forward.", ("drive", "speed_m_s"),
+          "Speed", "m/s", 1.0, "speed"),
+    Gauge("ohmward_speed_band_metres_per_second", "Half of the 95 % band of the speed.", ("drive", "band_m_s")),
+    Gauge("ohmward_distance_metres", "Length of the path since the start.", ("pose", "distance_m")),
+)  # fmt: skip
 
 #: The same of the age of the samples behind the estimates, with the key of their time.
 _AGES = (
@@ -38,7 +67,7 @@ def metrics(view: dict[str, Any]) -> str:
 
 def _lines(view: dict[str, Any]) -> Iterator[str]:
     robot = _label(view["name"])
-    for name, text, path in _GAUGES:
+    for name, text, path, *_ in _GAUGES:
         value = _at(view, path)
         if isinstance(value, float | int) and math.isfinite(value):
             yield from _head(name, text)
@@ -52,6 +81,13 @@ def _lines(view: dict[str, Any]) -> Iterator[str]:
         yield from _head("ohmward_slip_ratio", "Slip of a driven wheel, -1 to 1.")
         for wheel, slip in slips:
             yield f'ohmward_slip_ratio{{robot="{robot}",wheel="{_label(wheel)}"}} {slip:.9g}'
+    for total in view.get("totals", []):
+        name = f"ohmward_{total['name'].lower()}_total"
+        yield from _head(name, f"{total['label']} since ever{_in(total['unit'])}.", "counter")
+        yield f'{name}{{robot="{robot}"}} {total["value"]:.9g}'
+    if alarms := view.get("alarms", []):
+        yield from _head("ohmward_alarm", "Alarm that is raised.")
+        yield from (f'ohmward_alarm{{robot="{robot}",name="{_label(alarm["name"])}"}} 1' for alarm in alarms)
     if sensors := view.get("sensors", []):
         yield from _head("ohmward_condition", "Condition: 0 well, 1 warning, 2 error, 3 silent.")
         for sensor in sensors:
@@ -59,9 +95,51 @@ def _lines(view: dict[str, Any]) -> Iterator[str]:
             yield f'ohmward_condition{{robot="{robot}",name="{_label(sensor["name"])}"}} {level}'
 
 
-def _head(name: str, text: str) -> Iterator[str]:
+def _head(name: str, text: str, type_: str = "gauge") -> Iterator[str]:
     yield f"# HELP {name} {text}"
-    yield f"# TYPE {name} gauge"
+    yield f"# TYPE {name} {type_}"
+
+
+def _in(unit: str) -> str:
+    return f" [{unit}]" if unit else ""
+
+
+def home_assistant(topic: str, robot: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Topics below that of the discovery and their objects, by which Home Assistant shows a robot as a device.
+
+    https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery
+
+    topic: of the robot; TOPIC/now is its view, TOPIC/status says whether it is there.
+    """
+    node = re.sub(r"\W+", "_", topic)
+    device = {"identifiers": [node], "name": robot, "manufacturer": "ohmward", "sw_version": __version__}
+    common = {"device": device, "state_topic": f"{topic}/now", "availability_topic": f"{topic}/status"}
+    common |= {"payload_available": "online", "payload_not_available": "offline"}
+    sensors = [(gauge.path, gauge.label, gauge.unit, gauge.scale, gauge.kind, "measurement") for gauge in _GAUGES]
+    sensors += [(("total", name), *total_words(name), 1.0, "", "total_increasing") for name in Totals._fields]
+    for path, label, unit, scale, kind, of_state in sensors:
+        if label:
+            key = "_".join(path)
+            about = {"name": label, "unique_id": f"{node}_{key}", "state_class": of_state}
+            about |= {"unit_of_measurement": unit} if unit else {}
+            about |= {"device_class": "energy" if unit == "kWh" else kind} if kind or unit == "kWh" else {}
+            yield f"sensor/{node}/{key}/config", common | about | {"value_template": _template(path, scale)}
+    alarm = {"name": "Alarm", "unique_id": f"{node}_alarm", "device_class": "problem"}
+    alarm |= {"value_template": "{{ 'ON' if value_json.alarms else 'OFF' }}"}
+    alarm |= {"json_attributes_topic": f"{topic}/now", "json_attributes_template": _ALARMS}
+    yield f"binary_sensor/{node}/alarm/config", common | alarm
+
+
+#: Sentences of the alarms as attributes, in Jinja.
+_ALARMS = "{{ {'alarms': value_json.alarms | map(attribute='text') | list} | tojson }}"
+
+
+def _template(path: Sequence[str], scale: float) -> str:
+    """The number at a path of the view in Jinja; none where it is not known."""
+    places = [".".join(("value_json", *path[: k + 1])) for k in range(len(path))]
+    known = " and ".join([*places[:-1], f"{places[-1]} is number"])
+    factor = f" * {scale:g}" if scale != 1.0 else ""
+    return f"{{{{ ({places[-1]}{factor}) | round(4) if {known} else none }}}}"
 
 
 def _at(view: Any, path: tuple[str, ...]) -> Any:

@@ -79,7 +79,9 @@ def _now() -> dict[str, Any]:
     times = {f"{part}_time_s": {"type": ["number", "null"]} for part in ("battery", "drive")}
     stale = {"type": "string", "description": "Sentence about estimates whose sensors are silent; they are null."}
     advice = {"type": "string", "description": "Sentence on what the operator should do now; empty where nothing is."}
-    known = {"name": {"type": "string"}, "stale": stale, "advice": advice, **times}
+    alarms = {"type": "array", "description": "Alarms that are raised, the most urgent first: name, text, since."}
+    totals = {"type": "array", "description": "Sums since ever: name, label, value, unit."}
+    known = {"name": {"type": "string"}, "stale": stale, "advice": advice, "alarms": alarms, "totals": totals, **times}
     return {"type": "object", "properties": known, "required": ["name"]}
 
 

@@ -13,8 +13,9 @@ import numpy as np
 
 from ohmward.errors import OhmwardError
 from ohmward.onboard.page.dashboard import Dashboard
-from ohmward.onboard.page.view import HISTORY, band, largest
+from ohmward.onboard.page.view import HISTORY, largest
 from ohmward.onboard.part import LOG
+from ohmward.onboard.robot_state import soc_band
 from ohmward.onboard.store.store import Store
 
 _BATTERY = ("soc", "soc_std", "battery_current_A", "battery_voltage_V", "range_p50_m")
@@ -117,7 +118,7 @@ def _row(values: dict[str, float]) -> tuple[float, ...]:
     return (
         value("unix_ns") / 1e9,
         value("soc"),
-        *band(value("soc"), value("soc_std")),
+        *soc_band(value("soc"), value("soc_std")),
         value("estimated_speed_m_s"),
         value("estimated_speed_std_m_s"),
         largest(slips),

@@ -11,19 +11,14 @@ import numpy as np
 from ohmward.battery.soc.causes import time_in_words
 from ohmward.energy.points import Quantiles
 from ohmward.filters.consistency import BAND_95
-from ohmward.onboard.robot_state import Level, RobotState, plain, stale
-from ohmward.quantities import QUANTITIES, Quantity
+from ohmward.onboard.alarms import ANYTHING
+from ohmward.onboard.robot_state import Level, RobotState, plain, soc_band, stale
+from ohmward.onboard.totals import Totals
+from ohmward.quantities import EVENTS, QUANTITIES, Quantity
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 
 #: Radius of the ellipse that holds 95 % of a normal distribution in the plane, in sigmas.
 ELLIPSE_95 = math.sqrt(-2.0 * math.log(0.05))
-
-#: An operator is asked to charge, or to drive home, where the low end of the band of the charge is below these, or the
-#: probability to come home below the last.
-EMPTY_SOC, LOW_SOC, SURELY_HOME = 0.05, 0.15, 0.9
-
-#: A band of the charge that is wider says nothing to an operator.
-ANYTHING = 0.6
 
 #: Columns of the history.
 HISTORY = ("unix_s", "soc", "soc_low", "soc_high", "speed_m_s", "speed_std_m_s", "slip_ratio", "power_W", "range_m")
@@ -39,11 +34,14 @@ def view(state: RobotState) -> dict[str, Any]:
             "drive_time_s": state.drive_time_s,
             "stale": stale(state),
             "advice": advice(state),
+            "alarms": state.alarms,
             "charge": _charge(state),
             "range": _range(state),
             "drive": _drive(state),
             "pose": _pose(state),
             "power": _power(state),
+            "total": state.totals,
+            "totals": [_total(name, value) for name, value in (state.totals or Totals())._asdict().items() if value],
             "sensors": [{"name": d.name, "level": d.level, "message": d.message} for d in state.diagnostics],
             "level": max((d.level for d in state.diagnostics), default=Level.OK),
         }
@@ -51,28 +49,19 @@ def view(state: RobotState) -> dict[str, Any]:
 
 
 def advice(state: RobotState) -> str:
-    """Sentence on what the operator should do now, "" where nothing asks for it; the band's low end counts."""
-    if (slip := state.slip) and slip.immobilised >= 0.5:
-        known = np.abs(np.nan_to_num(slip.slip_speed_m_s))
-        wheel = state.wheels[int(np.argmax(known))].replace("_", " ") if state.wheels else "driven"
-        return f"Stop and look at the {wheel} wheel: it turns and the robot does not move."
+    """Sentence on what the operator should do now, "" where nothing asks for it: the most urgent alarm."""
+    if state.alarms:
+        return state.alarms[0].text
     if state.battery is None or state.sample.get("battery_current_A", 0.0) > 0.0:  # it charges
         return ""
-    low, high = band(state.battery.soc, state.battery.soc_std)
-    if high - low > ANYTHING:
-        return "The charge is not known: charge the battery fully once."
-    if low < EMPTY_SOC:
-        return "Charge now: the battery may be nearly empty."
-    reach = state.range
-    if low < LOW_SOC or (reach and reach.home_probability < SURELY_HOME):
-        return f"Drive home now: the battery may be down to {100 * low:.0f} %."
-    return ""
+    low, high = soc_band(state.battery.soc, state.battery.soc_std)
+    return "The charge is not known: charge the battery fully once." if high - low > ANYTHING else ""
 
 
 def history_row(state: RobotState) -> tuple[float, ...]:
     """Values of `HISTORY`, nan for what is not known."""
     charge, slip = state.battery, state.slip
-    low, high = band(charge.soc, charge.soc_std) if charge else (math.nan, math.nan)
+    low, high = soc_band(charge.soc, charge.soc_std) if charge else (math.nan, math.nan)
     values = (
         state.unix_s,
         charge.soc if charge else math.nan,
@@ -85,11 +74,6 @@ def history_row(state: RobotState) -> tuple[float, ...]:
         state.range.distance_m.p50 if state.range else math.nan,
     )
     return tuple(float(value) for value in values)
-
-
-def band(soc: float, soc_std: float) -> tuple[float, float]:
-    """Band of 95 % of a state of charge, within what it can be."""
-    return max(soc - BAND_95 * soc_std, 0.0), min(soc + BAND_95 * soc_std, 1.0)
 
 
 def battery_power_W(sample: Mapping[str, float]) -> float:
@@ -113,7 +97,7 @@ def ellipse(cov: np.ndarray) -> dict[str, float]:
 def _charge(state: RobotState) -> dict[str, Any] | None:
     if (charge := state.battery) is None:
         return None
-    low, high = band(charge.soc, charge.soc_std)
+    low, high = soc_band(charge.soc, charge.soc_std)
     measured = [quantity for quantity in QUANTITIES.values() if quantity.owner == "battery" and quantity.words]
     return {
         "soc": charge.soc,
@@ -125,7 +109,7 @@ def _charge(state: RobotState) -> dict[str, Any] | None:
         "resistance_ratio": charge.resistance_ratio,
         "flags": charge.flags,
         "beside": [
-            *(_reading(q, state.sample) for q in measured if not q.estimated_from and q.name in state.sample),
+            *(_reading(q, state.sample) for q in QUANTITIES.values() if _is_beside(q, state.sample)),
             *_cells(state),
         ],
     }
@@ -152,8 +136,34 @@ def _since(state: RobotState) -> str:
     return f"; last measured {time_in_words(state.time_s - state.battery_time_s)} ago"
 
 
+def _is_beside(quantity: Quantity, sample: Mapping[str, float]) -> bool:
+    """True for what is measured of the battery, and neither estimated from nor an event."""
+    return (
+        quantity.owner == "battery"
+        and not quantity.estimated_from
+        and quantity.name not in EVENTS
+        and quantity.name in sample
+    )
+
+
 def _reading(quantity: Quantity, sample: Mapping[str, float]) -> dict[str, Any]:
-    return {"label": quantity.label, "value": sample[quantity.name], "unit": quantity.unit.replace("1", "")}
+    """A measured value for people; a share of the charge in percent."""
+    value, label = sample[quantity.name], quantity.label.replace("Bms ", "BMS: ")
+    if quantity.name == "bms_soc":
+        return {"label": "BMS: charge", "value": 100.0 * value, "unit": "%"}
+    return {"label": label, "value": value, "unit": quantity.unit.replace("1", "")}
+
+
+def total_words(name: str) -> tuple[str, str]:
+    """Label and unit of a total: `energy_out_kWh` is "Energy out", kWh."""
+    words = name.split("_")
+    unit = words.pop() if len(words) > 1 else ""
+    return " ".join(words).capitalize(), unit
+
+
+def _total(name: str, value: float) -> dict[str, Any]:
+    label, unit = total_words(name)
+    return {"name": name, "label": label, "value": value, "unit": unit}
 
 
 def _range(state: RobotState) -> dict[str, Any] | None:

@@ -10,6 +10,7 @@ from ohmward.onboard.sinks.ros2 import Ros2Sink
 from ohmward.onboard.sinks.server import InfluxSink, PostgresqlSink
 from ohmward.onboard.sinks.store import StoreSink
 from ohmward.onboard.sinks.terminal import TerminalSink
+from ohmward.onboard.sinks.webhook import WebhookSink
 
 #: Any of them.
 AnySink = (
@@ -24,6 +25,7 @@ AnySink = (
     | Ros2Sink
     | StoreSink
     | TerminalSink
+    | WebhookSink
 )
 
 SINKS: dict[type, str] = {
@@ -38,4 +40,5 @@ SINKS: dict[type, str] = {
     Ros2Sink: "ros2",
     StoreSink: "store",
     TerminalSink: "terminal",
+    WebhookSink: "webhook",
 }

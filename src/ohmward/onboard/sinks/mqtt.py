@@ -14,7 +14,9 @@ from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.mqtt_broker import MqttBroker, Will
-from ohmward.onboard.robot_state import RobotState, plain_state
+from ohmward.onboard.page.metrics import home_assistant
+from ohmward.onboard.page.view import view
+from ohmward.onboard.robot_state import RobotState, plain, plain_state
 from ohmward.onboard.state_path import number_at, require_path
 
 #: The broker has so long to acknowledge what was sent [s].
@@ -31,10 +33,14 @@ class MqttSink(MqttBroker):
         host, port, username, password, tls, ca_file: of the broker.
     """
 
-    #: TOPIC/state is the state, TOPIC/status is "online", and "offline" once the connection is lost
+    #: TOPIC/state is the state; TOPIC/alarms those that are raised, sent when one begins or ends; TOPIC/status is
+    #: "online", and "offline" once the connection is lost
     topic: str = "ohmward/robot"
     #: numbers of the state that get a topic of their own: "battery.soc" is TOPIC/battery/soc
     numbers: tuple[str, ...] = ()
+    #: prefix of the topics by which Home Assistant finds devices, "homeassistant" there; "" for none
+    home_assistant: str = ""
+    robot: str = "robot"  #: name of the device there
     interval_s: float = 1.0  #: least time between two states, >= 0
     name: str = "mqtt"  #: in diagnostics
 
@@ -51,9 +57,15 @@ class MqttSink(MqttBroker):
         status = f"{self.topic}/status"
         async with self.connected(Will(status, "offline")) as (client, _):
             client.publish(status, "online", qos=1, retain=True)
+            for topic, about in self.discovery():
+                client.publish(topic, json.dumps(about), qos=1, retain=True)
+            alarms: tuple[str, ...] | None = None
             while states := await feed.batch(_STATES_AT_ONCE):
                 sent: list[tuple[RobotState, list[Any]]] = []
                 for state in states:
+                    if (names := tuple(alarm.name for alarm in state.alarms)) != alarms:
+                        client.publish(f"{self.topic}/alarms", json.dumps(plain(state.alarms)), qos=1, retain=True)
+                        alarms = names
                     sent.append((state, [client.publish(t, p, qos=1, retain=True) for t, p in self.payloads(state)]))
                 await asyncio.to_thread(_acknowledged, [info for _, infos in sent for info in infos])
                 if missing := [state for state, infos in sent if not all(map(_has_arrived, infos))]:
@@ -66,9 +78,17 @@ class MqttSink(MqttBroker):
         async with self.connected() as (_, received):
             await received.take()
 
+    def discovery(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Topics and objects by which Home Assistant finds the robot."""
+        if self.home_assistant:
+            for topic, about in home_assistant(self.topic, self.robot):
+                yield f"{self.home_assistant}/{topic}", about
+
     def payloads(self, state: RobotState) -> Iterator[tuple[str, str]]:
         """Topics and payloads of a state; a number that is not known is empty, which takes the retained one away."""
         yield f"{self.topic}/state", json.dumps(plain_state(state), allow_nan=False)
+        if self.home_assistant:
+            yield f"{self.topic}/now", json.dumps(view(state), allow_nan=False)
         for path in self.numbers:
             value = number_at(state, path)
             yield f"{self.topic}/{path.replace('.', '/')}", f"{value:.9g}" if math.isfinite(value) else ""

@@ -15,7 +15,7 @@ from ohmward.errors import InputError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.secrets import check_secret_name, secret
 from ohmward.onboard.store.delivery import deliver
-from ohmward.onboard.store.influx import lines, post
+from ohmward.onboard.store.influx import lines, write_lines
 from ohmward.onboard.store.postgresql import write
 from ohmward.onboard.store.rows import Row
 
@@ -98,7 +98,7 @@ class InfluxSink(ServerSink):
         return "url", bool(parts.username or parts.password or "p" in urllib.parse.parse_qs(parts.query))
 
     def _write(self, rows: Sequence[Row], password: str) -> None:
-        post(self.url, lines(rows, self.robot), password)
+        write_lines(self.url, lines(rows, self.robot), password)
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,16 @@ function niceLength(length) {
   return [5, 2, 1].map((k) => k * power).find((k) => k <= length) || power;
 }
 
+/** Times at an axis as the reader's language writes them: dates where the marks are a day and more apart. */
+function dates(plot, marks, axis, space, step) {
+  const day = { day: "numeric", month: "short" }, clock = { hour: "2-digit", minute: "2-digit" };
+  const form = step >= 86400 ? day : step >= 60 ? clock : { ...clock, second: "2-digit" };
+  const short = new Intl.DateTimeFormat(navigator.languages, form);
+  const whole = new Intl.DateTimeFormat(navigator.languages, day);
+  const midnight = (mark) => step < 86400 && new Date(mark * 1000).toTimeString().startsWith("00:00:00");
+  return marks.map((mark) => (midnight(mark) ? whole : short).format(mark * 1000));
+}
+
 /** A plot of one line, with a band where there is one; `set` takes columns of the history. */
 class History {
   constructor(place, line, band) {
@@ -56,7 +66,7 @@ class History {
     this.place = place;
     this.plot = new uPlot({
       width: place.clientWidth, height: 150, legend: { show: false }, cursor: { show: false }, series,
-      axes: [{ ...axis }, { ...axis, size: 46 }], scales: { x: { time: true }, y: line.scale || {} },
+      axes: [{ ...axis, values: dates }, { ...axis, size: 46 }], scales: { x: { time: true }, y: line.scale || {} },
       bands: band ? [{ series: [3, 2], fill: () => colour("blue") + "40" }] : [],
     }, [[], [], ...(band ? [[], []] : [])], place);
     new ResizeObserver(() => this.plot.setSize({ width: place.clientWidth, height: 150 })).observe(place);

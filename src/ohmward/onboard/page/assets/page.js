@@ -15,6 +15,10 @@ function say(id, text) {
   if (at(id).textContent !== text) at(id).textContent = text;
 }
 
+// A number with three digits, as the reader's language writes it.
+const threeDigits = new Intl.NumberFormat(navigator.languages, { maximumSignificantDigits: 3 });
+const written = (value) => threeDigits.format(value);
+
 function duration(seconds) {
   if (!isKnown(seconds)) return "–";
   const minutes = Math.round(seconds / 60);
@@ -55,7 +59,7 @@ function showCharge(charge) {
 function reading(one) {
   const item = document.createElement("div"), name = document.createElement("dt"), number = document.createElement("dd");
   name.textContent = one.label;
-  number.textContent = isKnown(one.value) ? `${Number(one.value.toPrecision(3))} ${one.unit}` : "–";
+  number.textContent = isKnown(one.value) ? `${written(one.value)} ${one.unit}` : "–";
   item.append(name, number);
   return item;
 }
@@ -164,12 +168,14 @@ function show(state) {
   at("spans").hidden = !state.stored;
   if (!isKnown(state.unix_s)) return;
   stale = state.stale;
-  say("advice", state.advice || "");
+  say("advice", state.alarms.length > 1 ? state.alarms.map((alarm) => alarm.text).join("\n") : state.advice);
   at("advice").hidden = !state.advice;
   if (state.charge || isKnown(state.battery_time_s)) showCharge(state.charge);
   if (state.range || isKnown(state.battery_time_s)) showRange(state.range);
   if (state.drive || isKnown(state.drive_time_s)) showDrive(state.drive);
   showPower(state.power);
+  at("ever").hidden = !state.totals.length;
+  at("totals").replaceChildren(...state.totals.map(reading));
   showSensors(state.sensors);
   const way = () => { if (state.pose || isKnown(state.drive_time_s)) showPose(state.pose); };
   if (events++ % PATH_EVERY === 0) fetchPath().then(way);

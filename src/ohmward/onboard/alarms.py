@@ -1,0 +1,119 @@
+"""Alarms of a robot: conditions that somebody has to hear of, each raised once and ended with hysteresis.
+
+A value that stays beyond its limit raises an alarm; it ends once the value has come back by the hysteresis, and stays
+as it was while the value is not known.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ohmward.checks import require_between
+from ohmward.onboard.part import LOG
+from ohmward.onboard.robot_state import Alarm, RobotState, soc_band
+
+#: A band of the charge that is wider says nothing to an operator.
+ANYTHING = 0.6
+
+#: Names of the alarms.
+_MOST_URGENT_FIRST = ("stuck", "bms", "empty", "low", "home", "cells", "slip")
+
+
+@dataclass(frozen=True)
+class AlarmLimits:
+    """Limits of the alarms: the table [alarms] of a setup."""
+
+    soc_empty: float = 0.05  #: low end of the band of the charge: the battery may be nearly empty; 0 is never
+    soc_low: float = 0.15  #: the same: time to drive home; 0 is never
+    home_probability: float = 0.9  #: least probability to come home; 0 is never
+    cell_spread: float = 0.1  #: charge of the fullest cell minus that of the emptiest; 1 is never
+    slip_ratio: float = 1.0  #: largest slip of a wheel; 1 is never
+    stuck: bool = True  #: wheels turn and the robot does not move
+    bms: bool = True  #: the battery's own management reports an alarm, `bms_alarm`
+    hysteresis: float = 0.03  #: of all these shares, >= 0; of the cells a tenth of it
+    after_s: float = 2.0  #: a value has to stay beyond its limit for so long, >= 0
+
+    def __post_init__(self) -> None:
+        for name in ("soc_empty", "soc_low", "home_probability", "cell_spread", "slip_ratio", "hysteresis"):
+            require_between(f"alarms.{name}", getattr(self, name), 0.0, 1.0)
+        require_between("alarms.after_s", self.after_s, 0.0, 3600.0)
+
+
+class AlarmWatch:
+    """Alarms from states in order.
+
+    Attributes:
+        alarms: those that are raised, the most urgent first.
+    """
+
+    def __init__(self, limits: AlarmLimits | None = None):
+        self.limits = limits or AlarmLimits()
+        self.alarms: tuple[Alarm, ...] = ()
+        self._current_A = self._bms_alarm = 0.0
+        self._beyond_s: dict[str, float] = {}  #: since when each value is beyond its limit
+
+    def take(self, state: RobotState) -> tuple[Alarm, ...]:
+        """The alarms after a state."""
+        self._current_A = state.sample.get("battery_current_A", self._current_A)
+        self._bms_alarm = state.sample.get("bms_alarm", self._bms_alarm)
+        before = {alarm.name: alarm for alarm in self.alarms}
+        found: list[Alarm] = []
+        for name, (excess, hysteresis, text) in self._excesses(state).items():
+            if not excess > 0.0 and not math.isnan(excess):
+                self._beyond_s.pop(name, None)
+            if last := before.get(name):
+                found += [] if excess < -hysteresis else [last._replace(text=text or last.text)]
+            elif excess > 0.0:
+                beyond_s = self._beyond_s.setdefault(name, state.time_s)
+                if not 0.0 <= state.time_s - beyond_s < self.limits.after_s:
+                    found.append(Alarm(name, text, state.unix_s))
+        for alarm in found:
+            if alarm.name not in before:
+                LOG.warning("alarm %s: %s", alarm.name, alarm.text)
+        for name in before.keys() - {alarm.name for alarm in found}:
+            LOG.info("alarm %s has ended", name)
+        self.alarms = tuple(found)
+        return self.alarms
+
+    def _excesses(self, state: RobotState) -> dict[str, tuple[float, float, str]]:
+        """Of each alarm how far its value is beyond the limit, nan where that is not known, hysteresis and sentence."""
+        limits, hysteresis = self.limits, self.limits.hysteresis
+        found = dict.fromkeys(_MOST_URGENT_FIRST, (math.nan, 0.0, ""))
+        if state.slip and limits.stuck:
+            found["stuck"] = float(state.slip.immobilised) - 0.5, 0.0, _stuck(state)
+        if limits.bms:
+            text = f"The battery's own management reports an alarm ({self._bms_alarm:g})."
+            found["bms"] = self._bms_alarm - 0.5, 0.0, text
+        low, home = self._low(state), state.range.home_probability if state.range else math.nan
+        if self._current_A > 0.0:  # it charges
+            low = home = math.inf
+        found["empty"] = limits.soc_empty - low, hysteresis, "Charge now: the battery may be nearly empty."
+        down = f"the battery may be down to {100 * low:.0f} %" if math.isfinite(low) else "the charge may not last"
+        text = f"Drive home now: {down}."
+        found["low"] = limits.soc_low - low, hysteresis, text
+        found["home"] = limits.home_probability - home, hysteresis, text
+        if state.cells:
+            spread = float(state.cells.pack.soc_spread)
+            text = f"Balance the cells: their charges are {100 * spread:.0f} points apart."
+            found["cells"] = spread - limits.cell_spread, 0.1 * hysteresis, text
+        if state.slip:
+            ratio = float(np.max(np.abs(np.nan_to_num(state.slip.slip_ratio)), initial=0.0))
+            found["slip"] = ratio - limits.slip_ratio, hysteresis, f"A wheel slips by {100 * ratio:.0f} %."
+        return found
+
+    def _low(self, state: RobotState) -> float:
+        """Low end of the band of the charge; nan where the band says nothing."""
+        if state.battery is None:
+            return math.nan
+        low, high = soc_band(state.battery.soc, state.battery.soc_std)
+        return low if high - low <= ANYTHING else math.nan
+
+
+def _stuck(state: RobotState) -> str:
+    assert state.slip is not None
+    known = np.abs(np.nan_to_num(state.slip.slip_speed_m_s))
+    wheel = state.wheels[int(np.argmax(known))].replace("_", " ") if state.wheels else "driven"
+    return f"Stop and look at the {wheel} wheel: it turns and the robot does not move."

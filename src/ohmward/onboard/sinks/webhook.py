@@ -1,0 +1,92 @@
+"""Alarms to a web hook: a message when one is raised, and one when it has ended."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import urllib.parse
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from ohmward.checks import require_between
+from ohmward.errors import InputError, OhmwardError
+from ohmward.onboard.feed import Feed
+from ohmward.onboard.http_post import post
+from ohmward.onboard.robot_state import Alarm, RobotState
+from ohmward.onboard.secrets import check_secret_name, secret
+
+#: A server that is away is tried again after so long [s].
+AGAIN_S = 5.0
+
+
+@dataclass(frozen=True)
+class WebhookSink:
+    """Alarms as JSON objects over HTTP; `text` is what chats show, Slack, Mattermost, Home Assistant and others."""
+
+    url: str  #: of the hook, which is a secret itself with many: `env:NAME` takes it from an environment variable
+    token: str | None = None  #: where a token is, see `secrets`, sent as `Authorization: Bearer`
+    robot: str = "robot"  #: by which the message calls it
+    interval_s: float = 1.0  #: least time between two states that are looked at, >= 0
+    name: str = "webhook"  #: in diagnostics
+
+    def __post_init__(self) -> None:
+        require_between("interval_s", self.interval_s, 0.0, 1e9)
+        if self.token is not None:
+            check_secret_name("token", self.token)
+        parts = urllib.parse.urlsplit(self.url)
+        if not self.url.startswith("env:") and (parts.scheme not in ("http", "https") or not parts.netloc):
+            raise InputError(f"url must be http://HOST/PATH, https://HOST/PATH or env:NAME, got {self.url!r}")
+
+    async def run(self, feed: Feed) -> None:
+        """Send what changes until the feed ends; while the server is away it is tried again, and nothing is lost."""
+        url, headers = self._address()
+        known: dict[str, Alarm] = {}
+        while states := await feed.batch():
+            for state in states:
+                for message in self.messages(state, known):
+                    await self._send(url, headers, message, feed)
+                known = {alarm.name: alarm for alarm in state.alarms}
+
+    async def try_out(self) -> None:
+        """Look for the secrets, and send nothing."""
+        self._address()
+        await asyncio.Event().wait()
+
+    def messages(self, state: RobotState, known: Mapping[str, Alarm]) -> Iterator[dict[str, Any]]:
+        """Messages about the alarms that a state has and those that it has not any more; known: of the state before."""
+        raised = {alarm.name: alarm for alarm in state.alarms}
+        changed = [(alarm, True) for name, alarm in raised.items() if name not in known]
+        changed += [(alarm, False) for name, alarm in known.items() if name not in raised]
+        for alarm, active in changed:
+            yield {
+                "text": f"{self.robot}: {alarm.text}" if active else f"{self.robot}: over now: {alarm.text}",
+                "robot": self.robot,
+                "alarm": alarm.name,
+                "active": active,
+                "at": datetime.fromtimestamp(state.unix_s, UTC).isoformat(timespec="seconds"),
+            }
+
+    def _address(self) -> tuple[str, dict[str, str]]:
+        """The URL and the headers."""
+        url = secret("url", self.url.removeprefix("env:")) if self.url.startswith("env:") else self.url
+        token = {"Authorization": f"Bearer {secret('token', self.token)}"} if self.token else {}
+        return url, {"Content-Type": "application/json"} | token
+
+    async def _send(self, url: str, headers: Mapping[str, str], message: Mapping[str, Any], feed: Feed) -> None:
+        """Send a message until the server takes it; once the feed has ended it is tried once."""
+        text = json.dumps(message, ensure_ascii=False)
+        while True:
+            try:
+                answer = await asyncio.to_thread(post, url, text, headers)
+                if not 200 <= answer.status < 300:
+                    place = urllib.parse.urlsplit(url).netloc
+                    raise OhmwardError(f"{place} refuses ({answer.status} {answer.text}); check url and token")
+                feed.trouble = ""
+                return
+            except OhmwardError as error:
+                feed.trouble = f"alarm {message['alarm']} waits: {error}"
+                if feed.ended:
+                    return
+                await asyncio.sleep(AGAIN_S)
