@@ -76,11 +76,6 @@ def _digits(half: float) -> int:
     return max(0, 1 - math.floor(math.log10(half))) if half > 0 else 3
 
 
-def grouped(number: int) -> str:
-    """A whole number with its thousands apart: 33,744."""
-    return f"{number:,}"
-
-
 def sentence(text: str) -> str:
     """The text with a capital letter and a full stop."""
     return f"{text[:1].upper()}{text[1:]}" + ("" if text.endswith((".", "?", "!")) else ".")

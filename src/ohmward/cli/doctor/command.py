@@ -22,7 +22,7 @@ from ohmward.cli import wording
 from ohmward.cli.battery_inputs import of_kinds, read_battery_log
 from ohmward.cli.drive_inputs import DriveOptions, drive_options
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.wording import FOOTER, duration, grouped, sentence, with_assumptions
+from ohmward.cli.wording import FOOTER, duration, sentence, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock
@@ -158,7 +158,7 @@ def _examined(
     """A log with its length, its figures, what was assumed and what was found."""
     sentences = [f"{finding.severity}: {finding.text} -> {finding.advice}" for finding in found.findings]
     text = wording.paragraphs(
-        f"{title}: {grouped(len(log))} samples in {duration(log.duration_s)}",
+        f"{title}: {len(log):,} samples in {duration(log.duration_s)}",
         wording.fields(rows),
         wording.assumptions(found.notes),
         wording.bullets("Found", sentences) or "Found: nothing suspicious.",
@@ -368,7 +368,7 @@ def _drive_section(log: DriveLog, found: Findings[DriveSurvey], page: Page) -> P
 def _section(log: Log, found: Findings[Survey], page: Page) -> Page:
     s = found.survey
     figures = {
-        "Samples": grouped(len(log)),
+        "Samples": f"{len(log):,}",
         "Duration": duration(log.duration_s),
         "Interval": f"{s.sampling.median_s:.3g} s",
         "Charge in": f"{s.activity.charge_in_Ah:.4g} Ah",
