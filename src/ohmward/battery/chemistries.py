@@ -15,7 +15,6 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.noise import BatteryNoise, usual_sensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
@@ -390,9 +389,7 @@ def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str
         voltage_min_V=_LOWEST * curve_V[0],
         voltage_max_V=(_GASSING if c.gases else _HIGHEST) * curve_V[-1],
         thevenin=model,
-        rc=rc_of_thevenin(model),
         noise=start_noise(name, n_series),
-        rc_noise=start_noise(name, n_series),
         sensor=usual_sensor(capacity_Ah),
         not_identified=(
             f"everything: these are start values that cells of {c.title} have in common",

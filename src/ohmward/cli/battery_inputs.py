@@ -128,7 +128,7 @@ class SocTask(NamedTuple):
 
     def start_contradicted(self) -> list[str]:
         """A warning where the first voltage contradicts the initial SoC."""
-        if self.battery.thevenin is None or self.initial_soc is None:
+        if self.initial_soc is None:
             return []
         first = SocSample(*(float(column[0]) for column in samples_of(self.log)))
         state = make_estimator("ekf", self.battery).init(first, self.initial_soc, self.initial_soc_std)

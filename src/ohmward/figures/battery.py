@@ -9,7 +9,6 @@ import numpy as np
 
 from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import RcModel, four_numbers
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
@@ -26,11 +25,9 @@ if TYPE_CHECKING:
     from ohmward.battery.identification.circuit_fit import CircuitFit
     from ohmward.battery.identification.log_details import Edge, ExponentialFit, Relaxation
     from ohmward.battery.identification.ocv_from_logs import OcvBranch, RestPoint
-    from ohmward.battery.identification.rc_identification import EdgeResponse
 
 SOC_AXIS = "State of charge [%]"
 #: Samples after edges that are drawn; a drive has a hundred thousand.
-_MOST_RISES = 3000
 #: Samples of a quantity that moves over hours, as offset and capacity: their lines and bands need no more.
 _MOST_SLOW = 100_000
 #: More lines than this cannot be told apart: then the weakest and the fullest are drawn.
@@ -221,18 +218,6 @@ def edge_figure(edges: Sequence[Edge]) -> Figure:
         x, y = np.array(points or np.empty((0, 2))).T
         series.append(Series(100 * x, 1e3 * y, label, "points"))
     return Figure("Ohmic resistance at the edges of the current", SOC_AXIS, "dV/dI [mΩ]", series, height_px=220)
-
-
-def edge_response_figure(response: EdgeResponse, circuits: Mapping[str, RcModel]) -> Figure:
-    """Rise of the voltage after the edges of the current, each over its change, and that of some RC models."""
-    drawn = np.unique(np.linspace(0, len(response.time_s) - 1, _MOST_RISES).astype(int))
-    series = [Series(response.time_s[drawn], 1e3 * response.rise_ohm[drawn], "measured", "points", "reference")]
-    time_s = np.linspace(0.0, response.window_s, 101)
-    for name, model in circuits.items():
-        capacitance_F, _, r1, tau_s = four_numbers(model)
-        rise_ohm = r1 * (1 - np.exp(-time_s / tau_s)) + time_s / capacitance_F
-        series.append(Series(time_s, 1e3 * rise_ohm, name))
-    return Figure("Voltage after the edges", "Time after the edge [s]", "Rise [mΩ]", series, height_px=220)
 
 
 def relaxation_figure(rest: Relaxation) -> Figure:

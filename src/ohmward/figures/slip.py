@@ -10,6 +10,7 @@ from ohmward.figures.parts import band_95, estimated, flag_spans, spans_where
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.drive_log import DriveLog
+from ohmward.quantities import QUANTITIES
 from ohmward.report import TIME, Band, Figure, Line, Map, Marker, Series
 from ohmward.report.figure import Meaning
 from ohmward.traction.calibration import Calibration
@@ -52,6 +53,20 @@ def ground_figures(run: SlipRun, wheels: Sequence[str] = (), true_slip_m_s: np.n
         figures.append(friction_figure(run))
     if (e.grade_std_rad > 0).any():
         figures.append(grade_figure(run))
+    return figures
+
+
+def drive_figures(log: DriveLog) -> list[Figure]:
+    """Wheels, motors and body as they were logged; a quantity that was never measured has no figure."""
+    names = [f"wheel {k + 1}" for k in range(log.wheel_speed_rad_s.shape[1])]
+    currents = [(name, values) for name, values in zip(names, log.motor_current_A.T, strict=False)]
+    figures = [wheels_figure(log, names)]
+    series = [Series(log.time_s, values, name) for name, values in currents if np.isfinite(values).any()]
+    figures += [Figure("Motors", TIME, "Current [A]", series, height_px=200)] if series else []
+    for name in log.channels:
+        quantity = QUANTITIES[name]
+        line = [Series(log.time_s, getattr(log, name), "measured", role="background")]
+        figures.append(Figure(quantity.label, TIME, quantity.axis, line, height_px=160))
     return figures
 
 

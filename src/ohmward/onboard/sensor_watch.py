@@ -330,8 +330,8 @@ class SensorWatch:
         return sensor
 
     def _moves(self) -> dict[str, float]:
-        """Changes that count as moves of the battery's sensors; none without a model of it."""
-        if self.battery is None or self.battery.thevenin is None:
+        """Changes that count as moves of the battery's sensors; none without its file."""
+        if self.battery is None:
             return {}
         current_A = MOVE_C * self.battery.capacity_Ah
         ohm = float(ohmic_resistance(0.5, CircuitInput(0.0, ROOM_DEGC), self.battery.thevenin))

@@ -303,11 +303,10 @@ def observe_drive(
 
 
 def odometry_for(robot: Robot, log: DriveLog) -> Odometry:
-    """The odometry of a robot that trusts an outside speed as far as its own errors in the log allow."""
+    """The odometry of a robot that knows from the log how far to trust an outside speed before it has heard many."""
     if "speed_m_s" not in log.channels:
         return Odometry(robot)
-    noise = noise_of(robot)
-    return Odometry(robot, noise=replace(noise, speed_std_m_s=max(noise.speed_std_m_s, speed_std_m_s(robot, log))))
+    return Odometry(robot, noise=replace(noise_of(robot), speed_std_m_s=speed_std_m_s(robot, log)))
 
 
 def _are_silent(log: DriveLog, driven: int) -> np.ndarray:

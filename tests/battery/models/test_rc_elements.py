@@ -10,10 +10,19 @@ from hypothesis import strategies as st
 
 from ohmward.battery.chemistries import CHEMISTRIES, start_model
 from ohmward.battery.models import rc
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import circuit_by_rule, circuit_of, mean_activation_K, rc_of_thevenin
+from ohmward.battery.models.rc import (
+    circuit_by_rule,
+    circuit_of,
+    mean_activation_K,
+    one_pair,
+    one_pair_noise,
+    rc_of_thevenin,
+)
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs import Log
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.simulate.voltage import simulate_voltage
 
 
@@ -23,7 +32,7 @@ def test_a_circuit_has_its_four_numbers(C, r0, r1, tau_s):
     p = circuit_of(C, r0, r1, tau_s)
     np.testing.assert_allclose(rc.four_numbers(p), (C, r0, r1, tau_s), rtol=1e-5)
     assert min(p) > 0
-    assert rc.disturbance_rate(p) <= 0
+    assert rc_circuit.disturbance_rate(p) <= 0
 
 
 def test_rule_shares_the_resistance_and_keeps_the_charge():
@@ -41,7 +50,7 @@ def test_a_circuit_with_one_pair_on_a_straight_line_is_kept():
     assert again.r0_discharge_ohm == pytest.approx(model.r0_discharge_ohm)
     assert again.r_ohm[0] == pytest.approx(model.r_ohm[0])
     assert again.tau_s == pytest.approx(model.tau_s)
-    assert rc.capacitance_for(6.0, ocv) == pytest.approx(sum(rc_of_thevenin(model).circuit[:2]))
+    assert rc_circuit.capacitance_for(6.0, ocv) == pytest.approx(sum(rc_of_thevenin(model).circuit[:2]))
 
 
 @pytest.mark.parametrize("name", CHEMISTRIES)
@@ -65,8 +74,8 @@ def test_its_voltage_is_near_that_of_the_circuit():
     found = rc_of_thevenin(model)
     x, voltage_V = found.at_rest(0.6), []
     for before, now in zip([0.0, *current_A[:-1]], current_A, strict=True):
-        x = rc.next_state(x, 0.5 * (before + now), found, 1.0)
-        voltage_V.append(rc.voltage(x, now, found)[0])
+        x = rc_circuit.next_state(x, 0.5 * (before + now), found, 1.0)
+        voltage_V.append(rc_circuit.voltage(x, now, found)[0])
     assert np.sqrt(np.mean((np.array(voltage_V) - expected_V) ** 2)) < 6 * 0.010
 
 
@@ -83,6 +92,26 @@ def test_resistances_follow_the_temperature_and_capacitances_stay():
     assert even.r_bulk_ohm is even.r_surface_ohm
     equivalent = rc.equivalent_thevenin(model)
     assert equivalent.activation_K == 3000.0
+
+
+def test_a_circuit_with_one_constant_pair_is_its_own():
+    """Then the noise is the file's as well, but for errors that hold on for the time constant."""
+    model = Thevenin(6.0, OcvCurve((11.75, 13.0)), (0.03, 0.03), (0.03, 0.03), ((0.02, 0.02),), (400.0,))
+    alone = one_pair(model)
+    np.testing.assert_allclose(
+        [*alone.r0_discharge_ohm, *alone.r_ohm[0], *alone.tau_s], [0.03, 0.03, 0.02, 0.02, 400.0]
+    )
+    noise = one_pair_noise(model, BatteryNoise(overpotential_share=0.05))
+    np.testing.assert_allclose(noise.overpotential_share, 0.05)
+    assert noise.correlation_s == pytest.approx(400.0)
+
+
+def test_what_one_pair_leaves_out_is_an_error_of_the_overpotential():
+    """R_0 alone, twice as large at empty: a third of the mean at either end."""
+    model = Thevenin(6.0, OcvCurve((11.75, 13.0)), (0.04, 0.02), (0.04, 0.02), (), ())
+    noise = one_pair_noise(model, BatteryNoise(overpotential_share=0.0))
+    np.testing.assert_allclose(np.array(noise.overpotential_share)[[0, 10, 20]], [1 / 3, 0.0, 1 / 3], atol=1e-12)
+    assert one_pair(model).r0_charge_ohm == pytest.approx((0.03, 0.03))
 
 
 def test_the_activation_of_a_circuit_is_the_mean_of_its_parts():

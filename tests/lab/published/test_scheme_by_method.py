@@ -11,6 +11,7 @@ from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
 from ohmward.filters import adaptive
 from ohmward.trace import Kernel
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.scheme_by_method import METHODS, SchemeByMethod, SchemeSoc
 
 TRUE = rc.RcModel(3000.0, 300.0, 0.08, 0.08, 0.06, OcvCurve((11.5, 13.5)), 3300.0 * 2.0 / 3600.0)
@@ -22,8 +23,8 @@ def samples():
     x, voltage_V = TRUE.at_rest(0.6), []
     for k, now_A in enumerate(current_A):
         if k:
-            x = rc.next_state(x, 0.5 * (now_A + current_A[k - 1]), TRUE, 1.0)
-        voltage_V.append(rc.voltage(x, now_A, TRUE)[0] + 0.001 * rng.standard_normal())
+            x = rc_circuit.next_state(x, 0.5 * (now_A + current_A[k - 1]), TRUE, 1.0)
+        voltage_V.append(rc_circuit.voltage(x, now_A, TRUE)[0] + 0.001 * rng.standard_normal())
     n = current_A.size
     return SocSample(np.ones(n), current_A, np.array(voltage_V), np.full(n, math.nan))
 

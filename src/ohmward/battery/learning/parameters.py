@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.models.noise import RESISTANCE_CORRELATION, BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve, correlation
 from ohmward.battery.models.thevenin import RESISTANCE_KNOTS, Thevenin
@@ -103,12 +103,12 @@ def parameters_of(battery: Battery) -> Parameters:
     Raises:
         InputError: the battery has no Thevenin model.
     """
-    return _Prior(battery, require_thevenin(battery)).parameters
+    return _Prior(battery, battery.thevenin).parameters
 
 
 def prior_covariance(battery: Battery) -> np.ndarray:
     """(K, K) covariance of the corrections: what the file has learnt, or what its noise says before any log."""
-    prior = _Prior(battery, require_thevenin(battery))
+    prior = _Prior(battery, battery.thevenin)
     learnt, names, P = battery.knowledge, prior.parameters.names, prior.covariance
     if learnt is None or not set(learnt.names) <= set(names):
         return P

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.anchor_rule import AGAIN, AnchorEvent, AnchorMemory, AnchorRule, SocNormal
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, Rest, SampleLimits, first_input, sample_limits, sanitize
@@ -135,9 +135,7 @@ class JudgedAnchor(NamedTuple):
 
 
 def judged_anchors(log: Log, battery: Battery, run: SocRun) -> list[JudgedAnchor]:
-    """The anchors in a log, each beside the estimate; none for a battery file without a Thevenin model."""
-    if battery.thevenin is None:
-        return []
+    """The anchors in a log, each beside the estimate."""
     used = np.flatnonzero(run.flags & SocFlag.ANCHORED)
     before, found = -1, []
     for anchor in find_anchors(log, battery):
@@ -176,7 +174,7 @@ class _Stretch(NamedTuple):
 
 
 def _finder(battery: Battery) -> AnchorFinder:
-    return AnchorFinder(AnchorRule(require_thevenin(battery), battery.noise, battery.sensor))
+    return AnchorFinder(AnchorRule(battery.thevenin, battery.noise, battery.sensor))
 
 
 def _stretches(log: Log, finder: AnchorFinder) -> Iterator[_Stretch]:

@@ -316,14 +316,13 @@ def sources(battery: Battery) -> dict[str, str]:
     """Provenance of the numbers of a battery."""
     known = battery.identification
     logs = [f"{fit.log} ({fit.test}, SoC {_soc_range(fit)})" for fit in known.logs] if known else []
-    models = [name for name in ("thevenin", "rc") if getattr(battery, name) is not None]
     idle = battery.idle_current_A
     exact = taken_as_exact(battery)
     learnt = battery.knowledge.logs if battery.knowledge else ()
     rows = {
         "tests": "; ".join(logs) or "none",
         "learnt from": f"{counted(len(learnt), 'log')}, {sum(log.hours for log in learnt):.1f} h" if learnt else "none",
-        "models": ", ".join(models),
+        "model": f"thevenin-{battery.thevenin.pairs}rc",
         "rest current": "not declared" if idle is None else f"{idle:g} A",
         "current sensor": f"offset ± {BAND_95 * battery.sensor.offset_std_A:.2g} A, "
         f"gain ± {100 * BAND_95 * battery.sensor.gain_std:.2g} % (95 %)",

@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.where:
         raise InputError("--where picks rows of one file; a fleet's files hold one recording each")
     battery, notes = load_with_sensor(args.battery, args)
-    name = chosen_name(args.filter.lower(), battery)
+    name = chosen_name(args.filter.lower())
     make_estimator(name, battery)  # refused now, not in every process
     folder = Path(args.output)
     paths = log_files(args.logs)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.learning.fold import PULSE_S, known
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_with_sensor, log_files, read_options
@@ -35,7 +35,6 @@ _VERDICTS = ("learnt", "seen", "set aside")
 def run(args: argparse.Namespace) -> Outcome:
     """Learn log by log; write each battery file whole, at the end."""
     start, notes = load_with_sensor(args.battery, args)
-    require_thevenin(start)
     texts = log_files(args.logs)
     files = open_files(start, args.output, [str(split_selection(text)[0]) for text in texts])
     job = LearningJob(start, read_options(args), dict(args.initial_soc), texts)

@@ -33,6 +33,7 @@ from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import std
 from ohmward.trace import clip, cos, exp, maximum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.outside_speed import USUAL_STD_M_S
 from ohmward.traction.robot.chassis import SkidSteer
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.make_observer import RADIUS_STD
@@ -75,7 +76,7 @@ class OdometryNoise:
     #: root of an hour
     gyro_walk: float = 3e-4
     encoder_std_rad: float = 6e-4  #: of the angle of a wheel between two instants: 4096 counts a turn have 6e-4 rad
-    speed_std_m_s: float = 0.05  #: of an external speed without a standard deviation of its own
+    speed_std_m_s: float = USUAL_STD_M_S  #: of an outside speed that gives none, until its errors have shown it
     heading_std_rad: float = 0.05  #: of a heading without one; that of a compass away from iron is 2 to 5 degrees
     #: of a pose increment without one [m, m, rad, over the root of a second]
     increment_walk: tuple[float, float, float] = (0.02, 0.02, 0.005)

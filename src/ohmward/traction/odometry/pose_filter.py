@@ -199,7 +199,7 @@ class PoseFilter:
         noise, gate, u = self.noise, self.gate, motion.input
         body, sums = use_turn(body, sums, u, fresh, gate, self.reset_after_s)
         body = body._replace(belief=opened(body.belief, motion, self.slip_by_turn(body, motion)))
-        body = use_speeds(body, sample, clean, u, motion.late_m_s, motion.sensors.held.noise, history, noise, gate)
+        body = use_speeds(body, sample, clean, u, motion.outside, motion.sensors.held.slides, history, noise, gate)
         return use_increment(body, sample, u, trail, noise, gate), sums
 
     def slip_by_turn(self, body: PoseCorrection, motion: MeasuredMotion) -> Scalar:

@@ -16,6 +16,7 @@ import numpy as np
 
 from ohmward.checks import require_each_not_negative, require_each_positive, require_length, require_positive
 from ohmward.errors import InputError
+from ohmward.rich_display import RichDisplay
 from ohmward.toml_file import TomlFile
 from ohmward.traction.robot.chassis import (
     Differential,
@@ -48,7 +49,7 @@ class Wheel:
 
 
 @dataclass(frozen=True)
-class Robot:
+class Robot(RichDisplay):
     """A robot, without the ground.
 
     Attributes:

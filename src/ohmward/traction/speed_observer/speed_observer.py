@@ -39,7 +39,7 @@ from ohmward.quantities import MOST_MOTOR_A, MOST_WHEEL_RAD_S
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
-from ohmward.traction.motion.held import ALARM, IS_HELD, TURNS_M_S, Held, weigh_held
+from ohmward.traction.motion.held import ALARM, IS_HELD, TURNS_M_S, weigh_held
 from ohmward.traction.motion.intervals import (
     TINY_S,
     History,
@@ -52,6 +52,7 @@ from ohmward.traction.motion.intervals import (
     share_measured,
     was_seen,
 )
+from ohmward.traction.motion.outside_speed import receive
 from ohmward.traction.motion.sample import RobotSample, no_sample
 from ohmward.traction.motion.sanitize import (
     CleanSample,
@@ -147,7 +148,9 @@ def started(
         rest_s=0.0,
         rejected=RejectedFor(np.zeros(n), np.zeros(n)),
         body_rejected=BodyTimers(0.0, 0.0, 0.0, 0.0, 0.0, np.zeros(wheels - n), 0.0),
-        evidence=SpeedEvidence(held=before.evidence.held if before else Held()),
+        evidence=SpeedEvidence(outside=before.evidence.outside, held=before.evidence.held)
+        if before
+        else SpeedEvidence(),
         unobserved_s=0.0,
         stuck_s=0.0,
     )
@@ -255,7 +258,7 @@ class SpeedObserver:
         free = turned(state.free, clean, self.model)
         wheels = self.correct_wheels(state, free, prediction, clean)
         history = remember(state.history, clean.dt_s, speed_change(before, prediction, wheels, clean))
-        evidence = state.evidence._replace(held=self.weigh_held(state.evidence.held, wheels.belief, clean))
+        evidence = self.weigh_held(state.evidence, wheels.belief, clean)
         body = self.correct_body(state, turn._replace(belief=wheels.belief), prediction, clean, history)
         body = use_held(body, evidence.held.probability > IS_HELD, clean, self.model)
         judged = judge(evidence, before, wheels.belief, body, clean, self.model, self.gate)
@@ -361,13 +364,15 @@ class SpeedObserver:
         body = use_speed(body, clean, history, fastest_m_s(state.evidence), model, gate)
         return use_standstill(body, clean.resting, model)
 
-    def weigh_held(self, before: Held, wheels: Belief, clean: CleanSample) -> Held:
+    def weigh_held(self, before: SpeedEvidence, wheels: Belief, clean: CleanSample) -> SpeedEvidence:
         """Weigh that the robot is held while its wheels turn, where it has an outside speed; wheels: as corrected."""
         std_m_s, model = self.model.noise.speed_std_m_s, self.model
         if std_m_s is None:
             return before
-        rims_m_s = model.scene.robot.wheel.radius_m * model.layout.split(wheels.mean).omega
-        return weigh_held(before, model.forward @ rims_m_s, clean, std_m_s)
+        rim_m_s = model.forward @ (model.scene.robot.wheel.radius_m * model.layout.split(wheels.mean).omega)
+        was_held = before.held.probability > IS_HELD
+        outside, y = receive(before.outside, rim_m_s, clean, logical_not(was_held), std_m_s)
+        return before._replace(outside=outside, held=weigh_held(before.held, y, rim_m_s, clean.dt_s))
 
     def conclude(
         self,
