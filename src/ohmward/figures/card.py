@@ -80,8 +80,6 @@ def _(found: Battery) -> str:
         "capacity": quantity(found.capacity_Ah, "Ah"),
         "voltage": f"{found.voltage_min_V:.4g} to {found.voltage_max_V:.4g} V",
     }
-    if found.thevenin is None:
-        return html_card(found.name, facts)
     sure = known(found)
     facts |= {
         "capacity": f"{normal(sure.capacity_Ah._asdict(), 'Ah')} (95 %)",

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy.range_estimator import RangeRun
@@ -68,7 +68,7 @@ def _(log: DriveLog) -> Plot:
 
 @_plot.register
 def _(found: Battery) -> Plot:
-    model = require_thevenin(found)
+    model = found.thevenin
     return Plot(found.name, [battery.ocv_figure(model.ocv), battery.resistance_figure(model)])
 
 
