@@ -128,7 +128,7 @@ def examine_log(path: str, options: DriveOptions) -> Iterator[Part]:
             if log is None:
                 raise InputError(f"{error}. As the log of a battery: {refused}", error.options) from error
             log = log.with_notes(Note(f"also a drive, which could not be read: {error}", "warning"))
-    if log:
+    if log is not None:
         found = examine(log)
         activity = found.survey.activity
         is_test = min(activity.rests, activity.pulses) >= _PULSES_OF_A_TEST
@@ -137,10 +137,10 @@ def examine_log(path: str, options: DriveOptions) -> Iterator[Part]:
         yield _examined(
             "logs", path, log.name, log, contents(log, found), found, commands, partial(_section, log, found)
         )
-    if drive:
+    if drive is not None:
         of_drive = examine_drive(drive, places)
         commands = [f"ohmward slip {path} --robot robot.toml"]
-        commands += [f"ohmward mission {path} --robot robot.toml --battery battery.toml"] if log else []
+        commands += [f"ohmward mission {path} --robot robot.toml --battery battery.toml"] if log is not None else []
         name, rows = f"{drive.name}, drive", drive_contents(drive, of_drive)
         yield _examined("drives", path, name, drive, rows, of_drive, commands, partial(_drive_section, drive, of_drive))
 
