@@ -91,7 +91,7 @@ def cycled_rc(battery: Battery, steps: int) -> SocSample:
         return after, rc_circuit.voltage(after, pair[1], model)
 
     pairs = np.column_stack([np.concatenate([[0.0], current[:-1]]), current])
-    start = model.at_rest(0.9)
+    start = rc_circuit.at_rest(model, 0.9)
     _, voltage = Kernel(step, start, np.zeros(2)).scan(start, pairs)
     return _seen(battery, current, voltage[:, 0])
 

@@ -26,6 +26,7 @@ import numpy as np
 
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import Circuit, RcModel, divider, instant_resistance, relaxation_rate
+from ohmward.battery.models.temperature import arrhenius_factor
 from ohmward.errors import InputError
 from ohmward.trace import minimum
 from ohmward.trace.expression import Scalar
@@ -102,3 +103,20 @@ def transition(p: Circuit | RcModel, dt_s: Scalar) -> tuple[np.ndarray, np.ndarr
     """F (2, 2) and B (2,) of the exact step x+ = F x + B i, for linear filters."""
     columns = [next_state(e, 0.0, p, dt_s) for e in np.eye(2)]
     return np.column_stack(columns), next_state(np.zeros(2), 1.0, p, dt_s)
+
+
+def circuit_at(model: RcModel, temperature_degC: Scalar) -> Circuit:
+    """The elements at this temperature."""
+    if model.activation_K == 0.0:
+        return model.circuit
+    factor = arrhenius_factor(temperature_degC, model.activation_K, model.ocv.reference_degC)
+    c_bulk, c_surface, r_bulk, r_surface, r_terminal = model.circuit
+    even = r_bulk == r_surface  # the very same object, so that a step need not divide them
+    bulk_ohm = factor * r_bulk
+    return Circuit(c_bulk, c_surface, bulk_ohm, bulk_ohm if even else factor * r_surface, factor * r_terminal)
+
+
+def at_rest(model: RcModel, soc: float) -> np.ndarray:
+    """State (2,) of a battery that has rested at `soc`: both capacitors at open-circuit voltage."""
+    ocv = model.ocv.mean_V(soc, model.ocv.reference_degC)
+    return np.array([ocv, ocv])

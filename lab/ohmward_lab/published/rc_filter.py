@@ -250,7 +250,7 @@ class RcFilter:
     ) -> tuple[RcFilterState, SocEstimate]:
         """State and estimate after a sample; `parameters` replace the model's where they are given."""
         clean = sanitize(sample, CircuitInput(state.current_A, ROOM_DEGC), self.limits, state.unknown_s)
-        parameters = parameters or RcParameters(self.model.circuit_at(clean.now.temperature_degC))
+        parameters = parameters or RcParameters(rc_circuit.circuit_at(self.model, clean.now.temperature_degC))
         prior = self.predict(unpack(state.belief), clean, parameters)
         update = self.correct(prior, state.rejected_s, clean, parameters)
         posterior, limited = self.link.project(update.belief)

@@ -118,7 +118,7 @@ class SchemeByMethod:
 
     def init(self, first: SocSample, soc: float, soc_std: float) -> SchemeByMethodState:
         """State before the first sample: at rest, V at its voltage, the SoC as given."""
-        voltage_V, ocv_V = float(first.voltage_V), float(self.model.at_rest(soc)[0])
+        voltage_V, ocv_V = float(first.voltage_V), float(rc_circuit.at_rest(self.model, soc)[0])
         joint = Belief(np.array([*[voltage_V] * 3, *self.parameters]), np.diag(np.array(P0)))
         along = np.outer(self.charge_direction, self.charge_direction)
         second = Belief(
@@ -257,7 +257,7 @@ class SchemeSoc:
         if soc is None:
             beyond: Any = SocByCurve(model, BatteryNoise()).soc_beyond(first.voltage_V)
             soc = min(max(float(beyond), 0.0), 1.0)
-        voltage_V = first.voltage_V if known else float(model.at_rest(soc)[0])
+        voltage_V = first.voltage_V if known else float(rc_circuit.at_rest(model, soc)[0])
         return self.scheme.init(first._replace(voltage_V=voltage_V), soc, soc_std)
 
     def step(self, state: SchemeByMethodState, sample: SocSample) -> tuple[SchemeByMethodState, SocEstimate]:

@@ -254,7 +254,7 @@ def _free_parameters() -> bool:
     """
     model = rc.RcModel(3000.0, 300.0, 0.08, 0.08, 0.06, OcvCurve((11.5, 13.5)), 3300.0 * 2.0 / 3600.0)
     current_A = np.tile(np.repeat([-3.0, -0.2, -1.5, 0.5], 10), 10)
-    x, voltage_V = model.at_rest(0.6), []
+    x, voltage_V = rc_circuit.at_rest(model, 0.6), []
     for now_A in current_A:
         x = rc_circuit.next_state(x, now_A, model, 1.0)
         voltage_V.append(rc_circuit.voltage(x, now_A, model)[0])

@@ -113,7 +113,7 @@ def offline_voltage(here: ThesisCase, model: rc.RcModel) -> np.ndarray:
 
     samples = samples_of(here.log)
     first = SocSample(0.0, *(float(column[0]) for column in samples[1:]))
-    start = Moved(model.at_rest(float(here.truth[0])), first.current_A)
+    start = Moved(rc_circuit.at_rest(model, float(here.truth[0])), first.current_A)
     return Kernel(step, start, first).scan(start, samples)[1][:, 0]
 
 

@@ -211,9 +211,6 @@ def of_battery_file(battery: Battery) -> SimulatedBattery:
     A battery file says nothing of heat, gassing and charger: these are taken from the simulated battery of its
     chemistry, or from NCA where there is none, in proportion to energy or capacity. Where the battery makes no gas, its
     limits are the ends of the open-circuit voltage less the hysteresis, so that the SoC stays in [0, 1].
-
-    Raises:
-        InputError: the file has no Thevenin model.
     """
     circuit = battery.thevenin
     like = BATTERIES.get(battery.chemistry, BATTERIES["nca"])

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.models.temperature import KELVIN
+from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.soc.anchor_rule import REST_C
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_voltage
 from ohmward.errors import InputError
@@ -352,7 +352,7 @@ def _check_temperature(log: Log, battery: Battery) -> Log:
     if log.temperature_degC is None or not np.isfinite(log.temperature_degC).any():
         return log
     degC, reference_degC = log.temperature_degC, battery.thevenin.reference_degC
-    spread = battery.noise.activation_std_K * np.abs(1 / (degC + KELVIN) - 1 / (reference_degC + KELVIN))
+    spread = battery.noise.activation_std_K * np.abs(coldness_per_K(degC, reference_degC))
     worst = int(np.nanargmax(spread))
     if spread[worst] < DOUBTFUL_RESISTANCE:
         return log

@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +37,7 @@ from ohmward.traction.terrain.slip_on_floors import FloorRun, slip_on_floors
 #: Alarms of a wheel that are no further apart [s] are one episode.
 JOINED_S = 0.5
 #: Sigmas above which 5 % of a normal distribution lie.
-ONE_SIDED_95 = 1.645
+ONE_SIDED_95 = NormalDist().inv_cdf(0.95)
 
 
 class SlipEpisode(NamedTuple):

@@ -12,6 +12,7 @@ from ohmward.battery.models import rc
 from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.errors import InputError
+from ohmward_lab.published import rc_circuit
 from published.rc_examples import CAPACITY_AH, EVEN, log_of, simulate
 
 SETTINGS = IdentificationSettings(CAPACITY_AH, "rc", name="drive")
@@ -45,7 +46,7 @@ def test_a_drive_in_the_cold_is_a_reference_of_its_own(drive):
     model = rc_of_thevenin(battery.thevenin)
     assert model.ocv.reference_degC == -5.0
     np.testing.assert_allclose(model.circuit, EVEN, rtol=0.02)
-    assert rc.dc_resistance(model.circuit_at(25.0)) < 0.8 * rc.dc_resistance(EVEN)
+    assert rc.dc_resistance(rc_circuit.circuit_at(model, 25.0)) < 0.8 * rc.dc_resistance(EVEN)
     assert battery.noise.activation_std_K == chemistry_prior("").activation_std_K
     assert any("as usual for batteries" in sentence for sentence in battery.not_identified)
 
@@ -68,6 +69,15 @@ def test_the_battery_finds_the_state_of_charge_of_another_drive(found):
 def test_a_drive_whose_state_of_charge_nobody_knows_is_refused(drive):
     with pytest.raises(InputError, match=r"nothing tells its state of charge .* give it .--initial-soc"):
         identify_in_detail(drive.select(slice(0, 2500)), SETTINGS)
+
+
+def test_a_drive_too_short_for_a_slope_and_a_charge_alone_are_refused(drive):
+    short = drive.select(slice(0, 200))
+    with pytest.raises(InputError, match=r"move SoC by .* % outside charges, do not show .* that rises"):
+        identify(short, capacity_Ah=CAPACITY_AH, model="rc", initial_soc={drive.name: 0.95})
+    charge = replace(drive, current_A=np.full(len(drive), 1.0))
+    with pytest.raises(InputError, match=r"move SoC by 0 % outside charges, do not show .* that rises"):
+        identify(charge, capacity_Ah=CAPACITY_AH, model="rc", initial_soc={drive.name: 0.0})
 
 
 def test_a_curve_that_is_given_is_not_replaced_by_a_line(drive):

@@ -72,7 +72,7 @@ def test_its_voltage_is_near_that_of_the_circuit():
     log = Log("pulses", np.arange(7200.0), current_A, np.zeros(7200), np.full(7200, 25.0))
     expected_V = simulate_voltage(model, log, 0.6).voltage_V
     found = rc_of_thevenin(model)
-    x, voltage_V = found.at_rest(0.6), []
+    x, voltage_V = rc_circuit.at_rest(found, 0.6), []
     for before, now in zip([0.0, *current_A[:-1]], current_A, strict=True):
         x = rc_circuit.next_state(x, 0.5 * (before + now), found, 1.0)
         voltage_V.append(rc_circuit.voltage(x, now, found)[0])
@@ -82,13 +82,15 @@ def test_its_voltage_is_near_that_of_the_circuit():
 def test_resistances_follow_the_temperature_and_capacitances_stay():
     """Arrhenius about the curve's temperature; R_b = R_s stay the very same object, so that a step need not divide."""
     model = replace(rc_of_thevenin(start_model("lead-acid", 12.0)), activation_K=3000.0)
-    cold = model.circuit_at(-10.0)
+    cold = rc_circuit.circuit_at(model, -10.0)
     factor = math.exp(3000.0 * (1 / 263.15 - 1 / 298.15))
     np.testing.assert_allclose(cold[2:], factor * np.array(model.circuit[2:]))
     assert cold[:2] == model.circuit[:2]
-    np.testing.assert_allclose(model.circuit_at(25.0), model.circuit)
-    assert replace(model, activation_K=0.0).circuit_at(-10.0) == model.circuit
-    even = rc.RcModel(17_000.0, 300.0, 0.03, 0.03, 0.02, OcvCurve((11.75, 13.0)), 6.0, 3000.0).circuit_at(0.0)
+    np.testing.assert_allclose(rc_circuit.circuit_at(model, 25.0), model.circuit)
+    assert rc_circuit.circuit_at(replace(model, activation_K=0.0), -10.0) == model.circuit
+    even = rc_circuit.circuit_at(
+        rc.RcModel(17_000.0, 300.0, 0.03, 0.03, 0.02, OcvCurve((11.75, 13.0)), 6.0, 3000.0), 0.0
+    )
     assert even.r_bulk_ohm is even.r_surface_ohm
     equivalent = rc.equivalent_thevenin(model)
     assert equivalent.activation_K == 3000.0

@@ -82,7 +82,7 @@ def simulate(
     current_A, dt = drive(rng, count), np.broadcast_to(dt_s, count).copy()
     dt[0] = 0.0
     model = model_of(circuit)
-    x, states, voltage_V = model.at_rest(soc), [], []
+    x, states, voltage_V = rc_circuit.at_rest(model, soc), [], []
     for k in range(count):
         p = scaled(circuit, 1 - warming * k / count)
         x = rc_circuit.next_state(x, 0.5 * (current_A[max(k - 1, 0)] + current_A[k]), p, dt[k])

@@ -146,7 +146,7 @@ def test_transition_is_the_step(circuit):
 def test_equivalent_thevenin_circuit_has_the_same_voltage(circuit):
     model = model_of(circuit)
     p = rc.equivalent_thevenin(model)
-    x, y = model.at_rest(0.8), np.array([0.8, 0.0, 0.0])
+    x, y = rc_circuit.at_rest(model, 0.8), np.array([0.8, 0.0, 0.0])
     for current_A in np.random.default_rng(3).normal(-1, 4, 200):
         u = CircuitInput(current_A, 25.0)
         x, y = rc_circuit.next_state(x, current_A, model, 2.0), thevenin.next_state(y, u, p, 2.0)
@@ -161,7 +161,7 @@ def test_equal_resistors_divide_by_two_without_a_division():
 def test_capacitance_holds_the_capacity_between_full_and_empty():
     assert rc_circuit.capacitance_for(10.0, OcvCurve((11.5, 12.0, 13.0))) == pytest.approx(36_000.0 / 1.5)
     model = model_of(EVEN)
-    full, empty = model.at_rest(1.0), model.at_rest(0.0)
+    full, empty = rc_circuit.at_rest(model, 1.0), rc_circuit.at_rest(model, 0.0)
     assert np.array(EVEN[:2]) @ (full - empty) == pytest.approx(3600.0 * CAPACITY_AH)
 
 
@@ -193,7 +193,7 @@ def test_traced_step_is_the_step():
 
 def test_resistances_may_fall_towards_the_cold_as_a_fit_may_find_them():
     model = replace(model_of(UNEVEN), activation_K=-200.0)
-    cold, warm = (model.circuit_at(model.ocv.reference_degC + K).r_bulk_ohm for K in (-20.0, 20.0))
+    cold, warm = (rc_circuit.circuit_at(model, model.ocv.reference_degC + K).r_bulk_ohm for K in (-20.0, 20.0))
     assert cold < UNEVEN.r_bulk_ohm < warm
     with pytest.raises(InputError, match=r"rc.activation_K must be"):
         replace(model, activation_K=np.nan)

@@ -192,7 +192,7 @@ def test_the_band_covers_a_population_in_the_cold():
     errors: dict[RcFilter, list[np.ndarray]] = {sure: [], honest: []}
     for seed in range(12):
         true_K = activation_K + spread_K * rng.standard_normal()
-        circuit = replace(MODEL, activation_K=true_K).circuit_at(-10.0)
+        circuit = rc_circuit.circuit_at(replace(MODEL, activation_K=true_K), -10.0)
         run = simulate(circuit, 3000, seed, voltage_std_V=0.002, current_std_A=0.02, soc=0.9)
         samples = run.samples._replace(temperature_degC=np.full(3000, -10.0))
         for filter_, found in errors.items():

@@ -29,7 +29,7 @@ def pulses(circuit, dt_s=0.02, count=4):
     """Log of pulses of 5 A for 2 s from rest, each followed by 20 s of rest."""
     time_s = np.arange(0, count * 22.0, dt_s)
     current_A = np.where(time_s % 22.0 >= 20.0, -5.0, 0.0)
-    x, voltage_V = model_of(circuit).at_rest(0.9), []
+    x, voltage_V = rc_circuit.at_rest(model_of(circuit), 0.9), []
     for k, i in enumerate(current_A):
         x = rc_circuit.next_state(x, i, circuit, dt_s if k else 0.0)
         voltage_V.append(rc_circuit.voltage(x, i, circuit)[0])

@@ -24,7 +24,7 @@ def log_of(model, start_soc):
     time_s = np.arange(600.0)
     current_A = -np.repeat(rng.uniform(0.0, 3.0, 60), 10)
     current_A[:10] = 0.0
-    x, voltage_V = model.at_rest(start_soc), []
+    x, voltage_V = rc_circuit.at_rest(model, start_soc), []
     for k, now_A in enumerate(current_A):
         if k:
             x = rc_circuit.next_state(x, 0.5 * (now_A + current_A[k - 1]), model, 1.0)

@@ -102,7 +102,7 @@ class PackEstimator:
     (7.1, 3, 0.59)
 
     Args:
-        battery: with a Thevenin model and its cells in series.
+        battery: its cells in series.
         initial_soc: of the typical cell, in [0, 1]; None takes it from the first voltages.
         initial_soc_std: standard deviation of that value.
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`.
@@ -110,7 +110,7 @@ class PackEstimator:
         spread: differences of the cells to expect.
 
     Raises:
-        InputError: a single cell, no Thevenin model, another filter.
+        InputError: a single cell, another filter.
     """
 
     def __init__(

@@ -75,7 +75,7 @@ LFP_WITHOUT_LOW_RATE_V = 0.008
 #: hold overpotential, which changes with temperature as well.
 _MEASURED_SLOPE = 0.5
 #: Correlation length of that slope along SoC: a stage of graphite.
-_ENTROPY_LENGTH = 0.2
+ENTROPY_LENGTH = 0.2
 
 #: Walk of its resistances where rests gave the curve: between two rests, a resistance that may wander takes what the
 #: curve does there. From pulses at 25 degC, four simulated cells: RMSE 1.3 % with 0.25, 0.8 % with half of it.
@@ -183,7 +183,7 @@ def ocv_precision(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> np.ndarra
 
 def entropy_precision(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> np.ndarray:
     """(K, K) precision of the change of the OCV curve with temperature on ENTROPY_KNOTS."""
-    return np.linalg.inv(entropy_std(prior, ocv, volts) ** 2 * correlation(ENTROPY_KNOTS, _ENTROPY_LENGTH))
+    return np.linalg.inv(entropy_std(prior, ocv, volts) ** 2 * correlation(ENTROPY_KNOTS, ENTROPY_LENGTH))
 
 
 def entropy_std(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> float:

@@ -209,17 +209,15 @@ def line_through(records: Sequence[Record], axes: Sequence[SocAxis], capacity_Ah
 
     parts = [part for r, axis in zip(records, axes, strict=True) for part in thin(r, axis.soc)]
     rows = np.concatenate([_line_rows(part) for part in parts])
-    if not len(rows):
+    soc_range = float(np.ptp(rows[:, 1])) if len(rows) else 0.0
+    empty_V = slope_V = 0.0
+    if soc_range >= _LEAST_SOC_RANGE:
+        weight = np.sqrt(rows[:, -1])[:, None]
+        (empty_V, slope_V, *_), _ = nnls(weight * rows[:, :-2], weight[:, 0] * rows[:, -2])
+    if slope_V == 0.0:
         raise InputError(
-            f"log {records[0].log.name!r} holds nothing but a long charge; an RC model needs a discharge or pulses"
-        )
-    soc_range = float(np.ptp(rows[:, 1]))
-    weight = np.sqrt(rows[:, -1])[:, None]
-    (empty_V, slope_V, *_), _ = nnls(weight * rows[:, :-2], weight[:, 0] * rows[:, -2])
-    if soc_range < _LEAST_SOC_RANGE or slope_V == 0.0:
-        raise InputError(
-            f"{why}. The RC model does with a straight line, but the logs, which move SoC by {100 * soc_range:.2g} %, "
-            "do not show an open-circuit voltage that rises; give the battery's OCV curve"
+            f"{why}. The RC model does with a straight line, but the logs, which move SoC by {100 * soc_range:.2g} % "
+            "outside charges, do not show an open-circuit voltage that rises; give the battery's OCV curve"
         )
     beyond = np.maximum(np.maximum(OCV_KNOTS - rows[:, 1].max(), rows[:, 1].min() - OCV_KNOTS), 0.0)
     curve = OcvCurve((empty_V, empty_V + slope_V), reference_degC=reference_degC(records))

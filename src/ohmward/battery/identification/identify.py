@@ -26,8 +26,6 @@ from ohmward.battery.battery import Provenance as Provenance
 from ohmward.battery.chemistries import (
     AGED_CAPACITY_STD,
     CHEMISTRIES,
-    GIVEN_AGEING_CORRELATION,
-    MEASURED_AGEING_CORRELATION,
     chemistry_name,
     start_model,
     start_noise,
@@ -234,9 +232,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     measured = {branch.direction for branch in branches if branch.complete}  # from full to empty, slowly
     rest_s = longest_rest_s(fitted)
     noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, rest_s, whole_curve=len(measured) == 2)
-    correlation = MEASURED_AGEING_CORRELATION if measured else GIVEN_AGEING_CORRELATION
-    if settings.chemistry and CHEMISTRIES[settings.chemistry].gases:
-        correlation = 0.0  # the resistance of lead-acid changes with acid and sulphate more than with age
+    correlation = problem.prior.untested.ageing_correlation[bool(measured)]
     noise = replace(noise, capacity_std=AGED_CAPACITY_STD, ageing_correlation=correlation)
     missing = (
         *prepared.first.not_identified,

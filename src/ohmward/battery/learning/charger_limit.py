@@ -79,7 +79,7 @@ def with_full_at(battery: Battery, soc: float) -> Battery:
         knowledge = replace(knowledge, seen_from_soc=min(knowledge.seen_from_soc / soc, 1.0))
     inside = soc * np.linspace(0.0, 1.0, max(len(model.ocv.voltage_V), _LEAST_CURVE_POINTS))
     voltage_V = np.asarray(model.ocv.mean_V(inside, model.ocv.reference_degC))
-    stretched = replace(model, ocv=_resampled(model.ocv, inside, voltage_V), capacity_Ah=capacity_Ah)
+    stretched = replace(model, ocv=model.ocv.corrected(voltage_V, soc=inside), capacity_Ah=capacity_Ah)
     wider = replace(
         noise,
         soc_axis_std=math.hypot(noise.soc_axis_std, half),
@@ -128,7 +128,7 @@ def _prolonged(battery: Battery, before_soc: float, longer: float) -> OcvCurve:
     beyond_V = np.asarray(chemistry(battery.chemistry).ocv().mean_V(before_soc * soc, degC)) * battery.n_series
     inside = np.minimum(soc, 1.0)
     voltage_V = np.where(soc > 1.0, np.maximum(beyond_V, ocv.voltage_V[-1]), ocv.mean_V(inside, degC))
-    return _resampled(ocv, inside, voltage_V)
+    return ocv.corrected(voltage_V, soc=inside)
 
 
 def limit_sentence(before: Battery, after: Battery) -> str:
@@ -137,15 +137,3 @@ def limit_sentence(before: Battery, after: Battery) -> str:
         return ""
     full_V = after.thevenin.ocv.voltage_V[-1]
     return f"full is where its charger stops, at {full_V:.3g} V at rest; "
-
-
-def _resampled(ocv: OcvCurve, soc: np.ndarray, voltage_V: np.ndarray) -> OcvCurve:
-    """A curve with these voltages (points,), and with the hysteresis and slope of this one at `soc` (points,)."""
-    degC = ocv.reference_degC
-    return OcvCurve(
-        tuple(np.maximum.accumulate(voltage_V).tolist()),
-        tuple(np.asarray(ocv.hysteresis_at(soc)).tolist()),
-        tuple((np.asarray(ocv.mean_V(soc, degC + 1.0)) - np.asarray(ocv.mean_V(soc, degC))).tolist()),
-        degC,
-        ocv.interpolation,
-    )

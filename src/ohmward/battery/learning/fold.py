@@ -23,7 +23,6 @@ from ohmward.battery.battery import Battery, Knowledge, SeenLog
 from ohmward.battery.chemistries import CELL_V, Normal, chemistry, chemistry_prior
 from ohmward.battery.identification.circuit_prior import LFP_WITHOUT_LOW_RATE_V
 from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD, beyond_axis_V
-from ohmward.battery.identification.ocv_from_logs import monotone
 from ohmward.battery.learning.parameters import (
     ENTROPY_KNOTS,
     OCV_KNOTS,
@@ -173,17 +172,9 @@ def folded_curve(curve: OpenCircuit) -> OcvCurve:
     ocv, p, theta = curve.model.ocv, curve.parameters, curve.theta
     soc = np.linspace(0.0, 1.0, max(len(ocv.voltage_V), 201))
     voltage_V = curve.at(file_charge(soc, curve.place.log_ratio), ocv.reference_degC)
-    larger = float(np.exp(theta[p.group("hysteresis")].sum()))
-    slope = np.asarray(ocv.mean_V(soc, ocv.reference_degC + 1.0)) - np.asarray(ocv.mean_V(soc, ocv.reference_degC))
-    if theta[p.group("entropy")].size:
-        slope = slope + hat(soc, ENTROPY_KNOTS) @ theta[p.group("entropy")]
-    return OcvCurve(
-        tuple(monotone(voltage_V).tolist()),
-        tuple((larger * np.asarray(ocv.hysteresis_at(soc))).tolist()),
-        tuple(slope.tolist()),
-        ocv.reference_degC,
-        ocv.interpolation,
-    )
+    entropy = theta[p.group("entropy")]
+    more_V_per_K = hat(soc, ENTROPY_KNOTS) @ entropy if entropy.size else 0.0
+    return ocv.corrected(voltage_V, float(np.exp(theta[p.group("hysteresis")].sum())), more_V_per_K)
 
 
 def folded_noise(battery: Battery, p: Parameters, covariance: np.ndarray) -> BatteryNoise:

@@ -24,12 +24,10 @@ import numpy as np
 
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.temperature import arrhenius_factor
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
 from ohmward.checks import require_each_positive, require_finite
 from ohmward.errors import InputError
 from ohmward.optional import require
-from ohmward.trace.expression import Scalar
 
 #: R_b and R_s as shares of R_total, by the rule of [P] 2.2.
 BRANCH_SHARE = 0.75
@@ -81,25 +79,10 @@ class RcModel:
         """The five elements alone."""
         return Circuit(*(getattr(self, name) for name in Circuit._fields))
 
-    def circuit_at(self, temperature_degC: Scalar) -> Circuit:
-        """The elements at this temperature."""
-        if self.activation_K == 0.0:
-            return self.circuit
-        factor = arrhenius_factor(temperature_degC, self.activation_K, self.ocv.reference_degC)
-        c_bulk, c_surface, r_bulk, r_surface, r_terminal = self.circuit
-        even = r_bulk == r_surface  # the very same object, so that a step need not divide them
-        bulk_ohm = factor * r_bulk
-        return Circuit(c_bulk, c_surface, bulk_ohm, bulk_ohm if even else factor * r_surface, factor * r_terminal)
-
     @property
     def capacity_As(self) -> float:
         """Capacity in ampere seconds."""
         return 3600.0 * self.capacity_Ah
-
-    def at_rest(self, soc: float) -> np.ndarray:
-        """State (2,) of a battery that has rested at `soc`: both capacitors at open-circuit voltage."""
-        ocv = self.ocv.mean_V(soc, self.ocv.reference_degC)
-        return np.array([ocv, ocv])
 
 
 def divider(p: Circuit | RcModel) -> tuple[Any, Any]:

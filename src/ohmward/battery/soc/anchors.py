@@ -102,9 +102,6 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
 
     The rule is that of the live estimator (`AnchorRule`), but a log shows how it goes on: a full charge and a rest
     stand at their end, where they tell most, and a load that ends low with the log or before a gap has been cut off.
-
-    Raises:
-        InputError: the battery file has no Thevenin model.
     """
     finder = _finder(battery)
     found: list[Anchor] = []
@@ -148,11 +145,7 @@ def judged_anchors(log: Log, battery: Battery, run: SocRun) -> list[JudgedAnchor
 
 
 def charger_limit_V(log: Log, battery: Battery) -> float | None:
-    """Highest voltage [V], but for its overpotential, at which a charger stops below a full battery; None for none.
-
-    Raises:
-        InputError: the battery file has no Thevenin model.
-    """
+    """Highest voltage [V], but for its overpotential, at which a charger stops below a full battery; None for none."""
     finder, limits_V = _finder(battery), []
     for stretch in _stretches(log, finder):
         state, voltage_V = stretch.output.state, log.voltage_V[stretch.inside]

@@ -50,7 +50,6 @@ _LOG = "log"
 _PULSES_OF_A_TEST = 5
 #: How to read the bands.
 READING = "half width of the 95 % band in points, start known / start unknown"
-NO_BAND = "No band: this file has no Thevenin model."
 BANDS = ["95 % band on a working day", *(f"{T:g} degC" for T in TEMPERATURES_DEGC)]
 
 
@@ -292,7 +291,7 @@ def examine_battery(path: str, _: DriveOptions) -> Iterator[Part]:
         f"{battery.chemistry or 'chemistry not said'}, {battery.n_series} in series",
         wording.fields(sources(battery)),
         wording.bullets("Not known", battery.not_identified),
-        f"{wording.table(BANDS, rows)}\n({READING})" if bands else NO_BAND,
+        f"{wording.table(BANDS, rows)}\n({READING})",
     )
     summary = {
         "path": path,
@@ -307,7 +306,7 @@ def examine_battery(path: str, _: DriveOptions) -> Iterator[Part]:
     def section(page: Page) -> Page:
         page = page.table(["Quantity", "Found"], list(sources(battery).items()))
         page = page.table(["Not known"], [[text] for text in battery.not_identified])
-        return page.table(BANDS, rows, sentence(READING)) if bands else page.text(NO_BAND)
+        return page.table(BANDS, rows, sentence(READING))
 
     yield Part("batteries", battery.name, text, summary, [f"ohmward soc LOG --battery {path}"], section=section)
 

@@ -25,8 +25,8 @@ from ohmward.traction.motion.outside_speed import OutsideSpeed
 #: makes no alarm.
 IS_HELD, ALARM = 0.5, 0.9
 
-#: The wheels turn from this speed [m/s] of their rims on.
-TURNS_M_S = 0.1
+#: The wheels turn from this speed [m/s] of their rims on; a robot below this share of it is stuck.
+TURNS_M_S, STUCK_SHARE = 0.1, 0.2
 
 #: A robot is met held, or sliding, once in so long on average [s], is held for so long, and slides for so long.
 MET_S, HELD_S, SLIDES_S = 500.0, 60.0, 10.0

@@ -27,7 +27,11 @@ from ohmward.trace import clip, isfinite, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.sanitize import CleanSample
 
-#: Usual standard deviation [m/s] of a source that gives none, and the least one that its errors show.
+#: Standard deviation [m/s] of a source that gives none, where its errors are not learnt: of GNSS, and of odometry of
+#: cameras at a walking pace.
+ASSUMED_STD_M_S = 0.05
+
+#: The usual one where they are, and the least one that they show.
 USUAL_STD_M_S, LEAST_STD_M_S = 0.1, 0.02
 
 #: Number of differences that the given standard deviation, and the usual one, count for (> 2), and the most in a mean.

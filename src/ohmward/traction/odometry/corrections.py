@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.filters.belief import Belief, Function
-from ohmward.filters.gate import choose, inflate, time_rejected
+from ohmward.filters.gate import choose, inflate, time_rejected, widen
 from ohmward.filters.linear_algebra import TINY, mirror_lower
 from ohmward.filters.sanitize import between, every, some, within
 from ohmward.quantities import FASTEST_M_S
 from ohmward.trace import clip, cos, exp, isfinite, linearize, logical_not, maximum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.intervals import History, change_since
+from ohmward.traction.motion.intervals import LEAST_DIVISOR, History, change_since
 from ohmward.traction.motion.outside_speed import OutsideSpeed
 from ohmward.traction.motion.sanitize import OLDEST_S, SPEED_STD_M_S, CleanSample
 from ohmward.traction.odometry.model import (
@@ -39,10 +39,6 @@ from ohmward.traction.odometry.model import (
     yaw_now,
 )
 from ohmward.traction.odometry.sample import OdometrySample
-
-#: Keeps a step of no length from dividing by zero [s].
-_TINY_S = 1e-9
-
 
 #: Gyro and wheels are compared by the angles that they turned in so long [s]: a count is wrong once in an angle.
 COMPARED_S = 0.5
@@ -188,10 +184,8 @@ def scrubbing(belief: Belief, sums: TurnSums) -> Belief:
     """
     gyro_rad = sums.gyro_rad - belief.mean[OFFSET] * sums.time_s
     share = gyro_rad / where(abs(sums.wheels_rad) > LEAST_TURN_RAD, sums.wheels_rad, np.inf) - 1.0
-    k, variance = belief.mean[TURN_SCALE], belief.cov[TURN_SCALE, TURN_SCALE]
-    apart = share - k
-    scrubs = between(share, *SCRUBBING_SHARE)
-    return choose(scrubs, inflate(belief, TURN_SCALE, maximum(apart * apart - variance, 0.0)), belief)
+    apart = share - belief.mean[TURN_SCALE]
+    return choose(between(share, *SCRUBBING_SHARE), widen(belief, TURN_SCALE, apart * apart), belief)
 
 
 def use_speeds(
@@ -406,7 +400,7 @@ def moved_since(trail: Trail, age_s: Scalar) -> tuple[np.ndarray, Scalar]:
     left_s = maximum(age_s, 0.0)
     known_s: Scalar = 0.0
     for dt_s, step in zip(trail.dt_s, trail.moved.T, strict=True):
-        share = clip(left_s / maximum(dt_s, _TINY_S), 0.0, 1.0)
+        share = clip(left_s / maximum(dt_s, LEAST_DIVISOR), 0.0, 1.0)
         moved = moved + step * share
         known_s = known_s + dt_s * share
         left_s = left_s - dt_s

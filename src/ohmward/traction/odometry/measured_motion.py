@@ -119,13 +119,13 @@ def no_motion(robot: Robot) -> MotionState:
 
 def rim_matrix(robot: Robot) -> np.ndarray:
     """B (3, driven): forward, left and turning motion of a robot from the speeds of its rims, none of which slips."""
-    return motion_of_rims(robot, np.arange(robot.driven))
+    return planar(robot, robot.motion_by_rims)
 
 
-def motion_of_rims(robot: Robot, wheels: np.ndarray) -> np.ndarray:
-    """Motion (3, n) of a robot from the rims of some of its wheels (n,)."""
-    B = np.zeros((3, len(wheels)))
-    B[[PLANAR.index(name) for name in robot.chassis.freedoms]] = np.linalg.pinv(robot.rolling[wheels])
+def planar(robot: Robot, motion: np.ndarray) -> np.ndarray:
+    """A motion (freedoms, ...) of a robot as one of `PLANAR` (3, ...)."""
+    B = np.zeros((3, *motion.shape[1:]))
+    B[[PLANAR.index(name) for name in robot.chassis.freedoms]] = motion
     return B
 
 
@@ -317,7 +317,8 @@ def free_motion(now: MotionState, robot: Robot) -> np.ndarray:
     """Motion (3,) as the wheels that are not driven show it; zeros where there are none."""
     if len(now.passive_rad_s) == 0:
         return np.zeros(3)
-    return motion_of_rims(robot, passive_wheels(robot)) @ (robot.wheel.radius_m * now.passive_rad_s)
+    by_rims = planar(robot, np.linalg.pinv(robot.rolling[passive_wheels(robot)]))
+    return by_rims @ (robot.wheel.radius_m * now.passive_rad_s)
 
 
 def white_variance(u: MotionInput, observed: Scalar, count_m_s: Scalar, counted: Scalar, robot: Robot) -> np.ndarray:

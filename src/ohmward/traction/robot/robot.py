@@ -113,6 +113,11 @@ class Robot(RichDisplay):
         return rolling_matrix(self.chassis)
 
     @cached_property
+    def motion_by_rims(self) -> np.ndarray:
+        """G_d^+ (freedoms, driven): motion of the body by the speeds of its driven rims, as if none slipped."""
+        return np.linalg.pinv(self.rolling[: self.driven])
+
+    @cached_property
     def sideways(self) -> np.ndarray:
         """(wheels, freedoms), see `chassis`."""
         return sideways_matrix(self.chassis)
@@ -258,9 +263,8 @@ def wheel_speeds(robot: Robot, motion: np.ndarray) -> np.ndarray:
 
 
 def motion_from_wheels(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
-    """Motion (freedoms,) that fits the driven wheels' speeds best, as if none slipped: wheel odometry."""
-    driven = robot.rolling[: robot.driven]
-    return np.linalg.pinv(driven) @ (np.asarray(wheel_speed_rad_s) * robot.wheel.radius_m)
+    """Motion (..., freedoms) that fits the driven wheels' speeds (..., driven) best, as if none slipped."""
+    return robot.wheel.radius_m * np.asarray(wheel_speed_rad_s) @ robot.motion_by_rims.T
 
 
 #: Robots that need no file.

@@ -182,7 +182,7 @@ USUAL = 1.0
 #: which it may have been sliding before the evidence of grip is forgotten.
 OPENS, BEFORE_S = 1.1, 0.8
 
-#: For so long [s] a sensor of the body that has shown the speed counts as showing it.
+#: For so long [s] what has shown the speed, or the pitch, counts as showing it; then the speed is unobserved.
 SEEN_S = 0.5
 
 #: A belief in sliding wheels is wrong where they carry the robot with less than this share of the force that they have
