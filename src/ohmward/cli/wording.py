@@ -32,11 +32,6 @@ def with_assumptions(page: Page, notes: Sequence[str]) -> Page:
 WIDTH = 100
 
 
-def grouped(number: int) -> str:
-    """A whole number with its thousands apart: 33,744."""
-    return f"{number:,}"
-
-
 def sentence(text: str) -> str:
     """The text with a capital letter and a full stop."""
     return f"{text[:1].upper()}{text[1:]}" + ("" if text.endswith((".", "?", "!")) else ".")

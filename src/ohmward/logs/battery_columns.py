@@ -56,15 +56,14 @@ def find_cells(
                 notes.append(Note(text, "warning"))
             continue
         table = np.stack([columns[name] for name in row], axis=1)
-        for factor in _factors(row, table):
-            if _agrees(factor * table, pack_V):
-                note = Note(f"cell voltages from {row[0]!r} to {row[-1]!r}; their sum is the pack's voltage")
-                return CellVoltages(row, factor * table, note), (note,)
+        cells_V = _unit_of(row, table).in_si(table)
+        if _agrees(cells_V, pack_V):
+            note = Note(f"cell voltages from {row[0]!r} to {row[-1]!r}; their sum is the pack's voltage")
+            return CellVoltages(row, cells_V, note), (note,)
         if is_named(row):
             text = (
-                f"the sum of {row[0]!r} to {row[-1]!r} is usually "
-                f"{np.nanmedian((_factors(row, table)[0] * table).sum(axis=1)):.4g} V, the voltage of the pack "
-                f"{np.nanmedian(pack_V):.4g} V: they are not used as cell voltages"
+                f"the sum of {row[0]!r} to {row[-1]!r} is usually {np.nanmedian(cells_V.sum(axis=1)):.4g} V, the "
+                f"voltage of the pack {np.nanmedian(pack_V):.4g} V: they are not used as cell voltages"
             )
             notes.append(Note(text, "warning"))
     return None, tuple(notes)
@@ -112,7 +111,7 @@ def with_pack_voltage(file: TableFile, columns: Mapping[str, str] | None = None)
     def total(table: Table) -> tuple[np.ndarray, Note]:
         cells = np.stack([numbers(table, cell) for cell in row], axis=1)
         note = Note(f"voltage of the pack: the sum of {row[0]!r} to {row[-1]!r}")
-        return _factors(row, cells)[0] * cells.sum(axis=1), note
+        return _unit_of(row, cells).in_si(cells.sum(axis=1)), note
 
     return file.with_column("pack voltage [V]", row, total)
 
@@ -126,12 +125,9 @@ def _may_be_voltage(name: str) -> bool:
     return not _OTHER_THAN_VOLTAGE & set(letters(stem))
 
 
-def _factors(row: Sequence[str], table: np.ndarray) -> tuple[float, ...]:
-    """Factor to volts: that of the unit in the names; without one, what the numbers can be."""
-    unit: Unit | None = unit_in_name(row[0], ("voltage",))
-    if unit is not None:
-        return (unit.scale,)
-    return (1e-3,) if np.nanmedian(table) > _LARGEST_CELL_V else (1.0,)
+def _unit_of(row: Sequence[str], cells: np.ndarray) -> Unit:
+    """The unit in the names of cells; without one, what the numbers (T, n) can be."""
+    return unit_in_name(row[0], ("voltage",)) or UNITS["mv" if np.nanmedian(cells) > _LARGEST_CELL_V else "v"]
 
 
 def _agrees(cells_V: np.ndarray, pack_V: np.ndarray) -> bool:

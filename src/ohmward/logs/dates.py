@@ -43,7 +43,7 @@ EXCEL_DAYS = (20_000.0, 80_000.0)
 
 
 class Moment(NamedTuple):
-    """A date and time: day as number since 1970 and as it is written, seconds of the day, whether they are UTC."""
+    """A date and time: the day as it is written, seconds of the day, whether they are UTC."""
 
     day: str
     second: float

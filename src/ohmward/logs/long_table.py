@@ -11,10 +11,8 @@ from ohmward.errors import InputError
 from ohmward.logs.clock import read_clock
 from ohmward.logs.columns import Column
 from ohmward.logs.plausible import LONGEST_S, YEAR_S
-from ohmward.logs.table import MISSING, Note, Table, TableFile, file_of, row_numbers
+from ohmward.logs.table import Note, Table, TableFile, file_of, row_numbers
 
-#: Words for a value that there is none, beside those of every table.
-_NO_VALUE = MISSING | {"unavailable", "unknown", "off", "on", "false", "true"}
 _TIME = "time"
 
 
@@ -88,10 +86,8 @@ def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
 
 
 def _number(cell: object) -> float:
-    text = str(cell).strip()
-    if text.lower() in _NO_VALUE:
-        return np.nan
+    """The number in a cell, NaN for any text: `unavailable`, `on`."""
     try:
-        return float(text)
+        return float(str(cell))
     except ValueError:
         return np.nan

@@ -129,17 +129,10 @@ def _alike(values: list[Any]) -> list[Any]:
     """Numbers and what is missing as they are; text, where there is any, of all."""
     if not any(isinstance(value, str) for value in values):
         return [float(value) if isinstance(value, bool | int | float) else None for value in values]
-    numbers = [None if value is None else _number(value) for value in values]
-    if not any(isinstance(value, str) for value in numbers):
-        return numbers
-    return ["" if value is None else str(value) for value in values]
-
-
-def _number(value: Any) -> Any:
     try:
-        return float(value)
+        return [None if value is None else float(value) for value in values]
     except (TypeError, ValueError):
-        return str(value)
+        return ["" if value is None else str(value) for value in values]
 
 
 def _flattened(one: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:

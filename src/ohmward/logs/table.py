@@ -225,12 +225,13 @@ def numbers(table: Table, name: str) -> np.ndarray:
         return values.astype(float, copy=False)
     if values.dtype.kind == "m":
         return values / np.timedelta64(1, "s")
+    found = np.empty(values.size)
     for row, cell in enumerate(values):
         try:
-            number(str(cell))
+            found[row] = number(str(cell))
         except ValueError:
             raise InputError(
                 f"{table.source}, {table.place} {table.line[row]}, column {name!r}: {str(cell)!r} is not a number; "
                 "correct the cell, leave it empty, or delete the line"
             ) from None
-    return np.array([number(str(cell)) for cell in values])
+    return found

@@ -78,7 +78,7 @@ def result(found: Mapping[str, Any]) -> dict[str, str]:
     age = found["capacity_Ah"] / found["capacity_new_Ah"]
     low, high = found["temperature_min_degC"], found["temperature_max_degC"]
     return {
-        "duration": f"{wording.duration(found['duration_s'])}, {wording.grouped(found['samples'])} samples",
+        "duration": f"{wording.duration(found['duration_s'])}, {found['samples']:,} samples",
         "capacity": f"{found['capacity_Ah']:.4g} Ah"
         + (f", {wording.percent(age, 0)} of a new cell's" if age < 1 else ""),
         "state of charge": f"{wording.percent(found['soc_initial'])} to {wording.percent(found['soc_final'])}",

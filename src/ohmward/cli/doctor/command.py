@@ -22,7 +22,7 @@ from ohmward.cli import wording
 from ohmward.cli.battery_inputs import of_kinds, read_battery_log
 from ohmward.cli.drive_inputs import DriveOptions, drive_options
 from ohmward.cli.outcome import Outcome
-from ohmward.cli.wording import FOOTER, duration, grouped, sentence, with_assumptions
+from ohmward.cli.wording import FOOTER, duration, sentence, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock
@@ -127,7 +127,7 @@ def examine_log(path: str, options: DriveOptions) -> Iterator[Part]:
             if log is None:
                 raise InputError(f"{error}. As the log of a battery: {refused}", error.options) from error
             log = log.with_notes(Note(f"also a drive, which could not be read: {error}", "warning"))
-    if log:
+    if log is not None:
         found = examine(log)
         activity = found.survey.activity
         is_test = min(activity.rests, activity.pulses) >= _PULSES_OF_A_TEST
@@ -136,10 +136,10 @@ def examine_log(path: str, options: DriveOptions) -> Iterator[Part]:
         yield _examined(
             "logs", path, log.name, log, contents(log, found), found, commands, partial(_section, log, found)
         )
-    if drive:
+    if drive is not None:
         of_drive = examine_drive(drive, places)
         commands = [f"ohmward slip {path} --robot robot.toml"]
-        commands += [f"ohmward mission {path} --robot robot.toml --battery battery.toml"] if log else []
+        commands += [f"ohmward mission {path} --robot robot.toml --battery battery.toml"] if log is not None else []
         name, rows = f"{drive.name}, drive", drive_contents(drive, of_drive)
         yield _examined("drives", path, name, drive, rows, of_drive, commands, partial(_drive_section, drive, of_drive))
 
@@ -157,7 +157,7 @@ def _examined(
     """A log with its length, its figures, what was assumed and what was found."""
     sentences = [f"{finding.severity}: {finding.text} -> {finding.advice}" for finding in found.findings]
     text = wording.paragraphs(
-        f"{title}: {grouped(len(log))} samples in {duration(log.duration_s)}",
+        f"{title}: {len(log):,} samples in {duration(log.duration_s)}",
         wording.fields(rows),
         wording.assumptions(found.notes),
         wording.bullets("Found", sentences) or "Found: nothing suspicious.",
@@ -366,7 +366,7 @@ def _drive_section(log: DriveLog, found: Findings[DriveSurvey], page: Page) -> P
 def _section(log: Log, found: Findings[Survey], page: Page) -> Page:
     s = found.survey
     figures = {
-        "Samples": grouped(len(log)),
+        "Samples": f"{len(log):,}",
         "Duration": duration(log.duration_s),
         "Interval": f"{s.sampling.median_s:.3g} s",
         "Charge in": f"{s.activity.charge_in_Ah:.4g} Ah",

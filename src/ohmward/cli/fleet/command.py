@@ -63,7 +63,8 @@ def run(args: argparse.Namespace) -> Outcome:
     estimates = str(folder / "estimates") if args.estimates else None
     job = Job(text, name, args.initial_soc, args.initial_soc_std, read_options(args), estimates)
     robots = robots_of(paths, args.by, job.reading.hints)
-    executor = executor_of(args.dask, args.processes)
+    here = partial(in_processes, processes=args.processes or os.cpu_count() or 1)
+    executor = partial(on_dask, address=args.dask) if args.dask else here
     if robots.by != ALONE:
         notes.append(f"info: robots told by {_WAYS.get(robots.by, f'the column {robots.by!r}')}: {len(robots.logs)}")
         of_robots = RobotJob(job, robots.logs, str(folder / "batteries"))
@@ -98,13 +99,6 @@ def _progress_of(report: Report | None, what: str = "logs") -> Callable[[int, in
     if report is None:
         return None
     return lambda done, total: report(f"{done:,} of {total:,} {what}", done / total)
-
-
-def executor_of(dask: str | None, processes: int | None) -> Executor:
-    """Executor of the batches: processes here, or the workers of a Dask scheduler."""
-    if dask:
-        return partial(on_dask, address=dask)
-    return partial(in_processes, processes=processes or os.cpu_count() or 1)
 
 
 def status(figures: dict[str, Any]) -> int:

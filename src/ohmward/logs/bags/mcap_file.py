@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from zlib import crc32
 
-from ohmward.logs.bags.recording import CDR, ROS1, Recorded, Recording, Topic, full_type
+from ohmward.logs.bags.recording import Recorded, Recording, Topic, full_type
 from ohmward.optional import require
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -23,8 +23,6 @@ _TAIL = struct.Struct("<BQQQI8s")
 _CHUNK_HEAD = struct.Struct("<QQQI")
 #: No recorder makes larger chunks [bytes]; a damaged one may claim any size.
 _LARGEST_CHUNK = 1 << 30
-#: Serialisations by the names that MCAP gives them.
-_ENCODINGS = {"cdr": CDR, "ros1": ROS1}
 
 
 class _Channels:
@@ -46,7 +44,7 @@ class _Channels:
         type_, definition = self.schemas.get(_u16(content, 2), ("", ""))
         name, at = _text(content, 4)
         encoding, _ = _text(content, at)
-        self.topics[number] = Topic(name, type_, _ENCODINGS.get(encoding, encoding), definition)
+        self.topics[number] = Topic(name, type_, encoding, definition)
 
 
 def open_mcap(path: Path) -> Recording:

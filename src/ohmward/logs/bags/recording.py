@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from ohmward.logs.table import Note
 
-#: Serialisations of messages: that of ROS 2 and that of ROS 1.
+#: Serialisations of messages, by the names that MCAP and rosbag2 give them: that of ROS 2 and that of ROS 1.
 CDR, ROS1 = "cdr", "ros1"
 
 

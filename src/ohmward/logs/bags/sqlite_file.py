@@ -9,7 +9,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from ohmward.errors import InputError
-from ohmward.logs.bags.recording import CDR, Recorded, Recording, Topic, full_type
+from ohmward.logs.bags.recording import Recorded, Recording, Topic, full_type
 
 MAGIC = b"SQLite format 3\x00"
 
@@ -71,9 +71,8 @@ def _topics(path: Path, database: sqlite3.Connection) -> dict[int, Topic]:
         definitions = {full_type(type_): text for type_, text in found if isinstance(type_, str)}
     except sqlite3.DatabaseError:  # written by Humble or before
         definitions = {}
-    encoding = {"cdr": CDR}
     return {
-        key: Topic(name, full_type(type_), encoding.get(form, form), str(definitions.get(full_type(type_)) or ""))
+        key: Topic(name, full_type(type_), form, str(definitions.get(full_type(type_)) or ""))
         for key, name, type_, form in rows
         if all(isinstance(text, str) for text in (name, type_, form))
     }
