@@ -66,6 +66,7 @@ class OutsideSpeed(NamedTuple):
     measured: Any  #: the condition that there is one
     speed_m_s: Scalar  #: as measured; 0 where there is none
     std_m_s: Scalar  #: its standard deviation
+    white_std_m_s: Scalar  #: that of what does not last from speed to speed
     rims_m_s: Scalar  #: speed of the rims that it is held against
     late_m_s: Scalar  #: what they have changed by since; 0 where there is none
 
@@ -101,10 +102,12 @@ def receive(
         count=where(learns, minimum(before.count + 1.0, MEAN_OF), before.count),
     )
     least = where(given, 1.0, LEAST_STD_M_S / unit_m_s)
+    unsure_m_s = unit_m_s * sqrt(counts / (counts - 2.0))
     received = OutsideSpeed(
         measured=measured,
         speed_m_s=y,
-        std_m_s=unit_m_s * maximum(effective_std(after.differences), least) * sqrt(counts / (counts - 2.0)),
+        std_m_s=unsure_m_s * maximum(effective_std(after.differences), least),
+        white_std_m_s=unsure_m_s * maximum(after.differences[0], least),
         rims_m_s=rims_m_s,
         late_m_s=where(measured, rim_m_s - rims_m_s, 0.0),
     )

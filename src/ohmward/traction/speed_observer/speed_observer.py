@@ -369,7 +369,8 @@ class SpeedObserver:
         rim_m_s = robot.motion_by_rims[0] @ (robot.wheel.radius_m * model.layout.split(wheels.mean).omega)
         was_held = before.held.probability > IS_HELD
         outside, y = receive(before.outside, rim_m_s, clean, logical_not(was_held), std_m_s)
-        return before._replace(outside=outside, held=weigh_held(before.held, y, rim_m_s, clean.dt_s))
+        white = y._replace(std_m_s=y.white_std_m_s)  # errors that last are slides here, and no noise
+        return before._replace(outside=outside, held=weigh_held(before.held, white, rim_m_s, clean.dt_s))
 
     def conclude(
         self,
