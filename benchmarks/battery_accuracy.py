@@ -222,6 +222,6 @@ def table(rows: Sequence[Row]) -> list[str]:
             f"| {row.data} | {row.method} | {row.start} | {factor * s.rmse:.2f} | {factor * s.mae:.2f} "
             f"| {factor * s.max_error:.2f} | {coverage} | {row.us_per_step:.0f} | {row.bar} | {verdict(row.met)} |"
         )
-    methods = [f"- `{DEFAULT}`: `gsf`, for a battery without a Thevenin model `rc`"]
+    methods = [f"- `{DEFAULT}`: `gsf`"]
     methods += [f"- `{name}`: {choice.title}" for name, choice in (ESTIMATORS | published()).items()]
     return [*lines, "", "Methods:", "", *methods]

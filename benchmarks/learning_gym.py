@@ -208,7 +208,6 @@ def differences(one: Learnt, two: Learnt) -> dict[str, float]:
     soc = np.linspace(0.1, 0.9, 33)
 
     def ocv_V(learnt: Learnt) -> np.ndarray:
-        assert learnt.battery.thevenin is not None
         curve = learnt.battery.thevenin.ocv.voltage_V
         return np.interp(soc, np.linspace(0.0, 1.0, len(curve)), curve)
 

@@ -77,7 +77,7 @@ def life_row(
     settings = EstimatorSettings(battery.idle_current_A if idle_current_A is None else idle_current_A)
     bands: dict[str, Score | None] = dict.fromkeys(methods)
     errors: dict[str, Score | None] = dict.fromkeys(methods)
-    for method in (method for method in methods if chosen_name(method, battery) in known):
+    for method in (method for method in methods if chosen_name(method) in known):
         run = SocEstimator(make_estimator(method, battery, settings), initial_soc).run(log).estimates
         for scores, part in ((bands, since_s >= settled_s), (errors, late)):
             scores[method] = score(run.soc[part], truth[part], run.soc_std[part])

@@ -27,6 +27,7 @@ from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.program import Program
 from ohmward.trace.scan import state_row
 from ohmward.trace.structure import size
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.rc_joint import adaptive_soc_of
 from peak import peak_flops
 from timing import Goal, Section, Times, duration, measure, share, spread
@@ -86,7 +87,7 @@ def machine_section(machine: Machine) -> Section:
 def public_filters() -> dict[str, Any]:
     """Public filters: they survive bad samples, gate, and carry the current's offset, capacity and model error."""
     ocv, noise = cell_model().ocv, start_noise()
-    total_F = rc.capacitance_for(CAPACITY_AH, ocv)
+    total_F = rc_circuit.capacitance_for(CAPACITY_AH, ocv)
     circuit = rc.RcModel(0.97 * total_F, 0.03 * total_F, 0.03, 0.03, 0.06, ocv, CAPACITY_AH)
     return {
         "Thevenin EKF, 8 states": TheveninFilter(cell_model(), noise),

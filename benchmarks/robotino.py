@@ -28,8 +28,9 @@ from ohmward.traction.calibration import (
     motion_from_pose,
     with_parameters,
 )
-from ohmward.traction.calibration.stretches import rim_motion, travel_speed
+from ohmward.traction.calibration.stretches import travel_speed
 from ohmward.traction.calibration.truth import local_slope
+from ohmward.traction.robot.robot import motion_from_wheels
 from ohmward.traction.terrain.floor import Floor
 from ohmward.traction.terrain.slip_on_floors import FloorRun, SlipOnFloors, slip_on_floors
 from robotino_blue import FIRST_ROW, blue_drives
@@ -175,7 +176,7 @@ def _judged(track: FloorRun, run: Run, robot: Robot, start_s: float = START_S) -
 def _smooth_rim(run: Run, robot: Robot) -> np.ndarray:
     """Motion of the rims (T, 3) over the same window as the camera's."""
     log = run.drive.log
-    turned = rim_motion(robot, log.wheel_speed_rad_s) * np.diff(log.time_s, prepend=log.time_s[0])[:, None]
+    turned = motion_from_wheels(robot, log.wheel_speed_rad_s) * np.diff(log.time_s, prepend=log.time_s[0])[:, None]
     return np.column_stack([local_slope(log.time_s, way) for way in np.cumsum(turned, axis=0).T])
 
 
@@ -237,7 +238,7 @@ def judged_blue(estimator: SlipOnFloors) -> list[Judged]:
     for log, way_m in blue_drives(estimator.wheels.robot, PIXEL_M):
         track = estimator.run(log)
         time_s, part = log.time_s[FIRST_ROW:], slice(FIRST_ROW, None)
-        rim = rim_motion(estimator.wheels.robot, log.wheel_speed_rad_s[part])
+        rim = motion_from_wheels(estimator.wheels.robot, log.wheel_speed_rad_s[part])
         true = 1 - way_m / float(np.trapezoid(travel_speed(rim), time_s))
         slip, std = (float(np.nanmean(v[part])) for v in (track.travel_slip, track.travel_slip_std))
         found.append(Judged(true, slip, std, abs(slip - true), len(track.crossings), log.duration_s))

@@ -219,7 +219,6 @@ def pack_file(cell: LifeCell, tested: str, count: int = 4) -> Battery:
     one = battery_from(cell, tested)
     if tested == LABEL:
         return generic_battery(cell.chemistry, cell.label_Ah, count)
-    assert one.thevenin is not None
     noise = replace(
         one.noise,
         voltage_std_V=count * one.noise.voltage_std_V,
@@ -227,7 +226,7 @@ def pack_file(cell: LifeCell, tested: str, count: int = 4) -> Battery:
         ocv_std_V_per_K=count * one.noise.ocv_std_V_per_K,
     )
     return replace(
-        one, n_series=count, thevenin=one.thevenin.in_series(count), rc=None, noise=noise,
+        one, n_series=count, thevenin=one.thevenin.in_series(count), noise=noise,
         voltage_min_V=count * one.voltage_min_V, voltage_max_V=count * one.voltage_max_V,
     )  # fmt: skip
 

@@ -17,7 +17,6 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from ohmward.battery.chemistries import start_model
-from ohmward.battery.models import rc
 from ohmward.battery.models.noise import PAIR_CURRENT_C
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
@@ -29,6 +28,7 @@ from ohmward.filters.gate import apply_gain
 from ohmward.filters.unscented import DEFAULT
 from ohmward.logs import Log
 from ohmward.trace import sign, table
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.rc_joint import Nominal
 from ohmward_lab.published.textbook_joint import LEAST, TextbookJoint
 from ohmward_lab.simulate.voltage import simulate_voltage
@@ -283,7 +283,7 @@ class JointProblem(NamedTuple):
 
 def joint_ours() -> TextbookJoint:
     """Our filter of that problem, started from the rule of [P] 2.2 for the capacitances."""
-    total_F = rc.capacitance_for(CAPACITY_AH, OcvCurve(OCV_V))
+    total_F = rc_circuit.capacitance_for(CAPACITY_AH, OcvCurve(OCV_V))
     return TextbookJoint(Nominal(0.97 * total_F, 0.03 * total_F, 0.03, 0.06))
 
 

@@ -16,7 +16,6 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,7 +26,6 @@ from emulator import INSTALL, MACHINES, TOOLS, Answer, Machine, Sizes, compile_l
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
-from ohmward.battery.models.rc import Circuit, RcModel, capacitance_for
 from ohmward.battery.soc.estimator import samples_of
 from ohmward.cli.main import parse
 from ohmward.cli.twin import command as twin_command
@@ -191,13 +189,9 @@ def title_of(name: str, sample_time_s: float = 0.0, curve_error_V: float = 0.0, 
 
 
 def battery_and_hour() -> tuple[Battery, Any]:
-    """A battery with both models, and the samples of an hour of a robot's day on it."""
+    """A battery, and the samples of an hour of a robot's day on it."""
     day = make_robot_day("lfp").mission
     battery = generic_battery("lfp", 12.0, 4)
-    assert battery.thevenin is not None
-    total_F = capacitance_for(battery.capacity_Ah, battery.thevenin.ocv)
-    circuit = Circuit(0.95 * total_F, 0.05 * total_F, 0.010, 0.010, 0.012)
-    battery = replace(battery, rc=RcModel(*circuit, battery.thevenin.ocv, battery.capacity_Ah))
     return battery, faulty(samples_of(day.between(day.time_s[0], day.time_s[0] + 3600.0)))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from measure import FILTERS, OBSERVERS, Case, battery_and_hour, drive, title_of
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.models import rc
+from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.soc.sample import SocSample
 from ohmward.export import Twin, battery_export, library, observer_export, write_library
 from ohmward.export.battery import JOINT
@@ -27,6 +27,7 @@ from ohmward.trace import Kernel
 from ohmward.trace.structure import flatten
 from ohmward.traction import hard_terrain
 from ohmward.traction.motion.sample import samples_of as drive_samples_of
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.simulate.voltage import simulate_voltage
 
 PAGE = Path(__file__).resolve().parents[1] / "benchmarks" / "single_precision.md"
@@ -76,7 +77,6 @@ def cases() -> Iterator[Case]:
 
 def cycled(battery: Battery, steps: int) -> SocSample:
     """Samples (steps,) of a drive, 1 s apart, that takes the battery from 90 % to 20 % and back every four hours."""
-    assert battery.thevenin is not None
     current = _cycling_A(battery.capacity_Ah, steps)
     log = Log("cycled", np.arange(float(steps)), current, np.full(steps, np.nan), np.full(steps, 25.0))
     return _seen(battery, current, simulate_voltage(battery.thevenin, log, 0.9).voltage_V)
@@ -84,15 +84,14 @@ def cycled(battery: Battery, steps: int) -> SocSample:
 
 def cycled_rc(battery: Battery, steps: int) -> SocSample:
     """The same drive on a battery that is the RC model, for the filter of its parameters."""
-    assert battery.rc is not None
-    model, current = battery.rc, _cycling_A(battery.capacity_Ah, steps)
+    model, current = rc_of_thevenin(battery.thevenin), _cycling_A(battery.capacity_Ah, steps)
 
     def step(x: np.ndarray, pair: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        after = rc.next_state(x, 0.5 * (pair[0] + pair[1]), model, 1.0)
-        return after, rc.voltage(after, pair[1], model)
+        after = rc_circuit.next_state(x, 0.5 * (pair[0] + pair[1]), model, 1.0)
+        return after, rc_circuit.voltage(after, pair[1], model)
 
     pairs = np.column_stack([np.concatenate([[0.0], current[:-1]]), current])
-    start = model.at_rest(0.9)
+    start = rc_circuit.at_rest(model, 0.9)
     _, voltage = Kernel(step, start, np.zeros(2)).scan(start, pairs)
     return _seen(battery, current, voltage[:, 0])
 

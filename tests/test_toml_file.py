@@ -1,5 +1,4 @@
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import pytest
 
@@ -112,7 +111,7 @@ def test_a_save_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
     def full(*args, **kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr("os.fsync", full)
     with pytest.raises(OhmwardError, match="cannot be written"):
         FILE.save(Drawing("other", Box()), path)
     assert path.read_text() == TEXT and list(tmp_path.iterdir()) == [path]

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ohmward.battery.file import load_battery as load_battery
     from ohmward.battery.file import save_battery as save_battery
     from ohmward.battery.identification import identify as identify
+    from ohmward.battery.learning import learn as learn
     from ohmward.battery.soc.estimator import SocEstimator as SocEstimator
     from ohmward.battery.soc.registry import EstimatorSettings as EstimatorSettings
     from ohmward.battery.soc.registry import available as available
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from ohmward.logs.write import write_table as write_table
     from ohmward.traction.calibration import calibrate as calibrate
     from ohmward.traction.motion.sample import RobotSample as RobotSample
+    from ohmward.traction.odometry.estimator import Odometry as Odometry
     from ohmward.traction.robot.robot import Robot as Robot
     from ohmward.traction.robot.robot import load_robot as load_robot
     from ohmward.traction.robot.robot import save_robot as save_robot
@@ -65,6 +67,7 @@ _HOMES = {
     "load_battery": "battery.file",
     "save_battery": "battery.file",
     "Robot": "traction.robot.robot",
+    "learn": "battery.learning",
     "calibrate": "traction.calibration",
     "load_robot": "traction.robot.robot",
     "save_robot": "traction.robot.robot",
@@ -75,6 +78,7 @@ _HOMES = {
     "SocEstimator": "battery.soc.estimator",
     "PackEstimator": "battery.cells.pack_estimator",
     "SlipEstimator": "traction.speed_observer.estimator",
+    "Odometry": "traction.odometry.estimator",
     "RangeEstimator": "energy.range_estimator",
     "SocSample": "battery.soc.sample",
     "SocEstimate": "battery.soc.sample",

@@ -39,6 +39,9 @@ class Quantity(NamedTuple):
     #: an estimator takes it, so that a log has a field for it; else it is only read, stored and shown
     estimated_from: bool = True
     required: bool = False  #: without it the log of its owner is refused
+    #: rate below which an estimator is of little use: of a battery, by logs at 1 Hz; of a wheel, by the time in which
+    #: it begins to slip
+    least_hz: float = 0.0
     ros_type: str = ""  #: message of ROS that has it, `sensor_msgs/msg/BatteryState`
     ros_field: str = ""  #: its path there
     axis_label: str = ""  #: of its figures, where it is not the name and the unit
@@ -103,7 +106,8 @@ _TABLE = (
         "battery_current_A", "current of the battery, > 0 charges", "battery", "A", ValueLimits(-5000.0, 5000.0),
         words_of("current", "i", "cur", "curr", "ipack", "amps", "amperage", "ibat", "ibus", "ibatt", "iinst",
                  "itot", "strom", "courant", "corriente", "corrente", "prąd", "ток", "电流", "電流", "전류"),
-        "A or mA", required=True, ros_type=_BATTERY_STATE, ros_field="current", axis_label="Current [A], > 0 charges",
+        "A or mA", required=True, least_hz=0.5, ros_type=_BATTERY_STATE, ros_field="current",
+        axis_label="Current [A], > 0 charges",
     ),
     Quantity(
         "battery_voltage_V", "voltage at the terminals of the pack", "battery", "V", ValueLimits(0.0, 2000.0),
@@ -111,7 +115,7 @@ _TABLE = (
                  "vbus", "vbatt", "ubat", "ubatt", "ecell", "ewe",
                  "spannung", "tension", "tensión", "voltaje", "tensione", "tensão", "napięcie", "напряжение", "电压",
                  "電圧", "電壓", "전압"),
-        "V or mV", required=True, ros_type=_BATTERY_STATE, ros_field="voltage",
+        "V or mV", required=True, least_hz=0.5, ros_type=_BATTERY_STATE, ros_field="voltage",
     ),
     Quantity(
         "battery_temperature_degC", "temperature of the battery", "battery", "degC",
@@ -141,13 +145,13 @@ _TABLE = (
         "wheel_speed_rad_s", "speed of each wheel behind its gear, > 0 drives forward", "wheel", "rad/s",
         ValueLimits(-1e4, 1e4),
         words_of("speed", "spd", "rpm", "vel", "velocity", "velocities", "v", "w", "omega", "rate", "angvel"),
-        "rad/s, rpm, m/s, counts, rad or m", ("speed", "turn", "angle", "length"),
+        "rad/s, rpm, m/s, counts, rad or m", ("speed", "turn", "angle", "length"), least_hz=5.0,
     ),
     Quantity(
         "wheel_counts", "count of each wheel's encoder, which may overflow", "wheel", "counts",
         words=words_of("counts", "count", "ticks", "tick", "encoder", "enc", "position", "positions", "pos", "angle",
                        "s", "way", "distance", "dist", "travel", "odom", "odometer"),
-        other_dimensions=("angle", "length"),
+        other_dimensions=("angle", "length"), least_hz=5.0,
     ),
     Quantity(
         "motor_current_A", "current of each motor, > 0 drives forward", "motor", "A", ValueLimits(-2000.0, 2000.0),

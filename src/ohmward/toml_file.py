@@ -41,6 +41,8 @@ class TomlFile(Generic[T]):
     kinds: Mapping[type, str] = field(default_factory=dict)
     #: sub-table -> keys that it has in common with the head of the file, where alone they stand
     once: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    #: changes the table of a file before its keys are looked at, for tables that may stand in place of others
+    normal: Callable[[dict[str, Any]], dict[str, Any]] | None = None
     #: keys that may name another file (.toml), such as "battery.file": its path is taken from the folder of the file
     #: that names it
     paths: tuple[str, ...] = ()
@@ -85,7 +87,8 @@ class TomlFile(Generic[T]):
         self._require_format(data.pop("format", None))
         for key in self.paths:
             _start_path_from(Path(folder), data, key)
-        return self._from_table(self.cls, self._with_common_keys(data), "")
+        data = self._with_common_keys(data)
+        return self.from_table(self.normal(data) if self.normal else data)
 
     def _with_common_keys(self, data: dict[str, Any]) -> dict[str, Any]:
         """The table with the keys of the head in the sub-tables that have them in common."""
@@ -108,6 +111,15 @@ class TomlFile(Generic[T]):
             raise InputError(f"this is a {other} file; give a {self.noun} file, whose format is {self.format!r}")
         if found != self.format:
             raise InputError(f"format must be {self.format!r}, got {found!r}; update ohmward or make the file again")
+
+    def from_table(self, table: Any, place: str = "") -> T:
+        """The value in a table of a file, at this place in it.
+
+        Raises:
+            InputError: as of `parse`.
+        """
+        value: T = self._from_table(self.cls, table, place)
+        return value
 
     def _from_table(self, cls: type, table: Any, place: str) -> Any:
         if not isinstance(table, dict):

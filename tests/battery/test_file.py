@@ -10,13 +10,13 @@ from ohmward.battery.battery import Battery, ConfidenceInterval, LogFit, Provena
 from ohmward.battery.file import BATTERY_FILE, load_battery, replace_battery, save_battery
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import RcModel
+from ohmward.battery.models.rc import RcModel, equivalent_thevenin, four_numbers, rc_of_thevenin
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.errors import InputError, OhmwardError
 
 OCV = OcvCurve((3.0, 3.5, 4.1), (0.01, 0.0, 0.0), (0.0, 1e-4, 2e-4), 20.0)
 THEVENIN = Thevenin(2.0, OCV, (0.05, 0.04), (0.05, 0.04), ((0.01, 0.02), (0.03, 0.01)), (10.0, 500.0))
-RC = RcModel(80000.0, 500.0, 0.004, 0.004, 0.003, OcvCurve((3.0, 4.0)), 2.0)
+RC = RcModel(80000.0, 500.0, 0.004, 0.004, 0.003, OcvCurve((3.0, 4.0)), 2.0, 1500.0)
 PROVENANCE = Provenance(
     2.0,
     2.03,
@@ -32,19 +32,17 @@ FULL = Battery(
     8.0,
     14.6,
     -0.12,
-    THEVENIN,
-    RC,
-    BatteryNoise(),
     BatteryNoise(),
     CurrentSensor(offset_std_A=0.1),
     PROVENANCE,
     ("hysteresis: none seen",),
+    thevenin=THEVENIN,
 )
 PLAIN = Battery("plain", 2.0, thevenin=THEVENIN)
 ALONG_SOC = replace(FULL, noise=BatteryNoise(overpotential_share=(0.1, 0.5)))
 
 
-@pytest.mark.parametrize("battery", [FULL, PLAIN, ALONG_SOC, Battery("rc", 2.0, rc=RC)])
+@pytest.mark.parametrize("battery", [FULL, PLAIN, ALONG_SOC])
 def test_round_trip(battery, tmp_path):
     save_battery(battery, tmp_path / "battery.toml")
     assert load_battery(tmp_path / "battery.toml") == battery
@@ -86,7 +84,6 @@ def test_what_was_rounded_once_stays_as_it_is(battery):
     again = BATTERY_FILE.parse(text)
     assert BATTERY_FILE.dump(again) == text
     assert again.name == battery.name
-    assert again.thevenin is not None
     assert again.thevenin.tau_s == pytest.approx(battery.thevenin.tau_s, rel=1e-5)
     assert again.thevenin.ocv.voltage_V == pytest.approx(battery.thevenin.ocv.voltage_V, rel=1e-5, abs=1e-12)
 
@@ -114,7 +111,6 @@ def test_a_hand_edit_is_taken():
 def test_the_capacity_stands_once_and_what_is_edited_is_what_holds():
     assert BATTERY_FILE.dump(FULL).count("\ncapacity_Ah = ") == 1
     battery = BATTERY_FILE.parse(edited("\ncapacity_Ah = 2.0", "\ncapacity_Ah = 1.5"))
-    assert battery.thevenin is not None
     assert battery.capacity_Ah == battery.thevenin.capacity_Ah == 1.5
 
 
@@ -173,11 +169,43 @@ def test_refusals_name_key_rule_and_value(old, new, message):
         BATTERY_FILE.parse(edited(old, new))
 
 
-def test_a_battery_without_a_model_is_refused():
-    with pytest.raises(InputError, match="has no model"):
+def test_a_battery_without_a_circuit_is_refused():
+    with pytest.raises(InputError, match="thevenin is missing"):
         BATTERY_FILE.parse('format = "ohmward-battery/3"\nname = "x"\ncapacity_Ah = 1.0\n')
-    with pytest.raises(InputError, match="has no model"):
-        replace(PLAIN, thevenin=None)
+
+
+OF_RC = """
+    format = "ohmward-battery/3"
+    name = "rc"
+    capacity_Ah = 2.0
+    [rc]
+    c_bulk_F = 80000.0
+    c_surface_F = 500.0
+    r_bulk_ohm = 0.004
+    r_surface_ohm = 0.004
+    r_terminal_ohm = 0.003
+    activation_K = 1500.0
+    [rc.ocv]
+    voltage_V = [3.0, 4.0]
+    [rc_noise]
+    voltage_std_V = 0.0123
+"""
+
+
+def test_a_file_with_the_elements_of_the_rc_model_is_that_thevenin_circuit():
+    battery = BATTERY_FILE.parse(OF_RC)
+    assert battery.thevenin == equivalent_thevenin(RC)
+    assert battery.noise.voltage_std_V == 0.0123
+    again = BATTERY_FILE.parse(BATTERY_FILE.dump(battery))
+    assert again.thevenin.r_ohm[0] == pytest.approx(battery.thevenin.r_ohm[0], rel=1e-5)
+    assert four_numbers(rc_of_thevenin(again.thevenin))[1:] == pytest.approx(four_numbers(RC)[1:], rel=1e-4)
+    with pytest.raises(InputError, match=r"rc.c_bulk_F must be > 0"):
+        BATTERY_FILE.parse(OF_RC.replace("80000.0", "-1.0"))
+
+
+def test_a_file_with_both_circuits_has_the_thevenin_one():
+    both = BATTERY_FILE.dump(PLAIN) + OF_RC[OF_RC.index("    [rc]") :]
+    assert BATTERY_FILE.parse(both) == PLAIN
 
 
 def test_unreadable_files_are_refused_by_name(tmp_path):

@@ -20,7 +20,6 @@ def life(soc: float | None, **options: Any) -> Any:
     """A rest of two hours at half charge, sampled each minute."""
     battery = generic_battery("nmc", 2.0)
     time_s = np.arange(0.0, 7200.0, 60.0)
-    assert battery.thevenin is not None
     voltage_V = np.full(len(time_s), battery.thevenin.ocv.mean_V(0.5, 25.0))
     log = Log("rest", time_s, np.zeros(len(time_s)), voltage_V)
     return lives.life_row("nmc", "cell", "label", "rest", battery, log, np.full(len(time_s), 0.5), soc, **options)

@@ -57,22 +57,17 @@ def test_the_file_can_be_used_at_once(identified, as_json):
     assert found["soc_rmse"] < 0.03
 
 
-def test_the_rc_model_of_a_drive_shows_the_rule_beside_the_fit(here, as_json, capsys):
+def test_the_rc_model_of_a_drive_shows_its_elements(here, as_json, capsys):
     words = ("identify", "day.csv", "--capacity-ah", "12", "--model", "rc", "--initial-soc", "0.9", "--n-series", "3")
     found = as_json(*words, "-o", "rc.toml", "--report", "rc.html")["rc"]
     at_once = MODEL.r0_discharge_ohm[0]
-    assert found["used"] == "fit"
-    assert found["fit"]["r0_ohm"] == pytest.approx(at_once, rel=0.3)
-    assert found["rule"]["r0_ohm"] == pytest.approx(at_once, rel=0.3)
-    rule = found["rule"]
-    assert rule["r_bulk_ohm"] == rule["r_surface_ohm"] == pytest.approx(0.75 * rule["r0_ohm"])
-    assert rule["tau_s"] is None and rule["edges"] > 5 and rule["window_s"] == 20.0
-    assert found["fit"]["residual_rms_V"] <= rule["residual_rms_V"]
-    assert "75 % rule" in (here / "rc.html").read_text(encoding="utf-8")
+    assert found["r0_ohm"] == pytest.approx(at_once, rel=0.3)
+    assert found["dc_ohm"] > found["r0_ohm"] > found["r_terminal_ohm"] > 0.0
+    assert "C_b" in (here / "rc.html").read_text(encoding="utf-8")
     assert main(words) == 0
     out = capsys.readouterr().out
-    assert "75 % rule  least squares" in out
-    assert "tau by the rule: no exponential" in out
+    assert out.startswith("battery 'day': rc, 12 Ah given") and "R_0 + R_1, steady" in out
+    assert "a straight line was taken" in out
     assert as_json("soc", "day.csv", "--battery", "rc.toml", "--truth", "soc_true", "--filter", "rc")["soc_rmse"] < 0.03
 
 

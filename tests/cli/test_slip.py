@@ -1,12 +1,14 @@
 """`ohmward slip` from the outside: figures, files, refusals."""
 
 import csv
+import math
 
 import numpy as np
 import pytest
 
 from cli.drives import WHEELS, drive, write_drive
 from ohmward.cli.main import main
+from ohmward.cli.slip.command import _friction
 from ohmward.logs import read_drive
 from ohmward.traction import RLMA, ROBOTINO, save_robot
 
@@ -155,3 +157,10 @@ def test_not_a_table_at_all(folder, refused):
     refused("slip", "empty.csv", "--robot", "rlma")
     (folder / "header.csv").write_text("time_s,wl,wr\n")
     refused("slip", "header.csv", "--robot", "rlma")
+
+
+def test_a_friction_that_the_drive_does_not_tell_has_no_number():
+    """83 % known within a factor of four says nothing, whatever its 83."""
+    assert _friction(0.83, 0.7) == "not told by this drive (within a factor of 3.9): no wheel pushed hard enough"
+    assert _friction(0.83, 0.1) == "83.0 % (68.2 % to 101.0 %) of the ground's"
+    assert _friction(None, math.nan) == ""

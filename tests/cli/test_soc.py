@@ -175,7 +175,6 @@ def of_cells(here):
     log = drive()
     one, moved = battery(), np.cumsum(np.diff(log.time_s, prepend=0.0) * log.current_A) / 3600.0 / CAPACITY_AH
     soc = [START_SOC + moved, START_SOC - 0.15 + moved / 0.8, START_SOC + moved]
-    assert one.thevenin is not None
     ocv_V = [one.thevenin.ocv.mean_V(s, 25.0) / 3 for s in soc]
     over_V = (log.voltage_V - 3 * ocv_V[0]) / 3
     rows = [log.time_s, log.current_A, *(v + over_V for v in ocv_V)]

@@ -7,7 +7,6 @@ from energy.examples import battery
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery, start_model
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import RcModel, next_state, voltage
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.models.thevenin import next_state as thevenin_next
 from ohmward.battery.models.thevenin import voltage as thevenin_voltage
@@ -15,7 +14,6 @@ from ohmward.energy.points import normal_points
 from ohmward.energy.usable_energy import (
     BatteryState,
     discharge,
-    rc_resistance,
     soc_after,
     usable_at,
     usable_energy,
@@ -69,16 +67,6 @@ def test_against_a_discharge_step_by_step():
         given_J += power_W * 5.0
     charge = BatteryState(0.8, temperature_degC=10.0, cutoff_V=cutoff_V)
     assert energy_J(Battery("pack", 10.0, thevenin=model), charge, power_W) == pytest.approx(given_J, rel=0.01)
-
-
-def test_the_settled_resistance_of_the_rc_model():
-    ocv = OcvCurve((20.0, 26.0))
-    p = RcModel(80_000.0, 3_000.0, 0.05, 0.02, 0.03, ocv, 10.0)
-    x = p.at_rest(0.9)
-    for _ in range(4000):
-        x = next_state(x, -2.0, p, 1.0)
-    volts = float(np.ravel(voltage(x, -2.0, p))[0])
-    assert (x[0] - volts) / 2.0 == pytest.approx(rc_resistance(p), rel=1e-6)
 
 
 def test_the_spread_of_the_state_of_charge_alone():

@@ -3,12 +3,11 @@
 import re
 import shutil
 import subprocess
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from export.batteries import BATTERY, WITH_RC
+from export.batteries import BATTERY
 from ohmward.battery.soc.registry import available, make_estimator
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError, OhmwardError
@@ -44,7 +43,7 @@ def made(folder, *arguments):
 @needs_gcc
 @pytest.mark.parametrize("name", ["ekf", "textbook-ukf", "coulomb", "textbook-joint"])
 def test_the_vectors_pass_to_the_last_bit_and_the_compiler_is_silent(name, tmp_path):
-    write_library(library(battery_export(WITH_RC, name, "soc")), tmp_path)
+    write_library(library(battery_export(BATTERY, name, "soc")), tmp_path)
     result = made(tmp_path, "test")
     assert result.returncode == 0 and not result.stderr, result.stdout + result.stderr
     assert "64 of 64 vectors right to the last bit" in result.stdout
@@ -176,12 +175,7 @@ def test_a_curve_error_is_for_filters_of_the_curve_alone(name):
     with pytest.raises(InputError, match="a curve error is for textbook-ekf, textbook-ukf"):
         battery_export(BATTERY, name, curve_error_V=1e-3)
     with pytest.raises(InputError, match="textbook-joint has no open-circuit voltage curve"):
-        battery_export(WITH_RC, "textbook-joint", curve_error_V=1e-3)
-
-
-def test_the_joint_filter_needs_an_rc_model():
-    with pytest.raises(InputError, match=r"no \[rc\] model, which textbook-joint needs"):
-        battery_export(replace(BATTERY, rc=None), "textbook-joint")
+        battery_export(BATTERY, "textbook-joint", curve_error_V=1e-3)
 
 
 def test_what_does_not_fit_is_refused_before_anything_is_written():

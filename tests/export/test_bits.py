@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from export.batteries import WITH_RC
+from export.batteries import BATTERY
 from ohmward.export import battery_export
 from ohmward.trace import single_precision
 from ohmward.trace.structure import size
@@ -23,7 +23,7 @@ EXPORTS = [
 def test_machine_code_has_the_bits_of_the_vectors(name, options):
     from ohmward.trace.lower.llvm_run import MachineStep
 
-    export = battery_export(WITH_RC, name, **options)
+    export = battery_export(BATTERY, name, **options)
     samples = export.samples.astype(np.float32)
     first = np.concatenate([samples[0], np.array(export.arguments, np.float32)])
     start = single_precision.evaluate(single_precision.expanded(export.start), first)

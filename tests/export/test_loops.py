@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from export.batteries import BATTERY, WITH_RC
+from export.batteries import BATTERY
 from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
 from ohmward.export import Twin, battery_export, library, write_library
@@ -19,7 +19,7 @@ every_rate = pytest.mark.parametrize("sample_time_s", [None, 0.5])
 
 
 def written(folder, name, style="loops", sample_time_s=None):
-    export = battery_export(WITH_RC, name, "soc", sample_time_s=sample_time_s, style=style)
+    export = battery_export(BATTERY, name, "soc", sample_time_s=sample_time_s, style=style)
     write_library(library(export), folder)
     return export
 
@@ -88,13 +88,13 @@ def test_cppcheck_finds_nothing(name, tmp_path):
 
 @every_filter
 def test_the_header_and_the_vectors_are_those_of_the_straight_line(name):
-    lines, loops = (library(battery_export(WITH_RC, name, "soc", style=style)) for style in ("lines", "loops"))
+    lines, loops = (library(battery_export(BATTERY, name, "soc", style=style)) for style in ("lines", "loops"))
     assert loops["soc.h"] == lines["soc.h"] and loops["soc_vectors.h"] == lines["soc_vectors.h"]
     assert loops["soc.c"] != lines["soc.c"]
 
 
 def test_no_function_is_without_its_prefix():
-    source = library(battery_export(WITH_RC, "textbook-joint", "pack", style="loops"))["pack.c"]
+    source = library(battery_export(BATTERY, "textbook-joint", "pack", style="loops"))["pack.c"]
     functions = [line for line in source.splitlines() if line.startswith(("static", "void"))]
     assert len(functions) > 5 and all("pack_" in line for line in functions)
 
@@ -107,7 +107,7 @@ def test_other_filters_have_no_loops_and_say_which_have():
 
 
 def test_loops_fit_where_the_straight_line_does_not():
-    lines, loops = (battery_export(WITH_RC, "textbook-joint", style=style) for style in ("lines", "loops"))
+    lines, loops = (battery_export(BATTERY, "textbook-joint", style=style) for style in ("lines", "loops"))
     check_fits(loops, 2048.0, 256.0)
     with pytest.raises(InputError, match=r"bytes of flash, more than the 2048 there are.*--style loops"):
         check_fits(lines, 2048.0, 256.0)

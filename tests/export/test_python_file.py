@@ -9,7 +9,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 import numpy as np
 import pytest
 
-from export.batteries import BATTERY, WITH_RC
+from export.batteries import BATTERY
 from ohmward import generic_battery, save_battery
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import make_estimator
@@ -46,7 +46,7 @@ def rows(T=600):
 
 def estimates(name, samples):
     """Estimates of the package over samples (T,), from its own start."""
-    estimator = make_estimator(name, WITH_RC)
+    estimator = make_estimator(name, BATTERY)
     first = SocSample(*(float(column[0]) for column in samples))
     state = estimator.init(first)
     return Kernel(estimator.step, state, first).scan(state, samples)[1]
@@ -55,7 +55,7 @@ def estimates(name, samples):
 @pytest.mark.parametrize("name", FILTERS)
 def test_it_gives_what_the_estimator_gives(name, tmp_path):
     X = rows()
-    model = loaded(python_file(battery_export(WITH_RC, name, "model")), tmp_path)
+    model = loaded(python_file(battery_export(BATTERY, name, "model")), tmp_path)
     interval_s = np.where(np.arange(len(X)) == 0, 0.0, 1.0)
     wanted = estimates(name, SocSample(interval_s, *X.T)).soc
     np.testing.assert_allclose(model.Model(X)[0], wanted, rtol=0.0, atol=1e-9)
@@ -67,7 +67,6 @@ def test_it_gives_what_the_estimator_gives(name, tmp_path):
 def test_its_first_estimate_is_that_of_the_live_estimator(chemistry, name, given, tmp_path):
     """Full, empty, between and absurd; at rest, loaded and charging; warm, cold and without a temperature."""
     battery = generic_battery(chemistry, 12.0)
-    assert battery.thevenin is not None
     model = loaded(python_file(battery_export(battery, name, "model"), **given), tmp_path)
     spelled = {f"initial_{word}": value for word, value in given.items()}
     for voltage_V in (*battery.thevenin.ocv.mean_V(np.array([0.0, 0.3, 0.97]), 25.0), 0.0, np.nan):
@@ -79,8 +78,8 @@ def test_its_first_estimate_is_that_of_the_live_estimator(chemistry, name, given
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_faults_of_sensors_and_clock_have_the_same_results(name, tmp_path):
-    samples = vector_samples(WITH_RC)
-    model = loaded(python_file(battery_export(WITH_RC, name, "model")), tmp_path)
+    samples = vector_samples(BATTERY)
+    model = loaded(python_file(battery_export(BATTERY, name, "model")), tmp_path)
     assert {flag.name: flag.value for flag in SocFlag} == model.FLAGS
     state, outputs = model.start(model.Sample(*samples[0].tolist()), *model.START), []
     for row in samples.tolist():
@@ -152,7 +151,7 @@ def test_what_has_no_state_of_charge_is_refused():
     with pytest.raises(InputError, match="estimators of the state of charge"):
         python_file(controller_export(RLMA, "slip-controller", "wheel"))
     with pytest.raises(InputError, match="that start from the first voltage, such as gsf"):
-        python_file(battery_export(WITH_RC, "published.hybrid", "model"))
+        python_file(battery_export(BATTERY, "published.hybrid", "model"))
     with pytest.raises(InputError, match="name must be one that Python can import"):
         python_file(battery_export(BATTERY, "ekf", "class"))
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from export.batteries import WITH_RC
+from export.batteries import BATTERY as PACK
 from ohmward.battery.soc.registry import available
 from ohmward.export import Twin, battery_export, controller_export, library, observer_export, write_library
 from ohmward.export.traction import CONTROLLERS
@@ -25,8 +25,8 @@ QUICKLY_COMPILED = tuple(flag.replace("-O2", "-O0") for flag in FLAGS)
 NOT_THESE = {"textbook-joint", "published.rc-kf"}
 EXPORTS: dict[str, tuple[Callable[..., Any], tuple, np.ndarray, str]] = {
     **{
-        name: (battery_export, (WITH_RC, name), BATTERY, "soc")
-        for name in available(WITH_RC, with_published=True)
+        name: (battery_export, (PACK, name), BATTERY, "soc")
+        for name in available(PACK, with_published=True)
         if name not in NOT_THESE
     },
     "observer": (observer_export, (RLMA, hard_terrain("dry asphalt"), "ekf"), DRIVE, "speed_m_s"),

@@ -11,7 +11,6 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog, Log
-from ohmward.report import TIME, Figure, Plot
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain, scene
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
@@ -67,9 +66,36 @@ def test_something_else_is_refused():
         ohmward.plot({})
 
 
-@pytest.mark.parametrize("name", ["run.png", "run.svg", "run"])
-def test_a_page_is_saved_under_no_other_ending(tmp_path, name):
-    """HTML in run.png would open nowhere."""
-    with pytest.raises(InputError, match=rf"{name}: a page of figures is HTML; name it .html, .* PNG by its button"):
-        Plot("Charge", [Figure("Charge", TIME, "%")]).save(tmp_path / name)
-    assert not list(tmp_path.iterdir())
+def runs(*filters):
+    log = Log("x", TIME_S, np.full(T, -3.0), np.full(T, 13.1))
+    return [SocEstimator(BATTERY, 0.5, filter=name, lowering="python").run(log) for name in filters]
+
+
+def test_runs_are_drawn_beside_each_other_and_a_truth():
+    ekf, coulomb = runs("ekf", "coulomb")
+    plot = ekf.plot(coulomb, truth=np.full(T, 0.5))
+    assert titles(plot) == ["State of charge", "Error of the state of charge"]
+    assert [s.label for s in plot.figures[0].series] == ["ekf, lfp 12 Ah", "coulomb, lfp 12 Ah", "reference"]
+
+
+def test_a_run_beside_its_truth_keeps_its_band():
+    (run,) = runs("ekf")
+    plot = run.plot(truth=np.full(T, 0.5))
+    assert titles(plot)[:2] == ["State of charge", "Error of the state of charge"] and len(plot.figures) == 5
+    assert plot.figures[0].series[1].y == pytest.approx(np.full(T, 50.0)) and plot.figures[0].bands
+
+
+def test_runs_of_other_kinds_or_lengths_are_refused():
+    (run,) = runs("ekf")
+    with pytest.raises(InputError, match="runs of one kind together, got SocRun, Log"):
+        run.plot(Log("x", TIME_S, np.zeros(T), np.zeros(T)))
+    with pytest.raises(InputError, match=r"runs over one log, and its truth: got \[39, 40\] samples"):
+        run.plot(truth=np.zeros(T - 1))
+
+
+def test_of_logs_and_batteries():
+    log = Log("day", TIME_S, np.zeros(T), np.full(T, 13.0), np.full(T, 20.0))
+    assert titles(log.plot()) == ["Current", "Voltage", "Temperature"]
+    drive = DriveLog("d", TIME_S, np.ones((T, 4)), np.full((T, 2), np.nan), yaw_rate_rad_s=np.zeros(T))
+    assert titles(drive.plot()) == ["Wheels", "Yaw rate"]
+    assert titles(BATTERY.plot()) == ["Open-circuit voltage", "Resistances"]

@@ -1,6 +1,5 @@
 """Logs side by side are the logs one by one."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from battery.examples import NMC, drive, samples, simulate
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.models.noise import BatteryNoise
-from ohmward.battery.models.rc import RcModel
 from ohmward.battery.soc.coulomb import CoulombCounting
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import ESTIMATORS, make_estimator, published
@@ -60,8 +58,7 @@ def test_parts_cover_every_step_of_every_log(lengths):
 
 @pytest.mark.parametrize("name", [*ESTIMATORS, *published()])
 def test_every_estimator_is_traced_once_for_all_batches(name):
-    generic = generic_battery("nmc", 2.0)
-    battery = replace(generic, rc=RcModel(80000.0, 500.0, 0.004, 0.004, 0.003, NMC.ocv, 2.0))
+    battery = generic_battery("nmc", 2.0)
     first: Any = make_estimator(name, battery)
     again: Any = make_estimator(name, battery)
     assert _kernel(first, "python") is _kernel(again, "python")

@@ -19,7 +19,6 @@ def ramp(sign=1.0, start_soc=0.8):
     """A current that rises for two hours without an edge, through a voltmeter of 10 mV: only the charge tells."""
     current_A = -1.0 - 3.0 * RAMP_S / RAMP_S[-1]
     soc = start_soc + np.cumsum(current_A) * 10.0 / 3600.0 / BATTERY.capacity_Ah
-    assert BATTERY.thevenin is not None
     curve = BATTERY.thevenin.ocv.voltage_V
     voltage_V = np.interp(soc, np.linspace(0.0, 1.0, len(curve)), curve) + 0.01 * current_A
     return ow.Log("ramp", RAMP_S, sign * current_A, np.round(voltage_V, 2))

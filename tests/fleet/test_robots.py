@@ -9,7 +9,7 @@ import pytest
 import ohmward as ow
 from ohmward.battery.file import BATTERY_FILE, load_battery
 from ohmward.errors import InputError
-from ohmward.fleet import ReadOptions, RobotJob, robot_states, robots_of, run_fleet
+from ohmward.fleet import Job, ReadOptions, RobotJob, robot_states, robots_of, run_fleet
 from ohmward.logs import write_table
 
 BATTERY = ow.generic_battery("nmc", 10.0)
@@ -37,7 +37,8 @@ def write(path: Path, columns: dict[str, np.ndarray], **labels: str) -> str:
 
 
 def job(logs: dict[str, list[str]], **options) -> RobotJob:
-    return RobotJob(BATTERY_FILE.dump(BATTERY), logs, "ekf", reading=ReadOptions(current_sign="charge"), **options)
+    settings = Job(BATTERY_FILE.dump(BATTERY), "ekf", reading=ReadOptions(current_sign="charge"))
+    return RobotJob(settings, logs, **options)
 
 
 NAMES = ("amr-1_2026-01-05.csv", "amr-1_2026-01-06.csv", "amr-2_2026-01-05.csv")

@@ -123,3 +123,13 @@ def test_a_log_that_was_cut_off_gives_what_is_before_the_cut(content, tmp_path):
 def test_a_log_without_a_message_is_refused(head, tmp_path):
     with pytest.raises(InputError, match=r"no readable log of ArduPilot|holds no message"):
         read_log(write(tmp_path, "bad", head))
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="open files are seen under /proc alone")
+def test_a_file_that_is_refused_is_closed(tmp_path):
+    path = tmp_path / "log.log"
+    path.write_bytes(b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nBAT, 1\x80\n")
+    with pytest.raises(InputError, match="no readable log of ArduPilot") as refused:
+        read_log(path)
+    assert refused.value.__cause__ is not None  # whose frames would keep it open
+    assert str(path) not in {str(link.readlink()) for link in Path("/proc/self/fd").iterdir() if link.exists()}

@@ -94,3 +94,13 @@ def test_a_file_that_is_no_ulog_inside_is_refused(tmp_path):
     path.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(5))
     with pytest.raises(InputError, match=r"ULog|no message|no topic"):
         read_log(path)
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="open files are seen under /proc alone")
+def test_a_file_that_is_refused_is_closed(tmp_path):
+    path = tmp_path / "log.ulg"
+    path.write_bytes(b"ULog\x01\x12\x35")
+    with pytest.raises(InputError, match="no readable ULog file") as refused:
+        read_log(path)
+    assert refused.value.__cause__ is not None  # whose frames would keep it open
+    assert str(path) not in {str(link.readlink()) for link in Path("/proc/self/fd").iterdir() if link.exists()}

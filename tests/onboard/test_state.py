@@ -131,7 +131,6 @@ def test_a_long_absence_widens_and_keeps_what_the_voltage_does_not_contradict(ba
 def test_many_restarts_tell_no_more_than_none(error_V):
     """Uses of 20 s on a plateau, cells that are 10 mV off the curve, and an hour switched off between."""
     battery = generic_battery("lfp", 12.0, 8)
-    assert battery.thevenin
     rest_V = float(battery.thevenin.ocv.mean_V(0.6, 25.0)) + 8 * error_V
     stds = []
     for restarts in (False, True):

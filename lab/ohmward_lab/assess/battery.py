@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_rc, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.identification.identify import identify
+from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator, title_of
 from ohmward.battery.soc.sample import Estimator, SocSample
 from ohmward.filters.consistency import BAND_95
@@ -252,21 +253,21 @@ METHODS: tuple[SocMethod, ...] = (
     SocMethod(
         "[P] RC + KF",
         "RC model, Q and R of [P] (25), full at the start",
-        lambda battery: _FullStart(require_rc(battery)),
+        lambda battery: _FullStart(rc_of_thevenin(battery.thevenin)),
     ),
     SocMethod(
         "[P] T2RC + UKF",
         "Thevenin model, unscented filter, start taken as given",
-        lambda battery: GivenStart(require_thevenin(battery), battery.noise, battery.sensor),
+        lambda battery: GivenStart(battery.thevenin, battery.noise, battery.sensor),
     ),
     SocMethod("[P] hybrid", title_of("published.hybrid"), lambda battery: make_estimator("published.hybrid", battery)),
     SocMethod(
         "[T] AUKF",
         "RC model, joint adaptive unscented filter, P0, Q0 and R0 of [T] (3.51)",
-        lambda battery: SchemeSoc(SchemeByMethod(require_rc(battery))),
+        lambda battery: SchemeSoc(SchemeByMethod(rc_of_thevenin(battery.thevenin))),
     ),
     *map(_of_registry, ("published.rc-aukf", "textbook-ekf", "rc", "ekf", "ukf", "published.aukf")),
-    SocMethod(DEFAULT, title_of("gsf"), lambda battery: make_estimator(chosen_name(DEFAULT, battery), battery)),
+    SocMethod(DEFAULT, title_of("gsf"), lambda battery: make_estimator(chosen_name(DEFAULT), battery)),
 )
 
 #: 2 KB of code hold about 350 operations in single precision, 16 KB about 2,500; see docs/export.md.

@@ -24,7 +24,7 @@ from ohmward.traction.control import Limits, WheelSpeedDrive
 from ohmward.traction.friction.terrain import Terrain, terrain_named
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.chassis import SkidSteer
-from ohmward.traction.robot.robot import GRAVITY, RLMA, Robot
+from ohmward.traction.robot.robot import GRAVITY, RLMA, Robot, motion_from_wheels
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
 from ohmward.traction.speed_observer.estimate import SlipEstimate, unknown_ground
 from ohmward.traction.speed_observer.estimator import considered_step
@@ -411,7 +411,7 @@ class WheelsAlone(NamedTuple):
         n = self.robot.driven
         pairs = zip(sample.wheel_speed_rad_s[:n], state, strict=True)
         speeds = np.array([where(new == new, new, old) for new, old in pairs])
-        motion = np.linalg.pinv(self.robot.rolling[:n]) @ (self.robot.wheel.radius_m * speeds)
+        motion = motion_from_wheels(self.robot, speeds)
         return speeds, unknown_ground(n)._replace(
             speed_m_s=motion[0],
             yaw_rate_rad_s=motion[-1],

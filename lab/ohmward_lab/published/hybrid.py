@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.soc.clean_sample import Rest, continue_rest
-from ohmward.battery.soc.rc_filter import RcFilter, RcFilterState
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
 from ohmward.filters.belief import Belief, pack, unpack
@@ -22,6 +21,7 @@ from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import logical_not, maximum
 from ohmward.trace.expression import Scalar
+from ohmward_lab.published.rc_filter import RcFilter, RcFilterState
 
 
 class HybridState(NamedTuple):

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.battery import Battery
+from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.sample import SocSample
-from ohmward.errors import InputError
-from ohmward.export.battery import JOINT, Style, at_fixed_rate, usual_voltage, vector_samples
+from ohmward.export.battery import Style, at_fixed_rate, usual_voltage, vector_samples
 from ohmward.export.c_library import Export
 from ohmward.export.loops import EXAMPLE, AtRate, loops_of, parts_of
 from ohmward.filters import unscented
@@ -37,13 +37,9 @@ class NoFlag(IntFlag):
 
 def joint_export(battery: Battery, name: str, sample_time_s: float | None, style: Style) -> Export:
     """The published filter of states and parameters of the RC model; it starts at rest at the first voltage."""
-    if battery.rc is None:
-        raise InputError(
-            f"{battery.name}: the battery file has no [rc] model, which {JOINT} needs; "
-            "identify one with `ohmward identify ... --model rc`"
-        )
-    highest_V = battery.rc.ocv.voltage_V[-1]
-    joint = TextbookJoint(nominal_of(battery.rc), voltage_std_V=battery.rc_noise.voltage_std_V, highest_ocv_V=highest_V)
+    model = rc_of_thevenin(battery.thevenin)
+    highest_V = model.ocv.voltage_V[-1]
+    joint = TextbookJoint(nominal_of(model), voltage_std_V=battery.noise.voltage_std_V, highest_ocv_V=highest_V)
     state = joint.init(SocSample(0.0, 0.0, usual_voltage(battery), ROOM_DEGC))
     at_rate = partial(at_fixed_rate, sample_time_s=sample_time_s)
     return Export(

@@ -29,7 +29,6 @@ from ohmward.battery.models.noise import BatteryNoise, CurrentSensor, walk_varia
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.clean_sample import CleanSocSample, SampleLimits, sanitize
-from ohmward.battery.soc.rc_filter import RcFilter, RcFilterState, RcParameters
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.checks import require_each_not_negative, require_positive
 from ohmward.errors import InputError
@@ -40,6 +39,8 @@ from ohmward.filters.gate import apply_gain, choose, require_gate, time_rejected
 from ohmward.filters.linear_algebra import cholesky, mirror_lower
 from ohmward.trace import isfinite, linearize, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
+from ohmward_lab.published import rc_circuit
+from ohmward_lab.published.rc_filter import RcFilter, RcFilterState, RcParameters
 
 LARGEST_LOGARITHM = 7.0
 """A filter with a parameter further than a factor of e^7 from its nominal value has diverged: it starts again."""
@@ -150,7 +151,7 @@ class RcJoint:
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the belief's mean, in order."""
-        circuit = rc.STATE_NAMES_WITH_VOLTAGE if self.voltage_as == "state" else rc.STATE_NAMES
+        circuit = rc_circuit.STATE_NAMES_WITH_VOLTAGE if self.voltage_as == "state" else rc_circuit.STATE_NAMES
         return ("ln_c_bulk", "ln_c_surface", "ln_r", "ln_r_terminal", *circuit)
 
     def init(self, first: SocSample, bulk_V: float | None = None, bulk_std_V: float = BULK_STD_V) -> JointState:
@@ -246,18 +247,18 @@ class RcJoint:
         """State after the step, (n,); the parameters stay."""
         p, voltages = self.circuit(x), x[PARAMETERS:]
         if self.voltage_as == "output":
-            moved = rc.next_state(voltages, clean.mean.current_A, p, clean.dt_s)
+            moved = rc_circuit.next_state(voltages, clean.mean.current_A, p, clean.dt_s)
         else:
             now_A = clean.now.current_A
             before_A = now_A - clean.change_A
-            moved = rc.next_state_with_voltage(voltages, before_A, clean.mean.current_A, now_A, p, clean.dt_s)
+            moved = rc_circuit.next_state_with_voltage(voltages, before_A, clean.mean.current_A, now_A, p, clean.dt_s)
         return np.array([*x[:PARAMETERS], *moved])
 
     def voltage(self, x: np.ndarray, clean: CleanSocSample) -> np.ndarray:
         """Terminal voltage [V] in state x, (1,)."""
         if self.voltage_as == "state":
             return x[TERMINAL:]
-        return rc.voltage(x[PARAMETERS:], clean.now.current_A, self.circuit(x))
+        return rc_circuit.voltage(x[PARAMETERS:], clean.now.current_A, self.circuit(x))
 
     def process_noise(self, state: JointState, clean: CleanSocSample) -> np.ndarray:
         """Q (n, n) of this step: the floor, and K C K' of the last steps ([T] 3.49)."""

@@ -29,6 +29,7 @@ from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.gate import choose
 from ohmward.trace import clip, where
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.soc_by_curve import SocByCurve
 
 #: Row that shows V_o of the state.
@@ -72,7 +73,7 @@ class RcThreeStates:
         ends = (state.current_A, clean.current_A) if self.jumps else (clean.mean_A, clean.mean_A)
         prior = extended.predict(
             unpack(state.belief),
-            lambda x: rc.next_state_with_voltage(x, ends[0], clean.mean_A, ends[1], self.model, clean.dt_s),
+            lambda x: rc_circuit.next_state_with_voltage(x, ends[0], clean.mean_A, ends[1], self.model, clean.dt_s),
             np.diag(np.array(self.process_variance_V2)),
         )
         R = np.array([[self.voltage_variance_V2]])

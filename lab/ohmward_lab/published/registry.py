@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ohmward.battery.battery import Battery, require_rc
-from ohmward.battery.soc.registry import Choice, EstimatorSettings, rc_filter, thevenin_filter
+from ohmward.battery.battery import Battery
+from ohmward.battery.models.rc import one_pair_noise, rc_of_thevenin
+from ohmward.battery.soc.registry import Choice, EstimatorSettings, thevenin_filter
 from ohmward.battery.soc.sample import Estimator, SocSample
 from ohmward.battery.soc.textbook import TextbookFilter, TextbookState
 from ohmward_lab.published.hybrid import Hybrid
+from ohmward_lab.published.rc_filter import RcFilter
 from ohmward_lab.published.rc_joint import adaptive_soc_of
 
 
@@ -21,19 +23,25 @@ class GivenStart(TextbookFilter):
         return super().init(first) if soc is None else self.start(first, soc, soc_std)
 
 
+def _by_curve(battery: Battery, settings: EstimatorSettings) -> RcFilter:
+    noise = one_pair_noise(battery.thevenin, battery.noise)
+    return RcFilter(rc_of_thevenin(battery.thevenin), noise, battery.sensor, "curve", settings.gap_s)
+
+
 def _adaptive_soc(battery: Battery, settings: EstimatorSettings) -> Estimator:
-    return adaptive_soc_of(require_rc(battery), battery.rc_noise, battery.sensor)
+    noise = one_pair_noise(battery.thevenin, battery.noise)
+    return adaptive_soc_of(rc_of_thevenin(battery.thevenin), noise, battery.sensor)
 
 
 def _hybrid(battery: Battery, settings: EstimatorSettings) -> Estimator:
-    return Hybrid(thevenin_filter("ekf")(battery, settings), rc_filter("curve")(battery, settings))
+    return Hybrid(thevenin_filter("ekf")(battery, settings), _by_curve(battery, settings))
 
 
 PUBLISHED: dict[str, Choice] = {
     "published.aekf": Choice("Thevenin model, adaptive extended Kalman filter", thevenin_filter("ekf", matching=True)),
     "published.aukf": Choice("Thevenin model, adaptive unscented Kalman filter", thevenin_filter("ukf", matching=True)),
     "published.hybrid": Choice("Thevenin model, initialised and corrected at rests by the RC model", _hybrid),
-    "published.rc-kf": Choice("RC model, Kalman filter through the inverse OCV curve", rc_filter("curve")),
+    "published.rc-kf": Choice("RC model, Kalman filter through the inverse OCV curve", _by_curve),
     "published.rc-aukf": Choice(
         "RC model, joint adaptive unscented filter of its parameters feeding rc", _adaptive_soc
     ),

@@ -37,6 +37,7 @@ from ohmward.errors import InputError
 from ohmward.filters import adaptive
 from ohmward.filters.belief import Belief
 from ohmward.trace import clip, maximum, where
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.rc_joint import Nominal, nominal_of, require_nominal
 from ohmward_lab.published.soc_by_curve import SocByCurve
 
@@ -117,7 +118,7 @@ class SchemeByMethod:
 
     def init(self, first: SocSample, soc: float, soc_std: float) -> SchemeByMethodState:
         """State before the first sample: at rest, V at its voltage, the SoC as given."""
-        voltage_V, ocv_V = float(first.voltage_V), float(self.model.at_rest(soc)[0])
+        voltage_V, ocv_V = float(first.voltage_V), float(rc_circuit.at_rest(self.model, soc)[0])
         joint = Belief(np.array([*[voltage_V] * 3, *self.parameters]), np.diag(np.array(P0)))
         along = np.outer(self.charge_direction, self.charge_direction)
         second = Belief(
@@ -205,7 +206,7 @@ class SchemeByMethod:
             r_ohm = 1.0 / x6
             p = rc.Circuit(1.0 / x4, 1.0 / x5, r_ohm, r_ohm, x7)
             currents_A = before_A(clean), clean.mean_A, clean.current_A
-            moved = rc.next_state_with_voltage(x[: _TERMINAL + 1], *currents_A, p, clean.dt_s)
+            moved = rc_circuit.next_state_with_voltage(x[: _TERMINAL + 1], *currents_A, p, clean.dt_s)
             return np.array([*moved, *x[_TERMINAL + 1 :]])
         u, dt = clean.current_A, clean.dt_s
         f1 = 0.5 * x4 * (x6 * (x2 - x1) + u)
@@ -220,7 +221,7 @@ class SchemeByMethod:
     def next_voltages(self, x: np.ndarray, clean: CleanBareSample, p: rc.Circuit) -> np.ndarray:
         """V_cb, V_cs [V] (2,) of the second stage after a step: exact, or as printed with the partner frozen."""
         if self.corrected:
-            return rc.next_state(x[:2], clean.mean_A, p, clean.dt_s)
+            return rc_circuit.next_state(x[:2], clean.mean_A, p, clean.dt_s)
         bulk, surface, drop_V = x[0], x[1], p.r_bulk_ohm * before_A(clean)
         of_bulk, of_surface = (np.exp(clean.dt_s * -0.5 / (p.r_bulk_ohm * c)) for c in (p.c_bulk_F, p.c_surface_F))
         return np.array(
@@ -256,7 +257,7 @@ class SchemeSoc:
         if soc is None:
             beyond: Any = SocByCurve(model, BatteryNoise()).soc_beyond(first.voltage_V)
             soc = min(max(float(beyond), 0.0), 1.0)
-        voltage_V = first.voltage_V if known else float(model.at_rest(soc)[0])
+        voltage_V = first.voltage_V if known else float(rc_circuit.at_rest(model, soc)[0])
         return self.scheme.init(first._replace(voltage_V=voltage_V), soc, soc_std)
 
     def step(self, state: SchemeByMethodState, sample: SocSample) -> tuple[SchemeByMethodState, SocEstimate]:

@@ -9,10 +9,10 @@ import numpy as np
 
 from ohmward.battery.models.noise import BatteryNoise, on_soc_grid
 from ohmward.battery.models.rc import RcModel
-from ohmward.battery.soc.rc_filter import curve_on_grid, line_slope_V, project
 from ohmward.filters.belief import Belief
 from ohmward.trace import clip, maximum, table
 from ohmward.trace.expression import Scalar
+from ohmward_lab.published.rc_filter import curve_on_grid, line_slope_V, project
 
 _CURVE_POINTS = 1001
 

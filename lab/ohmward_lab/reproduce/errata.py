@@ -21,6 +21,7 @@ from ohmward.traction import RLMA, RollingResistance
 from ohmward.traction.friction.brush import Brush
 from ohmward.traction.friction.law import Contact
 from ohmward.traction.robot.robot import GRAVITY
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.scheme_by_method import SchemeByMethod
 from ohmward_lab.reproduce.row import Erratum, differs
 from ohmward_lab.reproduce.thesis_cases import stop_on_ice
@@ -37,8 +38,8 @@ _FROZEN_D_OHM = 0.11
 
 def _rate_V_per_s(p: rc.Circuit) -> float:
     """dV/dt [V/s] at constant current, from the circuit: central difference of the exact step."""
-    ahead = rc.voltage(rc.next_state(_X, _CURRENT_A, p, _SHORT_S), _CURRENT_A, p)[0]
-    return float((ahead - rc.voltage(_X, _CURRENT_A, p)[0]) / _SHORT_S)
+    ahead = rc_circuit.voltage(rc_circuit.next_state(_X, _CURRENT_A, p, _SHORT_S), _CURRENT_A, p)[0]
+    return float((ahead - rc_circuit.voltage(_X, _CURRENT_A, p)[0]) / _SHORT_S)
 
 
 def _branch_resistance() -> bool:
@@ -58,14 +59,14 @@ def _t_rate(p: rc.Circuit, base_V: float, current_factor: float) -> float:
 
 def _terminal_voltage() -> bool:
     """(3.2): V_cs on the right-hand side against V_t."""
-    p, V = _EQUAL, float(rc.voltage(_X, _CURRENT_A, _EQUAL)[0])
+    p, V = _EQUAL, float(rc_circuit.voltage(_X, _CURRENT_A, _EQUAL)[0])
     half = 0.5 / p.c_surface_F
     return differs(_t_rate(p, _X[1], half), _t_rate(p, V, half), _rate_V_per_s(p), 1e-4)
 
 
 def _current_factor() -> bool:
     """(3.2): 1/(2 R_e C_s) against 1/(2 C_s)."""
-    p, V = _EQUAL, float(rc.voltage(_X, _CURRENT_A, _EQUAL)[0])
+    p, V = _EQUAL, float(rc_circuit.voltage(_X, _CURRENT_A, _EQUAL)[0])
     printed = _t_rate(p, V, 0.5 / (p.r_bulk_ohm * p.c_surface_F))
     return differs(printed, _t_rate(p, V, 0.5 / p.c_surface_F), _rate_V_per_s(p), 1e-4)
 
@@ -73,14 +74,14 @@ def _current_factor() -> bool:
 def _jump() -> bool:
     """f_3 in (3.6): a step of the current moves V at once, by (R_t + R_e/2) times it."""
     p = _EQUAL
-    true = float((rc.voltage(_X, _CURRENT_A, p) - rc.voltage(_X, 0.0, p))[0])
+    true = float((rc_circuit.voltage(_X, _CURRENT_A, p) - rc_circuit.voltage(_X, 0.0, p))[0])
     return differs(0.0, _CURRENT_A * (p.r_terminal_ohm + p.r_bulk_ohm / 2), true, 1e-12)
 
 
 def _charge_sign() -> bool:
     """(3.52): the charge of both capacitors rises by i dt, so that SoC does with + i dt / Q."""
     p = _UNEQUAL
-    after = rc.next_state(_X, _CURRENT_A, p, 10.0)
+    after = rc_circuit.next_state(_X, _CURRENT_A, p, 10.0)
     true = float(p.c_bulk_F * (after[0] - _X[0]) + p.c_surface_F * (after[1] - _X[1]))
     return differs(-10.0 * _CURRENT_A, 10.0 * _CURRENT_A, true, 1e-9)
 
@@ -98,14 +99,14 @@ def _frozen_partner() -> bool:
     """3.4.2: the frozen step loses charge, the exact step of the pair none."""
     p = rc.Circuit(9000.0, 10.0, 0.5 * _FROZEN_D_OHM, 0.5 * _FROZEN_D_OHM, 0.05)
     rest = np.array([12.0, 12.0])
-    moved = rc.next_state(rest, 1.0, p, 1.0) - rest
+    moved = rc_circuit.next_state(rest, 1.0, p, 1.0) - rest
     exact = abs(p.c_bulk_F * moved[0] + p.c_surface_F * moved[1] - 1.0) < 1e-9
     return bool(exact and 0.005 < _frozen_loss(300.0) < 0.015 and 0.15 < _frozen_loss(10.0) < 0.19)
 
 
 def _p_rate(p: rc.Circuit, last_ohm: float, sign: float = 1.0) -> float:
     """A31 V_cb + A33 V + B31 i [V/s] of [P] 2.2, with this resistance in R_s R_t of B31, and this sign of A33."""
-    V, D = float(rc.voltage(_X, _CURRENT_A, p)[0]), p.r_bulk_ohm + p.r_surface_ohm
+    V, D = float(rc_circuit.voltage(_X, _CURRENT_A, p)[0]), p.r_bulk_ohm + p.r_surface_ohm
     A33 = p.r_surface_ohm / (p.c_bulk_F * p.r_bulk_ohm * D) - sign / (p.c_surface_F * D)
     B31 = (
         p.r_bulk_ohm**2 / (p.c_surface_F * D**2)
@@ -130,7 +131,7 @@ def _a33() -> bool:
 
 def _one_sign() -> bool:
     """A charge raises the voltage of the RC model and of its Thevenin circuit alike, with one sign of the current."""
-    after = rc.next_state(_X, 1.0, _UNEQUAL, 10.0) - rc.next_state(_X, 0.0, _UNEQUAL, 10.0)
+    after = rc_circuit.next_state(_X, 1.0, _UNEQUAL, 10.0) - rc_circuit.next_state(_X, 0.0, _UNEQUAL, 10.0)
     return bool((after > 0).all() and rc.instant_resistance(_UNEQUAL) > 0 and rc.slow_resistance(_UNEQUAL) > 0)
 
 
@@ -253,10 +254,10 @@ def _free_parameters() -> bool:
     """
     model = rc.RcModel(3000.0, 300.0, 0.08, 0.08, 0.06, OcvCurve((11.5, 13.5)), 3300.0 * 2.0 / 3600.0)
     current_A = np.tile(np.repeat([-3.0, -0.2, -1.5, 0.5], 10), 10)
-    x, voltage_V = model.at_rest(0.6), []
+    x, voltage_V = rc_circuit.at_rest(model, 0.6), []
     for now_A in current_A:
-        x = rc.next_state(x, now_A, model, 1.0)
-        voltage_V.append(rc.voltage(x, now_A, model)[0])
+        x = rc_circuit.next_state(x, now_A, model, 1.0)
+        voltage_V.append(rc_circuit.voltage(x, now_A, model)[0])
     nothing = np.full(current_A.size, math.nan)
     samples = SocSample(np.ones(current_A.size), current_A, np.array(voltage_V), nothing)
     first = SocSample(0.0, float(current_A[0]), float(voltage_V[0]), math.nan)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.figures.battery import current_figure, voltage_figure
@@ -32,7 +32,7 @@ def measured(log: Log, battery: Battery, start_soc: float, why: str = _WHY) -> R
 
     why: reason of the difference from the printed numbers.
     """
-    model = battery.rc or rc_of_thevenin(require_thevenin(battery))
+    model = rc_of_thevenin(battery.thevenin)
     counted = start_soc + log.charge_Ah() / battery.capacity_Ah
     there = np.isfinite(log.voltage_V) & (log.voltage_V > 0.0)
     if missing := int(np.sum(~there)):

@@ -12,9 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.identification.identify import identify
-from ohmward.battery.identification.rc_identification import RcIdentification, identify_rc
 from ohmward.battery.models import rc
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
 from ohmward.battery.soc.sample import SocSample
@@ -22,6 +21,8 @@ from ohmward.figures.battery import current_figure, voltage_figure
 from ohmward.logs.log import Log
 from ohmward.report import TIME, Figure, Series
 from ohmward.trace import Kernel
+from ohmward_lab.published import rc_circuit
+from ohmward_lab.published.rc_identification import RcIdentification, identify_rc
 from ohmward_lab.published.scheme_by_method import METHODS, SchemeByMethod, SchemeByMethodEstimate
 from ohmward_lab.reproduce.batteries import TestedBattery, joystick_drive
 from ohmward_lab.reproduce.row import Errors, Result, ResultRow, error_rows, errors, mean_errors
@@ -62,7 +63,7 @@ def case(soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]) -> ThesisCase:
     pack = recording.battery
     capacity_Ah = pack.circuit.capacity_Ah
     battery = identify(recording.bench, capacity_Ah=capacity_Ah, chemistry=pack.chemistry, n_series=pack.n_series)
-    return ThesisCase(recording, battery, identify_rc(recording.bench, require_thevenin(battery).ocv, capacity_Ah, 1.0))
+    return ThesisCase(recording, battery, identify_rc(recording.bench, battery.thevenin.ocv, capacity_Ah, 1.0))
 
 
 @cache
@@ -107,12 +108,12 @@ def offline_voltage(here: ThesisCase, model: rc.RcModel) -> np.ndarray:
         current_A: float
 
     def step(state: Moved, sample: SocSample) -> tuple[Moved, np.ndarray]:
-        x = rc.next_state(state.x, 0.5 * (state.current_A + sample.current_A), model, sample.dt_s)
-        return Moved(x, sample.current_A), rc.voltage(x, sample.current_A, model)
+        x = rc_circuit.next_state(state.x, 0.5 * (state.current_A + sample.current_A), model, sample.dt_s)
+        return Moved(x, sample.current_A), rc_circuit.voltage(x, sample.current_A, model)
 
     samples = samples_of(here.log)
     first = SocSample(0.0, *(float(column[0]) for column in samples[1:]))
-    start = Moved(model.at_rest(float(here.truth[0])), first.current_A)
+    start = Moved(rc_circuit.at_rest(model, float(here.truth[0])), first.current_A)
     return Kernel(step, start, first).scan(start, samples)[1][:, 0]
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_between, require_each_positive, require_positive
@@ -211,11 +211,8 @@ def of_battery_file(battery: Battery) -> SimulatedBattery:
     A battery file says nothing of heat, gassing and charger: these are taken from the simulated battery of its
     chemistry, or from NCA where there is none, in proportion to energy or capacity. Where the battery makes no gas, its
     limits are the ends of the open-circuit voltage less the hysteresis, so that the SoC stays in [0, 1].
-
-    Raises:
-        InputError: the file has no Thevenin model.
     """
-    circuit = require_thevenin(battery)
+    circuit = battery.thevenin
     like = BATTERIES.get(battery.chemistry, BATTERIES["nca"])
     more_Ah = circuit.capacity_Ah / like.circuit.capacity_Ah
     more_Wh = more_Ah * circuit.ocv.voltage_V[-1] / like.circuit.ocv.voltage_V[-1]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, next_state, voltage
-from ohmward.battery.soc.clean_sample import SampleLimits, finite_or, sanitize
+from ohmward.battery.soc.clean_sample import SampleLimits, sanitize
 from ohmward.battery.soc.estimator import samples_of
 from ohmward.battery.soc.sample import SocSample
 from ohmward.checks import require_between
@@ -53,7 +54,12 @@ def simulate_voltage(model: Thevenin, log: Log, initial_soc: float, hysteresis: 
         return after, Simulated(circuit[0], voltage(circuit, clean.now, model)[0])
 
     samples = samples_of(log)
-    first = CircuitInput(finite_or(samples.current_A[0], 0.0), finite_or(samples.temperature_degC[0], ROOM_DEGC))
+    first = CircuitInput(_finite_or(samples.current_A[0], 0.0), _finite_or(samples.temperature_degC[0], ROOM_DEGC))
     start = np.array([initial_soc, *(0.0 for _ in range(model.pairs)), hysteresis])
     kernel = Kernel(step, SimulationState(start, 0.0, 0.0), SocSample(0.0, 0.0, 0.0, 0.0))
     return kernel.scan(SimulationState(start, *first), samples)[1]
+
+
+def _finite_or(value: float, otherwise: float) -> float:
+    """The value, or something else where it is no number."""
+    return float(value) if math.isfinite(value) else otherwise

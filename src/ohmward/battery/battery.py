@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
-from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
+from ohmward.rich_display import RichDisplay
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Provenance:
 
 
 @dataclass(frozen=True)
-class Battery:
+class Battery(RichDisplay):
     """Battery, a cell or a pack. All voltages and resistances are those of the whole pack."""
 
     name: str  #: for people
@@ -131,12 +131,8 @@ class Battery:
     #: current at rest (<= 0; 0 in a laboratory), where the user has declared it: then every rest shows the offset of
     #: the current sensor. None where unknown
     idle_current_A: float | None = None
-    #: the models that were identified; at least one
-    thevenin: Thevenin | None = None
-    rc: RcModel | None = None
-    #: to be assumed by an estimator with the Thevenin and with the RC model
-    noise: BatteryNoise = field(default_factory=BatteryNoise)
-    rc_noise: BatteryNoise = field(default_factory=BatteryNoise)
+    thevenin: Thevenin = field(kw_only=True)  #: the circuit
+    noise: BatteryNoise = field(default_factory=BatteryNoise)  #: to be assumed by an estimator with the circuit
     sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: current sensor of the robot
     identification: Provenance | None = None  #: of the numbers, None for those of a data sheet
     not_identified: tuple[str, ...] = ()  #: parameters that could not be identified, and why
@@ -152,34 +148,11 @@ class Battery:
             raise InputError(
                 f"voltage_min_V must be below voltage_max_V, got {self.voltage_min_V:g} and {self.voltage_max_V:g}"
             )
-        if self.thevenin is None and self.rc is None:
-            raise InputError(f"battery {self.name!r} has no model: give thevenin or rc")
-        for name, model in (("thevenin", self.thevenin), ("rc", self.rc)):
-            if model is not None and model.capacity_Ah != self.capacity_Ah:
-                raise InputError(
-                    f"battery {self.name!r} has {self.capacity_Ah:g} Ah and its model {name} {model.capacity_Ah:g}; "
-                    "give both the same"
-                )
-
-
-def require_thevenin(battery: Battery) -> Thevenin:
-    """The Thevenin model of a battery, or InputError where it has none."""
-    if battery.thevenin is None:
-        raise InputError(
-            f"{battery.name}: the battery file has no [thevenin] model, which is needed here; choose the filter `rc`, "
-            "or make one with `ohmward identify ... --model thevenin` or `ohmward generic`"
-        )
-    return battery.thevenin
-
-
-def require_rc(battery: Battery) -> RcModel:
-    """The RC model of a battery file, or InputError where it has none."""
-    if battery.rc is None:
-        raise InputError(
-            f"{battery.name}: the battery file has no [rc] model, which this filter needs; "
-            "identify one with `ohmward identify ... --model rc`"
-        )
-    return battery.rc
+        if self.thevenin.capacity_Ah != self.capacity_Ah:
+            raise InputError(
+                f"battery {self.name!r} has {self.capacity_Ah:g} Ah and its model thevenin "
+                f"{self.thevenin.capacity_Ah:g}; give both the same"
+            )
 
 
 def require_battery(battery: object, others: str = "") -> Battery:

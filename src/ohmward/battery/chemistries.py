@@ -15,7 +15,6 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.noise import BatteryNoise, usual_sensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
@@ -29,10 +28,6 @@ _LABEL_RESISTANCE_STD = 0.8
 #: resistances. Cells with 80 % of their capacity have about 1.5 times the resistance.
 AGED_CAPACITY_STD = 0.1
 AGED_RESISTANCE_STD = 0.3
-#: Correlation of the two, as ageing brings both: a battery whose resistances are those of the test has its capacity
-#: still, within 3 % where a low-rate test from full to empty has measured it and within 7 % where it was only given.
-MEASURED_AGEING_CORRELATION = 0.95
-GIVEN_AGEING_CORRELATION = 0.7
 #: Voltage of a lithium-ion cell [V].
 CELL_V = 3.7
 #: Points of the uniform SoC grid of an OCV curve made here.
@@ -80,6 +75,10 @@ class ChemistryPrior(NamedTuple):
     #: share of a loss of capacity by which the electrodes slip against each other, see `models.ocv`
     ocv_slip: Normal = Normal(0.0, 0.5)
     hysteresis_activation_K: float = 0.0  #: of that distance, where the hysteresis follows the net charge
+    #: correlation of a loss of capacity with a growth of the resistances, as ageing brings both, where the capacity was
+    #: only given and where a low-rate test from full to empty has measured it: a battery whose resistances are those of
+    #: the test has its capacity still, within 7 and within 3 %
+    ageing_correlation: tuple[float, float] = (0.7, 0.95)
 
     @property
     def activations_K(self) -> tuple[Normal, Normal, Normal]:
@@ -149,6 +148,7 @@ _NICKEL = ChemistryPrior(
     1.2e-3,
     CurvePrior((0.12, 0.04, *(0.025,) * 7, 0.03, 0.04), 0.05, 0.5),
     0.07,
+    ageing_correlation=(0.0, 0.0),
 )
 #: Near full more and more of a charge makes oxygen instead.
 _NICKEL_EFFICIENCY = 0.95
@@ -161,6 +161,8 @@ _LEAD_ACID = ChemistryPrior(
     3.7e-4,
     CurvePrior((0.027,) * 2, soc_length=0.5),
     0.0,
+    # acid and sulphate change the resistances more than age does
+    ageing_correlation=(0.0, 0.0),
 )
 #: From full to full a sealed battery stores 93 % of what a charger delivers, measured, most of the loss being gas near
 #: full; in the middle it is more, all of it in a model of porous electrodes without gas.
@@ -390,9 +392,7 @@ def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str
         voltage_min_V=_LOWEST * curve_V[0],
         voltage_max_V=(_GASSING if c.gases else _HIGHEST) * curve_V[-1],
         thevenin=model,
-        rc=rc_of_thevenin(model),
         noise=start_noise(name, n_series),
-        rc_noise=start_noise(name, n_series),
         sensor=usual_sensor(capacity_Ah),
         not_identified=(
             f"everything: these are start values that cells of {c.title} have in common",

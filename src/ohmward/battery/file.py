@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from ohmward.atomic import back_up
 from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.chemistries import chemistry_name
+from ohmward.battery.models.rc import RcModel, equivalent_thevenin
 from ohmward.errors import InputError
 from ohmward.toml_file import TomlFile
 
@@ -17,12 +19,25 @@ _HEADER = """\
 # Currents > 0 charge. SoC runs from 0 (empty) to 1 (full). Voltages and resistances are those of the whole pack.
 # A list along SoC stands on a uniform grid from SoC 0 to SoC 1, ends included. *_std are standard deviations.
 """
+_FORMAT = "ohmward-battery/3"
+
+
+def _as_thevenin(table: dict[str, Any]) -> dict[str, Any]:
+    """The table of a file that gives its circuit by the elements of the RC model, [rc], with the Thevenin circuit.
+
+    Where [thevenin] stands as well, that is the circuit, and [rc] with its [rc_noise] is left aside.
+    """
+    rest = {key: value for key, value in table.items() if key not in ("rc", "rc_noise")}
+    if "rc" not in table or "thevenin" in table:
+        return rest
+    model = equivalent_thevenin(TomlFile(RcModel, _FORMAT, "").from_table(table["rc"], "rc"))
+    noise = {"noise": table["rc_noise"]} if "rc_noise" in table else {}
+    return noise | rest | {"thevenin": asdict(model)}
+
+
 #: Its `dump` and `parse` give and take the text.
 BATTERY_FILE = TomlFile(
-    Battery,
-    "ohmward-battery/3",
-    _HEADER,
-    once={"thevenin": ("capacity_Ah",), "rc": ("capacity_Ah",)},
+    Battery, _FORMAT, _HEADER, once={"thevenin": ("capacity_Ah",), "rc": ("capacity_Ah",)}, normal=_as_thevenin
 )
 
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.models.temperature import KELVIN
+from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.soc.anchor_rule import REST_C
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_voltage
 from ohmward.errors import InputError
@@ -104,8 +104,7 @@ def check_log(log: Log, battery: Battery) -> Log:
 
 def other_cells(log: Log, battery: Battery) -> str:
     """Contradiction of the log's voltage with the number of cells in the battery file; "" for none."""
-    model = battery.thevenin or battery.rc
-    curve_V = model.ocv.voltage_V if model else (-np.inf, np.inf)
+    curve_V = battery.thevenin.ocv.voltage_V
     usual_V = float(np.nanmedian(log.voltage_V))
     if curve_V[0] <= usual_V <= (1 + ABOVE_FULL) * curve_V[-1]:
         return _better_explained(log, battery)
@@ -118,7 +117,7 @@ def other_cells(log: Log, battery: Battery) -> str:
 def _better_explained(log: Log, battery: Battery) -> str:
     """Contradiction of the shape of the voltage with the number of cells in the battery file; "" for none."""
     own = int(battery.n_series)
-    if battery.thevenin is None or own < 2:
+    if own < 2:
         return ""
     curve_V = np.asarray(battery.thevenin.ocv.voltage_V) / battery.n_series
     windows = [rows for window in _windows(log, battery) if (rows := _rows(window, battery))]
@@ -150,8 +149,6 @@ def sign_by_model(log: Log, battery: Battery) -> CurrentSign | None:
 
     None where both signs explain the voltage about as well, or neither does.
     """
-    if battery.thevenin is None:
-        return None
     curve_V = np.asarray(battery.thevenin.ocv.voltage_V) / battery.n_series
     error_V: dict[CurrentSign, float] = {}
     signs: tuple[CurrentSign, CurrentSign] = ("charge", "discharge")
@@ -184,7 +181,6 @@ def cell_error_V(
 def _windows(log: Log, battery: Battery) -> Iterator[Log]:
     """Windows of the log without gaps, spread over it, of the samples with a credible current and voltage."""
     model = battery.thevenin
-    assert model is not None
     current_A: Any = log.current_A
     voltage_V: Any = log.voltage_V
     credible = np.asarray(is_current(current_A, MOST_C * battery.capacity_Ah))
@@ -316,10 +312,8 @@ def _relaxed(log: Log, battery: Battery, condition: np.ndarray) -> Iterator[tupl
     """First and end index of the runs of a condition that tell something, without gaps of the log in them.
 
     Beside each the indices of its samples with a voltage after the relaxation. Single samples of noise do not end a
-    run. A battery without Thevenin model tells nothing.
+    run.
     """
-    if battery.thevenin is None:
-        return
     bridged = condition.copy()
     for first, stop in runs(~condition & np.isfinite(log.current_A)):
         bridged[first] |= stop - first == 1
@@ -335,13 +329,11 @@ def _relaxed(log: Log, battery: Battery, condition: np.ndarray) -> Iterator[tupl
 def _steady_ohm(battery: Battery) -> float:
     """Resistance [ohm] of the file to a steady current, at its temperature."""
     model = battery.thevenin
-    assert model is not None
     return float(np.median(model.r0_discharge_ohm) + np.sum([np.median(r) for r in model.r_ohm]))
 
 
 def _is_far(low_V: float, high_V: float, by_current_V: float, log: Log, late: np.ndarray, battery: Battery) -> bool:
     """True where two voltages are further apart than relaxation, self-discharge and by_current_V [V] put them."""
-    assert battery.thevenin is not None
     curve_V = battery.thevenin.ocv.voltage_V
     low_soc, high_soc = np.interp([low_V, high_V - by_current_V], curve_V, np.linspace(0.0, 1.0, len(curve_V)))
     hours = (log.time_s[late[-1]] - log.time_s[late[0]] + _RELAXED_S) / SECONDS_PER_HOUR
@@ -357,10 +349,10 @@ def medians(values: np.ndarray) -> np.ndarray:
 
 def _check_temperature(log: Log, battery: Battery) -> Log:
     """The log, with a warning where the resistance is doubtful at its temperatures."""
-    if battery.thevenin is None or log.temperature_degC is None or not np.isfinite(log.temperature_degC).any():
+    if log.temperature_degC is None or not np.isfinite(log.temperature_degC).any():
         return log
     degC, reference_degC = log.temperature_degC, battery.thevenin.reference_degC
-    spread = battery.noise.activation_std_K * np.abs(1 / (degC + KELVIN) - 1 / (reference_degC + KELVIN))
+    spread = battery.noise.activation_std_K * np.abs(coldness_per_K(degC, reference_degC))
     worst = int(np.nanargmax(spread))
     if spread[worst] < DOUBTFUL_RESISTANCE:
         return log

@@ -7,7 +7,7 @@ import glob
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def truth_column(log: Log | DriveLog, name: str) -> np.ndarray:
 def with_sensor(
     battery: Battery, sensor_offset_A: float | None, sensor_gain: float | None
 ) -> tuple[Battery, list[str]]:
-    """The battery with the sensor of `add_sensor_options`, and a sentence for each that contradicts the battery.
+    """The battery with the sensor of `add_sensor_options`, and a warning for each that contradicts the battery.
 
     Raises:
         InputError: the offset is larger than the current that empties the battery in an hour.
@@ -84,13 +84,27 @@ def with_sensor(
             f"--sensor-offset must be below 1 C, {battery.capacity_Ah:g} A, got {offset_A:g} A; for milliamperes write "
             f"{offset_A / 1000:g}"
         )
-    contradiction = "was used; the battery file says"
-    contradictions = []
+    warnings = []
     if offset_A != known.offset_std_A:
-        contradictions.append(f"--sensor-offset {offset_A:g} A {contradiction} {known.offset_std_A:g} A")
+        warnings.append(_contradiction(f"--sensor-offset {offset_A:g} A", f"{known.offset_std_A:g} A"))
     if gain != known.gain_std:
-        contradictions.append(f"--sensor-gain {gain:g} {contradiction} {known.gain_std:g}")
-    return replace(battery, sensor=replace(known, offset_std_A=offset_A, gain_std=gain)), contradictions
+        warnings.append(_contradiction(f"--sensor-gain {gain:g}", f"{known.gain_std:g}"))
+    return replace(battery, sensor=replace(known, offset_std_A=offset_A, gain_std=gain)), warnings
+
+
+def _contradiction(option: str, in_file: str) -> str:
+    return f"warning: {option} was used; the battery file says {in_file}"
+
+
+def load_with_sensor(path: str, args: argparse.Namespace) -> tuple[Battery, list[str]]:
+    """The battery of a file with the sensor that the options name; see `with_sensor`."""
+    return with_sensor(load_battery(path), args.sensor_offset, args.sensor_gain)
+
+
+def given_start(args: argparse.Namespace) -> dict[str, Any]:
+    """The state of charge at the start and its standard deviation as arguments, where the options name them."""
+    given = {"soc": args.initial_soc, "soc_std": args.initial_soc_std}
+    return {word: value for word, value in given.items() if value is not None}
 
 
 class SocTask(NamedTuple):
@@ -103,19 +117,18 @@ class SocTask(NamedTuple):
     rest_current_A: float | None  #: true current of a rest: that of the option, else that of the battery file
     initial_soc: float | None
     initial_soc_std: float
-    contradictions: tuple[str, ...] = ()  #: options that contradict the battery file or the log
+    warnings: tuple[str, ...] = ()  #: of options that contradict the battery file or the log
 
     @property
     def notes(self) -> list[str]:
         """Everything that was assumed while reading, and what the battery file does not know."""
         truth = [f"info: {self.truth.note}"] if self.truth else []
         battery = [f"info: battery file: {text}" for text in self.battery.not_identified]
-        contradictions = [f"warning: {text}" for text in self.contradictions]
-        return [str(note) for note in self.log.notes] + contradictions + truth + battery
+        return [str(note) for note in self.log.notes] + [*self.warnings, *truth, *battery]
 
     def start_contradicted(self) -> list[str]:
-        """A sentence where the first voltage contradicts the initial SoC."""
-        if self.battery.thevenin is None or self.initial_soc is None:
+        """A warning where the first voltage contradicts the initial SoC."""
+        if self.initial_soc is None:
             return []
         first = SocSample(*(float(column[0]) for column in samples_of(self.log)))
         state = make_estimator("ekf", self.battery).init(first, self.initial_soc, self.initial_soc_std)
@@ -123,8 +136,8 @@ class SocTask(NamedTuple):
         if abs(start - self.initial_soc) < 2 * self.initial_soc_std:
             return []
         return [
-            f"--initial-soc {self.initial_soc:g} contradicts the first voltage, {self.log.voltage_V[0]:.4g} V; the "
-            f"Thevenin filters start at {100 * start:.0f} %"
+            f"warning: --initial-soc {self.initial_soc:g} contradicts the first voltage, {self.log.voltage_V[0]:.4g} "
+            f"V; the Thevenin filters start at {100 * start:.0f} %"
         ]
 
     def estimate(self, name: str, report: Report | None = None) -> SocRun:
@@ -183,7 +196,7 @@ def read_battery_log(
 
 def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> SocTask:
     """Battery, log and truth that the options of `add_soc_options` name."""
-    battery, of_sensor = with_sensor(load_battery(args.battery), args.sensor_offset, args.sensor_gain)
+    battery, warnings = load_with_sensor(args.battery, args)
     reading = read_options(args)
     path, where = split_selection(args.log)
     file = open_table(path, reading.hints).part("battery", dict(reading.where) | where)
@@ -194,17 +207,15 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
     log = log.with_notes(*notes)
     given, idle_A = args.rest_current, battery.idle_current_A
     rest_A = idle_A if given is None else None if given == UNKNOWN else given
-    contradictions = list(of_sensor)
     if given is not None and idle_A is not None and given != idle_A:
         word = given if given == UNKNOWN else f"{given:g} A"
-        contradictions.append(f"--rest-current {word} was used; the battery file says {idle_A:g} A")
-    start = (args.initial_soc, args.initial_soc_std)
+        warnings.append(_contradiction(f"--rest-current {word}", f"{idle_A:g} A"))
     truth = None
     if args.truth:
         start_soc = args.initial_soc if args.truth_start is None else args.truth_start
         truth = read_soc_truth(log, args.truth, battery.capacity_Ah, start_soc)
-    task = SocTask(battery, log, truth, cells, rest_A, *start)
-    return task._replace(contradictions=(*contradictions, *task.start_contradicted()))
+    task = SocTask(battery, log, truth, cells, rest_A, args.initial_soc, args.initial_soc_std)
+    return task._replace(warnings=(*warnings, *task.start_contradicted()))
 
 
 #: Endings of logs in a folder.

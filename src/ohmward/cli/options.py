@@ -38,15 +38,7 @@ def add_log_options(parser: argparse.ArgumentParser, *, interval: bool = True) -
         default="auto",
         help="what a positive current in the file does to the battery; auto tells it from the voltage (default)",
     )
-    _add_column_options(
-        group,
-        column="the column of time, current, voltage or temperature",
-        unit="its unit, where the name is silent or wrong: current=mA",
-    )
-    _add_sort_option(group)
-    _add_hint_options(group)
-    if interval:
-        _add_interval_option(group)
+    _add_reading_options(group, "time, current, voltage or temperature", "current=mA", interval)
     group.add_argument(
         "--temperature", type=number, metavar="C", help="temperature of the battery [degC], where the log has none"
     )
@@ -55,16 +47,9 @@ def add_log_options(parser: argparse.ArgumentParser, *, interval: bool = True) -
 def add_drive_options(parser: argparse.ArgumentParser, *, interval: bool = True) -> None:
     """Options of logs of drives; interval: that between their rows among them."""
     group = parser.add_argument_group("reading logs of drives (text tables, Parquet, Excel, MATLAB, HDF5, JSON, bags)")
-    _add_column_options(
-        group,
-        column="the column of front_left_wheel_speed, left_motor_current, yaw_rate, speed, ...",
-        unit="its unit, where the name is silent or wrong: wheel_speed=rpm, motor_current=mA",
-    )
+    kinds = "front_left_wheel_speed, left_motor_current, yaw_rate, speed, ..."
+    _add_reading_options(group, kinds, "wheel_speed=rpm, motor_current=mA", interval)
     add_shaft_options(group)
-    _add_sort_option(group)
-    _add_hint_options(group)
-    if interval:
-        _add_interval_option(group)
 
 
 def add_shaft_options(group: argparse._ArgumentGroup) -> None:
@@ -101,12 +86,7 @@ def add_soc_options(parser: argparse.ArgumentParser) -> None:
         "--battery", required=True, metavar="FILE.toml", help="battery file, made by `ohmward identify`"
     )
     group = parser.add_argument_group("estimation")
-    group.add_argument(
-        "--initial-soc", type=share, metavar="S", help="state of charge at the start, 0 to 1; default: from the voltage"
-    )
-    group.add_argument(
-        "--initial-soc-std", type=positive, default=0.03, metavar="S", help="how sure that is (default %(default)s)"
-    )
+    add_start_options(group, "state of charge at the start, 0 to 1; default: from the voltage")
     group.add_argument(
         "--rest-current",
         type=rest_current,
@@ -124,6 +104,14 @@ def add_soc_options(parser: argparse.ArgumentParser) -> None:
     )
     add_sensor_options(group)
     add_log_options(parser)
+
+
+def add_start_options(group: argparse._ActionsContainer, start: str) -> None:
+    """Options of the state of charge at the start, and of how sure it is; start: help."""
+    group.add_argument("--initial-soc", type=share, metavar="S", help=start)
+    group.add_argument(
+        "--initial-soc-std", type=positive, default=0.03, metavar="S", help="how sure that is (default %(default)s)"
+    )
 
 
 def add_sensor_options(
@@ -174,16 +162,15 @@ def initial_soc(text: str) -> tuple[str, float]:
     return name, share(value)
 
 
-def _add_column_options(group: argparse._ArgumentGroup, column: str, unit: str) -> None:
-    """Columns, their units and the rows of one recording.
+def _add_reading_options(group: argparse._ArgumentGroup, kinds: str, unit: str, interval: bool) -> None:
+    """Options of the columns and rows of a file, of what it does not tell of itself, and of the part that is wanted.
 
-    column, unit: help.
+    kinds: what a column may be.  unit: an example.  interval: that between rows among them.
     """
-    rows = "only the rows with this value, where a file holds several recordings"
     for option, metavar, text in (
-        ("--column", "KIND=NAME", column),
-        ("--unit", "KIND=UNIT", unit),
-        ("--where", "NAME=VALUE", rows),
+        ("--column", "KIND=NAME", f"the column of {kinds}"),
+        ("--unit", "KIND=UNIT", f"its unit, where the name is silent or wrong: {unit}"),
+        ("--where", "NAME=VALUE", "only the rows with this value, where a file holds several recordings"),
     ):
         what = f"{text}; may be repeated"
         group.add_argument(option, metavar=metavar, type=pair, action="append", default=[], help=what)
@@ -195,10 +182,7 @@ def _add_column_options(group: argparse._ArgumentGroup, column: str, unit: str) 
         dest="where",
         help="topics of a recording of ROS or PX4, where their types do not tell, or several have one type",
     )
-
-
-def _add_hint_options(group: argparse._ActionsContainer) -> None:
-    """Options of what a file does not tell of itself, and of the part of it that is wanted."""
+    group.add_argument("--sort-time", action="store_true", help="sort rows that are out of order")
     for option, metavar, text in (
         ("--names", "A,B,C", "names of all columns of a table without a header"),
         ("--encoding", "NAME", "encoding of a text, where its bytes do not tell: cp1251, shift_jis"),
@@ -208,18 +192,12 @@ def _add_hint_options(group: argparse._ActionsContainer) -> None:
         ("--to", "TIME", "its end, not included"),
         ("--dbc", "FILE", "database of the bus (DBC, KCD, SYM, ARXML), of a recording of CAN frames"),
     ):
-        group.add_argument(option, metavar=metavar, dest=option.strip("-").replace("-", "_"), help=text)
-
-
-def _add_interval_option(group: argparse._ActionsContainer) -> None:
-    group.add_argument(
-        "--sample-time",
-        dest="row_interval_s",
-        type=positive,
-        metavar="S",
-        help="interval between rows [s], where the log has no time",
-    )
-
-
-def _add_sort_option(group: argparse._ArgumentGroup) -> None:
-    group.add_argument("--sort-time", action="store_true", help="sort rows that are out of order")
+        group.add_argument(option, metavar=metavar, help=text)
+    if interval:
+        group.add_argument(
+            "--sample-time",
+            dest="row_interval_s",
+            type=positive,
+            metavar="S",
+            help="interval between rows [s], where the log has no time",
+        )

@@ -216,7 +216,7 @@ def battery_state(
     Raises:
         InputError: no state of charge, or one below the reserve.
     """
-    noise = battery.noise if battery.thevenin else battery.rc_noise
+    noise = battery.noise
     soc = settings.soc
     soc_std = settings.soc_std
     health: dict[str, float] = {}

@@ -209,7 +209,7 @@ class RangeSettings:
 
     def battery_state(self, now: SocNow) -> BatteryState:
         """The battery for the forecast; what its estimator does not know is as in the battery file."""
-        noise = self.battery.noise if self.battery.thevenin else self.battery.rc_noise
+        noise = self.battery.noise
         return BatteryState(
             soc=min(now.soc, 1.0),
             soc_std=now.soc_std,

@@ -19,7 +19,6 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.models import thevenin
 from ohmward.battery.models.noise import USUAL_C
-from ohmward.battery.models.rc import RcModel
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.energy.balance import running_integral
@@ -130,23 +129,12 @@ def soc_after(found: Discharge, energy_J: np.ndarray) -> np.ndarray:
 
 def discharge_curves(battery: Battery, soc: np.ndarray, temperature_degC: float) -> tuple[np.ndarray, np.ndarray]:
     """Open-circuit voltage [V] of the discharge branch and settled resistance [ohm] at each state of charge (K,)."""
-    model: Any = battery.thevenin or battery.rc
+    model = battery.thevenin
     ocv_V = model.ocv.mean_V(soc, temperature_degC) - model.ocv.hysteresis_at(soc)
-    if isinstance(model, RcModel):
-        return ocv_V, np.full(soc.shape, rc_resistance(model))
     usual_A = USUAL_C * model.capacity_Ah
     u = thevenin.CircuitInput(-usual_A, temperature_degC)
     parts = [-thevenin.ohmic_drop(soc, u, model) / usual_A, *thevenin.pair_resistances(soc, u, model)]
     return ocv_V, sum(parts) + np.zeros(soc.shape)
-
-
-def rc_resistance(p: RcModel) -> float:
-    """Resistance [ohm] of the RC model once both capacitors fall at one rate: R_t + R_b (1 - s), s = C_s/(C_b + C_s).
-
-    From d = V_cs - V_cb = (R_b - s D) i and V - V_cb = (R_b/D) d + (R_t + R_b R_s/D) i, with D = R_b + R_s.
-    """
-    surface_share = p.c_surface_F / (p.c_bulk_F + p.c_surface_F)
-    return p.r_terminal_ohm + p.r_bulk_ohm * (1 - surface_share)
 
 
 def _at_end(whole_J: np.ndarray, margin_V: np.ndarray, soc: np.ndarray, start: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.models.ocv_on_lines import on_lines
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.registry import ESTIMATORS, chosen_name, is_estimator, make_estimator, published, title_of
@@ -60,7 +60,7 @@ def battery_export(
     Raises:
         InputError: no such estimator or style of it, or the battery file lacks its model.
     """
-    filter_name = chosen_name(filter_name, battery)
+    filter_name = chosen_name(filter_name)
     require_style(style, filter_name)
     if filter_name == JOINT:
         if curve_error_V is not None:
@@ -123,7 +123,7 @@ def _on_lines(battery: Battery, filter_name: str, error_V: float) -> tuple[Batte
             f"{filter_name} needs the hysteresis and the temperature coefficient of the curve too; a curve "
             f"error is for {', '.join(WITH_LINES)}"
         )
-    model = require_thevenin(battery)
+    model = battery.thevenin
     ocv, found_V, _ = on_lines(model.ocv, error_V)
     return replace(battery, thevenin=replace(model, ocv=ocv)), found_V
 
@@ -165,6 +165,5 @@ _FAULTS: tuple[tuple[int, int, Any], ...] = (
 
 
 def usual_voltage(battery: Battery) -> float:
-    """Voltage at rest, half charged [V]; 0 without a model."""
-    model = battery.thevenin or battery.rc
-    return model.ocv.voltage_V[len(model.ocv.voltage_V) // 2] if model else 0.0
+    """Voltage at rest, half charged [V]."""
+    return battery.thevenin.ocv.voltage_V[len(battery.thevenin.ocv.voltage_V) // 2]

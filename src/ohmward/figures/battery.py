@@ -9,11 +9,10 @@ import numpy as np
 
 from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import RcModel, four_numbers
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
-from ohmward.figures.parts import MOST_SPANS, Timed, band_95, flag_spans, lognormal_band_95
+from ohmward.figures.parts import MOST_SPANS, Timed, band_95, estimated, flag_spans, lognormal_band_95
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.log import Log
@@ -26,11 +25,9 @@ if TYPE_CHECKING:
     from ohmward.battery.identification.circuit_fit import CircuitFit
     from ohmward.battery.identification.log_details import Edge, ExponentialFit, Relaxation
     from ohmward.battery.identification.ocv_from_logs import OcvBranch, RestPoint
-    from ohmward.battery.identification.rc_identification import EdgeResponse
 
 SOC_AXIS = "State of charge [%]"
 #: Samples after edges that are drawn; a drive has a hundred thousand.
-_MOST_RISES = 3000
 #: Samples of a quantity that moves over hours, as offset and capacity: their lines and bands need no more.
 _MOST_SLOW = 100_000
 #: More lines than this cannot be told apart: then the weakest and the fullest are drawn.
@@ -97,12 +94,9 @@ def soc_figure(
 
     truth: (T,) in [0, 1], nan where there is none.
     """
-    soc, std = 100 * estimates.soc, 100 * estimates.soc_std
-    series = [Series(log.time_s, soc, "estimate", role="estimate")]
-    if truth is not None:
-        series.append(Series(log.time_s, 100 * truth, "reference", "dashed", "reference"))
-    band = band_95(log.time_s, soc, std, (0.0, 100.0))
-    return Figure("State of charge", TIME, SOC_AXIS, series, [band], spans=spans, height_px=300)
+    soc, std, reference = 100 * estimates.soc, 100 * estimates.soc_std, None if truth is None else 100 * truth
+    curves = estimated(log.time_s, soc, std, reference, (0.0, 100.0))
+    return Figure("State of charge", TIME, SOC_AXIS, *curves, spans=spans, height_px=300)
 
 
 def soc_error_figure(log: Timed, estimates: SocEstimate, truth: np.ndarray) -> Figure:
@@ -119,9 +113,8 @@ def soc_error_figure(log: Timed, estimates: SocEstimate, truth: np.ndarray) -> F
 def offset_figure(log: Timed, estimates: SocEstimate) -> Figure:
     """Estimated offset of the current sensor with its 95 % band."""
     time_s, offset_mA, std_mA = _slow(log.time_s, 1e3, estimates.current_offset_A, estimates.current_offset_std_A)
-    series = [Series(time_s, offset_mA, "estimate", role="estimate")]
-    band = band_95(time_s, offset_mA, std_mA)
-    return Figure("Offset of the current sensor", TIME, "Offset [mA]", series, [band], height_px=180)
+    curves = estimated(time_s, offset_mA, std_mA)
+    return Figure("Offset of the current sensor", TIME, "Offset [mA]", *curves, height_px=180)
 
 
 def health_figure(log: Timed, estimates: SocEstimate) -> Figure:
@@ -225,18 +218,6 @@ def edge_figure(edges: Sequence[Edge]) -> Figure:
         x, y = np.array(points or np.empty((0, 2))).T
         series.append(Series(100 * x, 1e3 * y, label, "points"))
     return Figure("Ohmic resistance at the edges of the current", SOC_AXIS, "dV/dI [mΩ]", series, height_px=220)
-
-
-def edge_response_figure(response: EdgeResponse, circuits: Mapping[str, RcModel]) -> Figure:
-    """Rise of the voltage after the edges of the current, each over its change, and that of some RC models."""
-    drawn = np.unique(np.linspace(0, len(response.time_s) - 1, _MOST_RISES).astype(int))
-    series = [Series(response.time_s[drawn], 1e3 * response.rise_ohm[drawn], "measured", "points", "reference")]
-    time_s = np.linspace(0.0, response.window_s, 101)
-    for name, model in circuits.items():
-        capacitance_F, _, r1, tau_s = four_numbers(model)
-        rise_ohm = r1 * (1 - np.exp(-time_s / tau_s)) + time_s / capacitance_F
-        series.append(Series(time_s, 1e3 * rise_ohm, name))
-    return Figure("Voltage after the edges", "Time after the edge [s]", "Rise [mΩ]", series, height_px=220)
 
 
 def relaxation_figure(rest: Relaxation) -> Figure:

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.ageing import DAY_S, SAYS_NOTHING_STD, AgeingFit, LifeAhead
 from ohmward.battery.health.health import Health
 from ohmward.filters.consistency import BAND_95
@@ -30,13 +29,14 @@ def capacity_figure(health: Health) -> Figure:
     _, unit = _unit(span_days)
     low, middle, high = (_PERCENT * row[drawn] for row in np.exp(ahead.log_capacity))
     x = (now_days + ahead.days[drawn]) / unit
+    trend, band = _trend(health.capacity, health, unit)
     series = [
-        *_trend(health.capacity, health, unit),
+        trend,
         *_points(health, "log_capacity", unit),
         Series(x, middle, "ahead", "dashed", "comparison"),
         Series(np.array([0.0, x[-1]]), np.full(2, _PERCENT * ahead.share), "worn out", "dashed", "alert"),
     ]
-    bands = [_band(health.capacity, health, unit), Band(x, low, high, "95 % of what may come", "comparison")]
+    bands = [band, Band(x, low, high, "95 % of what may come", "comparison")]
     return _figure("Capacity over that when new", "Capacity [%]", series, bands, health, span_days)
 
 
@@ -45,9 +45,9 @@ def resistance_figure(health: Health) -> Figure:
     now_days, _ = health.now
     span_days = now_days + max(now_days, _LEAST_AHEAD_DAYS)  # as the capacity above it, so that both have one unit
     _, unit = _unit(span_days)
-    series = [*_trend(health.resistance, health, unit), *_points(health, "log_resistance", unit)]
-    bands = [_band(health.resistance, health, unit)]
-    return _figure("Resistance over that when new", "Resistance [%]", series, bands, health, span_days)
+    trend, band = _trend(health.resistance, health, unit)
+    series = [trend, *_points(health, "log_resistance", unit)]
+    return _figure("Resistance over that when new", "Resistance [%]", series, [band], health, span_days)
 
 
 def life_figure(ahead: LifeAhead) -> Figure:
@@ -73,29 +73,18 @@ def _figure(
     return Figure(title, f"{name} since the first log", label, series, bands, markers=markers, height_px=320)
 
 
-def _grid(health: Health) -> tuple[np.ndarray, np.ndarray]:
-    """Days and full cycles from the first log to the last."""
-    days, cycles = health.now
-    share = np.linspace(0.0, 1.0, _TREND_POINTS)
-    return days * share, cycles * share
-
-
-def _trend(fit: AgeingFit, health: Health, unit: float) -> list[Series]:
-    days, cycles = _grid(health)
-    return [Series(days / unit, _PERCENT * np.exp(fit.band(days, cycles).mean), "trend", "line", "estimate")]
-
-
-def _band(fit: AgeingFit, health: Health, unit: float) -> Band:
-    days, cycles = _grid(health)
+def _trend(fit: AgeingFit, health: Health, unit: float) -> tuple[Series, Band]:
+    """The trend of a fit of logarithms from the first log to the last, and its 95 % band."""
+    days, cycles = (last * np.linspace(0.0, 1.0, _TREND_POINTS) for last in health.now)
     mean, std = fit.band(days, cycles)
-    low, high = np.exp(mean - BAND_95 * std), np.exp(mean + BAND_95 * std)
-    return Band(days / unit, _PERCENT * low, _PERCENT * high, "95 % band", "estimate")
+    low, middle, high = (_PERCENT * np.exp(mean + z * std) for z in (-BAND_95, 0.0, BAND_95))
+    return Series(days / unit, middle, "trend", "line", "estimate"), Band(days / unit, low, high, "95 % band")
 
 
 def _points(health: Health, quantity: str, unit: float) -> list[Series]:
     """Each log by itself."""
     first_s = health.points[0].time_s
-    known = [point for point in health.points if _is_known(getattr(point, quantity))]
+    known = [point for point in health.points if getattr(point, quantity).std < SAYS_NOTHING_STD]
     if not known:
         return []
     days = np.array([(point.time_s - first_s) / DAY_S / unit for point in known])
@@ -103,12 +92,6 @@ def _points(health: Health, quantity: str, unit: float) -> list[Series]:
     return [Series(days, _PERCENT * value, "one log by itself", "points", "background")]
 
 
-def _is_known(value: Normal) -> bool:
-    return value.std < SAYS_NOTHING_STD
-
-
-_PERCENT = 100.0
-_DAY_S = 86400.0
 #: So many robots have a name of their own.
 _MOST_NAMED = 6
 
@@ -137,5 +120,5 @@ def trend_figure(title: str, label: str, trends: Mapping[str, tuple[np.ndarray, 
     """
     start_s = min((float(times[0]) for times, _ in trends.values()), default=0.0)
     drawn = list(trends.items())[:_MOST_NAMED]
-    series = [Series((times - start_s) / _DAY_S, _PERCENT * values, robot) for robot, (times, values) in drawn]
+    series = [Series((times - start_s) / DAY_S, _PERCENT * values, robot) for robot, (times, values) in drawn]
     return Figure(title, "Days since the first log", label, series, height_px=320)

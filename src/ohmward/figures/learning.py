@@ -9,7 +9,6 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.learning.fold import PULSE_S, ocv_std_V, pulse_ohm_along
-from ohmward.battery.models.thevenin import Thevenin
 from ohmward.figures.battery import SOC_AXIS
 from ohmward.figures.parts import band_95
 from ohmward.filters.consistency import BAND_95
@@ -44,7 +43,7 @@ def resistance_change_figure(before: Battery, after: Battery) -> Figure:
     """Resistance to ten seconds of current before and after, each with its 95 % band."""
     series, bands = [], []
     for battery, state in zip((before, after), _STATES, strict=True):
-        ohm = 1e3 * pulse_ohm_along(_model(battery), _SOC)
+        ohm = 1e3 * pulse_ohm_along(battery.thevenin, _SOC)
         ratio = np.exp(BAND_95 * _log_resistance_std(battery, _SOC))
         series.append(Series(100 * _SOC, ohm, state.name, state.style, state.role))
         bands.append(Band(100 * _SOC, ohm / ratio, ohm * ratio, f"95 % {state.name}", state.role))
@@ -90,15 +89,10 @@ def _before_and_after(means: Sequence[np.ndarray], stds: Sequence[np.ndarray]) -
 
 def _curve_V(battery: Battery) -> np.ndarray:
     """Mean open-circuit voltage at the temperature of the model."""
-    model = _model(battery)
+    model = battery.thevenin
     return np.asarray(model.ocv.mean_V(_SOC, model.reference_degC))
 
 
 def _log_resistance_std(battery: Battery, soc: Any) -> np.ndarray:
     """Standard deviation of the logarithm of the resistance, of all and of that at one SoC together."""
     return np.hypot(battery.noise.resistance_std, np.asarray(battery.noise.overpotential_share_at(soc)))
-
-
-def _model(battery: Battery) -> Thevenin:
-    assert battery.thevenin is not None
-    return battery.thevenin

@@ -11,7 +11,7 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log
-from ohmward.report import Band, Span, WallClock
+from ohmward.report import Band, Series, Span, WallClock
 from ohmward.report.figure import Meaning
 from ohmward.runs import runs
 
@@ -54,6 +54,20 @@ def lognormal_band_95(x: np.ndarray, mean: np.ndarray, std: np.ndarray, label: s
     known = np.where(mean > 0.0, mean, np.nan)
     factor = np.exp(np.minimum(BAND_95 * std / known, _WIDEST_LOGARITHM))
     return Band(x, known / factor, known * factor, label, role)
+
+
+def estimated(
+    x: np.ndarray,
+    mean: np.ndarray,
+    std: np.ndarray,
+    truth: np.ndarray | None = None,
+    limits: tuple[float, float] = (-np.inf, np.inf),
+) -> tuple[list[Series], list[Band]]:
+    """The line of an estimate, and of the reference where there is one; the 95 % band of the estimate."""
+    series = [Series(x, mean, "estimate", role="estimate")]
+    if truth is not None:
+        series.append(Series(x, truth, "reference", "dashed", "reference"))
+    return series, [band_95(x, mean, std, limits)]
 
 
 def spans_where(time_s: np.ndarray, condition: np.ndarray, label: str, role: Meaning) -> list[Span]:

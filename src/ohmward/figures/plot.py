@@ -2,62 +2,138 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import singledispatch
 from typing import Any
 
 import numpy as np
 
+from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
 from ohmward.figures import battery, slip
+from ohmward.filters.run import Run
+from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.log import Log
 from ohmward.report import TIME, Band, Figure, Map, Plot, Series
 from ohmward.traction.odometry.estimator import OdometryRun
 from ohmward.traction.speed_observer.estimator import SlipRun
 from ohmward.traction.terrain.slip_on_floors import FloorRun
 
 
-@singledispatch
-def plot(result: Any) -> Plot | Map:
-    """Figures of a result: what the `run` of an estimator returned.
+def plot(result: Any, *others: Any, truth: Any = None) -> Plot | Map:
+    """Figures of a log, a battery, or of what the `run` of an estimator returned.
 
-    A notebook shows it, `plot(result).save("figure.html")` writes it as a page that needs no network.
+    A notebook shows it, `plot(result).save("figure.html")` writes it: as a page that can be zoomed (.html), or as a
+    picture (.svg, .pdf, .png).
+
+    result: a log, a battery or a run.
+    others: further runs over the same log, by the same kind of estimator, drawn beside the first.
+    truth: (T,) what was estimated, in its unit: SoC in [0, 1], speed in m/s.
 
     Raises:
-        InputError: something else.
+        InputError: something else, runs of other kinds or lengths, or a truth of another length.
     """
-    raise InputError(f"plot needs what the run of an estimator returned, got {type(result).__name__}")
+    runs = [result, *others]
+    known = None if truth is None else np.asarray(truth, dtype=float)
+    lengths = {len(run.time_s) for run in runs if isinstance(run, Run)} | (set() if known is None else {known.size})
+    if others and (len({type(run) for run in runs}) > 1 or not isinstance(result, Run)):
+        raise InputError(f"plot draws runs of one kind together, got {', '.join(type(run).__name__ for run in runs)}")
+    if len(lengths) > 1:
+        raise InputError(f"plot draws runs over one log, and its truth: got {sorted(lengths)} samples")
+    drawn: Plot | Map = _plot(result) if known is None and not others else _beside(result, runs, known)
+    return drawn
 
 
-@plot.register
+@singledispatch
+def _plot(result: Any) -> Plot | Map:
+    raise InputError(
+        f"plot needs a log, a battery or what the run of an estimator returned, got {type(result).__name__}"
+    )
+
+
+@_plot.register
+def _(log: Log) -> Plot:
+    figures = [battery.current_figure(log), battery.voltage_figure(log), *battery.further_figures(log)]
+    return Plot(log.name, [*figures, battery.temperature_figure(log)] if log.temperature_degC is not None else figures)
+
+
+@_plot.register
+def _(log: DriveLog) -> Plot:
+    return Plot(log.name, slip.drive_figures(log))
+
+
+@_plot.register
+def _(found: Battery) -> Plot:
+    model = found.thevenin
+    return Plot(found.name, [battery.ocv_figure(model.ocv), battery.resistance_figure(model)])
+
+
+@_plot.register
 def _(result: SocRun) -> Plot:
     return Plot("State of charge", battery.run_figures(result))
 
 
-@plot.register
+@_plot.register
 def _(result: PackRun) -> Plot:
     return Plot("Cells of the pack", [battery.cells_soc_figure(result), battery.cells_difference_figure(result)])
 
 
-@plot.register
+@_plot.register
 def _(result: SlipRun) -> Plot:
     return Plot("Speed and slip", slip.run_figures(result))
 
 
-@plot.register
+@_plot.register
 def _(result: FloorRun) -> Plot:
     return Plot("Slip on floors", slip.floor_plots(result))
 
 
-@plot.register
+@_plot.register
 def _(result: OdometryRun) -> Map:
     return slip.path_map(result)
 
 
-@plot.register
+@_plot.register
 def _(result: RangeRun) -> Plot:
     return Plot("Range", range_figures(result))
+
+
+@singledispatch
+def _beside(result: Any, runs: Sequence[Any], truth: np.ndarray | None) -> Plot:
+    raise InputError(f"plot draws runs of charge and of slip beside others or a truth, not {type(result).__name__}")
+
+
+@_beside.register
+def _(result: SocRun, runs: Sequence[SocRun], truth: np.ndarray | None) -> Plot:
+    named = {name: run.estimates for name, run in _named(runs).items()}
+    figures = [battery.soc_comparison_figure(result, named, truth)] if len(runs) > 1 else []
+    if truth is not None and len(runs) > 1:
+        figures.append(battery.soc_errors_figure(result, named, truth))
+    if truth is not None and len(runs) == 1:
+        spans = battery.soc_flag_spans(result, result.flags)
+        figures = [battery.soc_figure(result, result.estimates, truth, spans), *battery.run_figures(result)[1:]]
+        figures.insert(1, battery.soc_error_figure(result, result.estimates, truth))
+    return Plot("State of charge", figures)
+
+
+@_beside.register
+def _(result: SlipRun, runs: Sequence[SlipRun], truth: np.ndarray | None) -> Plot:
+    figure = slip.speed_figure(result, truth_m_s=truth)
+    more = [Series(run.time_s, run.speed_m_s, name) for name, run in list(_named(runs).items())[1:]]
+    return Plot("Speed and slip", [replace(figure, series=[*figure.series, *more]), *slip.ground_figures(result)])
+
+
+def _named(runs: Sequence[Any]) -> dict[str, Any]:
+    """The runs by the names of their estimators, with a number where two have one name."""
+    names = [getattr(run, "label", "estimate") for run in runs]
+    return {
+        name if names.count(name) == 1 else f"{name} {names[:k].count(name) + 1}": run
+        for k, (name, run) in enumerate(zip(names, runs, strict=True))
+    }
 
 
 def range_figures(run: RangeRun) -> list[Figure]:

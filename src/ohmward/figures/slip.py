@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ohmward.figures.parts import band_95, flag_spans, spans_where
+from ohmward.figures.parts import band_95, estimated, flag_spans, spans_where
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.drive_log import DriveLog
+from ohmward.quantities import QUANTITIES
 from ohmward.report import TIME, Band, Figure, Line, Map, Marker, Series
 from ohmward.report.figure import Meaning
 from ohmward.traction.calibration import Calibration
@@ -55,6 +56,20 @@ def ground_figures(run: SlipRun, wheels: Sequence[str] = (), true_slip_m_s: np.n
     return figures
 
 
+def drive_figures(log: DriveLog) -> list[Figure]:
+    """Wheels, motors and body as they were logged; a quantity that was never measured has no figure."""
+    names = [f"wheel {k + 1}" for k in range(log.wheel_speed_rad_s.shape[1])]
+    currents = [(name, values) for name, values in zip(names, log.motor_current_A.T, strict=False)]
+    figures = [wheels_figure(log, names)]
+    series = [Series(log.time_s, values, name) for name, values in currents if np.isfinite(values).any()]
+    figures += [Figure("Motors", TIME, "Current [A]", series, height_px=200)] if series else []
+    for name in log.channels:
+        quantity = QUANTITIES[name]
+        line = [Series(log.time_s, getattr(log, name), "measured", role="background")]
+        figures.append(Figure(quantity.label, TIME, quantity.axis, line, height_px=160))
+    return figures
+
+
 def wheels_figure(log: DriveLog, wheels: Sequence[str]) -> Figure:
     """Speed of each wheel as it was logged; wheels: their names, in the order of the columns."""
     names = zip(wheels, log.wheel_speed_rad_s.T, strict=False)
@@ -69,27 +84,22 @@ def speed_figure(run: SlipRun, rolled_m_s: np.ndarray | None = None, truth_m_s: 
     rolled_m_s: (T,) speed that the wheels alone would show.  truth_m_s: (T,).
     """
     time_s, e = run.time_s, run.estimates
-    series = [Series(time_s, e.speed_m_s, "estimate", role="estimate")]
-    if truth_m_s is not None:
-        series.append(Series(time_s, truth_m_s, "reference", "dashed", "reference"))
+    series, bands = estimated(time_s, e.speed_m_s, e.speed_std_m_s, truth_m_s)
     limits = _around(*(s.y for s in series))
     if rolled_m_s is not None:
         series.insert(0, Series(time_s, rolled_m_s, "wheels, as if none slipped", role="background"))
-    band, spans = band_95(time_s, e.speed_m_s, e.speed_std_m_s), flag_spans(time_s, e.flags, FLAG_MEANINGS)
-    return Figure("Speed", TIME, "Speed [m/s]", series, [band], spans=spans, y_limits=limits, height_px=300)
+    spans = flag_spans(time_s, e.flags, FLAG_MEANINGS)
+    return Figure("Speed", TIME, "Speed [m/s]", series, bands, spans=spans, y_limits=limits, height_px=300)
 
 
 def slip_figure(run: SlipRun, k: int, wheel: str, truth_m_s: np.ndarray | None = None) -> Figure:
     """Slip speed of driven wheel k with its band and its alarms."""
     time_s, e = run.time_s, run.estimates
-    series = [Series(time_s, e.slip_speed_m_s[:, k], "estimate", role="estimate")]
-    if truth_m_s is not None:
-        series.append(Series(time_s, truth_m_s, "reference", "dashed", "reference"))
-    band = band_95(time_s, e.slip_speed_m_s[:, k], e.slip_speed_std_m_s[:, k])
+    curves = estimated(time_s, e.slip_speed_m_s[:, k], e.slip_speed_std_m_s[:, k], truth_m_s)
     alarms = spans_where(time_s, e.slipping[:, k] > 0.5, "slips", "alert")
     alarms += spans_where(time_s, e.immobilised > 0.5, "immobilised", "comparison")
     title = f"Slip, {wheel.replace('_', ' ')}"
-    return Figure(title, TIME, "Slip speed [m/s]", series, [band], spans=alarms, height_px=220)
+    return Figure(title, TIME, "Slip speed [m/s]", *curves, spans=alarms, height_px=220)
 
 
 def friction_figure(run: SlipRun) -> Figure:
@@ -102,9 +112,8 @@ def friction_figure(run: SlipRun) -> Figure:
 
 def grade_figure(run: SlipRun) -> Figure:
     """Grade of the ground, and whatever else disturbs the body as a grade would."""
-    grade, std = np.degrees(run.grade_rad), np.degrees(run.grade_std_rad)
-    series = [Series(run.time_s, grade, "estimate", role="estimate")]
-    return Figure("Grade", TIME, "Grade [degrees]", series, [band_95(run.time_s, grade, std)], height_px=180)
+    curves = estimated(run.time_s, np.degrees(run.grade_rad), np.degrees(run.grade_std_rad))
+    return Figure("Grade", TIME, "Grade [degrees]", *curves, height_px=180)
 
 
 def _around(*values: np.ndarray) -> tuple[float, float]:
@@ -144,18 +153,12 @@ def floor_plots(run: FloorRun, floors: Sequence[str] = (), wheels: Sequence[str]
 
     floors, wheels: their names; without them they are numbered.
     """
-    t, slip, std = run.time_s, 100 * run.travel_slip, 100 * run.travel_slip_std
     _, wheel_count, floor_count = run.floor_probability.shape
     floors = floors or [f"floor {k}" for k in range(floor_count)]
     wheels = wheels or [f"wheel {k}" for k in range(wheel_count)]
-    robot = Figure(
-        "Slip of the robot",
-        TIME,
-        "Slip [%]",
-        series=[Series(t, slip, "estimate", role="estimate")],
-        bands=[band_95(t, slip, std)],
-        markers=[Marker(c.time_s, "other floor", "alert") for c in run.crossings],
-    )
+    curves = estimated(run.time_s, 100 * run.travel_slip, 100 * run.travel_slip_std)
+    crossings = [Marker(crossing.time_s, "other floor", "alert") for crossing in run.crossings]
+    robot = Figure("Slip of the robot", TIME, "Slip [%]", *curves, markers=crossings)
     return [robot, *(floor_figure(run, k, wheel, floors) for k, wheel in enumerate(wheels))]
 
 

@@ -110,6 +110,11 @@ def inflate(belief: Belief, i: int, variance: Scalar) -> Belief:
     return Belief(belief.mean, belief.cov + extra)
 
 
+def widen(belief: Belief, i: int, variance: Scalar) -> Belief:
+    """The belief with a variance of element i that is at least this one."""
+    return inflate(belief, i, variance - belief.cov[i, i])
+
+
 def apply_gain(prior: Belief, innovation: Innovation, K: np.ndarray) -> Belief:
     """The prior corrected with the gain K (n, m): the filter's own, or zeros where the measurement is not used.
 

@@ -5,26 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntFlag
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
 from ohmward.filters.flags import count_flags
 from ohmward.optional import require
+from ohmward.rich_display import RichDisplay
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-#: Module that draws a run. It stands above and knows all kinds; it is loaded by its name, as a command is, so that a
-#: robot that never plots loads none of it.
-FIGURES = "ohmward.figures.plot"
 
 E = TypeVar("E", bound=tuple[Any, ...])
 
 
 @dataclass(frozen=True, eq=False)
-class Run(Generic[E]):
+class Run(RichDisplay, Generic[E]):
     """An estimator's answer to a whole log; the fields of the estimates are attributes too: `run.soc`."""
 
     time_s: np.ndarray  #: (T,) the log's
@@ -66,10 +62,6 @@ class Run(Generic[E]):
         pandas = require("pandas", "to_pandas")
         data = {**dict(columns(self.estimates)), "flags": self.flags}
         return pandas.DataFrame(data, index=pandas.Index(self.time_s, name="time_s"))
-
-    def plot(self) -> Any:
-        """Figures of the estimates with their 95 % bands: shown by a notebook, written by `plot().save("x.html")`."""
-        return import_module(FIGURES).plot(self)
 
 
 def columns(estimates: Any, prefix: str = "") -> Iterator[tuple[str, np.ndarray]]:

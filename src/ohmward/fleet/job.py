@@ -48,7 +48,7 @@ class Job:
     @property
     def digest(self) -> str:
         """Digest of the settings: another one for every job with other results."""
-        return _digest(self)
+        return _digest(asdict(self))
 
     def run(self, paths: Sequence[str]) -> list[dict[str, Any]]:
         """Rows of the logs, in the order of the paths; a log that cannot be used has its reason in `error`."""
@@ -90,9 +90,8 @@ def _write(folder: str | None, name: str, log: Log, found: SocEstimate) -> None:
         write_table(table, Path(folder) / f"{name}.estimates.parquet")
 
 
-def _digest(job: Any) -> str:
-    """Digest of the settings of a job; the logs of its robots are part of its items."""
-    settings = {name: value for name, value in asdict(job).items() if name != "robots"}
+def _digest(settings: Any) -> str:
+    """Digest of settings, as JSON knows them."""
     return hashlib.sha256(json.dumps(settings).encode()).hexdigest()[:16]
 
 
@@ -114,19 +113,19 @@ class _Dated(NamedTuple):
 class RobotJob:
     """An estimator and its settings, the same for every robot; its items are robots."""
 
-    battery: str  #: text of the battery file from which every robot begins
+    settings: Job  #: of every log; the initial state of charge is that of the first log of each robot
     robots: dict[str, list[str]]  #: robot -> its logs
-    filter: str = DEFAULT  #: name of the estimator
-    initial_soc: float | None = None  #: at the start of the first log of each; None takes it from the first voltage
-    initial_soc_std: float = 0.03  #: its standard deviation
-    reading: ReadOptions = field(default_factory=ReadOptions)  #: options of the reader
-    estimates: str | None = None  #: folder for the estimates of every log, one Parquet file each; None writes none
     batteries: str | None = None  #: folder for the file of each robot's battery as it was learnt; None writes none
 
     @property
     def digest(self) -> str:
         """Digest of the settings: another one for every job with other results; the logs are part of the items."""
-        return _digest(self)
+        return _digest([asdict(self.settings), self.batteries])
+
+    @property
+    def estimates(self) -> str | None:
+        """Folder for the estimates of every log."""
+        return self.settings.estimates
 
     @property
     def items(self) -> list[str]:
@@ -139,16 +138,16 @@ class RobotJob:
 
     def _robot(self, item: str) -> dict[str, Any]:
         robot = item.rpartition(" ")[0]
-        texts = self.robots[robot]
-        battery = BATTERY_FILE.parse(self.battery)
+        texts, job = self.robots[robot], self.settings
+        battery = BATTERY_FILE.parse(job.battery)
         rows: dict[str, dict[str, Any]] = {}
         logs = self._read(texts, battery, rows)
-        estimator = SocEstimator(make_estimator(self.filter, battery), self.initial_soc, self.initial_soc_std)
+        estimator = SocEstimator(make_estimator(job.filter, battery), job.initial_soc, job.initial_soc_std)
         for text, log, start_s in logs:
             # the clock of the robot, on which the estimator counts the pause since the log before
             on_clock = replace(log, time_s=log.time_s - log.time_s[0] + start_s)
             found = estimator.run(on_clock).estimates
-            _write(self.estimates, _file_name(Path(text).stem), log, found)
+            _write(job.estimates, _file_name(Path(text).stem), log, found)
             last_stds = {std: float(getattr(found, std)[-1]) for std in STD_OF.values()}
             stds = {std: value if math.isfinite(value) else None for std, value in last_stds.items()}
             warnings = [note.text for note in log.notes if note.level == "warning"]
@@ -163,7 +162,7 @@ class RobotJob:
         read: list[tuple[str, Log]] = []
         for text in texts:
             try:
-                log = check_log(read_one_of(text, self.reading, texts, battery), battery)
+                log = check_log(read_one_of(text, self.settings.reading, texts, battery), battery)
                 read.append((text, log))
             except OhmwardError as error:
                 rows[text] = failed(text, str(error))

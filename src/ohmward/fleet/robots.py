@@ -7,15 +7,12 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs.battery_columns import serial_column
-from ohmward.logs.battery_columns import text as as_text
 from ohmward.logs.hints import FileHints
 from ohmward.logs.read import open_table
-from ohmward.logs.selection import split_selection
-from ohmward.logs.table import MISSING, TableFile
+from ohmward.logs.selection import labels_in, split_selection
+from ohmward.logs.table import TableFile
 
 #: Ways to tell the robot beside the name of a column; the first tries the others in turn.
 AUTO, ALONE, SERIAL, NAME, FOLDER = "auto", "log", "serial", "name", "folder"
@@ -87,7 +84,10 @@ def _by_column(texts: Sequence[str], files: dict[str, TableFile], find: Find) ->
     left = []
     for text in texts:
         column = find(files[text].names) if text in files else None
-        values = [] if column is None else _values(files[text], column)
+        try:
+            values = [] if column is None else labels_in(files[text], column)
+        except OhmwardError:
+            values = []
         if not values:
             left.append(text)
         mark = "," if split_selection(text)[1] else ":"
@@ -96,17 +96,6 @@ def _by_column(texts: Sequence[str], files: dict[str, TableFile], find: Find) ->
     for text in left:
         robots.setdefault(_of_name(text), []).append(text)
     return robots
-
-
-def _values(file: TableFile, column: str) -> list[str]:
-    """The values of a column of labels, each once."""
-    try:
-        values = file.load({column}).columns.get(column, np.empty(0))
-    except OhmwardError:
-        return []
-    begins = np.concatenate([[True], values[1:] != values[:-1]])[: values.size]
-    found = dict.fromkeys(as_text(value) for value in values[begins])
-    return [value for value in found if value.lower() not in MISSING]
 
 
 def _robot_column(names: tuple[str, ...]) -> str | None:

@@ -12,7 +12,8 @@ import numpy as np
 from ohmward.logs.channels import CURRENT, VOLTAGE, Channel, letters, word_set
 from ohmward.logs.columns import Column, find_column
 from ohmward.logs.read import open_table
-from ohmward.logs.table import MISSING, Note, Table, TableFile, numbers
+from ohmward.logs.selection import labels_in
+from ohmward.logs.table import Note, Table, TableFile, numbers
 from ohmward.logs.units import UNITS, Unit, split_unit, unit_in_name
 
 #: The sum of the cells and the voltage of the pack are measured by different converters, and the wires between them
@@ -334,14 +335,4 @@ def serial_numbers(
         return ()
     if column in (where or {}):
         return ((column, str((where or {})[column])),)
-    values = file.load({column}).columns[column]
-    changes = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
-    found = dict.fromkeys(text(value) for value in values[changes])
-    return tuple((column, value) for value in found if value.lower() not in MISSING)
-
-
-def text(value: Any) -> str:
-    """A serial number as text: whole numbers without a decimal point."""
-    if isinstance(value, float | np.floating) and float(value).is_integer():
-        return str(int(value))
-    return str(value).strip()
+    return tuple((column, label) for label in labels_in(file, column))

@@ -86,16 +86,23 @@ def find_marks(columns: Sequence[Sequence[str]], delimiter: str) -> Marks | None
     return Marks(decimal_comma=True)
 
 
-def parse_cells(cells: Sequence[str], marks: Marks, unit: Unit | None) -> np.ndarray | None:
-    """(T,) float64 of cells with units and marks, in `unit`; None where a cell is no number.
+def parse_cells(cells: Sequence[str], marks: Marks, unit: Unit | None = None) -> np.ndarray:
+    """(T,) float64 where every cell is a number, perhaps with a unit, or missing; else the text as dtype object.
 
     unit: of the column; cells in another one of its dimension are converted.
     """
+    if not marks.thousands:
+        numbers = [cell.replace(",", ".") for cell in cells] if marks.decimal_comma else cells
+        for read in (float, number):
+            try:
+                return np.fromiter(map(read, numbers), float, len(numbers))
+            except ValueError:
+                pass
     values = np.empty(len(cells))
     for row, cell in enumerate(cells):
         value = _value(cell, marks, unit)
         if value is None:
-            return None
+            return np.array(cells, dtype=object)
         values[row] = value
     return values
 

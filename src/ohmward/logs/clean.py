@@ -173,6 +173,14 @@ def find_gaps(time_s: np.ndarray) -> np.ndarray:
     return long[intervals[long] > _GAP_FACTOR * np.maximum(around[long], around[long + 2])]
 
 
+def on_lines(at_s: np.ndarray, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values (N,) at times (N,) on straight lines between samples (T,); NaN within gaps and outside of them."""
+    found = np.interp(at_s, time_s, values, left=np.nan, right=np.nan)
+    for gap in find_gaps(time_s):
+        found[(at_s > time_s[gap]) & (at_s < time_s[gap + 1])] = np.nan
+    return found
+
+
 def gap_notes(time_s: np.ndarray) -> tuple[Note, ...]:
     """A note on the gaps in the time (T,) [s] and the longest of them, if there are any."""
     gaps = find_gaps(time_s)

@@ -12,6 +12,7 @@ from ohmward.errors import InputError
 from ohmward.logs.channels import TIME, letters
 from ohmward.logs.columns import Column
 from ohmward.logs.dates import (
+    DAY_S,
     EXCEL_DAYS,
     Dates,
     duration_s,
@@ -33,13 +34,12 @@ from ohmward.logs.units import UNITS
 _UNIX_S = (946_684_800.0, 4_102_444_800.0)
 #: Numbers like 20260328091500.
 _COMPACT = (2.0e13, 2.1e13)
-_DAY_S = 86400.0
 #: A time of day that falls by more than this has gone over midnight.
-_OVER_MIDNIGHT_S = 0.9 * _DAY_S
+_OVER_MIDNIGHT_S = 0.9 * DAY_S
 #: A clock that jumps by this was set.
-_SET_FROM_S = 365.0 * _DAY_S
+_SET_FROM_S = 365.0 * DAY_S
 #: Serial dates a hundred seconds apart at most; as seconds they would be a hundred thousandth of that.
-_SERIAL_STEP = 100.0 / _DAY_S
+_SERIAL_STEP = 100.0 / DAY_S
 
 
 class Clock(NamedTuple):
@@ -108,12 +108,12 @@ def _set_at_boot(clock: Clock, name: str) -> Clock:
     since_new_year_s = (begin - begin.astype("M8[Y]").astype("M8[s]")) / np.timedelta64(1, "s")
     jump_s = float(steps[last] - np.median(steps))
     start_unix_s = (clock.start_unix_s or 0.0) + jump_s
-    if end_s - begin_s > _DAY_S or since_new_year_s > 2 * _DAY_S or not _is_unix(start_unix_s):
+    if end_s - begin_s > DAY_S or since_new_year_s > 2 * DAY_S or not _is_unix(start_unix_s):
         return clock
     time_s = clock.time_s.copy()
     time_s[known[last + 1] :] -= jump_s
     text = (
-        f"column {name!r}: the clock jumps by {jump_s / (365.25 * _DAY_S):.1f} years after {end_s - begin_s:g} s: set "
+        f"column {name!r}: the clock jumps by {jump_s / (365.25 * DAY_S):.1f} years after {end_s - begin_s:g} s: set "
         f"after the start at {begin}; the rows before are joined to those after it"
     )
     return clock._replace(
@@ -249,10 +249,10 @@ def _each(table: Table, column: Column, cells: Any, read: Callable[[str], float]
 def _over_midnight(table: Table, column: Column, seconds: np.ndarray) -> Clock:
     """Seconds of durations, or of times of day; the next day where they fall by almost one."""
     days = np.cumsum(np.concatenate([[0.0], np.diff(np.where(np.isfinite(seconds), seconds, 0.0)) < -_OVER_MIDNIGHT_S]))
-    if not np.isfinite(seconds).all() or not days.any() or np.nanmax(seconds) >= _DAY_S:
+    if not np.isfinite(seconds).all() or not days.any() or np.nanmax(seconds) >= DAY_S:
         return Clock(seconds, None)
     note = Note(f"column {column.name!r} holds times of day: it goes over midnight", "warning")
-    return Clock(seconds + _DAY_S * days, None, (note,))
+    return Clock(seconds + DAY_S * days, None, (note,))
 
 
 def _from_dates(table: Table, column: Column, dates: Dates, hints: FileHints, what: str, first: object = None) -> Clock:

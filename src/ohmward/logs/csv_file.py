@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import gzip
 import zlib
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from itertools import islice
 from operator import itemgetter
@@ -15,12 +15,11 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs import csv_arrow
-from ohmward.logs.cells import Marks, is_value, parse_cells
+from ohmward.logs.cells import is_value, parse_cells
 from ohmward.logs.csv_layout import CsvLayout, bytes_read, find_layout, known_table, lines_of, open_text, skip_preamble
 from ohmward.logs.header import is_data
 from ohmward.logs.hints import FileHints
-from ohmward.logs.table import Note, Progress, Table, TableFile, counted, number, row_numbers
-from ohmward.logs.units import Unit
+from ohmward.logs.table import Note, Progress, Table, TableFile, counted, row_numbers
 
 _BLOCK_ROWS = 50_000
 
@@ -77,7 +76,7 @@ def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | 
         lines.append(line)
         for name in names:
             cells = list(map(itemgetter(layout.names.index(name)), rows))
-            columns[name].append(_parse(cells, layout.marks, layout.units.get(name)))
+            columns[name].append(parse_cells(cells, layout.marks, layout.units.get(name)))
     if not lines:
         raise InputError(f"{path.name}: there is a header but no rows below it; a log needs samples")
     joined = {name: _join(blocks) for name, blocks in columns.items()}
@@ -140,19 +139,6 @@ def _repair(
                 "repair or delete the line (a text with the delimiter in it needs quotes)"
             )
     return rows, line
-
-
-def _parse(cells: Sequence[str], marks: Marks, unit: Unit | None = None) -> np.ndarray:
-    """(T,) float64 where every cell is a number or missing, else the text as dtype object."""
-    if not marks.thousands:
-        numbers = [cell.replace(",", ".") for cell in cells] if marks.decimal_comma else cells
-        for read in (float, number):
-            try:
-                return np.fromiter(map(read, numbers), float, len(numbers))
-            except ValueError:
-                pass
-    values = parse_cells(cells, marks, unit)
-    return np.array(cells, dtype=object) if values is None else values
 
 
 def _join(blocks: list[np.ndarray]) -> np.ndarray:

@@ -216,10 +216,6 @@ class _LimitedGzip(gzip.GzipFile):
         super().__init__(path, mode)
         self.packed: Any = self.fileobj
 
-    def readinto(self, target: Any) -> int:
-        self._require_log()
-        return super().readinto(target)
-
     def read(self, size: int | None = -1) -> bytes:
         self._require_log()
         return super().read(size)

@@ -18,7 +18,7 @@ from ohmward.logs.table import can_read
 from ohmward.runs import runs
 
 _EPOCH = date(1970, 1, 1).toordinal()
-_DAY_S = 86400.0
+DAY_S = 86400.0
 _TIME = re.compile(
     r"(?:^|[\sT_,:])(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d(?:[.,:]\d+)?))?\s*(?P<half>[AaPp])?(?(half)\.?[Mm]\.?)"
     r"\s*(?P<zone>Z|UTC|GMT|[+-]\d\d:?\d\d)?(?=$|\s)"
@@ -38,7 +38,7 @@ _ISO_DURATION = re.compile(r"^\s*P(?:(\d+)D)?(?:T(?:(\d+)H)?(?:(\d+)M)?(?:(\d+(?
 #: Orders of three numbers; the year first only of two digits each, without points between them.
 _ORDERS = ("dmy", "mdy", "ymd")
 #: A column of days since this one holds serial dates of Excel, of the years 1955 to 2118.
-_EXCEL_ZERO_S = (date(1899, 12, 30).toordinal() - _EPOCH) * _DAY_S
+_EXCEL_ZERO_S = (date(1899, 12, 30).toordinal() - _EPOCH) * DAY_S
 EXCEL_DAYS = (20_000.0, 80_000.0)
 
 
@@ -60,7 +60,7 @@ class Dates(NamedTuple):
 
 def from_excel(days: np.ndarray) -> np.ndarray:
     """(T,) seconds since 1970 of serial dates, to the millisecond."""
-    return np.round((days * _DAY_S + _EXCEL_ZERO_S) * 1e3) / 1e3
+    return np.round((days * DAY_S + _EXCEL_ZERO_S) * 1e3) / 1e3
 
 
 def from_compact(values: np.ndarray) -> np.ndarray | None:
@@ -79,10 +79,10 @@ def duration_s(cell: str) -> float:
     """
     if found := _DURATION.match(cell):
         d, h, m, s = found.group("d", "h", "m", "s")
-        return _DAY_S * int(d or 0) + 3600.0 * int(h) + 60.0 * int(m) + float(s.replace(",", "."))
+        return DAY_S * int(d or 0) + 3600.0 * int(h) + 60.0 * int(m) + float(s.replace(",", "."))
     if (found := _ISO_DURATION.match(cell)) and any(found.groups()):
         d, h, m, s = (float(part or 0) for part in found.groups())
-        return _DAY_S * d + 3600.0 * h + 60.0 * m + s
+        return DAY_S * d + 3600.0 * h + 60.0 * m + s
     raise ValueError(cell)
 
 
@@ -127,7 +127,7 @@ def _read_any(cells: Sequence[str]) -> Dates:
     days = dict.fromkeys(moment.day for moment in known)
     halves = any(re.search(r"[AaPp]\.?[Mm]", cell) for cell in cells[:3])
     number, certain = _day_numbers(list(days), halves, [(moment.day, moment.second) for moment in known])
-    seconds = [np.nan if m is None else _DAY_S * number[m.day] + m.second for m in moments]
+    seconds = [np.nan if m is None else DAY_S * number[m.day] + m.second for m in moments]
     return Dates(np.array(seconds), all(m.is_utc for m in known), certain)
 
 
@@ -180,7 +180,7 @@ def _day_numbers(
         raise ValueError(days[0])
     if halves and "mdy" in read:
         return read["mdy"], True
-    seconds = {order: [_DAY_S * number[day] + second for day, second in moments] for order, number in read.items()}
+    seconds = {order: [DAY_S * number[day] + second for day, second in moments] for order, number in read.items()}
     step = {order: np.abs(np.diff(of_order)).max(initial=0.0) for order, of_order in seconds.items()}
     best = [order for order in read if step[order] == min(step.values())]
     first = read[best[0]]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Generic, Literal, TypeVar
+from typing import Generic, Literal, TypeVar, get_args
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ohmward.logs.log import SECONDS_PER_HOUR, Log, LogSource, as_log
 from ohmward.logs.plausible import YEAR_S
 from ohmward.logs.sign import OTHER_SIGN, WRONG_SIGN, resolution, sign_evidence, spread
 from ohmward.logs.table import counted
-from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
+from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, QUANTITIES
 from ohmward.runs import runs
 
 # A rest: less than this fraction of the largest current, for at least this time.
@@ -223,10 +223,8 @@ def _charge_Ah(log: Log, sign: float) -> float:
 
 
 S = TypeVar("S", Survey, DriveSurvey)
-Severity = Literal["info", "warning", "error"]
-
-#: Longest interval [s] of a drive that shows slip.
-SLOW_DRIVE_S = 0.2
+Severity = Literal["error", "warning", "info"]
+_SEVERITIES: tuple[Severity, ...] = get_args(Severity)
 
 
 @dataclass(frozen=True)
@@ -250,21 +248,14 @@ class Findings(Generic[S]):
     @property
     def worst(self) -> Severity:
         """The highest severity among the findings; "info" without findings."""
-        severities = {finding.severity for finding in self.findings}
-        return "error" if "error" in severities else "warning" if "warning" in severities else "info"
+        return min((finding.severity for finding in self.findings), key=_SEVERITIES.index, default="info")
 
 
 def examine(log: LogSource) -> Findings[Survey]:
     """Survey a log, or that of a path or DataFrame, and list everything suspicious in it, errors first."""
     log = as_log(log)
     found = survey(log)
-    findings = [finding for check in _CHECKS for finding in check(found)]
-    return Findings(
-        name=log.name,
-        survey=found,
-        findings=_in_order(findings),
-        notes=tuple(str(note) for note in log.notes),
-    )
+    return _findings(log, found, _faults_of_battery(found))
 
 
 def examine_drive(log: DriveLog, places: Sequence[str]) -> Findings[DriveSurvey]:
@@ -273,35 +264,30 @@ def examine_drive(log: DriveLog, places: Sequence[str]) -> Findings[DriveSurvey]
     places: names of the wheels, driven ones first.
     """
     found = survey_drive(log, places)
-    findings = [finding for check in _DRIVE_CHECKS for finding in check(found)]
-    return Findings(log.name, found, _in_order(findings), tuple(str(note) for note in log.notes))
+    return _findings(log, found, _faults_of_drive(found))
 
 
-def _in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Errors, then warnings, then the rest."""
-    order = ("error", "warning", "info")
-    return tuple(sorted(findings, key=lambda finding: order.index(finding.severity)))
+def _findings(log: Log | DriveLog, found: S, faults: Iterable[Finding]) -> Findings[S]:
+    """The examination of a log: errors first, then warnings, then the rest."""
+    in_order = sorted(faults, key=lambda finding: _SEVERITIES.index(finding.severity))
+    return Findings(log.name, found, tuple(in_order), tuple(map(str, log.notes)))
 
 
-def _check_wheels(s: DriveSurvey) -> Iterator[Finding]:
-    if all(wheel.minimum == wheel.maximum == 0.0 for wheel in s.wheels.values()):
+def _faults_of_drive(s: DriveSurvey) -> Iterator[Finding]:
+    """What keeps speed, slip and pose from being known."""
+    still = {name: wheel.minimum for name, wheel in s.wheels.items() if wheel.minimum == wheel.maximum}
+    if len(still) == len(s.wheels) and not any(still.values()):
         yield Finding("error", "no wheel ever turns", "check the columns of the wheels and the encoders")
-        return
-    for name, wheel in s.wheels.items():
-        if wheel.minimum == wheel.maximum:
-            yield Finding("warning", f"the wheel {name} never changes ({wheel.minimum:g} rad/s)", "check its encoder")
-
-
-def _check_drive_sampling(s: DriveSurvey) -> Iterator[Finding]:
-    if s.sampling.median_s > SLOW_DRIVE_S:
+        still = {}
+    for name, speed_rad_s in still.items():
+        yield Finding("warning", f"the wheel {name} never changes ({speed_rad_s:g} rad/s)", "check its encoder")
+    if s.sampling.median_s > 1.0 / QUANTITIES["wheel_speed_rad_s"].least_hz:
         yield Finding(
             "warning",
             f"one sample every {s.sampling.median_s:g} s",
             "a wheel slips for tenths of a second; log the wheels at 20 Hz or faster",
         )
-
-
-def _check_slip_sensors(s: DriveSurvey) -> Iterator[Finding]:
+    yield from _gaps(s.sampling)
     if not s.motors and "speed_m_s" not in s.body:
         yield Finding(
             "warning",
@@ -312,8 +298,42 @@ def _check_slip_sensors(s: DriveSurvey) -> Iterator[Finding]:
         yield Finding("info", "no gyro", "the heading then follows from the wheels, and drifts; log the yaw rate")
 
 
-def _check_voltage(s: Survey) -> Iterator[Finding]:
-    low, high = s.voltage.minimum, s.voltage.maximum
+def _faults_of_battery(s: Survey) -> Iterator[Finding]:
+    """What keeps a model from being identified, or the charge from being known."""
+    yield from _faults_of_voltage(s.voltage)
+    yield from _faults_of_current(s)
+    yield from _faults_of_sampling(s)
+    yield from _gaps(s.sampling)
+    for name, signal in (("current", s.current), ("voltage", s.voltage)):
+        if signal.missing:
+            text = lacking(signal.missing, s.samples, name)
+            yield Finding("warning", text, "estimators skip them; find out why the sensor was silent")
+    offset = s.activity.rest_current_A
+    drift_Ah = abs(offset or 0.0) * s.duration_s / 3600.0
+    if offset is not None and drift_Ah > 0.01 * (s.activity.charge_in_Ah + s.activity.charge_out_Ah):
+        yield Finding(
+            "warning",
+            f"the current at rest reads {offset:g} A, which adds up to {drift_Ah:.2g} Ah over the log",
+            "an idle draw, or an offset of the sensor, by which coulomb counting drifts; let the filter estimate it",
+        )
+    finer = "use a finer sensor or range; small changes cannot be seen"
+    # a pulse test has few levels of current by intention
+    if s.current.levels >= 8 and s.current.resolution > 0.02 * _largest_A(s):
+        yield Finding("warning", f"the current has steps of {s.current.resolution:g} A, over 2 % of its largest", finer)
+    if s.voltage.resolution > 0.02 * (s.voltage.maximum - s.voltage.minimum):
+        yield Finding("warning", f"the voltage has steps of {s.voltage.resolution:g} V, over 2 % of its range", finer)
+    if s.temperature is None:
+        yield Finding("info", "no temperature", "resistance and capacity depend on it; record it if you can")
+    elif s.temperature.maximum > HOTTEST_DEGC or s.temperature.minimum < COLDEST_DEGC:
+        yield Finding(
+            "error",
+            f"temperatures from {s.temperature.minimum:g} to {s.temperature.maximum:g} degC",
+            "kelvin or degrees Fahrenheit? use --unit temperature=K",
+        )
+
+
+def _faults_of_voltage(voltage: Signal) -> Iterator[Finding]:
+    low, high = voltage.minimum, voltage.maximum
     if high > 1500.0:
         yield Finding("error", f"voltages up to {high:g} V", "millivolts? use --unit voltage=mV")
     elif low < 0.0:
@@ -324,7 +344,8 @@ def _check_voltage(s: Survey) -> Iterator[Finding]:
         yield Finding("error", f"the voltage never changes ({low:g} V)", "the sensor or the column is dead; check both")
 
 
-def _check_current(s: Survey) -> Iterator[Finding]:
+def _faults_of_current(s: Survey) -> Iterator[Finding]:
+    """Faults of its size, its changes and its sign."""
     if _largest_A(s) > 1500.0:
         yield Finding("warning", f"currents up to {_largest_A(s):g} A", "milliamperes? use --unit current=mA")
     if s.current.maximum - s.current.minimum <= 0.01 * _largest_A(s):
@@ -339,9 +360,6 @@ def _check_current(s: Survey) -> Iterator[Finding]:
             "the current has no edges: resistances cannot be told from the open-circuit voltage",
             "record a log with steps of the current, for example a pulse test",
         )
-
-
-def _check_sign(s: Survey) -> Iterator[Finding]:
     if s.sign.verdict == "discharge":
         yield Finding("error", WRONG_SIGN, OTHER_SIGN)
     elif s.sign.verdict == "undecidable":
@@ -350,7 +368,7 @@ def _check_sign(s: Survey) -> Iterator[Finding]:
         )
 
 
-def _check_sampling(s: Survey) -> Iterator[Finding]:
+def _faults_of_sampling(s: Survey) -> Iterator[Finding]:
     if s.samples < 100:
         yield Finding("warning", f"only {counted(s.samples, 'sample')}", "longer logs give estimates worth having")
     if s.sampling.median_s > 10.0:
@@ -367,81 +385,21 @@ def _check_sampling(s: Survey) -> Iterator[Finding]:
         )
 
 
-def _check_gaps(s: Survey | DriveSurvey) -> Iterator[Finding]:
-    if s.sampling.longest_gap_s > YEAR_S:
+def _gaps(sampling: Sampling) -> Iterator[Finding]:
+    """A finding on the gaps of any log."""
+    if sampling.longest_gap_s > YEAR_S:
         yield Finding(
             "error",
-            f"a gap of {s.sampling.longest_gap_s / YEAR_S:.1f} years",
+            f"a gap of {sampling.longest_gap_s / YEAR_S:.1f} years",
             "the clock was set while the log ran; keep one side of the gap",
         )
-    elif s.sampling.gaps:
+    elif sampling.gaps:
         yield Finding(
-            "warning" if s.sampling.longest_gap_s > 60.0 else "info",
-            f"{counted(s.sampling.gaps, 'gap')} without samples, the longest {s.sampling.longest_gap_s:g} s",
+            "warning" if sampling.longest_gap_s > 60.0 else "info",
+            f"{counted(sampling.gaps, 'gap')} without samples, the longest {sampling.longest_gap_s:g} s",
             "charge that flowed there is only guessed; estimates are less sure after a gap",
-        )
-
-
-def _check_missing(s: Survey) -> Iterator[Finding]:
-    for name, signal in (("current", s.current), ("voltage", s.voltage)):
-        if signal.missing:
-            yield Finding(
-                "warning",
-                lacking(signal.missing, s.samples, name),
-                "estimators skip them; find out why the sensor was silent",
-            )
-
-
-def _check_offset(s: Survey) -> Iterator[Finding]:
-    offset = s.activity.rest_current_A
-    drift_Ah = abs(offset or 0.0) * s.duration_s / 3600.0
-    throughput_Ah = s.activity.charge_in_Ah + s.activity.charge_out_Ah
-    if offset is not None and drift_Ah > 0.01 * throughput_Ah:
-        yield Finding(
-            "warning",
-            f"the current at rest reads {offset:g} A, which adds up to {drift_Ah:.2g} Ah over the log",
-            "an idle draw, or an offset of the sensor, by which coulomb counting drifts; let the filter estimate it",
-        )
-
-
-def _check_resolution(s: Survey) -> Iterator[Finding]:
-    finer = "use a finer sensor or range; small changes cannot be seen"
-    # a pulse test has few levels of current by intention
-    if s.current.levels >= 8 and s.current.resolution > 0.02 * _largest_A(s):
-        yield Finding("warning", f"the current has steps of {s.current.resolution:g} A, over 2 % of its largest", finer)
-    if s.voltage.resolution > 0.02 * (s.voltage.maximum - s.voltage.minimum):
-        yield Finding("warning", f"the voltage has steps of {s.voltage.resolution:g} V, over 2 % of its range", finer)
-
-
-def _check_temperature(s: Survey) -> Iterator[Finding]:
-    if s.temperature is None:
-        yield Finding("info", "no temperature", "resistance and capacity depend on it; record it if you can")
-    elif s.temperature.maximum > HOTTEST_DEGC or s.temperature.minimum < COLDEST_DEGC:
-        yield Finding(
-            "error",
-            f"temperatures from {s.temperature.minimum:g} to {s.temperature.maximum:g} degC",
-            "kelvin or degrees Fahrenheit? use --unit temperature=K",
         )
 
 
 def _largest_A(s: Survey) -> float:
     return max(abs(s.current.minimum), abs(s.current.maximum))
-
-
-_CHECKS: tuple[Callable[[Survey], Iterator[Finding]], ...] = (
-    _check_voltage,
-    _check_current,
-    _check_sign,
-    _check_sampling,
-    _check_gaps,
-    _check_missing,
-    _check_offset,
-    _check_resolution,
-    _check_temperature,
-)
-_DRIVE_CHECKS: tuple[Callable[[DriveSurvey], Iterator[Finding]], ...] = (
-    _check_wheels,
-    _check_drive_sampling,
-    _check_gaps,
-    _check_slip_sensors,
-)

@@ -1,7 +1,9 @@
-"""The log of a drive: wheels, motors and the body's sensors in SI units, and its reader."""
+"""The log of a drive: wheels, motors and the body's sensors in SI units, and its reader, which mends the currents."""
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
@@ -10,17 +12,31 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.clean import gap_notes
-from ohmward.logs.drive_channels import DriveChannels, drive_channels, to_numbers
+from ohmward.logs.channels import BODY as BODY_CHANNELS
+from ohmward.logs.channels import MOTOR_CURRENT, WHEEL, WHEEL_SPEED, channel_of
+from ohmward.logs.clean import finite, gap_notes, on_lines
+from ohmward.logs.columns import Column
 from ohmward.logs.frame import to_frame
 from ohmward.logs.hints import FileHints
 from ohmward.logs.plausible import require_plausible_drive
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
-from ohmward.logs.table import Note, TableFile, counted, with_sample_time
+from ohmward.logs.table import Note, Table, TableFile, counted, numbers, with_sample_time
 from ohmward.logs.time_series import TimeSeries
-from ohmward.logs.wheel_columns import Wheels, find_drive_columns
-from ohmward.logs.wheel_speed import Mechanics
+from ohmward.logs.wheel_columns import Found, Wheels, find_drive_columns
+from ohmward.logs.wheel_speed import Mechanics, rate_of_change, unit_notes, unit_of_channel, wheel_speed, without_bursts
 from ohmward.quantities import BODY, QUANTITIES
+
+#: A current that pulls backwards for this fraction of the samples must once be negative.
+_BACKWARD_FRACTION = 0.05
+
+#: Currents present in less than nine of ten rows with wheel speeds come at a rate of their own.
+_OWN_RATE_FRACTION = 0.9
+
+#: A heading counts clockwise where the gyro has turned by this standard deviation [rad] at least, and the heading by at
+#: least this share of it the other way.
+_TURNED_RAD, _CLOCKWISE = 0.3, 0.5
+
+Mended = tuple[np.ndarray, list[Note]]
 
 #: A `DriveLog`, or a path or DataFrame of one.
 DriveSource: TypeAlias = "DriveLog | str | PathLike[str] | Any"
@@ -147,14 +163,12 @@ def read_drive(
     file = with_sample_time(open_table(source, hints).part("drive", where))
     found = find_drive_columns(file.source, file.names, wheels, file.given(columns), units, leave)
     wanted = Wanted(where or {}, extra, sort_time)
-    rows = read_recording(file, found.columns, wanted, lambda table: to_numbers(table, found.columns))
-    channels = drive_channels(rows.table, found, wheels, mechanics)
-    require_plausible_drive(file.source, found.columns["time"], channels.time_s, rows.guessed_unit)
+    rows = read_recording(file, found.columns, wanted, lambda table: _to_numbers(table, found.columns))
     order: tuple[Note, ...] = ()
     if found.by_number and not all(any(c.isdigit() for c in place) for place in wheels.places):
         text = f"wheels told by their numbers, in the robot's order: {', '.join(wheels.places)}; check it"
         order = (Note(text, "warning"),)
-    return _as_log(file, rows, channels, order).part(file.hints)
+    return _as_log(file, rows, found, wheels, mechanics, order).part(file.hints)
 
 
 def as_drive(source: DriveSource, robot: Any) -> DriveLog:
@@ -166,31 +180,51 @@ def as_drive(source: DriveSource, robot: Any) -> DriveLog:
     return source if isinstance(source, DriveLog) else read_drive(source, robot)
 
 
-def _as_log(file: TableFile, rows: RecordedTable, channels: DriveChannels, order: Sequence[Note]) -> DriveLog:
-    """The log of the rows in which something was measured; InputError where there is none."""
-    measured = channels.measured
-    if not measured.any():
+def _as_log(
+    file: TableFile, rows: RecordedTable, found: Found, wheels: Wheels, mechanics: Mechanics, order: Sequence[Note]
+) -> DriveLog:
+    """The log of the rows in which something was measured, everything in SI units, the motors' currents mended.
+
+    Raises:
+        InputError: there is no such row, or a wheel's speed needs a radius or counts per turn that are not given.
+    """
+    table = rows.table
+    measured = [q for q in wheels.quantities[1:] if q in found.columns and found.columns[q].name in table.columns]
+    columns = {quantity: found.columns[quantity] for quantity in measured}
+    time_s, burst_notes = without_bursts(table, table.columns[found.columns["time"].name], columns, mechanics)
+    channels, conversion_notes = _in_si(table, time_s, columns, mechanics)
+    require_plausible_drive(file.source, found.columns["time"], time_s, rows.guessed_unit)
+    speed_rad_s, turn_notes = _at_once(time_s, _side_by_side(channels, wheels.of(WHEEL_SPEED), time_s))
+    current_A = _side_by_side(channels, wheels.of(MOTOR_CURRENT), time_s)
+    names = [columns[q].name if q in columns else "" for q in wheels.of(MOTOR_CURRENT).values()]
+    current_A, shared = _share(current_A, names)
+    current_A, signed = _sign(current_A, speed_rad_s[:, : wheels.driven])
+    current_A, bridged = _bridge(time_s, current_A, np.isfinite(speed_rad_s).any(axis=1), wheels.driven_places)
+    body = {channel.name: channels[channel.name] for channel in BODY_CHANNELS if channel.name in channels}
+    notes = [*unit_notes(columns, mechanics), *conversion_notes, *burst_notes, *turn_notes]
+    notes += [*_use_angles(time_s, body), *shared, *signed, *bridged]
+    is_measured = np.isfinite(np.column_stack([speed_rad_s, current_A, *body.values()])).any(axis=1)
+    if not is_measured.any():
         raise InputError(f"{file.source}: no row has the speed of a wheel or anything else that the robot measured")
-    notes = [*rows.table.notes, *channels.notes]
-    if not measured.all():
-        notes.append(Note(f"{counted(int((~measured).sum()), 'row')} in which nothing was measured: dropped"))
-    known = [quantity for quantity in QUANTITIES.values() if quantity.owner == "body"]
-    body = {quantity.field: channels.body[quantity.channel] for quantity in known if quantity.channel in channels.body}
+    if not is_measured.all():
+        notes.append(Note(f"{counted(int((~is_measured).sum()), 'row')} in which nothing was measured: dropped"))
+    of_body = [quantity for quantity in QUANTITIES.values() if quantity.owner == "body" and quantity.channel in body]
+    values = {quantity.field: body[quantity.channel] for quantity in of_body}
     log = DriveLog(
         name=file.stem,
-        time_s=channels.time_s,
-        wheel_speed_rad_s=channels.wheel_speed_rad_s,
-        motor_current_A=channels.motor_current_A,
-        **{name: values for name, values in body.items() if name in BODY},
+        time_s=time_s,
+        wheel_speed_rad_s=speed_rad_s,
+        motor_current_A=current_A,
+        **{name: column for name, column in values.items() if name in BODY},
         extra={
-            **{name: values for name, values in body.items() if name not in BODY},
-            **{name: values for name, values in rows.table.columns.items() if name not in rows.own},
+            **{name: column for name, column in values.items() if name not in BODY},
+            **{name: column for name, column in table.columns.items() if name not in rows.own},
         },
-        notes=(*notes, *order, *channels.absent, *gap_notes(channels.time_s)),
+        notes=(*table.notes, *notes, *order, *_absent_notes(columns, wheels), *gap_notes(time_s)),
         start_unix_s=rows.start_unix_s,
         time_zone=rows.time_zone,
     )
-    return log.select(measured)
+    return log.select(is_measured)
 
 
 def _wheels(robot: Any, driven: int | None) -> Wheels:
@@ -204,3 +238,128 @@ def _wheels(robot: Any, driven: int | None) -> Wheels:
             f"read_drive(path, ('left', 'right', 'castor'), 2); got {robot!r:.60} and driven={driven!r}"
         )
     return Wheels(names, driven)
+
+
+def _to_numbers(table: Table, columns: Mapping[str, Column]) -> Table:
+    """The columns of all channels but the time as float64.
+
+    Raises:
+        InputError: text where a number must stand; names the line.
+    """
+    names = {column.name for quantity, column in columns.items() if quantity != "time"}
+    return table.with_columns({name: numbers(table, name) for name in names})
+
+
+def _share(current_A: np.ndarray, columns: Sequence[str]) -> Mended:
+    """Even shares of each current that is that of several motors; columns: name of that of each, "" for none."""
+    shared = {name: count for name, count in Counter(columns).items() if name and count > 1}
+    notes = [Note(f"{name!r} is the current of {count} wheels: shared evenly") for name, count in shared.items()]
+    return current_A / np.array([shared.get(name, 1) for name in columns]), notes
+
+
+def _sign(current_A: np.ndarray, speed_rad_s: np.ndarray) -> Mended:
+    """Currents with the sign of their wheel where none is ever negative although wheels turn backwards."""
+    backward = speed_rad_s < 0
+    often = ((backward & (current_A > 0)).mean(axis=0) > _BACKWARD_FRACTION).any()
+    if not often or (current_A < 0).any():
+        return current_A, []
+    text = (
+        "motor currents are never negative although wheels turn backwards: taken as magnitudes with the sign of the "
+        "wheel's speed, which is wrong while braking"
+    )
+    return np.where(backward, -current_A, current_A), [Note(text, "warning")]
+
+
+def _bridge(time_s: np.ndarray, current_A: np.ndarray, wheels_measured: np.ndarray, places: Sequence[str]) -> Mended:
+    """Straight lines between the samples of currents that come on rows of their own, but not over gaps."""
+    known = np.isfinite(current_A)
+    together = (known & wheels_measured[:, None]).sum(axis=0)
+    apart = np.flatnonzero((known.sum(axis=0) > 1) & (together < _OWN_RATE_FRACTION * wheels_measured.sum()))
+    if not apart.size:
+        return current_A, []
+    bridged = current_A.copy()
+    for motor in apart:
+        rows = known[:, motor]
+        bridged[:, motor] = on_lines(time_s, time_s[rows], current_A[rows, motor])
+    names = ", ".join(f"{places[int(motor)]} motor current".replace("_", " ") for motor in apart)
+    return bridged, [Note(f"{names}: sampled on other rows than the wheels, straight lines in between")]
+
+
+def _in_si(
+    table: Table, time_s: np.ndarray, columns: Mapping[str, Column], mechanics: Mechanics
+) -> tuple[dict[str, np.ndarray], list[Note]]:
+    """Every channel (T,) in SI units, and notes on infinite values and counters that rolled over."""
+    channels: dict[str, np.ndarray] = {}
+    notes: list[Note] = []
+    for quantity, column in columns.items():
+        values, infinite = finite(column.name, table.columns[column.name])
+        unit = unit_of_channel(quantity, column, mechanics)
+        notes += infinite
+        if channel_of(quantity) is WHEEL_SPEED:
+            channels[quantity], rolled = wheel_speed(table.source, column.name, unit, values, time_s, mechanics)
+            notes += rolled
+        else:
+            channels[quantity] = unit.in_si(values)
+    return channels, list(dict.fromkeys(notes))  # several wheels may share a column
+
+
+def _side_by_side(channels: Mapping[str, np.ndarray], quantities: Mapping[str, str], time_s: np.ndarray) -> np.ndarray:
+    """(T, wheels) one channel of several wheels, NaN where it was not measured."""
+    values = np.full((time_s.size, len(quantities)), np.nan)
+    for wheel, quantity in enumerate(quantities.values()):
+        values[:, wheel] = channels.get(quantity, np.nan)
+    return values
+
+
+def _at_once(time_s: np.ndarray, speed_rad_s: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """Speeds (T, wheels) of wheels that report in turns, at the times of the first one, and a note.
+
+    They are linear between two samples of a wheel, but not over gaps. Wheels of which some report together stay as
+    they are.
+    """
+    measured = np.flatnonzero(np.isfinite(speed_rad_s).any(axis=0))
+    known = np.isfinite(speed_rad_s[:, measured])
+    if measured.size < 2 or known.all(axis=1).any() or known.sum(axis=0).min() < 2:
+        return speed_rad_s, ()
+    first = known[:, 0]
+    together = np.full(speed_rad_s.shape, np.nan)
+    for wheel, rows in zip(measured, known.T, strict=True):
+        together[first, wheel] = on_lines(time_s[first], time_s[rows], speed_rad_s[rows, wheel])
+    text = "no two wheels report at the same time: their speeds are interpolated to the times of the first one"
+    return together, (Note(text),)
+
+
+def _use_angles(time_s: np.ndarray, body: dict[str, np.ndarray]) -> list[Note]:
+    """Give the body a yaw rate where it has none, and turn a heading round that counts clockwise; with notes.
+
+    A heading whose changes are the yaw rate is left out: it must not count twice.
+    """
+    if "yaw_rate" not in body and (angles := [name for name in ("yaw", "heading") if name in body]):
+        body["yaw_rate"] = rate_of_change(time_s, body.pop(angles[0]), 2 * math.pi, over_gaps=True)
+        return [Note(f"no gyro: the yaw rate is the change of the {angles[0]}")]
+    if "heading" not in body or not _counts_clockwise(time_s, body["heading"], body["yaw_rate"]):
+        return []
+    body["heading"] = -body["heading"]
+    return [Note("the heading counts clockwise, against the gyro: turned round")]
+
+
+def _counts_clockwise(time_s: np.ndarray, heading_rad: np.ndarray, yaw_rate_rad_s: np.ndarray) -> bool:
+    """True where the heading turns against the integral of the gyro."""
+    at, known = np.isfinite(heading_rad), np.isfinite(yaw_rate_rad_s)
+    if not at.any() or not known.any():
+        return False
+    angle_rad = np.cumsum(yaw_rate_rad_s[known] * np.diff(time_s[known], prepend=time_s[known][0]))
+    gyro = np.interp(time_s[at], time_s[known], angle_rad)
+    gyro -= gyro.mean()
+    against = -float(gyro @ np.unwrap(heading_rad[at]))
+    return bool(gyro.std() > _TURNED_RAD and against > _CLOCKWISE * (gyro @ gyro))
+
+
+def _absent_notes(columns: Collection[str], wheels: Wheels) -> tuple[Note, ...]:
+    """Notes on driven wheels without a speed or a motor current."""
+    notes = []
+    for channel in WHEEL:
+        absent = [place for place in wheels.driven_places if f"{place}_{channel.name}" not in columns]
+        if absent:
+            notes.append(Note(f"no {channel.name.replace('_', ' ')} of {', '.join(absent)}", "warning"))
+    return tuple(notes)

@@ -56,7 +56,7 @@ from ohmward.logs.order import (
 from ohmward.logs.parquet_file import open_parquet
 from ohmward.logs.selection import RECORDING, names_instances, recording_numbers, select_rows
 from ohmward.logs.sqlite_table import open_sqlite_table
-from ohmward.logs.table import Note, Opener, Progress, Table, TableFile, counted, row_numbers
+from ohmward.logs.table import Note, Opener, Progress, Table, TableFile, counted, in_order, row_numbers
 from ohmward.logs.vehicle_file import (
     DATAFLASH_MAGIC,
     DATAFLASH_TEXT,
@@ -147,7 +147,7 @@ def open_folder(folder: Path, endings: Sequence[str], open_file: Callable[[Path]
     Raises:
         InputError: no file, or files with other columns.
     """
-    paths = sorted((path for path in folder.iterdir() if path.name.lower().endswith(tuple(endings))), key=_natural)
+    paths = sorted((path for path in folder.iterdir() if path.name.lower().endswith(tuple(endings))), key=in_order)
     if not paths:
         raise InputError(f"{folder} is a folder; name one log file in it: none is called {', '.join(endings)}")
     files = [open_file(path) for path in paths]
@@ -170,11 +170,6 @@ def open_folder(folder: Path, endings: Sequence[str], open_file: Callable[[Path]
         return Table(name, columns, row_numbers(1, rows), "row", (note, *notes))
 
     return first._replace(source=name, load=load)
-
-
-def _natural(path: Path) -> list[tuple[int, int | str]]:
-    """Key by which part 9 comes before part 10."""
-    return [(1, int(part)) if part.isdecimal() else (0, part) for part in re.split(r"(\d+)", path.name)]
 
 
 class Wanted(NamedTuple):

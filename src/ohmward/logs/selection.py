@@ -16,11 +16,11 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.channels import letters
 from ohmward.logs.columns import argument, guess, listed
-from ohmward.logs.table import Note, Table, numbers
+from ohmward.logs.table import MISSING, Note, Table, TableFile, numbers
 
 # A column that every file has: 1, 2, ... counted up where the clock starts again.
 RECORDING = "recording"
-_MOST_SEPARATORS = 3
+_MOST_SEPARATORS, _MOST_LISTED = 3, 8
 #: A file and the rows that are wanted of it.
 _SELECTION = re.compile(r"(?P<path>.+):(?P<where>[^:=,]+=[^:=,]+(,[^:=,]+=[^:=,]+)*)")
 #: Words in the name of a column that tells batteries or robots apart, and words beside them.
@@ -48,7 +48,7 @@ def select_rows(table: Table, where: Mapping[str, float | str]) -> Table:
         picked = _equal(table, name, wanted)
         if not picked.any():
             raise InputError(
-                f"{table.source}: no row has {name} = {wanted}; the values are {_distinct(table.columns[name])}"
+                f"{table.source}: no row has {name} = {wanted}; the values are {_listed(table.columns[name])}"
             )
         note = Note(f"rows with {name} = {wanted}: {picked.sum()} of {picked.size}")
         table = table.pick(picked).with_notes(note)
@@ -76,7 +76,7 @@ def explain_recordings(table: Table, time: str, restarts: np.ndarray, separators
             f"{what}, and no column tells them apart; choose one by its number with --where {RECORDING}=1 "
             f"(where={{{RECORDING!r}: 1}}; there are {restarts.size + 1}), or split the file"
         )
-    values = " and ".join(f"{name!r} ({_distinct(table.columns[name])})" for name in separators)
+    values = " and ".join(f"{name!r} ({_listed(table.columns[name])})" for name in separators)
     example = {name: _plain(table.columns[name][0]) for name in separators}
     options = " ".join(f"--where {argument(f'{name}={value}')}" for name, value in example.items())
     return f"{what}; they are told apart by {values}; choose one, for example {options} (where={example})"
@@ -203,7 +203,7 @@ def explain_unnamed_instances(table: Table, count: int) -> str:
 
 def explain_instances(table: Table, name: str) -> str:
     """The message on the rows of several batteries or robots side by side, which the column `name` tells apart."""
-    values = list(dict.fromkeys(_plain(value) for value in table.columns[name]))
+    values = distinct(table.columns[name])
     options = " or ".join(f"--where {argument(f'{name}={value}')}" for value in values)
     return (
         f"{table.source}: the rows of {len(values)} batteries or robots take turns, told apart by {name!r}; choose one "
@@ -240,9 +240,23 @@ def _changes(values: np.ndarray) -> np.ndarray:
     return np.flatnonzero(values[1:] != values[:-1]) + 1
 
 
-def _distinct(values: np.ndarray, most: int = 8) -> str:
-    distinct = list(dict.fromkeys(_plain(value) for value in values[np.concatenate([[0], _changes(values)])]))
-    return ", ".join(str(value) for value in distinct[:most]) + (", ..." if len(distinct) > most else "")
+def distinct(values: np.ndarray) -> list[float | int | str]:
+    """The values (T,) each once, in order of appearance; whole numbers without a decimal point."""
+    begins = np.append(True, values[1:] != values[:-1])[: values.size]
+    return list(dict.fromkeys(map(_plain, values[begins])))
+
+
+def labels_in(file: TableFile, column: str) -> list[str]:
+    """The texts in a column of labels, such as serial numbers, each once; missing ones are left out."""
+    values = file.load({column}).columns.get(column, np.empty(0))
+    texts = dict.fromkeys(str(value).strip() for value in distinct(values))
+    return [text for text in texts if text.lower() not in MISSING]
+
+
+def _listed(values: np.ndarray) -> str:
+    """The first distinct values for a message."""
+    found = distinct(values)
+    return ", ".join(map(str, found[:_MOST_LISTED])) + (", ..." if len(found) > _MOST_LISTED else "")
 
 
 def _plain(value) -> float | int | str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -182,6 +183,11 @@ def with_sample_time(file: TableFile) -> TableFile:
     note = Note(f"a row every {interval_s:g} s, without a time of its own")
     rows = file.with_column(time, (), lambda table: (interval_s * np.arange(table.line.size), note))
     return rows._replace(time=time)
+
+
+def in_order(path: Path) -> list[tuple[int, int | str]]:
+    """Key of the order of files by their names, in which part 9 comes before part 10."""
+    return [(1, int(part)) if part.isdecimal() else (0, part) for part in re.split(r"(\d+)", path.name)]
 
 
 def row_numbers(first: int, count: int) -> np.ndarray:

@@ -15,9 +15,10 @@ from ohmward.logs.dates import window_s
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note
 from ohmward.quantities import QUANTITIES
+from ohmward.rich_display import RichDisplay
 
 
-class TimeSeries:
+class TimeSeries(RichDisplay):
     """Base of the frozen dataclasses with `name`, `time_s` (T,), its Unix start, more arrays, `extra` and `notes`."""
 
     name: str

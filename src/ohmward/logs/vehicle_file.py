@@ -37,8 +37,9 @@ _PX4 = {
 def open_ulog(path: Path, hints: FileHints) -> TableFile:
     """The columns of a ULog file; of one that was cut off those before the cut."""
     pyulog = require("pyulog", "a ULog file")
-    with parsing(path, "no readable ULog file", "download it from the vehicle again"):
-        log = pyulog.ULog(str(path), disable_str_exceptions=True)
+    # a stream of ours: pyulog leaves its own open where it gives up
+    with parsing(path, "no readable ULog file", "download it from the vehicle again"), path.open("rb") as stream:
+        log = pyulog.ULog(stream, disable_str_exceptions=True)
     streams = {}
     timed = [data for data in log.data_list if "timestamp" in data.data]
     for data in timed:
@@ -96,7 +97,7 @@ def open_dataflash(path: Path, hints: FileHints) -> TableFile:
     with path.open("rb") as stream:
         is_text = stream.read(len(DATAFLASH_TEXT)) == DATAFLASH_TEXT
     open_reader = reader.DFReader_text if is_text else reader.DFReader_binary
-    return _open(path, hints, lambda: _of_dataflash(open_reader(str(path))))
+    return _open(path, hints, lambda: _of_dataflash(open_reader, path))
 
 
 def open_telemetry(path: Path, hints: FileHints) -> TableFile:
@@ -147,8 +148,10 @@ def _named(
     return found
 
 
-def _of_dataflash(log: Any) -> Iterator[_LoggedMessage]:
-    with log.filehandle, log.data_map:
+def _of_dataflash(reader: Any, path: Path) -> Iterator[_LoggedMessage]:
+    log = reader.__new__(reader)  # at hand where its constructor gives up, which would leave the file open
+    try:
+        log.__init__(str(path))
         while (message := log.recv_msg()) is not None:
             values = message.to_dict()
             if (time_us := values.pop("TimeUS", None)) is not None:
@@ -157,6 +160,9 @@ def _of_dataflash(log: Any) -> Iterator[_LoggedMessage]:
                 instance = next((int(values[field]) for field in fields if field in values), 0)
                 is_dated = message._timestamp > _YEAR_2001_S
                 yield _LoggedMessage(type_, instance, message._timestamp if is_dated else 1e-6 * time_us, values)
+    finally:
+        for name in vars(log).keys() & {"data_map", "filehandle"}:
+            getattr(log, name).close()
 
 
 def _of_telemetry(log: Any) -> Iterator[_LoggedMessage]:

@@ -14,7 +14,7 @@ from ohmward.errors import InputError
 from ohmward.logs.channels import WHEEL_COUNTS, WHEEL_SPEED, channel_of, robot_words
 from ohmward.logs.clean import find_gaps
 from ohmward.logs.columns import Column, listed
-from ohmward.logs.table import Note
+from ohmward.logs.table import Note, Table, counted
 from ohmward.logs.units import UNITS, Unit
 
 #: Dimensions of a wheel's position, whose change is its speed.
@@ -73,6 +73,8 @@ _FEWEST_ROWS, _FEWEST_TURNS, _FEWEST_COUNTS, _UP_AND_DOWN = 50, 3.0, 2.0, 0.2
 _USUAL_SHARE = 0.98
 #: So many rows in a row show the usual interval, however they arrived.
 _TOGETHER = 20
+#: A row that comes after less than this share of the interval in which it was measured is one of a burst.
+_BURST = 1 / 3
 _POSITION_WORDS = frozenset(word for words in WHEEL_COUNTS.words for word in words)
 
 
@@ -128,6 +130,31 @@ def are_since_last_row(counts: np.ndarray, counts_per_turn: float) -> bool:
     return bool(np.ptp(values) >= _FEWEST_COUNTS and turns_round > _UP_AND_DOWN * ways.size)
 
 
+def without_bursts(
+    table: Table, time_s: np.ndarray, columns: Mapping[str, Column], mechanics: Mechanics
+) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The times (T,) of the rows where positions of wheels arrived in bursts as they were measured, and a note.
+
+    A position over the time between two arrivals is no speed where the second did not wait for its turn.
+    """
+    positions = [
+        table.columns[column.name]
+        for quantity, column in columns.items()
+        if channel_of(quantity) is WHEEL_SPEED and unit_of_channel(quantity, column, mechanics).dimension in POSITIONS
+    ]
+    if not positions:
+        return time_s, ()
+    known = np.isfinite(np.column_stack(positions)).all(axis=1)
+    arrived_s = time_s[known]
+    even_s = even_times(arrived_s)
+    in_bursts = int(np.count_nonzero(np.diff(arrived_s) < _BURST * np.diff(even_s)))
+    if not in_bursts:
+        return time_s, ()
+    text = f"{counted(in_bursts, 'row')} with positions of wheels arrived in bursts: their times are made even"
+    moved_s = np.interp(time_s, arrived_s, even_s - arrived_s)
+    return time_s + moved_s, (Note(text),)
+
+
 def even_times(time_s: np.ndarray) -> np.ndarray:
     """Times (T,) [s] of positions that were measured evenly and arrived in bursts, as they would have without waiting.
 
@@ -149,16 +176,12 @@ def speed_from_counts(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: f
     counts: (T,) whole numbers, NaN where nothing new.  time_s: (T,) [s], increasing.
     counts_per_turn: of the wheel, > 0.
     """
-    known = np.flatnonzero(np.isfinite(counts))
-    values = counts[known]
-    steps = np.diff(values)
+    values = counts[np.isfinite(counts)]
     bits = counter_bits(values)
-    if bits is not None:
-        steps = np.mod(steps + 2.0 ** (bits - 1), 2.0**bits) - 2.0 ** (bits - 1)
-    speed = np.full(counts.size, np.nan)
-    speed[known[1:]] = 2 * math.pi / counts_per_turn * steps / np.diff(time_s[known])
-    speed[known[1:][find_gaps(time_s[known])]] = np.nan
-    rollovers = int(np.count_nonzero(steps != np.diff(values)))
+    span = math.inf if bits is None else 2.0**bits
+    speed = rate_of_change(time_s, counts, span, 2 * math.pi / counts_per_turn)
+    steps = np.diff(values)
+    rollovers = int(np.count_nonzero((steps >= span / 2) | (steps < -span / 2)))
     return EncoderSpeed(speed, bits if rollovers else None, rollovers)
 
 
@@ -167,14 +190,28 @@ def speed_from_angle(angle_rad: np.ndarray, time_s: np.ndarray) -> np.ndarray:
 
     A position that stays within one turn is one that starts anew each turn, if it ever jumps by more than half of it.
     """
-    known = np.flatnonzero(np.isfinite(angle_rad))
-    steps = np.diff(angle_rad[known])
-    if known.size and np.ptp(angle_rad[known]) <= 2 * math.pi + 1e-6:
-        steps = np.mod(steps + math.pi, 2 * math.pi) - math.pi
-    speed = np.full(angle_rad.size, np.nan)
-    speed[known[1:]] = steps / np.diff(time_s[known])
-    speed[known[1:][find_gaps(time_s[known])]] = np.nan
-    return speed
+    known = angle_rad[np.isfinite(angle_rad)]
+    is_within_turn = known.size and np.ptp(known) <= 2 * math.pi + 1e-6
+    return rate_of_change(time_s, angle_rad, 2 * math.pi if is_within_turn else math.inf)
+
+
+def rate_of_change(
+    time_s: np.ndarray, values: np.ndarray, span: float = math.inf, scale: float = 1.0, over_gaps: bool = False
+) -> np.ndarray:
+    """(T,) change of `scale` times the values (T,) over the time since the value before; NaN in rows without a value.
+
+    span: at which the values start anew; they are taken to have changed the short way.
+    over_gaps: the rate over a gap counts; else it is NaN.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    steps = np.diff(values[known])
+    if math.isfinite(span):
+        steps = np.mod(steps + span / 2, span) - span / 2
+    rate = np.full(values.size, np.nan)
+    rate[known[1:]] = scale * steps / np.diff(time_s[known])
+    if not over_gaps:
+        rate[known[1:][find_gaps(time_s[known])]] = np.nan
+    return rate
 
 
 def counter_bits(counts: np.ndarray) -> int | None:

@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import IO, Any
 from xml.parsers import expat
 
-import numpy as np
-
 from ohmward.errors import InputError
 from ohmward.logs.cells import Marks, parse_cells
 from ohmward.logs.columns import has_log
@@ -218,9 +216,7 @@ def _table_file(
         columns = {}
         for k, name in enumerate(unique):
             if name and name in names:
-                cells = [row[k] if k < len(row) else "" for row in data]
-                values = parse_cells(cells, Marks(), None)
-                columns[name] = np.array(cells, dtype=object) if values is None else values
+                columns[name] = parse_cells([row[k] if k < len(row) else "" for row in data], Marks())
         return Table(source, columns, row_numbers(header.first + 1, len(data)), "row", notes)
 
     head = {name: tuple(row[k] for row in data[:100] if k < len(row)) for k, name in enumerate(unique) if name}

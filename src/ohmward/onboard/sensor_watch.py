@@ -19,6 +19,7 @@ from ohmward.onboard.evidence import EVIDENCE, Age
 from ohmward.onboard.message_parts import no_such_part
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.quantities import EVENTS, limits_of, quantity_of
+from ohmward.traction.drive_checks import FEWEST, LASTS_S
 from ohmward.traction.motion_check import MotionCheck
 from ohmward.traction.robot.robot import Robot
 
@@ -73,9 +74,6 @@ SILENT_INTERVALS, SILENT_S = 5.0, 1.0
 
 #: A value is overdue after so many of its usual intervals, and after no less than the time.
 DUE_INTERVALS, DUE_S = 2.0, 0.25
-
-#: A value is the same for so many samples and for so long before it may be called stuck.
-SAME_SAMPLES, SAME_S = 20, 1.0
 
 #: So often must what moves with a sensor have turned back meanwhile; a voltage that relaxes at a constant current does
 #: not.
@@ -217,8 +215,8 @@ class WatchedSensor:
 
     @property
     def is_same(self) -> bool:
-        """True where the value has been the same for long."""
-        return self.same >= SAME_SAMPLES and self.last_s - self.same_s >= SAME_S
+        """True where the value has been the same for as long as a fault in a log lasts."""
+        return self.same >= FEWEST and self.last_s - self.same_s >= LASTS_S
 
 
 @dataclass
@@ -332,8 +330,8 @@ class SensorWatch:
         return sensor
 
     def _moves(self) -> dict[str, float]:
-        """Changes that count as moves of the battery's sensors; none without a model of it."""
-        if self.battery is None or self.battery.thevenin is None:
+        """Changes that count as moves of the battery's sensors; none without its file."""
+        if self.battery is None:
             return {}
         current_A = MOVE_C * self.battery.capacity_Ah
         ohm = float(ohmic_resistance(0.5, CircuitInput(0.0, ROOM_DEGC), self.battery.thevenin))

@@ -16,19 +16,12 @@ from ohmward.onboard.message_parts import no_such_part, wheel_number
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.sensor_watch import NOT_COUNTED, SCALES, doubled, implausible, missing, no_number
 from ohmward.quantities import limits_of, quantity_of
-from ohmward.traction.drive_checks import brakes_all_the_way, only_brakes
+from ohmward.traction.drive_checks import FEWEST, brakes_all_the_way, only_brakes
 from ohmward.traction.motion_check import MotionCheck, contradiction, wrong_sign, wrong_signs
 from ohmward.traction.robot.robot import Robot
 
-#: Rates below which an estimator is of little use: of a battery, by logs at 1 Hz; of a drive, by the time in
-#: which a wheel begins to slip.
-LEAST_HZ = {"battery_current_A": 0.5, "battery_voltage_V": 0.5, "wheel_speed_rad_s": 5.0, "wheel_counts": 5.0}
-
 #: A wheel that turns slower than this tells nothing about its sign [rad/s].
 TURNING_RAD_S = 0.5
-
-#: So many samples in motion decide about a sign.
-DECIDING = 20
 
 #: Contradictions [rad/s] below this are the noise of encoders and gyro, and a little slip.
 LEAST_RAD_S = 0.1
@@ -160,11 +153,9 @@ def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: R
         yield Diagnostic(signal, Level.ERROR, no_number(f"in {1 - finite:.0%} of its values"))
         if finite == 0.0:
             return
-    least_hz = LEAST_HZ.get(quantity.name, 0.0)
-    if record.rate_hz < least_hz:
-        yield Diagnostic(
-            signal, Level.ERROR, f"comes {record.rate_hz:.2g} times a second; at least {least_hz:g} are needed"
-        )
+    if record.rate_hz < quantity.least_hz:
+        text = f"comes {record.rate_hz:.2g} times a second; at least {quantity.least_hz:g} are needed"
+        yield Diagnostic(signal, Level.ERROR, text)
     low, high = limits_of(quantity.name, battery, robot)
     lowest, highest = float(np.nanmin(record.values)), float(np.nanmax(record.values))
     if low <= lowest and highest <= high:
@@ -196,7 +187,7 @@ def _wheel_signs(found: Mapping[str, SignalRecord], robot: Robot) -> Iterator[Di
     if len(names) < 2:
         return
     moving = np.abs(values).max(axis=0) > TURNING_RAD_S
-    if moving.sum() < DECIDING:
+    if moving.sum() < FEWEST:
         yield Diagnostic("signs of wheels and gyro", Level.WARN, "cannot be told at rest; drive a little, with a turn")
         return
     values = values[:, moving]
@@ -256,7 +247,7 @@ def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str
         speed = np.interp(current.time_s, speeds[k].time_s, speeds[k].values)
         pitch = found.get("pitch_rad")
         pitch_rad = np.interp(current.time_s, pitch.time_s, pitch.values) if pitch else np.zeros_like(speed)
-        if np.sum((np.abs(speed) > TURNING_RAD_S) & np.isfinite(current.values)) < DECIDING:
+        if np.sum((np.abs(speed) > TURNING_RAD_S) & np.isfinite(current.values)) < FEWEST:
             yield Diagnostic(signal, Level.WARN, "its sign cannot be told at rest; drive a little")
         elif only_brakes(robot, current.time_s, speed, current.values, pitch_rad):
             yield Diagnostic(signal, Level.ERROR, brakes_all_the_way("it", "scale = -1"))

@@ -8,6 +8,7 @@ from typing import Final, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from ohmward.checks import require_one_of
 from ohmward.errors import InputError
 
 Meaning = Literal["estimate", "comparison", "reference", "background", "alert"]
@@ -173,9 +174,9 @@ class Series:
     """Samples (x_i, y_i) with a label.
 
     x: (n,) ascending (points may come in any order), y: (n,), NaN (or an infinity) is a gap in the line.
-       Of a long line only those samples stay that `decimate.finest` picks: all that can be seen of a log.
+       Of a long line only those samples stay that `finest` picks: all that can be seen of a log.
     style: "line", "points", "step" (each value holds until the next sample) or "dashed".
-    role: meaning of the colour, see `palette.MEANING`; "auto" takes the next free hue.
+    role: meaning of the colour, see `MEANING`; "auto" takes the next free hue.
     axis: its y axis, "left" or "right".
     Raises: InputError for lengths that differ, descending x, an unknown style, role or axis.
     """
@@ -188,9 +189,9 @@ class Series:
     axis: Side = "left"
 
     def __post_init__(self) -> None:
-        _check_choice("style", self.style, get_args(Style))
-        _check_choice("role", self.role, ROLES)
-        _check_choice("axis", self.axis, get_args(Side))
+        require_one_of("style", self.style, get_args(Style))
+        require_one_of("role", self.role, ROLES)
+        require_one_of("axis", self.axis, get_args(Side))
         x, y = _columns(self.label, x=self.x, y=self.y)
         if self.style == "points":
             order = np.argsort(x, kind="stable")
@@ -216,7 +217,7 @@ class Band:
     Raises: InputError for lengths that differ, descending x, low above high, an unknown role.
     """
 
-    #: (n,) ascending; low, high: (n,), NaN in either is a gap. A long band becomes its `decimate.envelope`.
+    #: (n,) ascending; low, high: (n,), NaN in either is a gap. A long band becomes its `envelope`.
     x: np.ndarray
 
     low: np.ndarray
@@ -225,7 +226,7 @@ class Band:
     role: Meaning = "estimate"  #: as in `Series`, but not "auto"
 
     def __post_init__(self) -> None:
-        _check_choice("role", self.role, tuple(MEANING))
+        require_one_of("role", self.role, tuple(MEANING))
         x, low, high = _columns(self.label, x=self.x, low=self.low, high=self.high)
         _check_ascending(self.label, x)
         if (low > high).any():
@@ -284,7 +285,7 @@ class Figure:
         for name in ("series", "bands", "markers", "spans"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         for role in [m.role for m in self.markers] + [s.role for s in self.spans]:
-            _check_choice("role", role, tuple(MEANING))
+            require_one_of("role", role, tuple(MEANING))
         if not self.right_label and any(s.axis == "right" for s in self.series):
             raise InputError(
                 f"figure {self.title!r}: a series on the right axis needs right_label, for example 'I [A]'"
@@ -318,11 +319,6 @@ def _check_ascending(label: str, x: np.ndarray) -> None:
             f"series {label!r}: x must ascend, got {x[i]:g} before {x[i + 1]:g} at index {i}; sort it, "
             "make one series of each branch, or use style='points'"
         )
-
-
-def _check_choice(name: str, value: str, allowed: Sequence[str]) -> None:
-    if value not in allowed:
-        raise InputError(f"{name} must be one of {', '.join(allowed)}, got {value!r}")
 
 
 def _check_limits(figure: Figure) -> None:

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
-from os import PathLike
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from ohmward.checks import require_one_of
 from ohmward.errors import InputError
+from ohmward.report import static
 from ohmward.report.axis import linear_ticks, tick_labels
+from ohmward.report.drawing import Drawing
 from ohmward.report.figure import MEANING, Meaning
 from ohmward.report.page import Page
 
@@ -21,6 +22,9 @@ WIDTH_PX, HEIGHT_PX, LEFT_PX, BOTTOM_PX, TOP_PX = 960.0, 480.0, 64.0, 48.0, 12.0
 
 #: Room about the lines as a share of their extent, and the least extent [unit of the axes].
 MARGIN, LEAST_EXTENT = 0.04, 1e-3
+
+#: Height of a page with a map.
+_PAGE_PX: Final = 720
 
 #: Points of a line closer than this [px] look like one.
 NEAR_PX: Final = 0.5
@@ -31,7 +35,7 @@ class Line:
     """A line through points in their order, in any direction.
 
     x, y: (n,); a point with NaN is a gap.
-    role: meaning of its colour, see `palette.MEANING`.
+    role: meaning of its colour, see `MEANING`.
 
     Raises:
         InputError: lengths that differ, an unknown role.
@@ -60,8 +64,8 @@ class Area(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Map:
-    """Lines from above at one scale. A notebook shows it; `save` writes one HTML file."""
+class Map(Drawing):
+    """Lines from above at one scale."""
 
     title: str
     x_label: str
@@ -78,9 +82,24 @@ class Map:
         parts = (_x_axis(area, self.x_label), _y_axis(area, self.y_label), frame, drawn)
         return f'<svg viewBox="0 0 {size}" role="img" aria-label="{escape(self.title)}">{"".join(parts)}</svg>'
 
-    def html(self) -> str:
+    def page(self) -> Page:
         """A page that needs no network."""
-        return Page(self.title).map(self).html()
+        return Page(self.title).map(self)
+
+    def draw(self, canvas: Any) -> Any:
+        """The lines on a figure of matplotlib."""
+        canvas.set_layout_engine("constrained")
+        ax = canvas.subplots()
+        for line in self.lines:
+            static.add_line(ax, line.x, line.y, MEANING[line.role], line.label)
+        ax.set(xlabel=self.x_label, ylabel=self.y_label, title=self.title, aspect="equal")
+        static.add_legend(ax)
+        return canvas
+
+    @property
+    def height_px(self) -> int:
+        """Height of the page."""
+        return _PAGE_PX
 
     def block(self) -> str:
         """The map with its title and what its colours mean, as a block of a page."""
@@ -91,13 +110,6 @@ class Map:
         )
         caption = f"<figure><figcaption>{escape(self.title)}</figcaption></figure>"
         return f'<div class="map">{caption}<div class="legend">{items}</div>{self.svg()}</div>'
-
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the page; the file is either whole or not there."""
-        Page(self.title).map(self).write(path)
-
-    def _repr_html_(self) -> str:
-        return f'<iframe srcdoc="{escape(self.html(), quote=True)}" style="width:100%;height:720px;border:0"></iframe>'
 
 
 def area_of(lines: Sequence[Line]) -> Area:

@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 from html import escape
 from importlib.resources import files
-from os import PathLike
 from pathlib import Path
 from string import Template
 from typing import Final, Protocol
@@ -151,7 +150,7 @@ def _asset(name: str) -> str:
 
 
 def _theme() -> str:
-    """The colours of `palette`: light, dark where the reader prefers it, light on paper."""
+    """The colours: light, dark where the reader prefers it, light on paper."""
     return (
         f":root{{{css_variables('light')}}}"
         f"@media screen and (prefers-color-scheme:dark){{:root{{{css_variables('dark')}}}}}"
@@ -174,28 +173,3 @@ def _contents(headings: Sequence[str]) -> str:
 def _anchor(number: int, text: str) -> str:
     words = re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
     return f"{number + 1}-{words}".rstrip("-")
-
-
-#: Height of a title with its legend, and of what stands above the first figure [px].
-_LEGEND_PX, _HEADER_PX = 75, 130
-
-
-@dataclass(frozen=True, eq=False)
-class Plot:
-    """Figures on one x axis: they zoom and scroll together. A notebook shows it; `save` writes one HTML file."""
-
-    title: str
-    figures: Sequence[Figure]
-
-    def html(self) -> str:
-        """A page that needs no network."""
-        return Page(self.title).plot(*self.figures).html()
-
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the page; the file is either whole or not there."""
-        Page(self.title).plot(*self.figures).write(path)
-
-    def _repr_html_(self) -> str:
-        height_px = _HEADER_PX + sum(figure.height_px + _LEGEND_PX for figure in self.figures)
-        page = escape(self.html(), quote=True)
-        return f'<iframe srcdoc="{page}" style="width:100%;height:{height_px}px;border:0"></iframe>'

@@ -16,23 +16,26 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.runs import long_runs
+from ohmward.traction.motion.held import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import require_wheels
-from ohmward.traction.motion_check import MotionCheck, wrong_sign, wrong_signs
+from ohmward.traction.motion_check import CURED, MotionCheck, wrong_sign, wrong_signs
 from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import GRAVITY, Robot
-from ohmward.traction.speed_observer.make_observer import speed_and_wheels_m_s, yaw_rate_of_wheels
+from ohmward.traction.speed_observer.make_observer import (
+    TURNS_RAD_S,
+    YAWS_RAD_S,
+    speed_and_wheels_m_s,
+    yaw_rate_of_wheels,
+)
 
-#: Sizes from which on a wheel turns, a robot moves and turns, a motor works [rad/s, m/s, rad/s, A].
-TURNS_RAD_S, MOVES_M_S, YAWS_RAD_S, WORKS_A = 0.2, 0.1, 0.1, 1.0
+#: Size [A] from which on a motor works.
+WORKS_A = 1.0
 
 #: Shortest duration [s] and fewest samples of a fault.
 LASTS_S, FEWEST = 1.0, 20
 
 #: A wheel's sign may be wrong where the wheels contradict each other by this share of their motion (in squares).
 CONTRADICTION = 0.1
-
-#: Wheels have lost their sign where the signs that fit the gyro best leave less than this share of what it contradicts.
-SIGN_CURED = 0.1
 
 #: Sides turn against each other in this share of the samples, for so many turns of the robot, where one is mirrored.
 SPINS_SHARE, FEWEST_SPINS = 0.9, 3.0
@@ -54,9 +57,9 @@ SPIKE = 10.0
 #: no less than this share of the wheels' speed in the median.
 FEWEST_BACK, SIZE_SHARE = 3, 0.5
 
-#: A robot is stuck where the speed from outside is below this share of the wheels', for so long [s] and in so many
+#: A robot is stuck where the speed from outside is below `STUCK_SHARE` of the wheels', for so long [s] and in so many
 #: samples in a row; one that starts is not, however late that speed comes.
-STUCK_SHARE, STUCK_S, FEWEST_STUCK = 0.2, 3.0, 3
+STUCK_S, FEWEST_STUCK = 3.0, 3
 
 #: The speed from outside over that of the wheels: beyond these it is another unit.
 RATIO_DOUBTFUL, RATIO_MEANINGLESS = 2.0, 5.0
@@ -94,15 +97,15 @@ def with_signed_speed(robot: Robot, log: DriveLog) -> DriveLog:
     if log.speed_m_s is None:
         return log
     speed, wheels = speed_and_wheels_m_s(robot, log)
-    back = wheels < -MOVES_M_S
-    if back.sum() < FEWEST_BACK or (speed < -MOVES_M_S).any() or np.mean(speed[back] <= 0.0) > 0.05:
+    back = wheels < -TURNS_M_S
+    if back.sum() < FEWEST_BACK or (speed < -TURNS_M_S).any() or np.mean(speed[back] <= 0.0) > 0.05:
         return log
     if np.median(speed[back]) < SIZE_SHARE * np.median(-wheels[back]):
         return log
-    turn, size = np.abs(wheels) > MOVES_M_S, np.abs(speed)
+    turn, size = np.abs(wheels) > TURNS_M_S, np.abs(speed)
     signed = np.full(len(log), np.nan)
     signed[np.isfinite(log.speed_m_s)] = np.where(
-        turn, size * np.sign(wheels), np.where(size > MOVES_M_S, np.nan, speed)
+        turn, size * np.sign(wheels), np.where(size > TURNS_M_S, np.nan, speed)
     )
     text = (
         f"the speed from outside is never negative while the wheels turn back ({back.sum()} samples): taken as a size "
@@ -197,7 +200,7 @@ def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
         return
     gyro = log.yaw_rate_rad_s[rows]
     left = (yaws[:, rows] - gyro) ** 2
-    if left[0].sum() < CONTRADICTION * (gyro @ gyro) or left.min(axis=0).sum() > SIGN_CURED * left[0].sum():
+    if left[0].sum() < CONTRADICTION * (gyro @ gyro) or left.min(axis=0).sum() > CURED * left[0].sum():
         return
     against = np.count_nonzero(left[0] > YAWS_RAD_S**2)
     if against < FEWEST:
@@ -310,7 +313,7 @@ def _stuck_robot(robot: Robot, log: DriveLog) -> Iterator[str]:
     if not speed.size:
         return
     assert log.speed_m_s is not None
-    turn = np.abs(wheels) > MOVES_M_S  # wheels that stand tell nothing of it
+    turn = np.abs(wheels) > TURNS_M_S  # wheels that stand tell nothing of it
     time_s = log.time_s[np.isfinite(log.speed_m_s)][turn]
     stands = np.abs(speed[turn]) < STUCK_SHARE * np.abs(wheels[turn])
     for first, stop in long_runs(stands, time_s, STUCK_S, FEWEST_STUCK):
@@ -323,7 +326,7 @@ def _stuck_robot(robot: Robot, log: DriveLog) -> Iterator[str]:
 def _wrong_units(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Wheels that are much slower or faster than the robot."""
     speed, wheels = speed_and_wheels_m_s(robot, log)
-    rows = (np.abs(speed) > MOVES_M_S) & (np.abs(wheels) > 1e-3 * MOVES_M_S)
+    rows = (np.abs(speed) > TURNS_M_S) & (np.abs(wheels) > 1e-3 * TURNS_M_S)
     if rows.sum() < FEWEST:
         return
     ratio = abs(float(np.median(wheels[rows] / speed[rows])))

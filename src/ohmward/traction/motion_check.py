@@ -17,7 +17,7 @@ from ohmward.traction.robot.robot import Robot
 #: Other wheels agree on a motion within this, and the wheel that is stuck differs from it by more.
 DIFFERENCE_RAD_S = 1.0
 
-#: A sign is wrong where the other one leaves less than this share of the contradiction (in squares).
+#: Signs are wrong, or lost, where others leave less than this share of the contradiction (in squares).
 CURED = 0.1
 
 _SPEED, _YAW_RATE = "wheel_speed_rad_s", "yaw_rate_rad_s"

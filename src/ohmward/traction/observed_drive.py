@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +37,7 @@ from ohmward.traction.terrain.slip_on_floors import FloorRun, slip_on_floors
 #: Alarms of a wheel that are no further apart [s] are one episode.
 JOINED_S = 0.5
 #: Sigmas above which 5 % of a normal distribution lie.
-ONE_SIDED_95 = 1.645
+ONE_SIDED_95 = NormalDist().inv_cdf(0.95)
 
 
 class SlipEpisode(NamedTuple):
@@ -303,11 +304,10 @@ def observe_drive(
 
 
 def odometry_for(robot: Robot, log: DriveLog) -> Odometry:
-    """The odometry of a robot that trusts an outside speed as far as its own errors in the log allow."""
+    """The odometry of a robot that knows from the log how far to trust an outside speed before it has heard many."""
     if "speed_m_s" not in log.channels:
         return Odometry(robot)
-    noise = noise_of(robot)
-    return Odometry(robot, noise=replace(noise, speed_std_m_s=max(noise.speed_std_m_s, speed_std_m_s(robot, log))))
+    return Odometry(robot, noise=replace(noise_of(robot), speed_std_m_s=speed_std_m_s(robot, log)))
 
 
 def _are_silent(log: DriveLog, driven: int) -> np.ndarray:

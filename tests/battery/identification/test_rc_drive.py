@@ -1,4 +1,4 @@
-"""`identify --model rc` on a drive alone: the straight line that it shows, the rule beside the fit, what is refused."""
+"""`identify --model rc` on a drive alone: the circuit and the straight line that it shows, and what is refused."""
 
 from dataclasses import replace
 
@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import LFP_OCV, identify, identify_in_detail, measured
-from battery.rc_examples import CAPACITY_AH, EVEN, log_of, simulate
-from ohmward.battery.chemistries import CHEMISTRIES
+from ohmward.battery.chemistries import chemistry_prior
 from ohmward.battery.identification import IdentificationSettings
 from ohmward.battery.models import rc
+from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.errors import InputError
+from ohmward_lab.published import rc_circuit
+from published.rc_examples import CAPACITY_AH, EVEN, log_of, simulate
 
 SETTINGS = IdentificationSettings(CAPACITY_AH, "rc", name="drive")
 
@@ -27,27 +29,26 @@ def found(drive):
 
 
 def test_a_drive_without_rests_gives_the_circuit_and_the_line(found):
-    np.testing.assert_allclose(found.battery.rc.circuit, EVEN, rtol=0.02)
-    np.testing.assert_allclose(found.battery.rc.ocv.voltage_V, (11.75, 13.0), atol=0.02)
-    assert found.battery.thevenin is None
+    np.testing.assert_allclose(rc_of_thevenin(found.battery.thevenin).circuit, EVEN, rtol=0.02)
+    np.testing.assert_allclose(np.array(found.battery.thevenin.ocv.voltage_V)[[0, -1]], (11.75, 13.0), atol=0.02)
 
 
-def test_the_rule_stands_beside_the_fit(found):
-    assert found.rc.model == found.battery.rc
-    assert rc.instant_resistance(found.rc.rule) == pytest.approx(rc.instant_resistance(EVEN), rel=0.02)
-    assert found.rc.fit.rms_V < found.rc.rule_rms_V
+def test_a_line_is_in_doubt_beyond_its_log_by_30_percent_of_its_slope(found):
+    along, lowest = np.array(found.battery.noise.model_std_V), found.battery.identification.logs[0].soc_min
+    assert along[0] == pytest.approx(0.3 * 1.25 * lowest, rel=0.3)
+    assert np.all(np.diff(along[:8]) < 0)
 
 
 def test_a_drive_in_the_cold_is_a_reference_of_its_own(drive):
     """Resistances are those of the drive's temperature, where the straight line has its reference; warmer they fall."""
     cold = replace(drive, temperature_degC=np.full(len(drive.time_s), -5.0))
-    settings = SETTINGS._replace(initial_soc={drive.name: 0.95}, chemistry="lead-acid")
-    battery = identify_in_detail(cold, settings).battery
-    assert battery.rc.ocv.reference_degC == -5.0
-    np.testing.assert_allclose(battery.rc.circuit, EVEN, rtol=0.02)
-    assert rc.dc_resistance(battery.rc.circuit_at(25.0)) < 0.8 * rc.dc_resistance(EVEN)
-    assert battery.rc_noise.activation_std_K == CHEMISTRIES["lead-acid"].prior.activation_std_K
-    assert any("as usual for lead-acid" in sentence for sentence in battery.not_identified)
+    battery = identify_in_detail(cold, SETTINGS._replace(initial_soc={drive.name: 0.95})).battery
+    model = rc_of_thevenin(battery.thevenin)
+    assert model.ocv.reference_degC == -5.0
+    np.testing.assert_allclose(model.circuit, EVEN, rtol=0.02)
+    assert rc.dc_resistance(rc_circuit.circuit_at(model, 25.0)) < 0.8 * rc.dc_resistance(EVEN)
+    assert battery.noise.activation_std_K == chemistry_prior("").activation_std_K
+    assert any("as usual for batteries" in sentence for sentence in battery.not_identified)
 
 
 def test_the_line_is_said(found):
@@ -70,6 +71,15 @@ def test_a_drive_whose_state_of_charge_nobody_knows_is_refused(drive):
         identify_in_detail(drive.select(slice(0, 2500)), SETTINGS)
 
 
+def test_a_drive_too_short_for_a_slope_and_a_charge_alone_are_refused(drive):
+    short = drive.select(slice(0, 200))
+    with pytest.raises(InputError, match=r"move SoC by .* % outside charges, do not show .* that rises"):
+        identify(short, capacity_Ah=CAPACITY_AH, model="rc", initial_soc={drive.name: 0.95})
+    charge = replace(drive, current_A=np.full(len(drive), 1.0))
+    with pytest.raises(InputError, match=r"move SoC by 0 % outside charges, do not show .* that rises"):
+        identify(charge, capacity_Ah=CAPACITY_AH, model="rc", initial_soc={drive.name: 0.0})
+
+
 def test_a_curve_that_is_given_is_not_replaced_by_a_line(drive):
     """A curve of another battery: refused, not forgotten."""
     with pytest.raises(InputError, match="the given OCV curve runs from"):
@@ -78,13 +88,15 @@ def test_a_curve_that_is_given_is_not_replaced_by_a_line(drive):
 
 @pytest.mark.slow
 def test_measured_drives():
-    """R_0 and R_1 of a DST without a curve are those with the curve; the Panasonic's line serves another drive."""
+    """R_0 and R_1 of a DST on a straight line are those on a curve; the Panasonic's line serves another drive."""
     dst = measured("calce_inr18650_20r/DST_25C_80SOC.parquet")
-    battery = identify(dst, capacity_Ah=2.0, chemistry="nmc", model="rc", initial_soc={dst.name: 0.8})
-    assert rc.instant_resistance(battery.rc) == pytest.approx(0.075, rel=0.05)
-    assert rc.slow_resistance(battery.rc) == pytest.approx(0.023, rel=0.1)
+    for chemistry in ("nmc", ""):
+        battery = identify(dst, capacity_Ah=2.0, chemistry=chemistry, model="rc", initial_soc={dst.name: 0.8})
+        _, r0, r1, _ = rc.four_numbers(rc_of_thevenin(battery.thevenin))
+        assert r0 == pytest.approx(0.075, rel=0.05)
+        assert r1 == pytest.approx(0.0194, rel=0.1)
     first, second = (measured(f"panasonic_18650pf/25degC_{name}.parquet") for name in ("Cycle_1", "HWFTa"))
-    battery = identify(first, capacity_Ah=2.9, chemistry="nca", model="rc", initial_soc={first.name: 1.0})
+    battery = identify(first, capacity_Ah=2.9, model="rc", initial_soc={first.name: 1.0})
     truth = 1 + second.extra["ah"] / 2.9
     for start in (1.0, 0.7, None):
         run = SocEstimator(battery, start, filter="rc").run(second)

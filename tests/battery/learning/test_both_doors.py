@@ -7,7 +7,7 @@ from battery.identification.examples import pulse_log
 from battery.learning.test_another_battery import day
 from battery.learning.test_learn import difference_in_sigmas
 from cli.examples import MODEL
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.identification import identify
 from ohmward.battery.learning import learn
@@ -45,7 +45,7 @@ def test_capacity_and_resistance_are_the_same_through_both_doors(batteries):
 
 def test_the_curve_is_the_same_through_both_doors(batteries):
     one, two = batteries["day, identified"], batteries["day, learnt"]
-    curves_V = [np.asarray(require_thevenin(b).ocv.mean_V(SOC, 25.0)) for b in (one, two)]
+    curves_V = [np.asarray(b.thevenin.ocv.mean_V(SOC, 25.0)) for b in (one, two)]
     assert np.all(np.abs(curves_V[0] - curves_V[1]) < 2 * np.hypot(ocv_std_V(one, SOC), ocv_std_V(two, SOC)))
 
 

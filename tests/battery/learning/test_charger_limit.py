@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from battery.anchor_examples import day, label
-from ohmward.battery.battery import Knowledge, Provenance, SeenLog, require_thevenin
+from ohmward.battery.battery import Knowledge, Provenance, SeenLog
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.learning import learn
 from ohmward.battery.learning.charger_limit import full_at_charger_limit, raised_to, with_full_at
@@ -36,9 +36,9 @@ def test_the_curve_up_to_the_limit_becomes_the_whole_curve(soc):
     before = generic_battery("nmc", 10.0, 3)
     after = with_full_at(before, soc)
     z = np.linspace(0.0, 1.0, 11)
-    curve, degC = require_thevenin(before).ocv, 25.0
-    np.testing.assert_allclose(require_thevenin(after).ocv.mean_V(z, degC), curve.mean_V(soc * z, degC), atol=2e-3)
-    assert after.capacity_Ah == require_thevenin(after).capacity_Ah == pytest.approx(10.0 * (1.0 + soc) / 2)
+    curve, degC = before.thevenin.ocv, 25.0
+    np.testing.assert_allclose(after.thevenin.ocv.mean_V(z, degC), curve.mean_V(soc * z, degC), atol=2e-3)
+    assert after.capacity_Ah == after.thevenin.capacity_Ah == pytest.approx(10.0 * (1.0 + soc) / 2)
     assert after.noise.soc_axis_std == pytest.approx(np.hypot(before.noise.soc_axis_std, 0.5 * (1.0 - soc)))
     assert after.noise.capacity_std == pytest.approx(np.hypot(before.noise.capacity_std, 0.5 * (1.0 - soc)))
 
@@ -60,7 +60,7 @@ def test_a_charger_that_stops_lower_defines_full(soc):
     log, truth = lower_charge(soc)
     assert charger_limit_V(log, label("nca")) == pytest.approx(LIMIT_V, abs=5e-3)
     ready = full_at_charger_limit(label("nca"), log)
-    assert require_thevenin(ready).ocv.voltage_V[-1] == pytest.approx(LIMIT_V, abs=5e-3)
+    assert ready.thevenin.ocv.voltage_V[-1] == pytest.approx(LIMIT_V, abs=5e-3)
     (full,) = (anchor for anchor in find_anchors(log, ready) if anchor.kind == "full charge")
     assert full.soc == pytest.approx(1.0, abs=0.01)
     assert truth[full.sample] == pytest.approx(own_full(), abs=0.01)
@@ -75,7 +75,7 @@ def test_a_log_teaches_the_charge_below_the_limit_of_its_charger():
     of_robot = truth / own_full()
     for found, true in ((update.soc_start, of_robot[0]), (update.soc_end, of_robot[-1])):
         assert abs(found.mean - true) < 2.5 * found.std
-    assert require_thevenin(learnt.battery).ocv.voltage_V[-1] == pytest.approx(LIMIT_V, abs=0.015)
+    assert learnt.battery.thevenin.ocv.voltage_V[-1] == pytest.approx(LIMIT_V, abs=0.015)
 
 
 def test_a_charger_that_goes_higher_later_raises_full_again():
@@ -84,7 +84,7 @@ def test_a_charger_that_goes_higher_later_raises_full_again():
         log, truth = day("nca", 0.3, PHASES, limit_V=limit_V)
         battery = learn(battery, [replace(log, name=f"at {limit_V}", start_unix_s=None)]).battery
     cell = BATTERIES["nca"]
-    assert require_thevenin(battery).ocv.voltage_V[-1] == pytest.approx(cell.circuit.ocv.voltage_V[-1], abs=0.015)
+    assert battery.thevenin.ocv.voltage_V[-1] == pytest.approx(cell.circuit.ocv.voltage_V[-1], abs=0.015)
     assert battery.capacity_Ah == pytest.approx(cell.circuit.capacity_Ah, rel=0.1)
     run = SocEstimator(battery).run(log)
     settled = log.time_s > 3600.0
@@ -95,8 +95,8 @@ def test_a_raised_curve_is_the_lower_one_and_that_of_the_chemistry_above_it():
     before = with_full_at(generic_battery("nmc", 10.0, 3), 0.9)
     after = raised_to(before, 3 * 4.19)
     z = np.linspace(0.0, 1.0, 11)
-    whole = require_thevenin(generic_battery("nmc", 10.0, 3)).ocv
-    np.testing.assert_allclose(require_thevenin(after).ocv.mean_V(z, 25.0), whole.mean_V(z, 25.0), atol=0.01)
+    whole = generic_battery("nmc", 10.0, 3).thevenin.ocv
+    np.testing.assert_allclose(after.thevenin.ocv.mean_V(z, 25.0), whole.mean_V(z, 25.0), atol=0.01)
     assert after.capacity_Ah == pytest.approx(before.capacity_Ah / 0.9, rel=2e-3)
     assert after.noise.soc_axis_std >= generic_battery("nmc", 10.0, 3).noise.soc_axis_std
     assert raised_to(after, 3 * 4.19) is after

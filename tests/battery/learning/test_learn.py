@@ -7,7 +7,7 @@ import pytest
 
 from battery.learning.test_another_battery import day, worn
 from cli.examples import MODEL
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import load_battery, save_battery
 from ohmward.battery.learning import learn
@@ -90,8 +90,8 @@ def test_a_file_without_corrections_stays_as_it_is():
     folded = fold(TESTED, np.zeros(p.size), prior_covariance(TESTED), 1.0, ())
     soc = np.linspace(0.0, 1.0, 101)
     assert folded.capacity_Ah == TESTED.capacity_Ah
-    assert require_thevenin(folded).ocv.mean_V(soc, 25.0) == pytest.approx(MODEL.ocv.mean_V(soc, 25.0), abs=2e-3)
-    assert require_thevenin(folded).tau_s == MODEL.tau_s
+    assert folded.thevenin.ocv.mean_V(soc, 25.0) == pytest.approx(MODEL.ocv.mean_V(soc, 25.0), abs=2e-3)
+    assert folded.thevenin.tau_s == MODEL.tau_s
     assert folded.noise.capacity_std <= TESTED.noise.capacity_std
 
 
@@ -103,9 +103,7 @@ def test_a_learnt_curve_is_the_same_over_the_charge_below_full():
     smaller = fold(once, theta, prior_covariance(TESTED), 0.0, ())
     charge = np.linspace(0.2, 1.0, 50)
     soc = true_soc(charge, np.log(0.9))
-    assert require_thevenin(smaller).ocv.mean_V(soc, 25.0) == pytest.approx(
-        require_thevenin(once).ocv.mean_V(charge, 25.0), abs=2e-3
-    )
+    assert smaller.thevenin.ocv.mean_V(soc, 25.0) == pytest.approx(once.thevenin.ocv.mean_V(charge, 25.0), abs=2e-3)
 
 
 def test_the_curve_stretches_only_where_no_log_has_been():
@@ -142,7 +140,7 @@ def difference_in_sigmas(one: Battery, two: Battery) -> float:
     p = parameters_of(one)
     std = np.sqrt(np.diag(prior_covariance(one)))
     log_ratio = np.log(two.capacity_Ah / one.capacity_Ah)
-    curves = [np.asarray(require_thevenin(b).ocv.mean_V(np.linspace(0.3, 1.0, 8), 25.0)) for b in (one, two)]
+    curves = [np.asarray(b.thevenin.ocv.mean_V(np.linspace(0.3, 1.0, 8), 25.0)) for b in (one, two)]
     model_V = np.interp(np.linspace(0.3, 1.0, 8), np.linspace(0, 1, 21), one.noise.model_std_V)
     slope_V = np.gradient(curves[0], 0.1)
     of_curve = np.abs(curves[0] - curves[1]) / np.hypot(model_V, one.noise.soc_axis_std * slope_V)

@@ -75,3 +75,15 @@ def test_a_pack_has_the_voltages_of_its_cells():
 def test_refuses(arguments, message):
     with pytest.raises(InputError, match=message):
         OcvCurve(*arguments)
+
+
+def test_a_corrected_curve_rises_and_keeps_hysteresis_and_temperature_where_they_were():
+    grid = np.linspace(0.0, 1.0, 5)
+    curve = OcvCurve((3.0, 3.2, 3.4, 3.6, 4.0), (0.02,) * 5, (1e-4, 1e-4, 0.0, 0.0, 0.0), 20.0)
+    assert curve.corrected(np.array(curve.voltage_V)) == curve
+    found = curve.corrected(np.array([3.0, 3.3, 3.2, 3.6, 4.0]), 0.5, 2e-4 * grid)
+    assert found.voltage_V == pytest.approx((3.0, 3.25, 3.25, 3.6, 4.0))
+    assert found.hysteresis_V == pytest.approx((0.01,) * 5)
+    assert found.temperature_V_per_K == pytest.approx((1e-4, 1.5e-4, 1e-4, 1.5e-4, 2e-4))
+    upper = curve.corrected(np.linspace(3.4, 4.0, 5), soc=0.5 + 0.5 * grid)
+    assert upper.temperature_V_per_K == pytest.approx((0.0,) * 5, abs=1e-12)

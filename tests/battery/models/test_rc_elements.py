@@ -10,10 +10,19 @@ from hypothesis import strategies as st
 
 from ohmward.battery.chemistries import CHEMISTRIES, start_model
 from ohmward.battery.models import rc
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import circuit_by_rule, circuit_of, mean_activation_K, rc_of_thevenin
+from ohmward.battery.models.rc import (
+    circuit_by_rule,
+    circuit_of,
+    mean_activation_K,
+    one_pair,
+    one_pair_noise,
+    rc_of_thevenin,
+)
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs import Log
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.simulate.voltage import simulate_voltage
 
 
@@ -23,7 +32,7 @@ def test_a_circuit_has_its_four_numbers(C, r0, r1, tau_s):
     p = circuit_of(C, r0, r1, tau_s)
     np.testing.assert_allclose(rc.four_numbers(p), (C, r0, r1, tau_s), rtol=1e-5)
     assert min(p) > 0
-    assert rc.disturbance_rate(p) <= 0
+    assert rc_circuit.disturbance_rate(p) <= 0
 
 
 def test_rule_shares_the_resistance_and_keeps_the_charge():
@@ -41,7 +50,7 @@ def test_a_circuit_with_one_pair_on_a_straight_line_is_kept():
     assert again.r0_discharge_ohm == pytest.approx(model.r0_discharge_ohm)
     assert again.r_ohm[0] == pytest.approx(model.r_ohm[0])
     assert again.tau_s == pytest.approx(model.tau_s)
-    assert rc.capacitance_for(6.0, ocv) == pytest.approx(sum(rc_of_thevenin(model).circuit[:2]))
+    assert rc_circuit.capacitance_for(6.0, ocv) == pytest.approx(sum(rc_of_thevenin(model).circuit[:2]))
 
 
 @pytest.mark.parametrize("name", CHEMISTRIES)
@@ -63,26 +72,48 @@ def test_its_voltage_is_near_that_of_the_circuit():
     log = Log("pulses", np.arange(7200.0), current_A, np.zeros(7200), np.full(7200, 25.0))
     expected_V = simulate_voltage(model, log, 0.6).voltage_V
     found = rc_of_thevenin(model)
-    x, voltage_V = found.at_rest(0.6), []
+    x, voltage_V = rc_circuit.at_rest(found, 0.6), []
     for before, now in zip([0.0, *current_A[:-1]], current_A, strict=True):
-        x = rc.next_state(x, 0.5 * (before + now), found, 1.0)
-        voltage_V.append(rc.voltage(x, now, found)[0])
+        x = rc_circuit.next_state(x, 0.5 * (before + now), found, 1.0)
+        voltage_V.append(rc_circuit.voltage(x, now, found)[0])
     assert np.sqrt(np.mean((np.array(voltage_V) - expected_V) ** 2)) < 6 * 0.010
 
 
 def test_resistances_follow_the_temperature_and_capacitances_stay():
     """Arrhenius about the curve's temperature; R_b = R_s stay the very same object, so that a step need not divide."""
     model = replace(rc_of_thevenin(start_model("lead-acid", 12.0)), activation_K=3000.0)
-    cold = model.circuit_at(-10.0)
+    cold = rc_circuit.circuit_at(model, -10.0)
     factor = math.exp(3000.0 * (1 / 263.15 - 1 / 298.15))
     np.testing.assert_allclose(cold[2:], factor * np.array(model.circuit[2:]))
     assert cold[:2] == model.circuit[:2]
-    np.testing.assert_allclose(model.circuit_at(25.0), model.circuit)
-    assert replace(model, activation_K=0.0).circuit_at(-10.0) == model.circuit
-    even = rc.RcModel(17_000.0, 300.0, 0.03, 0.03, 0.02, OcvCurve((11.75, 13.0)), 6.0, 3000.0).circuit_at(0.0)
+    np.testing.assert_allclose(rc_circuit.circuit_at(model, 25.0), model.circuit)
+    assert rc_circuit.circuit_at(replace(model, activation_K=0.0), -10.0) == model.circuit
+    even = rc_circuit.circuit_at(
+        rc.RcModel(17_000.0, 300.0, 0.03, 0.03, 0.02, OcvCurve((11.75, 13.0)), 6.0, 3000.0), 0.0
+    )
     assert even.r_bulk_ohm is even.r_surface_ohm
     equivalent = rc.equivalent_thevenin(model)
     assert equivalent.activation_K == 3000.0
+
+
+def test_a_circuit_with_one_constant_pair_is_its_own():
+    """Then the noise is the file's as well, but for errors that hold on for the time constant."""
+    model = Thevenin(6.0, OcvCurve((11.75, 13.0)), (0.03, 0.03), (0.03, 0.03), ((0.02, 0.02),), (400.0,))
+    alone = one_pair(model)
+    np.testing.assert_allclose(
+        [*alone.r0_discharge_ohm, *alone.r_ohm[0], *alone.tau_s], [0.03, 0.03, 0.02, 0.02, 400.0]
+    )
+    noise = one_pair_noise(model, BatteryNoise(overpotential_share=0.05))
+    np.testing.assert_allclose(noise.overpotential_share, 0.05)
+    assert noise.correlation_s == pytest.approx(400.0)
+
+
+def test_what_one_pair_leaves_out_is_an_error_of_the_overpotential():
+    """R_0 alone, twice as large at empty: a third of the mean at either end."""
+    model = Thevenin(6.0, OcvCurve((11.75, 13.0)), (0.04, 0.02), (0.04, 0.02), (), ())
+    noise = one_pair_noise(model, BatteryNoise(overpotential_share=0.0))
+    np.testing.assert_allclose(np.array(noise.overpotential_share)[[0, 10, 20]], [1 / 3, 0.0, 1 / 3], atol=1e-12)
+    assert one_pair(model).r0_charge_ohm == pytest.approx((0.03, 0.03))
 
 
 def test_the_activation_of_a_circuit_is_the_mean_of_its_parts():

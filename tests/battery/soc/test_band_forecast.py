@@ -5,11 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery, start_noise
 from ohmward.battery.models.noise import CurrentSensor
-from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import RcModel
 from ohmward.battery.soc.band_forecast import (
     END_SOC,
     START_SOC,
@@ -27,7 +24,6 @@ NMC_KNOWN, LFP_KNOWN = replace(NMC, noise=CURVE), replace(LFP, noise=CURVE)
 
 
 def test_the_day_draws_what_it_says():
-    assert NMC.thevenin is not None
     day = working_day(TheveninFilter(NMC.thevenin, NMC.noise, NMC.sensor), 5.0)
     drawn = -np.sum(day.current_A * day.dt_s) / NMC.thevenin.capacity_As
     assert drawn == pytest.approx(START_SOC - END_SOC, rel=0.05)
@@ -62,8 +58,3 @@ def test_a_curve_that_nobody_measured_calls_for_the_slow_test_and_a_capacity_for
     discharge = gains["after a discharge from full to empty"]
     assert discharge == pytest.approx(gains["after a slow discharge and a slow charge"], rel=0.2)
     assert all(discharge < band for test, band in gains.items() if "discharge" not in test)
-
-
-def test_without_a_thevenin_model_there_is_no_band():
-    rc = RcModel(9000.0, 900.0, 0.010, 0.010, 0.006, OcvCurve((12.0, 13.6)), 12.0)
-    assert forecast(Battery("rc", 12.0, rc=rc)) == ()

@@ -106,7 +106,6 @@ def test_filters_without_errors_as_states_are_not_judged(tested):
 def _rest(battery: Battery, hours: float, current_A: float) -> Log:
     """A battery at rest at half charge while its sensor shows a current."""
     time_s = np.arange(0.0, 3600.0 * hours, 10.0)
-    assert battery.thevenin
     voltage_V = float(
         np.interp(0.5, np.linspace(0, 1, len(battery.thevenin.ocv.voltage_V)), battery.thevenin.ocv.voltage_V)
     )

@@ -11,7 +11,7 @@ from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve, slip_shape
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, StateOfHealth, next_state, voltage
-from ohmward.battery.soc.initial_soc import initial_soc
+from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.trace import Kernel
@@ -163,8 +163,10 @@ def test_the_first_voltage_says_less_where_the_resistance_is_in_doubt():
     u = CircuitInput(-2.0, COLD_DEGC)
     settings = TheveninFilter(NMC)
     expected_V = float(voltage(np.array([0.5, 0.0, 0.0, 0.0]), u, NMC)[0])
-    sure, doubting = (initial_soc(expected_V, u, NMC, noise, settings.sensor) for noise in (TESTED, DOUBTED))
-    assert doubting.std > 1.5 * sure.std
+    first = SocSample(0.0, u.current_A, expected_V, COLD_DEGC)
+    starts = (VoltageStart(NMC, noise, settings.sensor) for noise in (TESTED, DOUBTED))
+    (sure,), (doubting,) = (start.hypotheses(first) for start in starts)
+    assert doubting.start.std > 1.5 * sure.start.std
 
 
 def test_five_cycles_show_capacity_and_resistance_of_an_aged_battery():

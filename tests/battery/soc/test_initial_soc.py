@@ -8,13 +8,26 @@ from ohmward.battery.chemistries import start_model, start_noise
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor, usual_sensor
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.initial_soc import first_voltage_std, hypotheses, initial_soc
+from ohmward.battery.soc.initial_soc import VoltageStart, first_voltage_std
+from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 
 REST = CircuitInput(0.0, 25.0)
 NOISE = BatteryNoise()
 SENSOR = CurrentSensor()
+
+
+def hypotheses(voltage_V, u, model, noise, sensor, soc=None, soc_std=0.03, count=1):
+    """Parts of the density of SoC, given a first sample of this voltage at this current and temperature."""
+    first = SocSample(0.0, u.current_A, voltage_V, u.temperature_degC)
+    return VoltageStart(model, noise, sensor, count=count).hypotheses(first, soc, soc_std)
+
+
+def initial_soc(*arguments, **given):
+    """Moments of the whole density."""
+    (whole,) = hypotheses(*arguments, **given)
+    return whole.start
 
 
 def test_nothing_known_is_uniform():

@@ -8,7 +8,6 @@ import pytest
 from battery.examples import NMC, drive, simulate
 from kernels import kernel_of
 from ohmward.battery.battery import Battery
-from ohmward.battery.models import rc
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import ESTIMATORS, EstimatorSettings, make_estimator, published
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
@@ -18,11 +17,7 @@ pytest.importorskip("llvmlite")
 
 NAN, INF = math.nan, math.inf
 STEPS = 3000
-TOTAL_F = rc.capacitance_for(NMC.capacity_Ah, NMC.ocv)
-CELL = rc.RcModel(0.97 * TOTAL_F, 0.03 * TOTAL_F, 0.03, 0.03, 0.06, NMC.ocv, NMC.capacity_Ah)
-BATTERY = Battery(
-    "both", NMC.capacity_Ah, voltage_min_V=2.5, voltage_max_V=4.2, thevenin=NMC, rc=CELL, idle_current_A=0.0
-)
+BATTERY = Battery("cell", NMC.capacity_Ah, voltage_min_V=2.5, voltage_max_V=4.2, thevenin=NMC, idle_current_A=0.0)
 FAULTS: dict[str, tuple[float, ...]] = {
     "dt_s": (0.0, -3.0, NAN, INF, 90.0, 2000.0, 1e9),
     "current_A": (NAN, INF, -INF, 1000.0),

@@ -12,11 +12,9 @@ from ohmward.errors import InputError
 from ohmward.logs import Log
 from ohmward_lab.published.registry import PUBLISHED
 from ohmward_lab.simulate.voltage import simulate_voltage
-from published.test_hybrid import RC
 
 MODEL = start_model("nmc", 2.0)
-BOTH = Battery("both", 2.0, thevenin=MODEL, rc=replace(RC, ocv=MODEL.ocv))
-THEVENIN_ALONE, RC_ALONE = replace(BOTH, rc=None), replace(BOTH, thevenin=None)
+BATTERY = Battery("cell", 2.0, thevenin=MODEL)
 CURRENT_A = np.tile(np.repeat([0.0, -1.0, 0.5, -2.0], 60), 15)
 TIME_S = np.arange(CURRENT_A.size, dtype=float)
 BARE = Log("drive", TIME_S, CURRENT_A, np.full(TIME_S.size, 3.7))
@@ -24,26 +22,21 @@ SIMULATED = simulate_voltage(MODEL, BARE, 0.9)
 LOG = replace(BARE, voltage_V=SIMULATED.voltage_V)
 
 
-def test_each_battery_offers_what_its_models_allow():
-    assert available(BOTH) == tuple(ESTIMATORS)
-    assert available(THEVENIN_ALONE) == ("ekf", "ukf", "gsf", "textbook-ekf", "textbook-ukf", "coulomb", "ocv")
-    assert available(RC_ALONE) == ("rc",)
-    assert available(BOTH, with_published=True) == (*ESTIMATORS, *PUBLISHED)
-    assert available(THEVENIN_ALONE, with_published=True)[7:] == ("published.aekf", "published.aukf")
-    assert available(RC_ALONE, with_published=True) == ("rc", "published.rc-kf", "published.rc-aukf")
+def test_a_battery_offers_all():
+    assert available(BATTERY) == tuple(ESTIMATORS)
+    assert available(BATTERY, with_published=True) == (*ESTIMATORS, *PUBLISHED)
 
 
-def test_the_default_follows_the_models():
-    assert make_estimator("Default", BOTH) == make_estimator("gsf", BOTH)
-    assert make_estimator("default", RC_ALONE) == make_estimator("rc", RC_ALONE)
-    assert "gsf, lfp" in repr(SocEstimator(replace(BOTH, chemistry="lfp")))
+def test_the_default():
+    assert make_estimator("Default", BATTERY) == make_estimator("gsf", BATTERY)
+    assert "gsf, lfp" in repr(SocEstimator(replace(BATTERY, chemistry="lfp")))
     with pytest.raises(InputError, match="filter must be one of default, ekf, ukf, gsf"):
-        make_estimator("best", BOTH)
+        make_estimator("best", BATTERY)
 
 
 @pytest.mark.parametrize("name", [*ESTIMATORS, *PUBLISHED])
 def test_every_estimator_runs_streams_alike_and_stays_near_the_truth(name):
-    estimator = make_estimator(name, BOTH)
+    estimator = make_estimator(name, BATTERY)
     run = SocEstimator(estimator, 0.9).run(LOG).estimates
     assert np.abs(run.soc - SIMULATED.soc).max() < 0.06
     assert np.isfinite(run.soc_std).all() and (run.soc_std > 0).all()
@@ -53,20 +46,16 @@ def test_every_estimator_runs_streams_alike_and_stays_near_the_truth(name):
 
 
 def test_a_declared_rest_reaches_the_filter_and_an_undeclared_one_does_not():
-    undeclared = make_estimator("ekf", BOTH)
-    declared = make_estimator("ekf", replace(BOTH, idle_current_A=0.0))
+    undeclared = make_estimator("ekf", BATTERY)
+    declared = make_estimator("ekf", replace(BATTERY, idle_current_A=0.0))
     assert isinstance(undeclared, TheveninFilter) and undeclared.idle_current_A is None
     assert isinstance(declared, TheveninFilter) and declared.idle_current_A == 0.0
 
 
 def test_refusals():
     with pytest.raises(InputError, match=r"filter must be one of default, ekf, ukf, gsf, rc, .* got 'kf'"):
-        make_estimator("kf", BOTH)
+        make_estimator("kf", BATTERY)
     with pytest.raises(
         InputError, match=r"filter must be one of default, ekf, ukf, gsf, rc, .* published.rc-aukf, got 'kf'"
     ):
-        make_estimator("kf", BOTH)
-    with pytest.raises(InputError, match=r"no \[thevenin\] model.*ohmward identify"):
-        make_estimator("ekf", RC_ALONE)
-    with pytest.raises(InputError, match=r"no \[rc\] model.*--model rc"):
-        make_estimator("published.hybrid", THEVENIN_ALONE)
+        make_estimator("kf", BATTERY)

@@ -3,17 +3,17 @@ import pytest
 
 from battery.examples import NMC, drive, samples, simulate
 from kernels import kernel_of
-from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.rc import RcModel
-from ohmward.battery.soc.rc_filter import RcFilter
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import Belief
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.hybrid import Hybrid, _surer
+from ohmward_lab.published.rc_filter import RcFilter
 
 NOISE = BatteryNoise()
-CAPACITANCE_F = rc.capacitance_for(NMC.capacity_Ah, NMC.ocv)
+CAPACITANCE_F = rc_circuit.capacitance_for(NMC.capacity_Ah, NMC.ocv)
 RC = RcModel(0.97 * CAPACITANCE_F, 0.03 * CAPACITANCE_F, 0.03, 0.03, 0.06, NMC.ocv, NMC.capacity_Ah)
 
 

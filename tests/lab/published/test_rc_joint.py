@@ -8,14 +8,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from battery.rc_examples import EVEN, lanes, row, simulate
 from ohmward.battery.models import rc
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters import consistency, kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.trace import Kernel
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.rc_joint import PARAMETERS, Nominal, RcJoint
+from published.rc_examples import EVEN, lanes, row, simulate
 
 TRUE = Nominal(EVEN.c_bulk_F, EVEN.c_surface_F, EVEN.r_bulk_ohm, EVEN.r_terminal_ohm)
 WRONG = Nominal(1.8 * TRUE.c_bulk_F, 0.5 * TRUE.c_surface_F, 1.6 * TRUE.r_ohm, 0.5 * TRUE.r_terminal_ohm)
@@ -128,7 +129,7 @@ def test_known_parameters_leave_the_linear_kalman_filter(runs):
     for k in range(200):
         sample = row(samples, k)
         state, _ = joint.step(state, sample)
-        F, B = rc.transition(EVEN, sample.dt_s)
+        F, B = rc_circuit.transition(EVEN, sample.dt_s)
         Q = np.diag(per_V**2 * joint.current_std_A**2 * sample.dt_s)
         belief = kalman.predict(belief, F, Q, B * 0.5 * (before_A + sample.current_A))
         before_A = sample.current_A

@@ -10,6 +10,7 @@ from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
 from ohmward.filters.belief import unpack
 from ohmward.logs.log import Log
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.rc_three_states import RcThreeStates
 
 CIRCUIT = rc.Circuit(9000.0, 40.0, 0.09, 0.06, 0.05)
@@ -23,11 +24,11 @@ def log_of(model, start_soc):
     time_s = np.arange(600.0)
     current_A = -np.repeat(rng.uniform(0.0, 3.0, 60), 10)
     current_A[:10] = 0.0
-    x, voltage_V = model.at_rest(start_soc), []
+    x, voltage_V = rc_circuit.at_rest(model, start_soc), []
     for k, now_A in enumerate(current_A):
         if k:
-            x = rc.next_state(x, 0.5 * (now_A + current_A[k - 1]), model, 1.0)
-        voltage_V.append(rc.voltage(x, now_A, model)[0])
+            x = rc_circuit.next_state(x, 0.5 * (now_A + current_A[k - 1]), model, 1.0)
+        voltage_V.append(rc_circuit.voltage(x, now_A, model)[0])
     return Log("circuit", time_s, current_A, np.array(voltage_V)), x
 
 

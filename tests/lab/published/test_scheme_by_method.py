@@ -11,6 +11,7 @@ from ohmward.battery.soc.sample import SocSample
 from ohmward.errors import InputError
 from ohmward.filters import adaptive
 from ohmward.trace import Kernel
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.scheme_by_method import METHODS, SchemeByMethod, SchemeSoc
 
 TRUE = rc.RcModel(3000.0, 300.0, 0.08, 0.08, 0.06, OcvCurve((11.5, 13.5)), 3300.0 * 2.0 / 3600.0)
@@ -19,11 +20,11 @@ TRUE = rc.RcModel(3000.0, 300.0, 0.08, 0.08, 0.06, OcvCurve((11.5, 13.5)), 3300.
 def samples():
     rng = np.random.default_rng(2)
     current_A = np.repeat(rng.uniform(-4.0, 4.0, 200), 10)
-    x, voltage_V = TRUE.at_rest(0.6), []
+    x, voltage_V = rc_circuit.at_rest(TRUE, 0.6), []
     for k, now_A in enumerate(current_A):
         if k:
-            x = rc.next_state(x, 0.5 * (now_A + current_A[k - 1]), TRUE, 1.0)
-        voltage_V.append(rc.voltage(x, now_A, TRUE)[0] + 0.001 * rng.standard_normal())
+            x = rc_circuit.next_state(x, 0.5 * (now_A + current_A[k - 1]), TRUE, 1.0)
+        voltage_V.append(rc_circuit.voltage(x, now_A, TRUE)[0] + 0.001 * rng.standard_normal())
     n = current_A.size
     return SocSample(np.ones(n), current_A, np.array(voltage_V), np.full(n, math.nan))
 
@@ -76,7 +77,7 @@ def test_as_an_estimator_of_charge_the_scheme_is_the_same_and_finds_its_start_by
     found = Kernel(estimator.step, start, first).scan(start, column)[1]
     np.testing.assert_array_equal(found.soc, along("ekf", column).soc.soc)
     np.testing.assert_allclose(found.soc_std**2, along("ekf", column).soc.soc_variance)
-    rest = SocSample(0.0, 0.0, float(TRUE.at_rest(0.6)[0]), math.nan)
+    rest = SocSample(0.0, 0.0, float(rc_circuit.at_rest(TRUE, 0.6)[0]), math.nan)
     assert adaptive.unpack(estimator.init(rest).soc).belief.mean[2] == pytest.approx(0.6, abs=1e-3)
     silent = rest._replace(voltage_V=math.nan)
     assert adaptive.unpack(estimator.init(silent, 0.6).joint).belief.mean[2] == pytest.approx(rest.voltage_V)

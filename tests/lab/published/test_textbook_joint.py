@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 import pytest
 
-from battery.rc_examples import EVEN, drive, rates_with_voltage, simulate
 from kernels import kernel_of
 from ohmward.battery.models import rc
 from ohmward.battery.soc.sample import SocSample
@@ -14,8 +13,10 @@ from ohmward.errors import InputError
 from ohmward.filters import adaptive
 from ohmward.filters.belief import unpack
 from ohmward.trace import trace
+from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.rc_joint import Nominal
 from ohmward_lab.published.textbook_joint import LEAST, TextbookJoint
+from published.rc_examples import EVEN, drive, rates_with_voltage, simulate
 
 TRUE = Nominal(EVEN.c_bulk_F, EVEN.c_surface_F, EVEN.r_bulk_ohm, EVEN.r_terminal_ohm)
 JOINT = TextbookJoint(Nominal(1.3 * TRUE.c_bulk_F, 0.8 * TRUE.c_surface_F, 1.2 * TRUE.r_ohm, 0.8 * TRUE.r_terminal_ohm))
@@ -77,7 +78,7 @@ def test_the_step_of_the_voltage_approaches_the_exact_one():
     p = circuit_of(JOINT.nominal, z)
     errors = []
     for dt_s in (0.2, 0.1):
-        exact = rc.next_state_with_voltage(x, -3.0, 1.0, 5.0, p, dt_s)
+        exact = rc_circuit.next_state_with_voltage(x, -3.0, 1.0, 5.0, p, dt_s)
         errors.append(np.abs(JOINT.next_state(np.array([*z, *x]), 1.0, 5.0, dt_s)[4:] - exact))
     np.testing.assert_allclose(errors[1], 0.25 * errors[0], rtol=0.02)
 

@@ -1,9 +1,6 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from ohmward.battery.battery import require_thevenin
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.models.thevenin import CircuitInput, voltage
 from ohmward.errors import InputError
@@ -63,7 +60,7 @@ def test_impossible_values_are_refused(name, value):
 @pytest.mark.parametrize("chemistry, n_series", [("lipo", 10), ("lfp", 4), ("lead-acid", 6)])
 def test_the_plant_of_a_battery_file_has_its_voltage_and_keeps_the_charge_in_range(chemistry, n_series):
     file = generic_battery(chemistry, 8.0, n_series)
-    circuit = require_thevenin(file)
+    circuit = file.thevenin
     plant = of_battery_file(file)
     x, u = resting_state(plant, 0.5).x, CircuitInput(-4.0, 10.0)
     assert terminal_voltage(x, u, plant) == pytest.approx(voltage(x, u, circuit)[0], rel=1e-12)
@@ -71,8 +68,3 @@ def test_the_plant_of_a_battery_file_has_its_voltage_and_keeps_the_charge_in_ran
     assert plant.full_width > 0 or plant.voltage_max_V <= voltage(full, CircuitInput(0.0, 25.0), circuit)[0]
     assert plant.voltage_min_V >= voltage(empty, CircuitInput(0.0, 25.0), circuit)[0]
     assert plant.heat_capacity_J_per_K > 100.0
-
-
-def test_a_battery_file_without_a_thevenin_model_is_refused():
-    with pytest.raises(InputError, match=r"has no \[thevenin\] model"):
-        of_battery_file(replace(generic_battery("lipo", 8.0, 10), thevenin=None))

@@ -1,6 +1,7 @@
 """Counts against a gyro: what is learnt, what is not, and poses of robots that stop and go."""
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -106,9 +107,23 @@ def test_no_scale_is_learnt_at_rest_or_straight_on():
     for wheels in (np.zeros((steps, 2)), speeds):
         state, _ = scan(FILTER, samples(FILTER, wheel_speed_rad_s=wheels, yaw_rate_rad_s=gyro))
         mean, cov = unpack(state.belief)
-        assert mean[GYRO_SCALE] == 0.0 and mean[RADIUS] == 0.0
-        assert abs(mean[TURN_SCALE]) < 0.5 * math.sqrt(cov[TURN_SCALE, TURN_SCALE])
+        assert mean[RADIUS] == 0.0
+        for scale in (GYRO_SCALE, TURN_SCALE):
+            assert abs(mean[scale]) < 0.5 * math.sqrt(cov[scale, scale])
         assert abs(mean[CURVATURE]) < 3 * math.sqrt(cov[CURVATURE, CURVATURE]) + 1e-9
+
+
+def test_what_the_wheels_show_of_a_turn_is_shared_between_track_and_gyro():
+    """Turns without slip by exact wheels: k_w = -0.01 is the gyro's half of it where both may err alike."""
+    noise = replace(OdometryNoise(), turn_share=0.0, gyro_offset_std_rad_s=1e-6, encoder_std_rad=1e-6)
+    settings, time_s = PoseFilter(RLMA, noise), DT_S * np.arange(4000)
+    turn = 0.6 * np.sin(0.05 * time_s)
+    wheels = np.column_stack([np.full(4000, 0.5), turn]) @ RLMA.rolling[:2].T / RLMA.wheel.radius_m
+    state, _ = scan(settings, samples(settings, wheel_speed_rad_s=wheels, yaw_rate_rad_s=0.99 * turn))
+    mean, cov = unpack(state.belief)
+    assert mean[TURN_SCALE] == pytest.approx(-0.01, abs=5e-4)
+    assert mean[GYRO_SCALE] == pytest.approx(0.005, abs=5e-4)
+    assert math.sqrt(cov[GYRO_SCALE, GYRO_SCALE]) == pytest.approx(0.01 / math.sqrt(2), rel=0.05)
 
 
 def test_wheels_alone_are_plain_odometry():
@@ -154,10 +169,11 @@ def test_an_angle_between_wheels_and_gyro_stays_within_a_count():
 
 
 def test_a_yaw_that_is_unsure_shortens_the_way_by_its_square():
-    """After a turn of a gyro whose scale is unsure, straight on: E[(1 - cos e)^2] by quadrature, e ~ N(0, s^2)."""
+    """After a turn of a gyro whose scale is unsure and no track shows, straight on: E[(1 - cos e)^2], e ~ N(0, s^2)."""
     noise = OdometryNoise(
         gyro_offset_std_rad_s=0.0, gyro_offset_walk=0.0, gyro_walk=1e-9, gyro_delay_std_s=0.0, wheels_ahead_std_s=0.0,
         radius_std=0.0, slip_share=0.0, side_slip_share=0.0, side_arm_std_m=0.0, gyro_scale_std=0.02,
+        turn_scale_std=10.0,
     )  # fmt: skip
     settings = PoseFilter(RLMA, noise)
     steps, turn = 1500, 2 * math.pi

@@ -13,7 +13,6 @@ from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.odometry.modes import (
     COUNTED,
     EVIDENCE_S,
-    GRIP_M_S2,
     LASTS_S,
     MET_S,
     ROLLING_M_S,
@@ -29,6 +28,7 @@ from ohmward.traction.odometry.modes import (
 from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.chassis import Differential
+from ohmward.traction.robot.robot import GRAVITY
 from traction.odometry.examples import DT_S, samples
 from traction.odometry.test_counts_and_gyro import INDOOR, TRACK_M, stop_and_go
 
@@ -118,7 +118,7 @@ def test_modes_begin_and_end_as_their_times_say():
 
 def test_wheels_that_all_run_away_are_followed_as_fast_as_friction_can():
     after, speed = step(at(0.5), [4.5, 4.5])
-    assert after.followed_m_s == pytest.approx(0.5 + GRIP_M_S2 * 0.02)
+    assert after.followed_m_s == pytest.approx(0.5 + GRAVITY * 0.02)
     loose = COUNTED * math.hypot(ROLLING_M_S, 0.02 * 0.5)
     assert speed.forward_m_s == pytest.approx(after.followed_m_s + loose)
     assert speed.std_m_s == pytest.approx(4.5 - 0.5)  # what the rims have gained

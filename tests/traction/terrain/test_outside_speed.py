@@ -9,7 +9,7 @@ from ohmward.traction.observed_drive import observe_on_floors
 from ohmward.traction.terrain.floor import Floors, SlipBelief
 from ohmward.traction.terrain.outside_speed import (
     LASTING_SHARE,
-    LOSS_MEMORY_S,
+    MEMORY_S,
     LossSample,
     SeenLoss,
     averaged,
@@ -121,7 +121,7 @@ def test_the_mean_loss_has_less_variance_but_not_without_end():
         loss = seen(state)
         assert loss.value == pytest.approx(0.2)
         assert loss.variance == pytest.approx(0.01 * (LASTING_SHARE + (1 - LASTING_SHARE) / n))
-    faded = averaged(state, LossSample(np.nan, np.nan, False), False, LOSS_MEMORY_S)
+    faded = averaged(state, LossSample(np.nan, np.nan, False), False, MEMORY_S)
     assert faded.mean == state.mean and faded.count == pytest.approx(state.count / np.e)
     assert averaged(state, LossSample(np.nan, np.nan, False), True, 0.1).count == 0.0
     assert averaged(state, LossSample(0.9, 0.01, False), False, 0.1)[::2] == pytest.approx((0.9, 1.0))

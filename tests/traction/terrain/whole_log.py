@@ -12,8 +12,8 @@ from ohmward.traction.motion.sample import samples_of
 from ohmward.traction.terrain.demand import drag_columns, inertial_forces, static_loads, undetermined_force_std
 from ohmward.traction.terrain.floor import slip_belief, slip_scale
 from ohmward.traction.terrain.recognition import (
-    FORCE_MEMORY_S,
     LIKE_SHARE,
+    MEMORY_S,
     MIXED_SHARE,
     NEW_FLOOR_ODDS,
     PERSISTENT_SHARE,
@@ -65,7 +65,7 @@ def floors_under(recognition, t, rim, force, noise, friction, events):
         prior = {1: p if averaged > 0 else prior, 2: (1 - RIGHT_SHARE) * p + RIGHT_SHARE * p @ near}.get(
             events[k], prior
         )
-        averaged = {1: -SETTLING_S, 2: 0.0}.get(events[k], min(averaged + dt, FORCE_MEMORY_S))
+        averaged = {1: -SETTLING_S, 2: 0.0}.get(events[k], min(averaged + dt, MEMORY_S))
         mean = force[k] if averaged <= dt else mean + dt / averaged * (force[k] - mean)
         kept = math.exp(-recognition.crossing_rate * dt)
         prior = kept * prior + (1 - kept) * usual

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_battery, require_thevenin
+from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.cells.cell_filter import CellEstimate, CellFilter, CellSample, CellSpread, CellState, TypicalCell
 from ohmward.battery.cells.drift import CellWarning, PackState, cell_warnings, drifted, pack_state, ranges
 from ohmward.battery.soc.estimator import SocEstimator, SocRun, samples_of
@@ -102,7 +102,7 @@ class PackEstimator:
     (7.1, 3, 0.59)
 
     Args:
-        battery: with a Thevenin model and its cells in series.
+        battery: its cells in series.
         initial_soc: of the typical cell, in [0, 1]; None takes it from the first voltages.
         initial_soc_std: standard deviation of that value.
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`.
@@ -110,7 +110,7 @@ class PackEstimator:
         spread: differences of the cells to expect.
 
     Raises:
-        InputError: a single cell, no Thevenin model, another filter.
+        InputError: a single cell, another filter.
     """
 
     def __init__(
@@ -125,14 +125,12 @@ class PackEstimator:
         require_battery(battery)
         if battery.n_series < 2:
             raise InputError(f"battery {battery.name!r} has n_series = 1; an estimate of cells needs a pack of them")
-        if chosen_name(filter.lower(), battery) not in FILTERS:
+        if chosen_name(filter.lower()) not in FILTERS:
             raise InputError(f"filter must be one of {', '.join(FILTERS)} for an estimate of cells, got {filter!r}")
         self.battery = battery
         self.lowering = lowering
         self.typical = SocEstimator(battery, initial_soc, initial_soc_std, lowering, filter)
-        self.settings = CellFilter(
-            require_thevenin(battery), battery.noise, int(battery.n_series), spread or CellSpread()
-        )
+        self.settings = CellFilter(battery.thevenin, battery.noise, int(battery.n_series), spread or CellSpread())
         self.last: PackEstimate | None = None
         self._states: list[CellState] = []
         self._live: list[Live] = []

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.ageing import REVERSIBLE_STD, HealthPoint, logarithm
 from ohmward.battery.learning.fold import pulse_ohm
@@ -100,7 +100,7 @@ def newness(battery: Battery, updates: Sequence[LogUpdate], capacity_Ah: float |
     if not learnt:
         return Newness(new_Ah, math.nan, tuple(notes))
     if battery.noise.resistance_std <= _TESTED_RESISTANCE_STD:
-        new_ohm = pulse_ohm(require_thevenin(battery))
+        new_ohm = pulse_ohm(battery.thevenin)
         return Newness(new_Ah, new_ohm, (*notes, f"resistance when new: {1e3 * new_ohm:.3g} mΩ, the battery file's"))
     known = next((x for x in learnt if x.own_resistance_ohm.relative_std < _KNOWN_RESISTANCE_STD), learnt[-1])
     new_ohm = (

@@ -10,7 +10,7 @@ from ohmward.battery.identification.circuit_design import ENTROPY_KNOTS, OCV_KNO
 from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution
 from ohmward.battery.identification.confidence import covered
 from ohmward.battery.identification.fit_samples import FitSamples
-from ohmward.battery.identification.ocv_from_logs import OCV_GRID, monotone, smooth
+from ohmward.battery.identification.ocv_from_logs import OCV_GRID, smooth
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs.log import Note
@@ -42,19 +42,10 @@ def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: f
 
 def corrected_ocv(solution: CircuitSolution, problem: CircuitProblem) -> OcvCurve:
     """The first OCV curve as the fit corrected it, non-decreasing, and its hysteresis at the scale of the fit."""
-    first, layout = problem.ocv, solution.layout
-    mean_V = _fitted_curve_V(solution, problem)
-    scale = float(solution.x[layout.scale][0]) if layout.hysteresis else 0.0
-    gap_V = scale * np.asarray(first.hysteresis_at(OCV_GRID)) if layout.hysteresis else np.zeros(OCV_GRID.size)
-    slope = np.interp(OCV_GRID, np.linspace(0, 1, len(first.temperature_V_per_K)), first.temperature_V_per_K)
-    if layout.entropy:
-        slope = slope + np.interp(OCV_GRID, ENTROPY_KNOTS, solution.x[layout.entropic])
-    return OcvCurve(
-        tuple(monotone(mean_V).tolist()),
-        tuple(np.maximum(gap_V, 0.0).tolist()),
-        tuple(slope.tolist()),
-        first.reference_degC,
-    )
+    layout, x = solution.layout, solution.x
+    scale = float(x[layout.scale][0]) if layout.hysteresis else 0.0
+    more_V_per_K = np.interp(OCV_GRID, ENTROPY_KNOTS, x[layout.entropic]) if layout.entropy else 0.0
+    return problem.ocv.corrected(_fitted_curve_V(solution, problem), scale, more_V_per_K)
 
 
 def curve_notes(solution: CircuitSolution, problem: CircuitProblem) -> tuple[Note, ...]:

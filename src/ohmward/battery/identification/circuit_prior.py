@@ -29,6 +29,7 @@ class CircuitPrior(NamedTuple):
     #: of the OCV curve: voltage, and error of its SoC axis; correlated over `ocv_length` of SoC
     ocv_V: float = 0.004
     ocv_soc: float = 0.01
+    ocv_line_std_V: Any = 0.0  #: error on OCV_KNOTS of a straight line beyond its logs, of the battery [V]
     ocv_axis_std: float = 0.0  #: error of its SoC axis in the middle that two branches leave open, see `axis_bridge`
     ocv_gap: float = 0.5  #: again, as a share of the half gap: the truth lies between the branches, not in the middle
     ocv_length: float = 0.05
@@ -74,7 +75,7 @@ LFP_WITHOUT_LOW_RATE_V = 0.008
 #: hold overpotential, which changes with temperature as well.
 _MEASURED_SLOPE = 0.5
 #: Correlation length of that slope along SoC: a stage of graphite.
-_ENTROPY_LENGTH = 0.2
+ENTROPY_LENGTH = 0.2
 
 #: Walk of its resistances where rests gave the curve: between two rests, a resistance that may wander takes what the
 #: curve does there. From pulses at 25 degC, four simulated cells: RMSE 1.3 % with 0.25, 0.8 % with half of it.
@@ -175,13 +176,14 @@ def ocv_precision(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> np.ndarra
     slope = np.abs(np.gradient(np.asarray(ocv.mean_V(OCV_KNOTS, ocv.reference_degC)), OCV_KNOTS))
     gap = np.asarray(ocv.hysteresis_at(OCV_KNOTS))
     axis = np.hypot(prior.ocv_soc, prior.ocv_axis_std * axis_bridge(OCV_KNOTS))
-    std = np.sqrt((volts * prior.ocv_V) ** 2 + (axis * slope) ** 2 + (prior.ocv_gap * gap) ** 2)
+    own_V = np.hypot(volts * prior.ocv_V, prior.ocv_line_std_V)
+    std = np.sqrt(own_V**2 + (axis * slope) ** 2 + (prior.ocv_gap * gap) ** 2)
     return np.linalg.inv(std[:, None] * correlation(OCV_KNOTS, prior.ocv_length) * std)
 
 
 def entropy_precision(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> np.ndarray:
     """(K, K) precision of the change of the OCV curve with temperature on ENTROPY_KNOTS."""
-    return np.linalg.inv(entropy_std(prior, ocv, volts) ** 2 * correlation(ENTROPY_KNOTS, _ENTROPY_LENGTH))
+    return np.linalg.inv(entropy_std(prior, ocv, volts) ** 2 * correlation(ENTROPY_KNOTS, ENTROPY_LENGTH))
 
 
 def entropy_std(prior: CircuitPrior, ocv: OcvCurve, volts: float) -> float:

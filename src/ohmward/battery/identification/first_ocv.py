@@ -1,6 +1,7 @@
 """First open-circuit voltage, which the fit of the circuit corrects, from the best source that there is.
 
-In order: the curve that the user gives; low-rate tests; rests at several states of charge; the chemistry's usual curve.
+In order: the curve that the user gives; low-rate tests; rests at several states of charge; the chemistry's usual curve;
+for the RC model alone, a straight line through drives.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from ohmward.battery.chemistries import CHEMISTRIES, chemistry
+from ohmward.battery.identification.circuit_design import OCV_KNOTS
 from ohmward.battery.identification.circuit_prior import (
     LFP_WALK_FROM_RESTS,
     LFP_WITHOUT_LOW_RATE_V,
@@ -20,6 +22,8 @@ from ohmward.battery.identification.circuit_prior import (
     prior_for,
     with_branches,
 )
+from ohmward.battery.identification.circuit_solve import last_direction
+from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples, scan, thin
 from ohmward.battery.identification.ocv_from_logs import (
     OcvBranch,
     RestPoint,
@@ -32,13 +36,15 @@ from ohmward.battery.identification.ocv_from_logs import (
     rest_points,
 )
 from ohmward.battery.identification.record import Record, reference_degC
-from ohmward.battery.identification.soc_axis import anchor_soc, find_anchors
+from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, find_anchors
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.ocv_file import given_ocv
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
+from ohmward.optional import require
 
-#: "thevenin" chooses the number of RC pairs by evidence.
+#: "thevenin" chooses the number of RC pairs by evidence. "rc", the model of [P], has one pair, and a straight line for
+#: the curve where the logs show none.
 MODELS = ("thevenin", "thevenin-0rc", "thevenin-1rc", "thevenin-2rc", "thevenin-3rc", "rc")
 DEFAULT_MODEL = "thevenin"
 
@@ -59,6 +65,13 @@ class IdentificationSettings(NamedTuple):
 #: Error of the chemistry's usual curve for a cell of 3.7 V, of its SoC axis, and the SoC over which they hold on: cells
 #: of one chemistry differ by a shift, a stretch and a bend.
 _USUAL_V, _USUAL_SOC, _USUAL_LENGTH = 0.03, 0.03, 0.3
+#: Relative error of the slope of a straight line beyond the logs that it was laid through: the slope of the curves of
+#: NCA, NMC and LCO between 20 and 60 % is 0.8, 0.6 and 0.4 of that between 60 and 100 %.
+_SLOPE_STD = 0.3
+#: Logs that move SoC by less do not show the slope of their open-circuit voltage.
+_LEAST_SOC_RANGE = 0.05
+#: Time constants [s] of the overpotential beside a straight line, which the fit of the circuit then finds.
+_LINE_TAUS_S = (10.0, 60.0, 300.0)
 
 
 class FirstOcv(NamedTuple):
@@ -70,6 +83,7 @@ class FirstOcv(NamedTuple):
     fitted: tuple[Record, ...]  #: the records that the circuit is fitted to
     branches: tuple[OcvBranch, ...] = ()  #: low-rate discharges and charges, none for another source
     axis_std: float = 0.0  #: error of its SoC axis in the middle beyond the usual
+    line_std_V: Any = 0.0  #: error on OCV_KNOTS of a straight line beyond the logs that it was laid through
     notes: tuple[Note, ...] = ()  #: how it was found
 
     @property
@@ -80,6 +94,8 @@ class FirstOcv(NamedTuple):
     @property
     def not_identified(self) -> tuple[str, ...]:
         """Sentence on a curve that nobody measured."""
+        if self.source == "line":
+            return ("open-circuit voltage: no curve in the logs; a straight line was taken",)
         if self.source != "chemistry":
             return ()
         return ("open-circuit voltage: the usual curve of the chemistry, corrected where the logs moved",)
@@ -87,8 +103,10 @@ class FirstOcv(NamedTuple):
     def prior(self, chemistry: str) -> CircuitPrior:
         """The prior of the circuit and of the correction of this curve."""
         prior = prior_for(chemistry, self.source == "given" or self.both_directions)
-        if self.source == "chemistry":
-            return prior._replace(ocv_V=_USUAL_V, ocv_soc=_USUAL_SOC, ocv_length=_USUAL_LENGTH)
+        if self.source in ("chemistry", "line"):
+            return prior._replace(
+                ocv_V=_USUAL_V, ocv_soc=_USUAL_SOC, ocv_length=_USUAL_LENGTH, ocv_line_std_V=self.line_std_V
+            )
         if chemistry == "lfp" and self.both_directions:
             prior = with_branches(prior)
         if chemistry == "lfp" and not self.branches:
@@ -174,3 +192,46 @@ def _usual_ocv(records: Sequence[Record], settings: IdentificationSettings) -> F
         "more"
     )
     return FirstOcv(curve, "chemistry", tuple(records), notes=(Note(text, "warning"),))
+
+
+def line_through(records: Sequence[Record], axes: Sequence[SocAxis], capacity_Ah: float, why: InputError) -> FirstOcv:
+    """The straight line that drives at a known state of charge show, beside resistances, by least squares.
+
+    V = V_0 + V_1 soc + R_0 i + sum R_k F_k[i], all coefficients >= 0, F_k a first-order filter of gain 1. A charge and
+    the rest after it are left out: gassing and the limit of a charger are nothing that a line follows.
+
+    why: refusal of all other sources.
+
+    Raises:
+        InputError: the records move SoC too little to show a slope, or their voltage does not rise.
+    """
+    nnls = require("scipy.optimize", "identification").nnls
+
+    parts = [part for r, axis in zip(records, axes, strict=True) for part in thin(r, axis.soc)]
+    rows = np.concatenate([_line_rows(part) for part in parts])
+    soc_range = float(np.ptp(rows[:, 1])) if len(rows) else 0.0
+    empty_V = slope_V = 0.0
+    if soc_range >= _LEAST_SOC_RANGE:
+        weight = np.sqrt(rows[:, -1])[:, None]
+        (empty_V, slope_V, *_), _ = nnls(weight * rows[:, :-2], weight[:, 0] * rows[:, -2])
+    if slope_V == 0.0:
+        raise InputError(
+            f"{why}. The RC model does with a straight line, but the logs, which move SoC by {100 * soc_range:.2g} % "
+            "outside charges, do not show an open-circuit voltage that rises; give the battery's OCV curve"
+        )
+    beyond = np.maximum(np.maximum(OCV_KNOTS - rows[:, 1].max(), rows[:, 1].min() - OCV_KNOTS), 0.0)
+    curve = OcvCurve((empty_V, empty_V + slope_V), reference_degC=reference_degC(records))
+    names = ", ".join(repr(r.log.name) for r in records)
+    text = f"open-circuit voltage: the straight line through {names}, because {why}"
+    note = Note(text, "warning")
+    return FirstOcv(curve, "line", tuple(records), line_std_V=_SLOPE_STD * slope_V * beyond, notes=(note,))
+
+
+def _line_rows(samples: FitSamples) -> np.ndarray:
+    """(N, 8) columns of V_0, V_1, R_0 and the R_k, the voltage, and the time that each sample stands for."""
+    current_A, mean_A, dt_s = samples.current_A, samples.mean_current_A, samples.dt_s
+    filtered = [scan(decay, (1 - decay) * mean_A) for decay in (np.exp(-dt_s / tau) for tau in _LINE_TAUS_S)]
+    used = np.isfinite(samples.voltage_V) & (last_direction(mean_A) <= 0)
+    weight = np.minimum(dt_s, COARSEST_S)
+    columns = [np.ones_like(dt_s), samples.soc, current_A, *filtered, samples.voltage_V, weight]
+    return np.column_stack(columns)[used]

@@ -26,8 +26,6 @@ from ohmward.battery.battery import Provenance as Provenance
 from ohmward.battery.chemistries import (
     AGED_CAPACITY_STD,
     CHEMISTRIES,
-    GIVEN_AGEING_CORRELATION,
-    MEASURED_AGEING_CORRELATION,
     chemistry_name,
     start_model,
     start_noise,
@@ -55,6 +53,7 @@ from ohmward.battery.identification.first_ocv import (
     IdentificationSettings,
     find_first_ocv,
     known_without_curve,
+    line_through,
     usual_efficiency,
 )
 from ohmward.battery.identification.fit_samples import FitSamples, simulate, thin, thin_branch
@@ -64,22 +63,14 @@ from ohmward.battery.identification.log_details import (
     edge_notes,
     fit_notes,
     label_notes,
-    log_fit,
     reproduces,
 )
 from ohmward.battery.identification.noise_from_fit import current_noise_A, noise_from_fit
 from ohmward.battery.identification.ocv_from_logs import OcvBranch
-from ohmward.battery.identification.rc_identification import (
-    RcIdentification,
-    rc_of_records,
-    with_activation,
-    with_usual_activation,
-)
 from ohmward.battery.identification.record import Record, make_records, reference_degC
 from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, axis_std
 from ohmward.battery.models.noise import BatteryNoise, usual_sensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import mean_activation_K
 from ohmward.battery.models.temperature import KELVIN
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
@@ -109,8 +100,6 @@ class Identified(NamedTuple):
     logs: tuple[LogDetails, ...] = ()
 
     fit: CircuitFit | None = None
-    #: the RC model, by the 75 % rule and by least squares; None where the logs do not give one
-    rc: RcIdentification | None = None
 
     @property
     def fits(self) -> bool:
@@ -125,11 +114,6 @@ class Preparation(NamedTuple):
     axes: tuple[SocAxis, ...]  #: state of charge of those to fit, `first.fitted`
     first: FirstOcv  #: the first curve, and the records to fit
     notes: tuple[Note, ...]  #: how all was done
-
-    @property
-    def has_curve(self) -> bool:
-        """True where the logs or the user gave the curve; False for a straight line or the chemistry's usual curve."""
-        return self.first.source not in ("line", "chemistry")
 
 
 def identify(
@@ -181,25 +165,25 @@ def identify_in_detail(
     records = tuple(r for log in logs for r in make_records(log, settings.capacity_Ah, settings.idle_current_A or 0.0))
     report("open-circuit voltage", 0.05)
     with one_blas_thread():
-        prepared = (_prepare_rc if settings.model == "rc" else prepare)(records, settings)
+        prepared = prepare(records, settings)
         if not prepared.first.fitted:
             return _curve_alone(prepared, settings)
         report("circuit", 0.1)
-        if settings.model == "rc":
-            return _rc(prepared, settings)
         return _thevenin(prepared, settings, lambda share: report("circuit", 0.1 + 0.9 * share))
 
 
 def prepare(records: tuple[Record, ...], settings: IdentificationSettings) -> Preparation:
-    """The first OCV curve, and the state of charge along each record to fit."""
-    first = find_first_ocv(records, settings)
-    return _prepared(records, settings, first, tuple(_axis(r, settings, first) for r in first.fitted))
+    """The first OCV curve, and the state of charge along each record to fit.
 
-
-def _prepared(
-    records: tuple[Record, ...], settings: IdentificationSettings, first: FirstOcv, axes: tuple[SocAxis, ...]
-) -> Preparation:
-    """A first curve and the axes along the records to fit, with the notes on both."""
+    Where the logs show no curve the RC model takes the straight line through drives whose state of charge is known.
+    """
+    try:
+        first = find_first_ocv(records, settings)
+    except InputError as refusal:
+        if settings.model != "rc" or settings.ocv is not None:
+            raise
+        first = line_through(records, [_axis(r, settings, None) for r in records], settings.capacity_Ah, refusal)
+    axes = tuple(_axis(r, settings, None if first.source == "line" else first) for r in first.fitted)
     notes = (
         *label_notes(np.concatenate([r.log.voltage_V for r in records]), settings.chemistry, settings.n_series),
         *(note for r in records for note in r.charge.notes),
@@ -207,27 +191,6 @@ def _prepared(
         *(note for axis in axes for note in axis.notes),
     )
     return Preparation(records, axes, first, notes)
-
-
-def _prepare_rc(records: tuple[Record, ...], settings: IdentificationSettings) -> Preparation:
-    """As `prepare`; where the logs show no curve the RC model takes the straight line through a drive."""
-    try:
-        return prepare(records, settings)
-    except InputError as refusal:
-        if settings.ocv is not None:
-            raise
-        return _prepare_on_a_line(records, settings, refusal)
-
-
-def _prepare_on_a_line(
-    records: tuple[Record, ...], settings: IdentificationSettings, refusal: InputError
-) -> Preparation:
-    """State of charge along the drives that tell it without a curve, and the straight line through one of them."""
-    axes = tuple(_axis(r, settings, None) for r in records)
-    line, record, _ = rc_of_records(records, axes, settings.capacity_Ah, None)
-    text = f"open-circuit voltage: the straight line through {record.log.name!r}, because {refusal}"
-    first = FirstOcv(line.model.ocv, "line", records, notes=(Note(text, "warning"),))
-    return _prepared(records, settings, first, axes)
 
 
 def _axis(record: Record, settings: IdentificationSettings, first: FirstOcv | None) -> SocAxis:
@@ -241,7 +204,7 @@ def _axis(record: Record, settings: IdentificationSettings, first: FirstOcv | No
 
 
 def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress: Callable[[float], None]) -> Identified:
-    """The Thevenin circuit, its noise and its confidence, with the RC model of the same logs."""
+    """The Thevenin circuit, its noise and its confidence."""
     parts = [thin(r, a.soc) for r, a in zip(prepared.first.fitted, prepared.axes, strict=True)]
     samples = tuple(part for parts_of_record in parts for part in parts_of_record)
     problem = _problem(prepared, samples, settings)
@@ -269,19 +232,16 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     measured = {branch.direction for branch in branches if branch.complete}  # from full to empty, slowly
     rest_s = longest_rest_s(fitted)
     noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, rest_s, whole_curve=len(measured) == 2)
-    correlation = MEASURED_AGEING_CORRELATION if measured else GIVEN_AGEING_CORRELATION
-    if settings.chemistry and CHEMISTRIES[settings.chemistry].gases:
-        correlation = 0.0  # the resistance of lead-acid changes with acid and sulphate more than with age
+    correlation = problem.prior.untested.ageing_correlation[bool(measured)]
     noise = replace(noise, capacity_std=AGED_CAPACITY_STD, ageing_correlation=correlation)
     missing = (
         *prepared.first.not_identified,
         *not_identified(fit, samples, settings.capacity_Ah, hysteresis),
         *untested_sentences(fit, problem, settings.chemistry),
     )
-    battery = _battery(prepared, settings, thevenin=model, noise=noise)
+    battery = _battery(prepared, settings, model, noise)
     battery = replace(battery, identification=provenance, not_identified=missing)
-    battery, found = _with_rc(battery, prepared, settings, model.ocv)
-    return Identified(battery, prepared.first.branches, prepared.first.curve, details, fit, found)
+    return Identified(battery, prepared.first.branches, prepared.first.curve, details, fit)
 
 
 def _fit(
@@ -293,7 +253,8 @@ def _fit(
         fit, note = choose_pairs(problem, progress)
         notes.append(note)
     else:
-        fit = fit_circuit(problem, int(settings.model[len("thevenin-")]), progress)
+        pairs = 1 if settings.model == "rc" else int(settings.model[len("thevenin-")])
+        fit = fit_circuit(problem, pairs, progress)
     if settings.chemistry and CHEMISTRIES[settings.chemistry].charge_transfer:
         fit, note = try_transfer(problem, fit, settings.n_series)
         notes.append(note)
@@ -324,42 +285,6 @@ def _fitted_branches(prepared: Preparation, settings: IdentificationSettings) ->
     return tuple(thin_branch(b, settings.capacity_Ah, degC) for b in prepared.first.branches)
 
 
-def _with_rc(
-    battery: Battery, prepared: Preparation, settings: IdentificationSettings, ocv: OcvCurve
-) -> tuple[Battery, RcIdentification | None]:
-    """The battery with the RC model of the same logs; without it, and a sentence why, where they do not give one."""
-    curve = None if _straight(settings) else ocv
-    try:
-        found, record, _ = rc_of_records(prepared.first.fitted, prepared.axes, settings.capacity_Ah, curve)
-    except InputError as refusal:
-        return replace(battery, not_identified=(*battery.not_identified, f"RC model: {refusal}")), None
-    if battery.thevenin:
-        found = with_activation(found, mean_activation_K(battery.thevenin), battery.noise, record.typical_degC())
-    return replace(battery, rc=found.model, rc_noise=found.noise), found
-
-
-def _straight(settings: IdentificationSettings) -> bool:
-    """True where the RC model has a straight line for its curve: lead-acid, unless the user knows the curve."""
-    return settings.chemistry == "lead-acid" and settings.ocv is None
-
-
-def _rc(prepared: Preparation, settings: IdentificationSettings) -> Identified:
-    """The RC model alone."""
-    curve = prepared.first.curve if prepared.has_curve and not _straight(settings) else None
-    found, record, axis = rc_of_records(prepared.first.fitted, prepared.axes, settings.capacity_Ah, curve)
-    found = with_usual_activation(found, settings.chemistry, record.typical_degC())
-    errors_V = (found.fit.rms_V, float(np.abs(found.fit.residual_V).max())) if found.fit else (found.rule_rms_V,)
-    provenance = replace(
-        _provenance(prepared, settings),
-        logs=(log_fit(record.log.name, record.test, axis.soc, *errors_V),),
-        notes=(*(str(note) for note in prepared.notes), *found.notes),
-    )
-    battery = _battery(prepared, settings, rc=found.model, noise=found.noise, rc_noise=found.noise)
-    line = () if prepared.has_curve else ("open-circuit voltage: no curve in the logs; a straight line was taken",)
-    battery = replace(battery, identification=provenance, not_identified=(*line, *found.not_identified))
-    return Identified(battery, prepared.first.branches, prepared.first.curve, rc=found)
-
-
 def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Identified:
     """The OCV curve of low-rate tests, with start values of the chemistry for everything else."""
     Q, n, ocv = settings.capacity_Ah, settings.n_series, prepared.first.curve
@@ -371,7 +296,7 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
         model = Thevenin(Q, ocv, (0.0, 0.0), (0.0, 0.0), (), (), reference_degC=ocv.reference_degC)
         missing += " in the logs; taken as 0 (name a chemistry for start values)"
     one_way = "hysteresis: one direction only; taken as none"
-    battery = _battery(prepared, settings, thevenin=model, noise=start_noise(settings.chemistry, n, ocv_known=True))
+    battery = _battery(prepared, settings, model, start_noise(settings.chemistry, n, ocv_known=True))
     battery = replace(
         battery,
         identification=_provenance(prepared, settings),
@@ -380,8 +305,8 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
     return Identified(battery, prepared.first.branches, ocv)
 
 
-def _battery(prepared: Preparation, settings: IdentificationSettings, *, noise: BatteryNoise, **models: Any) -> Battery:
-    """The battery with these models; settings and limits of the voltage from the logs."""
+def _battery(prepared: Preparation, settings: IdentificationSettings, model: Thevenin, noise: BatteryNoise) -> Battery:
+    """The battery with this circuit; settings and limits of the voltage from the logs."""
     voltage_V = np.concatenate([r.log.voltage_V for r in prepared.records])
     noise_A = max((current_noise_A(r.current_A) for r in prepared.first.fitted), default=0.0)
     return Battery(
@@ -394,7 +319,7 @@ def _battery(prepared: Preparation, settings: IdentificationSettings, *, noise: 
         idle_current_A=settings.idle_current_A,
         noise=noise,
         sensor=usual_sensor(settings.capacity_Ah, noise_A),
-        **models,
+        thevenin=model,
     )
 
 

@@ -282,7 +282,7 @@ MOST_OF_RANGE = 0.1
 def reproduces(battery: Battery) -> bool:
     """True where the circuit of the battery reproduces every log that it was fitted to."""
     model, origin = battery.thevenin, battery.identification
-    return model is None or origin is None or all(_within(fit, model.ocv) for fit in origin.logs)
+    return origin is None or all(_within(fit, model.ocv) for fit in origin.logs)
 
 
 def _within(fit: LogFit, ocv: OcvCurve) -> bool:

@@ -7,8 +7,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.record import LOW_RATE, SETTLED_REST_S, Phase, Record, find_rests, is_rest
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.identification.record import LOW_RATE, SETTLED_REST_S, Phase, Record, settled_ends
+from ohmward.battery.models.ocv import OcvCurve, monotone
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
 from ohmward.optional import require
@@ -29,7 +29,7 @@ _UNEVEN = 2.0
 #: SoC over which that is looked at: the ends of the curve are steep.
 _MIDDLE = np.linspace(0.1, 0.9, 81)
 #: Relative difference of a branch's charge to the capacity that deserves a warning.
-_CAPACITY_WARNING = 0.03
+CAPACITY_WARNING = 0.03
 #: Points of the grid over which slopes are averaged: 10 % of SoC.
 _SMOOTHING_POINTS = 21
 
@@ -109,11 +109,6 @@ def ocv_from_branches(branches: Sequence[OcvBranch], reference_degC: float) -> O
 def branch_notes(branches: Sequence[OcvBranch], capacity_Ah: float) -> tuple[Note, ...]:
     """Notes on the SoC axis of each branch, warnings where its charge is not the given capacity."""
     return tuple(_branch_note(branch, capacity_Ah) for branch in branches)
-
-
-def monotone(values: np.ndarray) -> np.ndarray:
-    """(N,) non-decreasing: the middle of the running maximum from the left and the running minimum from the right."""
-    return 0.5 * (np.maximum.accumulate(values) + np.minimum.accumulate(values[::-1])[::-1])
 
 
 def smooth(values: np.ndarray, points: int = _SMOOTHING_POINTS) -> np.ndarray:
@@ -261,7 +256,7 @@ def _branch_note(branch: OcvBranch, capacity_Ah: float) -> Note:
         return Note(f"{what} covers SoC {branch.soc.min():.3f} to {branch.soc.max():.3f}")
     error = branch.moved_Ah / capacity_Ah - 1.0
     text = f"{what} moved {branch.moved_Ah:.4g} Ah ({error:+.1%} of the given capacity): its SoC runs from 0 to 1"
-    if abs(error) <= _CAPACITY_WARNING:
+    if abs(error) <= CAPACITY_WARNING:
         return Note(text)
     return Note(f"{text}; is {capacity_Ah:g} Ah the capacity that estimators should use?", "warning")
 
@@ -292,20 +287,10 @@ def rest_points(record: Record, soc: np.ndarray) -> tuple[RestPoint, ...]:
 
     soc: (T,) state of charge along the record.
     """
-    first = [p for p in record.phases[:1] if is_rest(p)]
-    rests = [*first, *find_rests(record.phases, SETTLED_REST_S)]
-    ends = [(p, last_measured(record.log.voltage_V, p.first, p.last)) for p in rests]
     return tuple(
         RestPoint(record.log.name, at, float(soc[at]), float(record.log.voltage_V[at]), p.duration_s)
-        for p, at in ends
-        if at is not None
+        for p, at in settled_ends(record)
     )
-
-
-def last_measured(voltage_V: np.ndarray, first: int, last: int) -> int | None:
-    """The last sample in first ... last with a voltage, or None."""
-    known = np.flatnonzero(np.isfinite(voltage_V[first : last + 1]))
-    return first + int(known[-1]) if known.size else None
 
 
 def ocv_from_rests(points: Sequence[RestPoint], empty_V: float, reference_degC: float) -> OcvCurve:

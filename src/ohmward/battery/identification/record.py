@@ -243,6 +243,14 @@ def is_rest(phase: Phase, shortest_s: float = SHORTEST_REST_S) -> bool:
     return phase.kind == "rest" and phase.duration_s >= shortest_s
 
 
+def settled_ends(record: Record) -> tuple[tuple[Phase, int], ...]:
+    """The rest with which a record starts and those in which the voltage has settled, each with its last voltage."""
+    rests = [*(p for p in record.phases[:1] if is_rest(p)), *find_rests(record.phases, SETTLED_REST_S)]
+    known = np.isfinite(record.log.voltage_V)
+    ends = [(p, p.first + np.flatnonzero(known[p.first : p.last + 1])) for p in rests]
+    return tuple((p, int(measured[-1])) for p, measured in ends if measured.size)
+
+
 def is_pulse(phase: Phase, capacity_Ah: float) -> bool:
     """True where current and duration are those of a pulse."""
     strong = abs(phase.current_A) >= PULSE_RATE * capacity_Ah

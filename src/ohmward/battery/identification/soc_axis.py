@@ -9,7 +9,8 @@ import numpy as np
 
 from ohmward.battery.identification.circuit_prior import axis_bridge
 from ohmward.battery.identification.fit_samples import scan
-from ohmward.battery.identification.record import SETTLED_REST_S, Record, find_rests, is_rest
+from ohmward.battery.identification.ocv_from_logs import CAPACITY_WARNING
+from ohmward.battery.identification.record import SETTLED_REST_S, Record, find_rests, is_rest, settled_ends
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.anchor_rule import LITHIUM_LIMITS, REST_C, SocAnchor
 from ohmward.errors import InputError
@@ -44,8 +45,6 @@ _USUAL_GAMMA = 40.0
 _SMALLEST_LOSS = 0.01
 #: SoC beyond [0, 1] by more means a wrong capacity.
 _MOST_OUTSIDE = 0.1
-#: Relative difference of capacities that deserves a warning.
-_CAPACITY_WARNING = 0.03
 #: Rests tell a capacity where they span so much of SoC and each is known so well.
 _CAPACITY_SPAN = 0.5
 _CAPACITY_REST_STD = 0.02
@@ -150,13 +149,10 @@ def rest_anchors(record: Record, ocv: OcvCurve, capacity_Ah: float) -> tuple[Soc
 
     After a discharge the voltage rests below the mean of both branches, after a charge above it.
     """
-    starts = [p for p in record.phases[:1] if is_rest(p)]
     degC = record.temperature_degC(ocv.reference_degC)
     h, known = _hysteresis(record, capacity_Ah)
     return tuple(
-        _by_voltage(record, p.last, ocv, float(degC[p.last]), float(h[p.last]), float(known[p.last]))
-        for p in [*starts, *find_rests(record.phases, SETTLED_REST_S)]
-        if np.isfinite(record.log.voltage_V[p.last])
+        _by_voltage(record, at, ocv, float(degC[at]), float(h[at]), float(known[at])) for _, at in settled_ends(record)
     )
 
 
@@ -295,7 +291,7 @@ def _notes(record: Record, axis: SocAxis, capacity_Ah: float, ocv: OcvCurve | No
     if axis.efficiency < 1:
         notes.append(Note(f"{name!r}: {axis.efficiency:.1%} of the charging current is stored"))
     seen_Ah = capacity_from_rests(record, axis, ocv, capacity_Ah) if ocv else None
-    if seen_Ah and abs(seen_Ah / capacity_Ah - 1) > _CAPACITY_WARNING:
+    if seen_Ah and abs(seen_Ah / capacity_Ah - 1) > CAPACITY_WARNING:
         notes.append(
             Note(
                 f"{name!r}: its rest voltages and its charge agree for a capacity of {seen_Ah:.4g} Ah, "

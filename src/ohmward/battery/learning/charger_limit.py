@@ -18,12 +18,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, Knowledge, require_thevenin
+from ohmward.battery.battery import Battery, Knowledge
 from ohmward.battery.chemistries import chemistry, generic_battery
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.same_battery import forgotten
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.soc.anchor_rule import BEYOND_SIGMAS, AnchorRule
@@ -39,9 +38,9 @@ _LEAST_CURVE_POINTS = 201
 
 def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
     """The battery that is full where its charger stops in this log; as it is where its full end is known."""
-    if battery.identification is not None or require_thevenin(battery).gassing_V is not None:
+    if battery.identification is not None or battery.thevenin.gassing_V is not None:
         return battery
-    rule = AnchorRule(require_thevenin(battery), battery.noise, battery.sensor)
+    rule = AnchorRule(battery.thevenin, battery.noise, battery.sensor)
     if battery.knowledge is not None and any(log.anchors for log in battery.knowledge.logs):
         highest_V = max(
             (float(rule.relaxed_V(a.voltage_V, _input(a))) for a in _full_charges(log, battery)), default=0.0
@@ -55,12 +54,12 @@ def raised_to(battery: Battery, full_V: float) -> Battery:
     """The battery that is full at this higher voltage, known no better than a label; as it is where it is no higher."""
     if not _was_lowered(battery):
         return battery
-    before_soc = _soc_of_chemistry(battery, require_thevenin(battery).ocv.voltage_V[-1])
+    before_soc = _soc_of_chemistry(battery, battery.thevenin.ocv.voltage_V[-1])
     longer = _soc_of_chemistry(battery, full_V) / before_soc
     if longer < _LEAST_RAISE:
         return battery
     wide = forgotten(battery)
-    model, knowledge = require_thevenin(wide), battery.knowledge
+    model, knowledge = wide.thevenin, battery.knowledge
     raised = replace(model, ocv=_prolonged(battery, before_soc, longer), capacity_Ah=model.capacity_Ah * longer)
     changed = _with_model(wide, raised)
     names, logs = parameters_of(changed).names, () if knowledge is None else knowledge.logs
@@ -73,27 +72,25 @@ def with_full_at(battery: Battery, soc: float) -> Battery:
     Its curve may be stretched as a whole or at its upper end alone, so that half of what is missing joins the error of
     the axis, and that of a label.
     """
-    model, noise, half = require_thevenin(battery), battery.noise, 0.5 * (1.0 - soc)
+    model, noise, half = battery.thevenin, battery.noise, 0.5 * (1.0 - soc)
     knowledge, capacity_Ah = battery.knowledge, battery.capacity_Ah * (1.0 - half)
     if knowledge is not None:
         capacity_Ah = battery.capacity_Ah * soc
         knowledge = replace(knowledge, seen_from_soc=min(knowledge.seen_from_soc / soc, 1.0))
     inside = soc * np.linspace(0.0, 1.0, max(len(model.ocv.voltage_V), _LEAST_CURVE_POINTS))
     voltage_V = np.asarray(model.ocv.mean_V(inside, model.ocv.reference_degC))
-    stretched = replace(model, ocv=_resampled(model.ocv, inside, voltage_V), capacity_Ah=capacity_Ah)
+    stretched = replace(model, ocv=model.ocv.corrected(voltage_V, soc=inside), capacity_Ah=capacity_Ah)
     wider = replace(
         noise,
         soc_axis_std=math.hypot(noise.soc_axis_std, half),
         capacity_std=math.hypot(noise.capacity_std, half),
     )
-    rc_noise = replace(battery.rc_noise, capacity_std=wider.capacity_std)
-    return replace(_with_model(battery, stretched), noise=wider, rc_noise=rc_noise, knowledge=knowledge)
+    return replace(_with_model(battery, stretched), noise=wider, knowledge=knowledge)
 
 
 def _with_model(battery: Battery, model: Thevenin) -> Battery:
     """The battery with this circuit and its capacity."""
-    rc = None if battery.rc is None else rc_of_thevenin(model)
-    return replace(battery, capacity_Ah=model.capacity_Ah, thevenin=model, rc=rc)
+    return replace(battery, capacity_Ah=model.capacity_Ah, thevenin=model)
 
 
 def _full_charges(log: Log, battery: Battery) -> list[Anchor]:
@@ -108,9 +105,9 @@ def _was_lowered(battery: Battery) -> bool:
     if not battery.chemistry:
         return False
     label = generic_battery(battery.chemistry, battery.capacity_Ah, battery.n_series)
-    rule = AnchorRule(require_thevenin(label), label.noise, label.sensor)
-    degC = require_thevenin(label).reference_degC
-    still = rule.at_rest(require_thevenin(battery).ocv.voltage_V[-1], CircuitInput(0.0, degC))
+    rule = AnchorRule(label.thevenin, label.noise, label.sensor)
+    degC = label.thevenin.reference_degC
+    still = rule.at_rest(battery.thevenin.ocv.voltage_V[-1], CircuitInput(0.0, degC))
     return bool(1.0 - still.soc > max(BEYOND_SIGMAS * still.std, 1.0 - 1.0 / _LEAST_RAISE))
 
 
@@ -126,29 +123,17 @@ def _soc_of_chemistry(battery: Battery, voltage_V: float) -> float:
 
 def _prolonged(battery: Battery, before_soc: float, longer: float) -> OcvCurve:
     """The curve of the file up to its full end, and that of the chemistry from there on."""
-    ocv = require_thevenin(battery).ocv
+    ocv = battery.thevenin.ocv
     soc, degC = longer * np.linspace(0.0, 1.0, max(len(ocv.voltage_V), _LEAST_CURVE_POINTS)), ocv.reference_degC
     beyond_V = np.asarray(chemistry(battery.chemistry).ocv().mean_V(before_soc * soc, degC)) * battery.n_series
     inside = np.minimum(soc, 1.0)
     voltage_V = np.where(soc > 1.0, np.maximum(beyond_V, ocv.voltage_V[-1]), ocv.mean_V(inside, degC))
-    return _resampled(ocv, inside, voltage_V)
+    return ocv.corrected(voltage_V, soc=inside)
 
 
 def limit_sentence(before: Battery, after: Battery) -> str:
     """Sentence on a full end that was moved, for people; "" for one that stays."""
     if after is before:
         return ""
-    full_V = require_thevenin(after).ocv.voltage_V[-1]
+    full_V = after.thevenin.ocv.voltage_V[-1]
     return f"full is where its charger stops, at {full_V:.3g} V at rest; "
-
-
-def _resampled(ocv: OcvCurve, soc: np.ndarray, voltage_V: np.ndarray) -> OcvCurve:
-    """A curve with these voltages (points,), and with the hysteresis and slope of this one at `soc` (points,)."""
-    degC = ocv.reference_degC
-    return OcvCurve(
-        tuple(np.maximum.accumulate(voltage_V).tolist()),
-        tuple(np.asarray(ocv.hysteresis_at(soc)).tolist()),
-        tuple((np.asarray(ocv.mean_V(soc, degC + 1.0)) - np.asarray(ocv.mean_V(soc, degC))).tolist()),
-        degC,
-        ocv.interpolation,
-    )

@@ -19,11 +19,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, Knowledge, SeenLog, require_thevenin
+from ohmward.battery.battery import Battery, Knowledge, SeenLog
 from ohmward.battery.chemistries import CELL_V, Normal, chemistry, chemistry_prior
 from ohmward.battery.identification.circuit_prior import LFP_WITHOUT_LOW_RATE_V
 from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD, beyond_axis_V
-from ohmward.battery.identification.ocv_from_logs import monotone
 from ohmward.battery.learning.parameters import (
     ENTROPY_KNOTS,
     OCV_KNOTS,
@@ -35,7 +34,6 @@ from ohmward.battery.learning.parameters import (
 from ohmward.battery.learning.voltage_model import CurvePlace, OpenCircuit, file_charge, true_soc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve, hat, slip_shape
-from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.models.thevenin import (
     RESISTANCE_KNOTS,
     CircuitInput,
@@ -71,7 +69,7 @@ _NEIGHBOUR = 0.1
 
 def model_floor_V(battery: Battery) -> float:
     """Least error of the model's voltage [V] that stays with SoC."""
-    model = require_thevenin(battery)
+    model = battery.thevenin
     cell_V = LFP_WITHOUT_LOW_RATE_V if battery.chemistry == "lfp" else MODEL_STD_V
     cell_V = cell_V if model.gassing_V is None else _GASSING_MODEL_STD_V
     return cell_V * float(np.mean(model.ocv.voltage_V)) / CELL_V
@@ -95,7 +93,6 @@ def fold(
         battery,
         capacity_Ah=model.capacity_Ah,
         thevenin=model,
-        rc=None if battery.rc is None else rc_of_thevenin(model),
         sensor=sensor,
         knowledge=Knowledge.of(p.names, covariance, logs, float(np.clip(seen_from_soc, 0.0, 1.0))),
     )
@@ -103,8 +100,7 @@ def fold(
     assert folded.knowledge is not None
     noise = folded_noise(folded, p, covariance)
     knowledge = Knowledge.of(p.names, covariance, logs, folded.knowledge.seen_from_soc)
-    rc_noise = replace(battery.rc_noise, capacity_std=noise.capacity_std, resistance_std=noise.resistance_std)
-    return replace(folded, noise=noise, rc_noise=rc_noise, knowledge=knowledge)
+    return replace(folded, noise=noise, knowledge=knowledge)
 
 
 def covariance_of_folded(curve: OpenCircuit, folded: Battery, covariance: np.ndarray) -> np.ndarray:
@@ -144,7 +140,7 @@ def without_capacity(covariance: np.ndarray, battery: Battery) -> np.ndarray:
 
 def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
     """(K,) change of the parameters by a change of the logarithm of the capacity with age, whose electrodes slip."""
-    model, direction = require_thevenin(battery), np.zeros(p.size)
+    model, direction = battery.thevenin, np.zeros(p.size)
     seen_from = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
     pinned = 1.0 - OCV_KNOTS - CurvePlace(seen_from, 0.0).columns(OCV_KNOTS)[:, 0]
     direction[p.group("capacity")] = 1.0
@@ -154,7 +150,7 @@ def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
 
 def slip_direction(battery: Battery, p: Parameters) -> np.ndarray:
     """(K,) change of the curve where the electrodes slip by the whole of a loss of capacity."""
-    model, direction = require_thevenin(battery), np.zeros(p.size)
+    model, direction = battery.thevenin, np.zeros(p.size)
     direction[p.group("ocv")] = -mean_slope_V(model.ocv, OCV_KNOTS) * slip_shape(OCV_KNOTS, model.ocv_slip)
     return direction
 
@@ -176,17 +172,9 @@ def folded_curve(curve: OpenCircuit) -> OcvCurve:
     ocv, p, theta = curve.model.ocv, curve.parameters, curve.theta
     soc = np.linspace(0.0, 1.0, max(len(ocv.voltage_V), 201))
     voltage_V = curve.at(file_charge(soc, curve.place.log_ratio), ocv.reference_degC)
-    larger = float(np.exp(theta[p.group("hysteresis")].sum()))
-    slope = np.asarray(ocv.mean_V(soc, ocv.reference_degC + 1.0)) - np.asarray(ocv.mean_V(soc, ocv.reference_degC))
-    if theta[p.group("entropy")].size:
-        slope = slope + hat(soc, ENTROPY_KNOTS) @ theta[p.group("entropy")]
-    return OcvCurve(
-        tuple(monotone(voltage_V).tolist()),
-        tuple((larger * np.asarray(ocv.hysteresis_at(soc))).tolist()),
-        tuple(slope.tolist()),
-        ocv.reference_degC,
-        ocv.interpolation,
-    )
+    entropy = theta[p.group("entropy")]
+    more_V_per_K = hat(soc, ENTROPY_KNOTS) @ entropy if entropy.size else 0.0
+    return ocv.corrected(voltage_V, float(np.exp(theta[p.group("hysteresis")].sum())), more_V_per_K)
 
 
 def folded_noise(battery: Battery, p: Parameters, covariance: np.ndarray) -> BatteryNoise:
@@ -196,7 +184,7 @@ def folded_noise(battery: Battery, p: Parameters, covariance: np.ndarray) -> Bat
     curve_V, length = _curve_error(battery, p, covariance)
     axis_std = min(noise.soc_axis_std, max(SOC_AXIS_STD, _axis_std(battery, curve_V)))
     floor_V = model_floor_V(battery)
-    model_V = np.hypot(beyond_axis_V(curve_V, require_thevenin(battery).ocv, axis_std), floor_V)
+    model_V = np.hypot(beyond_axis_V(curve_V, battery.thevenin.ocv, axis_std), floor_V)
     capacity_std = float(np.sqrt(max(float(np.square(std[p.group("capacity")]).sum()) - gain_std**2, 0.0)))
     activation_K = float(np.sqrt(np.mean(np.square(std[p.group("activation")]))) if p.sizes["activation"] else 0.0)
     empty_K = float(std[p.group("empty_activation")].sum())
@@ -226,7 +214,7 @@ def never_anchored(battery: Battery, before: Battery) -> Battery:
 
 def resistance_std(battery: Battery, covariance: np.ndarray) -> float:
     """Relative error of the resistance to a steady current, mean over SoC."""
-    p, model = parameters_of(battery), require_thevenin(battery)
+    p, model = parameters_of(battery), battery.thevenin
     weights = np.zeros(p.size)
     grid = np.linspace(0.0, 1.0, len(model.r0_discharge_ohm))
     along = hat(_NOISE_GRID, RESISTANCE_KNOTS).mean(axis=0)
@@ -242,7 +230,7 @@ def _curve_error(battery: Battery, p: Parameters, covariance: np.ndarray) -> tup
     rows = np.zeros((_NOISE_GRID.size, p.size))
     rows[:, p.group("ocv")] = hat(_NOISE_GRID, OCV_KNOTS)
     # the curve is known over the charge below full; along SoC it is as wrong as the capacity is
-    slope_V = mean_slope_V(require_thevenin(battery).ocv, _NOISE_GRID)
+    slope_V = mean_slope_V(battery.thevenin.ocv, _NOISE_GRID)
     seen_from = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
     stretched = CurvePlace(seen_from, 0.0).columns(_NOISE_GRID)[:, 0]
     rows[:, p.group("capacity")] = -(slope_V * (1.0 - _NOISE_GRID - stretched))[:, None]
@@ -258,7 +246,7 @@ def _curve_error(battery: Battery, p: Parameters, covariance: np.ndarray) -> tup
 
 def _axis_std(battery: Battery, curve_V: np.ndarray) -> float:
     """Error of the SoC axis by that of the curve where it is steep."""
-    slope_V = mean_slope_V(require_thevenin(battery).ocv, _NOISE_GRID)
+    slope_V = mean_slope_V(battery.thevenin.ocv, _NOISE_GRID)
     steep = slope_V >= np.quantile(slope_V, 0.75)
     return float(np.median(curve_V[steep] / slope_V[steep]))
 
@@ -313,7 +301,7 @@ def known(battery: Battery) -> KnownBattery:
     p, covariance = parameters_of(battery), prior_covariance(battery)
     learnt = float(covariance[p.group("capacity"), p.group("capacity")].sum())
     capacity_std = np.hypot(max(np.sqrt(learnt), _CAPACITY_STD), battery.sensor.gain_std)
-    ohm, offset = pulse_ohm(require_thevenin(battery)), p.group("offset")
+    ohm, offset = pulse_ohm(battery.thevenin), p.group("offset")
     logs = battery.knowledge.logs if battery.knowledge else ()
     return KnownBattery(
         Normal(battery.capacity_Ah, battery.capacity_Ah * float(capacity_std)),
@@ -327,7 +315,7 @@ def known(battery: Battery) -> KnownBattery:
 
 def ocv_std_V(battery: Battery, soc: Any) -> np.ndarray:
     """Standard deviation of the open-circuit curve [V] that the estimators assume, its SoC axis included."""
-    model = require_thevenin(battery)
+    model = battery.thevenin
     slope_V = np.gradient(np.asarray(model.ocv.mean_V(soc, model.reference_degC)), soc)
     return np.hypot(np.asarray(battery.noise.model_std_at(soc)), slope_V * battery.noise.soc_axis_std)
 

@@ -112,7 +112,7 @@ def learn(
     progress: called with the name of each log and the share of them that is done.
 
     Raises:
-        InputError: the battery has no Thevenin model, or is none.
+        InputError: the battery is none.
     """
     require_battery(battery)
     logs = as_logs(logs)

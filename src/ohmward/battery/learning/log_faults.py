@@ -109,7 +109,7 @@ def _against_V(voltage_V: np.ndarray, current_A: float, battery: Battery) -> flo
     """Voltage [V] by which a battery moves against its constant current, beyond what warmth does; 0 at rest."""
     known = voltage_V[np.isfinite(voltage_V)]
     model = battery.thevenin
-    if abs(current_A) <= REST_C * battery.capacity_Ah or known.size < 2 * MEDIAN_OF or model is None:
+    if abs(current_A) <= REST_C * battery.capacity_Ah or known.size < 2 * MEDIAN_OF:
         return 0.0
     smooth = np.sign(current_A) * medians(known)
     against_V = float(np.max(np.maximum.accumulate(smooth) - smooth))
@@ -155,8 +155,6 @@ def _without(log: Log, quantity: str, stuck: list[tuple[int, int]], fault: str =
 def _least_resistance(battery: Battery) -> float:
     """Lowest ohmic resistance [ohm] that the file does not rule out."""
     model = battery.thevenin
-    if model is None:
-        return np.inf
     usual = float(np.median(model.r0_discharge_ohm)) or float(np.sum([np.median(r) for r in model.r_ohm]))
     return max(usual, 1e-9) * float(np.exp(-_LEAST_RESISTANCE_STD * battery.noise.resistance_std))
 

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.learning.fold import ageing_direction, pulse_ohm
 from ohmward.battery.learning.parameters import TITLES, Parameters
@@ -52,7 +52,7 @@ def log_estimates(model: VoltageModel, prior: Normals, found: Solution, after: B
     lowest_soc, given_Ah = _given(model, found, after)
     return LogEstimates(
         log_estimate(after.capacity_Ah, ageing_direction(model.battery, p), pull, information),
-        log_estimate(pulse_ohm(require_thevenin(after)), _resistances(p), pull, information),
+        log_estimate(pulse_ohm(after.thevenin), _resistances(p), pull, information),
         lowest_soc,
         given_Ah,
     )

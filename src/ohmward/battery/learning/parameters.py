@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
+from ohmward.battery.identification.circuit_prior import ENTROPY_LENGTH
 from ohmward.battery.models.noise import RESISTANCE_CORRELATION, BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve, correlation
 from ohmward.battery.models.thevenin import RESISTANCE_KNOTS, Thevenin
@@ -28,8 +29,8 @@ _FULL_SHARE, _FULL_STD = 1.0 / 3.0, 0.01
 #: Where an error of the axis begins to end there, since cells differ in how they leave full: on the way from 1 to 0.95
 #: the curves of four NMC cells fall by 14 to 52 mV more than their chemistry's. So half of its variance is local.
 _FULL_FROM, _LOCAL_SHARE, _LOCAL_LENGTH = 0.95, 0.5, 0.1
-#: Correlation length [SoC] of a resistance about its level, of the axis and of the curve's change with temperature.
-_RESISTANCE_LENGTH, _AXIS_LENGTH, _ENTROPY_LENGTH = 0.3, 1.0, 0.2
+#: Correlation length [SoC] of a resistance about its level, and of the axis.
+_RESISTANCE_LENGTH, _AXIS_LENGTH = 0.3, 1.0
 #: The relative error of the overpotential is a mean over resistances that err apart: one at one SoC errs by so many of
 #: it, and its time constant by so many.
 _SHAPE_SHARES, _TAU_SHARES = 2.0, 3.0
@@ -98,17 +99,13 @@ class Parameters(NamedTuple):
 
 
 def parameters_of(battery: Battery) -> Parameters:
-    """The parameters of a battery, those that its file does not doubt left out.
-
-    Raises:
-        InputError: the battery has no Thevenin model.
-    """
-    return _Prior(battery, require_thevenin(battery)).parameters
+    """The parameters of a battery, those that its file does not doubt left out."""
+    return _Prior(battery, battery.thevenin).parameters
 
 
 def prior_covariance(battery: Battery) -> np.ndarray:
     """(K, K) covariance of the corrections: what the file has learnt, or what its noise says before any log."""
-    prior = _Prior(battery, require_thevenin(battery))
+    prior = _Prior(battery, battery.thevenin)
     learnt, names, P = battery.knowledge, prior.parameters.names, prior.covariance
     if learnt is None or not set(learnt.names) <= set(names):
         return P
@@ -214,7 +211,7 @@ class _Prior(NamedTuple):
     @property
     def entropy(self) -> Group:
         std, names = self.noise.ocv_std_V_per_K, tuple(f"ocv_V_per_K at {at}" for at in _along(ENTROPY_KNOTS))
-        return Group(names if std else (), std**2 * correlation(ENTROPY_KNOTS[: 3 * bool(std)], _ENTROPY_LENGTH))
+        return Group(names if std else (), std**2 * correlation(ENTROPY_KNOTS[: 3 * bool(std)], ENTROPY_LENGTH))
 
 
 def mean_slope_V(ocv: OcvCurve, soc: np.ndarray) -> np.ndarray:

@@ -108,7 +108,6 @@ class _Sanitized(NamedTuple):
 def _sanitized(log: Log, battery: Battery) -> _Sanitized:
     """The samples of a whole log; the charge between those that are left out is added up."""
     model = battery.thevenin
-    assert model is not None
     highest_V = model.ocv.voltage_V[-1]
     current_A: Any = log.current_A
     voltage_V: Any = log.voltage_V

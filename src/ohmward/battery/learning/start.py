@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.fingerprint import fingerprint, unlearnt_parts
 from ohmward.battery.learning.log_faults import usable_log
 from ohmward.battery.learning.parameters import OCV_KNOTS, mean_slope_V, prior_covariance
@@ -68,7 +68,7 @@ def given_at_start(battery: Battery, log: Log, initial_soc: float | None) -> tup
 
 def full_at_start(battery: Battery, samples: Samples) -> tuple[SocAnchor, ...]:
     """State of charge of a part that starts at rest at the voltage of a full battery or above; () for another one."""
-    full_V = float(require_thevenin(battery).ocv.mean_V(1.0, samples.temperature_degC[0]))
+    full_V = float(battery.thevenin.ocv.mean_V(1.0, samples.temperature_degC[0]))
     resting = abs(samples.current_A[0]) <= REST_C * battery.capacity_Ah
     if not (resting and samples.voltage_V[0] >= full_V):
         return ()
@@ -164,7 +164,7 @@ def prior_of_age(model: VoltageModel, prior: Normals, x: np.ndarray) -> Normals:
     # (K,) of what slip does not describe of a curve at this loss of capacity
     loss = max(float(np.expm1(-x[q].sum())), 0.0)
     inside = np.minimum(np.minimum(OCV_KNOTS, 1.0 - OCV_KNOTS) / _ENDS, 1.0)
-    axis_V = _SHAPE_STD * loss * inside * mean_slope_V(require_thevenin(model.battery).ocv, OCV_KNOTS)
+    axis_V = _SHAPE_STD * loss * inside * mean_slope_V(model.battery.thevenin.ocv, OCV_KNOTS)
     covariance[p.group("ocv"), p.group("ocv")] += np.outer(axis_V, axis_V) * correlation(OCV_KNOTS, _SHAPE_LENGTH)
     return Normals(prior.mean, covariance)
 

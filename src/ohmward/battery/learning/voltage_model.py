@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.learning.parameters import ENTROPY_KNOTS, OCV_KNOTS, Parameters, parameters_of
 from ohmward.battery.learning.samples import Samples
 from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, walk_variance
@@ -112,7 +112,7 @@ class OpenCircuit:
     @cached_property
     def model(self) -> Thevenin:
         """The circuit of the file."""
-        return require_thevenin(self.battery)
+        return self.battery.thevenin
 
     @cached_property
     def place(self) -> CurvePlace:
@@ -227,7 +227,6 @@ def nuisance_covariance(
 ) -> np.ndarray:
     """(M, M) prior covariance of the unknowns of a part; soc_std: of the SoC at its start."""
     model = battery.thevenin
-    assert model is not None
     std = np.zeros(nuisances.size)
     std[nuisances.soc] = soc_std
     std[nuisances.jumps] = [jump.std for jump in samples.jumps]
@@ -271,7 +270,7 @@ class VoltageModel:
     @cached_property
     def model(self) -> Thevenin:
         """The circuit."""
-        return require_thevenin(self.battery)
+        return self.battery.thevenin
 
     @cached_property
     def parameters(self) -> Parameters:

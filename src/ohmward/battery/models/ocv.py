@@ -67,6 +67,11 @@ def slip_shape(soc: Any, share: float) -> Any:
     return (1.0 - moved) * (moved * moved) / (moved * moved + knee * knee)
 
 
+def monotone(values: np.ndarray) -> np.ndarray:
+    """(N,) non-decreasing: the middle of the running maximum from the left and the running minimum from the right."""
+    return np.asarray(0.5 * (np.maximum.accumulate(values) + np.minimum.accumulate(values[::-1])[::-1]))
+
+
 def beyond_line(above_V: Any, below_V: Any) -> tuple[Any, Any]:
     """Mean [V] and variance [V^2] of what a line through the mean leaves out of a curve over a normal SoC.
 
@@ -127,6 +132,30 @@ class OcvCurve:
         soc = np.linspace(0.0, 1.0, 4001)
         curve = self.mean_V(soc, temperature_degC) + branch * self.hysteresis_at(soc)
         return float(np.interp(voltage_V, np.maximum.accumulate(curve) + 1e-12 * np.arange(len(soc)), soc))
+
+    def corrected(
+        self,
+        voltage_V: np.ndarray,
+        hysteresis_ratio: float = 1.0,
+        more_V_per_K: Any = 0.0,
+        soc: np.ndarray | None = None,
+    ) -> OcvCurve:
+        """The curve as a fit corrected it.
+
+        voltage_V: (N,) its mean on a uniform grid of SoC, as far as it rises; hysteresis_ratio: >= 0, of the hysteresis
+        over that of this curve; more_V_per_K: (N,) or 0, change with temperature beyond that of this curve.
+        soc: (N,) where hysteresis and change with temperature were on this curve; None leaves them there.
+        """
+        soc = np.linspace(0.0, 1.0, voltage_V.size) if soc is None else soc
+        hysteresis_V = np.maximum(hysteresis_ratio * np.asarray(self.hysteresis_at(soc)), 0.0)
+        slope = self._at(self.temperature_V_per_K, soc) + more_V_per_K
+        return OcvCurve(
+            tuple(monotone(voltage_V).tolist()),
+            tuple(hysteresis_V.tolist()),
+            tuple(slope.tolist()),
+            self.reference_degC,
+            self.interpolation,
+        )
 
     def scaled(self, factor: float) -> OcvCurve:
         """The curve of `factor` such cells in series."""

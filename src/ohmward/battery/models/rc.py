@@ -1,21 +1,14 @@
-"""The RC model (Saft): a bulk and a surface capacitor behind resistors ([T] 3.2, [P] 2.2).
+"""The RC model (Saft), a bulk and a surface capacitor behind resistors ([T] 3.2, [P] 2.2), as a Thevenin circuit.
 
-With D = R_b + R_s and current i > 0 charging:
+Bulk capacitor C_b behind R_b, surface capacitor C_s behind R_s, both behind R_t. With D = R_b + R_s, C = C_b + C_s,
+s = C_s / C and the charge q since the start, its voltage is exactly that of a Thevenin circuit with one RC pair:
 
-    dV_cb/dt = (V_cs - V_cb + R_s i) / (D C_b)
-    dV_cs/dt = (V_cb - V_cs + R_b i) / (D C_s)
-    V        = (R_s V_cb + R_b V_cs) / D + (R_t + R_b R_s / D) i
+    V = V_start + q / C + R_1 F[i] + R_0 i        F a first-order filter of gain 1 and time constant tau
+    R_0 = R_t + R_b R_s / D      R_1 = (R_b - s D)^2 / D      tau = s (1 - s) C D
 
-State of charge is that of the bulk capacitor: V_cb is an open-circuit voltage, and the OCV curve says which charge it
-belongs to ([P] 3.1). The model is linear, and exact only as far as the curve is a straight line.
-
-[T] and [P] also carry V as a third state, driven by V and V_cb under the assumption di/dt = 0. Its deviation from the
-output above decays on its own,
-
-    d(V - h)/dt = A33 (V - h),   h = output above,   A33 = R_s / (C_b R_b D) - 1 / (C_s D),
-
-so that V as a state is the output plus a disturbance that decays with time constant -1/A33. `next_state_with_voltage`
-steps it so: exactly, and with the jump (R_t + R_b R_s / D) (i_k - i_(k-1)) that di/dt = 0 drops.
+where the OCV curve stands in place of the straight line V_start + q / C. So a battery of five elements is filtered and
+identified as a Thevenin circuit; the steps in the elements' own states are those of the publications, in the laboratory
+(`ohmward_lab.published.rc_circuit`).
 
 No test tells the five elements apart: they stand behind four numbers. [T] and [P] settle it by R_b = R_s; where
 that would make R_t negative (a slow, large C_s), R_t is the 0.625 R_0 of the rule in [P], and R_b > R_s.
@@ -24,27 +17,22 @@ that would make R_t negative (a slow, large C_s), R_t is the 0.625 R_0 of the ru
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.temperature import arrhenius_factor
-from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
 from ohmward.checks import require_each_positive, require_finite
 from ohmward.errors import InputError
 from ohmward.optional import require
-from ohmward.trace import minimum
-from ohmward.trace.expression import Scalar
 
 #: R_b and R_s as shares of R_total, by the rule of [P] 2.2.
 BRANCH_SHARE = 0.75
 #: R_t as a share of R_total, by the same rule.
 TERMINAL_SHARE = 1 - BRANCH_SHARE / 2
-
-STATE_NAMES = ("bulk_V", "surface_V")
-STATE_NAMES_WITH_VOLTAGE = (*STATE_NAMES, "terminal_V")
 
 
 class Circuit(NamedTuple):
@@ -91,64 +79,10 @@ class RcModel:
         """The five elements alone."""
         return Circuit(*(getattr(self, name) for name in Circuit._fields))
 
-    def circuit_at(self, temperature_degC: Scalar) -> Circuit:
-        """The elements at this temperature."""
-        if self.activation_K == 0.0:
-            return self.circuit
-        factor = arrhenius_factor(temperature_degC, self.activation_K, self.ocv.reference_degC)
-        c_bulk, c_surface, r_bulk, r_surface, r_terminal = self.circuit
-        even = r_bulk == r_surface  # the very same object, so that a step need not divide them
-        bulk_ohm = factor * r_bulk
-        return Circuit(c_bulk, c_surface, bulk_ohm, bulk_ohm if even else factor * r_surface, factor * r_terminal)
-
     @property
     def capacity_As(self) -> float:
         """Capacity in ampere seconds."""
         return 3600.0 * self.capacity_Ah
-
-    def at_rest(self, soc: float) -> np.ndarray:
-        """State (2,) of a battery that has rested at `soc`: both capacitors at open-circuit voltage."""
-        ocv = self.ocv.mean_V(soc, self.ocv.reference_degC)
-        return np.array([ocv, ocv])
-
-
-def capacitance_for(capacity_Ah: float, ocv: OcvCurve) -> float:
-    """C_b + C_s = Q / (OCV(1) - OCV(0)) [F]: the straight line between full and empty holds the capacity.
-
-    Raises:
-        InputError: the curve does not rise from SoC 0 to 1.
-    """
-    span = ocv.voltage_V[-1] - ocv.voltage_V[0]
-    if not span > 0:
-        raise InputError(f"ocv.voltage_V must rise from SoC 0 to 1 to give a capacitance, but rises by {span:g} V")
-    return 3600.0 * capacity_Ah / span
-
-
-def next_state(x: np.ndarray, current_A: Scalar, p: Circuit | RcModel, dt_s: Scalar) -> np.ndarray:
-    """State after `dt_s` of constant current, exact for the coupled pair.
-
-    With the bulk's share of a common elastance, s = (1/C_b) / (1/C_b + 1/C_s), the charge raises the weighted mean
-    (1 - s) V_cb + s V_cs by i dt / (C_b + C_s), and the difference d = V_cs - V_cb relaxes at `relaxation_rate` towards
-    (R_b - s D) i.
-
-    x: (2,) [V_cb, V_cs] in V.  current_A: mean over the step.  dt_s: >= 0.
-    Returns: (2,), the same at the end of the step.
-    """
-    bulk, surface = x
-    d = surface - bulk
-    per_bulk, per_surface = 1 / p.c_bulk_F, 1 / p.c_surface_F
-    s = per_bulk / (per_bulk + per_surface)
-    decay = np.exp(relaxation_rate(p) * -dt_s)
-    change = (1 - decay) * ((p.r_bulk_ohm - s * (p.r_bulk_ohm + p.r_surface_ohm)) * current_A - d)
-    bulk_next = bulk + s * per_surface * (current_A * dt_s) - s * change
-    return np.array([bulk_next, bulk_next + (d + change)])
-
-
-def voltage(x: np.ndarray, current_A: Scalar, p: Circuit | RcModel) -> np.ndarray:
-    """Terminal voltage [V] in state x = [V_cb, V_cs] at the current of this instant, as (1,)."""
-    bulk, surface = x
-    bulk_share, _ = divider(p)
-    return np.array([bulk + bulk_share * (surface - bulk) + instant_resistance(p) * current_A])
 
 
 def divider(p: Circuit | RcModel) -> tuple[Any, Any]:
@@ -181,40 +115,9 @@ def four_numbers(p: Circuit | RcModel) -> tuple[Any, Any, Any, Any]:
     return p.c_bulk_F + p.c_surface_F, instant_resistance(p), slow_resistance(p), 1 / relaxation_rate(p)
 
 
-def next_state_with_voltage(
-    x: np.ndarray, before_A: Scalar, mean_A: Scalar, now_A: Scalar, p: Circuit | RcModel, dt_s: Scalar
-) -> np.ndarray:
-    """State with V as third element after a step, exact; V jumps with the current, which [T] and [P] leave out.
-
-    Where the surface is slower than the bulk (R_s C_s > R_b C_b) V as a state is unstable; the disturbance stays there
-    as it is instead of growing.
-
-    x: (3,) [V_cb, V_cs, V] in V.
-    before_A, mean_A, now_A: current at the start of the step, its mean over the step, and at the end.
-    Returns: (3,), the same at the end of the step.
-    """
-    after = next_state(x[:2], mean_A, p, dt_s)
-    disturbance = x[2] - voltage(x[:2], before_A, p)[0]
-    decay = np.exp(minimum(disturbance_rate(p) * dt_s, 0.0))
-    return np.array([*after, voltage(after, now_A, p)[0] + decay * disturbance])
-
-
-def disturbance_rate(p: Circuit | RcModel) -> Any:
-    """A33 [1/s], the rate at which V as a state returns to the circuit's output; negative while R_s C_s < R_b C_b."""
-    bulk_share, surface_share = divider(p)
-    ratio = surface_share / bulk_share
-    return (ratio * (1 / p.c_bulk_F) - 1 / p.c_surface_F) * (1 / (p.r_bulk_ohm + p.r_surface_ohm))
-
-
 def relaxation_rate(p: Circuit | RcModel) -> Any:
     """Rate (1/C_b + 1/C_s) / D [1/s] at which the two capacitors come to the same voltage."""
     return (1 / p.c_bulk_F + 1 / p.c_surface_F) * (1 / (p.r_bulk_ohm + p.r_surface_ohm))
-
-
-def transition(p: Circuit | RcModel, dt_s: Scalar) -> tuple[np.ndarray, np.ndarray]:
-    """F (2, 2) and B (2,) of the exact step x+ = F x + B i, for linear filters."""
-    columns = [next_state(e, 0.0, p, dt_s) for e in np.eye(2)]
-    return np.column_stack(columns), next_state(np.zeros(2), 1.0, p, dt_s)
 
 
 def equivalent_thevenin(model: RcModel) -> Thevenin:
@@ -239,6 +142,10 @@ def equivalent_thevenin(model: RcModel) -> Thevenin:
 
 #: The straight line of a curve is the best one between these states of charge: most curves bend away at the ends.
 _LINE_SOC = (0.1, 0.9)
+#: Points of SoC, and times after a step, at which a circuit is compared with the one of one pair.
+_SHARE_POINTS, _STEP_TIMES = 21, 60
+#: Keeps a relative difference of two circuits without resistances at 0.
+_NO_OHM = 1e-12
 
 
 def circuit_by_rule(r_total_ohm: float, tau_s: float, total_F: float) -> Circuit:
@@ -268,18 +175,64 @@ def circuit_of(capacitance_F: float, r0: float, r1: float, tau_s: float) -> Circ
 
 
 def rc_of_thevenin(model: Thevenin) -> RcModel:
-    """The RC model that is closest to a Thevenin circuit; `rc.equivalent_thevenin` is its inverse for one pair.
+    """The RC model that is closest to a Thevenin circuit; `equivalent_thevenin` is its inverse for one pair.
 
-    C_b + C_s belongs to the best straight line through the curve between 10 and 90 %; R_0 and the sum of the pairs are
-    their means along SoC; the one time constant is the geometric mean of all, weighted by their resistances.
+    C_b + C_s belongs to the best straight line through the curve between 10 and 90 %; the resistances and the time
+    constant are those of `one_pair`.
     """
     soc = np.linspace(*_LINE_SOC, 81)
     slope_V = float(np.polyfit(soc, model.ocv.mean_V(soc, model.reference_degC), 1)[0])
-    r0, pairs = float(np.mean(model.r0_discharge_ohm)), np.mean(model.r_ohm, axis=1)
+    alone = one_pair(model)
+    circuit = circuit_of(model.capacity_As / slope_V, alone.r0_discharge_ohm[0], alone.r_ohm[0][0], alone.tau_s[0])
+    return RcModel(*circuit, model.ocv, model.capacity_Ah, alone.activation_K)
+
+
+def one_pair(model: Thevenin) -> Thevenin:
+    """The circuit with one RC pair alike at every SoC, as the RC model has it; all else as it is.
+
+    R_0 and the sum of the pairs are their means along SoC; the time constant is the geometric mean of all, weighted by
+    their resistances.
+    """
+    r0, pairs = float(np.mean(model.r0_discharge_ohm)), np.array([np.mean(row) for row in model.r_ohm])
     r1 = float(pairs.sum())
-    tau_s = math.exp(float(pairs @ np.log(model.tau_s)) / r1)
-    circuit = circuit_of(model.capacity_As / slope_V, r0, r1, tau_s)
-    return RcModel(*circuit, model.ocv, model.capacity_Ah, mean_activation_K(model))
+    tau_s = math.exp(float(pairs @ np.log(model.tau_s)) / r1) if r1 > 0.0 else 1.0
+    activation_K = mean_activation_K(model)
+    return replace(
+        model,
+        r0_discharge_ohm=(r0, r0),
+        r0_charge_ohm=(r0, r0),
+        r_ohm=((r1, r1),),
+        tau_s=(tau_s,),
+        activation_K=activation_K,
+        pair_activation_K=None,
+        tau_activation_K=activation_K,
+    )
+
+
+def one_pair_noise(model: Thevenin, noise: BatteryNoise) -> BatteryNoise:
+    """Noise to assume with `one_pair`, given that of the model: their difference is an error of the overpotential.
+
+    Its share is the largest relative difference of their responses to a step of current, along SoC; it holds on for the
+    time constant.
+    """
+    alone, soc = one_pair(model), np.linspace(0.0, 1.0, _SHARE_POINTS)
+    time_s = np.geomspace(0.1 * min(model.tau_s, default=1.0), 5.0 * max(model.tau_s, default=1.0), _STEP_TIMES)
+    response, expected = (step_response_ohm(p, soc, time_s) for p in (alone, model))
+    differs = (np.abs(response - expected) / np.maximum(response, _NO_OHM)).max(axis=0)
+    own = np.array([noise.overpotential_share_at(z) for z in soc.tolist()])
+    return replace(
+        noise,
+        overpotential_share=tuple(np.hypot(own, differs).tolist()),
+        correlation_s=max(noise.correlation_s, *alone.tau_s),
+    )
+
+
+def step_response_ohm(model: Thevenin, soc: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    """(T, N) overpotential these times after a discharging current of 1 A began, at the reference temperature."""
+    u = CircuitInput(-1.0, model.reference_degC)
+    relaxed = [1.0 - np.exp(-time_s / tau)[:, None] for tau in model.tau_s]
+    pairs = sum(share * r for share, r in zip(relaxed, pair_resistances(soc, u, model), strict=True))
+    return ohmic_resistance(soc, u, model) + pairs + np.zeros((time_s.size, soc.size))
 
 
 def mean_activation_K(model: Thevenin) -> float:

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
+from ohmward.battery.battery import Battery
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.anchor_rule import AGAIN, AnchorEvent, AnchorMemory, AnchorRule, SocNormal
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, Rest, SampleLimits, first_input, sample_limits, sanitize
@@ -102,9 +102,6 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
 
     The rule is that of the live estimator (`AnchorRule`), but a log shows how it goes on: a full charge and a rest
     stand at their end, where they tell most, and a load that ends low with the log or before a gap has been cut off.
-
-    Raises:
-        InputError: the battery file has no Thevenin model.
     """
     finder = _finder(battery)
     found: list[Anchor] = []
@@ -135,9 +132,7 @@ class JudgedAnchor(NamedTuple):
 
 
 def judged_anchors(log: Log, battery: Battery, run: SocRun) -> list[JudgedAnchor]:
-    """The anchors in a log, each beside the estimate; none for a battery file without a Thevenin model."""
-    if battery.thevenin is None:
-        return []
+    """The anchors in a log, each beside the estimate."""
     used = np.flatnonzero(run.flags & SocFlag.ANCHORED)
     before, found = -1, []
     for anchor in find_anchors(log, battery):
@@ -150,11 +145,7 @@ def judged_anchors(log: Log, battery: Battery, run: SocRun) -> list[JudgedAnchor
 
 
 def charger_limit_V(log: Log, battery: Battery) -> float | None:
-    """Highest voltage [V], but for its overpotential, at which a charger stops below a full battery; None for none.
-
-    Raises:
-        InputError: the battery file has no Thevenin model.
-    """
+    """Highest voltage [V], but for its overpotential, at which a charger stops below a full battery; None for none."""
     finder, limits_V = _finder(battery), []
     for stretch in _stretches(log, finder):
         state, voltage_V = stretch.output.state, log.voltage_V[stretch.inside]
@@ -176,7 +167,7 @@ class _Stretch(NamedTuple):
 
 
 def _finder(battery: Battery) -> AnchorFinder:
-    return AnchorFinder(AnchorRule(require_thevenin(battery), battery.noise, battery.sensor))
+    return AnchorFinder(AnchorRule(battery.thevenin, battery.noise, battery.sensor))
 
 
 def _stretches(log: Log, finder: AnchorFinder) -> Iterator[_Stretch]:

@@ -55,9 +55,7 @@ class BandsAfterTest:
 
 
 def forecast(battery: Battery, temperatures_degC: Sequence[float] = TEMPERATURES_DEGC) -> tuple[BandForecast, ...]:
-    """The bands of this battery file, from the extended filter; () without a Thevenin model."""
-    if battery.thevenin is None:
-        return ()
+    """The bands of this battery file, from the extended filter."""
     settings = TheveninFilter(battery.thevenin, battery.noise, battery.sensor, idle_current_A=battery.idle_current_A)
     first = SocSample(0.0, 0.0, np.nan, np.nan)
     kernel = Kernel(settings.step, settings.init(first, START_SOC), first, lowering="python")
@@ -148,8 +146,6 @@ def worthwhile_tests(battery: Battery, bands: Sequence[BandForecast]) -> list[Ba
 
 def taken_as_exact(battery: Battery) -> list[str]:
     """Keys of [noise] by which the file takes as exact what no test knows exactly."""
-    keys = ["capacity_std", "resistance_std"]
-    if battery.thevenin is not None:
-        keys += ["activation_std_K", "ocv_std_V_per_K"]
-        keys += ["hysteresis_std"] if any(battery.thevenin.ocv.hysteresis_V) else []
+    keys = ["capacity_std", "resistance_std", "activation_std_K", "ocv_std_V_per_K"]
+    keys += ["hysteresis_std"] if any(battery.thevenin.ocv.hysteresis_V) else []
     return [key for key in keys if getattr(battery.noise, key) == 0.0]

@@ -165,8 +165,3 @@ def is_temperature(temperature_degC: Scalar) -> Any:
 def is_voltage(voltage_V: Scalar, highest_ocv_V: float) -> Any:
     """True where it is a number and a battery with this open-circuit voltage when full can show it."""
     return (voltage_V > 0.0) & (voltage_V < HIGHEST_VOLTAGE_RATIO * highest_ocv_V)
-
-
-def finite_or(value: float, otherwise: float) -> float:
-    """The value, or something else where it is no number."""
-    return float(value) if math.isfinite(value) else otherwise

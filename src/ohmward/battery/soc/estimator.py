@@ -37,6 +37,7 @@ class SocRun(Run[SocEstimate]):
     kernel: Kernel
     end: Any
     history: ChargeHistory  #: time since events that anchor SoC, before the log too where the estimator went on
+    label: str = "estimate"  #: estimator and battery, for a legend
 
     flag_type = SocFlag
 
@@ -124,7 +125,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         estimates, seconds = self._scan_log(log, progress)
         self.memory = self.memory.after_log(log.time_s, estimates)
         history = self.memory.history(self.time_s)
-        return SocRun(log.time_s, estimates, seconds, self.settings, self.kernel, self.state, history)
+        return SocRun(log.time_s, estimates, seconds, self.settings, self.kernel, self.state, history, self.title)
 
     def tell_soc(self, soc: float = 1.0, soc_std: float | None = None) -> SocEstimate:
         """Estimate after something else than a sample has told the state of charge, such as the flag of a charger.
@@ -229,7 +230,7 @@ def _from(begin: int, steps: int, progress: Progress | None) -> Progress | None:
 
 def _title(battery: Battery | Estimator, filter: str) -> str:
     if isinstance(battery, Battery):
-        return f"{chosen_name(filter.lower(), battery)}, {battery.chemistry or battery.name} {battery.capacity_Ah:g} Ah"
+        return f"{chosen_name(filter.lower())}, {battery.chemistry or battery.name} {battery.capacity_Ah:g} Ah"
     return type(battery).__name__
 
 

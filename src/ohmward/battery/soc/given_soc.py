@@ -19,7 +19,6 @@ from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.clean_sample import first_input, sanitize
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter, GaussianSumState, mixed, relative
-from ohmward.battery.soc.initial_soc import initial_soc
 from ohmward.battery.soc.sample import SocEstimate, SocFlag, SocSample
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, forget_soc
 from ohmward.errors import InputError
@@ -60,8 +59,8 @@ def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: So
     Where it contradicts the charge `before` it, somebody has charged or used the battery: the voltage alone counts.
     """
     filter_ = _single(settings)
-    u = first_input(sample, filter_.limits.current_A)
-    start = initial_soc(sample.voltage_V, u, filter_.model, filter_.noise, filter_.sensor, *before)
+    (whole,) = filter_.voltage_start.hypotheses(sample, *before)
+    start, u = whole.start, first_input(sample, filter_.limits.current_A)
     contradicts = abs(start.soc - before.soc) > CONTRADICTS_STD * before.std
     clean = sanitize(sample, u, filter_.limits._replace(gap_s=sample.dt_s))
 

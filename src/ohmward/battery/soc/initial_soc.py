@@ -19,13 +19,12 @@ import numpy as np
 from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise, CurrentSensor
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop, pair_resistances
-from ohmward.battery.soc.clean_sample import finite_or, first_input
+from ohmward.battery.soc.clean_sample import first_input
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.start_density import (
     GRID_STEP,
     ExpectedVoltage,
     Hypothesis,
-    InitialSoc,
     soc_grid,
     start_hypotheses,
 )
@@ -48,61 +47,23 @@ class VoltageStart:
     count: int = 1  #: number of hypotheses
 
     def hypotheses(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> tuple[Hypothesis, ...]:
-        """The density of SoC given the first sample and, where there is one, a value; see `hypotheses`."""
-        u = first_input(first, self.current_limit_A)
-        return hypotheses(first.voltage_V, u, self.model, self.noise, self.sensor, soc, soc_std, self.count)
+        """The density of SoC given the first sample and, where there is one, a value, in `count` parts.
+
+        first: its voltage may be nan.  soc: value in [0, 1] from the user, from a full charge, from storage; None when
+        unknown.  soc_std: standard deviation of that value.
+        """
+        if soc is not None:
+            require_between("initial_soc", soc, 0.0, 1.0)
+            require_positive("initial_soc_std", soc_std)
+        grid = soc_grid(soc)
+        return start_hypotheses(grid, first.voltage_V, self.expected_voltage(grid, first), soc, soc_std, self.count)
 
     def expected_voltage(self, soc: Any, first: SocSample) -> ExpectedVoltage:
-        """First voltage expected at `soc`, traceable."""
-        return expected_voltage(soc, first_input(first, self.current_limit_A), self.model, self.noise, self.sensor)
-
-
-def initial_soc(
-    voltage_V: float,
-    u: CircuitInput,
-    p: Thevenin,
-    noise: BatteryNoise,
-    sensor: CurrentSensor,
-    soc: float | None = None,
-    soc_std: float = 0.03,
-) -> InitialSoc:
-    """Mean and standard deviation of SoC given the first voltage and, where there is one, a value.
-
-    voltage_V: first terminal voltage; nan when there is none.
-    u: current and temperature at that sample.
-    soc: value in [0, 1] from the user, from a full charge, from storage; None when unknown.
-    soc_std: standard deviation of that value.
-    """
-    (whole,) = hypotheses(voltage_V, u, p, noise, sensor, soc, soc_std, count=1)
-    return whole.start
-
-
-def hypotheses(
-    voltage_V: float,
-    u: CircuitInput,
-    p: Thevenin,
-    noise: BatteryNoise,
-    sensor: CurrentSensor,
-    soc: float | None,
-    soc_std: float,
-    count: int,
-) -> tuple[Hypothesis, ...]:
-    """The density of SoC in `count` parts, see `start_hypotheses`; other arguments as those of `initial_soc`."""
-    if soc is not None:
-        require_between("initial_soc", soc, 0.0, 1.0)
-        require_positive("initial_soc_std", soc_std)
-    grid = soc_grid(soc)
-    u = CircuitInput(finite_or(u.current_A, 0.0), u.temperature_degC)
-    return start_hypotheses(grid, voltage_V, expected_voltage(grid, u, p, noise, sensor), soc, soc_std, count)
-
-
-def expected_voltage(
-    soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise, sensor: CurrentSensor
-) -> ExpectedVoltage:
-    """First voltage OCV + R_0 i expected at `soc`, and what can be wrong about it; float, array or traced."""
-    mean_V = p.ocv.mean_V(soc, u.temperature_degC) + ohmic_drop(soc, u, p)
-    model_std_V = model_error_std_V(soc, u, p, noise)
-    return ExpectedVoltage(mean_V, first_voltage_std(soc, u, p, noise, sensor), model_std_V)
+        """First voltage OCV + R_0 i expected at `soc`, and what can be wrong about it; float, array or traced."""
+        u, p = first_input(first, self.current_limit_A), self.model
+        mean_V = p.ocv.mean_V(soc, u.temperature_degC) + ohmic_drop(soc, u, p)
+        std_V = first_voltage_std(soc, u, p, self.noise, self.sensor)
+        return ExpectedVoltage(mean_V, std_V, model_error_std_V(soc, u, p, self.noise))
 
 
 def model_error_std_V(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> Any:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
-from ohmward.battery.battery import Battery, require_battery, require_rc, require_thevenin
+from ohmward.battery.battery import Battery, require_battery
+from ohmward.battery.models.rc import one_pair, one_pair_noise
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
 from ohmward.battery.soc.coulomb import CoulombCounting, RestOcv
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
-from ohmward.battery.soc.rc_filter import RcFilter
 from ohmward.battery.soc.sample import Estimator
 from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -19,7 +20,7 @@ from ohmward.lab import lab
 #: So begin the names of the estimators that reproduce a publication.
 _PUBLISHED = "published."
 
-#: The estimator of a user who does not choose: that of the battery, see `chosen_name`.
+#: The estimator of a user who does not choose, see `chosen_name`.
 DEFAULT = "default"
 
 
@@ -49,17 +50,15 @@ def make_estimator(name: str, battery: Battery, settings: EstimatorSettings | No
         InputError: there is none of that name, the battery is none, or its file lacks the model it needs.
     """
     require_battery(battery)
-    choice = _find(chosen_name(name.lower(), battery)) if isinstance(name, str) else None
+    choice = _find(chosen_name(name.lower())) if isinstance(name, str) else None
     if choice is None:
         raise InputError(f"filter must be one of {', '.join((DEFAULT, *ESTIMATORS, *published()))}, got {name!r}")
     return choice.make(battery, settings or EstimatorSettings(battery.idle_current_A))
 
 
-def chosen_name(name: str, battery: Battery) -> str:
-    """The name itself, and for `DEFAULT` that of the estimator that wins where the battery has its model."""
-    if name != DEFAULT:
-        return name
-    return "rc" if battery.thevenin is None else "gsf"
+def chosen_name(name: str) -> str:
+    """The name itself, and for `DEFAULT` that of the estimator that wins."""
+    return "gsf" if name == DEFAULT else name
 
 
 def is_estimator(name: str) -> bool:
@@ -101,26 +100,24 @@ def thevenin_filter(method: str, matching: bool = False) -> Callable[[Battery, E
     """The function that makes the Thevenin filter of this method."""
 
     def make(battery: Battery, settings: EstimatorSettings) -> TheveninFilter:
-        model = require_thevenin(battery)
         return TheveninFilter(
-            model,
+            battery.thevenin,
             battery.noise,
             battery.sensor,
             method=method,
             matching=matching,
             idle_current_A=settings.idle_current_A,
             gap_s=settings.gap_s,
-            anchors=model.gassing_V is not None if settings.anchors is None else settings.anchors,
+            anchors=battery.thevenin.gassing_V is not None if settings.anchors is None else settings.anchors,
         )
 
     return make
 
 
-def rc_filter(soc_as: str) -> Callable[[Battery, EstimatorSettings], RcFilter]:
-    """The function that makes the RC filter with SoC as this."""
-    return lambda battery, settings: RcFilter(
-        require_rc(battery), battery.rc_noise, battery.sensor, soc_as, settings.gap_s
-    )
+def _one_pair(battery: Battery, settings: EstimatorSettings) -> TheveninFilter:
+    """The extended filter on the circuit that the RC model of [P] has: one RC pair alike at every SoC."""
+    model, noise = one_pair(battery.thevenin), one_pair_noise(battery.thevenin, battery.noise)
+    return thevenin_filter("ekf")(replace(battery, thevenin=model, noise=noise), settings)
 
 
 def _gaussian_sum(battery: Battery, settings: EstimatorSettings) -> GaussianSumFilter:
@@ -128,11 +125,11 @@ def _gaussian_sum(battery: Battery, settings: EstimatorSettings) -> GaussianSumF
 
 
 def _textbook(method: str) -> Callable[[Battery, EstimatorSettings], Estimator]:
-    return lambda battery, settings: TextbookFilter(require_thevenin(battery), battery.noise, battery.sensor, method)
+    return lambda battery, settings: TextbookFilter(battery.thevenin, battery.noise, battery.sensor, method)
 
 
 def _counting(cls: type[CoulombCounting] | type[RestOcv]) -> Callable[[Battery, EstimatorSettings], Estimator]:
-    return lambda battery, settings: cls(require_thevenin(battery), battery.noise, battery.sensor, gap_s=settings.gap_s)
+    return lambda battery, settings: cls(battery.thevenin, battery.noise, battery.sensor, gap_s=settings.gap_s)
 
 
 #: The estimators for use.
@@ -140,7 +137,7 @@ ESTIMATORS: dict[str, Choice] = {
     "ekf": Choice("Thevenin model, extended Kalman filter", thevenin_filter("ekf")),
     "ukf": Choice("Thevenin model, unscented Kalman filter", thevenin_filter("ukf")),
     "gsf": Choice("Thevenin model, Gaussian sum of three extended Kalman filters", _gaussian_sum),
-    "rc": Choice("RC model, Kalman filter with SoC as third state and a straight OCV", rc_filter("state")),
+    "rc": Choice("RC model, one RC pair alike at every SoC, extended Kalman filter", _one_pair),
     "textbook-ekf": Choice("Thevenin model, SoC and RC voltages only, extended Kalman filter", _textbook("ekf")),
     "textbook-ukf": Choice("the same, unscented Kalman filter, as in [P]", _textbook("ukf")),
     "coulomb": Choice("coulomb counting", _counting(CoulombCounting)),

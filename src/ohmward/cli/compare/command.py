@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> Outcome:
 
 def _misfits(task: SocTask, answers: Mapping[str, SocRun]) -> tuple[Note, ...]:
     """The verdict of `ohmward soc` on the file: by its default estimator, or by the first one that can judge it."""
-    default = chosen_name(DEFAULT, task.battery)
+    default = chosen_name(DEFAULT)
     by_rank = sorted(answers, key=lambda name: (name != default, not is_judged(answers[name].settings)))
     answer = answers[by_rank[0]]
     return misfits(task.battery, task.log, answer.settings, answer.estimates)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,6 @@ from ohmward.battery.file import BATTERY_FILE, load_battery
 from ohmward.battery.soc.band_forecast import (
     TEMPERATURES_DEGC,
     BandForecast,
-    BandsAfterTest,
     forecast,
     taken_as_exact,
     worthwhile_tests,
@@ -33,7 +32,7 @@ from ohmward.logs import DriveLog, Log, examine
 from ohmward.logs.battery_columns import cell_names
 from ohmward.logs.channels import CURRENT, VOLTAGE
 from ohmward.logs.columns import find_column
-from ohmward.logs.doctor import DriveSurvey, Finding, Findings, Sampling, Signal, Survey, examine_drive
+from ohmward.logs.doctor import DriveSurvey, Findings, Sampling, Signal, Survey, examine_drive
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
@@ -54,55 +53,40 @@ READING = "half width of the 95 % band in points, start known / start unknown"
 BANDS = ["95 % band on a working day", *(f"{T:g} degC" for T in TEMPERATURES_DEGC)]
 
 
-class BatteryFindings(NamedTuple):
-    """Findings on a battery file."""
+class Part(NamedTuple):
+    """What was found in a file: as the log of a battery, as that of a drive, or as a file of TOML."""
 
-    path: str  #: of the file
-    battery: Battery
-    bands: Sequence[BandForecast]  #: of the file
-    tests: Sequence[BandsAfterTest]  #: those worth their time, the best first
+    kind: str  #: its list in --json, one of `_KINDS`
+    name: str
+    text: str  #: for people
+    summary: Mapping[str, Any]  #: its entry in --json
+    next_commands: Sequence[str]  #: that go on from it
+    notes: Sequence[str] = ()
+    is_wrong: bool = False  #: it has an error
+    section: Callable[[Page], Page] | None = None  #: adds it to a page; None for a kind that pages leave out
 
 
-class Examined(NamedTuple):
-    """A log and what was found in it; a part that it does not have is None."""
-
-    path: str
-    battery: tuple[Log, Findings[Survey]] | None
-    drive: tuple[DriveLog, Findings[DriveSurvey]] | None
+#: Kinds of parts in the order of the text; on a page battery files stand before drives.
+_KINDS = ("logs", "drives", "batteries", "robots", "setups")
 
 
 def run(args: argparse.Namespace) -> Outcome:
     """Examine each file; the exit status is 1 if a log has an error."""
     kinds = {path: kind_of(path) for path in args.files}
-    robot = load_robot(args.robot) if args.robot else None
-    options = drive_options(args, robot)
-    logs = [_look(path, options) for path, kind in kinds.items() if kind == _LOG]
-    known = [examine_battery(path, load_battery(path)) for path, kind in kinds.items() if kind == BATTERY_FILE.noun]
-    robots = {path: load_robot(path) for path, kind in kinds.items() if kind == ROBOT_FILE.noun}
-    setups = {path: SETUP_FILE.load(path) for path, kind in kinds.items() if kind == SETUP_FILE.noun}
-    batteries = [(one.path, *one.battery) for one in logs if one.battery]
-    drives = [(one.path, *one.drive) for one in logs if one.drive]
-    found: list[Findings] = [one for _, _, one in batteries] + [one for _, _, one in drives]
-    texts = [describe(log, one) for _, log, one in batteries]
-    texts += [describe_drive(log, one) for _, log, one in drives]
-    texts += map(describe_battery, known)
-    texts += [_titled(f"{path}: robot {robot.name!r}", robot_rows(robot)) for path, robot in robots.items()]
-    texts += [_titled(f"{path}: setup of a robot", setup_rows(setup)) for path, setup in setups.items()]
-    following = list(dict.fromkeys(text for path, kind in kinds.items() for text in next_commands(path, kind, logs)))
+    options = drive_options(args, load_robot(args.robot) if args.robot else None)
+    found = [part for path, kind in kinds.items() for part in _EXAMINED[kind](path, options)]
+    parts = sorted(found, key=lambda part: _KINDS.index(part.kind))
+    following = list(dict.fromkeys(command for part in found for command in part.next_commands))
     return Outcome(
         summary={
             "command": "doctor",
-            "logs": [{"path": path} | asdict(one) | {"worst": one.worst} for path, _, one in batteries],
-            "drives": [{"path": path} | asdict(one) | {"worst": one.worst} for path, _, one in drives],
-            "batteries": [battery_summary(one) for one in known],
-            "robots": [{"path": path, "name": robot.name} | robot_rows(robot) for path, robot in robots.items()],
-            "setups": [{"path": path} | setup_rows(setup) for path, setup in setups.items()],
+            **{kind: [part.summary for part in parts if part.kind == kind] for kind in _KINDS},
             "next": following,
         },
-        text="\n\n".join([*texts, wording.bullets("Next", following)]),
-        notes=[note for one in found for note in one.notes],
-        page=partial(make_page, [log for _, log, _ in batteries], [one for _, _, one in batteries], known, drives),
-        status=int(any(one.worst == "error" for one in found)),
+        text="\n\n".join([*(part.text for part in parts), wording.bullets("Next", following)]),
+        notes=[note for part in parts for note in part.notes],
+        page=partial(make_page, parts),
+        status=int(any(part.is_wrong for part in parts)),
     )
 
 
@@ -120,13 +104,7 @@ def kind_of(path: str) -> str:
     return next((kind.noun for kind in kinds if f'"{kind.format.partition("/")[0]}/' in head), BATTERY_FILE.noun)
 
 
-def examine_battery(path: str, battery: Battery) -> BatteryFindings:
-    """Forecast the bands of a battery file as it is, and after each test."""
-    bands = forecast(battery)
-    return BatteryFindings(path, battery, bands, worthwhile_tests(battery, bands))
-
-
-def _look(path: str, options: DriveOptions) -> Examined:
+def examine_log(path: str, options: DriveOptions) -> Iterator[Part]:
     """Battery and drive in a log, as far as it has them.
 
     Raises:
@@ -149,11 +127,43 @@ def _look(path: str, options: DriveOptions) -> Examined:
             if log is None:
                 raise InputError(f"{error}. As the log of a battery: {refused}", error.options) from error
             log = log.with_notes(Note(f"also a drive, which could not be read: {error}", "warning"))
-    return Examined(
-        path,
-        None if log is None else (log, examine(log)),
-        None if drive is None else (drive, examine_drive(drive, places)),
+    if log:
+        found = examine(log)
+        activity = found.survey.activity
+        is_test = min(activity.rests, activity.pulses) >= _PULSES_OF_A_TEST
+        commands = [f"ohmward identify {path} --capacity-ah AH --chemistry nmc -o battery.toml"] if is_test else []
+        commands.append(f"ohmward soc {path} --battery battery.toml")
+        yield _examined(
+            "logs", path, log.name, log, contents(log, found), found, commands, partial(_section, log, found)
+        )
+    if drive:
+        of_drive = examine_drive(drive, places)
+        commands = [f"ohmward slip {path} --robot robot.toml"]
+        commands += [f"ohmward mission {path} --robot robot.toml --battery battery.toml"] if log else []
+        name, rows = f"{drive.name}, drive", drive_contents(drive, of_drive)
+        yield _examined("drives", path, name, drive, rows, of_drive, commands, partial(_drive_section, drive, of_drive))
+
+
+def _examined(
+    kind: str,
+    path: str,
+    title: str,
+    log: Log | DriveLog,
+    rows: Mapping[str, str],
+    found: Findings[Any],
+    commands: Sequence[str],
+    section: Callable[[Page], Page],
+) -> Part:
+    """A log with its length, its figures, what was assumed and what was found."""
+    sentences = [f"{finding.severity}: {finding.text} -> {finding.advice}" for finding in found.findings]
+    text = wording.paragraphs(
+        f"{title}: {grouped(len(log))} samples in {duration(log.duration_s)}",
+        wording.fields(rows),
+        wording.assumptions(found.notes),
+        wording.bullets("Found", sentences) or "Found: nothing suspicious.",
     )
+    summary = {"path": path} | asdict(found) | {"worst": found.worst}
+    return Part(kind, title, text, summary, commands, found.notes, found.worst == "error", section)
 
 
 def _places(file: TableFile, robot: Robot | None) -> tuple[str, ...]:
@@ -170,9 +180,7 @@ def _places(file: TableFile, robot: Robot | None) -> tuple[str, ...]:
 def _read_drive(path: str, options: DriveOptions, file: TableFile) -> DriveLog:
     """The drive, with a warning for each fault that the robot's file shows."""
     log = options.read(path, file=file)
-    if options.robot is None:
-        return log
-    return replace(log, notes=(*log.notes, *check_drive(options.robot, log)))
+    return log.with_notes(*check_drive(options.robot, log)) if options.robot else log
 
 
 def _read(path: str, reading: ReadOptions, file: TableFile) -> Log:
@@ -199,30 +207,20 @@ def _is_of_battery(file: TableFile, columns: dict[str, str]) -> bool:
     return True
 
 
-def next_commands(path: str, kind: str, logs: Sequence[Examined]) -> list[str]:
-    """Commands that go on from a file."""
-    if kind == BATTERY_FILE.noun:
-        return [f"ohmward soc LOG --battery {path}"]
-    if kind == ROBOT_FILE.noun:
-        return [f"ohmward slip LOG --robot {path}"]
-    if kind == SETUP_FILE.noun:
-        return [f"ohmward run {path} --check"]
-    log = next(one for one in logs if one.path == path)
-    found = []
-    if log.battery:
-        activity = log.battery[1].survey.activity
-        is_test = min(activity.rests, activity.pulses) >= _PULSES_OF_A_TEST
-        found += [f"ohmward identify {path} --capacity-ah AH --chemistry nmc -o battery.toml"] if is_test else []
-        found += [f"ohmward soc {path} --battery battery.toml"]
-    if log.drive:
-        found.append(f"ohmward slip {path} --robot robot.toml")
-    if log.battery and log.drive:
-        found.append(f"ohmward mission {path} --robot robot.toml --battery battery.toml")
-    return found
+def examine_robot(path: str, _: DriveOptions) -> Iterator[Part]:
+    """What a robot file says."""
+    robot = load_robot(path)
+    rows = robot_rows(robot)
+    text = wording.paragraphs(f"{path}: robot {robot.name!r}", wording.fields(rows))
+    summary = {"path": path, "name": robot.name} | rows
+    yield Part("robots", robot.name, text, summary, [f"ohmward slip LOG --robot {path}"])
 
 
-def _titled(title: str, rows: dict[str, str]) -> str:
-    return wording.paragraphs(title, wording.fields(rows))
+def examine_setup(path: str, _: DriveOptions) -> Iterator[Part]:
+    """What a setup says."""
+    rows = setup_rows(SETUP_FILE.load(path))
+    text = wording.paragraphs(f"{path}: setup of a robot", wording.fields(rows))
+    yield Part("setups", path, text, {"path": path} | rows, [f"ohmward run {path} --check"])
 
 
 def robot_rows(robot: Robot) -> dict[str, str]:
@@ -245,11 +243,6 @@ def setup_rows(setup: Setup) -> dict[str, str]:
     }
 
 
-def describe_drive(log: DriveLog, found: Findings[DriveSurvey]) -> str:
-    """Figures and findings of a drive, for people."""
-    return _examined(f"{log.name}, drive", log, drive_contents(log, found), found)
-
-
 def drive_contents(log: DriveLog, found: Findings[DriveSurvey]) -> dict[str, str]:
     """The figures of a drive with their units, by name."""
     s = found.survey
@@ -262,25 +255,6 @@ def drive_contents(log: DriveLog, found: Findings[DriveSurvey]) -> dict[str, str
 
 def _sampling(s: Sampling) -> str:
     return f"every {s.median_s:.3g} s, {s.shortest_s:.3g} to {s.longest_s:.4g} s; gaps: {s.gaps}"
-
-
-def _sentence(finding: Finding) -> str:
-    return f"{finding.severity}: {finding.text} -> {finding.advice}"
-
-
-def describe(log: Log, found: Findings[Survey]) -> str:
-    """Figures and findings of a log, for people."""
-    return _examined(log.name, log, contents(log, found), found)
-
-
-def _examined(title: str, log: Log | DriveLog, rows: Mapping[str, str], found: Findings[Any]) -> str:
-    """A title with the length of the log, its figures, what was assumed and what was found."""
-    return wording.paragraphs(
-        f"{title}: {grouped(len(log))} samples in {duration(log.duration_s)}",
-        wording.fields(rows),
-        wording.assumptions(found.notes),
-        wording.bullets("Found", [_sentence(finding) for finding in found.findings]) or "Found: nothing suspicious.",
-    )
 
 
 def contents(log: Log, found: Findings[Survey]) -> dict[str, str]:
@@ -305,45 +279,49 @@ def _range(signal: Signal) -> str:
     return f"{signal.minimum:.5g} to {signal.maximum:.5g}"
 
 
-def battery_summary(found: BatteryFindings) -> dict[str, Any]:
-    """The entry of --json."""
-    battery = found.battery
-    return {
-        "path": found.path,
+def examine_battery(path: str, _: DriveOptions) -> Iterator[Part]:
+    """What a battery file knows: the bands of its charge as it is, and after each test that is worth its time."""
+    battery = load_battery(path)
+    bands = forecast(battery)
+    tests = worthwhile_tests(battery, bands)
+    rows = [["as the file is", *map(_cell, bands)]]
+    rows += [[f"at best, {test.test}", *map(_cell, test.bands)] for test in tests]
+    text = wording.paragraphs(
+        f"{path}: battery {battery.name!r}, {wording.quantity(battery.capacity_Ah, 'Ah')}, "
+        f"{battery.chemistry or 'chemistry not said'}, {battery.n_series} in series",
+        wording.fields(sources(battery)),
+        wording.bullets("Not known", battery.not_identified),
+        f"{wording.table(BANDS, rows)}\n({READING})",
+    )
+    summary = {
+        "path": path,
         "name": battery.name,
         "chemistry": battery.chemistry,
         "capacity_Ah": battery.capacity_Ah,
         "not_identified": battery.not_identified,
-        "bands": found.bands,
-        "tests": found.tests,
+        "bands": bands,
+        "tests": tests,
     }
 
+    def section(page: Page) -> Page:
+        page = page.table(["Quantity", "Found"], list(sources(battery).items()))
+        page = page.table(["Not known"], [[text] for text in battery.not_identified])
+        return page.table(BANDS, rows, sentence(READING))
 
-def describe_battery(found: BatteryFindings) -> str:
-    """Findings on a battery file, for people."""
-    battery = found.battery
-    return wording.paragraphs(
-        f"{found.path}: battery {battery.name!r}, {wording.quantity(battery.capacity_Ah, 'Ah')}, "
-        f"{battery.chemistry or 'chemistry not said'}, {battery.n_series} in series",
-        wording.fields(sources(battery)),
-        wording.bullets("Not known", battery.not_identified),
-        f"{wording.table(BANDS, band_rows(found))}\n({READING})" if found.bands else "",
-        "" if found.bands else "No band: this file has no Thevenin model.",
-    )
+    yield Part("batteries", battery.name, text, summary, [f"ohmward soc LOG --battery {path}"], section=section)
 
 
 def sources(battery: Battery) -> dict[str, str]:
     """Provenance of the numbers of a battery."""
     known = battery.identification
     logs = [f"{fit.log} ({fit.test}, SoC {_soc_range(fit)})" for fit in known.logs] if known else []
-    models = [name for name in ("thevenin", "rc") if getattr(battery, name) is not None]
     idle = battery.idle_current_A
     exact = taken_as_exact(battery)
     learnt = battery.knowledge.logs if battery.knowledge else ()
     rows = {
         "tests": "; ".join(logs) or "none",
         "learnt from": f"{counted(len(learnt), 'log')}, {sum(log.hours for log in learnt):.1f} h" if learnt else "none",
-        "models": ", ".join(models),
+        "model": f"thevenin-{battery.thevenin.pairs}rc",
         "rest current": "not declared" if idle is None else f"{idle:g} A",
         "current sensor": f"offset ± {BAND_95 * battery.sensor.offset_std_A:.2g} A, "
         f"gain ± {100 * BAND_95 * battery.sensor.gain_std:.2g} % (95 %)",
@@ -356,42 +334,19 @@ def _soc_range(fit: LogFit) -> str:
     return f"{low} to {high} %"
 
 
-def band_rows(found: BatteryFindings) -> list[list[str]]:
-    """The bands as the file is, then after each test that is worth its time."""
-    rows = [["as the file is", *map(_cell, found.bands)]]
-    return rows + [[f"at best, {test.test}", *map(_cell, test.bands)] for test in found.tests]
-
-
 def _cell(band: BandForecast) -> str:
     return f"± {band.known_start:.1f} / {band.unknown_start:.1f}"
 
 
-def make_page(
-    logs: Sequence[Log],
-    found: Sequence[Findings[Survey]],
-    batteries: Sequence[BatteryFindings],
-    drives: Sequence[tuple[str, DriveLog, Findings[DriveSurvey]]] = (),
-) -> Page:
-    """One section for each log, drive and battery file: figures, findings, plots, assumptions."""
-    names = [log.name for log in logs] + [one.battery.name for one in batteries] + [log.name for _, log, _ in drives]
-    title = names[0] if len(names) == 1 else f"{len(names)} {'files' if batteries else 'logs'}"
+def make_page(parts: Sequence[Part]) -> Page:
+    """One section for each log, battery file and drive: figures, findings, plots, assumptions."""
+    sections = [(part.section, part) for part in parts if part.section]
+    kinds = [part.kind for _, part in sections]
+    names = [part.name.removesuffix(", drive") for _, part in sections]
+    title = names[0] if len(names) == 1 else f"{len(names)} {'files' if 'batteries' in kinds else 'logs'}"
     page = Page(title, "What is in it, what is wrong, what was assumed", FOOTER)
-    for log, findings in zip(logs, found, strict=True):
-        page = _section(page if len(names) == 1 else page.heading(log.name), log, findings)
-    for one in batteries:
-        page = page if len(names) == 1 else page.heading(one.battery.name)
-        page = page.table(["Quantity", "Found"], list(sources(one.battery).items()))
-        page = page.table(["Not known"], [[text] for text in one.battery.not_identified])
-        if one.bands:
-            page = page.table(BANDS, band_rows(one), sentence(READING))
-        else:
-            page = page.text("No band: this file has no Thevenin model.")
-    for _, drive, of_drive in drives:
-        page = page if len(names) == 1 else page.heading(f"{drive.name}, drive")
-        page = _with_findings(page, of_drive)
-        page = page.plot(wheels_figure(drive, list(of_drive.survey.wheels)), clock=wall_clock(drive))
-        page = page.table(["Quantity", "Found"], list(drive_contents(drive, of_drive).items()))
-        page = with_assumptions(page, of_drive.notes)
+    for section, part in sorted(sections, key=lambda one: one[1].kind == "drives"):
+        page = section(page if len(names) == 1 else page.heading(part.name))
     return page
 
 
@@ -401,7 +356,14 @@ def _with_findings(page: Page, found: Findings) -> Page:
     return page
 
 
-def _section(page: Page, log: Log, found: Findings[Survey]) -> Page:
+def _drive_section(log: DriveLog, found: Findings[DriveSurvey], page: Page) -> Page:
+    page = _with_findings(page, found)
+    page = page.plot(wheels_figure(log, list(found.survey.wheels)), clock=wall_clock(log))
+    page = page.table(["Quantity", "Found"], list(drive_contents(log, found).items()))
+    return with_assumptions(page, found.notes)
+
+
+def _section(log: Log, found: Findings[Survey], page: Page) -> Page:
     s = found.survey
     figures = {
         "Samples": grouped(len(log)),
@@ -420,3 +382,12 @@ def _section(page: Page, log: Log, found: Findings[Survey]) -> Page:
     page = page.plot(*plots, clock=wall_clock(log))
     page = page.table(["Quantity", "Found"], list(contents(log, found).items()))
     return with_assumptions(page, found.notes)
+
+
+#: What examines a file of each kind.
+_EXAMINED: dict[str, Callable[[str, DriveOptions], Iterator[Part]]] = {
+    _LOG: examine_log,
+    BATTERY_FILE.noun: examine_battery,
+    ROBOT_FILE.noun: examine_robot,
+    SETUP_FILE.noun: examine_setup,
+}

@@ -9,10 +9,16 @@ from pathlib import Path
 
 from ohmward.atomic import replacing
 from ohmward.battery.battery import Battery
-from ohmward.battery.file import load_battery
 from ohmward.battery.soc.registry import DEFAULT
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import log_files, read_battery_log, read_options, read_soc_truth, with_sensor
+from ohmward.cli.battery_inputs import (
+    given_start,
+    load_with_sensor,
+    log_files,
+    read_battery_log,
+    read_options,
+    read_soc_truth,
+)
 from ohmward.cli.drive_inputs import make_terrain
 from ohmward.cli.options import BUILT_IN
 from ohmward.cli.outcome import Outcome, check_output, progress
@@ -43,15 +49,15 @@ def run(args: argparse.Namespace) -> Outcome:
         raise InputError("--style, --flash-kb and --ram-kb are for C; leave them out with --language python")
     if python and is_robot:
         raise InputError(f"{args.file} is a robot; Python is written for batteries, leave out --language python")
-    start = _given_start(args)
+    start = given_start(args)
     name, filter_name = args.name or (_MODULE if python else _symbol(args.output)), args.filter
     filter_name = filter_name or (DEFAULT if python else _SMALL)
-    contradictions: list[str] = []
+    notes: list[str] = []
     if is_robot:
         _refuse_options_of_batteries(args, filter_name)
         export = _robot_export(load_robot(args.file), args.terrain, filter_name, name)
     else:
-        battery, contradictions = with_sensor(load_battery(args.file), args.sensor_offset, args.sensor_gain)
+        battery, notes = load_with_sensor(args.file, args)
         export = battery_export(
             battery,
             filter_name,
@@ -61,7 +67,6 @@ def run(args: argparse.Namespace) -> Outcome:
             style=args.style,
             curve_error_V=curve_error_of_pack_V(battery, args.curve_error),
         )
-    notes = [f"warning: {text}" for text in contradictions]
     figures = {
         "command": "export",
         "language": args.language,
@@ -119,13 +124,12 @@ def _submission(args: argparse.Namespace) -> Outcome:
     check_output("-o", args.output, (".zip",))
     if args.score and not args.truth:
         raise InputError("--score needs the true state of charge: name its column with --truth, as `ohmward soc` does")
-    battery, contradictions = with_sensor(load_battery(args.file), args.sensor_offset, args.sensor_gain)
+    battery, notes = load_with_sensor(args.file, args)
     filter_name = args.filter or _SMALL  # the sum of three takes three times as long, and found no start better there
     export = battery_export(battery, filter_name, blind.MODULE, sample_time_s=blind.INTERVAL_S)
-    text = python_file(export, blind.INTERVAL_S, **_given_start(args))
+    text = python_file(export, blind.INTERVAL_S, **given_start(args))
     with replacing(Path(args.output)) as archive:
         archive.write_bytes(blind.submission(text))
-    notes = [f"warning: {sentence}" for sentence in contradictions]
     scores = list(_rehearsed(text, args, battery)) if args.score else []
     figures = {
         "command": "export",
@@ -146,12 +150,6 @@ def _submission(args: argparse.Namespace) -> Outcome:
         ),
         notes,
     )
-
-
-def _given_start(args: argparse.Namespace) -> dict[str, float]:
-    """The initial state of charge and its standard deviation, where given; the rest is as of the language."""
-    given = {"soc": args.initial_soc, "soc_std": args.initial_soc_std}
-    return {word: value for word, value in given.items() if value is not None}
 
 
 def _rehearsed(text: str, args: argparse.Namespace, battery: Battery) -> Iterator[blind.BlindScore]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import add_log_options, add_sensor_options
-from ohmward.cli.parser import count, positive, share
+from ohmward.cli.options import add_log_options, add_sensor_options, add_start_options
+from ohmward.cli.parser import count
 
 EXAMPLES = """\
   ohmward fleet 'logs/*.parquet' --battery battery.toml -o results
@@ -32,10 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     group = parser.add_argument_group("estimation")
     group.add_argument("--filter", default="default", metavar="NAME", help="as in `ohmward soc` (default %(default)s)")
-    group.add_argument("--initial-soc", type=share, metavar="S", help="at the start of every log; default: its voltage")
-    group.add_argument(
-        "--initial-soc-std", type=positive, default=0.03, metavar="S", help="how sure that is (default %(default)s)"
-    )
+    add_start_options(group, "at the start of every log; default: its voltage")
     add_sensor_options(group)
     group.add_argument("--estimates", action="store_true", help="write the estimates of every log too, as Parquet")
     group = parser.add_argument_group("where")

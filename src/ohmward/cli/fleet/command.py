@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.file import BATTERY_FILE, load_battery
+from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.soc.registry import chosen_name, make_estimator
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import log_files, read_options, with_sensor
+from ohmward.cli.battery_inputs import load_with_sensor, log_files, read_options
 from ohmward.cli.outcome import Outcome, Report, progress
 from ohmward.cli.wording import FOOTER, with_assumptions
 from ohmward.errors import InputError
@@ -51,26 +51,25 @@ def run(args: argparse.Namespace) -> Outcome:
     """Estimate all, or what is left of an interrupted run."""
     if args.where:
         raise InputError("--where picks rows of one file; a fleet's files hold one recording each")
-    battery, contradictions = with_sensor(load_battery(args.battery), args.sensor_offset, args.sensor_gain)
-    name = chosen_name(args.filter.lower(), battery)
+    battery, notes = load_with_sensor(args.battery, args)
+    name = chosen_name(args.filter.lower())
     make_estimator(name, battery)  # refused now, not in every process
     folder = Path(args.output)
     paths = log_files(args.logs)
     if args.dask:  # workers have other working folders
         folder = folder.absolute()
         paths = [str(Path(path).absolute()) for path in paths]
-    text = BATTERY_FILE.dump(battery) if contradictions else Path(args.battery).read_text(encoding="utf-8")
+    text = BATTERY_FILE.dump(battery) if notes else Path(args.battery).read_text(encoding="utf-8")
     estimates = str(folder / "estimates") if args.estimates else None
-    given = (name, args.initial_soc, args.initial_soc_std, read_options(args), estimates)
-    robots = robots_of(paths, args.by, given[3].hints)
+    job = Job(text, name, args.initial_soc, args.initial_soc_std, read_options(args), estimates)
+    robots = robots_of(paths, args.by, job.reading.hints)
     executor = executor_of(args.dask, args.processes)
-    notes = [f"warning: {text}" for text in contradictions]
     if robots.by != ALONE:
         notes.append(f"info: robots told by {_WAYS.get(robots.by, f'the column {robots.by!r}')}: {len(robots.logs)}")
-        job = RobotJob(text, robots.logs, *given, str(folder / "batteries"))
-        return _of_robots(args.battery, job, folder, executor, notes)
+        of_robots = RobotJob(job, robots.logs, str(folder / "batteries"))
+        return _of_robots(args.battery, of_robots, folder, executor, notes)
     with progress() as report:
-        finished = run_fleet(paths, Job(text, *given), folder, executor, _progress_of(report))
+        finished = run_fleet(paths, job, folder, executor, _progress_of(report))
     figures = summary(args.battery, finished.rows, finished) | {"filter": name, "notes": notes}
     return Outcome(figures, describe(figures), notes, status=status(figures))
 
@@ -84,7 +83,7 @@ def _of_robots(battery: str, job: RobotJob, folder: Path, executor: Executor, no
     logs = [log for row in finished.rows for log in row.get("logs", [row])]
     page = folder / PAGE
     figures = summary(battery, logs, finished) | {
-        "filter": job.filter,
+        "filter": job.settings.filter,
         "robots": [state._asdict() for state in states],
         "report": str(page),
         "notes": notes,

@@ -13,7 +13,6 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.file import load_battery
 from ohmward.battery.health.ageing import DAY_S, DAYS_PER_YEAR, HealthPoint
 from ohmward.battery.health.changes import Cause, Outlier
 from ohmward.battery.health.health import Health, health_of
@@ -30,7 +29,7 @@ from ohmward.battery.health.history import (
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import log_files, read_battery_log, read_options, with_sensor
+from ohmward.cli.battery_inputs import load_with_sensor, log_files, read_battery_log, read_options
 from ohmward.cli.outcome import Outcome, Report, progress
 from ohmward.cli.wording import FOOTER, lognormal, normal, sentence, with_assumptions
 from ohmward.errors import InputError
@@ -76,7 +75,7 @@ def run(args: argparse.Namespace) -> Outcome:
     """Learn from every log in order of time, then judge the trend."""
     if not args.worn > 0.0:
         raise InputError(f"--worn must be above 0, got {args.worn:g}; 0.8 is 80 % of the capacity when new")
-    battery, contradictions = with_sensor(load_battery(args.battery), args.sensor_offset, args.sensor_gain)
+    battery, warnings = load_with_sensor(args.battery, args)
     with progress() as report:
         logs, unread = read_logs(args.logs, read_options(args), battery, report)
         dated = in_order_of_time(logs)
@@ -88,8 +87,7 @@ def run(args: argparse.Namespace) -> Outcome:
     points = points_of(dated, learnt.updates, new)
     common = common_error(learnt.battery, learnt.updates)
     health = health_of(battery, points, np.random.default_rng(_SEED), args.worn, common)
-    notes = [f"warning: {text}" for text in contradictions] + [f"info: {text}" for text in (*dated.notes, *new.notes)]
-    notes += unread
+    notes = [*warnings, *(f"info: {text}" for text in (*dated.notes, *new.notes)), *unread]
     notes += [
         f"warning: {log.name}: {note.text}" for log in dated.logs for note in log.notes if note.level == "warning"
     ]

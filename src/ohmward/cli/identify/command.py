@@ -13,8 +13,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.file import replace_battery
 from ohmward.battery.identification import IdentificationSettings, Identified, LogDetails, identify_in_detail
-from ohmward.battery.identification.rc_identification import RcIdentification
-from ohmward.battery.models import rc
+from ohmward.battery.models.rc import four_numbers, rc_of_thevenin
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import read_battery_log, read_options, with_sensor
 from ohmward.cli.outcome import Outcome, check_output, progress
@@ -27,9 +26,8 @@ from ohmward.report import Page
 PARAMETERS = ["parameter", "value", "95 % interval"]
 MISFIT = "The model does not fit these tests, do not use the file: see the warnings below."
 FITS = ["log", "test", "SoC", "voltage error, RMS", "largest"]
-HEADER = ["RC model", "75 % rule", "least squares"]
 
-#: Rows of the table: name, key of `rc_summary`, unit and its scale.
+#: Rows of the table of the RC model: name, key of `rc_summary`, unit and its scale.
 _ROWS = (
     ("C_b", "c_bulk_F", "F", 1.0),
     ("C_s", "c_surface_F", "F", 1.0),
@@ -39,7 +37,6 @@ _ROWS = (
     ("R_0, at once", "r0_ohm", "mohm", 1e3),
     ("R_0 + R_1, steady", "dc_ohm", "mohm", 1e3),
     ("time constant", "tau_s", "s", 1.0),
-    ("voltage error, RMS", "residual_rms_V", "mV", 1e3),
 )
 _MOST_RELAXATIONS = 6
 
@@ -63,6 +60,7 @@ def run(args: argparse.Namespace) -> Outcome:
     )
     with progress() as report:
         found = identify_in_detail(logs, settings, report)
+    as_rc = args.model == "rc"
     battery, _ = with_sensor(found.battery, args.sensor_offset, args.sensor_gain)
     found = found._replace(battery=battery)
     seconds = time.perf_counter() - began
@@ -71,19 +69,19 @@ def run(args: argparse.Namespace) -> Outcome:
     notes = [f"{note.level}: {log.name}: {note.text}" if several else str(note) for log in logs for note in log.notes]
     notes += battery.identification.notes if battery.identification else ()
     written = {"output": args.output, "backup": str(backup) if backup else None, "report": args.report}
-    figures = summary(found, seconds) | {"notes": notes} | written
+    figures = summary(found, seconds, as_rc) | {"notes": notes} | written
     page = partial(make_page, found, figures)
     return Outcome(figures, describe(battery, figures), notes, page, status=int(not found.fits))
 
 
-def summary(found: Identified, seconds: float) -> dict[str, Any]:
-    """The object of --json, but for the notes and the files."""
+def summary(found: Identified, seconds: float, as_rc: bool = False) -> dict[str, Any]:
+    """The object of --json, but for the notes and the files; as_rc: the circuit is that of the RC model."""
     battery = found.battery
     source = battery.identification
     return {
         "command": "identify",
         "name": battery.name,
-        "model": f"thevenin-{battery.thevenin.pairs}rc" if battery.thevenin else "rc",
+        "model": "rc" if as_rc else f"thevenin-{battery.thevenin.pairs}rc",
         "chemistry": battery.chemistry or None,
         "n_series": battery.n_series,
         "capacity_Ah": battery.capacity_Ah,
@@ -91,7 +89,7 @@ def summary(found: Identified, seconds: float) -> dict[str, Any]:
         "capacity_measured_Ah": source.capacity_measured_Ah or None if source else None,
         "parameters": source.confidence if source else [],
         "fits": found.fits,
-        "rc": rc_summary(found.rc) if found.rc else None,
+        "rc": rc_summary(battery) if as_rc else None,
         "logs": source.logs if source else [],
         "not_identified": battery.not_identified,
         "seconds": seconds,
@@ -108,7 +106,7 @@ def describe(battery: Battery, figures: dict[str, Any]) -> str:
         title,
         "" if figures["fits"] else MISFIT,
         wording.table(PARAMETERS, rows) if (rows := parameter_rows(battery, at_soc="0.5")) else "",
-        wording.table(HEADER, rc_rows(figures["rc"])) if figures["rc"] and figures["model"] == "rc" else "",
+        wording.table(["RC model", "value"], rc_rows(figures["rc"])) if figures["rc"] else "",
         wording.table(FITS, fit_rows(battery)),
         wording.bullets("Not identified", battery.not_identified),
         wording.assumptions(figures["notes"]),
@@ -143,33 +141,16 @@ def fit_rows(battery: Battery) -> list[list[str]]:
     ]
 
 
-def rc_summary(found: RcIdentification) -> dict[str, Any]:
-    """Object of --json: elements, resistances, time constant and error of the voltage by the rule and by the fit.
-
-    used: the one that the battery file holds.  fit: null where least squares were not possible.
-    """
-    response, fit = found.response, found.fit
-    rule = _circuit(found.rule, found.tau.found, found.rule_rms_V)
-    return {
-        "used": "rule" if fit is None else "fit",
-        "rule": rule | {"edges": response.edges, "delay_s": response.delay_s, "window_s": response.window_s},
-        "fit": None if fit is None else _circuit(found.model, fit.r1_ohm > 0, fit.rms_V),
-    }
+def rc_summary(battery: Battery) -> dict[str, Any]:
+    """The circuit as the RC model that is closest to it: its elements, resistances and time constant."""
+    model = rc_of_thevenin(battery.thevenin)
+    _, r0, r1, tau_s = four_numbers(model)
+    return model.circuit._asdict() | {"r0_ohm": r0, "dc_ohm": r0 + r1, "tau_s": tau_s}
 
 
-def rc_rows(summary: dict[str, Any]) -> list[list[str]]:
-    """Rows of a table under `HEADER`; "-" for what the log does not show."""
-    sides = summary["rule"], summary["fit"] or {}
-    return [
-        [name, *(wording.quantity(side.get(key), unit, scale) for side in sides)] for name, key, unit, scale in _ROWS
-    ]
-
-
-def _circuit(model: rc.RcModel, relaxes: bool, rms_V: float) -> dict[str, Any]:
-    """Elements of a circuit and what the voltage shows of them; relaxes: True where the log shows a time constant."""
-    _, r0, r1, tau_s = rc.four_numbers(model)
-    rest = {"r0_ohm": r0, "dc_ohm": r0 + r1, "tau_s": tau_s if relaxes else None, "residual_rms_V": rms_V}
-    return model.circuit._asdict() | rest
+def rc_rows(figures: dict[str, Any]) -> list[list[str]]:
+    """Rows of the table of the RC model."""
+    return [[name, wording.quantity(figures[key], unit, scale)] for name, key, unit, scale in _ROWS]
 
 
 def make_page(found: Identified, figures: Mapping[str, Any]) -> Page:
@@ -183,18 +164,15 @@ def make_page(found: Identified, figures: Mapping[str, Any]) -> Page:
     for text in battery.not_identified:
         page = page.callout("warning", f"Not identified: {text}")
     rests = [rest for log in found.logs for rest in log.rests]
-    ocv = model.ocv if model else battery.rc.ocv if battery.rc else found.first_ocv
-    page = page.heading("Open-circuit voltage").plot(pictures.ocv_figure(ocv, found.branches, rests, found.fit))
-    if model and any(model.r0_discharge_ohm):
+    page = page.heading("Open-circuit voltage").plot(pictures.ocv_figure(model.ocv, found.branches, rests, found.fit))
+    if any(model.r0_discharge_ohm):
         page = page.heading("Resistances").plot(pictures.resistance_figure(model, found.fit))
     if edges := [edge for log in found.logs for edge in log.edges]:
         page = page.plot(pictures.edge_figure(edges))
     for details in found.logs:
         page = _log(page, details)
-    if found.rc:
-        circuits = {HEADER[1]: found.rc.rule} | ({HEADER[2]: found.rc.model} if found.rc.fit else {})
-        page = page.heading("RC model").table(HEADER, rc_rows(figures["rc"]))
-        page = page.plot(pictures.edge_response_figure(found.rc.response, circuits))
+    if figures["rc"]:
+        page = page.heading("RC model").table(["RC model", "value"], rc_rows(figures["rc"]))
     page = page.heading("Parameters").table(FITS, fit_rows(battery), "How well each log is reproduced")
     if rows := parameter_rows(battery):
         page = page.table(PARAMETERS, rows, "Parameters with 95 % confidence intervals")
@@ -202,13 +180,12 @@ def make_page(found: Identified, figures: Mapping[str, Any]) -> Page:
 
 
 def _numbers(battery: Battery) -> dict[str, str]:
-    numbers = {"Capacity": f"{battery.capacity_Ah:.4g} Ah"}
-    if p := battery.thevenin:
-        middle = len(p.r0_discharge_ohm) // 2
-        numbers["R0 at 50 %"] = f"{1e3 * p.r0_discharge_ohm[middle]:.3g} mΩ"
-        for j, (row, tau_s) in enumerate(zip(p.r_ohm, p.tau_s, strict=True), start=1):
-            numbers[f"R{j} at 50 %"] = f"{1e3 * row[middle]:.3g} mΩ"
-            numbers[f"Time constant {j}"] = pictures.seconds_text(tau_s)
+    p = battery.thevenin
+    middle = len(p.r0_discharge_ohm) // 2
+    numbers = {"Capacity": f"{battery.capacity_Ah:.4g} Ah", "R0 at 50 %": f"{1e3 * p.r0_discharge_ohm[middle]:.3g} mΩ"}
+    for j, (row, tau_s) in enumerate(zip(p.r_ohm, p.tau_s, strict=True), start=1):
+        numbers[f"R{j} at 50 %"] = f"{1e3 * row[middle]:.3g} mΩ"
+        numbers[f"Time constant {j}"] = pictures.seconds_text(tau_s)
     fits = battery.identification.logs if battery.identification else ()
     if worst_V := max((fit.residual_rms_V for fit in fits), default=0.0):
         numbers["Voltage error, RMS"] = f"{1e3 * worst_V:.3g} mV"

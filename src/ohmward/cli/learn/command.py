@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from ohmward.battery.battery import Battery, require_thevenin
-from ohmward.battery.file import load_battery
+from ohmward.battery.battery import Battery
 from ohmward.battery.learning.fold import PULSE_S, known
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import log_files, read_options, with_sensor
+from ohmward.cli.battery_inputs import load_with_sensor, log_files, read_options
 from ohmward.cli.outcome import Outcome, check_output, progress
 from ohmward.cli.wording import FOOTER, lognormal, normal, sentence, with_assumptions
 from ohmward.figures import learning as pictures
@@ -35,8 +34,7 @@ _VERDICTS = ("learnt", "seen", "set aside")
 
 def run(args: argparse.Namespace) -> Outcome:
     """Learn log by log; write each battery file whole, at the end."""
-    start, contradictions = with_sensor(load_battery(args.battery), args.sensor_offset, args.sensor_gain)
-    require_thevenin(start)
+    start, notes = load_with_sensor(args.battery, args)
     texts = log_files(args.logs)
     files = open_files(start, args.output, [str(split_selection(text)[0]) for text in texts])
     job = LearningJob(start, read_options(args), dict(args.initial_soc), texts)
@@ -47,7 +45,6 @@ def run(args: argparse.Namespace) -> Outcome:
     written = {} if args.dry_run else files.write()
     journal.finish()
     names = {row["log"] for row in rows}
-    notes = [f"warning: {text}" for text in contradictions]
     notes += [
         f"warning: --initial-soc {name}: there is no log of this name"
         for name in job.starts

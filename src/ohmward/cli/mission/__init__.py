@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import argparse
 
-from ohmward.cli.options import LOG, ROBOT, add_log_options, add_output_options, add_sensor_options
+from ohmward.cli.options import (
+    LOG,
+    ROBOT,
+    add_log_options,
+    add_output_options,
+    add_sensor_options,
+    add_shaft_options,
+    add_start_options,
+)
 from ohmward.cli.parser import number, positive, share
 
 EXAMPLES = """\
@@ -35,9 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="FILE.toml", help="write what is known after the log")
     _add_battery_options(parser)
     add_log_options(parser)
-    drive = parser.add_argument_group("reading wheels")
-    drive.add_argument("--motor-shaft", action="store_true", help="wheel speeds are those of the motors")
-    drive.add_argument("--counts-per-turn", type=positive, metavar="N", help="of encoders that count")
+    add_shaft_options(parser.add_argument_group("reading wheels"))
     add_output_options(parser)
 
 
@@ -45,8 +51,7 @@ def _add_battery_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("battery")
     group.add_argument("--soc", type=share, metavar="S", help="state of charge now; default: estimated from the log")
     group.add_argument("--soc-std", type=positive, default=0.03, metavar="S", help="how sure --soc is (%(default)s)")
-    group.add_argument("--initial-soc", type=share, metavar="S", help="at the log's start; default: from the voltage")
-    group.add_argument("--initial-soc-std", type=positive, default=0.03, metavar="S", help="(default %(default)s)")
+    add_start_options(group, "at the log's start; default: from the voltage")
     group.add_argument(
         "--filter", default="default", metavar="NAME", help="SoC estimator, see `soc` (default %(default)s)"
     )

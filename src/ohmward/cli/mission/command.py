@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.file import load_battery
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import of_kinds, read_battery_log, read_options, with_sensor
+from ohmward.cli.battery_inputs import load_with_sensor, of_kinds, read_battery_log, read_options
 from ohmward.cli.drive_inputs import DriveOptions, drive_options, make_terrain
 from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
@@ -59,7 +58,7 @@ def run(args: argparse.Namespace) -> Outcome:
         return Outcome({"command": "mission", "plan_example": EXAMPLE}, EXAMPLE.rstrip("\n"))
     check_output("--output", args.output, (".toml",), [p for p in (args.log, args.plan, args.battery) if p])
     check(args)
-    battery, contradictions = with_sensor(load_battery(args.battery), args.sensor_offset, args.sensor_gain)
+    battery, warnings = load_with_sensor(args.battery, args)
     robot = load_robot(args.robot) if args.robot else None
     plan = load_plan(args.plan) if args.plan else None
     before, origin = earlier_consumption(args.consumption, args.mass_kg, robot)
@@ -88,7 +87,7 @@ def run(args: argparse.Namespace) -> Outcome:
         )
     if args.output:
         save_consumption(result.consumption, args.output)
-    notes = [origin, *(f"warning: {text}" for text in contradictions), *map(str, result.notes)]
+    notes = [origin, *warnings, *map(str, result.notes)]
     figures = summary(result, robot, notes) | {"output": args.output, "report": args.report}
     return Outcome(figures, describe(figures), notes, partial(make_page, result, figures))
 

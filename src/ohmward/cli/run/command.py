@@ -7,7 +7,6 @@ import asyncio
 import json
 import logging
 import sys
-from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib.resources import files
 from typing import Any
@@ -99,7 +98,20 @@ _TITLES = {
 
 def summary(trial: Trial) -> dict[str, Any]:
     """The object of --json."""
-    return {"command": "run --check", "passed": trial.passed, "findings": _findings(trial), "signals": _signals(trial)}
+    return {
+        "command": "run --check",
+        "passed": trial.passed,
+        "findings": [{"subject": f.name, "level": f.level.name, "text": f.message} for f in trial.findings],
+        "signals": {
+            signal: {
+                "sources": record.sources,
+                "rate_hz": record.rate_hz,
+                "median": record.median,
+                "largest": record.largest,
+            }
+            for signal, record in trial.signals.items()
+        },
+    }
 
 
 def describe(trial: Trial, setup: str) -> str:
@@ -113,22 +125,6 @@ def describe(trial: Trial, setup: str) -> str:
     things = "thing is" if wrong == 1 else "things are"
     verdict = f"{setup}: {wrong} {things} wrong" if wrong else f"{setup}: nothing is wrong; ohmward run {setup}"
     return wording.paragraphs(*parts, verdict)
-
-
-def _findings(trial: Trial) -> list[dict[str, str]]:
-    return [{"subject": f.name, "level": f.level.name, "text": f.message} for f in trial.findings]
-
-
-def _signals(trial: Trial) -> Mapping[str, Any]:
-    return {
-        signal: {
-            "sources": record.sources,
-            "rate_hz": record.rate_hz,
-            "median": record.median,
-            "largest": record.largest,
-        }
-        for signal, record in trial.signals.items()
-    }
 
 
 class JsonFormatter(logging.Formatter):

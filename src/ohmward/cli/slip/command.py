@@ -8,8 +8,6 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ohmward.cli import wording
 from ohmward.cli.drive_inputs import DriveReference, drive_options, make_terrain, read_drive_truth, truth_names
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
@@ -32,11 +30,14 @@ from ohmward.traction.observed_drive import (
     observe_on_floors,
     pose_figures,
 )
+from ohmward.traction.robot.robot import motion_from_wheels
 from ohmward.traction.score import score_drive, score_figures, true_slip
 from ohmward.traction.speed_observer.conclusions import SlipAlarm
 from ohmward.traction.terrain.floor import load_floors
 
 _MOST_EPISODES = 8
+#: Factor within which, at 95 %, a drive must tell the friction for its number to be said.
+_TOLD_WITHIN = 2.0
 
 
 class SlipTask(NamedTuple):
@@ -126,7 +127,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
         f"± {BAND_95 * pose.position_std_m:.2g} m, turned by {_degrees(pose.yaw_rad, pose.yaw_std_rad, 'z.1f', '.2g')} "
         "degrees (95 %)",
         "offset of the gyro": gyro,
-        "friction": _ratio(f["friction_ratio"], f["friction_std"], "the ground's that was believed", relative=True),
+        "friction": _friction(f["friction_ratio"], f["friction_std"]),
         "grade": f"{_degrees(f['grade_rad'], f['grade_std_rad'], '.2f', '.2f')} degrees" if grade else "",
         "radius": _ratio(f["radius_ratio"], f["radius_std"], "the robot's"),
         "speed unobserved": f"{percent(f['unobserved_share'], 1)} of the time",
@@ -146,11 +147,19 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
     return {name: value for name, value in rows.items() if value}
 
 
-def _ratio(ratio: float | None, std: float, of: str, relative: bool = False) -> str:
-    """A ratio to the value believed, with its 95 % band; nothing where it was not estimated."""
+def _friction(ratio: float | None, relative_std: float) -> str:
+    """Friction over the ground's that was believed; no number where the drive does not tell it within a factor."""
     if ratio is None:
         return ""
-    return f"{percent(ratio, 1)} ± {percent(BAND_95 * std * (ratio if relative else 1.0), 1)} of {of}"
+    factor = math.exp(BAND_95 * relative_std)
+    if factor > _TOLD_WITHIN:
+        return f"not told by this drive (within a factor of {factor:.2g}): no wheel pushed hard enough"
+    return f"{percent(ratio, 1)} ({percent(ratio / factor, 1)} to {percent(ratio * factor, 1)}) of the ground's"
+
+
+def _ratio(ratio: float | None, std: float, of: str) -> str:
+    """A ratio to the value believed, with its 95 % band; nothing where it was not estimated."""
+    return "" if ratio is None else f"{percent(ratio, 1)} ± {percent(BAND_95 * std, 1)} of {of}"
 
 
 def _degrees(angle_rad: float, std_rad: float, form: str, form_of_band: str) -> str:
@@ -229,7 +238,7 @@ def _plots(task: SlipTask, observed: ObservedDrive) -> list[Figure]:
     e = run.estimates
     truth = task.reference.truth if task.reference else None
     wheels = robot.driven_wheels
-    rolled_m_s = robot.wheel.radius_m * e.wheel_speed_rad_s @ np.linalg.pinv(robot.rolling[: robot.driven])[0]
+    rolled_m_s = motion_from_wheels(robot, e.wheel_speed_rad_s)[:, 0]
     plots = [speed_figure(run, rolled_m_s, truth.speed_m_s if truth else None)]
     if observed.on_floors:
         plots += floor_plots(observed.on_floors.track, observed.on_floors.floors, wheels)

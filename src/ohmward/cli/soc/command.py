@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> Outcome:
     check_output("--output", args.output, TABLES, [args.log, args.battery])
     with progress() as report:
         task = make_soc_task(args, report)
-        name = chosen_name(args.filter.lower(), task.battery)
+        name = chosen_name(args.filter.lower())
         cells = task.estimate_cells(name, report)
         answer = cells.soc_run if cells else task.estimate(name, report)
         if args.output:

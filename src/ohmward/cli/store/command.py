@@ -31,25 +31,31 @@ def run(args: argparse.Namespace) -> Outcome:
         if args.action == "list":
             return _list(store)
         columns = _columns(store, args.kind, args.names, (args.since, args.until), args.every)
-        return _export(columns, args.kind, args.output) if args.action == "export" else _query(columns, args.json)
+    if args.action == "export":
+        write_table(columns, args.output)
+        rows = len(columns["time_s"])
+        figures = {"output": args.output, "kind": args.kind, "rows": rows, "columns": list(columns)}
+        return Outcome(figures, f"{rows} rows of {args.kind} in {args.output}")
+    if args.json:
+        return Outcome({name: column.tolist() for name, column in columns.items()}, "")
+    lines = (",".join(map(_cell, row)) for row in zip(*columns.values(), strict=True))
+    return Outcome({}, "\n".join([",".join(columns), *lines]))
 
 
 def _list(store: Store) -> Outcome:
-    kinds = {kind: _summary(store, kind) for kind in KINDS}
+    spans = {kind: store.span_ns(kind) for kind in KINDS}
     conditions = [condition._asdict() for condition in store.conditions()[-_CONDITIONS:]]
     figures = {
         "folder": store.folder,
         "size_bytes": store.size_bytes(),
-        "kinds": kinds,
+        "kinds": {
+            kind: {"rows": rows, "first_unix_s": first / 1e9, "last_unix_s": last / 1e9, "columns": store.names(kind)}
+            for kind, (rows, first, last) in spans.items()
+        },
         "archive": [entry._asdict() for entry in store.archived()],
         "conditions": conditions,
     }
     return Outcome(figures, "\n".join(_lines(figures)))
-
-
-def _summary(store: Store, kind: str) -> dict[str, Any]:
-    rows, first_ns, last_ns = store.span_ns(kind)
-    return {"rows": rows, "first_unix_s": first_ns / 1e9, "last_unix_s": last_ns / 1e9, "columns": store.names(kind)}
 
 
 def _lines(figures: dict[str, Any]) -> Iterator[str]:
@@ -70,22 +76,8 @@ def _date(unix_s: float) -> str:
     return datetime.fromtimestamp(unix_s).astimezone().isoformat(" ", "seconds")
 
 
-def _query(columns: dict[str, np.ndarray], as_json: bool) -> Outcome:
-    if as_json:
-        return Outcome({name: column.tolist() for name, column in columns.items()}, "")
-    lines = (",".join(map(_cell, row)) for row in zip(*columns.values(), strict=True))
-    return Outcome({}, "\n".join([",".join(columns), *lines]))
-
-
 def _cell(value: Any) -> str:
     return "" if isinstance(value, float) and math.isnan(value) else str(value)
-
-
-def _export(columns: dict[str, np.ndarray], kind: str, output: str) -> Outcome:
-    write_table(columns, output)
-    rows = len(columns["time_s"])
-    figures = {"output": output, "kind": kind, "rows": rows, "columns": list(columns)}
-    return Outcome(figures, f"{rows} rows of {kind} in {output}")
 
 
 def _columns(

@@ -6,10 +6,9 @@ import argparse
 import time
 from typing import Any, NamedTuple
 
-from ohmward.battery.file import load_battery
 from ohmward.battery.soc.estimator import samples_of as battery_samples_of
 from ohmward.cli import wording
-from ohmward.cli.battery_inputs import read_battery_log, read_options, with_sensor
+from ohmward.cli.battery_inputs import given_start, load_with_sensor, read_battery_log, read_options
 from ohmward.cli.drive_inputs import drive_options, make_terrain
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.errors import InputError
@@ -91,16 +90,13 @@ def prepare(twin: Twin, args: argparse.Namespace) -> Replay:
 
 def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
     log = read_battery_log(args.log, read_options(args), extra=())
-    given = {"soc": args.initial_soc, "soc_std": args.initial_soc_std}
-    given = {word: value for word, value in given.items() if value is not None}
+    given = given_start(args)
     arguments = start_arguments(twin, given)
     if (args.battery is None) != (args.filter is None):
         raise InputError("--battery and --filter go together: they name the estimator to compare with")
     export = None
     if args.battery:
-        battery, _ = with_sensor(
-            load_battery(args.battery), args.sensor_offset, args.sensor_gain
-        )  # those of the export: no contradiction
+        battery, _ = load_with_sensor(args.battery, args)  # the options of the export: no contradiction
         curve_V = curve_error_of_pack_V(battery, args.curve_error)
         exported = {"sample_time_s": args.sample_time, "curve_error_V": curve_V}
         export = battery_export(battery, args.filter, twin.name, **given, **exported)

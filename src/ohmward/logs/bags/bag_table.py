@@ -18,7 +18,7 @@ from ohmward.logs.bags.recording import CDR, ROS1, Recorded, Recording, Topic
 from ohmward.logs.bags.rosbag1_file import open_rosbag1
 from ohmward.logs.bags.sqlite_file import open_sqlite
 from ohmward.logs.streams import BATTERY, BOTH, DRIVE, KnownType, Stream, choose_topics, rows_of
-from ohmward.logs.table import Note, Progress, Table, TableFile, counted
+from ohmward.logs.table import Note, Progress, Table, TableFile, counted, in_order
 
 #: Rows of a table that ohmward has written.
 TABLE_TYPE = "ohmward_msgs/msg/Table"
@@ -124,13 +124,8 @@ def parts_of(folder: Path) -> list[Path]:
     Raises:
         InputError: files that are compressed as a whole.
     """
-
-    def part(path: Path) -> tuple[int, str]:  # run_10.mcap comes after run_9.mcap
-        number = path.stem.rpartition("_")[2]
-        return (int(number) if number.isdecimal() else -1, path.name)
-
     try:
-        files = sorted((path for path in folder.iterdir() if path.name.endswith(ENDINGS[:2])), key=part)
+        files = sorted((path for path in folder.iterdir() if path.name.endswith(ENDINGS[:2])), key=in_order)
         packed = [path for path in folder.iterdir() if path.name.endswith(tuple(f"{end}.zstd" for end in ENDINGS))]
         described = (folder / _METADATA).exists()
     except OSError as error:

@@ -9,7 +9,8 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.traction.calibration.truth import CalibrationDrive, between
-from ohmward.traction.robot.robot import Robot
+from ohmward.traction.motion.held import STUCK_SHARE
+from ohmward.traction.robot.robot import Robot, motion_from_wheels
 from ohmward.traction.terrain.demand import travel_speed
 
 LENGTH_S = 1.0
@@ -17,9 +18,6 @@ LENGTH_S = 1.0
 STRAIGHT_SHARE = 0.1
 #: Least speed of the rims [m/s] in a stretch, and largest change of it as a share.
 SLOWEST_M_S, STEADY_SHARE = 0.02, 0.3
-#: A robot is stuck where the body's speed over that of the rims is below this share of what the faster half of the
-#: stretches has in its upper quartile: such a stretch tells of no radius, motor or law of a floor.
-STUCK_SHARE = 0.2
 
 
 class Stretches(NamedTuple):
@@ -67,7 +65,11 @@ def cut(
 
 
 def stuck(s: Stretches) -> np.ndarray:
-    """Conditions (K,) that the wheels turn and the body hardly moves; those that turn on the spot are not judged."""
+    """Conditions (K,) that the wheels turn and the body hardly moves; those that turn on the spot are not judged.
+
+    The speed of the body over that of the rims is below `STUCK_SHARE` of what the faster half of the stretches has in
+    its upper quartile: such a stretch tells of no radius, motor or law of a floor.
+    """
     rim_m_s, body_m_s = travel_speed(s.rim), travel_speed(s.motion)
     rolls = rim_m_s >= SLOWEST_M_S
     if not rolls.any():
@@ -89,17 +91,12 @@ def _straight(found: Stretches, robot: Robot) -> Stretches:
     return Stretches(*(values[straight] for values in found))
 
 
-def rim_motion(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
-    """Motion (..., freedoms) of the driven wheels (..., driven), as if none slipped."""
-    return robot.wheel.radius_m * wheel_speed_rad_s @ np.linalg.pinv(robot.rolling[: robot.driven]).T
-
-
 def _of_drive(
     number: int, drive: CalibrationDrive, robot: Robot, steady: bool, turning: bool, length_s: float
 ) -> Iterator[tuple]:
     log, t = drive.log, drive.log.time_s
     wheels, current = (_bridged(t, values, length_s) for values in (log.wheel_speed_rad_s, log.motor_current_A))
-    rim = rim_motion(robot, wheels[:, : robot.driven])
+    rim = motion_from_wheels(robot, wheels[:, : robot.driven])
     pace = rim @ robot.rolling[: robot.driven].T if turning else rim[:, :-1]  # of the wheels, or of the body alone
     edges = np.searchsorted(t, np.arange(t[0], t[-1] - length_s / 2, length_s)).tolist()
     for first, last in zip(edges, [*edges[1:], t.size], strict=True):

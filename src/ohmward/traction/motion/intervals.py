@@ -14,8 +14,8 @@ import numpy as np
 from ohmward.trace import clip, maximum, where
 from ohmward.trace.expression import Scalar
 
-#: Keeps a time of no length from dividing by zero [s].
-TINY_S = 1e-9
+#: Keeps a time of no length, a robot that stands or no sample at all from dividing by zero.
+LEAST_DIVISOR = 1e-9
 
 
 class History(NamedTuple):
@@ -42,7 +42,7 @@ def change_since(history: History, age_s: Scalar) -> Scalar:
     change: Scalar = 0.0
     left_s: Scalar = maximum(age_s, 0.0)
     for dt_s, step_m_s in zip(history.dt_s, history.change_m_s, strict=True):
-        change = change + step_m_s * clip(left_s / maximum(dt_s, TINY_S), 0.0, 1.0)
+        change = change + step_m_s * clip(left_s / maximum(dt_s, LEAST_DIVISOR), 0.0, 1.0)
         left_s = left_s - dt_s
     return change
 
@@ -106,4 +106,4 @@ def share_measured(before: Intervals, after: Intervals, dt_s: Scalar) -> np.ndar
     """
     gap_s = before.age_s + dt_s
     lost = np.array([gap <= (LOST + 1) * usual for gap, usual in zip(gap_s, after.usual_s, strict=True)])
-    return where(lost, 1.0, after.usual_s / maximum(gap_s, TINY_S))
+    return where(lost, 1.0, after.usual_s / maximum(gap_s, LEAST_DIVISOR))

@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.filters.belief import Belief, Function
-from ohmward.filters.gate import choose, inflate, time_rejected
+from ohmward.filters.gate import choose, inflate, time_rejected, widen
 from ohmward.filters.linear_algebra import TINY, mirror_lower
 from ohmward.filters.sanitize import between, every, some, within
 from ohmward.quantities import FASTEST_M_S
 from ohmward.trace import clip, cos, exp, isfinite, linearize, logical_not, maximum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.intervals import History, change_since
+from ohmward.traction.motion.intervals import LEAST_DIVISOR, History, change_since
+from ohmward.traction.motion.outside_speed import OutsideSpeed
 from ohmward.traction.motion.sanitize import OLDEST_S, SPEED_STD_M_S, CleanSample
 from ohmward.traction.odometry.model import (
     AHEAD,
@@ -38,10 +39,6 @@ from ohmward.traction.odometry.model import (
     yaw_now,
 )
 from ohmward.traction.odometry.sample import OdometrySample
-
-#: Keeps a step of no length from dividing by zero [s].
-_TINY_S = 1e-9
-
 
 #: Gyro and wheels are compared by the angles that they turned in so long [s]: a count is wrong once in an angle.
 COMPARED_S = 0.5
@@ -187,10 +184,8 @@ def scrubbing(belief: Belief, sums: TurnSums) -> Belief:
     """
     gyro_rad = sums.gyro_rad - belief.mean[OFFSET] * sums.time_s
     share = gyro_rad / where(abs(sums.wheels_rad) > LEAST_TURN_RAD, sums.wheels_rad, np.inf) - 1.0
-    k, variance = belief.mean[TURN_SCALE], belief.cov[TURN_SCALE, TURN_SCALE]
-    apart = share - k
-    scrubs = between(share, *SCRUBBING_SHARE)
-    return choose(scrubs, inflate(belief, TURN_SCALE, maximum(apart * apart - variance, 0.0)), belief)
+    apart = share - belief.mean[TURN_SCALE]
+    return choose(between(share, *SCRUBBING_SHARE), widen(belief, TURN_SCALE, apart * apart), belief)
 
 
 def use_speeds(
@@ -198,30 +193,50 @@ def use_speeds(
     sample: OdometrySample,
     clean: CleanSample,
     u: MotionInput,
-    late_m_s: Scalar,
-    larger: Scalar,
+    outside: OutsideSpeed,
+    slides: Scalar,
     history: History,
     noise: OdometryNoise,
     gate: float,
 ) -> PoseCorrection:
     """Correct with external speeds forward and to the left, the first with what it has changed by since.
 
-    late_m_s: what it may have changed by besides.
-    larger: noise of the first over the standard deviation that is given.
+    outside: the first.
+    slides: probability that the robot slides, so that its wheels do not show its speed.
     """
     age_s = clean.speed_age_s
     credible = within(sample.speed_left_m_s, FASTEST_M_S) & logical_not(sample.robot.speed_age_s > OLDEST_S)
     left_m_s = where(credible, sample.speed_left_m_s, np.nan)
-    given = (
-        (0, SLIP, clean.speed_m_s + change_since(history, age_s) + late_m_s, clean.speed_std_m_s, larger),
-        (1, SIDE_SLIP, left_m_s, sample.speed_left_std_m_s, 1.0),
-    )
-    for axis, state, y, own_std, factor in given:
-        std_m_s = factor * where(between(own_std, *SPEED_STD_M_S), own_std, noise.speed_std_m_s)
-        since = u.motion_std[axis] ** 2 * forgotten(age_s, noise)
-        belief, rejected = use_motion(body.belief, y, axis, state, 1.0, std_m_s**2 + since, u, gate)
-        body = body._replace(belief=belief, speed_rejected=some([body.speed_rejected, rejected]))
-    return body
+    own_std = sample.speed_left_std_m_s
+    left_std_m_s = where(between(own_std, *SPEED_STD_M_S), own_std, noise.speed_std_m_s)
+    y = clean.speed_m_s + change_since(history, age_s) + outside.late_m_s
+    since = [u.motion_std[axis] ** 2 * forgotten(age_s, noise) for axis in (0, 1)]
+    belief, rejected = use_forward_speed(body.belief, y, outside.std_m_s**2 + since[0], slides, u, gate)
+    belief, left_rejected = use_motion(belief, left_m_s, 1, SIDE_SLIP, 1.0, left_std_m_s**2 + since[1], u, gate)
+    return body._replace(belief=belief, speed_rejected=some([rejected, left_rejected]))
+
+
+def use_forward_speed(
+    belief: Belief, y: Scalar, variance: Scalar, slides: Scalar, u: MotionInput, gate: float
+) -> tuple[Belief, Scalar]:
+    """The belief after an outside speed y = v + noise, and the condition that a robot that rolls has none of these.
+
+    A mixture of two: the robot rolls, and y is used within its gate, or it slides with the probability p, and its slip
+    may be anything:
+
+        x = (1 - p) x_r + p x_s,   P = (1 - p) P_r + p P_s + p (1 - p) (x_s - x_r) (x_s - x_r)'
+    """
+
+    def forward(x: np.ndarray) -> np.ndarray:
+        return twist(x, u)[:1]
+
+    measured = isfinite(y)
+    rolling, accepted = correct_scalar(belief, y, forward, variance, gate)
+    nu = where(measured, y - forward(belief.mean)[0], 0.0)
+    sliding, _ = correct_scalar(opened_slip(belief, SLIP, nu, u.motion_std[0]), y, forward, variance, np.inf)
+    p, apart = where(measured, slides, 0.0), sliding.mean - rolling.mean
+    cov = rolling.cov + p * (sliding.cov - rolling.cov) + p * (1.0 - p) * np.outer(apart, apart)
+    return Belief(rolling.mean + p * apart, mirror_lower(cov)), measured & logical_not(accepted)
 
 
 def use_heading(
@@ -305,8 +320,13 @@ def use_motion(
     nu = where(isfinite(y), y, 0.0) - moved(belief.mean)[0]
     after, accepted = correct_scalar(belief, y, moved, variance, gate)
     rejected = isfinite(y) & logical_not(accepted)
-    slip = clip(nu / (maximum(u.motion_std[axis], LEAST_REJECTED_STD) * length_s), -MOST_OPENED, MOST_OPENED)
-    return choose(rejected, inflate(belief, state, slip * slip), after), rejected
+    return choose(rejected, opened_slip(belief, state, nu / length_s, u.motion_std[axis]), after), rejected
+
+
+def opened_slip(belief: Belief, state: int, speed: Scalar, std: Scalar) -> Belief:
+    """The belief with a slip that may be larger by this speed; std: that of a slip of one."""
+    slip = clip(speed / maximum(std, LEAST_REJECTED_STD), -MOST_OPENED, MOST_OPENED)
+    return inflate(belief, state, slip * slip)
 
 
 def correct_scalar(
@@ -380,7 +400,7 @@ def moved_since(trail: Trail, age_s: Scalar) -> tuple[np.ndarray, Scalar]:
     left_s = maximum(age_s, 0.0)
     known_s: Scalar = 0.0
     for dt_s, step in zip(trail.dt_s, trail.moved.T, strict=True):
-        share = clip(left_s / maximum(dt_s, _TINY_S), 0.0, 1.0)
+        share = clip(left_s / maximum(dt_s, LEAST_DIVISOR), 0.0, 1.0)
         moved = moved + step * share
         known_s = known_s + dt_s * share
         left_s = left_s - dt_s

@@ -15,6 +15,7 @@ from ohmward.trace import exp, isfinite, logical_not, maximum, minimum, sqrt, wh
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.held import IS_HELD, ROCKS_M_S, TURNS_M_S, Held, weigh_held
 from ohmward.traction.motion.intervals import LOST, NEVER_S, Intervals, advance, holds, never, was_seen
+from ohmward.traction.motion.outside_speed import OutsideSpeed, SpeedErrors, receive
 from ohmward.traction.motion.sanitize import MOST_YAW_RAD_S, CleanSample
 from ohmward.traction.odometry.model import OFFSET, SLIP, TURN_SCALE, USUAL_TURN_S, MotionInput, OdometryNoise
 from ohmward.traction.odometry.modes import ModeSpeed, ModeState, Turning, first_modes, weigh
@@ -66,6 +67,7 @@ class MotionState(NamedTuple):
     passive_rad_s: np.ndarray  #: (passive,)
     gyro_rad_s: Any  #: yaw rate of the gyro
     modes: ModeState  #: which wheels roll
+    outside: SpeedErrors  #: rims, and errors of outside speeds
     held: Held  #: whether the robot is held while they turn
     #: (3,) way that was reckoned by the wheels since their last values [m, m, rad]
     reckoned: np.ndarray
@@ -86,7 +88,7 @@ class MeasuredMotion(NamedTuple):
     sensors: MotionState  #: after the step
     speed: ModeSpeed  #: forward speed of the rims, and which of them slip
     is_held: Any  #: the condition that the robot is more likely held than not
-    late_m_s: Scalar  #: change of the speed that an outside speed may have missed, however late it is
+    outside: OutsideSpeed  #: forward
     turns: Any  #: the condition that the wheels would move it
     by_driven: Scalar  #: the condition that the driven ones tell it, no observer and no wheel that rolls freely
     #: see `OdometryFlag`
@@ -104,6 +106,7 @@ def no_motion(robot: Robot) -> MotionState:
         passive,
         0.0,
         first_modes(robot),
+        SpeedErrors(),
         Held(),
         np.zeros(3),
         driven,
@@ -116,13 +119,13 @@ def no_motion(robot: Robot) -> MotionState:
 
 def rim_matrix(robot: Robot) -> np.ndarray:
     """B (3, driven): forward, left and turning motion of a robot from the speeds of its rims, none of which slips."""
-    return motion_of_rims(robot, np.arange(robot.driven))
+    return planar(robot, robot.motion_by_rims)
 
 
-def motion_of_rims(robot: Robot, wheels: np.ndarray) -> np.ndarray:
-    """Motion (3, n) of a robot from the rims of some of its wheels (n,)."""
-    B = np.zeros((3, len(wheels)))
-    B[[PLANAR.index(name) for name in robot.chassis.freedoms]] = np.linalg.pinv(robot.rolling[wheels])
+def planar(robot: Robot, motion: np.ndarray) -> np.ndarray:
+    """A motion (freedoms, ...) of a robot as one of `PLANAR` (3, ...)."""
+    B = np.zeros((3, *motion.shape[1:]))
+    B[[PLANAR.index(name) for name in robot.chassis.freedoms]] = motion
     return B
 
 
@@ -155,6 +158,7 @@ def sense(before: MotionState, clean: CleanSample, new: Observed, robot: Robot) 
         passive_rad_s=where(free, passive_rad_s, before.passive_rad_s),
         gyro_rad_s=where(turned, clean.yaw_rate_rad_s, before.gyro_rad_s),
         modes=before.modes,
+        outside=before.outside,
         held=before.held,
         reckoned=before.reckoned,
         turned_rad=where(rolled, turned_rad, before.turned_rad),
@@ -225,7 +229,9 @@ def show(
     counting_m_s = math.sqrt(2.0) * counted_m / maximum(since_s, LEAST_STEP_S)
     refused = np.array([age_s > 0.0 for age_s in now.wheel_age_s])
     modes, speed = weigh(now.modes, rims_m_s, driven[0], refused, turning, fresh, since_s, counting_m_s, robot, noise)
-    held = weigh_held(now.held, speed.forward_m_s, clean, noise.speed_std_m_s)
+    was_held = now.held.probability > IS_HELD
+    outside, y = receive(now.outside, speed.forward_m_s, clean, logical_not(was_held), noise.speed_std_m_s)
+    held = weigh_held(now.held, y, speed.forward_m_s, dt_s)
     is_held = (held.probability > IS_HELD) & logical_not(observed | free)
     rim = where(free, free_motion(now, robot), where(is_held, 0.0, driven))
     forward_m_s = where(free | is_held, rim[0], (1.0 - noise.creep) * speed.forward_m_s)
@@ -272,10 +278,10 @@ def show(
         white_variance=white,
         rims_m_s=rims_m_s,
         rim_m=rim_m,
-        sensors=now._replace(modes=modes, held=held, reckoned=reckoned, usual_turn_rad_s=usual),
+        sensors=now._replace(modes=modes, outside=outside, held=held, reckoned=reckoned, usual_turn_rad_s=usual),
         speed=speed,
         is_held=is_held,
-        late_m_s=where(is_held, 0.0, held.late_m_s),
+        outside=y._replace(late_m_s=where(is_held, 0.0, y.late_m_s)),
         turns=abs(speed.forward_m_s) > TURNS_M_S,
         by_driven=rolls & logical_not(observed | free),
         no_wheels=logical_not(rolls | free | observed),
@@ -311,7 +317,8 @@ def free_motion(now: MotionState, robot: Robot) -> np.ndarray:
     """Motion (3,) as the wheels that are not driven show it; zeros where there are none."""
     if len(now.passive_rad_s) == 0:
         return np.zeros(3)
-    return motion_of_rims(robot, passive_wheels(robot)) @ (robot.wheel.radius_m * now.passive_rad_s)
+    by_rims = planar(robot, np.linalg.pinv(robot.rolling[passive_wheels(robot)]))
+    return by_rims @ (robot.wheel.radius_m * now.passive_rad_s)
 
 
 def white_variance(u: MotionInput, observed: Scalar, count_m_s: Scalar, counted: Scalar, robot: Robot) -> np.ndarray:

@@ -9,7 +9,8 @@ The yaw is the gyro's, which is t_g late. d is the angle by which the wheels hav
 Counts are angles, wrong by a part of a count however far the wheels have turned: d stays within such a part of
 (t_g + t_w) w, where wheels slip t_w ahead to begin a turn. It is in the units of the gyro, whose scale k_g enters only
 where the pose is reckoned: in (w_g - b)(1 + k_g) the noise of a gyro at rest would be likelier for a smaller scale, and
-the filter would learn that.
+the filter would learn that. So k_w has the error of the track and that of the gyro in it, and what the wheels show of
+it is shared between them.
 
 A compass shows yaw + h, with its heading h at the yaw 0, which lasts.
 
@@ -33,6 +34,7 @@ from ohmward.filters.belief import Belief
 from ohmward.filters.linear_algebra import std
 from ohmward.trace import clip, cos, exp, maximum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.outside_speed import USUAL_STD_M_S
 from ohmward.traction.robot.chassis import SkidSteer
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.make_observer import RADIUS_STD
@@ -51,7 +53,7 @@ class OdometryNoise:
     #: of the effective radius of all wheels: half a millimetre of a radius of 120, and half of the creep of wheels that
     #: drive; 0.003 and less where it was calibrated on the ground that the robot drives on
     radius_std: float = 0.006
-    turn_scale_std: float = 0.01  #: of the yaw rate that the wheels show: of the effective track
+    turn_scale_std: float = 0.01  #: of the effective track
     #: of a wheel's radius about the mean of all; 0.06 % is 0.1 mm of a diameter of 160
     wheel_difference_std: float = 0.0006
     #: slip ratio of the driven wheels of a robot that keeps its speed; 0 where its radius contains it, because it was
@@ -62,10 +64,10 @@ class OdometryNoise:
     slip_share: float = 0.005  #: slip of the wheels over their speed, where no observer tells it
     slip_difference_share: float = 3e-4  #: slip of one wheel beyond that of the others, over their speed
     turn_share: float = 0.06  #: error of the yaw rate that the wheels show, over it, by their slip in turns
-    gyro_delay_std_s: float = 0.05  #: of the gyro after the wheels, by its filter and its way to the computer
+    gyro_delay_std_s: float = 0.1  #: of the gyro after the wheels, by its filter and its way to the computer
     #: time by which the wheels show a turn before the robot makes it, by the slip that turns it: I B^2 v / (k N), for
     #: [T]'s robot 0.04 s at 0.6 m/s on a hard floor
-    wheels_ahead_std_s: float = 0.05
+    wheels_ahead_std_s: float = 0.1
     side_slip_share: float = 0.003  #: sideways speed over the speed
     #: sideways speed over the yaw rate, by a centre of rotation beside that of the robot file [m]
     side_arm_std_m: float = 0.005
@@ -75,7 +77,7 @@ class OdometryNoise:
     #: root of an hour
     gyro_walk: float = 3e-4
     encoder_std_rad: float = 6e-4  #: of the angle of a wheel between two instants: 4096 counts a turn have 6e-4 rad
-    speed_std_m_s: float = 0.05  #: of an external speed without a standard deviation of its own
+    speed_std_m_s: float = USUAL_STD_M_S  #: of an outside speed that gives none, until its errors have shown it
     heading_std_rad: float = 0.05  #: of a heading without one; that of a compass away from iron is 2 to 5 degrees
     #: of a pose increment without one [m, m, rad, over the root of a second]
     increment_walk: tuple[float, float, float] = (0.02, 0.02, 0.005)
@@ -170,6 +172,8 @@ class MotionInput(NamedTuple):
 def first_belief(noise: OdometryNoise, turn_per_slip: float, count_rad: float) -> Belief:
     """Belief at the start of the frame `odom`.
 
+    k_w = k_t - k_g with the error k_t of the track, so that Var k_w = Var k_t + Var k_g and Cov(k_w, k_g) = -Var k_g.
+
     turn_per_slip: yaw rate over independent slip of the wheels [1/m].
     count_rad: standard deviation of the turn that the wheels show, by counting.
     """
@@ -187,7 +191,10 @@ def first_belief(noise: OdometryNoise, turn_per_slip: float, count_rad: float) -
         SIDE_SLIP: 1.0,
         TURN_SLIP: 1.0,
     }
-    return Belief(np.zeros(len(NAMES)), np.diag([stds.get(i, 0.0) ** 2 for i in range(len(NAMES))]))
+    cov = np.diag([stds.get(i, 0.0) ** 2 for i in range(len(NAMES))])
+    cov[TURN_SCALE, TURN_SCALE] += cov[GYRO_SCALE, GYRO_SCALE]
+    cov[TURN_SCALE, GYRO_SCALE] = cov[GYRO_SCALE, TURN_SCALE] = -cov[GYRO_SCALE, GYRO_SCALE]
+    return Belief(np.zeros(len(NAMES)), cov)
 
 
 def twist(x: np.ndarray, u: MotionInput) -> np.ndarray:

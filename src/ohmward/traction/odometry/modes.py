@@ -28,10 +28,7 @@ from ohmward.trace import clip, exp, log, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.robot.chassis import PLANAR
-from ohmward.traction.robot.robot import Robot
-
-#: No wheel on the ground changes the speed of a robot faster [m/s2]: the friction of rubber is 1.
-GRIP_M_S2 = 9.81
+from ohmward.traction.robot.robot import GRAVITY, Robot
 
 #: Standard deviation by which the forward speeds of wheels that roll differ: [m/s], and over the speed.
 ROLLING_M_S, ROLLING_SHARE = 0.02, 0.02
@@ -152,7 +149,8 @@ def weigh(
     likely = chain * exp(weight * (logs - largest(logs)))
     probability = where(judged, likely / likely.sum(), before.probability)
     follows = 1.0 - exp(-since_s / BEFORE_S)
-    most_m_s, loose_m_s = GRIP_M_S2 * since_s, COUNTED * sqrt(speed_variance)
+    # No wheel on the ground changes the speed of a robot faster: the friction of rubber is 1.
+    most_m_s, loose_m_s = GRAVITY * since_s, COUNTED * sqrt(speed_variance)
     wide_m_s = most_m_s + loose_m_s
     # Each mode goes on from the speed before as far as friction can change it.
     possible = clip(speeds, before.followed_m_s - wide_m_s, before.followed_m_s + wide_m_s)

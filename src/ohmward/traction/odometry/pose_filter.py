@@ -13,7 +13,7 @@ from ohmward.checks import require_between, require_each_positive
 from ohmward.filters import extended
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
-from ohmward.filters.gate import choose, inflate
+from ohmward.filters.gate import choose, widen
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.filters.linear_algebra import std as std_of
 from ohmward.filters.sanitize import every, some
@@ -199,7 +199,7 @@ class PoseFilter:
         noise, gate, u = self.noise, self.gate, motion.input
         body, sums = use_turn(body, sums, u, fresh, gate, self.reset_after_s)
         body = body._replace(belief=opened(body.belief, motion, self.slip_by_turn(body, motion)))
-        body = use_speeds(body, sample, clean, u, motion.late_m_s, motion.sensors.held.noise, history, noise, gate)
+        body = use_speeds(body, sample, clean, u, motion.outside, motion.sensors.held.slides, history, noise, gate)
         return use_increment(body, sample, u, trail, noise, gate), sums
 
     def slip_by_turn(self, body: PoseCorrection, motion: MeasuredMotion) -> Scalar:
@@ -277,8 +277,7 @@ def with_slip_speed(belief: Belief, before_m_s: Scalar, now_m_s: Scalar) -> Beli
 def opened(belief: Belief, motion: MeasuredMotion, slip_m_s: Scalar) -> Belief:
     """The belief with a slip of this standard deviation [m/s] at least, which is forgotten in `correlation_s`."""
     slip = minimum(slip_m_s / maximum(motion.input.motion_std[0], LEAST_REJECTED_STD), MOST_OPENED)
-    wide = inflate(belief, SLIP, slip * slip - belief.cov[SLIP, SLIP])
-    return choose(motion.by_driven, wide, belief)
+    return choose(motion.by_driven, widen(belief, SLIP, slip * slip), belief)
 
 
 def second_order(before: Belief, after: Belief) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 
 from ohmward.checks import require_each_not_negative, require_each_positive, require_length, require_positive
 from ohmward.errors import InputError
+from ohmward.rich_display import RichDisplay
 from ohmward.toml_file import TomlFile
 from ohmward.traction.robot.chassis import (
     Differential,
@@ -48,7 +49,7 @@ class Wheel:
 
 
 @dataclass(frozen=True)
-class Robot:
+class Robot(RichDisplay):
     """A robot, without the ground.
 
     Attributes:
@@ -110,6 +111,11 @@ class Robot:
     def rolling(self) -> np.ndarray:
         """G (wheels, freedoms), see `chassis`."""
         return rolling_matrix(self.chassis)
+
+    @cached_property
+    def motion_by_rims(self) -> np.ndarray:
+        """G_d^+ (freedoms, driven): motion of the body by the speeds of its driven rims, as if none slipped."""
+        return np.linalg.pinv(self.rolling[: self.driven])
 
     @cached_property
     def sideways(self) -> np.ndarray:
@@ -257,9 +263,8 @@ def wheel_speeds(robot: Robot, motion: np.ndarray) -> np.ndarray:
 
 
 def motion_from_wheels(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
-    """Motion (freedoms,) that fits the driven wheels' speeds best, as if none slipped: wheel odometry."""
-    driven = robot.rolling[: robot.driven]
-    return np.linalg.pinv(driven) @ (np.asarray(wheel_speed_rad_s) * robot.wheel.radius_m)
+    """Motion (..., freedoms) that fits the driven wheels' speeds (..., driven) best, as if none slipped."""
+    return robot.wheel.radius_m * np.asarray(wheel_speed_rad_s) @ robot.motion_by_rims.T
 
 
 #: Robots that need no file.

@@ -29,13 +29,13 @@ import numpy as np
 
 from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, Correction, Function
-from ohmward.filters.gate import choose, correct_gated, inflate, time_rejected
+from ohmward.filters.gate import choose, correct_gated, inflate, time_rejected, widen
 from ohmward.filters.linear_algebra import std as std_of
 from ohmward.filters.sanitize import every, some
 from ohmward.trace import clip, exp, isfinite, linearize, log, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.held import ROCKS_M_S
-from ohmward.traction.motion.intervals import TINY_S, History, change_since
+from ohmward.traction.motion.intervals import LEAST_DIVISOR, History, change_since
 from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.encoders import SPIKE_S
@@ -43,9 +43,6 @@ from ohmward.traction.speed_observer.model import Model
 
 #: Standard deviation of the zero speed and yaw rate of a robot that stands [m/s, rad/s].
 STANDSTILL_STD = 0.003
-
-#: A pitch outside its gate for longer [s] is no glitch.
-GLITCH_S = 0.05
 
 
 class BodyTimers(NamedTuple):
@@ -86,13 +83,10 @@ def use_gyro(body: BodyCorrection, clean: CleanSample, model: Model, gate: Senso
     i = model.layout.index("yaw_rate_rad_s")
     if model.noise.gyro_std_rad_s is None:
         return body
-    y = clean.yaw_rate_rad_s
-    nu = where(isfinite(y), y - body.belief.mean[i], 0.0)
-    opened = inflate(body.belief, i, nu * nu)
-    prior = choose(body.rejected.gyro_s > gate.reset_after_s, opened, body.belief)
-    belief, accepted = correct_sensor(prior, y, lambda x: x[i : i + 1], model.stds(clean).gyro_rad_s[0] ** 2, gate.nis)
-    rejected = isfinite(y) & logical_not(accepted)
-    gyro_s = time_rejected(body.rejected.gyro_s, clean.dt_s, rejected, isfinite(y))
+    variance = model.stds(clean).gyro_rad_s[0] ** 2
+    belief, rejected, gyro_s = correct_element(
+        body.belief, i, clean.yaw_rate_rad_s, variance, body.rejected.gyro_s, clean.dt_s, gate
+    )
     return body._replace(belief=belief, gyro_rejected=rejected, rejected=body.rejected._replace(gyro_s=gyro_s))
 
 
@@ -106,13 +100,10 @@ def use_pitch(body: BodyCorrection, clean: CleanSample, model: Model, gate: Sens
     if std is None or not model.states.grade:
         return body
     i = model.layout.index("grade_rad")
-    y = clean.pitch_rad
-    nu = where(isfinite(y), y - body.belief.mean[i], 0.0)
-    opened = inflate(body.belief, i, nu * nu)
-    prior = choose(body.rejected.pitch_s > minimum(GLITCH_S, gate.reset_after_s), opened, body.belief)
-    belief, accepted = correct_sensor(prior, y, lambda x: x[i : i + 1], std**2, gate.nis)
-    rejected = isfinite(y) & logical_not(accepted)
-    pitch_s = time_rejected(body.rejected.pitch_s, clean.dt_s, rejected, isfinite(y))
+    soon = gate._replace(reset_after_s=min(SPIKE_S, gate.reset_after_s))
+    belief, _, pitch_s = correct_element(
+        body.belief, i, clean.pitch_rad, std**2, body.rejected.pitch_s, clean.dt_s, soon
+    )
     return body._replace(belief=belief, rejected=body.rejected._replace(pitch_s=pitch_s))
 
 
@@ -142,8 +133,8 @@ def use_held(body: BodyCorrection, held: Scalar, clean: CleanSample, model: Mode
     if model.noise.speed_std_m_s is None:
         return body
     nu = body.belief.mean[0]
-    opened = inflate(body.belief, 0, nu * nu - body.belief.cov[0, 0])
-    lasts = 1.0 if model.states.friction == "known" else 1.0 / clip(clean.dt_s, TINY_S, 1.0)
+    opened = widen(body.belief, 0, nu * nu)
+    lasts = 1.0 if model.states.friction == "known" else 1.0 / clip(clean.dt_s, LEAST_DIVISOR, 1.0)
     belief = kalman.correct_state(choose(held, opened, body.belief), 0, 0.0, ROCKS_M_S**2 * lasts, held)
     return body._replace(belief=belief, observable=some([body.observable, held]))
 
@@ -157,12 +148,25 @@ def correct_sensor(belief: Belief, y: Scalar, h: Function, variance: Scalar, gat
     return correct_gated(belief, y, correct, gate)
 
 
+def correct_element(
+    belief: Belief, i: int, y: Scalar, variance: Scalar, rejected_s: Scalar, dt_s: Scalar, gate: SensorGate
+) -> tuple[Belief, Scalar, Scalar]:
+    """The belief after y = x_i + noise, for which it is opened where that has been outside its gate for too long.
+
+    Returns the condition that y is outside its gate besides, and the time for which it has been.
+    """
+    nu = where(isfinite(y), y - belief.mean[i], 0.0)
+    prior = choose(rejected_s > gate.reset_after_s, inflate(belief, i, nu * nu), belief)
+    belief, accepted = correct_sensor(prior, y, lambda x: x[i : i + 1], variance, gate.nis)
+    rejected = isfinite(y) & logical_not(accepted)
+    return belief, rejected, time_rejected(rejected_s, dt_s, rejected, isfinite(y))
+
+
 def disturbance_unknown(belief: Belief, model: Model, least_rad: Scalar = 0.0) -> Belief:
     """The belief with the grade, which stands for every unmodelled disturbance, as unknown as at first or as this."""
     if not model.states.grade:
         return belief
-    i = model.layout.index("grade_rad")
-    return inflate(belief, i, maximum(model.noise.grade_std_rad**2, least_rad**2) - belief.cov[i, i])
+    return widen(belief, model.layout.index("grade_rad"), maximum(model.noise.grade_std_rad**2, least_rad**2))
 
 
 #: A disturbance that the model lacks may have made an innovation of the speed within this time [s].
@@ -218,7 +222,7 @@ def use_speed(
     y = within_reach(received, fastest_m_s)
     dispute = disputed(y, body.belief, body.rejected, clean.dt_s, gate)
     opened = opened_for(body.belief, y.innovation_m_s, model)
-    held = inflate(body.belief, 0, dispute.open_m_s**2 - body.belief.cov[0, 0])
+    held = widen(body.belief, 0, dispute.open_m_s**2)
     prior = choose(dispute.reset, sliding_for(opened, y.innovation_m_s, model), held)
     belief, accepted = correct_sensor(prior, y.speed_m_s, lambda x: x[:1], y.variance, gate.nis)
     rejected = isfinite(y.speed_m_s) & logical_not(accepted)
@@ -283,7 +287,7 @@ def opened_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
     if model.states.friction == "known":
         return belief
     for i in sorted({model.layout.friction(k) for k in range(model.driven)}):
-        belief = inflate(belief, i, model.noise.friction_std**2 - belief.cov[i, i])
+        belief = widen(belief, i, model.noise.friction_std**2)
     return belief
 
 

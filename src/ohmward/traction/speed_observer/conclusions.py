@@ -26,6 +26,7 @@ from ohmward.filters.sanitize import every, some
 from ohmward.trace import linearize, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.slip import slip_ratio
+from ohmward.traction.motion.held import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.model import Model
@@ -39,8 +40,8 @@ class SlipAlarm:
     false_alarm_rate: float = 1e-3
     allowed_m_s: float = 0.03  #: slip speed that is always allowed, >= 0
     allowed_ratio: float = 0.05  #: slip that is allowed besides, over the speed of the wheel's rim, >= 0
-    stuck_rim_m_s: float = 0.1  #: the wheels count as turning from this speed of their rims on, > 0
-    stuck_ratio: float = 0.2  #: the robot counts as stuck below this share of it, in (0, 1)
+    stuck_rim_m_s: float = TURNS_M_S  #: the wheels count as turning from this speed of their rims on, > 0
+    stuck_ratio: float = STUCK_SHARE  #: the robot counts as stuck below this share of it, in (0, 1)
     stuck_s: float = 1.0  #: for so long, >= 0
 
     def __post_init__(self) -> None:
@@ -64,10 +65,6 @@ class SlipAlarm:
         """True where the body stands while this wheel turns."""
         turns = abs(rim_m_s) > self.stuck_rim_m_s
         return turns & (abs(speed_m_s) + self.z * speed_std_m_s < self.stuck_ratio * abs(rim_m_s))
-
-
-#: Time [s] without anything that shows the speed from which on it counts as unobserved.
-UNOBSERVED_S = 0.5
 
 
 class DrivenWheels(NamedTuple):

@@ -17,7 +17,7 @@ import numpy as np
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
-from ohmward.filters.gate import choose, inflate, time_rejected
+from ohmward.filters.gate import choose, inflate, time_rejected, widen
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import TINY, std
 from ohmward.filters.sanitize import some
@@ -247,8 +247,7 @@ def ground_unknown(belief: Belief, k: int, jump_rad_s: Scalar, model: Model) -> 
     belief = inflate(belief, model.layout.wheel(k), jump_rad_s * jump_rad_s)
     if model.states.friction == "known":
         return belief
-    i = model.layout.friction(k)
-    return inflate(belief, i, model.noise.friction_std**2 - belief.cov[i, i])
+    return widen(belief, model.layout.friction(k), model.noise.friction_std**2)
 
 
 def rejected_variance(belief: Belief, k: int, dt_s: Scalar, model: Model) -> Scalar:

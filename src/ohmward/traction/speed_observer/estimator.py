@@ -155,4 +155,4 @@ def consider_radius(estimate: SlipEstimate, observer: SpeedObserver) -> SlipEsti
 def motion_of(robot: Robot, estimates: SlipEstimate) -> np.ndarray:
     """Motion (..., freedoms) of the body from the speeds of the wheels' centres in estimates (...)."""
     rim = robot.wheel.radius_m * np.asarray(estimates.radius_ratio)[..., None] * estimates.wheel_speed_rad_s
-    return (rim - estimates.slip_speed_m_s) @ np.linalg.pinv(robot.rolling[: robot.driven]).T
+    return (rim - estimates.slip_speed_m_s) @ robot.motion_by_rims.T

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -34,27 +35,28 @@ from ohmward.logs.log import Note
 from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.friction.law import contact
 from ohmward.traction.friction.terrain import Terrain, terrain_named
+from ohmward.traction.motion.held import TURNS_M_S
+from ohmward.traction.motion.intervals import LEAST_DIVISOR
+from ohmward.traction.motion.outside_speed import ASSUMED_STD_M_S
 from ohmward.traction.robot.chassis import SkidSteer
 from ohmward.traction.robot.motor import wheel_torque
-from ohmward.traction.robot.robot import GRAVITY, Robot, free_sideways, load_robot
+from ohmward.traction.robot.robot import GRAVITY, Robot, free_sideways, load_robot, motion_from_wheels
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import States
 
-#: Least standard deviations that a log may claim for its sensors: rad/s of an encoder, m/s of an external speed.
+#: Least standard deviation [rad/s] that a log may claim for an encoder; that of an external speed is
+#: `ASSUMED_STD_M_S`.
 LEAST_ENCODER_RAD_S = 0.01
-LEAST_SPEED_M_S = 0.05
 
 #: Standard deviation of a normal error over its median absolute deviation.
-_MAD = 1.4826
+_MAD = 1.0 / NormalDist().inv_cdf(0.75)
 #: Fewer samples than this tell no noise.
 _FEWEST_FOR_NOISE = 10
 #: Changes below this are rounding.
 _SAME = 1e-9
 #: Standard deviations beyond which an error of the speed is an outlier, which tells no correlation.
 _OUTLIER = 4.0
-#: Speed [m/s] from which on wheels tell their radius.
-_MOVING_M_S = 0.1
 
 
 def encoder_std_rad_s(wheel_speed_rad_s: np.ndarray) -> float:
@@ -97,10 +99,10 @@ def speed_std_m_s(robot: Robot, log: DriveLog) -> float:
         return float(np.nanmedian(log.speed_std_m_s))
     error = speed_minus_wheels_m_s(robot, log)
     if error.size < _FEWEST_FOR_NOISE:
-        return LEAST_SPEED_M_S
+        return ASSUMED_STD_M_S
     std = _MAD * float(np.median(np.abs(error - np.median(error))))
     rho = correlation(error, _OUTLIER * std)
-    return max(LEAST_SPEED_M_S, std * math.sqrt((1 + rho) / (1 - rho)))
+    return max(ASSUMED_STD_M_S, std * math.sqrt((1 + rho) / (1 - rho)))
 
 
 def speed_minus_wheels_m_s(robot: Robot, log: DriveLog) -> np.ndarray:
@@ -109,15 +111,14 @@ def speed_minus_wheels_m_s(robot: Robot, log: DriveLog) -> np.ndarray:
     Both as they come: an age is known to some hundredths of a second only, and what the speed changes in it is noise.
     """
     speed, wheels = speed_and_wheels_m_s(robot, replace(log, speed_age_s=None))
-    moving = np.abs(wheels) > _MOVING_M_S
+    moving = np.abs(wheels) > TURNS_M_S
     radius_ratio = float(np.median(speed[moving] / wheels[moving])) if moving.any() else 1.0
     return speed - radius_ratio * wheels
 
 
 def speed_and_wheels_m_s(robot: Robot, log: DriveLog) -> tuple[np.ndarray, np.ndarray]:
     """External speeds and those by the driven wheels at the times that they tell of, each (N,); may be empty."""
-    n = robot.driven
-    rolled = log.wheel_speed_rad_s[:, :n] @ np.linalg.pinv(robot.rolling[:n])[0] * robot.wheel.radius_m
+    rolled = motion_from_wheels(robot, log.wheel_speed_rad_s[:, : robot.driven])[:, 0]
     speed = np.full(len(log), np.nan) if log.speed_m_s is None else log.speed_m_s
     seen, given = np.isfinite(rolled), np.isfinite(speed)
     if not seen.any():
@@ -147,7 +148,7 @@ def first_speed_m_s(robot: Robot, wheel_speed_rad_s: np.ndarray) -> float:
 
 #: The track is found where the yaw rate is at least so large [rad/s, root of its mean square], and the sides differ by
 #: it with this correlation: the wheels of a robot that slides sideways say little of its turns.
-TURNING_RAD_S, ALIKE = 0.1, 0.9
+YAWS_RAD_S, ALIKE = 0.1, 0.9
 
 
 #: Window [s] over which speeds change by more than the noise of encoders.
@@ -206,9 +207,6 @@ SCRUBBING = (
 
 #: A step so many times as long as the usual one is a gap.
 GAP_STEPS = 2.5
-
-#: Keeps a log of one sample from dividing by zero [s].
-_TINY_S = 1e-9
 
 
 class Chosen(NamedTuple):
@@ -317,7 +315,7 @@ def slip_of_disturbance(disturbance_g: float) -> float:
 def unmeasured_torque_Nm(robot: Robot, step_s: float) -> float:
     """Standard deviation of a torque that is not measured, as white noise: any that the ground takes for a while."""
     load_N = robot.mass_kg * GRAVITY / len(robot.places)
-    white = math.sqrt(max(UNMEASURED_S / max(step_s, _TINY_S), 1.0))
+    white = math.sqrt(max(UNMEASURED_S / max(step_s, LEAST_DIVISOR), 1.0))
     return UNMEASURED_TRACTION * load_N * robot.wheel.radius_m * white
 
 
@@ -404,7 +402,7 @@ def with_effective_track(robot: Robot, log: DriveLog) -> Robot:
     known = np.isfinite(by_wheels) & np.isfinite(log.yaw_rate_rad_s)
     sides_m_s, gyro = chassis.track_m * by_wheels[known], log.yaw_rate_rad_s[known]
     power = float(gyro @ gyro)
-    if power <= TURNING_RAD_S**2 * max(known.sum(), 1):
+    if power <= YAWS_RAD_S**2 * max(known.sum(), 1):
         return robot
     together = float(sides_m_s @ gyro)
     if together < ALIKE * np.sqrt(power * float(sides_m_s @ sides_m_s)):
@@ -414,8 +412,7 @@ def with_effective_track(robot: Robot, log: DriveLog) -> Robot:
 
 def yaw_rate_of_wheels(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
     """Yaw rate (T,) [rad/s] by the driven wheels of a log (T, wheels) and the track, as if no wheel scrubbed."""
-    n = robot.driven
-    return robot.wheel.radius_m * wheel_speed_rad_s[:, :n] @ np.linalg.pinv(robot.rolling[:n])[-1]
+    return motion_from_wheels(robot, wheel_speed_rad_s[:, : robot.driven])[:, -1]
 
 
 def disturbance_m_s2(robot: Robot, log: DriveLog) -> float:
@@ -432,7 +429,7 @@ def disturbance_m_s2(robot: Robot, log: DriveLog) -> float:
     force_N = (window_mean(torque, half) - robot.inertia[robot.freedoms :] * wheel_rate) / robot.wheel.radius_m
     linear = slice(0, robot.freedoms - 1)
     forced = (force_N @ robot.rolling[:n])[:, linear] / robot.mass_kg
-    measured = (wheel_rate @ np.linalg.pinv(robot.rolling[:n]).T * robot.wheel.radius_m)[:, linear]
+    measured = motion_from_wheels(robot, wheel_rate)[:, linear]
     return float(np.median(np.linalg.norm(forced - measured, axis=1)[moving]))
 
 
@@ -451,7 +448,7 @@ DEFAULT_TERRAIN, DEFAULT_FILTER = "dry asphalt", "ukf"
 
 #: Sensors of which there may be one; one that never comes costs nothing but its part of the step.
 ANY_SENSORS = ObserverNoise(
-    gyro_std_rad_s=LEAST_GYRO_RAD_S, pitch_std_rad=PITCH_RAD, speed_std_m_s=LEAST_SPEED_M_S, radius_std=RADIUS_STD
+    gyro_std_rad_s=LEAST_GYRO_RAD_S, pitch_std_rad=PITCH_RAD, speed_std_m_s=ASSUMED_STD_M_S, radius_std=RADIUS_STD
 )
 
 #: Speed of the rims and step of a drive that nobody has seen yet, where the motor currents do not tell the force.

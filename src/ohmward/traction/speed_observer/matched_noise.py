@@ -24,7 +24,7 @@ import numpy as np
 from ohmward.filters.sanitize import every
 from ohmward.trace import clip, isfinite, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.intervals import NEVER_S, TINY_S
+from ohmward.traction.motion.intervals import LEAST_DIVISOR, NEVER_S
 from ohmward.traction.motion.sanitize import CleanSample, SensorStds
 from ohmward.traction.speed_observer.model import Model
 
@@ -133,7 +133,7 @@ def follow_channel(
 ) -> WhiteNoise:
     """The white noise of one channel after a value y; given: variance."""
     age_s = minimum(white.age_s + dt_s, NEVER_S)
-    share = white.between_s / maximum(white.between_s + age_s, TINY_S)
+    share = white.between_s / maximum(white.between_s + age_s, LEAST_DIVISOR)
     deviation = white.last - (1.0 - share) * white.earlier - share * y
     square = deviation**2 / (1.0 + (1.0 - share) ** 2 + share**2)
     repeats = (abs(y - white.last) <= 0.0) & (abs(white.last - white.earlier) <= 0.0)

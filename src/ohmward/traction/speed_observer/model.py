@@ -16,11 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.filters.belief import Belief
-from ohmward.filters.gate import inflate
+from ohmward.filters.gate import widen
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import exp, isfinite, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import RobotInput, Scene, momentum_rates, normal_loads
+from ohmward.traction.motion.intervals import LEAST_DIVISOR
 from ohmward.traction.motion.sanitize import CleanSample, SensorStds
 from ohmward.traction.robot.robot import GRAVITY, motion_from_wheels
 from ohmward.traction.speed_observer.noise import ObserverNoise
@@ -32,9 +33,6 @@ UNKNOWN_M_S2, UNKNOWN_M_S = 3.0, 3.0
 
 #: Share of the change of the speed in a gap that a wheel may slip by after it.
 GAP_SLIP = 0.3
-
-#: Keeps a step of no length from dividing by zero [s].
-_TINY_S = 1e-9
 
 
 class GaussMarkov(NamedTuple):
@@ -124,7 +122,7 @@ class Model:
         i, robot = self.layout.index("grade_rad"), self.scene.robot
         force_N = robot.rolling[: self.driven, 0] @ self.traction_N(belief.mean)
         slope_rad = self.noise.mass_std * force_N / (robot.inertia[0] * GRAVITY)
-        return inflate(belief, i, slope_rad**2 - belief.cov[i, i])
+        return widen(belief, i, slope_rad**2)
 
     def slip_step(self, x: np.ndarray, clean: CleanSample, start_m_s: np.ndarray | None = None) -> SlipStep:
         """Step of body and wheels from state x (n,); start_m_s as in `slip_step`."""
@@ -204,7 +202,7 @@ class Model:
         """
         if self.states.friction == "known":
             return np.zeros_like(step.force_response)
-        white = sqrt(2 * self.noise.curve_shape_correlation_s / maximum(clean.modelled_s, _TINY_S))
+        white = sqrt(2 * self.noise.curve_shape_correlation_s / maximum(clean.modelled_s, LEAST_DIVISOR))
         std_N = step.nonlinear_N * (self.noise.curve_shape_std * white)
         return step.force_response * std_N
 
@@ -257,11 +255,6 @@ class Model:
             return np.array([robot.rolling[k] @ parts.motion / (robot.wheel.radius_m * parts.radius_ratio)])
 
         return speed
-
-    @cached_property
-    def forward(self) -> np.ndarray:
-        """(driven,) forward speed of the body over that of each rim, where none slips."""
-        return np.linalg.pinv(self.scene.robot.rolling[: self.driven])[0]
 
     @cached_property
     def static_load_N(self) -> np.ndarray:

@@ -54,6 +54,7 @@ from ohmward.filters.sanitize import every, some, within
 from ohmward.trace import clip, exp, isfinite, log, logical_not, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.held import IS_HELD, Held
+from ohmward.traction.motion.outside_speed import SpeedErrors
 from ohmward.traction.motion.sanitize import CleanSample
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.body_sensors import BodyCorrection
@@ -181,7 +182,7 @@ USUAL = 1.0
 #: which it may have been sliding before the evidence of grip is forgotten.
 OPENS, BEFORE_S = 1.1, 0.8
 
-#: For so long [s] a sensor of the body that has shown the speed counts as showing it.
+#: For so long [s] what has shown the speed, or the pitch, counts as showing it; then the speed is unobserved.
 SEEN_S = 0.5
 
 #: A belief in sliding wheels is wrong where they carry the robot with less than this share of the force that they have
@@ -223,6 +224,7 @@ class SpeedEvidence(NamedTuple):
     open_m_s: Scalar = 0.0  #: standard deviation of the speed by a slide that cannot be told from grip
     wheels_m_s: Scalar = 0.0  #: greatest speed that wheels or sensors of the body have shown of late
     sliding_m_s: Scalar = 0.0  #: speed that sliding can have added since something last showed the speed
+    outside: SpeedErrors = SpeedErrors()  #: rims, and errors of outside speeds
     held: Held = Held()  #: that the robot is held while its wheels turn
 
 

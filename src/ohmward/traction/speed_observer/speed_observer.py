@@ -35,13 +35,12 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some, within
-from ohmward.quantities import MOST_MOTOR_A, MOST_WHEEL_RAD_S
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
-from ohmward.traction.motion.held import ALARM, IS_HELD, TURNS_M_S, Held, weigh_held
+from ohmward.traction.motion.held import ALARM, IS_HELD, TURNS_M_S, weigh_held
 from ohmward.traction.motion.intervals import (
-    TINY_S,
+    LEAST_DIVISOR,
     History,
     Intervals,
     advance,
@@ -52,6 +51,7 @@ from ohmward.traction.motion.intervals import (
     share_measured,
     was_seen,
 )
+from ohmward.traction.motion.outside_speed import receive
 from ohmward.traction.motion.sample import RobotSample, no_sample
 from ohmward.traction.motion.sanitize import (
     CleanSample,
@@ -73,7 +73,6 @@ from ohmward.traction.speed_observer.body_sensors import (
     use_standstill,
 )
 from ohmward.traction.speed_observer.conclusions import (
-    UNOBSERVED_S,
     MotionTimers,
     SlipAlarm,
     advance_timers,
@@ -99,6 +98,7 @@ from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.slip_step import SlipStep
 from ohmward.traction.speed_observer.speed_evidence import (
     LEAST_GRIP,
+    SEEN_S,
     SpeedEvidence,
     by_mass_m_s,
     fastest_m_s,
@@ -147,7 +147,9 @@ def started(
         rest_s=0.0,
         rejected=RejectedFor(np.zeros(n), np.zeros(n)),
         body_rejected=BodyTimers(0.0, 0.0, 0.0, 0.0, 0.0, np.zeros(wheels - n), 0.0),
-        evidence=SpeedEvidence(held=before.evidence.held if before else Held()),
+        evidence=SpeedEvidence(outside=before.evidence.outside, held=before.evidence.held)
+        if before
+        else SpeedEvidence(),
         unobserved_s=0.0,
         stuck_s=0.0,
     )
@@ -195,9 +197,6 @@ class SpeedObserver:
     #: below both a wheel and a motor are at rest
     rest_wheel_rad_s: float = 0.05
     rest_current_A: float = 0.5
-    #: beyond these a sensor is at fault
-    wheel_speed_limit_rad_s: float = MOST_WHEEL_RAD_S
-    current_limit_A: float = MOST_MOTOR_A
     late_steps: int = 20  #: number of samples by which an external speed may be late
 
     def __post_init__(self) -> None:
@@ -207,7 +206,7 @@ class SpeedObserver:
                 "scene.robot must have wheels that are free sideways; describe a skid-steered robot as "
                 'Differential(driven="all"), give it a gyro and raise noise.yaw_rate_walk'
             )
-        require_each_positive("", self, "gate", "encoder_gate", "gap_s", "wheel_speed_limit_rad_s", "current_limit_A")
+        require_each_positive("", self, "gate", "encoder_gate", "gap_s")
         require_each_not_negative("", self, "reset_after_s", "rest_wheel_rad_s", "rest_current_A")
         require_between("window", self.window, 1.0, math.inf)
         require_between("late_steps", self.late_steps, 0, 1000)
@@ -224,7 +223,7 @@ class SpeedObserver:
     @property
     def limits(self) -> CredibleLimits:
         """Limits of credible samples."""
-        return CredibleLimits(self.gap_s, self.current_limit_A, self.wheel_speed_limit_rad_s)
+        return CredibleLimits(self.gap_s)
 
     @property
     def sensor_gate(self) -> SensorGate:
@@ -255,7 +254,7 @@ class SpeedObserver:
         free = turned(state.free, clean, self.model)
         wheels = self.correct_wheels(state, free, prediction, clean)
         history = remember(state.history, clean.dt_s, speed_change(before, prediction, wheels, clean))
-        evidence = state.evidence._replace(held=self.weigh_held(state.evidence.held, wheels.belief, clean))
+        evidence = self.weigh_held(state.evidence, wheels.belief, clean)
         body = self.correct_body(state, turn._replace(belief=wheels.belief), prediction, clean, history)
         body = use_held(body, evidence.held.probability > IS_HELD, clean, self.model)
         judged = judge(evidence, before, wheels.belief, body, clean, self.model, self.gate)
@@ -361,13 +360,16 @@ class SpeedObserver:
         body = use_speed(body, clean, history, fastest_m_s(state.evidence), model, gate)
         return use_standstill(body, clean.resting, model)
 
-    def weigh_held(self, before: Held, wheels: Belief, clean: CleanSample) -> Held:
+    def weigh_held(self, before: SpeedEvidence, wheels: Belief, clean: CleanSample) -> SpeedEvidence:
         """Weigh that the robot is held while its wheels turn, where it has an outside speed; wheels: as corrected."""
         std_m_s, model = self.model.noise.speed_std_m_s, self.model
         if std_m_s is None:
             return before
-        rims_m_s = model.scene.robot.wheel.radius_m * model.layout.split(wheels.mean).omega
-        return weigh_held(before, model.forward @ rims_m_s, clean, std_m_s)
+        robot = model.scene.robot
+        rim_m_s = robot.motion_by_rims[0] @ (robot.wheel.radius_m * model.layout.split(wheels.mean).omega)
+        was_held = before.held.probability > IS_HELD
+        outside, y = receive(before.outside, rim_m_s, clean, logical_not(was_held), std_m_s)
+        return before._replace(outside=outside, held=weigh_held(before.held, y, rim_m_s, clean.dt_s))
 
     def conclude(
         self,
@@ -386,7 +388,8 @@ class SpeedObserver:
         timers = MotionTimers(state.unobserved_s, state.stuck_s)
         timers = advance_timers(timers, driven, observable, clean.dt_s, self.alarm)
         driven = with_unknown_mass(driven, by_mass_m_s(evidence), self.model)
-        stuck = (evidence.held.probability > ALARM) & (abs(self.model.forward @ driven.rim_m_s) > TURNS_M_S)
+        rim_m_s = self.scene.robot.motion_by_rims[0] @ driven.rim_m_s
+        stuck = (evidence.held.probability > ALARM) & (abs(rim_m_s) > TURNS_M_S)
         return timers, conclude(belief, driven, timers, stuck, clean, self.model, self.alarm)
 
     def flags(
@@ -412,7 +415,7 @@ class SpeedObserver:
             SlipFlag.SPEED_REJECTED: body.speed_rejected,
             SlipFlag.SPEED_RESET: body.speed_reset,
             SlipFlag.STANDSTILL: clean.resting,
-            SlipFlag.SPEED_UNOBSERVED: timers.unobserved_s > UNOBSERVED_S,
+            SlipFlag.SPEED_UNOBSERVED: timers.unobserved_s > SEEN_S,
             SlipFlag.NOT_POSITIVE_DEFINITE: is_healthy(before) <= 0.5,
             SlipFlag.RESTARTED: lost,
         })  # fmt: skip
@@ -446,7 +449,7 @@ def without_impossible_currents(clean: CleanSample, before: Belief, model: Model
     wheels = slice(layout.wheel(0), layout.robot_states)
     room = [POSSIBLE_SIGMAS * std(P + model.noise.encoder_std_rad_s**2) for P in np.diag(before.cov)[wheels]]
     change = abs(clean.wheel_speed_rad_s[:n] - before.mean[wheels]) + np.array(room)
-    wheel_Nm = robot.inertia[robot.freedoms :] * change / maximum(clean.dt_s, TINY_S)
+    wheel_Nm = robot.inertia[robot.freedoms :] * change / maximum(clean.dt_s, LEAST_DIVISOR)
     taken_Nm = MOST_ADHESION * robot.wheel.radius_m * model.static_load_N[:n] + wheel_Nm
     given_Nm = robot.motor.wheel_constant_Nm_per_A * abs(clean.current_A)
     possible = np.array([given <= taken for given, taken in zip(given_Nm, taken_Nm, strict=True)])

@@ -27,6 +27,7 @@ from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.filters.sanitize import some
 from ohmward.trace import exp, log, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.intervals import LEAST_DIVISOR
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.demand import drag_columns, mean_load, travel_speed
 from ohmward.traction.terrain.floor import Floor
@@ -38,13 +39,12 @@ COUNTS = 0.7
 #: A motion that differs from that at the start of the test by more than this share of it starts it anew.
 _OTHER_MOTION = 0.3
 #: mu is the mean over at most so long a time [s], and its first value counts for so long.
-_MEMORY_S, _FIRST_S = 3.0, 0.3
+MEMORY_S, _FIRST_S = 3.0, 0.3
 #: Ripple lasts no shorter than this [s]: the filter of the forces.
 _SHORTEST_RIPPLE_S = 0.1
 #: Least change of a drag that counts, share of the load.
 _LEAST_DRAG_STEP = 1e-3
 _NEWTON_STEPS = 4
-_TINY = 1e-9
 #: x a little before the maximum of 1 - e^-x - x/2 at ln 2, and that maximum.
 _LAST, _MOST_NEEDED = math.log(2) - 1e-3, 0.5 - math.log(2) / 2
 
@@ -156,7 +156,7 @@ class CrossingTest:
     def evidence(self, state: CrossingState, sample: CrossingSample) -> Evidence:
         """Increments (dt/tau) (+-e' (f - mu) - e'e / 2) / sigma^2 of the sums."""
         e = sample.change
-        tau_s = maximum(self.ripple_m / maximum(travel_speed(sample.motion), _TINY), _SHORTEST_RIPPLE_S)
+        tau_s = maximum(self.ripple_m / maximum(travel_speed(sample.motion), LEAST_DIVISOR), _SHORTEST_RIPPLE_S)
         variance = self.ripple_share**2 + self.ripple_growth**2 * (state.mean @ state.mean)
         k2 = (e * e).sum(axis=0) / variance
         seen = (sample.force_share - state.mean) @ e / variance
@@ -170,7 +170,7 @@ class CrossingTest:
         h = log(wanted + 2.0)
         for _ in range(_NEWTON_STEPS):
             inside = wanted + 1.0 + h
-            h = h - (h - log(inside)) / (1.0 - 1.0 / maximum(inside, 1.0 + _TINY))
+            h = h - (h - log(inside)) / (1.0 - 1.0 / maximum(inside, 1.0 + LEAST_DIVISOR))
         return h
 
     def delay_s(self, k2: np.ndarray, tau_s: Scalar, memory_s: Scalar) -> np.ndarray:
@@ -182,7 +182,7 @@ class CrossingTest:
             1 - e^-x - x/2 = (tau / (T k^2)) (e^-h + h - 1)
         """
         h = self.threshold(k2, tau_s)
-        needed = tau_s / memory_s / maximum(k2, _TINY) * (exp(-h) + h - 1.0)
+        needed = tau_s / memory_s / maximum(k2, LEAST_DIVISOR) * (exp(-h) + h - 1.0)
         possible = np.array([n < _MOST_NEEDED for n in needed])
         return where(possible, memory_s * time_of_alarm(needed), math.inf)
 
@@ -203,7 +203,7 @@ def is_other_motion(motion: np.ndarray, tested: np.ndarray) -> Scalar:
 
 def memory(tested_s: Scalar) -> Scalar:
     """Time [s] over which mu is the mean."""
-    return minimum(maximum(tested_s, 0.0), _MEMORY_S) + _FIRST_S
+    return minimum(maximum(tested_s, 0.0), MEMORY_S) + _FIRST_S
 
 
 def crossing_test(floors: Sequence[Floor], false_alarms_per_hour: float = 1.0) -> CrossingTest:

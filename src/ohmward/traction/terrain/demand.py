@@ -34,7 +34,7 @@ def drag_columns(robot: Robot, motion: np.ndarray) -> np.ndarray:
     load = static_loads(robot)
     rolling = _on_body(robot, load * along / size, load * across / size)
     rollers = _on_body(robot, np.zeros(np.shape(along)), load * tanh(across / (ROLLER_CREEP * size)))
-    by_wheel = np.stack([rolling, rollers], axis=-2) @ np.linalg.pinv(robot.rolling[: robot.driven])
+    by_wheel = np.stack([rolling, rollers], axis=-2) @ robot.motion_by_rims
     return np.moveaxis(by_wheel, -1, -3)
 
 
@@ -47,7 +47,7 @@ def wheel_motion(robot: Robot, motion: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def inertial_forces(robot: Robot, acceleration: np.ndarray) -> np.ndarray:
     """Forces (..., driven) [N] of the driven wheels that accelerate the body so, (..., freedoms)."""
-    return (robot.inertia[: robot.freedoms] * acceleration) @ np.linalg.pinv(robot.rolling[: robot.driven])
+    return (robot.inertia[: robot.freedoms] * acceleration) @ robot.motion_by_rims
 
 
 def undetermined_force_std(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:

@@ -22,20 +22,19 @@ import numpy as np
 from ohmward.filters.sanitize import every, some
 from ohmward.trace import exp, isfinite, log, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.intervals import LEAST_DIVISOR
+from ohmward.traction.motion.outside_speed import ASSUMED_STD_M_S
 from ohmward.traction.motion.sanitize import CleanSample
+from ohmward.traction.terrain.crossing import MEMORY_S
 from ohmward.traction.terrain.floor import SlipBelief
 
-#: Standard deviation [m/s] of a speed without one of its own: GNSS, and odometry of cameras at a walking pace.
-LOSS_STD_M_S = 0.05
 #: An older speed says nothing of now [s].
 OLDEST_LOSS_S = 1.0
 #: s. Share of the variance of a speed that lasts: its scale and mounting are off by about a third of its noise.
 LASTING_SHARE = 0.1
-#: Time constant [s] with which earlier speeds are forgotten, that of the mean force.
-LOSS_MEMORY_S = 3.0
-#: A speed off by more sigmas than this from the mean of those before begins a new mean: the slip has changed.
+#: A speed off by more sigmas than this from the mean of those before, which fade with the time constant of the mean
+#: force, begins a new mean: the slip has changed.
 CHANGED = 3.0
-_TINY = 1e-9
 
 
 class LossState(NamedTuple):
@@ -73,7 +72,7 @@ def loss_sample(clean: CleanSample, rim: np.ndarray, rim_std: np.ndarray, rate: 
     A wheel that slips loses no more than all of its rim's motion, nor gains more: another speed is refused. What the
     rims changed by since an old speed was true counts as its error.
     """
-    std_m_s = where(isfinite(clean.speed_std_m_s), clean.speed_std_m_s, LOSS_STD_M_S)
+    std_m_s = where(isfinite(clean.speed_std_m_s), clean.speed_std_m_s, ASSUMED_STD_M_S)
     lost_m_s = rim[0] - clean.speed_m_s
     variance = std_m_s**2 + rim_std[0] ** 2 + (rate[0] * clean.speed_age_s) ** 2
     beyond = maximum(abs(lost_m_s) - u, 0.0)
@@ -90,18 +89,18 @@ def averaged(state: LossState, sample: LossSample, ended: Scalar, dt_s: Scalar) 
     """State after a sample; `ended`: the condition that the motion or the floor has changed."""
     new = isfinite(sample.value)
     value, variance = where(new, sample.value, state.mean), where(new, sample.variance, state.variance)
-    before = where(ended, 0.0, state.count * exp(-dt_s / LOSS_MEMORY_S))
+    before = where(ended, 0.0, state.count * exp(-dt_s / MEMORY_S))
     off = value - state.mean
     changed = off * off > CHANGED**2 * (variance + seen(state).variance)
     count = where(new, where(changed, 0.0, before) + 1.0, before)
-    share = where(new, 1.0 / maximum(count, _TINY), 0.0)
+    share = where(new, 1.0 / maximum(count, LEAST_DIVISOR), 0.0)
     return LossState(state.mean + share * off, state.variance + share * (variance - state.variance), count)
 
 
 def seen(state: LossState) -> SeenLoss:
     """The mean loss with its variance."""
-    variance = state.variance * (LASTING_SHARE + (1 - LASTING_SHARE) / maximum(state.count, _TINY))
-    return SeenLoss(state.count > _TINY, state.mean, variance)
+    variance = state.variance * (LASTING_SHARE + (1 - LASTING_SHARE) / maximum(state.count, LEAST_DIVISOR))
+    return SeenLoss(state.count > LEAST_DIVISOR, state.mean, variance)
 
 
 def log_likelihood(loss: SeenLoss, combinations: np.ndarray, slips: Sequence[SlipBelief], b: np.ndarray) -> list[Any]:

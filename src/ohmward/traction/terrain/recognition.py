@@ -28,7 +28,9 @@ from ohmward.filters.linear_algebra import cholesky, solve_lower
 from ohmward.filters.sanitize import every
 from ohmward.trace import exp, log, maximum, minimum, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.intervals import LEAST_DIVISOR
 from ohmward.traction.robot.robot import Robot
+from ohmward.traction.terrain.crossing import MEMORY_S
 from ohmward.traction.terrain.demand import drag_columns, mean_load
 from ohmward.traction.terrain.floor import Floor, like, new_floor
 
@@ -42,17 +44,15 @@ MIXED_SHARE = 0.05
 #: Share of the floors never met that ask for about the forces of a known one; the rest may ask for any. The carpets of
 #: the three campaigns with Robotino do (0.21 to 0.25 of the weight), with slips of 0.2 to 0.5.
 LIKE_SHARE = 0.8
-#: The forces of a start settle for so long [s]: the filter's force begins at 0, and bodies and rollers accelerate.
+#: The forces of a start settle for so long [s]: the filter's force begins at 0, and bodies and rollers accelerate. Then
+#: they are averaged over `MEMORY_S` at most, so that a crossing that was missed is forgotten.
 SETTLING_S = 0.5
-#: Then they are averaged over at most so long [s], as in the test for crossings, so that a missed one is forgotten.
-FORCE_MEMORY_S = 3.0
 #: b. The mean force of a run errs by 0.03 of the load, of which the spread of a floor's drag has the larger part.
 PERSISTENT_SHARE = 0.1
 #: Share of the alarms of the crossing test that are right, about, for a robot that crosses every few minutes.
 RIGHT_SHARE = 0.5
 #: Least probability of a combination: one that was excluded can come back.
 _LEAST_PROBABILITY = 1e-30
-_TINY = 1e-9
 
 
 class FloorForces(NamedTuple):
@@ -181,8 +181,8 @@ class Recognition:
     ) -> tuple[np.ndarray, Scalar]:
         """Mean of the forces (driven,) and the time that it covers."""
         dt_s = minimum(dt_s, self.correlation_s)  # a sample after a gap is one look
-        averaged_s = where(alarm, 0.0, where(restart, -SETTLING_S, minimum(state.averaged_s + dt_s, FORCE_MEMORY_S)))
-        share = where(averaged_s > dt_s, dt_s / maximum(averaged_s, _TINY), 1.0)
+        averaged_s = where(alarm, 0.0, where(restart, -SETTLING_S, minimum(state.averaged_s + dt_s, MEMORY_S)))
+        share = where(averaged_s > dt_s, dt_s / maximum(averaged_s, LEAST_DIVISOR), 1.0)
         return state.mean_N + share * (drag_N - state.mean_N), averaged_s
 
     def prior(self, state: RecognitionState, alarm: Scalar, ended: Scalar, dt_s: Scalar) -> np.ndarray:

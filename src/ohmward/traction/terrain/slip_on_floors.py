@@ -238,10 +238,10 @@ class SlipOnFloors:
         outside = loss_sample(clean, belief.rim, belief.rim_std, rate, maximum(travel_speed(belief.rim), SLOWEST_M_S))
         unsettled = some([result.alarm, result.restart, logical_not(moving)])
         loss = averaged(state.loss, outside, unsettled, clean.dt_s)
-        by_outside_speed = log_likelihood(seen(loss), self.recognition.combinations, slips, self.share_lost[0])
+        by_outside_speed = log_likelihood(seen(loss), self.recognition.combinations, slips, robot.motion_by_rims[0])
         recognised = self.recognise(state.recognised, forces, result, moving, clean.dt_s, by_outside_speed)
         probability = self.recognition.by_wheel(recognised.combinations)
-        slip = corrected(self.mixture(slips, probability), seen(loss), self.share_lost[0])
+        slip = corrected(self.mixture(slips, probability), seen(loss), robot.motion_by_rims[0])
         estimate = self.conclude(belief, slip, probability, moving)._replace(
             crossing=where(result.alarm, 1.0, 0.0),
             drag_before=drag_share(robot, belief.rim, state.crossing.mean * mean_load(robot)),
@@ -297,11 +297,6 @@ class SlipOnFloors:
         _, estimates = self.kernel.scan(self.init(first_of(samples)), samples)
         return FloorRun(log.time_s, estimates, time.perf_counter() - began)
 
-    @cached_property
-    def share_lost(self) -> np.ndarray:
-        """B (freedoms, driven): loss of each motion by each wheel's slip, over the rims' travel speed."""
-        return np.linalg.pinv(self.wheels.robot.rolling[: self.wheels.robot.driven])
-
     def slips(self, belief: WheelBelief) -> list[SlipBelief]:
         """Belief in the slip of the driven wheels on each of all floors, from their forces."""
         robot = self.wheels.robot
@@ -324,7 +319,7 @@ class SlipOnFloors:
         probability: (wheels, floors).
         moving: the condition that the motion of the rims is known.
         """
-        robot, B = self.wheels.robot, self.share_lost
+        robot, B = self.wheels.robot, self.wheels.robot.motion_by_rims
         slip, C = slips
         u, var_u = travel_speed(belief.rim), travel_variance(belief)
         loss = B @ slip

@@ -109,7 +109,7 @@ class WheelFilter:
         """State of rims that turn as the first sample says, as far as it has encoders, with unknown forces."""
         robot, measured = self.robot, first.wheel_measured[: self.robot.driven]
         speed_m_s = first.wheel_speed_rad_s[: robot.driven] * robot.wheel.radius_m
-        mean = np.concatenate([np.linalg.pinv(robot.rolling[: robot.driven]) @ speed_m_s, np.zeros(robot.driven)])
+        mean = np.concatenate([robot.motion_by_rims @ speed_m_s, np.zeros(robot.driven)])
         unknown = 1.0 if measured.all() else _UNKNOWN_M_S / self.speed_walk
         initial_std = self.walk * np.repeat([unknown, 1.0], [robot.freedoms, robot.driven])
         return WheelState(pack(Belief(mean, np.diag(initial_std**2))), self.given, self.given_samples)

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from ohmward.battery.battery import require_rc
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocSample
 from ohmward.logs import Log
@@ -58,4 +57,4 @@ def test_the_filter_of_P_starts_full_whatever_it_is_given():
     assert far.rmse == near.rmse
     first = SocSample(0.0, 0.0, 12.0, 25.0)
     state = method.make(identified("nca")).init(first, 0.5)
-    assert state.belief.mean[0] == pytest.approx(require_rc(identified("nca")).ocv.voltage_V[-1])
+    assert state.belief.mean[0] == pytest.approx(identified("nca").thevenin.ocv.voltage_V[-1])

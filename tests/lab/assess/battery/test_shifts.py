@@ -74,4 +74,3 @@ def test_random_numbers_depend_on_the_words_alone():
 
 def test_the_battery_file_is_that_of_the_battery():
     assert identified("nca").capacity_Ah == BATTERIES["nca"].circuit.capacity_Ah
-    assert identified("nca").rc is not None

@@ -13,6 +13,7 @@ from ohmward.battery.models import rc
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.soc.sample import SocSample
 from ohmward.logs import Log, read_log
+from ohmward_lab.published import rc_circuit
 
 #: A 12 V battery of 6 Ah with R_b = R_s, as in [T]; its open-circuit voltage is a straight line.
 EVEN = rc.Circuit(17_000.0, 300.0, 0.03, 0.03, 0.02)
@@ -48,7 +49,7 @@ def rates_with_voltage(p: rc.Circuit | rc.RcModel) -> tuple[np.ndarray, np.ndarr
     """A (3, 3) and B (3,) of dx/dt = A x + B i for x = [V_cb, V_cs, V] while di/dt = 0 ([P] 2.2, signs restored)."""
     R_b, R_s, R_t = p.r_bulk_ohm, p.r_surface_ohm, p.r_terminal_ohm
     D = R_b + R_s
-    A33 = rc.disturbance_rate(p)
+    A33 = rc_circuit.disturbance_rate(p)
     surface = (R_b**2 / D + R_t + R_s * R_b / D) / (p.c_surface_F * D)
     B31 = surface - R_s * R_t / (p.c_bulk_F * R_b * D)
     A, B = rates(p)
@@ -81,12 +82,12 @@ def simulate(
     current_A, dt = drive(rng, count), np.broadcast_to(dt_s, count).copy()
     dt[0] = 0.0
     model = model_of(circuit)
-    x, states, voltage_V = model.at_rest(soc), [], []
+    x, states, voltage_V = rc_circuit.at_rest(model, soc), [], []
     for k in range(count):
         p = scaled(circuit, 1 - warming * k / count)
-        x = rc.next_state(x, 0.5 * (current_A[max(k - 1, 0)] + current_A[k]), p, dt[k])
+        x = rc_circuit.next_state(x, 0.5 * (current_A[max(k - 1, 0)] + current_A[k]), p, dt[k])
         states.append(x)
-        voltage_V.append(rc.voltage(x, current_A[k], p)[0])
+        voltage_V.append(rc_circuit.voltage(x, current_A[k], p)[0])
     measured = SocSample(
         dt,
         current_A + offset_A + current_std_A * rng.standard_normal(count),

@@ -26,25 +26,21 @@ relaxation, and C is that of the straight line through the part of the curve tha
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.chemistries import CELL_V, chemistry_prior
 from ohmward.battery.identification.fit_samples import scan
-from ohmward.battery.identification.record import Record, count_charge, find_gaps, known_current_A
-from ohmward.battery.identification.soc_axis import SocAxis
+from ohmward.battery.identification.record import count_charge, find_gaps, known_current_A
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import RcModel, circuit_by_rule, circuit_of
-from ohmward.battery.models.temperature import ROOM_DEGC, arrhenius_factor
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
-from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 from ohmward.optional import require
+from ohmward_lab.published import rc_circuit
 
 #: Currents below this rate neither charge nor discharge.
 _ZERO_RATE = 1 / 200
@@ -365,21 +361,6 @@ class RcIdentification(NamedTuple):
     not_identified: tuple[str, ...]  #: what could not be identified, and why
 
 
-def rc_of_records(
-    records: Sequence[Record], axes: Sequence[SocAxis], capacity_Ah: float, ocv: OcvCurve | None
-) -> tuple[RcIdentification, Record, SocAxis]:
-    """The RC model from the record that moves most charge, a low-rate test aside, and that record with its axis.
-
-    ocv: None takes the straight line through the record.
-    """
-    moved_Ah = [float(np.abs(r.charge.moved_Ah).sum()) * (r.test != "low-rate") for r in records]
-    most = int(np.argmax(moved_Ah))
-    record, axis = records[most], axes[most]
-    first_s = outside_long_charges(record.log, capacity_Ah).time_s[0]
-    start_soc = float(np.interp(first_s, record.log.time_s, axis.soc))
-    return identify_rc(record.log, ocv, capacity_Ah, start_soc), record, axis
-
-
 def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: float | None = None) -> RcIdentification:
     """The RC model of the battery in the log.
 
@@ -406,7 +387,7 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
         soc = _soc_along(samples, _start_soc(samples, response, ocv, start_soc), capacity_Ah)
         ocv_V = ocv.mean_V(soc, ocv.reference_degC)
         fit = fit_voltage(samples, ocv_V)
-    total_F = rc.capacitance_for(capacity_Ah, curve)
+    total_F = rc_circuit.capacitance_for(capacity_Ah, curve)
     rule = RcModel(*circuit_by_rule(response.r_total_ohm, tau.tau_s, total_F), curve, capacity_Ah)
     model = rule if fit is None else RcModel(*circuit_of(*fit.numbers), curve, capacity_Ah)
     line_slope_V = 0.0 if ocv else curve.voltage_V[-1] - curve.voltage_V[0]
@@ -551,33 +532,3 @@ def _missing(
             "the open-circuit voltage"
         )
     return tuple(sentences)
-
-
-def with_activation(
-    found: RcIdentification, activation_K: float, noise: BatteryNoise, record_degC: float | None
-) -> RcIdentification:
-    """The RC model with an activation and the noise that belongs to it; its resistances at the curve's temperature.
-
-    noise: with the doubts of activation and open-circuit voltage.
-    record_degC: temperature of the record that it was identified from; None where that is unknown.
-    """
-    reference_degC = found.model.ocv.reference_degC
-    factor = 1.0 if record_degC is None else arrhenius_factor(record_degC, activation_K, reference_degC)
-    names = ("r_bulk_ohm", "r_surface_ohm", "r_terminal_ohm")
-    resistances = {name: getattr(found.model, name) / factor for name in names}
-    model = replace(found.model, activation_K=activation_K, **resistances)
-    own = replace(found.noise, activation_std_K=noise.activation_std_K, ocv_std_V_per_K=noise.ocv_std_V_per_K)
-    return found._replace(model=model, noise=own)
-
-
-def with_usual_activation(found: RcIdentification, chemistry: str, record_degC: float | None) -> RcIdentification:
-    """As `with_activation`, with what is usual for the chemistry, "" where that is unknown; half ohmic, half pairs."""
-    prior, volts = chemistry_prior(chemistry), float(np.mean(found.model.ocv.voltage_V)) / CELL_V
-    activation_K = 0.5 * (prior.activation_K.mean + prior.pair_activation_K.mean)
-    noise = BatteryNoise(activation_std_K=prior.activation_std_K, ocv_std_V_per_K=volts * prior.ocv_std_V_per_K)
-    sentence = (
-        f"activation of the resistances: {activation_K:.0f} ± {BAND_95 * prior.activation_std_K:.0f} K (95 %) was "
-        f"taken, as usual for {chemistry or 'batteries'}"
-    )
-    usual = with_activation(found, activation_K, noise, record_degC)
-    return usual._replace(not_identified=(*usual.not_identified, sentence))

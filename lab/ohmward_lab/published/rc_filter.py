@@ -44,6 +44,7 @@ from ohmward.filters.gate import choose, require_gate, time_rejected
 from ohmward.lab import lab
 from ohmward.trace import clip, exp, logical_not, maximum, sqrt, where
 from ohmward.trace.expression import Scalar
+from ohmward_lab.published import rc_circuit
 
 BULK, SURFACE, MODEL_ERROR, OFFSET, RESISTANCE, SOC = range(6)
 
@@ -186,7 +187,13 @@ class RcFilter:
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the belief's mean, in order."""
-        return (*rc.STATE_NAMES, "model_error", "offset_A", "resistance", *(("soc",) if self.link.soc_is_state else ()))
+        return (
+            *rc_circuit.STATE_NAMES,
+            "model_error",
+            "offset_A",
+            "resistance",
+            *(("soc",) if self.link.soc_is_state else ()),
+        )
 
     @property
     def limits(self) -> SampleLimits:
@@ -243,7 +250,7 @@ class RcFilter:
     ) -> tuple[RcFilterState, SocEstimate]:
         """State and estimate after a sample; `parameters` replace the model's where they are given."""
         clean = sanitize(sample, CircuitInput(state.current_A, ROOM_DEGC), self.limits, state.unknown_s)
-        parameters = parameters or RcParameters(self.model.circuit_at(clean.now.temperature_degC))
+        parameters = parameters or RcParameters(rc_circuit.circuit_at(self.model, clean.now.temperature_degC))
         prior = self.predict(unpack(state.belief), clean, parameters)
         update = self.correct(prior, state.rejected_s, clean, parameters)
         posterior, limited = self.link.project(update.belief)
@@ -262,7 +269,7 @@ class RcFilter:
 
     def transition(self, p: rc.Circuit | rc.RcModel, decay: Scalar, dt_s: Scalar) -> tuple[np.ndarray, np.ndarray]:
         """F (n, n) and B (n,) of the step x+ = F x + B i_measured; decay: factor of the model error."""
-        A, b = rc.transition(p, dt_s)
+        A, b = rc_circuit.transition(p, dt_s)
         B = self.vector(bulk_V=b[0], surface_V=b[1], soc=dt_s / self.model.capacity_As)
         diagonal = self.vector(model_error=decay, offset_A=1.0, resistance=1.0, soc=1.0)
         F = _block_diagonal(A, np.diag(diagonal[MODEL_ERROR:]))
@@ -328,7 +335,7 @@ class RcFilter:
 
     def overpotential(self, x: np.ndarray, current_A: Scalar, p: rc.Circuit | rc.RcModel) -> Scalar:
         """Voltage beyond V_cb [V] in state x at the measured current, with the resistances of p."""
-        return rc.voltage(x[:2], current_A - x[OFFSET], p)[0] - x[BULK]
+        return rc_circuit.voltage(x[:2], current_A - x[OFFSET], p)[0] - x[BULK]
 
     def output(self, p: rc.Circuit | rc.RcModel, model_std_V: Scalar, overpotential_V: Scalar) -> np.ndarray:
         """H (1, n): the voltage is H x + `rc.instant_resistance` * measured current."""

@@ -8,23 +8,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from battery.rc_examples import EVEN, UNEVEN, log_of, measured_log, model_of, row, simulate
 from kernels import kernel_of as compiled
-from ohmward.battery.identification.rc_identification import identify_rc
 from ohmward.battery.models import rc
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.clean_sample import SampleLimits, sanitize
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.rc_filter import BULK, MODEL_ERROR, OFFSET, RESISTANCE, SOC, RcFilter, RcParameters
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.errors import InputError
 from ohmward.filters import kalman
 from ohmward.filters.belief import unpack
 from ohmward.trace import Kernel
+from ohmward_lab.published import rc_circuit
+from ohmward_lab.published.rc_filter import BULK, MODEL_ERROR, OFFSET, RESISTANCE, SOC, RcFilter, RcParameters
+from ohmward_lab.published.rc_identification import identify_rc
 from ohmward_lab.published.rc_joint import adaptive_soc_of, nominal_of
 from ohmward_lab.published.soc_by_curve import SocByCurve
+from published.rc_examples import EVEN, UNEVEN, log_of, measured_log, model_of, row, simulate
 
 NAN = math.nan
 MODEL = model_of(EVEN)
@@ -132,7 +133,7 @@ def test_without_doubts_it_is_the_textbook_filter():
     H, before_A = np.array([rc.divider(UNEVEN)[::-1]]), state.current_A
     for k in range(300):
         sample = row(run.samples, k)
-        F, B = rc.transition(UNEVEN, sample.dt_s)
+        F, B = rc_circuit.transition(UNEVEN, sample.dt_s)
         path = (0.15 * (sample.current_A - before_A) * sample.dt_s) ** 2
         variance_As2 = sensor.noise_std_A**2 * sample.dt_s + path
         Q = np.full((2, 2), variance_As2 / sum(UNEVEN[:2]) ** 2)
@@ -152,13 +153,13 @@ def test_system_is_linear_in_offset_and_output_in_resistance():
     estimator = RcFilter(model_of(UNEVEN), soc_as="curve")
     F, B = estimator.transition(UNEVEN, 0.9, 2.0)
     after = F @ x + B * 5.0
-    np.testing.assert_allclose(after[:2], rc.next_state(x[:2], 5.0 - 0.3, UNEVEN, 2.0), atol=1e-12)
+    np.testing.assert_allclose(after[:2], rc_circuit.next_state(x[:2], 5.0 - 0.3, UNEVEN, 2.0), atol=1e-12)
     np.testing.assert_allclose(after[2:], [0.63, 0.3, 0.1])
     over_V = estimator.overpotential(x, 5.0, UNEVEN)
-    expected = rc.voltage(x[:2], 5.0 - 0.3, UNEVEN)[0] + 0.02 * 0.7 + 0.1 * over_V
+    expected = rc_circuit.voltage(x[:2], 5.0 - 0.3, UNEVEN)[0] + 0.02 * 0.7 + 0.1 * over_V
     found = estimator.output(UNEVEN, 0.02, over_V) @ x + rc.instant_resistance(UNEVEN) * 5.0
     np.testing.assert_allclose(found, [expected])
-    assert over_V == pytest.approx(rc.voltage(x[:2], 4.7, UNEVEN)[0] - 12.5)
+    assert over_V == pytest.approx(rc_circuit.voltage(x[:2], 4.7, UNEVEN)[0] - 12.5)
 
 
 def test_model_error_lives_along_charge():
@@ -191,7 +192,7 @@ def test_the_band_covers_a_population_in_the_cold():
     errors: dict[RcFilter, list[np.ndarray]] = {sure: [], honest: []}
     for seed in range(12):
         true_K = activation_K + spread_K * rng.standard_normal()
-        circuit = replace(MODEL, activation_K=true_K).circuit_at(-10.0)
+        circuit = rc_circuit.circuit_at(replace(MODEL, activation_K=true_K), -10.0)
         run = simulate(circuit, 3000, seed, voltage_std_V=0.002, current_std_A=0.02, soc=0.9)
         samples = run.samples._replace(temperature_degC=np.full(3000, -10.0))
         for filter_, found in errors.items():

@@ -5,8 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from battery.rc_examples import CAPACITY_AH, EVEN, UNEVEN, log_of, model_of, simulate
-from ohmward.battery.identification.rc_identification import (
+from ohmward.battery.models import rc
+from ohmward.battery.models.ocv import OcvCurve
+from ohmward.errors import InputError
+from ohmward.logs import Log
+from ohmward_lab.published import rc_circuit
+from ohmward_lab.published.rc_identification import (
     FIRST_S,
     filtered,
     find_response,
@@ -15,10 +19,7 @@ from ohmward.battery.identification.rc_identification import (
     identify_rc,
     outside_long_charges,
 )
-from ohmward.battery.models import rc
-from ohmward.battery.models.ocv import OcvCurve
-from ohmward.errors import InputError
-from ohmward.logs import Log
+from published.rc_examples import CAPACITY_AH, EVEN, UNEVEN, log_of, model_of, simulate
 
 LINE = model_of(EVEN).ocv
 four_numbers = rc.four_numbers
@@ -28,10 +29,10 @@ def pulses(circuit, dt_s=0.02, count=4):
     """Log of pulses of 5 A for 2 s from rest, each followed by 20 s of rest."""
     time_s = np.arange(0, count * 22.0, dt_s)
     current_A = np.where(time_s % 22.0 >= 20.0, -5.0, 0.0)
-    x, voltage_V = model_of(circuit).at_rest(0.9), []
+    x, voltage_V = rc_circuit.at_rest(model_of(circuit), 0.9), []
     for k, i in enumerate(current_A):
-        x = rc.next_state(x, i, circuit, dt_s if k else 0.0)
-        voltage_V.append(rc.voltage(x, i, circuit)[0])
+        x = rc_circuit.next_state(x, i, circuit, dt_s if k else 0.0)
+        voltage_V.append(rc_circuit.voltage(x, i, circuit)[0])
     return Log("pulses", time_s, current_A, np.array(voltage_V))
 
 

@@ -1,0 +1,204 @@
+"""What a notebook shows of a result that stands alone in a cell: a few lines and a small picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from functools import singledispatch
+from typing import Any
+from zoneinfo import ZoneInfo
+
+import numpy as np
+
+from ohmward.battery.battery import Battery
+from ohmward.battery.cells.pack_estimator import PackRun
+from ohmward.battery.learning.fold import known
+from ohmward.battery.soc.estimator import SocRun
+from ohmward.energy.range_estimator import RangeRun
+from ohmward.errors import InputError
+from ohmward.figures import battery, slip
+from ohmward.figures.numbers import duration, normal, percent, quantity
+from ohmward.figures.plot import range_figures
+from ohmward.filters.consistency import BAND_95
+from ohmward.filters.run import Run
+from ohmward.logs.drive_log import DriveLog
+from ohmward.logs.log import SECONDS_PER_HOUR, Log
+from ohmward.quantities import QUANTITIES
+from ohmward.report.card import card as html_card
+from ohmward.traction.odometry.estimator import OdometryRun
+from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.estimator import SlipRun
+from ohmward.traction.terrain.slip_on_floors import FloorRun
+
+#: Warnings of a log that its card shows.
+_MOST_WARNINGS = 3
+
+
+@singledispatch
+def card(result: Any) -> str:
+    """HTML of a log, a battery, a robot or a run.
+
+    Raises:
+        InputError: something else.
+    """
+    raise InputError(f"a card shows a log, a battery, a robot or a run, got {type(result).__name__}")
+
+
+@card.register
+def _(log: Log) -> str:
+    charge = log.charge_Ah()
+    facts = {
+        **_extent(log),
+        "current": _range(log.current_A, "A", "> 0 charges"),
+        "voltage": _range(log.voltage_V, "V"),
+        "temperature": "" if log.temperature_degC is None else _range(log.temperature_degC, "°C"),
+        "charge": f"{charge[-1]:+.3g} Ah at the end, {log.throughput_Ah():.3g} Ah in and out",
+        **_also(log),
+    }
+    return html_card(log.name, facts, battery.voltage_figure(log))
+
+
+@card.register
+def _(log: DriveLog) -> str:
+    wheels, driven = log.wheel_speed_rad_s.shape[1], log.motor_current_A.shape[1]
+    facts = {
+        **_extent(log),
+        "wheels": f"{wheels}, {driven} of them driven",
+        "wheel speed": _range(log.wheel_speed_rad_s, "rad/s"),
+        "motor current": _range(log.motor_current_A, "A"),
+        "body": ", ".join(QUANTITIES[name].label.lower() for name in log.channels) or "nothing measured",
+        **_also(log),
+    }
+    names = [f"wheel {k + 1}" for k in range(wheels)]
+    return html_card(log.name, facts, slip.wheels_figure(log, names))
+
+
+@card.register
+def _(found: Battery) -> str:
+    facts = {
+        "cells": f"{found.n_series:g} in series" + (f", {found.chemistry}" if found.chemistry else ""),
+        "capacity": quantity(found.capacity_Ah, "Ah"),
+        "voltage": f"{found.voltage_min_V:.4g} to {found.voltage_max_V:.4g} V",
+    }
+    sure = known(found)
+    facts |= {
+        "capacity": f"{normal(sure.capacity_Ah._asdict(), 'Ah')} (95 %)",
+        "resistance": f"{normal(sure.resistance_ohm._asdict(), 'mΩ', 1e3)} (95 %), ten seconds of 1 C at half charge",
+        "curve": f"± {quantity(BAND_95 * float(np.median(sure.ocv_std_V)), 'mV', 1e3, 2)} (95 %), the median over SoC",
+        "learnt from": f"{sure.logs} logs, {duration(sure.hours * SECONDS_PER_HOUR)}" if sure.logs else "",
+        "not known": "; ".join(found.not_identified[:1]),
+    }
+    return html_card(found.name, facts, battery.ocv_figure(found.thevenin.ocv))
+
+
+@card.register
+def _(robot: Robot) -> str:
+    facts = {
+        "chassis": type(robot.chassis).__name__,
+        "wheels": f"{len(robot.places)}, driven: {', '.join(name.replace('_', ' ') for name in robot.driven_wheels)}",
+        "radius": quantity(robot.wheel.radius_m, "m"),
+        "mass": quantity(robot.mass_kg, "kg"),
+        "idle power": quantity(robot.idle_W, "W") if robot.idle_W else "",
+    }
+    return html_card(robot.name, facts)
+
+
+@card.register
+def _(run: SocRun) -> str:
+    e = run.estimates
+    facts = {
+        **_steps(run),
+        "SoC at the end": f"{percent(e.soc[-1], 1)} ± {percent(BAND_95 * e.soc_std[-1], 1)} (95 %)",
+        "SoC before": f"{percent(float(np.nanmin(e.soc)), 1)} to {percent(float(np.nanmax(e.soc)), 1)}",
+        "in words": run.explain().sentence,
+    }
+    return html_card("State of charge", facts, battery.soc_figure(run, e))
+
+
+@card.register
+def _(run: PackRun) -> str:
+    pack = run.figures()
+    facts = {
+        **_steps(run),
+        "pack at the end": f"{percent(pack['soc'], 1)} ± {percent(BAND_95 * pack['soc_std'], 1)} (95 %)",
+        "weakest": str(pack["weakest"]),
+        "warnings": "; ".join(warning.text for warning in run.warnings()),
+    }
+    return html_card("Cells of the pack", facts, battery.cells_soc_figure(run))
+
+
+@card.register
+def _(run: SlipRun) -> str:
+    e = run.estimates
+    slipping = np.asarray(e.slipping).max(axis=1) > 0.5
+    facts = {
+        **_steps(run),
+        "speed at the end": f"{e.speed_m_s[-1]:.3f} ± {BAND_95 * e.speed_std_m_s[-1]:.2g} m/s (95 %)",
+        "greatest speed": quantity(float(np.nanmax(np.abs(e.speed_m_s))), "m/s"),
+        "a wheel slips": f"{percent(float(slipping.mean()), 1)} of the samples",
+    }
+    return html_card("Speed and slip", facts, slip.speed_figure(run))
+
+
+@card.register
+def _(run: OdometryRun) -> str:
+    e = run.estimates
+    facts = {
+        **_steps(run),
+        "pose at the end": f"{e.x_m[-1]:.2f} m forward, {e.y_m[-1]:.2f} m to the left, turned by "
+        f"{np.degrees(e.yaw_rad[-1]):.1f}°",
+        "position": f"± {BAND_95 * e.position_std_m[-1]:.2g} m (95 %)",
+        "way": quantity(float(e.distance_m[-1]), "m"),
+    }
+    return html_card("Path", facts, slip.path_map(run))
+
+
+@card.register
+def _(run: FloorRun) -> str:
+    crossings = f"{len(run.crossings)}" if run.crossings else "none"
+    return html_card("Slip on floors", {**_steps(run), "other floors met": crossings}, slip.floor_plots(run)[0])
+
+
+@card.register
+def _(run: RangeRun) -> str:
+    p10, p50, p90 = (np.asarray(values)[-1] for values in run.distance_m)
+    facts = {**_steps(run), "range at the end": f"{p50:.0f} m, {p10:.0f} to {p90:.0f} (P10 to P90)"}
+    return html_card("Range", facts, range_figures(run)[0])
+
+
+def _steps(run: Run[Any]) -> dict[str, str]:
+    flags = ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in run.counts().items())
+    hours = duration(float(run.time_s[-1] - run.time_s[0])) if len(run.time_s) else "0 s"
+    return {"samples": f"{len(run.time_s):,} in {hours}", "flags": flags or "none"}
+
+
+def _extent(log: Log | DriveLog) -> dict[str, str]:
+    interval = f", every {np.median(log.dt_s):.3g} s" if len(log) > 1 else ""
+    return {"begins": _date(log), "samples": f"{len(log):,} in {duration(log.duration_s)}{interval}"}
+
+
+def _date(log: Log | DriveLog) -> str:
+    if log.start_unix_s is None:
+        return ""
+    zone = ZoneInfo(log.time_zone) if log.time_zone else UTC
+    start = datetime.fromtimestamp(log.start_unix_s + float(log.time_s[0]), zone)
+    return f"{start:%Y-%m-%d %H:%M:%S} {log.time_zone}".strip()
+
+
+def _also(log: Log | DriveLog) -> dict[str, str]:
+    warnings = [note.text for note in log.notes if note.level == "warning"]
+    others = f"; {len(warnings) - _MOST_WARNINGS} more" if len(warnings) > _MOST_WARNINGS else ""
+    return {
+        "also": ", ".join(list(log.extra)[:6]) + (" ..." if len(log.extra) > 6 else ""),
+        "warnings": "; ".join(warnings[:_MOST_WARNINGS]) + others,
+    }
+
+
+def _range(values: np.ndarray, unit: str, remark: str = "") -> str:
+    known_values = values[np.isfinite(values)]
+    if not known_values.size:
+        return "not measured"
+    missing = 1.0 - known_values.size / values.size
+    text = f"{known_values.min():.4g} to {known_values.max():.4g} {unit}"
+    remarks: Sequence[str] = [remark, f"{percent(missing, 1)} missing" if missing > 0.0 else ""]
+    return text + "".join(f", {r}" for r in remarks if r)

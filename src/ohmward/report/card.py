@@ -1,0 +1,103 @@
+"""A card: a title, a few facts and a small picture, as a notebook shows a log, a battery or a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from typing import Final
+
+import numpy as np
+
+from ohmward.report.figure import MEANING, SHADES, Band, Figure, Series, colours, envelope, m4
+from ohmward.report.map import Line, Map
+
+#: Size of the picture [px], and the columns in which its lines are looked at.
+_WIDTH, _HEIGHT, _COLUMNS = 320.0, 90.0, 320
+#: Extent of a path that does not move in a direction.
+_TINY: Final = 1e-9
+_CARD: Final = "display:inline-flex;gap:24px;align-items:center;font-size:13px;line-height:1.5"
+_NAME: Final = "font-size:13px;text-align:left;padding:0 12px 0 0;font-weight:normal;opacity:.7"
+_VALUE: Final = "font-size:13px;text-align:left;padding:0"
+
+
+def card(title: str, facts: Mapping[str, str], figure: Figure | Map | None = None) -> str:
+    """HTML of its own style, readable on a light and on a dark background.
+
+    facts: name and value, a row each; those without a value are left out.
+    figure: its left axis is drawn; of a map its last line.
+    """
+    rows = "".join(
+        f'<tr><th style="{_NAME}">{escape(name)}</th><td style="{_VALUE}">{escape(value)}</td></tr>'
+        for name, value in facts.items()
+        if value
+    )
+    picture = "" if figure is None else f"<div>{_svg(figure)}<div>{escape(figure.y_label)}</div></div>"
+    return f'<div style="{_CARD}"><div><b>{escape(title)}</b><table>{rows}</table></div>{picture}</div>'
+
+
+def _svg(figure: Figure | Map) -> str:
+    drawn = _path(figure.lines[-1]) if isinstance(figure, Map) else _curves(figure)
+    return (
+        f'<svg viewBox="0 -2 {_WIDTH:g} {_HEIGHT + 4:g}" width="{_WIDTH:g}" role="img" '
+        f'aria-label="{escape(figure.title, quote=True)}">{drawn}</svg>'
+    )
+
+
+def _path(line: Line) -> str:
+    """A line from above at one scale."""
+    points = np.column_stack([line.x, line.y]).astype(float)
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) < 2:
+        return ""
+    low, extent = points.min(axis=0), np.ptp(points, axis=0)
+    scale = np.full(2, min(_WIDTH / (extent[0] or _TINY), _HEIGHT / (extent[1] or _TINY)))
+    return _polyline(_places(points[:, 0], points[:, 1], low, scale), SHADES[MEANING[line.role]].light)
+
+
+def _curves(figure: Figure) -> str:
+    """Bands and lines of the left axis."""
+    lines = [series for series in figure.series if series.axis == "left" and np.isfinite(series.y).any()]
+    if not lines:
+        return ""
+    visible = [v[np.isfinite(v)] for v in [*(s.y for s in lines), *(v for b in figure.bands for v in (b.low, b.high))]]
+    x_low, x_high = float(min(s.x[0] for s in lines)), float(max(s.x[-1] for s in lines))
+    low, high = figure.y_limits or (min(v.min() for v in visible if v.size), max(v.max() for v in visible if v.size))
+    scale = np.array([_WIDTH / ((x_high - x_low) or 1.0), _HEIGHT / ((float(high) - float(low)) or 1.0)])
+    corner = np.array([x_low, float(low)])
+    names = colours([series.role for series in lines])
+    bands = "".join(_band(band, corner, scale) for band in figure.bands)
+    curves = "".join(_line(series, name, corner, scale) for series, name in zip(lines, names, strict=True))
+    return bands + curves
+
+
+def _line(series: Series, colour: str, corner: np.ndarray, scale: np.ndarray) -> str:
+    """A line in pieces between its gaps, or dots."""
+    rows = m4(series.x, series.y, _COLUMNS)
+    points = _places(series.x[rows], series.y[rows], corner, scale)
+    stroke = SHADES[colour].light
+    if series.style == "points":
+        dots = points[np.isfinite(points[:, 1])]
+        return "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1" fill="{stroke}"/>' for x, y in dots)
+    gaps = np.flatnonzero(~np.isfinite(points[:, 1]))
+    pieces = (piece[np.isfinite(piece[:, 1])] for piece in np.split(points, gaps))
+    return "".join(_polyline(piece, stroke) for piece in pieces if len(piece) > 1)
+
+
+def _polyline(points: np.ndarray, stroke: str) -> str:
+    text = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+    return f'<polyline points="{text}" fill="none" stroke="{stroke}" stroke-width="1.2"/>'
+
+
+def _band(band: Band, corner: np.ndarray, scale: np.ndarray) -> str:
+    x, low, high = envelope(band.x, band.low, band.high, _COLUMNS)
+    known = np.isfinite(low) & np.isfinite(high)
+    above, below = (_places(x[known], edge[known], corner, scale) for edge in (high, low))
+    outline = " ".join(f"{x:.1f},{y:.1f}" for x, y in np.vstack([above, below[::-1]]))
+    return f'<polygon points="{outline}" fill="{SHADES[MEANING[band.role]].light}" opacity="0.2"/>'
+
+
+def _places(x: np.ndarray, y: np.ndarray, corner: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Points (n, 2) of the picture, y downwards; what leaves it stays at its edge."""
+    points = (np.column_stack([x, y]) - corner) * scale
+    points[:, 1] = _HEIGHT - np.clip(points[:, 1], 0.0, _HEIGHT)
+    return points
