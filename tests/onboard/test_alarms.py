@@ -47,6 +47,12 @@ def test_a_value_has_to_stay_beyond_its_limit():
     assert found == [(), (), (), (), (), ("low",)]
 
 
+def test_between_two_looks_nothing_that_is_measured_is_missed():
+    watch = AlarmWatch(AT_ONCE, look_s=0.2)
+    reported = state(time_s=0.1)._replace(sample={"bms_alarm": 4.0})
+    assert names(watch, state(time_s=0.0), reported, state(time_s=0.25)) == [(), (), ("bms",)]
+
+
 def test_the_low_end_of_the_band_counts_and_a_band_that_says_nothing_changes_nothing():
     assert names(AlarmWatch(AT_ONCE), state(0.3, 0.09)) == [("low",)]
     assert names(AlarmWatch(AT_ONCE), state(0.5, 0.25)) == [()]

@@ -45,12 +45,17 @@ class AlarmLimits:
 class AlarmWatch:
     """Alarms from states in order.
 
+    Args:
+        limits: of the alarms.
+        look_s: time between two looks at a state at least; what is measured in between is not missed.
+
     Attributes:
         alarms: those that are raised, the most urgent first.
     """
 
-    def __init__(self, limits: AlarmLimits | None = None):
-        self.limits = limits or AlarmLimits()
+    def __init__(self, limits: AlarmLimits | None = None, look_s: float = 0.0):
+        self.limits, self._look_s = limits or AlarmLimits(), look_s
+        self._looked_s = -math.inf
         self.alarms: tuple[Alarm, ...] = ()
         self._current_A = self._bms_alarm = 0.0
         self._beyond_s: dict[str, float] = {}  #: since when each value is beyond its limit
@@ -59,6 +64,9 @@ class AlarmWatch:
         """The alarms after a state."""
         self._current_A = state.sample.get("battery_current_A", self._current_A)
         self._bms_alarm = state.sample.get("bms_alarm", self._bms_alarm)
+        if 0.0 <= state.time_s - self._looked_s < self._look_s:
+            return self.alarms
+        self._looked_s = state.time_s
         before = {alarm.name: alarm for alarm in self.alarms}
         found: list[Alarm] = []
         for name, (excess, hysteresis, text) in self._excesses(state).items():
@@ -83,7 +91,8 @@ class AlarmWatch:
         limits, hysteresis = self.limits, self.limits.hysteresis
         found = dict.fromkeys(_MOST_URGENT_FIRST, (math.nan, 0.0, ""))
         if state.slip and limits.stuck:
-            found["stuck"] = float(state.slip.immobilised) - 0.5, 0.0, _stuck(state)
+            stuck = float(state.slip.immobilised) - 0.5
+            found["stuck"] = stuck, 0.0, _stuck(state) if stuck > 0.0 else ""
         if limits.bms:
             text = f"The battery's own management reports an alarm ({self._bms_alarm:g})."
             found["bms"] = self._bms_alarm - 0.5, 0.0, text

@@ -43,14 +43,14 @@ class CanDatabase:
         """All signals of cantools by "MESSAGE.SIGNAL"."""
         return {f"{frame.name}.{found.name}": found for frame in self._frames.values() for found in frame.signals}
 
-    def decoded(self, frame_id: int, extended: bool, data: bytes) -> dict[str, float]:
-        """Numbers of a frame by "MESSAGE.SIGNAL"; none of one that is not in the file or cannot be decoded."""
+    def decoded(self, frame_id: int, extended: bool, data: bytes) -> dict[str, float] | None:
+        """Numbers of a frame by "MESSAGE.SIGNAL"; none of one that is not in the file, None where it is broken."""
         if (frame := self._by_identifier.get((frame_id, extended))) is None:
             return {}
         try:
             numbers = frame.decode_simple(data, decode_choices=False)
         except Exception:  # too short, an unknown multiplexer, a container: bits are no promise
-            return {}
+            return None
         return {f"{frame.name}.{name}": number for name, number in numbers.items()}
 
     def find(self, name: str) -> CanSignal:
@@ -82,15 +82,15 @@ class CanDecoder:
     """
 
     def __init__(self, database: CanDatabase, wiring: Wiring):
-        self._wiring = wiring
-        self._frames: dict[tuple[int, bool], Any] = {}
+        self._database, self._wiring = database, wiring
+        self._frames: set[tuple[int, bool]] = set()
         scaled: dict[str, str] = {}
         for name, uses in wiring.signals.items():
             found = database.find(name)
             for quantity, scale, _ in uses:
                 if line := _line_with_scale(name, quantity, scale, found.signal.unit):
                     scaled[f"{name} is in {found.signal.unit}"] = line
-            self._frames[found.frame.frame_id, found.frame.is_extended_frame] = found.frame
+            self._frames.add((found.frame.frame_id, found.frame.is_extended_frame))
         if scaled:
             raise InputError(f"{', '.join(scaled)}; write below signals\n" + "\n".join(scaled.values()))
 
@@ -101,14 +101,10 @@ class CanDecoder:
 
     def values(self, frame_id: int, extended: bool, data: bytes) -> dict[str, float] | None:
         """Quantities of a frame; none of a frame that is not wired, None of one that cannot be decoded."""
-        frame = self._frames.get((frame_id, extended))
-        if frame is None:
+        if (frame_id, extended) not in self._frames:
             return {}
-        try:
-            numbers = frame.decode_simple(data, decode_choices=False)
-        except Exception:  # too short, an unknown multiplexer, a container: bits are no promise
-            return None
-        return self._wiring.values({f"{frame.name}.{name}": number for name, number in numbers.items()})
+        numbers = self._database.decoded(frame_id, extended, data)
+        return None if numbers is None else self._wiring.values(numbers)
 
 
 class CanEncoder:

@@ -75,7 +75,9 @@ def of_can_log(path: str, database: CanDatabase) -> list[Offered]:
     try:
         with can.LogReader(path) as frames:
             for frame in frames:
-                heard.put(frame.timestamp, database.decoded(frame.arbitration_id, frame.is_extended_id, frame.data))
+                heard.put(
+                    frame.timestamp, database.decoded(frame.arbitration_id, frame.is_extended_id, frame.data) or {}
+                )
     except (OSError, ValueError, TypeError) as error:
         raise InputError(f"{path}: no readable recording of CAN ({error}); record it with candump -l") from error
     if not heard.names:
@@ -96,7 +98,7 @@ def of_bus(port: CanPort, database: CanDatabase, seconds: float) -> list[Offered
             while True:
                 for frame, received_s in await frames.take():
                     message = frame.arbitration_id, frame.is_extended_id, bytes(frame.data)
-                    heard.put(received_s, database.decoded(*message))
+                    heard.put(received_s, database.decoded(*message) or {})
 
     _for_so_long(listen(), seconds)
     if not heard.names:

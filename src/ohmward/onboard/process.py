@@ -30,6 +30,9 @@ from ohmward.onboard.sensor_watch import SensorWatch
 #: Time between two looks at sensors that should have reported.
 SENSOR_LOOK_S = 0.25
 
+#: Alarms are looked for no more often.
+ALARM_LOOK_S = 0.2
+
 #: A state goes out at least so often, with new diagnostics where no sensor reports.
 IDLE_S = 1.0
 
@@ -98,7 +101,7 @@ class Process:
         self.state = estimation.state
         self._reported: tuple[Diagnostic, ...] = ()
         self._late = 0
-        self._alarms = AlarmWatch(alarms)
+        self._alarms = AlarmWatch(alarms, ALARM_LOOK_S)
         self._passed_s = self.clock.now_s()
         self._began_s = math.inf
         self.faults: Counter[str] = Counter()

@@ -1,10 +1,13 @@
 """The package of ROS, built and tested by colcon, and setups that would hear themselves."""
 
 import os
+import runpy
 import shutil
 import subprocess
 import sys
+import types
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -47,6 +50,47 @@ def test_colcon_builds_and_tests_the_package(tmp_path):
     run("test")
     summary = run("test-result", "--all").splitlines()[-1]
     assert summary == "Summary: 11 tests, 0 errors, 0 failures, 0 skipped"
+
+
+class Recorded:
+    """A stand-in for whatever the launch file makes: its class and its arguments."""
+
+    made: ClassVar[list["Recorded"]] = []
+
+    def __init__(self, *given, **named):
+        self.given, self.named = given, named
+        Recorded.made.append(self)
+
+
+def test_arguments_of_the_launch_file_are_parameters_of_the_node(monkeypatch):
+    """Read without ROS, whose launch has no wheel: what it would start, and with which names."""
+    names = {
+        "launch": ["LaunchDescription"],
+        "launch.actions": ["DeclareLaunchArgument", "ExecuteProcess"],
+        "launch.conditions": ["IfCondition"],
+        "launch.substitutions": ["LaunchConfiguration", "PathJoinSubstitution", "PythonExpression"],
+        "launch_ros": [],
+        "launch_ros.actions": ["Node"],
+        "launch_ros.parameter_descriptions": ["ParameterValue"],
+        "launch_ros.substitutions": ["FindPackageShare"],
+    }
+    for module, classes in names.items():
+        stand_in = types.ModuleType(module)
+        for name in classes:
+            setattr(stand_in, name, type(name, (Recorded,), {}))
+        monkeypatch.setitem(sys.modules, module, stand_in)
+    monkeypatch.setattr(Recorded, "made", [])
+    monkeypatch.syspath_prepend(str(PACKAGE))
+    parameters = runpy.run_path(str(PACKAGE / "ohmward_ros" / "parameters.py"))["PARAMETERS"]
+    runpy.run_path(str(PACKAGE / "launch" / "ohmward.launch.py"))["generate_launch_description"]()
+    declared = {one.given[0] for one in Recorded.made if type(one).__name__ == "DeclareLaunchArgument"}
+    used = {one.given[0] for one in Recorded.made if type(one).__name__ == "LaunchConfiguration"}
+    (node,) = [one for one in Recorded.made if type(one).__name__ == "Node"]
+    texts, sim_time, _ = node.named["parameters"]
+    assert used <= declared
+    assert texts.keys() <= parameters.keys() and sim_time.keys() == {"use_sim_time"}
+    setup = (PACKAGE / "setup.py").read_text(encoding="utf-8")
+    assert f"{node.named['executable']} = " in setup and f'NAME = "{node.named["package"]}"' in setup
 
 
 def test_nothing_but_the_package_looks_like_one_to_colcon():
