@@ -66,9 +66,9 @@ class OutsideSpeed(NamedTuple):
     measured: Any  #: the condition that there is one
     speed_m_s: Scalar  #: as measured; 0 where there is none
     std_m_s: Scalar  #: its standard deviation
-    white_std_m_s: Scalar  #: that of what does not last from speed to speed
     rims_m_s: Scalar  #: speed of the rims that it is held against
     late_m_s: Scalar  #: what they have changed by since; 0 where there is none
+    white_std_m_s: Scalar = math.nan  #: standard deviation of what does not last from speed to speed
 
 
 def receive(
