@@ -63,12 +63,14 @@ def prior_table() -> list[str]:
 
 
 def value_of(value: Any) -> str:
-    """A prior as mean and standard deviation, as its range between the ends of the curve, or a number."""
+    """A prior as mean and standard deviation, as its range between the ends of the curve, or by its numbers."""
     if isinstance(value, Normal):
         return f"{value.mean:g} ± {value.std:g}"
     if isinstance(value, CurvePrior):
         inside = value.std_V[1:-1] or value.std_V
         return " to ".join(f"{std_V:g}" for std_V in sorted({min(inside), max(inside)}))
+    if isinstance(value, tuple):
+        return " or ".join(f"{number:g}" for number in value)
     return f"{value:g}"
 
 

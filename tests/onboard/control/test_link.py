@@ -368,7 +368,7 @@ def test_the_check_publishes_nothing(tmp_path):
 
 def test_the_check_leaves_rows_that_wait_for_a_server(tmp_path, monkeypatch):
     sent: list[Any] = []
-    monkeypatch.setattr("ohmward.onboard.sinks.server.post", lambda *request: sent.append(request))
+    monkeypatch.setattr("ohmward.onboard.sinks.server.write_lines", lambda *request: sent.append(request))
     spool = Spool(tmp_path / "spool", 10)
     spool.put([Row("battery", 1, {"soc": 0.5})])
     spool.close()

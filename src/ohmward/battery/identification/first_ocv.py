@@ -135,7 +135,7 @@ def find_first_ocv(records: Sequence[Record], settings: IdentificationSettings) 
     if not branches:
         return _without_low_rate(fast or records, settings)
     curve = ocv_from_branches(branches, reference_degC(fast or slow))
-    return FirstOcv(curve, "low-rate", fast, branches, branch_axis_std(branches), branch_notes(branches, Q))
+    return FirstOcv(curve, "low-rate", fast, branches, branch_axis_std(branches), notes=branch_notes(branches, Q))
 
 
 def _without_low_rate(records: Sequence[Record], settings: IdentificationSettings) -> FirstOcv:

@@ -37,7 +37,7 @@ from ohmward.traction.terrain.floor import load_floors
 
 _MOST_EPISODES = 8
 #: Factor within which, at 95 %, a drive must tell the friction for its number to be said.
-_TOLD_WITHIN = 2.0
+_KNOWN_WITHIN = 2.0
 
 
 class SlipTask(NamedTuple):
@@ -152,7 +152,7 @@ def _friction(ratio: float | None, relative_std: float) -> str:
     if ratio is None:
         return ""
     factor = math.exp(BAND_95 * relative_std)
-    if factor > _TOLD_WITHIN:
+    if factor > _KNOWN_WITHIN:
         return f"not told by this drive (within a factor of {factor:.2g}): no wheel pushed hard enough"
     return f"{percent(ratio, 1)} ({percent(ratio / factor, 1)} to {percent(ratio * factor, 1)}) of the ground's"
 
