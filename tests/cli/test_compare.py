@@ -52,7 +52,8 @@ def test_all_estimators_of_the_battery_by_default(here, as_json, monkeypatch):
 
 
 def test_those_that_reproduce_a_publication_on_demand(here, as_json):
-    assert list(as_json(*COMPARE[:4], "--published")["estimators"])[-2:] == ["published.aekf", "published.aukf"]
+    names = list(as_json(*COMPARE[:4], "--published")["estimators"])
+    assert names[-5:] == [f"published.{name}" for name in ("aekf", "aukf", "hybrid", "rc-kf", "rc-aukf")]
 
 
 def test_a_file_that_does_not_fit_is_told_as_by_soc(here, capsys):

@@ -21,8 +21,9 @@ BATTERY = np.array([1.0, -1.0, 13.2, 25.0])
 DRIVE = np.array([0.01, 1.0, 1.0, 1.0, 1.0, 0.1, 0.1, *[np.nan] * 6])
 WHEEL = np.array([0.1, 1.0, 5.0, 0.4, 0.0, 0.0, np.nan, np.nan, 0.001])
 QUICKLY_COMPILED = tuple(flag.replace("-O2", "-O0") for flag in FLAGS)
-#: Not these: textbook-joint believes any current, as published; rc-kf overflows singles by months, time and again.
-NOT_THESE = {"textbook-joint", "published.rc-kf"}
+#: Not these: textbook-joint believes any current, as published; rc-kf, and rc-aukf which feeds it, overflow singles by
+#: months, time and again.
+NOT_THESE = {"textbook-joint", "published.rc-kf", "published.rc-aukf"}
 EXPORTS: dict[str, tuple[Callable[..., Any], tuple, np.ndarray, str]] = {
     **{
         name: (battery_export, (PACK, name), BATTERY, "soc")

@@ -39,8 +39,8 @@ def test_soc_is_kept_over_a_long_log(battery, name, tolerance):
 @needs_gcc
 def test_the_parameters_are_kept_on_a_battery_that_is_the_model(battery):
     found = costs_of(battery, "textbook-joint", precision.cycled_rc(battery, 20_000), style="loops")
-    """R_t is the difference of R_0 and R_e / 2, whose errors it has: a larger share of itself."""
-    for member, share in (("r_ohm", 0.02), ("r_terminal_ohm", 0.03), ("c_surface_F", 0.02)):
+    """R_t is the difference of R_0 and R_e / 2, whose errors it has, and C_s of a plateau is large: larger shares."""
+    for member, share in (("r_ohm", 0.02), ("r_terminal_ohm", 0.03), ("c_surface_F", 0.04)):
         assert found[member].usual < share * found[member].largest
     assert found["bulk_V"].difference < 5e-3
 
