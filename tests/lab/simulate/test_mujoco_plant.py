@@ -266,15 +266,24 @@ def test_a_reset_plant_repeats_itself_to_the_bit():
     assert np.array_equal(first.speed_m_s, second.speed_m_s)
 
 
-def test_a_simulated_second_costs_at_most_20_ms():
+def test_a_simulated_second_costs_a_few_times_what_mujoco_takes_of_it():
+    """Two to four times; a time of its own would judge the machine."""
+    mujoco = pytest.importorskip("mujoco")
     plant = RlmaPlant()
+    model = plant._model
+    data = mujoco.MjData(model)
 
-    def cost_s():
+    def cost_s(work):
         start = time.process_time()
-        drive(plant, 2.0, duration_s=1.0, dt_s=0.1)
+        work()
         return time.process_time() - start
 
-    assert any(cost_s() < 0.020 for _ in range(50))  # a processor at rest takes a while to speed up
+    def bare():
+        for _ in range(round(1.0 / model.opt.timestep)):
+            mujoco.mj_step(model, data)
+
+    whole = min(cost_s(lambda: drive(plant, 2.0, duration_s=1.0, dt_s=0.1)) for _ in range(20))
+    assert whole < 6.0 * min(cost_s(bare) for _ in range(20))
 
 
 @pytest.mark.parametrize(
