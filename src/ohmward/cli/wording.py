@@ -9,6 +9,7 @@ from typing import Any
 from ohmward import __version__
 from ohmward.figures.numbers import band as band
 from ohmward.figures.numbers import duration as duration
+from ohmward.figures.numbers import flagged as flagged
 from ohmward.figures.numbers import known as known
 from ohmward.figures.numbers import lognormal as lognormal
 from ohmward.figures.numbers import normal as normal
@@ -78,11 +79,6 @@ def paragraphs(*parts: str) -> str:
 def assumptions(notes: Sequence[str]) -> str:
     """Everything that was assumed, as a list; warnings are marked."""
     return bullets("Assumed", [note.removeprefix("info: ") for note in notes])
-
-
-def flagged(counts: Mapping[str, int]) -> str:
-    """Flags with their counts in one line, "none" without any."""
-    return ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in counts.items()) or "none"
 
 
 def written_battery(figures: Mapping[str, Any]) -> str:

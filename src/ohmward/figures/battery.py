@@ -159,10 +159,12 @@ def soc_flag_spans(log: Timed, flags: np.ndarray) -> list[Span]:
     return flag_spans(log.time_s, flags, FLAG_MEANINGS)
 
 
-def run_figures(run: SocRun) -> list[Figure]:
-    """State of charge of a run, and whatever else its estimator knows."""
+def run_figures(run: SocRun, truth: np.ndarray | None = None) -> list[Figure]:
+    """State of charge of a run, its error where a truth (T,) in [0, 1] is known, and what else its estimator knows."""
     e = run.estimates
-    figures = [soc_figure(run, e, spans=soc_flag_spans(run, run.flags))]
+    figures = [soc_figure(run, e, truth, soc_flag_spans(run, run.flags))]
+    if truth is not None:
+        figures.append(soc_error_figure(run, e, truth))
     if np.isfinite(e.innovation_V).any():
         line = [Series(run.time_s, 1e3 * e.innovation_V, "measured - expected", role="estimate")]
         figures.append(Figure("Innovation of the voltage", TIME, "Innovation [mV]", line, height_px=180))

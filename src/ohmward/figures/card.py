@@ -17,7 +17,7 @@ from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
 from ohmward.figures import battery, slip
-from ohmward.figures.numbers import duration, normal, percent, quantity
+from ohmward.figures.numbers import duration, flagged, normal, percent, quantity
 from ohmward.figures.plot import range_figures
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.run import Run
@@ -69,8 +69,7 @@ def _(log: DriveLog) -> str:
         "body": ", ".join(QUANTITIES[name].label.lower() for name in log.channels) or "nothing measured",
         **_also(log),
     }
-    names = [f"wheel {k + 1}" for k in range(wheels)]
-    return html_card(log.name, facts, slip.wheels_figure(log, names))
+    return html_card(log.name, facts, slip.wheels_figure(log))
 
 
 @card.register
@@ -167,9 +166,8 @@ def _(run: RangeRun) -> str:
 
 
 def _steps(run: Run[Any]) -> dict[str, str]:
-    flags = ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in run.counts().items())
     hours = duration(float(run.time_s[-1] - run.time_s[0])) if len(run.time_s) else "0 s"
-    return {"samples": f"{len(run.time_s):,} in {hours}", "flags": flags or "none"}
+    return {"samples": f"{len(run.time_s):,} in {hours}", "flags": flagged(run.counts())}
 
 
 def _extent(log: Log | DriveLog) -> dict[str, str]:

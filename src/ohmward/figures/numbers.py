@@ -61,3 +61,8 @@ def _digits(half: float) -> int:
 def band(share: float, std: float) -> str:
     """A share and the half width of its 95 % band, both in points."""
     return f"{100 * share:.1f} ± {100 * BAND_95 * std:.1f}"
+
+
+def flagged(counts: Mapping[str, int]) -> str:
+    """Flags with their counts in one line, "none" without any."""
+    return ", ".join(f"{name.replace('_', ' ')} {count:,}" for name, count in counts.items()) or "none"

@@ -109,14 +109,12 @@ def _beside(result: Any, runs: Sequence[Any], truth: np.ndarray | None) -> Plot:
 
 @_beside.register
 def _(result: SocRun, runs: Sequence[SocRun], truth: np.ndarray | None) -> Plot:
+    if len(runs) == 1:
+        return Plot("State of charge", battery.run_figures(result, truth))
     named = {name: run.estimates for name, run in _named(runs).items()}
-    figures = [battery.soc_comparison_figure(result, named, truth)] if len(runs) > 1 else []
-    if truth is not None and len(runs) > 1:
+    figures = [battery.soc_comparison_figure(result, named, truth)]
+    if truth is not None:
         figures.append(battery.soc_errors_figure(result, named, truth))
-    if truth is not None and len(runs) == 1:
-        spans = battery.soc_flag_spans(result, result.flags)
-        figures = [battery.soc_figure(result, result.estimates, truth, spans), *battery.run_figures(result)[1:]]
-        figures.insert(1, battery.soc_error_figure(result, result.estimates, truth))
     return Plot("State of charge", figures)
 
 

@@ -58,10 +58,9 @@ def ground_figures(run: SlipRun, wheels: Sequence[str] = (), true_slip_m_s: np.n
 
 def drive_figures(log: DriveLog) -> list[Figure]:
     """Wheels, motors and body as they were logged; a quantity that was never measured has no figure."""
-    names = [f"wheel {k + 1}" for k in range(log.wheel_speed_rad_s.shape[1])]
-    currents = [(name, values) for name, values in zip(names, log.motor_current_A.T, strict=False)]
-    figures = [wheels_figure(log, names)]
-    series = [Series(log.time_s, values, name) for name, values in currents if np.isfinite(values).any()]
+    figures = [wheels_figure(log)]
+    currents = enumerate(log.motor_current_A.T, 1)
+    series = [Series(log.time_s, values, f"wheel {k}") for k, values in currents if np.isfinite(values).any()]
     figures += [Figure("Motors", TIME, "Current [A]", series, height_px=200)] if series else []
     for name in log.channels:
         quantity = QUANTITIES[name]
@@ -70,9 +69,10 @@ def drive_figures(log: DriveLog) -> list[Figure]:
     return figures
 
 
-def wheels_figure(log: DriveLog, wheels: Sequence[str]) -> Figure:
-    """Speed of each wheel as it was logged; wheels: their names, in the order of the columns."""
-    names = zip(wheels, log.wheel_speed_rad_s.T, strict=False)
+def wheels_figure(log: DriveLog, wheels: Sequence[str] = ()) -> Figure:
+    """Speed of each wheel as it was logged; wheels: their names, in the order of the columns, or they are numbered."""
+    columns = log.wheel_speed_rad_s.T
+    names = zip(wheels or [f"wheel {k}" for k in range(1, len(columns) + 1)], columns, strict=False)
     known = [(name, np.flatnonzero(np.isfinite(values)), values) for name, values in names]
     series = [Series(log.time_s[rows], values[rows], name) for name, rows, values in known]
     return Figure("Wheels", TIME, "Speed [rad/s]", series)
