@@ -159,14 +159,18 @@ def test_bad_input_is_refused_with_the_fix(words, message, capsys, tmp_path, mon
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX")
-def test_the_demonstration_moves_within_ten_seconds(tmp_path):
+def test_the_demonstration_moves(tmp_path):
     """The newcomer's first minute; the page itself is tested in tests/onboard/test_page.py."""
-    began_s = time.monotonic()
-    done = ohmward("--demo", "--seconds", "4", cwd=tmp_path)
-    lines = [line for line in done.stdout.splitlines() if "speed" in line]
-    assert done.returncode == 0, done.stderr
-    assert len(set(lines)) >= 2
-    assert time.monotonic() - began_s < 30.0  # beside other tests; alone it takes 6 s
+    command = [sys.executable, "-m", "ohmward.cli", "run", "--demo", "--seconds", "60"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, cwd=tmp_path, **pipes) as process:
+        moved = set()
+        while len(moved) < 2 and (line := process.stdout.readline()):
+            moved |= {line} if "speed" in line else set()
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
+    assert len(moved) == 2
     assert not list(tmp_path.iterdir())
 
 

@@ -35,14 +35,21 @@ class Poisoned(Job):
 
 
 @pytest.fixture(scope="module")
-def address():
+def cluster():
     import dask
 
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 1}),
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
     ):
-        yield cluster.scheduler_address
+        yield cluster
+
+
+@pytest.fixture
+def address(cluster):
+    """Where the scheduler is, once the workers that the test before has killed are there again."""
+    cluster.wait_for_workers(2, timeout=100)
+    return cluster.scheduler_address
 
 
 def test_a_cluster_gives_what_one_process_gives(tmp_path, address):
