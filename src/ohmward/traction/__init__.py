@@ -9,7 +9,8 @@ from ohmward.traction.inbox import SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer, TwoWheeled
 from ohmward.traction.robot.motor import Motor
-from ohmward.traction.robot.robot import RLMA, ROBOTINO, SEEDER, Robot, Wheel, load_robot, save_robot
+from ohmward.traction.robot.packaged import RLMA, ROBOTINO, SEEDER, load_robot
+from ohmward.traction.robot.robot import Robot, Wheel, save_robot
 
 __all__ = [
     "ALEXANDER",

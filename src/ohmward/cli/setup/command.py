@@ -40,7 +40,8 @@ from ohmward.onboard.sources.ros2 import wheel_of
 from ohmward.quantities import QUANTITIES
 from ohmward.toml_file import noun_of
 from ohmward.traction.robot.generic import generic_robot
-from ohmward.traction.robot.robot import PACKAGED, ROBOT_FILE, load_robot
+from ohmward.traction.robot.packaged import PACKAGED, load_robot
+from ohmward.traction.robot.robot import ROBOT_FILE
 
 _DATABASES, _CAN_LOGS = (".dbc", ".kcd", ".sym", ".arxml"), (".log", ".asc", ".blf", ".trc", ".csv")
 _RECORDINGS = (".mcap", ".db3", ".bag")
