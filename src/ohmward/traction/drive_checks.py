@@ -19,7 +19,6 @@ from ohmward.runs import long_runs
 from ohmward.traction.motion.held import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import require_wheels
 from ohmward.traction.motion_check import CURED, MotionCheck, wrong_sign, wrong_signs
-from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.make_observer import (
     TURNS_RAD_S,
@@ -126,7 +125,7 @@ def _stuck_encoders(robot: Robot, log: DriveLog) -> Iterator[str]:
         moving = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1]))).max(axis=1, initial=0.0) > 0
         turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > TURNS_RAD_S
         for first, stop in long_runs(same, log.time_s[rows], LASTS_S, FEWEST):
-            may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or isinstance(robot.chassis, Omni))
+            may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or robot.chassis.rollers)
             if not may_stand and moving[first:stop].mean() > 0.5 and turning[first:stop].mean() > 0.5:
                 yield (
                     f"the encoder of {name} shows {speed[first]:.4g} rad/s without any change "
@@ -243,7 +242,7 @@ def _sides(robot: Robot) -> np.ndarray | None:
     """(wheels,) 1 for a wheel on the left, -1 on the right; None where wheels have no side."""
     names = [place.name for place in robot.places]
     sides = np.array([("left" in name) - ("right" in name) for name in names])
-    return sides if sides.all() and not isinstance(robot.chassis, Omni) else None
+    return sides if sides.all() and not robot.chassis.rollers else None
 
 
 def _wrong_current_signs(robot: Robot, log: DriveLog) -> Iterator[str]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ohmward.errors import InputError
 from ohmward.traction.robot.chassis import Differential, Omni, TwoWheeled
+from ohmward.traction.robot.generic import generic_robot
 from ohmward.traction.robot.motor import Motor
 from ohmward.traction.robot.robot import ROBOT_FILE, Robot, Wheel, disc_yaw_inertia, solid_box_yaw_inertia
 
@@ -72,8 +73,20 @@ SEEDER = Robot(
     idle_W=8.0,
 )
 
+#: As their makers publish them: masses of the data sheets, sizes of `turtlebot3_description`, `create3_description`,
+#: `kobuki_description`, `husky_description` and `jackal_description`. Motors are those of `generic_motor`, centres of
+#: gravity and yaw inertias those of an even box, where nothing is published.
+_BY_SIZES = {
+    "turtlebot2": generic_robot(6.3, 0.035, 0.230, 0.23, name="TurtleBot 2 (Kobuki)"),
+    "turtlebot3-burger": generic_robot(1.0, 0.033, 0.160, 0.081, name="TurtleBot 3 Burger"),
+    "turtlebot3-waffle-pi": generic_robot(1.8, 0.033, 0.287, 0.177, name="TurtleBot 3 Waffle Pi"),
+    "turtlebot4": generic_robot(3.9, 0.03575, 0.233, 0.125, name="TurtleBot 4 (Create 3)"),
+    "jackal": generic_robot(17.0, 0.098, 0.37559, 0.262, layout="skid-steer", name="Jackal"),
+    "husky": generic_robot(50.0, 0.1651, 0.5708, 0.512, layout="skid-steer", name="Husky A200"),
+}
+
 #: Robots that need no file.
-PACKAGED: Mapping[str, Robot] = {"rlma": RLMA, "robotino": ROBOTINO, "seeder": SEEDER}
+PACKAGED: Mapping[str, Robot] = {"rlma": RLMA, "robotino": ROBOTINO, "seeder": SEEDER, **_BY_SIZES}
 
 
 def load_robot(path: str | PathLike[str]) -> Robot:

@@ -19,6 +19,7 @@ from ohmward.rich_display import RichDisplay
 from ohmward.toml_file import TomlFile
 from ohmward.traction.robot.chassis import (
     Differential,
+    Mecanum,
     Omni,
     Place,
     SkidSteer,
@@ -66,7 +67,7 @@ class Robot(RichDisplay):
     name: str
     mass_kg: float
     yaw_inertia_kg_m2: float
-    chassis: Differential | SkidSteer | TwoWheeled | Omni
+    chassis: Differential | SkidSteer | TwoWheeled | Omni | Mecanum
     wheel: Wheel
     motor: Motor
     height_m: float = 0.0
@@ -151,7 +152,9 @@ class Robot(RichDisplay):
                         f"chassis: wheels {b.name} and {a.name} stand {gap:g} m apart, less than wheel.width_m = "
                         f"{self.wheel.width_m:g}; correct the geometry (metres, not millimetres?)"
                     )
-        if isinstance(self.chassis, Differential | SkidSteer) and 2 * self.wheel.radius_m >= self.chassis.wheelbase_m:
+        if not isinstance(self.chassis, Differential | SkidSteer | Mecanum):
+            return
+        if 2 * self.wheel.radius_m >= self.chassis.wheelbase_m:
             raise InputError(
                 f"wheel.radius_m must be below half the wheelbase of {self.chassis.wheelbase_m:g} m, or front and rear "
                 f"wheels overlap; got {self.wheel.radius_m:g}"
@@ -211,12 +214,14 @@ CHASSIS: Mapping[type, str] = {
     SkidSteer: "skid-steer",
     TwoWheeled: "two-wheel",
     Omni: "omni",
+    Mecanum: "mecanum",
 }
 _HEADER = """\
 # A robot as ohmward knows it. Edit what you know better; every key carries its unit.
 # x points forward, y to the left, both from the centre of gravity. [chassis] kind is one of:
 #   differential (front_m, rear_m, track_m, driven = "front" or "all"), skid-steer (front_m, rear_m, track_m, and
-#   effective_track_m once it is calibrated), two-wheel (axle_m, track_m, casters_m), omni (arm_m, bearings_deg).
+#   effective_track_m once it is calibrated), two-wheel (axle_m, track_m, casters_m), omni (arm_m, bearings_deg),
+#   mecanum (front_m, rear_m, track_m; radius_m is that of its wheels over the square root of 2).
 # [motor] is each of the motors: constant, resistance and rotor of the bare motor, friction and damping at the wheel.
 """
 #: Its `dump` and `parse` give and take the text.
