@@ -35,3 +35,13 @@ def test_a_current_that_did_not_wrap_is_read(largest_A, seed):
     current_A, voltage_V = drive(largest_A, seed)
     require_not_wrapped("a.csv", current_A, voltage_V)
     require_not_wrapped("a.csv", current_A, np.random.default_rng(seed).permutation(voltage_V))
+
+
+def test_a_number_without_a_sign_wraps_below_zero():
+    """A charge that begins and ends once is enough, where every step else is explained."""
+    time = np.arange(900)
+    current_A = np.where((time > 400) & (time < 600), 5.06, np.where(time // 30 % 2, -7.9, -0.27))
+    voltage_V = 26.0 + 0.045 * current_A + 0.003 * np.random.default_rng(0).standard_normal(time.size)
+    milliamperes = np.rint(1e3 * (current_A + 0.02 * np.sin(time))).astype(int) % 65536
+    with pytest.raises(InputError, match=r"unless 65\.536 A are added: a 16-bit number of 1 mA without a sign"):
+        require_not_wrapped("a.csv", 1e-3 * milliamperes, voltage_V)

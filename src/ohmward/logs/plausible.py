@@ -6,17 +6,21 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.columns import Column
-from ohmward.logs.sign import edge_test, spread
+from ohmward.logs.sign import edge_test, resolution, spread
 from ohmward.logs.table import Note
 
-#: Range of a 16-bit number, in its last digit; of it the current uses this share at least.
+#: Range of a 16-bit number, in its last digit; of its half the current uses this share at least.
 _RANGE, _USED = 65_536, 0.5
 #: Last digits [A] that are tried, the smallest first.
-_LAST_DIGITS_A = (1e-4, 1e-3, 1e-2, 1e-1)
+_LAST_DIGITS_A = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 #: An edge of the voltage is this share of the largest; so many edges are looked at.
 _EDGE, _MOST_EDGES = 0.2, 300
 #: So many edges wrapped at least, and so many did not; they leave this share of the squares that they leave as logged.
+#: Fewer that wrapped leave this share: a charge that begins and ends once. Steps above this share of the range tell the
+#: resistance.
 _FEWEST, _LEFT = 5, 0.1
+_FEW, _LEFT_BY_FEW = 2, 0.01
+_LARGE = 0.02
 
 
 def require_not_wrapped(source: str, current_A: np.ndarray, voltage_V: np.ndarray) -> None:
@@ -31,17 +35,22 @@ def require_not_wrapped(source: str, current_A: np.ndarray, voltage_V: np.ndarra
     if not known.any():
         return
     largest_A = float(np.abs(current_A[known]).max())
-    digit_A = next((digit for digit in _LAST_DIGITS_A if largest_A <= digit * _RANGE / 2), None)
-    if digit_A is None or largest_A < _USED * digit_A * _RANGE / 2:
-        return
-    range_A = digit_A * _RANGE
-    count = count_wraps(np.diff(current_A[known]), np.diff(voltage_V[known]), range_A)
-    if count >= _FEWEST:
-        raise InputError(
-            f"{source}: the voltage contradicts {count} steps of the current unless {range_A:g} A are added: a 16-bit "
-            f"number of {1e3 * digit_A:g} mA that wrapped beyond {range_A / 2:g} A; let the logger write more bits, or "
-            "another unit"
-        )
+    for digit_A in _LAST_DIGITS_A:
+        range_A = digit_A * _RANGE
+        if not _USED * range_A / 2 <= largest_A <= range_A:  # to the half with a sign, to the whole without
+            continue
+        if largest_A > range_A / 2 and not np.isclose(resolution(current_A[known]), digit_A, rtol=0.01):
+            continue
+        count = count_wraps(np.diff(current_A[known]), np.diff(voltage_V[known]), range_A)
+        if count:
+            signed = largest_A <= range_A / 2
+            fault = (
+                f"that wrapped beyond {range_A / 2:g} A" if signed else "without a sign, in which one wrapped below 0"
+            )
+            raise InputError(
+                f"{source}: the voltage contradicts {count} steps of the current unless {range_A:g} A are added: a "
+                f"16-bit number of {1e3 * digit_A:g} mA {fault}; let the logger write more bits, or another unit"
+            )
 
 
 def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
@@ -57,14 +66,16 @@ def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
     dI, dV = dI[edge], dV[edge]
     as_logged = float(dV @ dV) - float(dI @ dV) ** 2 / max(float(dI @ dI), 1e-300)
     steps_A = np.stack([dI, dI - range_A * np.sign(dI)], axis=1)
-    large = np.abs(steps_A) > _EDGE * range_A
+    large = np.abs(steps_A) > _LARGE * range_A
     ohms = np.broadcast_to(dV[:, None], steps_A.shape)[large] / steps_A[large]
     left_V2 = (dV[:, None] - ohms[:, None, None] * steps_A) ** 2
     left = left_V2.min(axis=2).sum(axis=1)
     if not ohms.size or left.min() > _LEFT * as_logged:
         return 0
     is_wrapped = np.argmin(left_V2[np.argmin(left)], axis=1)
-    return int(is_wrapped.sum()) if np.count_nonzero(is_wrapped == 0) >= _FEWEST else 0
+    count = int(is_wrapped.sum())
+    fewest = _FEW if left.min() <= _LEFT_BY_FEW * as_logged else _FEWEST
+    return count if count >= fewest and is_wrapped.size - count >= _FEWEST else 0
 
 
 YEAR_S = 365.25 * 86400.0
@@ -156,7 +167,7 @@ def guess_notes(time: Column, time_s: np.ndarray, guessed: bool) -> tuple[Note, 
 
 
 def milliampere_notes(current: Column, current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[Note, ...]:
-    """A warning where amperes are a guess and give a resistance by a thousand too small.
+    """A warning where amperes are a guess and give a resistance by a thousand or a million too small.
 
     current: its column.  current_A, voltage_V: (T,), nan where not known.
     """
@@ -171,12 +182,13 @@ def milliampere_notes(current: Column, current_A: np.ndarray, voltage_V: np.ndar
     most_ohm = abs(edges.resistance_ohm) * (1.0 + _CERTAIN / abs(edges.t_value))
     if most_ohm > LEAST_CELL_OHM * cells:
         return ()
+    unit, named = ("mA", "milliamperes") if 1e3 * most_ohm > LEAST_CELL_OHM * cells else ("uA", "microamperes")
     text = (
         f"column {current.name!r} names no unit; as amperes it goes to {largest_A:.3g} A at dV/dI = "
-        f"{1e3 * abs(edges.resistance_ohm):.2g} mohm, less than cells have: if these are milliamperes, say "
-        "--unit current=mA"
+        f"{1e3 * abs(edges.resistance_ohm):.2g} mohm, less than cells have: if these are {named}, say "
+        f"--unit current={unit}"
     )
-    return (Note(text, "warning", ("--unit", "current=mA")),)
+    return (Note(text, "warning", ("--unit", f"current={unit}")),)
 
 
 def usual_interval_s(time_s: np.ndarray) -> float:
