@@ -26,6 +26,7 @@ from ohmward.logs.clean import (
     missing_notes,
     to_si,
     without_rows,
+    without_silent_spikes,
     without_spikes,
 )
 from ohmward.logs.columns import Column, UnclearColumnsError, find_columns
@@ -277,12 +278,13 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
     measured = {q: table.columns[column.name] for q, column in chosen.items() if column.name in table.columns}
     time_s, start_unix_s = _since_start(measured["time"], rows.start_unix_s, table.columns)
     clock = chosen["time"], time_s
-    require_plausible(file.source, *clock, measured["current"], rows.guessed_unit)
     voltage_V, spikes = without_spikes(measured["voltage"])
+    current_A, silent = without_silent_spikes(measured["current"], voltage_V)
+    require_plausible(file.source, *clock, current_A, rows.guessed_unit)
     warnings = guess_notes(*clock, rows.guessed_unit)
-    warnings += milliampere_notes(chosen["current"], measured["current"], voltage_V)
-    require_not_wrapped(file.source, measured["current"], voltage_V)
-    current_A, sign_note = charging_current(file, current_sign, time_s, measured["current"], voltage_V)
+    warnings += milliampere_notes(chosen["current"], current_A, voltage_V)
+    require_not_wrapped(file.source, current_A, voltage_V)
+    current_A, sign_note = charging_current(file, current_sign, time_s, current_A, voltage_V)
     own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
     further, impossible = _further(measured)
     warnings += impossible
@@ -298,6 +300,7 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
             *table.notes,
             *warnings,
             *spikes,
+            *silent,
             *given_degC,
             *missing_notes(table, chosen),
             *gap_notes(time_s),
