@@ -9,7 +9,17 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from ohmward.errors import InputError
-from ohmward.logs.channels import BATTERY, TEMPERATURE, TIME, Channel, channel_of, letters, word_set
+from ohmward.logs.channels import (
+    BATTERY,
+    CURRENT,
+    TEMPERATURE,
+    TIME,
+    VOLTAGE,
+    Channel,
+    channel_of,
+    letters,
+    word_set,
+)
 from ohmward.logs.units import Unit, split_unit, unit_in_name, unit_of
 
 # Words that make a column something else than a measurement of the battery.
@@ -30,6 +40,8 @@ _BARE_LETTER, _WALL_CLOCK_TIME, _OF_AUXILIARY, _LAST_WORD, _NEVER = 2, 3, 3, 5, 
 _TEMPERATURE = "T"
 #: The battery beside that of a vehicle's drive.
 _AUXILIARY = re.compile(r"\b12 ?v\b|\baux", re.IGNORECASE)
+#: Quantities that a unit tells alone, in the column of a battery.
+_BY_UNIT = (CURRENT, VOLTAGE)
 
 
 class UnclearColumnsError(InputError):
@@ -205,6 +217,8 @@ def only_one(source: str, names: Sequence[str], quantity: str, fits: Sequence[Co
     first = fits[0].name
     if others := [column.name for column in fits if column.name != first]:
         fault = f"both {first!r} and {others[0]!r} may be the {quantity}"
+        if quantity == CURRENT.name:
+            fault += " (if one charges and the other discharges, call them charge_current and discharge_current)"
         raise UnclearColumnsError(source, names, {quantity: fault}, {quantity: first})
     return fits[0]
 
@@ -238,7 +252,8 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
         return _NEVER
     for rank, beside in zip(_BESIDE, channel.beside, strict=False):
         naming = [word for word in words if word not in beside]
-        if frozenset(naming) in channel.words:
+        # `Battery [V]` is a voltage by its unit
+        if frozenset(naming) in channel.words or (not naming and unit is not None and channel in _BY_UNIT):
             # a letter without a unit may be another quantity: v is a speed beside `voltage`
             bare_letter = unit is None and len("".join(naming)) == 1
             auxiliary = channel in BATTERY and _AUXILIARY.search(stem) is not None
