@@ -208,7 +208,7 @@ def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     yield (
         f"the wheel speeds are never negative, but the gyro turns as if wheels turned back in {against} samples: they "
         "have lost their sign, and way, pose and slip are wrong there; let the logger write the sign, or cut out with "
-        "--start and --stop a part in which the robot drives forward"
+        "--from and --to a part in which the robot drives forward"
     )
 
 
