@@ -8,7 +8,6 @@ from ohmward.errors import InputError
 from ohmward.logs.clean import (
     drop_text,
     drop_untimed,
-    find_gaps,
     gap_notes,
     merge_rates,
     missing_notes,
@@ -21,6 +20,7 @@ from ohmward.logs.log import without_impossible
 from ohmward.logs.table import Table
 from ohmward.logs.units import UNITS
 from ohmward.quantities import QUANTITIES
+from ohmward.signals.survey import find_gaps
 
 TEMPERATURE = QUANTITIES["battery_temperature_degC"]
 
@@ -131,8 +131,8 @@ def test_single_missing_values_stay_missing_and_are_counted():
     cleaned = merge_rates(table(time=[0.0, 1.0, 2.0], I=[1.0, NAN, 3.0], U=[NAN, 12.0, 12.1], T=[1.0] * 3), CHOSEN)
     np.testing.assert_array_equal(cleaned.columns["I"], [1.0, NAN, 3.0])
     assert [note.text for note in missing_notes(cleaned, CHOSEN)] == [
-        "1 of 3 samples have no current (NaN)",
-        "1 of 3 samples have no voltage (NaN)",
+        "current: no number in 1 of 3 values",
+        "voltage: no number in 1 of 3 values",
     ]
 
 

@@ -22,9 +22,9 @@ from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_volta
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
-from ohmward.logs.sign import CurrentSign
 from ohmward.quantities import MOST_C
 from ohmward.runs import runs
+from ohmward.signals.current_sign import CurrentSign
 
 #: The tests behind a battery file cover its usual voltages: beyond them by this share the log is of another battery,
 OTHER_BATTERY = 0.2

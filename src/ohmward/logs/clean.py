@@ -9,11 +9,11 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.channels import BATTERY, TIME
 from ohmward.logs.columns import Column, listed
-from ohmward.logs.sign import edge_test
 from ohmward.logs.table import Note, Table, counted, numbers
+from ohmward.signals.checks import no_numbers
+from ohmward.signals.current_sign import edge_test
+from ohmward.signals.survey import find_gaps
 
-# An interval that is longer than its neighbours and the median by this factor is a gap.
-_GAP_FACTOR = 10.0
 #: No instrument shows a larger number, in whatever unit; squares of it are finite.
 LARGEST_READING = 1e18
 #: A voltage of no battery stands alone, for less than half of so many samples, and so far from those around it, as a
@@ -182,28 +182,8 @@ def _interpolate(table: Table, time: str, name: str, rows: np.ndarray) -> Table:
 def missing_notes(table: Table, chosen: Mapping[str, Column]) -> list[Note]:
     """Notes on the number of samples that lack their current or voltage."""
     counts = {q: int(np.isnan(table.columns[chosen[q].name]).sum()) for q in ("current", "voltage")}
-    return [Note(lacking(count, table.line.size, q), "warning") for q, count in counts.items() if count]
-
-
-def lacking(count: int, samples: int, quantity: str) -> str:
-    """Sentence on the samples that lack a quantity."""
-    return f"{count} of {samples} samples have no {quantity} (NaN)"
-
-
-def find_gaps(time_s: np.ndarray) -> np.ndarray:
-    """(G,) indices of the samples after which the log is silent for unusually long.
-
-    A gap is more than ten times the median interval and more than ten times the intervals on both sides of it: where a
-    logger slows down at rest, one long interval follows another, and that is no gap.
-
-    time_s: (T,) [s].
-    """
-    intervals = np.diff(time_s)
-    if intervals.size < 2:
-        return np.empty(0, dtype=int)
-    long = np.flatnonzero(intervals > _GAP_FACTOR * np.median(intervals))
-    around = np.concatenate([[0.0], intervals, [0.0]])
-    return long[intervals[long] > _GAP_FACTOR * np.maximum(around[long], around[long + 2])]
+    found = [one for q, count in counts.items() for one in no_numbers(count, table.line.size, f"{q}: ")]
+    return [Note(finding.text, "warning") for finding in found]
 
 
 def on_lines(at_s: np.ndarray, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:

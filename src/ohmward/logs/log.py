@@ -35,10 +35,11 @@ from ohmward.logs.hints import FileHints
 from ohmward.logs.plausible import guess_notes, milliampere_notes, require_not_wrapped, require_plausible
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.selection import selected_name, split_selection
-from ohmward.logs.sign import CurrentSign, UnknownSignError, charging_current
+from ohmward.logs.sign import UnknownSignError, charging_current
 from ohmward.logs.table import Note, Progress, Table, TableFile, counted, with_sample_time
 from ohmward.logs.time_series import TimeSeries
 from ohmward.quantities import QUANTITIES, Quantity
+from ohmward.signals.current_sign import CurrentSign
 
 SECONDS_PER_HOUR = 3600.0
 

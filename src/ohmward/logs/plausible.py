@@ -6,8 +6,9 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.columns import Column
-from ohmward.logs.sign import edge_test, resolution, spread
 from ohmward.logs.table import Note
+from ohmward.signals.current_sign import edge_test
+from ohmward.signals.survey import resolution, spread, usual_interval_s
 
 #: Range of a 16-bit number, in its last digit; of its half the current uses this share at least.
 _RANGE, _USED = 65_536, 0.5
@@ -101,8 +102,6 @@ LEAST_CELL_OHM, HIGHEST_CELL_V = 3e-4, 4.3
 _CERTAIN, _DOUBTFUL_FROM_A = 3.0, 20.0
 #: Share of an interval by which loggers are late.
 _JITTER = 0.1
-#: So many intervals tell the usual one.
-_SAMPLES_LOOKED_AT = 10_000
 _ADVICE = "say its unit with --unit time=ms (units={'time': 'ms'}), us, ns, min, h or d, or, if it is right, time=s"
 
 
@@ -189,12 +188,6 @@ def milliampere_notes(current: Column, current_A: np.ndarray, voltage_V: np.ndar
         f"--unit current={unit}"
     )
     return (Note(text, "warning", ("--unit", f"current={unit}")),)
-
-
-def usual_interval_s(time_s: np.ndarray) -> float:
-    """Median of the intervals between samples of a time (T,), T > 1."""
-    some = np.arange(0, time_s.size - 1, -(-time_s.size // _SAMPLES_LOOKED_AT))
-    return float(np.median(time_s[some + 1] - time_s[some]))
 
 
 def _is_interval(seconds: float) -> bool:
