@@ -32,7 +32,7 @@ from ohmward.logs.clean import (
 from ohmward.logs.columns import Column, UnclearColumnsError, find_columns
 from ohmward.logs.frame import is_frame, to_frame
 from ohmward.logs.hints import FileHints
-from ohmward.logs.plausible import guess_notes, milliampere_notes, require_not_wrapped, require_plausible
+from ohmward.logs.plausible import guess_notes, require_plausible
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.sign import UnknownSignError, charging_current
@@ -40,6 +40,7 @@ from ohmward.logs.table import Note, Progress, Table, TableFile, counted, with_s
 from ohmward.logs.time_series import TimeSeries
 from ohmward.quantities import QUANTITIES, Quantity
 from ohmward.signals.current_sign import CurrentSign
+from ohmward.signals.current_size import check_wrapped, forgotten_scale
 
 SECONDS_PER_HOUR = 3600.0
 
@@ -283,8 +284,13 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
     current_A, silent = without_silent_spikes(measured["current"], voltage_V)
     require_plausible(file.source, *clock, current_A, rows.guessed_unit)
     warnings = guess_notes(*clock, rows.guessed_unit)
-    warnings += milliampere_notes(chosen["current"], current_A, voltage_V)
-    require_not_wrapped(file.source, current_A, voltage_V)
+    if chosen["current"].unit is None and (forgotten := forgotten_scale(current_A, voltage_V)):
+        scale, why = forgotten
+        text = f"column {chosen['current'].name!r} names no unit; {why}: if these are {scale.name}, say "
+        option = ("--unit", f"current={scale.symbol}")
+        warnings += (Note(text + " ".join(option), "warning", option),)
+    for finding in check_wrapped(current_A, voltage_V):
+        raise InputError(f"{file.source}: {finding}")
     current_A, sign_note = charging_current(file, current_sign, time_s, current_A, voltage_V)
     own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
     further, impossible = _further(measured)

@@ -16,6 +16,7 @@ from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.quantities import limits_of, quantity_of
 from ohmward.signals.checks import NOT_COUNTED, beyond_limits, doubled, missing, no_numbers, too_seldom
 from ohmward.signals.current_sign import check_current_sign, sign_evidence
+from ohmward.signals.current_size import check_wrapped
 from ohmward.traction.drive_checks import brakes_all_the_way, only_brakes
 from ohmward.traction.motion_check import FEWEST, TURNING_RAD_S, check_signs, check_units, contradiction, motion_of
 from ohmward.traction.robot.robot import Robot
@@ -86,7 +87,7 @@ def check_wiring(
         *_missing(found, promised),
         *_needed(found, promised, battery, robot),
         *(finding for signal, record in found.items() for finding in _signal(signal, record, battery, robot)),
-        *_current_sign(found, battery),
+        *_current(found, battery),
         *wheels,
         *(_motor_signs(found, robot, wrong) if robot else ()),
     ]
@@ -153,20 +154,19 @@ def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: R
         yield Diagnostic(signal, Level.OK, text)
 
 
-def _current_sign(found: Mapping[str, SignalRecord], battery: Battery | None) -> Iterator[Diagnostic]:
-    """The sign of the current, by the voltage that answers it."""
+def _current(found: Mapping[str, SignalRecord], battery: Battery | None) -> Iterator[Diagnostic]:
+    """The size and the sign of the current, by the voltage that answers it."""
     current, voltage = found.get("battery_current_A"), found.get("battery_voltage_V")
     if battery is None or current is None or voltage is None or len(voltage.values) < 2:
         return
     answered_V = np.interp(current.time_s, voltage.time_s, voltage.values)
     evidence = sign_evidence(current.time_s, current.values, answered_V)
+    findings = [*check_wrapped(current.values, answered_V), *check_current_sign(evidence, "setup")]
     levels = {"error": Level.ERROR, "info": Level.WARN}
-    found_wrong = [
-        Diagnostic("battery_current_A", levels[finding.severity], str(finding))
-        for finding in check_current_sign(evidence, "setup")
-    ]
-    agrees = Diagnostic("battery_current_A", Level.OK, f"sign agrees with the voltage ({evidence})")
-    yield from found_wrong or [agrees]
+    for finding in findings:
+        yield Diagnostic("battery_current_A", levels[finding.severity], str(finding))
+    if not findings:
+        yield Diagnostic("battery_current_A", Level.OK, f"sign agrees with the voltage ({evidence})")
 
 
 def _wheel_signs(found: Mapping[str, SignalRecord], robot: Robot) -> Iterator[Diagnostic]:

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from ohmward.errors import InputError
-from ohmward.logs.plausible import require_not_wrapped
+from ohmward.signals.current_size import check_wrapped
 
 
 def drive(largest_A, seed=0):
@@ -23,18 +22,18 @@ def wrapped(current_A, digit_A):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(("digit_A", "range_A"), [(1e-3, "65.536"), (1e-2, "655.36"), (1e-1, "6553.6")])
-def test_a_current_that_wrapped_is_refused_with_its_range(sign, digit_A, range_A):
+def test_a_current_that_wrapped_is_named_with_its_range(sign, digit_A, range_A):
     current_A, voltage_V = drive(45e3 * digit_A)
-    with pytest.raises(InputError, match=rf"unless {range_A} A are added: a 16-bit number of {1e3 * digit_A:g} mA"):
-        require_not_wrapped("a.csv", wrapped(sign * current_A, digit_A), voltage_V)
+    (finding,) = check_wrapped(wrapped(sign * current_A, digit_A), voltage_V)
+    assert f"unless {range_A} A are added: a 16-bit number of {1e3 * digit_A:g} mA" in finding.text
 
 
 @pytest.mark.parametrize("largest_A", [2.0, 20.0, 31.0, 45.0, 300.0])
 @pytest.mark.parametrize("seed", range(5))
 def test_a_current_that_did_not_wrap_is_read(largest_A, seed):
     current_A, voltage_V = drive(largest_A, seed)
-    require_not_wrapped("a.csv", current_A, voltage_V)
-    require_not_wrapped("a.csv", current_A, np.random.default_rng(seed).permutation(voltage_V))
+    assert list(check_wrapped(current_A, voltage_V)) == []
+    assert list(check_wrapped(current_A, np.random.default_rng(seed).permutation(voltage_V))) == []
 
 
 def test_a_number_without_a_sign_wraps_below_zero():
@@ -43,5 +42,5 @@ def test_a_number_without_a_sign_wraps_below_zero():
     current_A = np.where((time > 400) & (time < 600), 5.06, np.where(time // 30 % 2, -7.9, -0.27))
     voltage_V = 26.0 + 0.045 * current_A + 0.003 * np.random.default_rng(0).standard_normal(time.size)
     milliamperes = np.rint(1e3 * (current_A + 0.02 * np.sin(time))).astype(int) % 65536
-    with pytest.raises(InputError, match=r"unless 65\.536 A are added: a 16-bit number of 1 mA without a sign"):
-        require_not_wrapped("a.csv", 1e-3 * milliamperes, voltage_V)
+    (finding,) = check_wrapped(1e-3 * milliamperes, voltage_V)
+    assert "unless 65.536 A are added: a 16-bit number of 1 mA without a sign" in finding.text
