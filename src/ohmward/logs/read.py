@@ -35,7 +35,7 @@ from ohmward.logs.arrays_file import (
 )
 from ohmward.logs.bags.bag_table import is_recording, open_bag
 from ohmward.logs.bags.sqlite_file import MAGIC as SQLITE_MAGIC
-from ohmward.logs.can_file import BLF_MAGIC, MDF_MAGICS, can_reader, open_can, open_mdf
+from ohmward.logs.can_file import BLF_MAGIC, BLF_READER, MDF_MAGICS, can_reader, open_can, open_mdf
 from ohmward.logs.clean import drop_text, drop_untimed
 from ohmward.logs.clock import date_column, nanosecond_column, read_clock
 from ohmward.logs.columns import Column, listed, other_times
@@ -258,7 +258,7 @@ OPENERS: tuple[tuple[bytes, Opener], ...] = (
     (ULOG_MAGIC, open_ulog),
     (DATAFLASH_MAGIC, open_dataflash),
     (DATAFLASH_TEXT, open_dataflash),
-    (BLF_MAGIC, partial(open_can, reader="BLFReader")),
+    (BLF_MAGIC, partial(open_can, reader=BLF_READER)),
     *((magic, open_mdf) for magic in MDF_MAGICS),
     (MPR_MAGIC, open_mpr),
     (NDA_MAGIC, open_neware),

@@ -233,7 +233,9 @@ def _numbers(layout: Layout, path: str, bytes_: np.ndarray) -> np.ndarray:
     """(n,) a number of each message."""
     number = layout.numbers[path]
     dtype = np.dtype(number.dtype)
-    return np.ascontiguousarray(bytes_[:, number.at : number.at + dtype.itemsize]).view(dtype)[:, 0].astype(float)
+    cells = np.ascontiguousarray(bytes_[:, number.at : number.at + dtype.itemsize]).view(dtype)[:, 0]
+    with np.errstate(invalid="ignore"):  # of a float32 whose bits are those of a signalling NaN
+        return cells.astype(float)
 
 
 def _stamps(layout: Layout, bytes_: np.ndarray) -> np.ndarray:
