@@ -199,3 +199,12 @@ def test_what_is_said_of_a_battery_does_not_call_it_a_drive(tmp_path, capsys):
     _write_pack(tmp_path / "x.csv", "t_s,V1,V2,V3,Ibat,Vtot")
     assert main(["doctor", str(tmp_path / "x.csv"), "--unit", "current=mV"]) == 2
     assert "looks like a drive" not in capsys.readouterr().err
+
+
+def test_cells_called_like_speeds_are_no_wheels(here, as_json):
+    log = drive()
+    cells = {f"V{k}": log.voltage_V / 4 for k in range(1, 5)}
+    write_log(replace(log, extra=cells), "cells.csv")
+    found = as_json("doctor", "cells.csv")
+    assert found["drives"] == []
+    assert not any("also a drive" in note for note in found["logs"][0]["notes"])
