@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ohmward.signals.current_size import check_wrapped
+from ohmward.signals.current_size import check_hidden_charge, check_wrapped
 
 
 def drive(largest_A, seed=0):
@@ -44,3 +44,28 @@ def test_a_number_without_a_sign_wraps_below_zero():
     milliamperes = np.rint(1e3 * (current_A + 0.02 * np.sin(time))).astype(int) % 65536
     (finding,) = check_wrapped(1e-3 * milliamperes, voltage_V)
     assert "unless 65.536 A are added: a 16-bit number of 1 mA without a sign" in finding.text
+
+
+def charged_past_the_sensor(seed=0):
+    """Two hours of loads, two on a charger that the sensor does not see while the robot idles."""
+    time_s = 5.0 * np.arange(2880)
+    rng = np.random.default_rng(seed)
+    load_A = np.where((time_s < 7200.0) & (time_s // 300 % 2 == 0), -6.0, -0.3) + 0.02 * rng.standard_normal(2880)
+    flowing_A = load_A + 3.0 * (time_s > 7500.0)
+    charge_Ah = np.cumsum(flowing_A) * 5.0 / 3600.0
+    return time_s, load_A, flowing_A, 26.0 + 0.5 * charge_Ah + 0.045 * flowing_A
+
+
+def test_a_charge_that_the_sensor_does_not_show_is_named_with_its_hours():
+    time_s, shown_A, flowing_A, voltage_V = charged_past_the_sensor()
+    (finding,) = check_hidden_charge(time_s, shown_A, voltage_V)
+    assert finding.text.startswith("in the 2.1 h from 1.9 h on the current sensor shows a discharge or none")
+    assert list(check_hidden_charge(time_s, flowing_A, voltage_V)) == []
+
+
+def test_a_rest_after_a_load_hides_no_charge():
+    """The voltage relaxes, and small loads dip below it."""
+    time_s = 5.0 * np.arange(2880)
+    current_A = np.where(time_s < 3600.0, -6.0, np.where(time_s % 1800.0 < 60.0, -0.5, 0.0))
+    relaxing_V = -0.4 * np.exp(-np.clip(time_s - 3600.0, 0.0, None) / 1500.0)
+    assert list(check_hidden_charge(time_s, current_A, 26.0 + 0.2 * current_A + relaxing_V)) == []

@@ -17,6 +17,7 @@ from ohmward.quantities import QUANTITIES
 from ohmward.runs import runs
 from ohmward.signals.checks import Finding, Severity, beyond_limits, in_order, no_numbers, too_seldom
 from ohmward.signals.current_sign import SignEvidence, check_current_sign, sign_evidence
+from ohmward.signals.current_size import check_hidden_charge
 from ohmward.signals.survey import Sampling, Signal, sampling_of, signal_of
 
 # A rest: less than this fraction of the largest current, for at least this time.
@@ -181,7 +182,8 @@ def examine(log: LogSource) -> Findings[Survey]:
     log = as_log(log)
     evidence = _sign_evidence(log)
     found = survey(log, evidence)
-    return _findings(log, found, _faults_of_battery(found, evidence))
+    hidden = check_hidden_charge(log.time_s, log.current_A, log.voltage_V)
+    return _findings(log, found, (*_faults_of_battery(found, evidence), *hidden))
 
 
 def examine_drive(log: DriveLog, places: Sequence[str]) -> Findings[DriveSurvey]:

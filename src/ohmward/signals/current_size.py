@@ -1,4 +1,4 @@
-"""The size of a current, told from the response of the voltage: a number that wrapped, a unit that was forgotten."""
+"""The size of a current, told from the voltage: a number that wrapped, a unit that was forgotten, a hidden charge."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ohmward.quantities import QUANTITIES
+from ohmward.runs import long_runs
 from ohmward.signals.checks import Finding, Scale, scales_of
 from ohmward.signals.current_sign import edge_test
 from ohmward.signals.survey import resolution, spread
@@ -27,6 +28,36 @@ _LARGE = 0.02
 LEAST_CELL_OHM, HIGHEST_CELL_V = 3e-4, 4.3
 #: A resistance is below that where it is with so many standard errors, and currents from this on [A] are doubtful.
 _CERTAIN, _DOUBTFUL_FROM_A = 3.0, 20.0
+
+
+#: A charge that the current sensor does not show.
+HIDDEN_CHARGE = "shows a discharge or none where the voltage rises as by a charge (does the charger bypass it?)"
+#: Without a battery file: from the first share of the largest current on a battery is charged, below the second it is
+#: idle; so long [s] after a load its voltage has relaxed, and rises no further by the last share.
+_CHARGES, _IDLE, _MEDIAN_OF, RELAXED_S, _HIDDEN = 0.005, 0.1, 5, 1200.0, 0.03
+
+
+def check_hidden_charge(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> Iterator[Finding]:
+    """A finding on the first stretch without a current in which the voltage rises as by a charge.
+
+    time_s: (T,) [s] increasing; current_A: (T,), > 0 charges; voltage_V: (T,); nan where not known.
+    """
+    known = np.isfinite(current_A) & np.isfinite(voltage_V)
+    time_s, current_A, voltage_V = time_s[known], current_A[known], voltage_V[known]
+    if current_A.size < _MEDIAN_OF:
+        return
+    padded_A = np.pad(current_A, _MEDIAN_OF // 2, mode="edge")
+    usual_A = np.median(np.lib.stride_tricks.sliding_window_view(padded_A, _MEDIAN_OF), axis=1)  # noise ends no rest
+    largest_A = np.abs(usual_A).max()
+    idle = (usual_A < _CHARGES * largest_A) & (usual_A > -_IDLE * largest_A)
+    for first, stop in long_runs(idle, time_s, 2 * RELAXED_S):
+        late = np.flatnonzero(time_s[first:stop] > time_s[first] + RELAXED_S) + first
+        at_first_V = voltage_V[late[: late.size // 5]].max(initial=0.0)  # small loads dip below it, and come back
+        if np.count_nonzero(voltage_V[late] - at_first_V > _HIDDEN * np.median(voltage_V)) > late.size // 10:
+            hours = (time_s[stop - 1] - time_s[first]) / 3600.0
+            text = f"in the {hours:.2g} h from {time_s[first] / 3600.0:.2g} h on the current sensor {HIDDEN_CHARGE}"
+            yield Finding("warning", text, "let the sensor see all current of the battery, or keep another part")
+            return
 
 
 def check_wrapped(current_A: np.ndarray, voltage_V: np.ndarray) -> Iterator[Finding]:

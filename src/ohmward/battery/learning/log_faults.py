@@ -9,7 +9,6 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.learning.fold import pulse_ohm
 from ohmward.battery.log_check import (
-    HIDDEN_CHARGE,
     MEDIAN_OF,
     check_log,
     hidden_charges,
@@ -23,6 +22,7 @@ from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note, without_impossible
 from ohmward.quantities import QUANTITIES
 from ohmward.runs import runs
 from ohmward.signals.current_sign import check_current_sign, sign_evidence
+from ohmward.signals.current_size import HIDDEN_CHARGE
 from ohmward.signals.survey import resolution
 
 #: Samples with current and voltage, and time: less tells nothing about a battery.
