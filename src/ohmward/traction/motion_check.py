@@ -125,7 +125,7 @@ def motion_of(robot: Robot, wheel_speed_rad_s: np.ndarray, yaw_rate_rad_s: np.nd
     check = MotionCheck(robot)
     measured = [*wheel_speed_rad_s, *([] if yaw_rate_rad_s is None else [check.scale * yaw_rate_rad_s])]
     seen = [k for k, values in enumerate(measured) if np.isfinite(values).any()]
-    values = np.array([measured[k] for k in seen]).reshape(len(seen), -1)
+    values = np.array([measured[k] for k in seen]).reshape(len(seen), wheel_speed_rad_s.shape[1])
     moves = np.isfinite(values).all(axis=0) & (np.abs(values).max(axis=0, initial=0.0) > TURNING_RAD_S)
     return Motion(seen, check.rows[seen], values[:, moves])
 
