@@ -67,7 +67,7 @@ _OF_BATTERY = word_set(
 # Words of columns that serve where there is nothing better.
 _SECOND_CHOICE = word_set("cell raw mean avg average")
 # And of those that serve where there is no such one either.
-_THIRD_CHOICE = word_set("now latest bus in input out output line")
+_THIRD_CHOICE = word_set("now latest bus in input line")
 _BESIDE_BATTERY = (
     frozenset[str](),
     _OF_BATTERY,

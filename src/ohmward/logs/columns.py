@@ -31,6 +31,7 @@ _OTHER_WORDS = word_set(
 _WALL_CLOCK = ("stamp", "date", "unix", "epoch", "dpt", "realtime", "datum", "changed")
 # Words of the time since the start of a test, beside which `Time` is that of a step.
 _WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute")
+_IN, _OUT = word_set("in input"), word_set("out output")
 #: A longer word that is alike to this share may be a misspelled one.
 _SHORTEST_MISSPELLED, _ALIKE = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
@@ -232,7 +233,15 @@ def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
     if channel is TIME:
         fits = [column for column in fits if column.name != _TEMPERATURE] or fits
         fits = [column for column in fits if _WHOLE_TIME & set(letters(column.name))] or fits
+    if channel is CURRENT and sum(bool(_IN & set(letters(name))) for name in names) == 1:
+        fits += [Column(name, None) for name in names if any(_is_way_back(column.name, name) for column in fits)]
     return fits[0] if channel.first_of_many else only_one(source, names, channel.name, fits)
+
+
+def _is_way_back(name: str, other: str) -> bool:
+    """True for a current out beside one in, where the battery's is neither alone; a converter has a voltage in, too."""
+    words, beside = set(letters(name)), set(letters(other))
+    return bool(words & _IN and beside & _OUT) and words - _IN == beside - _OUT
 
 
 def _ranks(channel: Channel, name: str) -> Iterator[tuple[int, Column]]:
