@@ -56,7 +56,7 @@ def wrong_signs(rows: np.ndarray, values: np.ndarray, least: float) -> list[int]
     return [int(k) for k in np.argsort(turned, kind="stable") if turned[k] < CURED * as_is]
 
 
-class Motion(NamedTuple):
+class SensedMotion(NamedTuple):
     """What wheels and gyro show of a motion, while the robot moves and all of them are known."""
 
     seen: list[int]  #: rows of G of the sensors that report
@@ -64,7 +64,7 @@ class Motion(NamedTuple):
     values: np.ndarray  #: (n, T)
 
 
-def check_signs(robot: Robot, motion: Motion, place: Place) -> Iterator[tuple[int, Finding]]:
+def check_signs(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[tuple[int, Finding]]:
     """A finding on a sign by which wheels and gyro contradict each other, and the row of G that it is of."""
     seen, rows, values = motion
     if values.shape[1] < FEWEST:
@@ -83,7 +83,7 @@ def check_signs(robot: Robot, motion: Motion, place: Place) -> Iterator[tuple[in
         yield gyro, against_gyro(place)
 
 
-def check_units(robot: Robot, motion: Motion, place: Place) -> Iterator[Finding]:
+def check_units(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[Finding]:
     """A finding on wheels that turn the robot much faster or slower than the gyro says."""
     faster = _faster_than_gyro(robot, motion)
     if not math.isfinite(faster) or 1.0 / MOST_FASTER < faster < MOST_FASTER:
@@ -116,7 +116,7 @@ def against_gyro(place: Place) -> Finding:
     return Finding("error", text, fixes[place])
 
 
-def motion_of(robot: Robot, wheel_speed_rad_s: np.ndarray, yaw_rate_rad_s: np.ndarray | None) -> Motion:
+def motion_of(robot: Robot, wheel_speed_rad_s: np.ndarray, yaw_rate_rad_s: np.ndarray | None) -> SensedMotion:
     """What the sensors that report at all show of the robot's motion.
 
     wheel_speed_rad_s: (wheels, T), nan throughout of those that do not report.
@@ -127,10 +127,10 @@ def motion_of(robot: Robot, wheel_speed_rad_s: np.ndarray, yaw_rate_rad_s: np.nd
     seen = [k for k, values in enumerate(measured) if np.isfinite(values).any()]
     values = np.array([measured[k] for k in seen]).reshape(len(seen), wheel_speed_rad_s.shape[1])
     moves = np.isfinite(values).all(axis=0) & (np.abs(values).max(axis=0, initial=0.0) > TURNING_RAD_S)
-    return Motion(seen, check.rows[seen], values[:, moves])
+    return SensedMotion(seen, check.rows[seen], values[:, moves])
 
 
-def _faster_than_gyro(robot: Robot, motion: Motion) -> float:
+def _faster_than_gyro(robot: Robot, motion: SensedMotion) -> float:
     """Yaw rate by the wheels over that of the gyro, nan where they do not tell it or the robot has hardly turned."""
     (seen, rows, values), gyro = motion, len(robot.places)
     wheels = [n for n, k in enumerate(seen) if k < gyro]
