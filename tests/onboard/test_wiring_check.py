@@ -68,7 +68,7 @@ WRONG = {
         "battery_temperature_degC",
         "kelvins. then offset = -273.15",
     ),
-    "no number": (scaled(math.nan, "battery_voltage_V"), "battery_voltage_V", "no number in 100%"),
+    "no number": (scaled(math.nan, "battery_voltage_V"), "battery_voltage_V", "no number in any of its values"),
 }
 
 
