@@ -7,7 +7,7 @@ import pytest
 
 from battery.learning.test_another_battery import day, worn
 from cli.examples import MODEL
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, Knowledge
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.file import load_battery, save_battery
 from ohmward.battery.learning import learn
@@ -181,6 +181,29 @@ def test_the_same_log_does_not_count_twice(tmp_path):
     std = np.sqrt(np.diag(prior_covariance(once)))
     scale = np.outer(std, std)
     assert prior_covariance(stored) / scale == pytest.approx(prior_covariance(once) / scale, rel=1e-3, abs=1e-5)
+
+
+def test_a_knot_that_the_file_did_not_know_follows_its_neighbours():
+    """As of a file that learnt when the curve had fewer knots: it goes on learning, and no knot is free."""
+    learnt = learn(generic_battery("nmc", 12.0, 3), [day(MODEL, 1)]).battery
+    before, matrix = learnt.knowledge, prior_covariance(learnt)
+    assert before is not None
+    names = before.names
+    known = [k for k, name in enumerate(names) if not name.endswith(("soc 0.96", "soc 0.97", "soc 0.99"))]
+    fewer = Knowledge.of(
+        tuple(names[k] for k in known),
+        matrix[np.ix_(known, known)],
+        before.logs,
+        before.seen_from_soc,
+    )
+    older = replace(learnt, knowledge=fewer)
+    assert len(known) == len(names) - 3
+    std = np.sqrt(np.diag(matrix))
+    assert np.sqrt(np.diag(prior_covariance(older)))[known] == pytest.approx(std[known], rel=1e-6)
+    new = [k for k in range(len(names)) if k not in known]
+    assert np.all(np.sqrt(np.diag(prior_covariance(older)))[new] < 2 * std[new])
+    one, two = (learn(battery, [day(MODEL, 2)]).battery for battery in (learnt, older))
+    assert difference_in_sigmas(one, two) < 0.3
 
 
 def test_a_declared_rest_shows_the_offset_and_a_taper_does_not():

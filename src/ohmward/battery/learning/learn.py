@@ -220,7 +220,7 @@ def aged(battery: Battery, hours: float, cycles: float) -> Battery:
     if battery.knowledge is None:
         return battery
     p, noise, span_s = parameters_of(battery), battery.noise, SECONDS_PER_HOUR * hours
-    covariance, direction = battery.knowledge.matrix, ageing_direction(battery, p)
+    covariance, direction = prior_covariance(battery), ageing_direction(battery, p)
     slipped = noise.ocv_slip_std * slip_direction(battery, p)
     capacity_variance: Any = noise.capacity_walk_variance(span_s) + _CYCLE_WALK**2 * cycles
     covariance += capacity_variance * (np.outer(direction, direction) + np.outer(slipped, slipped))

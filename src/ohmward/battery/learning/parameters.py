@@ -104,12 +104,12 @@ def prior_covariance(battery: Battery) -> np.ndarray:
     learnt, names, P = battery.knowledge, prior.parameters.names, prior.covariance
     if learnt is None or not set(learnt.names) <= set(names):
         return P
-    # a parameter that the file did not know when it learnt is as before any log
+    # a parameter that the file did not know when it learnt follows those that it did, as before any log
     known = [names.index(name) for name in learnt.names]
-    P[known, :] = 0.0
-    P[:, known] = 0.0
-    P[np.ix_(known, known)] = learnt.matrix
-    return P
+    among = np.ix_(known, known)
+    follows = np.linalg.solve(P[among], P[known, :])
+    follows[:, known] = np.eye(len(known))
+    return P + follows.T @ (learnt.matrix - P[among]) @ follows
 
 
 class _Prior(NamedTuple):
