@@ -283,15 +283,20 @@ def _moved(origin: ElementTree.Element | None, at_m: np.ndarray, frame: np.ndarr
     """Place and frame behind an element `origin`, seen from a place and frame."""
     if origin is None:
         return at_m, frame
-    (cr, cp, cy), (sr, sp, sy) = (f(_numbers(origin.get("rpy", "0 0 0"))) for f in (np.cos, np.sin))
-    turned = np.array(
+    turned = rotation(*_numbers(origin.get("rpy", "0 0 0")))
+    return at_m + frame @ _numbers(origin.get("xyz", "0 0 0")), frame @ turned
+
+
+def rotation(roll_rad: float, pitch_rad: float, yaw_rad: float) -> np.ndarray:
+    """(3, 3) from the frame of a part to that of what it is mounted on: R_z(yaw) R_y(pitch) R_x(roll)."""
+    (cr, cp, cy), (sr, sp, sy) = (f([roll_rad, pitch_rad, yaw_rad]) for f in (np.cos, np.sin))
+    return np.array(
         [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
             [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
             [-sp, cp * sr, cp * cr],
         ]
     )
-    return at_m + frame @ _numbers(origin.get("xyz", "0 0 0")), frame @ turned
 
 
 def _numbers(text: str) -> np.ndarray:
