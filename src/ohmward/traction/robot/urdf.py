@@ -35,6 +35,9 @@ class UrdfRobot(NamedTuple):
 
     robot: Robot
     joints: dict[str, str]  #: driven wheel -> joint
+    imu_rpy: dict[
+        str, tuple[float, float, float]
+    ]  #: link of an inertial unit that is mounted turned -> roll, pitch, yaw [rad]
     assumed: tuple[str, ...]  #: sentences for people
 
 
@@ -102,7 +105,12 @@ def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg:
         motor=generic_motor(mass_kg or total_kg, radius, len(driven)),
         height_m=max(0.0, float(centre_m[2] - driven[0].at_m[2]) + radius) if total_kg > 0 else 0.0,
     )
-    return UrdfRobot(robot, dict(zip(names, (wheel.joint for wheel in driven), strict=True)), tuple(assumed))
+    joints = dict(zip(names, (wheel.joint for wheel in driven), strict=True))
+    units = [link for link in links if "imu" in link.name.lower()]
+    turned = {
+        unit.name: roll_pitch_yaw(unit.frame) for unit in units if not np.allclose(unit.frame, np.eye(3), atol=1e-3)
+    }
+    return UrdfRobot(robot, joints, turned, tuple(assumed))
 
 
 def _wheel(driven: Sequence[_Link], radius_m: float, mass_kg: float) -> Wheel:
@@ -297,6 +305,14 @@ def rotation(roll_rad: float, pitch_rad: float, yaw_rad: float) -> np.ndarray:
             [-sp, cp * sr, cp * cr],
         ]
     )
+
+
+def roll_pitch_yaw(frame: np.ndarray) -> tuple[float, float, float]:
+    """The angles [rad] that `rotation` makes this (3, 3) of; the roll is 0 where the nose points up or down."""
+    pitch_rad = math.atan2(-frame[2, 0], math.hypot(frame[0, 0], frame[1, 0]))
+    if math.cos(pitch_rad) < 1e-6:
+        return 0.0, pitch_rad, math.atan2(-frame[0, 1], frame[1, 1])
+    return math.atan2(frame[2, 1], frame[2, 2]), pitch_rad, math.atan2(frame[1, 0], frame[0, 0])
 
 
 def _numbers(text: str) -> np.ndarray:
