@@ -141,16 +141,18 @@ class GaussianSumFilter:
         fades = pair_decays(clean.mean, self.member.model, self.member.noise.correlation_s)
         ohm = self.system.pair_ohm(before.belief.mean, clean)
         renewed_V2 = sum(r * r * v * (1 - a * a) for r, v, a in zip(ohm, walk_A2, fades, strict=True))
-        decay = self.system.error_decay(clean.mean.current_A, clean)
-        variance = unpack(before.belief).cov[self.model_error_index, self.model_error_index]
-        staying_V2 = update.error.model_std_V**2 * (decay**2 * variance + 1.0 - decay**2)
-        widths = Widths(renewed_V2, staying_V2, moved_on=1.0 - decay**2)
+        model_decay, level_decay = self.system.error_decays(clean.mean.current_A, clean)
+        staying_V2 = update.error.model_std_V**2 * self.variance_after(before, "model_error", model_decay)
+        staying_V2 = staying_V2 + update.error.level_std_V**2 * self.variance_after(before, "level_error", level_decay)
+        widths = Widths(renewed_V2, staying_V2, moved_on=1.0 - model_decay**2)
         return log_likelihood(update.correction.innovation, update.R, update.error, widths, self.member.gate)
 
-    @property
-    def model_error_index(self) -> int:
-        """Index of the model's error in the state of a member."""
-        return self.state_names.index("model_error")
+    def variance_after(self, before: FilterState, name: str, decay: Scalar) -> Scalar:
+        """Variance of the Gauss-Markov state `name` of a member after a step, 1 where it is not there."""
+        if name not in self.state_names:
+            return 1.0
+        k = self.state_names.index(name)
+        return decay**2 * unpack(before.belief).cov[k, k] + 1.0 - decay**2
 
     @property
     def restarts(self) -> list[Callable[[Belief], Belief]]:
@@ -227,7 +229,7 @@ class Widths(NamedTuple):
     """Parts of the variance of a voltage that are charged apart from all else."""
 
     renewed_V2: Scalar = 0.0  #: by the state, what the process noise brings back whenever it was learnt [V^2]
-    staying_V2: Scalar = 0.0  #: by the error of the model, which stays while SoC stays [V^2]
+    staying_V2: Scalar = 0.0  #: by the errors of the model, which stay while SoC stays [V^2]
     moved_on: Scalar = 1.0  #: share of that error which is new with this sample, in [0, 1]
 
 

@@ -163,13 +163,22 @@ class TheveninFilter:
         return VoltageStart(self.model, self.noise, self.sensor, self.limits.current_A)
 
     def start_from(self, first: SocSample, part: Hypothesis) -> FilterState:
-        """State before the first sample, with the error of the model that goes with SoC in its voltage; traceable."""
+        """State before the first sample, with the error of the model that goes with SoC in its voltage; traceable.
+
+        That error e of unit variance is the sum a m + b l of the state m and, where there is one, the level's l, by
+        their shares of the variance. The voltage tells nothing of b m - a l.
+        """
         start = part.start
         state = self.start(first, start.soc, start.std)
         belief = unpack(state.belief)
-        mean, cov, k = belief.mean.copy(), belief.cov.copy(), self.state_names.index("model_error")
-        mean[k], cov[k, k] = start.model_error, start.model_error_std**2
-        cov[k, SOC] = cov[SOC, k] = start.covariance
+        mean, cov = belief.mean.copy(), belief.cov.copy()
+        shares = self.system.error_shares(start.soc, first_input(first, self.limits.current_A))
+        errors = {self.state_names.index(name): share for name, share in shares.items()}
+        news = start.model_error_std**2 - 1.0
+        for j, a in errors.items():
+            mean[j], cov[j, SOC], cov[SOC, j] = a * start.model_error, a * start.covariance, a * start.covariance
+            for k, b in errors.items():
+                cov[j, k] = cov[j, k] + a * b * news
         return state._replace(belief=pack(Belief(mean, cov)))
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> FilterState:
