@@ -1,10 +1,15 @@
 """State of charge by a Gaussian sum filter: a few extended Kalman filters side by side, weighed by their likelihood.
 
-    p(x) = sum of w_k N(x; m_k, P_k),    w_k <- w_k N(nu_k; 0, S_k)                     (Alspach and Sorenson 1972)
+    p(x) = sum of w_k N(x; m_k, P_k)                                                    (Alspach and Sorenson 1972)
+    w_k <- w_k^a N(nu_k; 0, S_k),    a = exp(-moved charge / length)            (Raftery, Karny and Ettler 2010, 2.7)
 
 One Gaussian cannot hold "the value given at the start is right, or it is wrong", nor a flat part of the curve from an
 unknown start. Each hypothesis begins at another part of the state of charge (`initial_soc.hypotheses`); all see the
 same samples, and the voltage tells which of them holds. Mean and standard deviation are those of the sum.
+
+Evidence fades as charge moves on, by the forgetting factor a: a hypothesis explains a voltage by errors of
+the model that hold on as far as the level of the curve does, and by the next pass they are others. Without it a small
+error of the model, met at every pass, decides in a day between hypotheses that are all in doubt.
 
 A voltage that no hypothesis can believe weighs none of them; one that some can believe weighs all, at most as much as
 their gate. The voltage contradicts the filter where it contradicts every hypothesis.
@@ -119,9 +124,10 @@ class GaussianSumFilter:
             self.evidence(member, step.update, walk_A2, taken.sample)
             for member, step in zip(state.members, steps, strict=True)
         ]
+        _, forgetting = self.system.error_decays(taken.sample.mean.current_A, taken.sample)
         log_weights = relative(
             [
-                where(diverged, 0.0, log_weight) + where(accepted, log_evidence, 0.0)
+                where(diverged, 0.0, forgetting * log_weight) + where(accepted, log_evidence, 0.0)
                 for log_weight, log_evidence in zip(state.log_weights, evidence, strict=True)
             ]
         )
