@@ -113,7 +113,7 @@ class GaussianSumFilter:
     def step(self, state: GaussianSumState, sample: SocSample) -> tuple[GaussianSumState, SocEstimate]:
         """State and estimate after a sample."""
         taken = self.member.take_in(state.members[0], sample)
-        diverged = reduce(and_, map(self.member.has_diverged, state.members))
+        diverged = reduce(and_, map(self.member.has_diverged, state.members)) | taken.misled
         steps = [
             self.member.advance(member, taken, diverged, forget)
             for member, forget in zip(state.members, self.restarts, strict=True)
