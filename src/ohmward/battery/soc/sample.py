@@ -64,7 +64,7 @@ class SocFlag(SampleFlag):
     """Incidents at a sample. None of them stops an estimator."""
 
     NO_CURRENT = 1  # no number, or one that no battery has: the last current was held, and faded
-    NO_VOLTAGE = 2  # no number, one that no battery has, or one that stands still as the load changes: predicted only
+    NO_VOLTAGE = 2  # no number, or one that no battery has: predicted only
     BAD_TIME = 4  # dt_s no number, negative or years: taken as 0; dt_s = 0 is a repeated sample
     GAP = 8  # longer than the estimator trusts a straight line between two currents
     VOLTAGE_REJECTED = 16  # innovation outside its gate
