@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import difflib
 import math
+from functools import cache
 from typing import Any, NamedTuple
 
 from ohmward.errors import InputError
@@ -199,6 +200,7 @@ EVENTS = ("battery_full", "battery_changed", "pose_reset")
 GROUPS = {"battery": ("battery", "cell"), "drive": ("wheel", "motor", "body")}
 
 
+@cache
 def names_of(group: str) -> tuple[str, ...]:
     """Names of the quantities of the "battery", with its cells, or of the "drive"."""
     return tuple(quantity.name for quantity in QUANTITIES.values() if quantity.group == group)

@@ -5,6 +5,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, read_drive, write_table
+from ohmward.trace import Kernel
 from ohmward.traction import (
     Motor,
     Robot,
@@ -59,11 +60,13 @@ def driven(current_A, seconds=6.0):
     """Our own dynamics, from rest; encoders of 100 Hz and a gyro."""
     rng, dt_s = np.random.default_rng(4), 0.01
     t, plant = np.arange(0.0, seconds, dt_s), scene(ROBOT, FLOOR)
-    x, states = np.zeros(4), []
-    for _ in t:
-        x = step(x, RobotInput(np.array(current_A)), plant, dt_s).state
-        states.append(np.asarray(x, dtype=float))
-    truth = np.array(states)
+
+    def plant_step(x, u):
+        after = step(x, u, plant, dt_s).state
+        return after, after
+
+    command = RobotInput(np.tile(current_A, (t.size, 1)))
+    _, truth = Kernel(plant_step, np.zeros(4), RobotInput(np.zeros(2))).scan(np.zeros(4), command)
     wheels = np.full((t.size, 3), np.nan)
     wheels[:, :2] = truth[:, 2:] + 0.05 * rng.standard_normal((t.size, 2))
     gyro = truth[:, 1] + 0.01 * rng.standard_normal(t.size)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ohmward.logs.bags.layout import Definitions, Layout, Several, Single, layout_of
@@ -56,9 +56,12 @@ def _message(out: bytearray, type_: str, message: Mapping[str, Any], definitions
 
 def _several(out: bytearray, content: Several, values: Any, definitions: Definitions) -> None:
     if content.size is None:
-        _number(out, "I", len(values))
+        _numbers(out, "I", (len(values),))
     elif len(values) != content.size:
         raise ValueError(f"{content.size} values needed, got {len(values)}")
+    if content.item.type in _FORMATS:
+        _numbers(out, _FORMATS[content.item.type], values)
+        return
     for value in values:
         _single(out, content.item.type, value, definitions)
 
@@ -66,16 +69,16 @@ def _several(out: bytearray, content: Several, values: Any, definitions: Definit
 def _single(out: bytearray, type_: str, value: Any, definitions: Definitions) -> None:
     if type_ == "string":
         text = value.encode() + b"\x00"
-        _number(out, "I", len(text))
+        _numbers(out, "I", (len(text),))
         out += text
     elif type_ in _FORMATS:
-        _number(out, _FORMATS[type_], value)
+        _numbers(out, _FORMATS[type_], (value,))
     else:
         _message(out, type_, value, definitions)
 
 
-def _number(out: bytearray, format_: str, value: Any) -> None:
-    """Append a number at the next place that is a multiple of its size."""
-    size = struct.calcsize(format_)
-    out += bytes(-(len(out) - len(_ENCAPSULATION)) % size)
-    out += struct.pack(f"<{format_}", value)
+def _numbers(out: bytearray, format_: str, values: Sequence[Any]) -> None:
+    """Append numbers from the next place on that is a multiple of their size."""
+    if len(values):
+        out += bytes(-(len(out) - len(_ENCAPSULATION)) % struct.calcsize(format_))
+        out += struct.pack(f"<{len(values)}{format_}", *values)

@@ -27,6 +27,8 @@ MOST_DOMAIN = 232
 
 #: The thread of a node has so long to end [s].
 _SPIN_END_S = 2.0
+#: Time between two looks of rclpy at what has come [s]: a look costs ten times a message, so it is for several.
+_LOOK_S = 0.005
 
 
 class Transport(Protocol):
@@ -176,6 +178,7 @@ class RclpyTransport:
         executors = require("rclpy.executors", 'transport = "rclpy"')
         self._executor = executors.SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
+        self._ended = threading.Event()
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
 
@@ -196,7 +199,13 @@ class RclpyTransport:
         qos = require("rclpy.qos", 'transport = "rclpy"').qos_profile_sensor_data
         events = self._events.SubscriptionEventCallbacks(use_default_callbacks=False)
         message_type = message_class(type_)
-        made = self._node.create_subscription(message_type, topic, receive, qos, event_callbacks=events, raw=True)
+
+        def receive_all(payload: bytes) -> None:
+            receive(payload)
+            while taken := made.handle.take_message(message_type, True):
+                receive(taken[0])
+
+        made = self._node.create_subscription(message_type, topic, receive_all, qos, event_callbacks=events, raw=True)
         self._subscriptions.append(made)
 
     def serve(self, name: str, act: Callable[[], str]) -> None:
@@ -216,6 +225,7 @@ class RclpyTransport:
 
     def close(self) -> None:
         """End publishers, subscriptions and services, and the node where it is our own."""
+        self._ended.set()
         self._executor.shutdown()
         self._thread.join(_SPIN_END_S)
         if self._shut_down is None:
@@ -234,7 +244,8 @@ class RclpyTransport:
     def _spin(self) -> None:
         """Serve subscriptions until the executor is shut down."""
         with suppress(Exception):
-            self._executor.spin()
+            while not self._ended.wait(_LOOK_S):
+                self._executor.spin_once()
 
 
 def message_class(type_: str) -> object:

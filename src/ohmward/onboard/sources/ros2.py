@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -70,10 +71,17 @@ class Ros2Source(RosNetwork):
     async def run_on(self, transport: Transport, put: Put) -> None:
         """The same by the node of this transport."""
         loop, clock = asyncio.get_running_loop(), None if self.live else RosTime()
+        waiting: deque[Message] = deque()
+
+        def put_all() -> None:
+            while waiting:
+                put(waiting.popleft())
 
         def hand_over(message: Message | None) -> None:
             if message and not loop.is_closed():
-                loop.call_soon_threadsafe(put, message)
+                waiting.append(message)
+                if len(waiting) == 1:  # else they are about to be put
+                    loop.call_soon_threadsafe(put_all)
 
         def receive(topic: str, type_: str, payload: bytes) -> None:
             hand_over(self.message(type_, payload, time.monotonic(), topic, clock))
