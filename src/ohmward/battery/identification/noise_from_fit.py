@@ -103,10 +103,10 @@ def noise_from_fit(
         ),
         resistance_std=AGED_RESISTANCE_STD,
         activation_std_K=activation_std_K(fit, problem),
-        empty_activation_std_K=problem.prior.untested.empty_activation_K.std,
+        empty_activation_std_K=problem.prior.empty_activation_K.std,
         ocv_std_V_per_K=ocv_std_V_per_K(fit, problem),
         hysteresis_std=hysteresis_std(fit, problem),
-        ocv_slip_std=problem.prior.untested.ocv_slip.std,
+        ocv_slip_std=problem.prior.ocv_slip.std,
     )
 
 
