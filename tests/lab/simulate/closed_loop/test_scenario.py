@@ -9,8 +9,8 @@ from ohmward.traction import RLMA, ROBOTINO, save_robot
 from ohmward_lab.simulate.closed_loop.control import Command, Control
 from ohmward_lab.simulate.closed_loop.ground import Grade, Patch
 from ohmward_lab.simulate.closed_loop.observing import Observing
-from ohmward_lab.simulate.closed_loop.scenario import Scenario
-from ohmward_lab.simulate.closed_loop.scenario_file import (
+from ohmward_lab.simulate.closed_loop.scenario import (
+    Scenario,
     find_scenario,
     load_scenario,
     packaged,
