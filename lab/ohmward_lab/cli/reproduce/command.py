@@ -17,8 +17,7 @@ from ohmward.cli.wording import FOOTER
 from ohmward.errors import InputError
 from ohmward.report import Page
 from ohmward_lab.reproduce.errata import ERRATA, check
-from ohmward_lab.reproduce.measured import measured_item
-from ohmward_lab.reproduce.nmc_cell import nmc_item
+from ohmward_lab.reproduce.measured import measured_item, nmc_item
 from ohmward_lab.reproduce.publications import PUBLICATIONS, Publication, Reproduced, label, select
 from ohmward_lab.reproduce.row import ResultRow
 
