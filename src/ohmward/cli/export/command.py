@@ -73,7 +73,12 @@ def run(args: argparse.Namespace) -> Outcome:
     filter_name = filter_name or (DEFAULT if python else _SMALL)
     notes: list[str] = []
     if is_robot:
-        _refuse_options_of_batteries(args, filter_name)
+        if args.sensor_offset is not None or args.sensor_gain is not None:
+            raise InputError("a current sensor is that of a battery; leave out --sensor-offset and --sensor-gain")
+        if args.curve_error:
+            raise InputError("a curve error is for the open-circuit voltage of a battery; leave out --curve-error")
+        if args.style != "lines":
+            raise InputError(f"{filter_name} of a robot has no loops, only {', '.join(WITH_LOOPS)} of a battery have")
         export = _robot_export(load_robot(args.file), args.terrain, filter_name, name)
     else:
         battery, notes = load_with_sensor(args.file, args)
@@ -203,15 +208,6 @@ def _symbol(folder: str) -> str:
 def _is_robot(file: str) -> bool:
     """True where it names a robot: one that comes with the package, or a file of that format."""
     return file.lower() in BUILT_IN or noun_of(file) == "robot"  # of all others the reader of battery files speaks
-
-
-def _refuse_options_of_batteries(args: argparse.Namespace, filter_name: str) -> None:
-    if args.sensor_offset is not None or args.sensor_gain is not None:
-        raise InputError("a current sensor is that of a battery; leave out --sensor-offset and --sensor-gain")
-    if args.curve_error:
-        raise InputError("a curve error is for the open-circuit voltage of a battery; leave out --curve-error")
-    if args.style != "lines":
-        raise InputError(f"{filter_name} of a robot has no loops, only {', '.join(WITH_LOOPS)} of a battery have")
 
 
 def _robot_export(robot: Robot, terrain: str, filter_name: str, name: str) -> Export:
