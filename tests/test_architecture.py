@@ -18,7 +18,7 @@ LAB = Path(ohmward_lab.__file__).parent
 DOCS = Path(__file__).parent.parent / "docs"
 
 #: What each room may import from the rooms below it; a room of its own is always allowed.
-GROUND = {"errors", "checks", "atomic", "optional", "runs", "toml_file", "lab", "quantities", "rich_display"}
+GROUND = {"errors", "checks", "atomic", "optional", "runs", "toml_file", "lab", "quantities", "rich_display", "signals"}
 LOGS = {"logs.log", "logs.drive_log"}
 CORE = {"battery", "traction", "trace", "filters"} | GROUND
 BELOW: dict[str, set[str]] = {
@@ -30,12 +30,13 @@ BELOW: dict[str, set[str]] = {
     "rich_display": set(),
     "quantities": {"errors"},
     "runs": set(),
+    "signals": {"errors", "quantities", "runs"},
     "toml_file": {"errors", "checks", "atomic", "optional"},
     "trace": GROUND,
     "filters": {"trace"} | GROUND,
     "logs": GROUND,
     "report": GROUND,
-    "battery": {"trace", "filters", "logs.log", "logs.ocv_table", "logs.sign", "logs.battery_columns"} | GROUND,
+    "battery": {"trace", "filters", "logs.log", "logs.ocv_table", "logs.battery_columns"} | GROUND,
     "traction": {"trace", "filters"} | LOGS | GROUND,
     "energy": CORE | LOGS,
     "export": CORE | LOGS,

@@ -144,7 +144,10 @@ def test_a_wheel_that_never_turns_and_one_that_never_changes_are_named(here, as_
     Path("dead.csv").write_text(f"time_s,velL,velR\n{rows}", encoding="utf-8")
     found = as_json("doctor", "dead.csv")
     texts = [finding["text"] for finding in found["drives"][0]["findings"]]
-    assert "the wheel left never changes (3 rad/s)" in texts and "one sample every 1 s" in texts
+    assert (
+        "the wheel left never changes (3 rad/s)" in texts
+        and "a sample comes 1 times a second; at least 5 are needed" in texts
+    )
     Path("still.csv").write_text("time_s,velL,velR\n" + "".join(f"{k},0,0\n" for k in range(50)), encoding="utf-8")
     assert main(["doctor", "still.csv"]) == 1
 
@@ -196,3 +199,12 @@ def test_what_is_said_of_a_battery_does_not_call_it_a_drive(tmp_path, capsys):
     _write_pack(tmp_path / "x.csv", "t_s,V1,V2,V3,Ibat,Vtot")
     assert main(["doctor", str(tmp_path / "x.csv"), "--unit", "current=mV"]) == 2
     assert "looks like a drive" not in capsys.readouterr().err
+
+
+def test_cells_called_like_speeds_are_no_wheels(here, as_json):
+    log = drive()
+    cells = {f"V{k}": log.voltage_V / 4 for k in range(1, 5)}
+    write_log(replace(log, extra=cells), "cells.csv")
+    found = as_json("doctor", "cells.csv")
+    assert found["drives"] == []
+    assert not any("also a drive" in note for note in found["logs"][0]["notes"])

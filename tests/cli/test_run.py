@@ -162,9 +162,9 @@ def test_bad_input_is_refused_with_the_fix(words, message, capsys, tmp_path, mon
 def test_the_demonstration_moves(tmp_path):
     """The newcomer's first minute; the page itself is tested in tests/onboard/test_page.py."""
     command = [sys.executable, "-m", "ohmward.cli", "run", "--demo", "--seconds", "60"]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(command, cwd=tmp_path, **pipes) as process:
-        moved = set()
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        moved: set[str] = set()
         while len(moved) < 2 and (line := process.stdout.readline()):
             moved |= {line} if "speed" in line else set()
         process.send_signal(signal.SIGINT)

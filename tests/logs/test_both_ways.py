@@ -1,4 +1,4 @@
-"""A current that stands in two columns, one of charge and one of discharge."""
+"""A current that stands in two columns, one of charge and one of discharge, or has its sign in a column beside it."""
 
 import numpy as np
 import pytest
@@ -45,6 +45,32 @@ def test_another_current_and_one_that_is_named_come_first(write_text, pulses):
     lines = text.splitlines()
     wider = "\n".join([f"{lines[0]},current", *(f"{line},{i}" for line, i in zip(lines[1:], pulses[1], strict=True))])
     assert any("current from 'current'" in note.text for note in read_log(write_text(wider)).notes)
+
+
+def test_a_current_in_and_one_out_are_not_one_of_them(write_text, pulses):
+    """Both may be of the battery, or of a converter beside it."""
+    with pytest.raises(InputError, match=r"both 'current_in' and 'current_out' .*call them charge_current"):
+        read_log(write_text(two_columns(pulses, "current_in", "current_out")))
+
+
+@pytest.mark.parametrize(
+    ("name", "charge", "discharge", "rest"),
+    [
+        ("Status", "CHG", "DSG", "REST"),
+        ("Step Type", "CC Chg", "CC DChg", "Rest"),
+        ("Type", "C", "D", "R"),
+        ("direction", "charging", "discharging", "idle"),
+        ("is_charging", "1", "0", "0"),
+        ("charging", "true", "false", "false"),
+    ],
+)
+def test_a_current_without_a_sign_has_that_of_the_state(write_text, pulses, name, charge, discharge, rest):
+    time_s, current_A, voltage_V = pulses
+    current_A = current_A - 0.3  # an idle draw at rest
+    state = np.select([current_A > 1.0, current_A < -1.0], [charge, discharge], rest)
+    rows = zip(time_s, voltage_V, np.abs(current_A), state, strict=True)
+    text = "\n".join([f"time_s,voltage_V,current_A,{name}", *(",".join(map(str, row)) for row in rows)])
+    np.testing.assert_allclose(read_log(write_text(text)).current_A, current_A, atol=1e-12)
 
 
 def test_a_limit_of_a_current_is_none(write_text, pulses):

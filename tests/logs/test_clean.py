@@ -8,11 +8,11 @@ from ohmward.errors import InputError
 from ohmward.logs.clean import (
     drop_text,
     drop_untimed,
-    find_gaps,
     gap_notes,
     merge_rates,
     missing_notes,
     to_si,
+    without_silent_spikes,
     without_spikes,
 )
 from ohmward.logs.columns import Column
@@ -20,6 +20,7 @@ from ohmward.logs.log import without_impossible
 from ohmward.logs.table import Table
 from ohmward.logs.units import UNITS
 from ohmward.quantities import QUANTITIES
+from ohmward.signals.survey import find_gaps
 
 TEMPERATURE = QUANTITIES["battery_temperature_degC"]
 
@@ -130,8 +131,8 @@ def test_single_missing_values_stay_missing_and_are_counted():
     cleaned = merge_rates(table(time=[0.0, 1.0, 2.0], I=[1.0, NAN, 3.0], U=[NAN, 12.0, 12.1], T=[1.0] * 3), CHOSEN)
     np.testing.assert_array_equal(cleaned.columns["I"], [1.0, NAN, 3.0])
     assert [note.text for note in missing_notes(cleaned, CHOSEN)] == [
-        "1 of 3 samples have no current (NaN)",
-        "1 of 3 samples have no voltage (NaN)",
+        "current: no number in 1 of 3 values",
+        "voltage: no number in 1 of 3 values",
     ]
 
 
@@ -185,6 +186,32 @@ def test_loads_and_a_voltage_that_stays_away_are_measured(stretch):
     voltage_V = voltages()
     voltage_V[stretch] = 2.0
     assert without_spikes(voltage_V) == (voltage_V, ())
+
+
+def loads():
+    """Pulses of 8 A, and a voltage that answers them."""
+    current_A = np.where(np.arange(400) // 10 % 3 == 1, -8.0, -0.3)
+    return current_A, 28.0 + 0.05 * current_A
+
+
+@pytest.mark.parametrize("value", [655.35, -32.768, 3276.7])
+@pytest.mark.parametrize("voltage", ["stays", "is lost"])
+def test_single_currents_that_the_voltage_does_not_answer_are_left_out_and_counted(value, voltage):
+    current_A, voltage_V = loads()
+    current_A[[0, 57, 399]] = value
+    if voltage == "is lost":
+        voltage_V[[0, 57, 399]] = np.nan
+    found_A, notes = without_silent_spikes(current_A, voltage_V)
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(found_A)), [0, 57, 399])
+    assert [(note.level, note.text[:11]) for note in notes] == [("warning", "3 currents ")]
+
+
+@pytest.mark.parametrize("later", [0, 1])
+def test_an_inrush_that_the_voltage_answers_is_measured(later):
+    current_A, voltage_V = loads()
+    current_A[57] = -40.0
+    voltage_V[57 + later] -= 0.05 * 39.7
+    assert without_silent_spikes(current_A, voltage_V) == (current_A, ())
 
 
 def test_temperatures_that_no_battery_has_are_left_out_and_counted():

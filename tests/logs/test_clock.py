@@ -114,7 +114,7 @@ def test_unreadable_times_are_named(cells, message):
         clock(text(*cells))
 
 
-@pytest.mark.parametrize("epoch", ["1970-01-01T00:00:20", "2000-01-01T12:00:00"])
+@pytest.mark.parametrize("epoch", ["1970-01-01T00:00:20", "1980-01-06T00:00:07", "2000-01-01T12:00:00"])
 @pytest.mark.parametrize("unit", ["dates", "s", "ms"])
 def test_a_clock_that_was_set_after_the_start_is_joined(epoch, unit):
     scale = {"dates": 1.0, "s": 1.0, "ms": 1e3}[unit]

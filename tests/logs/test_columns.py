@@ -152,6 +152,8 @@ def test_every_notation_of_a_unit_reads_alike():
         ),
         (["Time", "VFAS(V)", "Curr(A)", "RxBt(V)"], ("Time", None), ("Curr(A)", 1.0), ("VFAS(V)", 1.0)),
         (["ts", "payload.pack.u", "payload.pack.i"], ("ts", None), ("payload.pack.i", None), ("payload.pack.u", None)),
+        (["Time", "BattV", "BattA", "SOC"], ("Time", None), ("BattA", 1.0), ("BattV", 1.0)),
+        (["t", "Battery [mV]", "Battery [A]", "Motor [A]"], ("t", None), ("Battery [A]", 1.0), ("Battery [mV]", 1e-3)),
         (["Time", "V1", "V2", "Ibat", "Vtot"], ("Time", None), ("Ibat", None), ("Vtot", None)),
         (
             ["Time", "Cumulative Time", "Current(A)", "Voltage(V)"],

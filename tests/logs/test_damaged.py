@@ -90,3 +90,12 @@ def test_a_gzip_file_that_unpacks_to_far_more_than_a_log_is_refused(tmp_path, mo
         InputError, match=r"log.csv.gz: the gzip file unpacks to more than .* unpack it with gunzip first"
     ):
         read_log(path)
+
+
+def test_a_number_of_many_digits_in_json_is_no_measurement(tmp_path):
+    """A whole number has as many digits as it likes there; beyond the largest float it is infinite."""
+    rows = [f'{{"time_s": {k}, "current_A": -1, "voltage_V": {"9" * 400 if k == 3 else 12}}}' for k in range(20)]
+    path = tmp_path / "log.jsonl"
+    path.write_text("\n".join(rows), encoding="utf-8")
+    log = read_log(path, current_sign="charge")
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(log.voltage_V)), [3])

@@ -7,7 +7,8 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.logs import Log, Note, examine, read_log
-from ohmward.logs.doctor import noise_std, survey
+from ohmward.logs.doctor import survey
+from ohmward.signals.survey import noise_std
 
 
 @pytest.fixture
@@ -65,30 +66,42 @@ def test_noise_below_the_resolution_is_that_of_rounding():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda x: {"voltage_V": 1000 * x.voltage_V}, "error: voltages up to .*--unit voltage=mV"),
-        (lambda x: {"voltage_V": -x.voltage_V}, "error: negative voltages"),
+        (
+            lambda x: {"voltage_V": 1000 * x.voltage_V},
+            "error: the voltage reads 11.* to 12.*plausible are 0 to 2000 -> millivolts. use --unit voltage=mV",
+        ),
+        (
+            lambda x: {"voltage_V": -x.voltage_V},
+            "error: the voltage reads -12.* plausible are 0 .* -> its wires are exchanged",
+        ),
         (lambda x: {"voltage_V": x.voltage_V / 100}, "error: voltages of 0.12.* at most"),
         (lambda x: {"voltage_V": 0 * x.voltage_V + 12}, "error: the voltage never changes"),
-        (lambda x: {"current_A": 1000 * x.current_A}, "warning: currents up to 14000 A.*--unit current=mA"),
+        (
+            lambda x: {"current_A": 1000 * x.current_A},
+            "error: the current reads -10000 to 14000.* -> milliamperes. use --unit current=mA",
+        ),
         (lambda x: {"current_A": 0 * x.current_A - 2}, "error: the current never changes .-2 A.: resistances cannot"),
         (lambda x: {"current_A": -x.current_A}, "error: the voltage answers the current with the wrong sign"),
         (
             lambda x: {"current_A": x.current_A - 0.1},
             "warning: the current at rest reads -0.1 A, .* 0.017 Ah over the log",
         ),
-        (lambda x: {"time_s": 20 * x.time_s}, "warning: one sample every 20 s"),
+        (lambda x: {"time_s": 20 * x.time_s}, "warning: a sample comes 0.05 times a second; at least 0.1 are needed"),
         (lambda x: {"time_s": x.time_s + 500 * (x.time_s > 300)}, "warning: 1 gap without samples, the longest 501 s"),
         (lambda x: {"time_s": x.time_s + 20 * (x.time_s > 300)}, "info: 1 gap without samples, the longest 21 s"),
         (lambda x: {"time_s": x.time_s + 1.7e9 * (x.time_s > 300)}, "error: a gap of 53.9 years -> the clock was set"),
         (lambda x: {"time_s": np.cumsum(1 + 0.3 * np.sin(x.time_s))}, "info: .* of the intervals differ"),
         (
             lambda x: {"voltage_V": np.where(x.time_s % 9 == 0, np.nan, x.voltage_V)},
-            "67 of 600 samples have no voltage",
+            "warning: voltage: no number in 67 of 600 values",
         ),
         (lambda x: {"voltage_V": np.round(x.voltage_V, 1)}, "warning: the voltage has steps of 0.2 V"),
         (lambda x: {"current_A": x.current_A + x.time_s % 10}, "warning: the current has steps of 1 A"),
         (lambda x: {"temperature_degC": None}, "info: no temperature"),
-        (lambda x: {"temperature_degC": x.temperature_degC + 273}, "error: temperatures .*--unit temperature=K"),
+        (
+            lambda x: {"temperature_degC": x.temperature_degC + 273},
+            "error: the temperature reads 298.* -> kelvins. use --unit temperature=K",
+        ),
         (lambda x: {"temperature_degC": np.full(600, np.nan)}, "info: no temperature"),
     ],
 )

@@ -219,7 +219,7 @@ def test_parquet_with_dates_dictionaries_booleans_and_nulls(tmp_path, pulses):
     assert np.isnan(log.voltage_V[-1])
     assert log.start_unix_s == 1.6e9
     assert set(log.extra) == {"charging", "count"}
-    assert "1 of 600 samples have no voltage" in texts(log)
+    assert "voltage: no number in 1 of 600 values" in texts(log)
 
 
 @pytest.mark.parametrize(

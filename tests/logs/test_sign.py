@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from ohmward.logs import read_log
-from ohmward.logs.sign import UnknownSignError, change_test, edge_test, resolution, sign_evidence, trend_test
+from ohmward.logs.sign import UnknownSignError
+from ohmward.signals.current_sign import change_test, edge_test, sign_evidence, trend_test
+from ohmward.signals.survey import resolution
 
 
 @pytest.mark.parametrize(("sign", "verdict"), [(1.0, "charge"), (-1.0, "discharge")])

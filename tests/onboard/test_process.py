@@ -23,7 +23,7 @@ from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.terminal import line_of
 from ohmward.onboard.state_folder import StateFolder
 from ohmward.onboard.store.rows import columns_of
-from ohmward.traction.robot.robot import load_robot
+from ohmward.traction.robot.packaged import load_robot
 
 
 @dataclass

@@ -7,7 +7,7 @@ import pytest
 from ohmward import generic_battery
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.sensor_watch import MOST_SENSORS, SensorWatch
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 
 PLACES = [place.name for place in RLMA.places]
 
@@ -88,7 +88,7 @@ WHEEL = f"wheel_speed_rad_s.{PLACES[0]}"
 
 FAULTS = {
     "a wire that is off": (constant("battery_voltage_V", math.nan), "battery_voltage_V", "no number"),
-    "a sensor in another unit": (constant("battery_voltage_V", 13100.0), "battery_voltage_V", "1.31e.04, which cannot"),
+    "a sensor in another unit": (constant("battery_voltage_V", 13100.0), "battery_voltage_V", "13100, which cannot"),
     "a silent sensor": (without("yaw_rate_rad_s"), "yaw_rate_rad_s", "silent"),
     "a stuck voltage": (stuck("battery_voltage_V"), "battery_voltage_V", "stuck"),
     "a stuck current": (stuck("battery_current_A"), "battery_current_A", "stuck"),

@@ -8,7 +8,7 @@ from ohmward import generic_battery
 from ohmward.onboard.message import Message
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.wiring_check import Recorder, check_wiring
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 
 PLACES = [place.name for place in RLMA.places]
 WHEELS = [f"wheel_speed_rad_s.{name}" for name in PLACES]
@@ -68,7 +68,7 @@ WRONG = {
         "battery_temperature_degC",
         "kelvins. then offset = -273.15",
     ),
-    "no number": (scaled(math.nan, "battery_voltage_V"), "battery_voltage_V", "no number in 100%"),
+    "no number": (scaled(math.nan, "battery_voltage_V"), "battery_voltage_V", "no number in any of its values"),
 }
 
 

@@ -22,9 +22,10 @@ from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_volta
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
-from ohmward.logs.sign import CurrentSign
 from ohmward.quantities import MOST_C
 from ohmward.runs import runs
+from ohmward.signals.current_sign import CurrentSign
+from ohmward.signals.current_size import HIDDEN_CHARGE, RELAXED_S
 
 #: The tests behind a battery file cover its usual voltages: beyond them by this share the log is of another battery,
 OTHER_BATTERY = 0.2
@@ -59,10 +60,10 @@ _PER_RATIO_V = 0.003
 _SLOW_S = 1000.0
 
 #: A battery is idle that gives less than this current, in multiples of the capacity per hour; one sample of noise does
-#: not end a rest. After the first time [s] its voltage has relaxed but for a few millivolts, and moves no further than
+#: not end a rest. After `RELAXED_S` its voltage has relaxed but for a few millivolts, and moves no further than
 #: self-discharge, idle current and a late relaxation do: by this voltage a cell, and by this much of the state of
 #: charge by the curve, and more with every hour.
-_IDLE_C, _RELAXED_S = 0.1, 1200.0
+_IDLE_C = 0.1
 _HIDDEN_V, _HIDDEN_SOC, _HIDDEN_SOC_PER_HOUR = 0.05, 0.1, 0.02
 #: A change of an idle current moves the voltage by at most so many times the file's resistance to a steady one.
 _IDLE_RESISTANCE = 2.0
@@ -73,9 +74,6 @@ MEDIAN_OF = 5
 OTHER_FILE = (
     "are the given chemistry, capacity and n_series those of this battery, and are sign and unit of the current right?"
 )
-
-#: A charge that the current sensor does not show.
-HIDDEN_CHARGE = "shows a discharge or none where the voltage rises as by a charge (does the charger bypass it?)"
 
 
 def check_log(log: Log, battery: Battery) -> Log:
@@ -321,8 +319,8 @@ def _relaxed(log: Log, battery: Battery, condition: np.ndarray) -> Iterator[tupl
     for begin, end in runs(bridged):
         for first, stop in pairwise((begin, *gaps[(gaps > begin) & (gaps < end)].tolist(), end)):
             since_s = log.time_s[first:stop] - log.time_s[first]
-            late = first + np.flatnonzero((since_s > _RELAXED_S) & np.isfinite(log.voltage_V[first:stop]))
-            if since_s[-1] > 2 * _RELAXED_S and late.size >= 2 * MEDIAN_OF:
+            late = first + np.flatnonzero((since_s > RELAXED_S) & np.isfinite(log.voltage_V[first:stop]))
+            if since_s[-1] > 2 * RELAXED_S and late.size >= 2 * MEDIAN_OF:
                 yield (first, stop), late
 
 
@@ -336,7 +334,7 @@ def _is_far(low_V: float, high_V: float, by_current_V: float, log: Log, late: np
     """True where two voltages are further apart than relaxation, self-discharge and by_current_V [V] put them."""
     curve_V = battery.thevenin.ocv.voltage_V
     low_soc, high_soc = np.interp([low_V, high_V - by_current_V], curve_V, np.linspace(0.0, 1.0, len(curve_V)))
-    hours = (log.time_s[late[-1]] - log.time_s[late[0]] + _RELAXED_S) / SECONDS_PER_HOUR
+    hours = (log.time_s[late[-1]] - log.time_s[late[0]] + RELAXED_S) / SECONDS_PER_HOUR
     moved_soc = high_soc - low_soc - _HIDDEN_SOC_PER_HOUR * hours
     return bool(high_V - low_V - by_current_V > _HIDDEN_V * battery.n_series and moved_soc > _HIDDEN_SOC)
 

@@ -25,7 +25,6 @@ from ohmward.cli.outcome import Report, counting
 from ohmward.errors import InputError
 from ohmward.fleet.reading import read_one_of
 from ohmward.logs import DriveLog, FileHints, Log
-from ohmward.logs.bags.bag_table import ENDINGS as RECORDINGS
 from ohmward.logs.bags.bag_table import parts_of
 from ohmward.logs.battery_columns import CellVoltages, cell_names, charger_columns, find_cells
 from ohmward.logs.channels import BATTERY, TIME
@@ -33,7 +32,7 @@ from ohmward.logs.columns import guess, listed
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
-from ohmward.logs.table import TableFile
+from ohmward.logs.table import RECORDING_ENDINGS, TableFile
 
 #: Kinds of --column and --unit that are the battery's; all others, and the time, are the drive's.
 _BATTERY_KINDS = tuple(channel.name for channel in BATTERY)
@@ -219,7 +218,7 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
 
 
 #: Endings of logs in a folder.
-_ENDINGS = (".csv", ".csv.gz", ".tsv", ".parquet", ".ulg", *RECORDINGS)
+_ENDINGS = (".csv", ".csv.gz", ".tsv", ".parquet", ".ulg", *RECORDING_ENDINGS)
 
 
 def log_files(words: Sequence[str]) -> list[str]:
@@ -249,5 +248,5 @@ def _named(word: str) -> list[str]:
 
 def _recording_of(file: Path, folder: Path) -> str:
     """The folder of the recording that a file is a part of, else the file."""
-    inner = file.parent != folder and file.name.endswith(RECORDINGS) and file in parts_of(file.parent)
+    inner = file.parent != folder and file.name.endswith(RECORDING_ENDINGS) and file in parts_of(file.parent)
     return str(file.parent if inner else file)

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.logs.sign import spread
 from ohmward.logs.table import counted
+from ohmward.signals.survey import spread
 
 #: One-sided 95 % of a normal distribution: what is claimed holds with that probability.
 _SURELY = 1.645

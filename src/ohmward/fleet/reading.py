@@ -14,8 +14,9 @@ from ohmward.errors import OhmwardError
 from ohmward.logs.log import Log, ReadOptions
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
-from ohmward.logs.sign import CurrentSign, UnknownSignError, sign_evidence
+from ohmward.logs.sign import UnknownSignError
 from ohmward.logs.table import Note, Progress, TableFile, counted
+from ohmward.signals.current_sign import CurrentSign, sign_evidence
 
 #: So many other logs are looked at.
 _MOST_OTHERS = 9

@@ -234,35 +234,50 @@ def _is_current(name: str, direction: Collection[str]) -> bool:
 
 #: Names of the column of a state.
 _STATES = (frozenset(("state",)), frozenset(("status",)), frozenset(("mode",)), frozenset(("step", "type")),
-          frozenset(("md",)), frozenset(("step", "name")), frozenset(("work", "mode")))  # fmt: skip
+          frozenset(("md",)), frozenset(("step", "name")), frozenset(("work", "mode")), frozenset(("direction",)),
+          frozenset(("type",)), frozenset(("phase",)), frozenset(("operation",)))  # fmt: skip
+#: Words of a column that is 1 while the battery is charged, and of its cells.
+_CHARGING, _BESIDE_CHARGING = "charging", word_set("is charging battery batt status state flag")
+_FLAGS = {"1": 1, "1.0": 1, "true": 1, "0": -1, "0.0": -1, "false": -1}
 _SAYS_DISCHARGE = re.compile(r"^d(?:\W|$)|dis|dch|dsg|dsch|entlad|放电", re.IGNORECASE)
 _SAYS_CHARGE = re.compile(r"^c(?:\W|$)|ch[aghr]|^cccv|^laden|充电", re.IGNORECASE)
+#: At rest what little flows leaves the battery.
+_SAYS_REST = re.compile(r"^r(?:\W|$)|rest|idle|wait|pause|stand ?by|ruhe|静置|搁置", re.IGNORECASE)
 
 
 def state_column(file: TableFile) -> str | None:
     """The column of texts that name charge or discharge among its first cells; None where there is none."""
     for name, cells in file.head.items():
-        if frozenset(letters(name)) in _STATES and any(_direction(cell) for cell in cells):
+        named = frozenset(letters(name)) in _STATES and any(_direction(cell) for cell in cells)
+        if named or (_is_charging_flag(name) and cells and all(cell.strip().lower() in _FLAGS for cell in cells)):
             return name
     return None
 
 
 def with_direction(current: np.ndarray, states: np.ndarray, name: str) -> tuple[np.ndarray, tuple[Note, ...]]:
     """The current (T,), > 0 charging by the state beside it, where it is never negative and discharges at all."""
-    if np.nanmin(current, initial=0.0) < 0 or states.dtype != object:
+    is_flag = _is_charging_flag(name)
+    if np.nanmin(current, initial=0.0) < 0 or (states.dtype != object and not is_flag):
         return current, ()
-    direction = {state: _direction(str(state)) for state in set(states.tolist())}
-    signs = np.array([direction[state] for state in states.tolist()])
+    direction = {state: _FLAGS.get(str(state).lower(), 0) if is_flag else _direction(state) for state in set(states)}
+    signs = np.array([direction[state] for state in states])
     if not (signs < 0).any():
         return current, ()
     note = Note(f"the current has no sign: that of the state in {name!r}, charge or discharge, taken")
     return np.where(signs < 0, 0.0 - current, current), (note,)
 
 
+def _is_charging_flag(name: str) -> bool:
+    words = set(letters(name))
+    return _CHARGING in words and words <= _BESIDE_CHARGING
+
+
 def _direction(state: str) -> int:
-    """1 for a charge, -1 for a discharge, 0 for any other state."""
+    """1 for a charge, -1 for a discharge or a rest, 0 for any other state."""
     text = state.strip()
-    return -1 if _SAYS_DISCHARGE.search(text) else 1 if _SAYS_CHARGE.search(text) else 0
+    if _SAYS_DISCHARGE.search(text):
+        return -1
+    return 1 if _SAYS_CHARGE.search(text) else -1 if _SAYS_REST.search(text) else 0
 
 
 #: Words of a column that is 1 where the charge is complete and else 0, and words that may stand beside them.

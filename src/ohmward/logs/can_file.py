@@ -31,6 +31,8 @@ _TEXTS = (
     (re.compile(rb"timestamp,arbitration_id,extended,"), "CSVReader"),
     (re.compile(rb"\"?Time Stamp\"?,\"?ID\"?,\"?Extended\"?,"), ""),
 )
+#: The reader of python-can for the one that is no text.
+BLF_READER = "BLFReader"
 _MOST_BYTES = 8
 #: A group of MDF unpacks to this many bytes, or to this many times the file's size, at most.
 _UNPACKED_BYTES, _UNPACKED_TIMES = 16 << 20, 1000
@@ -53,7 +55,7 @@ def can_reader(head: bytes) -> str | None:
 def open_can(path: Path, hints: FileHints, reader: str) -> TableFile:
     """The signals of the frames in a recording of a CAN bus; refused without a database that knows some of them.
 
-    reader: as of `can_reader`, or "BLFReader".
+    reader: as of `can_reader`, or `BLF_READER`.
     """
     if hints.dbc is None:
         raise _without_database(path)
@@ -240,9 +242,11 @@ def _of_python_can(path: Path, reader: str, notes: list[Note]) -> list[CanFrames
     """The frames of a file by a reader of python-can; of one that is cut off those before the cut, with a note."""
     can = require("can", "a recording of CAN")
     gathered = _Gathered()
+    is_text = reader != BLF_READER
     try:
-        with getattr(can, reader)(str(path)) as messages:
-            for message in messages:
+        # a stream of ours: python-can leaves its own open where it gives up, and prints what it cannot read
+        with silenced(), path.open("r" if is_text else "rb", errors="replace" if is_text else None) as stream:
+            for message in getattr(can, reader)(stream):
                 if message.is_error_frame or message.is_remote_frame:
                     continue
                 key = message.arbitration_id, message.is_extended_id

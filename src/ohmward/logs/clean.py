@@ -10,14 +10,18 @@ from ohmward.errors import InputError
 from ohmward.logs.channels import BATTERY, TIME
 from ohmward.logs.columns import Column, listed
 from ohmward.logs.table import Note, Table, counted, numbers
+from ohmward.signals.checks import no_numbers
+from ohmward.signals.current_sign import edge_test
+from ohmward.signals.survey import find_gaps
 
-# An interval that is longer than its neighbours and the median by this factor is a gap.
-_GAP_FACTOR = 10.0
 #: No instrument shows a larger number, in whatever unit; squares of it are finite.
 LARGEST_READING = 1e18
 #: A voltage of no battery stands alone, for less than half of so many samples, and so far from those around it, as a
 #: share of the usual one: pulses of a cold cell move it less.
 _AROUND, _FAR = 7, 1 / 3
+#: A current that may be none stands alone and is larger than so many times all but the largest hundredth; the voltage
+#: answers one that flows by this share of the resistance at least.
+_HUGE, _ANSWERS = 3.0, 0.2
 # Where fewer than this fraction of the currents have a voltage in their row, each has a rate of its own.
 _TOGETHER_FRACTION = 0.5
 # Current and voltage come in turn where this fraction of so many rows or more follow one of the other.
@@ -54,16 +58,45 @@ def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]
 
 def without_spikes(voltage_V: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
     """The voltages (T,) [V] with NaN in single rows that no battery shows, as 0 or 65.535 V, and a note on them."""
-    known = np.flatnonzero(np.isfinite(voltage_V))
+    known = voltage_V[np.isfinite(voltage_V)]
+    usual_V = float(np.median(known)) if known.size else 0.0
+    rows, _ = _alone(voltage_V, usual_V, _FAR * abs(usual_V))
+    return without_rows(voltage_V, rows, "voltage", "V", "no measurement, far from the rows around")
+
+
+def without_silent_spikes(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The currents (T,) [A] with NaN in single huge ones that the voltage (T,) [V] does not answer, and a note on them.
+
+    32.767 or 655.35 A of a bus that was disturbed are such; one that flows moves the voltage by the resistance at once,
+    or in the next row where that is sampled later.
+    """
+    known = np.isfinite(current_A)
+    usual_A = float(np.quantile(np.abs(current_A[known]), 0.99)) if known.any() else 0.0
+    rows, around_A = _alone(current_A, 0.0, _HUGE * usual_A)
+    if not rows.size:
+        return current_A, ()
+    others = known & np.isfinite(voltage_V)
+    others[rows] = False
+    ohm = abs(edge_test(current_A[others], voltage_V[others]).resistance_ohm)
+    beside_V = voltage_V[np.clip(rows[:, None] + np.array([-1, 0, 1]), 0, voltage_V.size - 1)]
+    answer_V = np.abs(beside_V[:, 1:] - beside_V[:, :1])
+    expected_V = ohm * np.abs(current_A[rows] - around_A)
+    silent = np.isnan(beside_V[:, 1]) | (
+        np.where(np.isnan(answer_V), 0.0, answer_V).max(axis=1) < _ANSWERS * expected_V
+    )
+    return without_rows(current_A, rows[silent], "current", "A", "no measurement, the voltage does not answer")
+
+
+def _alone(values: np.ndarray, usual: float, far: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the values (T,) farther than `far` from the usual one and the median of those around; and the medians."""
+    known = np.flatnonzero(np.isfinite(values))
     if known.size < _AROUND:
-        return voltage_V, ()
-    values = voltage_V[known]
-    usual_V = float(np.median(values))
-    apart = np.flatnonzero(np.abs(values - usual_V) > _FAR * abs(usual_V))
+        return np.empty(0, int), np.empty(0)
+    apart = np.flatnonzero(np.abs(values[known] - usual) > far)
     first = np.clip(apart - _AROUND // 2, 0, known.size - _AROUND)
-    around_V = np.median(values[first[:, None] + np.arange(_AROUND)], axis=1)
-    spike = apart[np.abs(values[apart] - around_V) > _FAR * abs(usual_V)]
-    return without_rows(voltage_V, known[spike], "voltage", "V", "no measurement, far from the rows around")
+    around = np.median(values[known[first[:, None] + np.arange(_AROUND)]], axis=1)
+    spike = np.abs(values[known[apart]] - around) > far
+    return known[apart[spike]], around[spike]
 
 
 def without_rows(
@@ -149,28 +182,8 @@ def _interpolate(table: Table, time: str, name: str, rows: np.ndarray) -> Table:
 def missing_notes(table: Table, chosen: Mapping[str, Column]) -> list[Note]:
     """Notes on the number of samples that lack their current or voltage."""
     counts = {q: int(np.isnan(table.columns[chosen[q].name]).sum()) for q in ("current", "voltage")}
-    return [Note(lacking(count, table.line.size, q), "warning") for q, count in counts.items() if count]
-
-
-def lacking(count: int, samples: int, quantity: str) -> str:
-    """Sentence on the samples that lack a quantity."""
-    return f"{count} of {samples} samples have no {quantity} (NaN)"
-
-
-def find_gaps(time_s: np.ndarray) -> np.ndarray:
-    """(G,) indices of the samples after which the log is silent for unusually long.
-
-    A gap is more than ten times the median interval and more than ten times the intervals on both sides of it: where a
-    logger slows down at rest, one long interval follows another, and that is no gap.
-
-    time_s: (T,) [s].
-    """
-    intervals = np.diff(time_s)
-    if intervals.size < 2:
-        return np.empty(0, dtype=int)
-    long = np.flatnonzero(intervals > _GAP_FACTOR * np.median(intervals))
-    around = np.concatenate([[0.0], intervals, [0.0]])
-    return long[intervals[long] > _GAP_FACTOR * np.maximum(around[long], around[long + 2])]
+    found = [one for q, count in counts.items() for one in no_numbers(count, table.line.size, f"{q}: ")]
+    return [Note(finding.text, "warning") for finding in found]
 
 
 def on_lines(at_s: np.ndarray, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:

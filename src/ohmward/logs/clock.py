@@ -91,9 +91,9 @@ def read_clock(table: Table, column: Column, hints: FileHints | None = None, dat
 
 
 def _set_at_boot(clock: Clock, name: str) -> Clock:
-    """The clock without the jump of one that began at a New Year and was set while it ran, within a day; with a note.
+    """The clock without the jump of one that was set while it ran, within a day; with a note.
 
-    The rows before the jump end a usual interval before it.
+    It began at a New Year, or before 2000. The rows before the jump end a usual interval before it.
     """
     known = np.flatnonzero(np.isfinite(clock.time_s))
     steps = np.diff(clock.time_s[known])
@@ -108,7 +108,8 @@ def _set_at_boot(clock: Clock, name: str) -> Clock:
     since_new_year_s = (begin - begin.astype("M8[Y]").astype("M8[s]")) / np.timedelta64(1, "s")
     jump_s = float(steps[last] - np.median(steps))
     start_unix_s = (clock.start_unix_s or 0.0) + jump_s
-    if end_s - begin_s > DAY_S or since_new_year_s > 2 * DAY_S or not _is_unix(start_unix_s):
+    began_unset = since_new_year_s <= 2 * DAY_S or begin_unix_s < _UNIX_S[0]
+    if end_s - begin_s > DAY_S or not began_unset or not _is_unix(start_unix_s):
         return clock
     time_s = clock.time_s.copy()
     time_s[known[last + 1] :] -= jump_s

@@ -9,7 +9,17 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from ohmward.errors import InputError
-from ohmward.logs.channels import BATTERY, TEMPERATURE, TIME, Channel, channel_of, letters, word_set
+from ohmward.logs.channels import (
+    BATTERY,
+    CURRENT,
+    TEMPERATURE,
+    TIME,
+    VOLTAGE,
+    Channel,
+    channel_of,
+    letters,
+    word_set,
+)
 from ohmward.logs.units import Unit, split_unit, unit_in_name, unit_of
 
 # Words that make a column something else than a measurement of the battery.
@@ -21,6 +31,7 @@ _OTHER_WORDS = word_set(
 _WALL_CLOCK = ("stamp", "date", "unix", "epoch", "dpt", "realtime", "datum", "changed")
 # Words of the time since the start of a test, beside which `Time` is that of a step.
 _WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute")
+_IN, _OUT = word_set("in input"), word_set("out output")
 #: A longer word that is alike to this share may be a misspelled one.
 _SHORTEST_MISSPELLED, _ALIKE = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
@@ -30,6 +41,8 @@ _BARE_LETTER, _WALL_CLOCK_TIME, _OF_AUXILIARY, _LAST_WORD, _NEVER = 2, 3, 3, 5, 
 _TEMPERATURE = "T"
 #: The battery beside that of a vehicle's drive.
 _AUXILIARY = re.compile(r"\b12 ?v\b|\baux", re.IGNORECASE)
+#: Quantities that a unit tells alone, in the column of a battery.
+_BY_UNIT = (CURRENT, VOLTAGE)
 
 
 class UnclearColumnsError(InputError):
@@ -205,6 +218,8 @@ def only_one(source: str, names: Sequence[str], quantity: str, fits: Sequence[Co
     first = fits[0].name
     if others := [column.name for column in fits if column.name != first]:
         fault = f"both {first!r} and {others[0]!r} may be the {quantity}"
+        if quantity == CURRENT.name:
+            fault += " (if one charges and the other discharges, call them charge_current and discharge_current)"
         raise UnclearColumnsError(source, names, {quantity: fault}, {quantity: first})
     return fits[0]
 
@@ -218,7 +233,15 @@ def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
     if channel is TIME:
         fits = [column for column in fits if column.name != _TEMPERATURE] or fits
         fits = [column for column in fits if _WHOLE_TIME & set(letters(column.name))] or fits
+    if channel is CURRENT and sum(bool(_IN & set(letters(name))) for name in names) == 1:
+        fits += [Column(name, None) for name in names if any(_is_way_back(column.name, name) for column in fits)]
     return fits[0] if channel.first_of_many else only_one(source, names, channel.name, fits)
+
+
+def _is_way_back(name: str, other: str) -> bool:
+    """True for a current out beside one in, where the battery's is neither alone; a converter has a voltage in, too."""
+    words, beside = set(letters(name)), set(letters(other))
+    return bool(words & _IN and beside & _OUT) and words - _IN == beside - _OUT
 
 
 def _ranks(channel: Channel, name: str) -> Iterator[tuple[int, Column]]:
@@ -238,7 +261,8 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
         return _NEVER
     for rank, beside in zip(_BESIDE, channel.beside, strict=False):
         naming = [word for word in words if word not in beside]
-        if frozenset(naming) in channel.words:
+        # `Battery [V]` is a voltage by its unit
+        if frozenset(naming) in channel.words or (not naming and unit is not None and channel in _BY_UNIT):
             # a letter without a unit may be another quantity: v is a speed beside `voltage`
             bare_letter = unit is None and len("".join(naming)) == 1
             auxiliary = channel in BATTERY and _AUXILIARY.search(stem) is not None

@@ -4,53 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Generic, Literal, TypeVar, get_args
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.clean import find_gaps, lacking
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, LogSource, as_log
 from ohmward.logs.plausible import YEAR_S
-from ohmward.logs.sign import OTHER_SIGN, WRONG_SIGN, resolution, sign_evidence, spread
 from ohmward.logs.table import counted
-from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, QUANTITIES
+from ohmward.quantities import QUANTITIES
 from ohmward.runs import runs
+from ohmward.signals.checks import Finding, Severity, beyond_limits, in_order, no_numbers, too_seldom
+from ohmward.signals.current_sign import SignEvidence, check_current_sign, sign_evidence
+from ohmward.signals.current_size import check_hidden_charge
+from ohmward.signals.survey import Sampling, Signal, sampling_of, signal_of
 
 # A rest: less than this fraction of the largest current, for at least this time.
 _REST_FRACTION = 0.05
 _REST_LEAST_S = 10.0
 _PULSE_MOST_S = 120.0
-# Fewer second differences than these give no robust standard deviation.
-_NOISE_LEAST = 20
-
-
-@dataclass(frozen=True)
-class Sampling:
-    """Intervals between samples [s]; a gap is more than ten times the usual interval."""
-
-    median_s: float
-    shortest_s: float
-    longest_s: float
-    irregularity: float
-    gaps: int
-    longest_gap_s: float
-
-
-@dataclass(frozen=True)
-class Signal:
-    """Range, resolution and white noise of one quantity, in its own unit.
-
-    missing counts NaN samples, levels distinct values; the resolution is the smallest step between two levels.
-    """
-
-    minimum: float
-    maximum: float
-    missing: int
-    levels: int
-    resolution: float
-    noise_std: float
+#: A log may be slower than a robot's estimators need the battery's signals [Hz].
+_SLOWEST_LOG_HZ = 0.1
 
 
 @dataclass(frozen=True)
@@ -113,14 +88,16 @@ def survey_drive(log: DriveLog, places: Sequence[str]) -> DriveSurvey:
         "body": {name: getattr(log, name) for name in log.channels},
     }
     known = {
-        kind: {name: _signal(values, ~moving) for name, values in of_kind.items() if np.isfinite(values).any()}
+        kind: {name: signal_of(values, ~moving) for name, values in of_kind.items() if np.isfinite(values).any()}
         for kind, of_kind in columns.items()
     }
-    return DriveSurvey(len(log), log.duration_s, _sampling(log.time_s), **known)
+    return DriveSurvey(len(log), log.duration_s, sampling_of(log.time_s), **known)
 
 
-def survey(log: Log) -> Survey:
+def survey(log: Log, evidence: SignEvidence | None = None) -> Survey:
     """The numbers of a log.
+
+    evidence: of the sign of its current, where it is known already.
 
     Raises:
         InputError: the log has no current or no voltage at all.
@@ -133,60 +110,20 @@ def survey(log: Log) -> Survey:
     return Survey(
         samples=len(log),
         duration_s=log.duration_s,
-        sampling=_sampling(log.time_s),
-        current=_signal(log.current_A, resting),
-        voltage=_signal(log.voltage_V, resting),
-        temperature=None if temperature is None or np.isnan(temperature).all() else _signal(temperature, resting),
-        sign=_sign(log),
+        sampling=sampling_of(log.time_s),
+        current=signal_of(log.current_A, resting),
+        voltage=signal_of(log.voltage_V, resting),
+        temperature=None if temperature is None or np.isnan(temperature).all() else signal_of(temperature, resting),
+        sign=_sign(evidence or _sign_evidence(log)),
         activity=_activity(log, resting),
     )
 
 
-def noise_std(values: np.ndarray) -> float:
-    """White-noise standard deviation from second differences, blind to slow changes and, being robust, to a few steps.
-
-    For white noise, x[i-1] - 2 x[i] + x[i+1] has six times its variance. Not below rounding, resolution / sqrt(12).
-
-    values: (T,), NaN allowed.
-    """
-    second = np.diff(values, n=2)
-    known = values[np.isfinite(values)]
-    return max(spread(second[np.isfinite(second)]) / np.sqrt(6.0), resolution(known) / np.sqrt(12.0))
+def _sign_evidence(log: Log) -> SignEvidence:
+    return sign_evidence(log.time_s, log.current_A, log.voltage_V)
 
 
-def _sampling(time_s: np.ndarray) -> Sampling:
-    dt = np.diff(time_s)
-    if not dt.size:
-        return Sampling(0.0, 0.0, 0.0, 0.0, 0, 0.0)
-    median = float(np.median(dt))
-    gaps = find_gaps(time_s)
-    return Sampling(
-        median_s=median,
-        shortest_s=float(dt.min()),
-        longest_s=float(dt.max()),
-        irregularity=float(np.mean(np.abs(dt - median) > 0.1 * median)),
-        gaps=int(gaps.size),
-        longest_gap_s=float(dt[gaps].max(initial=0.0)),
-    )
-
-
-def _signal(values: np.ndarray, resting: np.ndarray) -> Signal:
-    """The noise is that at rest where there is enough of it, because a working current is not noise."""
-    known = values[np.isfinite(values)]
-    at_rest = np.where(resting, values, np.nan)
-    enough = np.isfinite(np.diff(at_rest, n=2)).sum() >= _NOISE_LEAST
-    return Signal(
-        minimum=float(known.min()),
-        maximum=float(known.max()),
-        missing=int(values.size - known.size),
-        levels=int(np.unique(known).size),
-        resolution=resolution(known),
-        noise_std=float(noise_std(at_rest if enough else values)),
-    )
-
-
-def _sign(log: Log) -> Sign:
-    evidence = sign_evidence(log.time_s, log.current_A, log.voltage_V)
+def _sign(evidence: SignEvidence) -> Sign:
     resistance = evidence.edges.resistance_ohm
     known = float(resistance) if np.isfinite(resistance) else None
     return Sign(evidence.verdict, evidence.edges.edges, known, float(evidence.edges.t_value))
@@ -223,17 +160,6 @@ def _charge_Ah(log: Log, sign: float) -> float:
 
 
 S = TypeVar("S", Survey, DriveSurvey)
-Severity = Literal["error", "warning", "info"]
-_SEVERITIES: tuple[Severity, ...] = get_args(Severity)
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that was noticed, and the advice that goes with it; an error makes results wrong."""
-
-    severity: Severity
-    text: str
-    advice: str
 
 
 @dataclass(frozen=True)
@@ -247,15 +173,17 @@ class Findings(Generic[S]):
 
     @property
     def worst(self) -> Severity:
-        """The highest severity among the findings; "info" without findings."""
-        return min((finding.severity for finding in self.findings), key=_SEVERITIES.index, default="info")
+        """The highest severity among the findings, which is that of the first; "info" without findings."""
+        return self.findings[0].severity if self.findings else "info"
 
 
 def examine(log: LogSource) -> Findings[Survey]:
     """Survey a log, or that of a path or DataFrame, and list everything suspicious in it, errors first."""
     log = as_log(log)
-    found = survey(log)
-    return _findings(log, found, _faults_of_battery(found))
+    evidence = _sign_evidence(log)
+    found = survey(log, evidence)
+    hidden = check_hidden_charge(log.time_s, log.current_A, log.voltage_V)
+    return _findings(log, found, (*_faults_of_battery(found, evidence), *hidden))
 
 
 def examine_drive(log: DriveLog, places: Sequence[str]) -> Findings[DriveSurvey]:
@@ -269,8 +197,7 @@ def examine_drive(log: DriveLog, places: Sequence[str]) -> Findings[DriveSurvey]
 
 def _findings(log: Log | DriveLog, found: S, faults: Iterable[Finding]) -> Findings[S]:
     """The examination of a log: errors first, then warnings, then the rest."""
-    in_order = sorted(faults, key=lambda finding: _SEVERITIES.index(finding.severity))
-    return Findings(log.name, found, tuple(in_order), tuple(map(str, log.notes)))
+    return Findings(log.name, found, in_order(faults), tuple(map(str, log.notes)))
 
 
 def _faults_of_drive(s: DriveSurvey) -> Iterator[Finding]:
@@ -281,12 +208,9 @@ def _faults_of_drive(s: DriveSurvey) -> Iterator[Finding]:
         still = {}
     for name, speed_rad_s in still.items():
         yield Finding("warning", f"the wheel {name} never changes ({speed_rad_s:g} rad/s)", "check its encoder")
-    if s.sampling.median_s > 1.0 / QUANTITIES["wheel_speed_rad_s"].least_hz:
-        yield Finding(
-            "warning",
-            f"one sample every {s.sampling.median_s:g} s",
-            "a wheel slips for tenths of a second; log the wheels at 20 Hz or faster",
-        )
+    if s.wheels and s.sampling.median_s:
+        wheel = QUANTITIES["wheel_speed_rad_s"]
+        yield from too_seldom(wheel, 1.0 / s.sampling.median_s, wheel.least_hz, "a sample ")
     yield from _gaps(s.sampling)
     if not s.motors and "speed_m_s" not in s.body:
         yield Finding(
@@ -298,16 +222,22 @@ def _faults_of_drive(s: DriveSurvey) -> Iterator[Finding]:
         yield Finding("info", "no gyro", "the heading then follows from the wheels, and drifts; log the yaw rate")
 
 
-def _faults_of_battery(s: Survey) -> Iterator[Finding]:
+def _faults_of_battery(s: Survey, evidence: SignEvidence) -> Iterator[Finding]:
     """What keeps a model from being identified, or the charge from being known."""
+    for name, signal in (("voltage", s.voltage), ("current", s.current), ("temperature", s.temperature)):
+        if signal is None:
+            yield Finding("info", "no temperature", "resistance and capacity depend on it; record it if you can")
+            continue
+        quantity = next(q for q in QUANTITIES.values() if q.owner == "battery" and q.channel == name)
+        what = f"the {name} "
+        yield from beyond_limits(quantity, signal.minimum, signal.maximum, quantity.limits, "log", what)
+        if quantity.required:
+            yield from no_numbers(signal.missing, s.samples, f"{name}: ")
     yield from _faults_of_voltage(s.voltage)
     yield from _faults_of_current(s)
+    yield from check_current_sign(evidence, "log")
     yield from _faults_of_sampling(s)
     yield from _gaps(s.sampling)
-    for name, signal in (("current", s.current), ("voltage", s.voltage)):
-        if signal.missing:
-            text = lacking(signal.missing, s.samples, name)
-            yield Finding("warning", text, "estimators skip them; find out why the sensor was silent")
     offset = s.activity.rest_current_A
     drift_Ah = abs(offset or 0.0) * s.duration_s / 3600.0
     if offset is not None and drift_Ah > 0.01 * (s.activity.charge_in_Ah + s.activity.charge_out_Ah):
@@ -318,37 +248,22 @@ def _faults_of_battery(s: Survey) -> Iterator[Finding]:
         )
     finer = "use a finer sensor or range; small changes cannot be seen"
     # a pulse test has few levels of current by intention
-    if s.current.levels >= 8 and s.current.resolution > 0.02 * _largest_A(s):
+    if s.current.levels >= 8 and s.current.resolution > 0.02 * s.current.largest:
         yield Finding("warning", f"the current has steps of {s.current.resolution:g} A, over 2 % of its largest", finer)
     if s.voltage.resolution > 0.02 * (s.voltage.maximum - s.voltage.minimum):
         yield Finding("warning", f"the voltage has steps of {s.voltage.resolution:g} V, over 2 % of its range", finer)
-    if s.temperature is None:
-        yield Finding("info", "no temperature", "resistance and capacity depend on it; record it if you can")
-    elif s.temperature.maximum > HOTTEST_DEGC or s.temperature.minimum < COLDEST_DEGC:
-        yield Finding(
-            "error",
-            f"temperatures from {s.temperature.minimum:g} to {s.temperature.maximum:g} degC",
-            "kelvin or degrees Fahrenheit? use --unit temperature=K",
-        )
 
 
 def _faults_of_voltage(voltage: Signal) -> Iterator[Finding]:
     low, high = voltage.minimum, voltage.maximum
-    if high > 1500.0:
-        yield Finding("error", f"voltages up to {high:g} V", "millivolts? use --unit voltage=mV")
-    elif low < 0.0:
-        yield Finding("error", f"negative voltages down to {low:g} V", "check the column and the wiring of the sensor")
-    elif high <= 0.5:
+    if low >= 0.0 and high <= 0.5:
         yield Finding("error", f"voltages of {high:g} V at most", "another quantity or unit? use --column voltage=NAME")
     elif low == high:
         yield Finding("error", f"the voltage never changes ({low:g} V)", "the sensor or the column is dead; check both")
 
 
 def _faults_of_current(s: Survey) -> Iterator[Finding]:
-    """Faults of its size, its changes and its sign."""
-    if _largest_A(s) > 1500.0:
-        yield Finding("warning", f"currents up to {_largest_A(s):g} A", "milliamperes? use --unit current=mA")
-    if s.current.maximum - s.current.minimum <= 0.01 * _largest_A(s):
+    if s.current.maximum - s.current.minimum <= 0.01 * s.current.largest:
         yield Finding(
             "error",
             f"the current never changes ({s.current.maximum:g} A): resistances cannot be identified",
@@ -360,23 +275,14 @@ def _faults_of_current(s: Survey) -> Iterator[Finding]:
             "the current has no edges: resistances cannot be told from the open-circuit voltage",
             "record a log with steps of the current, for example a pulse test",
         )
-    if s.sign.verdict == "discharge":
-        yield Finding("error", WRONG_SIGN, OTHER_SIGN)
-    elif s.sign.verdict == "undecidable":
-        yield Finding(
-            "info", "the data do not show the sign of the current", "make sure that current > 0 charges the battery"
-        )
 
 
 def _faults_of_sampling(s: Survey) -> Iterator[Finding]:
     if s.samples < 100:
         yield Finding("warning", f"only {counted(s.samples, 'sample')}", "longer logs give estimates worth having")
-    if s.sampling.median_s > 10.0:
-        yield Finding(
-            "warning",
-            f"one sample every {s.sampling.median_s:g} s",
-            "ohmic resistance and fast time constants blur into one; sample at 1 Hz or faster",
-        )
+    if s.sampling.median_s:
+        rate_hz = 1.0 / s.sampling.median_s
+        yield from too_seldom(QUANTITIES["battery_voltage_V"], rate_hz, _SLOWEST_LOG_HZ, "a sample ")
     if s.sampling.irregularity > 0.05:
         yield Finding(
             "info",
@@ -399,7 +305,3 @@ def _gaps(sampling: Sampling) -> Iterator[Finding]:
             f"{counted(sampling.gaps, 'gap')} without samples, the longest {sampling.longest_gap_s:g} s",
             "charge that flowed there is only guessed; estimates are less sure after a gap",
         )
-
-
-def _largest_A(s: Survey) -> float:
-    return max(abs(s.current.minimum), abs(s.current.maximum))

@@ -26,18 +26,21 @@ from ohmward.logs.clean import (
     missing_notes,
     to_si,
     without_rows,
+    without_silent_spikes,
     without_spikes,
 )
 from ohmward.logs.columns import Column, UnclearColumnsError, find_columns
 from ohmward.logs.frame import is_frame, to_frame
 from ohmward.logs.hints import FileHints
-from ohmward.logs.plausible import guess_notes, milliampere_notes, require_not_wrapped, require_plausible
+from ohmward.logs.plausible import guess_notes, require_plausible
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.selection import selected_name, split_selection
-from ohmward.logs.sign import CurrentSign, UnknownSignError, charging_current
+from ohmward.logs.sign import UnknownSignError, charging_current
 from ohmward.logs.table import Note, Progress, Table, TableFile, counted, with_sample_time
 from ohmward.logs.time_series import TimeSeries
 from ohmward.quantities import QUANTITIES, Quantity
+from ohmward.signals.current_sign import CurrentSign
+from ohmward.signals.current_size import check_wrapped, forgotten_scale
 
 SECONDS_PER_HOUR = 3600.0
 
@@ -277,12 +280,18 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
     measured = {q: table.columns[column.name] for q, column in chosen.items() if column.name in table.columns}
     time_s, start_unix_s = _since_start(measured["time"], rows.start_unix_s, table.columns)
     clock = chosen["time"], time_s
-    require_plausible(file.source, *clock, measured["current"], rows.guessed_unit)
     voltage_V, spikes = without_spikes(measured["voltage"])
+    current_A, silent = without_silent_spikes(measured["current"], voltage_V)
+    require_plausible(file.source, *clock, current_A, rows.guessed_unit)
     warnings = guess_notes(*clock, rows.guessed_unit)
-    warnings += milliampere_notes(chosen["current"], measured["current"], voltage_V)
-    require_not_wrapped(file.source, measured["current"], voltage_V)
-    current_A, sign_note = charging_current(file, current_sign, time_s, measured["current"], voltage_V)
+    if chosen["current"].unit is None and (forgotten := forgotten_scale(current_A, voltage_V)):
+        scale, why = forgotten
+        text = f"column {chosen['current'].name!r} names no unit; {why}: if these are {scale.name}, say "
+        option = ("--unit", f"current={scale.symbol}")
+        warnings += (Note(text + " ".join(option), "warning", option),)
+    for finding in check_wrapped(current_A, voltage_V):
+        raise InputError(f"{file.source}: {finding}")
+    current_A, sign_note = charging_current(file, current_sign, time_s, current_A, voltage_V)
     own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
     further, impossible = _further(measured)
     warnings += impossible
@@ -298,6 +307,7 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
             *table.notes,
             *warnings,
             *spikes,
+            *silent,
             *given_degC,
             *missing_notes(table, chosen),
             *gap_notes(time_s),

@@ -29,6 +29,8 @@ _PROTOCOL = re.compile(
     rf"(?P<fields>{_NAME}={_VALUE}(?:,{_NAME}={_VALUE})*)(?: +(?P<time>-?\d+))?\s*"
 )
 _TAG, _FIELD = re.compile(rf"({_NAME})=({_NAME})"), re.compile(rf"({_NAME})=({_VALUE})")
+#: Digits of a whole number that no stamp of nanoseconds has.
+_TOO_LONG = 20
 #: What the serial monitor of Arduino writes before a line.
 _MONITOR = re.compile(r"(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?) -> ")
 _PAIR = re.compile(
@@ -63,19 +65,24 @@ def open_objects(path: Path, hints: FileHints) -> TableFile:
 
 def _content(source: str, text: str) -> Any:
     try:
-        return json.loads(text)
+        return json.loads(text, parse_int=_whole)
     except (ValueError, RecursionError):
         pass
     objects = []
     lines = [line for line in text.splitlines() if line.strip()]
     for number, line in enumerate(lines, 1):
         try:
-            objects.append(json.loads(line))
+            objects.append(json.loads(line, parse_int=_whole))
         except (ValueError, RecursionError) as error:
             if number == len(lines) and objects:
                 break  # cut off
             raise InputError(f"{source}, line {number}: no JSON ({error}); repair or delete the line") from None
     return objects
+
+
+def _whole(digits: str) -> float:
+    """A whole number, as a float where it has too many digits for one of 64 bits."""
+    return int(digits) if len(digits) < _TOO_LONG else float(digits)
 
 
 def _columns(source: str, content: Any) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Durations, intervals, charges, resistances and steps that no log has: a wrong unit, or a number that wrapped."""
+"""Durations, intervals and charges that no log has: a wrong unit of the time."""
 
 from __future__ import annotations
 
@@ -6,66 +6,8 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.columns import Column
-from ohmward.logs.sign import edge_test, spread
 from ohmward.logs.table import Note
-
-#: Range of a 16-bit number, in its last digit; of it the current uses this share at least.
-_RANGE, _USED = 65_536, 0.5
-#: Last digits [A] that are tried, the smallest first.
-_LAST_DIGITS_A = (1e-4, 1e-3, 1e-2, 1e-1)
-#: An edge of the voltage is this share of the largest; so many edges are looked at.
-_EDGE, _MOST_EDGES = 0.2, 300
-#: So many edges wrapped at least, and so many did not; they leave this share of the squares that they leave as logged.
-_FEWEST, _LEFT = 5, 0.1
-
-
-def require_not_wrapped(source: str, current_A: np.ndarray, voltage_V: np.ndarray) -> None:
-    """Refuse a current that wrapped.
-
-    current_A, voltage_V: (T,) of the battery, of either sign; nan where not known.
-
-    Raises:
-        InputError: names the range of the number, and how often the current wrapped.
-    """
-    known = np.isfinite(current_A) & np.isfinite(voltage_V)
-    if not known.any():
-        return
-    largest_A = float(np.abs(current_A[known]).max())
-    digit_A = next((digit for digit in _LAST_DIGITS_A if largest_A <= digit * _RANGE / 2), None)
-    if digit_A is None or largest_A < _USED * digit_A * _RANGE / 2:
-        return
-    range_A = digit_A * _RANGE
-    count = count_wraps(np.diff(current_A[known]), np.diff(voltage_V[known]), range_A)
-    if count >= _FEWEST:
-        raise InputError(
-            f"{source}: the voltage contradicts {count} steps of the current unless {range_A:g} A are added: a 16-bit "
-            f"number of {1e3 * digit_A:g} mA that wrapped beyond {range_A / 2:g} A; let the logger write more bits, or "
-            "another unit"
-        )
-
-
-def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
-    """Number of edges at which the current wrapped; 0 where the edges as logged are explained as well.
-
-    dI, dV: (T - 1,) steps of current [A] and voltage [V].
-    """
-    size = np.abs(dV)
-    edge = np.flatnonzero((size >= _EDGE * size.max(initial=0.0)) & (size > 6.0 * spread(dV)) & (dI != 0.0))
-    edge = edge[:: max(edge.size // _MOST_EDGES, 1)]
-    if edge.size < _FEWEST:
-        return 0
-    dI, dV = dI[edge], dV[edge]
-    as_logged = float(dV @ dV) - float(dI @ dV) ** 2 / max(float(dI @ dI), 1e-300)
-    steps_A = np.stack([dI, dI - range_A * np.sign(dI)], axis=1)
-    large = np.abs(steps_A) > _EDGE * range_A
-    ohms = np.broadcast_to(dV[:, None], steps_A.shape)[large] / steps_A[large]
-    left_V2 = (dV[:, None] - ohms[:, None, None] * steps_A) ** 2
-    left = left_V2.min(axis=2).sum(axis=1)
-    if not ohms.size or left.min() > _LEFT * as_logged:
-        return 0
-    is_wrapped = np.argmin(left_V2[np.argmin(left)], axis=1)
-    return int(is_wrapped.sum()) if np.count_nonzero(is_wrapped == 0) >= _FEWEST else 0
-
+from ohmward.signals.survey import usual_interval_s
 
 YEAR_S = 365.25 * 86400.0
 _HOUR_S = 3600.0
@@ -84,14 +26,8 @@ CHOSEN_FROM_S, HALF_MINUTE_S = 90.0, 30.0
 SLOWEST_DRIVE_S = 5.0
 #: From this interval on a guessed unit is worth a warning: twenty milliseconds read as seconds look like a slow logger.
 DOUBTFUL_FROM_S = 10.0
-#: A cell has more than this resistance [ohm], but for those of hundreds of ampere-hours, and at most this voltage.
-LEAST_CELL_OHM, HIGHEST_CELL_V = 3e-4, 4.3
-#: A resistance is below that where it is with so many standard errors, and currents from this on [A] are doubtful.
-_CERTAIN, _DOUBTFUL_FROM_A = 3.0, 20.0
 #: Share of an interval by which loggers are late.
 _JITTER = 0.1
-#: So many intervals tell the usual one.
-_SAMPLES_LOOKED_AT = 10_000
 _ADVICE = "say its unit with --unit time=ms (units={'time': 'ms'}), us, ns, min, h or d, or, if it is right, time=s"
 
 
@@ -153,36 +89,6 @@ def guess_notes(time: Column, time_s: np.ndarray, guessed: bool) -> tuple[Note, 
             ("--unit", "time=ms"),
         ),
     )
-
-
-def milliampere_notes(current: Column, current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[Note, ...]:
-    """A warning where amperes are a guess and give a resistance by a thousand too small.
-
-    current: its column.  current_A, voltage_V: (T,), nan where not known.
-    """
-    known = np.isfinite(current_A) & np.isfinite(voltage_V)
-    if current.unit is not None or not known.any():
-        return ()
-    largest_A = float(np.abs(current_A[known]).max())
-    edges = edge_test(current_A[known], voltage_V[known])
-    cells = max(float(np.median(voltage_V[known])) / HIGHEST_CELL_V, 1.0)
-    if largest_A < _DOUBTFUL_FROM_A or edges.t_value == 0.0:
-        return ()
-    most_ohm = abs(edges.resistance_ohm) * (1.0 + _CERTAIN / abs(edges.t_value))
-    if most_ohm > LEAST_CELL_OHM * cells:
-        return ()
-    text = (
-        f"column {current.name!r} names no unit; as amperes it goes to {largest_A:.3g} A at dV/dI = "
-        f"{1e3 * abs(edges.resistance_ohm):.2g} mohm, less than cells have: if these are milliamperes, say "
-        "--unit current=mA"
-    )
-    return (Note(text, "warning", ("--unit", "current=mA")),)
-
-
-def usual_interval_s(time_s: np.ndarray) -> float:
-    """Median of the intervals between samples of a time (T,), T > 1."""
-    some = np.arange(0, time_s.size - 1, -(-time_s.size // _SAMPLES_LOOKED_AT))
-    return float(np.median(time_s[some + 1] - time_s[some]))
 
 
 def _is_interval(seconds: float) -> bool:

@@ -8,7 +8,7 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -35,7 +35,7 @@ from ohmward.logs.arrays_file import (
 )
 from ohmward.logs.bags.bag_table import is_recording, open_bag
 from ohmward.logs.bags.sqlite_file import MAGIC as SQLITE_MAGIC
-from ohmward.logs.can_file import BLF_MAGIC, MDF_MAGICS, can_reader, open_can, open_mdf
+from ohmward.logs.can_file import BLF_MAGIC, BLF_READER, MDF_MAGICS, can_reader, open_can, open_mdf
 from ohmward.logs.clean import drop_text, drop_untimed
 from ohmward.logs.clock import date_column, nanosecond_column, read_clock
 from ohmward.logs.columns import Column, listed, other_times
@@ -56,7 +56,7 @@ from ohmward.logs.order import (
 from ohmward.logs.parquet_file import open_parquet
 from ohmward.logs.selection import RECORDING, names_instances, recording_numbers, select_rows
 from ohmward.logs.sqlite_table import open_sqlite_table
-from ohmward.logs.table import Note, Opener, Progress, Table, TableFile, counted, in_order, row_numbers
+from ohmward.logs.table import LOG_ENDINGS, Note, Opener, Progress, Table, TableFile, counted, in_order, row_numbers
 from ohmward.logs.vehicle_file import (
     DATAFLASH_MAGIC,
     DATAFLASH_TEXT,
@@ -66,7 +66,7 @@ from ohmward.logs.vehicle_file import (
     open_telemetry,
     open_ulog,
 )
-from ohmward.logs.workbook_file import WORKBOOK_ENDINGS, open_workbook
+from ohmward.logs.workbook_file import open_workbook
 
 _UNPACK = "a packed file; unpack it first"
 _TO_SAVVYCAN = "; open it in SavvyCAN, save it as CSV of SavvyCAN (GVRET), and give that with --dbc"
@@ -139,18 +139,16 @@ def stored(path: Path) -> Path:
     return copy
 
 
-def open_folder(folder: Path, endings: Sequence[str], open_file: Callable[[Path], TableFile]) -> TableFile:
+def _open_folder(folder: Path, hints: FileHints) -> TableFile:
     """The files of a folder as one log, in the order of their names, numbers in them counted.
-
-    endings: of the files that are logs.  open_file: opens one of them.
 
     Raises:
         InputError: no file, or files with other columns.
     """
-    paths = sorted((path for path in folder.iterdir() if path.name.lower().endswith(tuple(endings))), key=in_order)
+    paths = sorted((path for path in folder.iterdir() if path.name.lower().endswith(LOG_ENDINGS)), key=in_order)
     if not paths:
-        raise InputError(f"{folder} is a folder; name one log file in it: none is called {', '.join(endings)}")
-    files = [open_file(path) for path in paths]
+        raise InputError(f"{folder} is a folder; name one log file in it: none is called {', '.join(LOG_ENDINGS)}")
+    files = [_open_file(path, hints) for path in paths]
     name = folder.resolve().name
     first = files[0]
     for file in files[1:]:
@@ -218,7 +216,7 @@ def open_table(source: Any, hints: FileHints | None = None) -> TableFile:
         if is_stream(path):
             path = stored(path)
         if path.is_dir() and not is_recording(path):
-            return open_folder(path, LOG_ENDINGS, lambda file: _open_file(file, hints))
+            return _open_folder(path, hints)
         return open_bag(path) if is_recording(path) else _open_file(path, hints)
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file; check the path") from None
@@ -258,7 +256,7 @@ OPENERS: tuple[tuple[bytes, Opener], ...] = (
     (ULOG_MAGIC, open_ulog),
     (DATAFLASH_MAGIC, open_dataflash),
     (DATAFLASH_TEXT, open_dataflash),
-    (BLF_MAGIC, partial(open_can, reader="BLFReader")),
+    (BLF_MAGIC, partial(open_can, reader=BLF_READER)),
     *((magic, open_mdf) for magic in MDF_MAGICS),
     (MPR_MAGIC, open_mpr),
     (NDA_MAGIC, open_neware),
@@ -273,12 +271,6 @@ OPENERS: tuple[tuple[bytes, Opener], ...] = (
 )
 #: Enough to see that of HDF5 behind a block of the user, and the beginning of JSON.
 HEAD_BYTES = 4096
-#: Endings of logs in a folder.
-LOG_ENDINGS = (
-    *(".csv", ".csv.gz", ".tsv", ".txt", ".mpt", ".lvm", ".log", ".asc", ".trc", ".blf", ".mf4"),
-    *(".parquet", ".feather", ".ulg", ".bin", ".tlog", ".mat", ".h5", ".hdf5", ".npz", ".mpr", ".nda", ".ndax", ".db"),
-    *(".jsonl", ".ndjson", ".json", *WORKBOOK_ENDINGS),
-)
 
 
 def read_recording(

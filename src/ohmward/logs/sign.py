@@ -1,51 +1,15 @@
-"""The sign of a current that charges the battery, told from the response of the voltage.
-
-With current > 0 charging, an edge of the current moves the voltage the same way at once, because the ohmic resistance
-is positive; and a long steady current that charges raises the voltage. Either may decide; where they contradict each
-other the answer is that the data do not tell. Where neither is clear, as under a current that never stands still, the
-regression over all changes decides.
-"""
+"""The sign of the current in a file: as told, as its format defines it, or from the data."""
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple, get_args
+from typing import get_args
 
 import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs import bdf
-from ohmward.logs.table import Note, TableFile, counted
-from ohmward.runs import runs
-
-#: A current of the other sign, and what to do about it in a log.
-WRONG_SIGN = "the voltage answers the current with the wrong sign"
-OTHER_SIGN = "current > 0 must charge; read the log with the other --current-sign"
-
-#: What a positive current in a file does; "auto" tells it from the data.
-CurrentSign = Literal["auto", "charge", "discharge"]
-
-# Samples of a real log are not independent, so a clear |t| is far above the usual 3, and more so for a few edges.
-CLEAR_T = 10.0
-CLEAR_T_OF_MANY = 5.0
-_MANY = 8
-# Of the edges weighted by size at least nine tenths agree: sum(dI dV) is 0.8 of sum(|dI dV|).
-CLEAR_AGREEMENT = 0.8
-# An edge, as a fraction of the largest change and of the largest current, and above rounding.
-_EDGE = 0.2
-_EDGE_OF_LEVEL = 0.02
-_LEAST_EDGE_A = 1e-9
-# A current without a sign has no more than this share on its other side; a step of it lasts so many samples, in which
-# the voltage moves on by so many times its noise.
-_NO_SIGN, _LASTING, _GOES_ON = 0.02, 10, 3.0
-# A steady current stays within this fraction of its usual value, long enough for diffusion to raise the voltage.
-_STEADY = 0.1
-_TREND_PARTS = 5
-_TREND_LEAST_S = 300.0
-# Regression over all changes: so many parts of a log that hold equally much of the squares of the changes, as many
-# changes of equal size at least, and changes over so many samples: a voltage that was sampled later than the current
-# answers the longer ones only.
-_CHANGE_PARTS, _FEWEST_CHANGES = 10, 6
-_CHANGES_OVER = (1, 4)
+from ohmward.logs.table import Note, TableFile
+from ohmward.signals.current_sign import CurrentSign, SignEvidence, lost_sign, sign_evidence
 
 
 class UnknownSignError(InputError):
@@ -55,61 +19,6 @@ class UnknownSignError(InputError):
         super().__init__(text, () if is_lost else ("--current-sign", likely))
         self.likely = likely
         self.is_lost = is_lost  #: charge and discharge are written alike: no sign is right
-
-
-class EdgeTest(NamedTuple):
-    """Regression of dV on dI over the edges of the current."""
-
-    resistance_ohm: float  #: slope [ohm], > 0 when positive current charges; NaN without edges
-    edges: int  #: their number
-    t_value: float  #: slope over its standard error, from the noise of the voltage between edges
-    agreement: float  #: in [-1, 1], sum(dI dV) / sum(|dI dV|): 1 or -1 when every edge says the same
-
-    @property
-    def sign(self) -> int:
-        """1 when positive current clearly charges, -1 when it clearly discharges, else 0."""
-        clear_t = CLEAR_T_OF_MANY if self.edges >= _MANY else CLEAR_T
-        clear = abs(self.t_value) > clear_t and abs(self.agreement) >= CLEAR_AGREEMENT
-        return int(np.sign(self.t_value)) if clear else 0
-
-
-class SignEvidence(NamedTuple):
-    """Effect of a positive current according to the data: verdict "charge", "discharge" or "undecidable"."""
-
-    verdict: str
-    edges: EdgeTest  #: the fast test
-    trend: int  #: the slow test; 1 charge, -1 discharge, 0 unclear
-    changes: int = 0  #: the regression over all changes; 1 charge, -1 discharge, 0 unclear
-
-    @property
-    def likely(self) -> CurrentSign:
-        """The verdict, or what the edges say where that is not clear."""
-        discharges = self.edges.t_value < 0.0 if self.verdict == "undecidable" else self.verdict == "discharge"
-        return "discharge" if discharges else "charge"
-
-    def __str__(self) -> str:
-        count = counted(self.edges.edges, "edge")
-        if self.edges.sign:
-            return f"{count} with dV/dI = {1e3 * self.edges.resistance_ohm:.3g} mohm (t = {self.edges.t_value:.0f})"
-        if self.trend:
-            return "the trend of the voltage under a steady current"
-        if self.changes:
-            return "the regression of the voltage on the current over all changes"
-        return f"{count} of the current, t = {self.edges.t_value:.1f}, no clear trend"
-
-
-def sign_evidence(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> SignEvidence:
-    """The sign of the current from the data.
-
-    time_s: (T,) [s] increasing; current_A: (T,) [A] of either sign; voltage_V: (T,) [V]; NaN samples are left out.
-    """
-    known = np.isfinite(current_A) & np.isfinite(voltage_V)
-    edges = edge_test(current_A[known], voltage_V[known])
-    trend = trend_test(time_s[known], current_A[known], voltage_V[known])
-    changes = change_test(current_A[known], voltage_V[known])
-    signs = {edges.sign, trend} - {0} or {changes}
-    verdict = "charge" if signs == {1} else "discharge" if signs == {-1} else "undecidable"
-    return SignEvidence(verdict, edges, trend, changes)
 
 
 def charging_current(
@@ -124,7 +33,7 @@ def charging_current(
     if wanted not in get_args(CurrentSign):
         raise InputError(f"current_sign must be 'auto', 'charge' or 'discharge', not {wanted!r}")
     evidence = sign_evidence(time_s, current_A, voltage_V)
-    directions = _both_ways(current_A, voltage_V)
+    directions = lost_sign(current_A, voltage_V)
     sign: str
     if wanted != "auto":
         sign = wanted
@@ -163,152 +72,3 @@ def _given_note(given: str, by: str, evidence: SignEvidence, directions: str) ->
     if evidence.verdict in (given, "undecidable"):
         return Note(text)
     return Note(f"{text}, but the data say the opposite: {evidence}; check the sign", "warning")
-
-
-def _both_ways(current_A: np.ndarray, voltage_V: np.ndarray) -> str:
-    """A sentence for a current (T,) [A] without a sign, although the battery is charged and discharged; else "".
-
-    Where the current rises at once, the voltage steps up or down, and goes on that way while the current stays: the
-    direction that is seen less often must be seen like that once at least.
-    """
-    known = np.isfinite(current_A) & np.isfinite(voltage_V)
-    size_A, voltage_V = np.abs(current_A[known]), voltage_V[known]
-    largest_A = size_A.max(initial=0.0)
-    if size_A.size < 2 or min(-current_A[known].min(), current_A[known].max()) > _NO_SIGN * largest_A:
-        return ""
-    dI, dV = np.diff(size_A), np.diff(voltage_V)
-    noise_V = max(spread(dV), resolution(voltage_V))
-    rises = np.flatnonzero((dI >= _EDGE * largest_A) & (np.abs(dV) > CLEAR_T * noise_V))
-    held = [k for k in rises if _goes_on(size_A[k + 1 :], voltage_V[k + 1 :], float(np.sign(dV[k])), noise_V)]
-    counts = sorted((np.count_nonzero(way * dV[rises] > 0), np.count_nonzero(way * dV[held] > 0)) for way in (1, -1))
-    if counts[0][1] == 0:
-        return ""
-    return (
-        "the current has lost its sign: where it rises, the voltage steps up and goes on rising in one place, and "
-        "steps down in another, so charge and discharge are written alike; let the logger write the sign, or a column "
-        "beside it that says charge or discharge, or keep one direction with --from, --to and its --current-sign"
-    )
-
-
-def _goes_on(size_A: np.ndarray, voltage_V: np.ndarray, way: float, noise_V: float) -> bool:
-    """True where the voltage (T,) moves on one way (1 up, -1 down) while the current (T,) stays as it begins."""
-    changed = np.abs(size_A - size_A[0]) > _STEADY * size_A[0]
-    stop = int(np.argmax(changed)) if changed.any() else size_A.size
-    return stop >= _LASTING and way * (voltage_V[stop - 1] - voltage_V[0]) > _GOES_ON * noise_V
-
-
-def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:
-    """Regression of dV on dI, through the origin: R = sum(dI dV) / sum(dI^2) over changes between neighbours.
-
-    An edge is at least a fifth of the largest change, 2 % of the largest current and six times the usual change. The
-    error of R comes from what the voltage does between edges (noise or slow drift, whichever is larger) and from the
-    rounding of two samples.
-
-    current_A, voltage_V: (T,), no NaN.
-    """
-    dI, dV = np.diff(current_A), np.diff(voltage_V)
-    size = np.abs(dI)
-    least = max(_EDGE * size.max(initial=0.0), _EDGE_OF_LEVEL * np.abs(current_A).max(initial=0.0), _LEAST_EDGE_A)
-    edge = (size >= least) & (size > 6.0 * spread(dI))
-    if not edge.any():
-        return EdgeTest(np.nan, 0, 0.0, 0.0)
-    products = dI[edge] * dV[edge]
-    squares = float(dI[edge] @ dI[edge])
-    drift = float(np.percentile(np.abs(dV[~edge]), 95)) / 2 if (~edge).any() else 0.0
-    error = max(spread(dV), drift, resolution(voltage_V) / np.sqrt(6.0)) / np.sqrt(squares)
-    slope = float(products.sum()) / squares
-    total = float(np.abs(products).sum())
-    if total == 0.0 or error == 0.0:
-        return EdgeTest(slope, int(edge.sum()), 0.0, 0.0)
-    return EdgeTest(slope, int(edge.sum()), slope / error, float(products.sum()) / total)
-
-
-def trend_test(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> int:
-    """1 if a steady current raises the voltage when positive or lowers it when negative, -1 the reverse, 0 unclear.
-
-    The longest steady stretch counts. It must last five minutes, and the voltage must move the same way from each fifth
-    of it to the next without dying out: relaxation after a larger current moves it too, but fades.
-
-    time_s, current_A, voltage_V: (T,), no NaN.
-    """
-    steady = _longest_steady(time_s, current_A)
-    if steady is None or time_s[steady][-1] - time_s[steady][0] < _TREND_LEAST_S:
-        return 0
-    means = _part_means(time_s[steady], voltage_V[steady])
-    moves = np.diff(means)
-    noise = max(spread(np.diff(voltage_V[steady])), resolution(voltage_V))
-    one_way = bool(np.all(moves > 0) or np.all(moves < 0))
-    if not one_way or abs(moves.sum()) < CLEAR_T * noise or abs(moves[-1]) < 0.5 * abs(moves[1]):
-        return 0
-    return int(np.sign(moves[0]) * np.sign(np.median(current_A[steady])))
-
-
-def change_test(current_A: np.ndarray, voltage_V: np.ndarray) -> int:
-    """1 if the voltage moves with all changes of the current, -1 if against them, 0 unclear.
-
-    dV = R dI over changes of the current between samples, and over several of them, must give the same clear sign of R,
-    and so must its rises and its falls: a charger that tapers off lets the current fall while the voltage still rises.
-
-    current_A, voltage_V: (T,), no NaN.
-    """
-    signs = set()
-    for over in _CHANGES_OVER:
-        dI, dV = current_A[over:] - current_A[:-over], voltage_V[over:] - voltage_V[:-over]
-        agree = all(np.sign(dI[way] @ dV[way]) == np.sign(dI @ dV) for way in (dI > 0.0, dI < 0.0))
-        signs.add(_sign_of_changes(dI, dV) if agree else 0)
-    return signs.pop() if len(signs) == 1 else 0
-
-
-def _sign_of_changes(dI: np.ndarray, dV: np.ndarray) -> int:
-    """Sign of R in dV = R dI over changes (N,) where it is clear, else 0.
-
-    The error of R comes from how much the parts of the log disagree, which holds for samples that are not independent.
-    """
-    squares = np.cumsum(dI * dI)
-    if not squares.size or squares[-1] ** 2 < _FEWEST_CHANGES * np.sum(dI**4) or squares[-1] == 0.0:
-        return 0
-    part = np.minimum((_CHANGE_PARTS * squares / squares[-1]).astype(int), _CHANGE_PARTS - 1)
-    products = np.bincount(part, dI * dV, _CHANGE_PARTS)
-    slope = products.sum() / squares[-1]
-    left = products - slope * np.bincount(part, dI * dI, _CHANGE_PARTS)
-    error = np.sqrt(left @ left * _CHANGE_PARTS / (_CHANGE_PARTS - 1)) / squares[-1]
-    return int(np.sign(slope)) if abs(slope) > CLEAR_T_OF_MANY * error and slope != 0.0 else 0
-
-
-def spread(values: np.ndarray) -> float:
-    """Robust standard deviation, 1.4826 times the median absolute deviation; 0 for an empty array."""
-    return 1.4826 * float(np.median(np.abs(values - np.median(values)))) if values.size else 0.0
-
-
-def resolution(values: np.ndarray) -> float:
-    """Smallest step between distinct values (T,), no NaN; 0 where they are all equal.
-
-    Steps below 1e-6 of the range are rounding of a float32 or of a sum, not of the instrument.
-    """
-    distinct = np.unique(values)
-    steps = np.diff(distinct)
-    real = steps[steps > 1e-6 * max(np.ptp(distinct), abs(distinct).max())] if steps.size else steps
-    return float(real.min()) if real.size else 0.0
-
-
-def _longest_steady(time_s: np.ndarray, current_A: np.ndarray) -> slice | None:
-    """The longest stretch, in time, in which the current stays within a tenth of its usual value that is not rest."""
-    size = np.abs(current_A)
-    flowing = current_A[size > 0.01 * size.max(initial=0.0)]
-    if not flowing.size:
-        return None
-    usual = np.median(flowing)
-    inside = np.abs(current_A - usual) <= _STEADY * abs(usual)
-    stretches = runs(inside)
-    if not stretches:
-        return None
-    return slice(*max(stretches, key=lambda stretch: time_s[stretch[1] - 1] - time_s[stretch[0]]))
-
-
-def _part_means(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Means of the parts of equal duration; a part without samples repeats its neighbour, which is no trend."""
-    edges = np.linspace(time_s[0], time_s[-1], _TREND_PARTS + 1)[1:-1]
-    part = np.searchsorted(edges, time_s, side="right")
-    count = np.bincount(part, minlength=_TREND_PARTS)
-    means = np.bincount(part, weights=values, minlength=_TREND_PARTS) / np.maximum(count, 1)
-    return means if count.all() else np.zeros(_TREND_PARTS)

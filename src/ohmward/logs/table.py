@@ -38,11 +38,13 @@ Progress = Callable[[int, int], None]
 MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", ".nan"))
 
 
-#: Endings of logs, in the order in which they are taken off a name.
-_ENDINGS = (
-    *(".gz", ".csv", ".tsv", ".txt", ".mpt", ".lvm", ".parquet", ".bdf", ".mcap", ".db3", ".bag", ".ulg", ".feather"),
-    *(".mat", ".h5", ".hdf5", ".npz", ".jsonl", ".ndjson", ".json", ".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"),
+#: Endings of logs, and of recordings of ROS.
+LOG_ENDINGS = (
+    *(".csv", ".csv.gz", ".tsv", ".txt", ".mpt", ".lvm", ".log", ".asc", ".trc", ".blf", ".mf4", ".yaml"),
+    *(".parquet", ".feather", ".ulg", ".bin", ".tlog", ".mat", ".h5", ".hdf5", ".npz", ".mpr", ".nda", ".ndax", ".db"),
+    *(".jsonl", ".ndjson", ".json", ".xlsx", ".xlsm", ".xlsb", ".xls", ".ods"),
 )
+RECORDING_ENDINGS = (".mcap", ".db3", ".bag")
 
 
 class Table(NamedTuple):
@@ -110,8 +112,8 @@ class TableFile(NamedTuple):
     def stem(self) -> str:
         """The name without .csv, .bdf.csv, .csv.gz, .mcap and the like."""
         stem = self.source
-        for suffix in _ENDINGS:
-            stem = stem.removesuffix(suffix)
+        for ending in (".gz", *LOG_ENDINGS, *RECORDING_ENDINGS, ".bdf"):
+            stem = stem.removesuffix(ending)
         return stem
 
     def read_once(self) -> TableFile:

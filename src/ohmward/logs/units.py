@@ -93,8 +93,10 @@ _COMPOUND = re.compile(rf"^(?P<stem>.+?)[\s_.,-]+(?P<unit>{_PARTS})(?P<rest>)$",
 
 # `rpm_left`, `ticks.right`
 _BEFORE = re.compile(r"^(?P<unit>rpm|ticks?|counts?|mps|dps)[\s_.-]+(?P<stem>.+?)(?P<rest>)$", re.IGNORECASE)
-# `TimeUS` of ArduPilot
-_CAPITALS = re.compile(r"^(?P<stem>[Tt]ime)(?P<unit>US|MS|NS)(?P<rest>)$")
+# `TimeUS` of ArduPilot, `BattV`
+_CAPITALS = re.compile(
+    r"^(?P<stem>[Tt]ime|[Bb]at(?:t(?:ery)?)?|[Pp]ack|[Bb]ms|[Bb]us)(?P<unit>US|MS|NS|m?[VA])(?P<rest>)$"
+)
 # `ms`, `ms_today`: the time of a microcontroller
 _TIME_AS_UNIT = re.compile(r"^(?P<unit>[mµu]s)(?:_today)?$")
 # `voltage_now`, `current_now`: the files of a power supply under Linux, in millionths

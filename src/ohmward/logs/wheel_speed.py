@@ -12,10 +12,10 @@ import numpy as np
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.logs.channels import WHEEL_COUNTS, WHEEL_SPEED, channel_of, robot_words
-from ohmward.logs.clean import find_gaps
 from ohmward.logs.columns import Column, listed
 from ohmward.logs.table import Note, Table, counted
 from ohmward.logs.units import UNITS, Unit
+from ohmward.signals.survey import find_gaps
 
 #: Dimensions of a wheel's position, whose change is its speed.
 POSITIONS = ("turn", "angle", "length")

@@ -25,7 +25,6 @@ _BLOCK, _LONGEST_TAG = 1 << 20, 1 << 8
 #: A cell of Excel, and one with its place as nearly all write it.
 _CELL = re.compile(rb"<(?:\w+:)?c[\s/>]")
 _PLACE = re.compile(rb"""<(?:\w+:)?c [^<>]*?\br=["']([A-Z]{1,3})(\d{1,7})["']""")
-WORKBOOK_ENDINGS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 
 
 def open_workbook(path: Path, hints: FileHints) -> TableFile:

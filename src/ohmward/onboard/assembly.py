@@ -19,7 +19,6 @@ from ohmward.onboard.process import Process
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.ros.transport import SharedNode
-from ohmward.onboard.sensor_watch import NOT_COUNTED, doubled
 from ohmward.onboard.sinks import AnySink
 from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.sinks.ros2 import Ros2Sink
@@ -29,7 +28,9 @@ from ohmward.onboard.sources.ros2 import Ros2Source
 from ohmward.onboard.state_folder import StateFolder
 from ohmward.onboard.store.store import DATABASE
 from ohmward.onboard.store.sums import totals_of_store
-from ohmward.traction.robot.robot import Robot, load_robot
+from ohmward.signals.checks import NOT_COUNTED, doubled
+from ohmward.traction.robot.packaged import load_robot
+from ohmward.traction.robot.robot import Robot
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 A fault costs an estimator what the sensor would have told, and nothing else: its values become nan, as if it had not
 measured, until it reports again. A sensor is stuck where its value stays the same to the last bit while those that move
 with it move: current and voltage of a battery with each other, wheels by the motion that the other wheels and the gyro
-tell of. The sentences of the faults of signals are here too, for a setup and its trial.
+tell of.
 """
 
 from __future__ import annotations
@@ -18,56 +18,10 @@ from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
 from ohmward.onboard.evidence import EVIDENCE, Age
 from ohmward.onboard.message_parts import no_such_part
 from ohmward.onboard.robot_state import Diagnostic, Level
-from ohmward.quantities import EVENTS, limits_of, quantity_of
-from ohmward.traction.drive_checks import FEWEST, LASTS_S
-from ohmward.traction.motion_check import MotionCheck
+from ohmward.quantities import EVENTS, ValueLimits, limits_of, quantity_of
+from ohmward.signals.checks import beyond_limits, doubled, missing, no_number, stuck
+from ohmward.traction.motion_check import FEWEST, LASTS_S, MotionCheck
 from ohmward.traction.robot.robot import Robot
-
-#: Counts without the size of one turn.
-NOT_COUNTED = "counts need counts_per_turn = ... in the setup"
-
-#: Scales that are forgotten most often, and their names; the first that fits is proposed.
-SCALES = {
-    "V": ((0.001, "millivolts"), (0.01, "hundredths of a volt"), (0.1, "tenths of a volt")),
-    "A": ((0.001, "milliamperes"), (0.01, "hundredths of an ampere"), (0.1, "tenths of an ampere")),
-    "degC": ((0.1, "tenths of a degree"), (0.01, "hundredths of a degree"), (0.001, "millidegrees")),
-    "rad_s": ((2 * math.pi / 60.0, "rpm"), (math.pi / 180.0, "degrees per second"), (0.001, "milliradians per second")),
-}
-
-
-def doubled(sources: Iterable[str], used: str = "") -> str:
-    """A signal that several sources send; used: the one whose values are taken."""
-    choice = f"{used} is used, " if used else ""
-    return f"{' and '.join(sources)} both send it; {choice}leave it out of one of them"
-
-
-def missing(came: str) -> str:
-    """A signal that its source promises and does not send; came: "never came from can0"."""
-    return f"{came}; check its wiring and its name there, or leave it out of signals"
-
-
-def no_number(often: str) -> str:
-    """A sensor that sends nan; often: "in 5% of its values"."""
-    return f"no number {often}; look at the sensor and its wire"
-
-
-def implausible(signal: str, lowest: float, highest: float, limits: tuple[float, float], fault: str = "") -> str:
-    """Values of a signal from lowest to highest, beyond its limits; fault: a clause on them."""
-    low, high = limits
-    seen = f"{lowest:.4g}" if lowest == highest else f"{lowest:.4g} to {highest:.4g}"
-    advice = _unit_advice(signal.partition(".")[0], lowest, highest, low, high)
-    return f"reads {seen}{fault}, plausible are {low:.3g} to {high:.3g}; {advice}"
-
-
-def _unit_advice(name: str, lowest: float, highest: float, low: float, high: float) -> str:
-    unit = next((unit for unit in SCALES if name.endswith(f"_{unit}")), "")
-    if unit == "degC" and low <= lowest - 273.15 and highest - 273.15 <= high:
-        return "kelvins? then offset = -273.15"
-    for scale, named in SCALES.get(unit, ()):
-        if low <= scale * lowest and scale * highest <= high:
-            return f"{named}? then scale = {scale:.4g}"
-    return "check its unit, scale and offset, its wire, and that battery and robot file are those of this robot"
-
 
 #: A sensor is silent after so many of its usual intervals without a value, and after no less than the time.
 SILENT_INTERVALS, SILENT_S = 5.0, 1.0
@@ -104,6 +58,9 @@ _PARTNER = {
     "battery_current_A": "battery_voltage_V",
     "cell_voltage_V": "battery_current_A",
 }
+
+
+_ANY = ValueLimits(-math.inf, math.inf)
 
 
 @dataclass(slots=True)
@@ -145,7 +102,7 @@ class WatchedSensor:
     bad_value: float = math.nan
     good: int = 0
     absent: str = ""
-    plausible: tuple[float, float] = (-math.inf, math.inf)
+    plausible: ValueLimits = _ANY
     doubled_by: str = ""
     doubled_s: float = -math.inf
     repeated: int = 0
@@ -364,23 +321,27 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
     if sensor.bad and not sensor.good:
         return Level.ERROR, _bad(sensor)
     if sensor.stuck:
-        return Level.ERROR, "stuck: the same to the last bit while what moves with it does; look at the sensor"
+        return Level.ERROR, str(stuck())
     if sensor.bad:
         return Level.WARN, _bad(sensor)
     if now_s - sensor.doubled_s < sensor.silent_after_s:
         return Level.WARN, doubled((sensor.source, sensor.doubled_by), sensor.source)
     if sensor.repeated > sensor.good:
         return Level.WARN, f"doubled: {sensor.source} sends each value twice; the second is left out"
-    low, high = sensor.plausible
-    if sensor.value < low or sensor.value > high:
-        return Level.WARN, implausible(sensor.signal, sensor.value, sensor.value, sensor.plausible)
-    return Level.OK, f"reports, from {sensor.source}"
+    return (
+        (Level.WARN, text) if (text := _beyond(sensor, sensor.value)) else (Level.OK, f"reports, from {sensor.source}")
+    )
 
 
 def _bad(sensor: WatchedSensor) -> str:
     """Sentence on the values since the last look that cannot be true; it stays the same while the fault does."""
-    value = sensor.bad_value
-    if not math.isfinite(value):
-        return no_number("now and then" if sensor.good else "in any of its values")
+    if not math.isfinite(sensor.bad_value):
+        return str(no_number("in some of its values" if sensor.good else "in any of its values"))
     often = " now and then" if sensor.good else ""
-    return implausible(sensor.signal, value, value, sensor.plausible, f"{often}, which cannot be")
+    return _beyond(sensor, sensor.bad_value, f"{often}, which cannot be")
+
+
+def _beyond(sensor: WatchedSensor, value: float, often: str = "") -> str:
+    """Sentence on a value that leaves what is plausible on this robot; "" for none."""
+    quantity = quantity_of(sensor.signal)
+    return "".join(map(str, beyond_limits(quantity, value, value, sensor.plausible, "setup", often=often)))

@@ -10,24 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.logs.sign import WRONG_SIGN, sign_evidence
 from ohmward.onboard.message import Message
 from ohmward.onboard.message_parts import no_such_part, wheel_number
 from ohmward.onboard.robot_state import Diagnostic, Level
-from ohmward.onboard.sensor_watch import NOT_COUNTED, SCALES, doubled, implausible, missing, no_number
 from ohmward.quantities import limits_of, quantity_of
-from ohmward.traction.drive_checks import FEWEST, brakes_all_the_way, only_brakes
-from ohmward.traction.motion_check import MotionCheck, contradiction, wrong_sign, wrong_signs
+from ohmward.signals.checks import NOT_COUNTED, beyond_limits, doubled, missing, no_numbers, too_seldom
+from ohmward.signals.current_sign import check_current_sign, sign_evidence
+from ohmward.signals.current_size import check_wrapped
+from ohmward.traction.drive_checks import brakes_all_the_way, only_brakes
+from ohmward.traction.motion_check import FEWEST, TURNING_RAD_S, check_signs, check_units, contradiction, motion_of
 from ohmward.traction.robot.robot import Robot
-
-#: A wheel that turns slower than this tells nothing about its sign [rad/s].
-TURNING_RAD_S = 0.5
-
-#: Contradictions [rad/s] below this are the noise of encoders and gyro, and a little slip.
-LEAST_RAD_S = 0.1
-
-#: Wheels and gyro differ by no more than this factor by radius and track.
-MOST_FASTER = 1.5
 
 
 class SignalRecord(NamedTuple):
@@ -95,7 +87,7 @@ def check_wiring(
         *_missing(found, promised),
         *_needed(found, promised, battery, robot),
         *(finding for signal, record in found.items() for finding in _signal(signal, record, battery, robot)),
-        *_current_sign(found, battery),
+        *_current(found, battery),
         *wheels,
         *(_motor_signs(found, robot, wrong) if robot else ()),
     ]
@@ -148,93 +140,68 @@ def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: R
         return
     if len(record.sources) > 1:
         yield Diagnostic(signal, Level.ERROR, doubled(record.sources))
-    finite = float(np.isfinite(record.values).mean())
-    if finite < 1.0:
-        yield Diagnostic(signal, Level.ERROR, no_number(f"in {1 - finite:.0%} of its values"))
-        if finite == 0.0:
-            return
-    if record.rate_hz < quantity.least_hz:
-        text = f"comes {record.rate_hz:.2g} times a second; at least {quantity.least_hz:g} are needed"
-        yield Diagnostic(signal, Level.ERROR, text)
-    low, high = limits_of(quantity.name, battery, robot)
-    lowest, highest = float(np.nanmin(record.values)), float(np.nanmax(record.values))
-    if low <= lowest and highest <= high:
+    finite = record.values[np.isfinite(record.values)]
+    limits = limits_of(quantity.name, battery, robot)
+    faults = [
+        *no_numbers(record.values.size - finite.size, record.values.size),
+        *too_seldom(quantity, record.rate_hz, quantity.least_hz),
+        *(beyond_limits(quantity, finite.min(), finite.max(), limits, "setup") if finite.size else ()),
+    ]
+    yield from (Diagnostic(signal, Level.ERROR, str(finding)) for finding in faults)
+    if not faults:
         often = "once" if math.isnan(record.rate_hz) else f"{record.rate_hz:.3g} Hz"
-        yield Diagnostic(signal, Level.OK, f"{often} from {record.sources[0]}, {lowest:.4g} to {highest:.4g}")
-    else:
-        yield Diagnostic(signal, Level.ERROR, implausible(signal, lowest, highest, (low, high)))
+        text = f"{often} from {record.sources[0]}, {finite.min():.4g} to {finite.max():.4g}"
+        yield Diagnostic(signal, Level.OK, text)
 
 
-def _current_sign(found: Mapping[str, SignalRecord], battery: Battery | None) -> Iterator[Diagnostic]:
-    """The sign of the current, by the voltage that answers it."""
+def _current(found: Mapping[str, SignalRecord], battery: Battery | None) -> Iterator[Diagnostic]:
+    """The size and the sign of the current, by the voltage that answers it."""
     current, voltage = found.get("battery_current_A"), found.get("battery_voltage_V")
     if battery is None or current is None or voltage is None or len(voltage.values) < 2:
         return
     answered_V = np.interp(current.time_s, voltage.time_s, voltage.values)
     evidence = sign_evidence(current.time_s, current.values, answered_V)
-    if evidence.verdict == "discharge":
-        text = f"{WRONG_SIGN} ({evidence}); current > 0 must charge: scale = -1"
-        yield Diagnostic("battery_current_A", Level.ERROR, text)
-    elif evidence.verdict == "undecidable":
-        yield Diagnostic("battery_current_A", Level.WARN, f"its sign cannot be told yet ({evidence}); drive a little")
-    else:
+    findings = [*check_wrapped(current.values, answered_V), *check_current_sign(evidence, "setup")]
+    levels = {"error": Level.ERROR, "info": Level.WARN}
+    for finding in findings:
+        yield Diagnostic("battery_current_A", levels[finding.severity], str(finding))
+    if not findings:
         yield Diagnostic("battery_current_A", Level.OK, f"sign agrees with the voltage ({evidence})")
 
 
 def _wheel_signs(found: Mapping[str, SignalRecord], robot: Robot) -> Iterator[Diagnostic]:
     """The signs of wheels and gyro by their contradictions, and the unit of the gyro."""
-    rows, values, names = _motion(found, robot)
+    speeds, yaw_rate, names = _at_common_times(found, robot)
     if len(names) < 2:
         return
-    moving = np.abs(values).max(axis=0) > TURNING_RAD_S
-    if moving.sum() < FEWEST:
-        yield Diagnostic("signs of wheels and gyro", Level.WARN, "cannot be told at rest; drive a little, with a turn")
+    motion, together = motion_of(robot, speeds, yaw_rate), "signs of wheels and gyro"
+    if motion.values.shape[1] < FEWEST:
+        yield Diagnostic(together, Level.WARN, "cannot be told at rest; drive a little, with a turn")
         return
-    values = values[:, moving]
-    if wrong := wrong_signs(rows, values, LEAST_RAD_S**2):
-        yield Diagnostic(names[wrong[0]], Level.ERROR, wrong_sign("it", "scale = -1"))
-        return
-    faster = _faster_than_gyro(rows, values, names)
-    if math.isfinite(faster) and not 1.0 / MOST_FASTER < faster < MOST_FASTER:
-        near = [(scale, name) for scale, name in SCALES["rad_s"] if 1.0 / MOST_FASTER < scale * faster < MOST_FASTER]
-        fix = f"{near[0][1]}? then scale = {near[0][0]:.4g}" if near else "check their units, the radius and the track"
-        text = f"the wheels turn the robot {faster:.3g} times as fast as the gyro; {fix}"
-        yield Diagnostic("signs of wheels and gyro", Level.ERROR, text)
-    elif (differ_rad_s := math.sqrt(contradiction(rows, values))) > TURNING_RAD_S:
+    signs = [(names[k], finding) for k, finding in check_signs(robot, motion, "setup")]
+    faults = signs or [(together, finding) for finding in check_units(robot, motion, "setup")]
+    yield from (Diagnostic(name, Level.ERROR, str(finding)) for name, finding in faults)
+    if not faults and (differ_rad_s := math.sqrt(contradiction(motion.rows, motion.values))) > TURNING_RAD_S:
         text = f"differ by {differ_rad_s:.2g} rad/s; do the wheels slip, are two of them exchanged?"
-        yield Diagnostic("signs of wheels and gyro", Level.WARN, text)
-    else:
-        yield Diagnostic("signs of wheels and gyro", Level.OK, "agree")
+        yield Diagnostic(together, Level.WARN, text)
+    elif not faults:
+        yield Diagnostic(together, Level.OK, "agree")
 
 
-def _faster_than_gyro(rows: np.ndarray, values: np.ndarray, names: list[str]) -> float:
-    """Yaw rate by the wheels over that of the gyro, nan where they do not tell it or the robot has hardly turned."""
-    if "yaw_rate_rad_s" not in names:
-        return math.nan
-    gyro = names.index("yaw_rate_rad_s")
-    wheels = [k for k in range(len(names)) if k != gyro]
-    if np.linalg.matrix_rank(rows) > np.linalg.matrix_rank(rows[wheels]):
-        return math.nan
-    motion = np.linalg.lstsq(rows[wheels], values[wheels], rcond=None)[0]
-    power = float(np.sum(values[gyro] ** 2))
-    enough = power > len(values[gyro]) * LEAST_RAD_S**2
-    return float(np.sum(rows[gyro] @ motion * values[gyro]) / power) if enough else math.nan
-
-
-def _motion(found: Mapping[str, SignalRecord], robot: Robot) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Rows of G of the wheels and the gyro that report, their values (rows, T) at common times, and their names."""
-    check, places = MotionCheck(robot), [place.name for place in robot.places]
-    chosen = {
-        signal: check.rows[-1 if signal == "yaw_rate_rad_s" else wheel_number(signal, places)]
-        for signal in found
-        if signal == "yaw_rate_rad_s" or (signal.startswith("wheel_speed") and wheel_number(signal, places) is not None)
-    }
-    if not chosen:
-        return np.empty((0, 0)), np.empty((0, 0)), []
-    time_s = max((found[signal].time_s for signal in chosen), key=len)
-    scales = {signal: check.scale if signal == "yaw_rate_rad_s" else 1.0 for signal in chosen}
-    values = [scales[s] * np.interp(time_s, found[s].time_s, found[s].values) for s in chosen]
-    return np.array(list(chosen.values())), np.nan_to_num(np.array(values)), list(chosen)
+def _at_common_times(
+    found: Mapping[str, SignalRecord], robot: Robot
+) -> tuple[np.ndarray, np.ndarray | None, dict[int, str]]:
+    """Speeds (wheels, T) and yaw rate (T,) at the times of the quickest of them; the signal of each row of G."""
+    places = [place.name for place in robot.places]
+    names = {k: s for s in found if s.startswith("wheel_speed") and (k := wheel_number(s, places)) is not None}
+    if "yaw_rate_rad_s" in found:
+        names[len(places)] = "yaw_rate_rad_s"
+    if not names:
+        return np.empty((0, 0)), None, {}
+    time_s = max((found[signal].time_s for signal in names.values()), key=len)
+    values = {k: np.interp(time_s, found[s].time_s, found[s].values) for k, s in names.items()}
+    unknown = np.full(time_s.size, np.nan)
+    return np.array([values.get(k, unknown) for k in range(len(places))]), values.get(len(places)), names
 
 
 def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str]) -> Iterator[Diagnostic]:

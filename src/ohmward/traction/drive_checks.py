@@ -15,11 +15,12 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
+from ohmward.quantities import QUANTITIES, limits_of
 from ohmward.runs import long_runs
+from ohmward.signals.checks import beyond_limits, stuck
 from ohmward.traction.motion.held import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import require_wheels
-from ohmward.traction.motion_check import CURED, MotionCheck, wrong_sign, wrong_signs
-from ohmward.traction.robot.chassis import Omni
+from ohmward.traction.motion_check import CURED, FEWEST, LASTS_S, against_gyro, check_signs, check_units, motion_of
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.make_observer import (
     TURNS_RAD_S,
@@ -31,10 +32,7 @@ from ohmward.traction.speed_observer.make_observer import (
 #: Size [A] from which on a motor works.
 WORKS_A = 1.0
 
-#: Shortest duration [s] and fewest samples of a fault.
-LASTS_S, FEWEST = 1.0, 20
-
-#: A wheel's sign may be wrong where the wheels contradict each other by this share of their motion (in squares).
+#: Speeds have lost their sign where the wheels contradict the gyro by this share of its motion (in squares).
 CONTRADICTION = 0.1
 
 #: Sides turn against each other in this share of the samples, for so many turns of the robot, where one is mirrored.
@@ -76,9 +74,8 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
     checks = (
         _stuck_encoders,
         _spikes,
-        _wrong_wheel_signs,
-        _wrong_yaw_sign,
-        _unsigned_wheels,
+        _beyond_limits,
+        _contradictions,
         _mirrored_side,
         _wrong_current_signs,
         _blocked_wheels,
@@ -126,13 +123,11 @@ def _stuck_encoders(robot: Robot, log: DriveLog) -> Iterator[str]:
         moving = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1]))).max(axis=1, initial=0.0) > 0
         turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > TURNS_RAD_S
         for first, stop in long_runs(same, log.time_s[rows], LASTS_S, FEWEST):
-            may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or isinstance(robot.chassis, Omni))
+            may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or robot.chassis.rollers)
             if not may_stand and moving[first:stop].mean() > 0.5 and turning[first:stop].mean() > 0.5:
-                yield (
-                    f"the encoder of {name} shows {speed[first]:.4g} rad/s without any change "
-                    f"{_from_to(log.time_s[rows[first:stop]])} while other wheels turn: stuck or unplugged; check it, "
-                    "or cut this part out"
-                )
+                what, when = f"the encoder of {name} is ", f" {_from_to(log.time_s[rows[first:stop]])}"
+                fault = stuck(f"{what}at {speed[first]:.4g} rad/s, ", when, "another wheel")
+                yield f"{fault}, or cut this part out"
                 break
 
 
@@ -154,37 +149,47 @@ def _spikes(robot: Robot, log: DriveLog) -> Iterator[str]:
             )
 
 
-def _wrong_wheel_signs(robot: Robot, log: DriveLog) -> Iterator[str]:
-    """Wheels without whose sign changed the wheels and the gyro contradict each other."""
-    check, speeds = MotionCheck(robot), log.wheel_speed_rad_s.T
-    seen = np.flatnonzero(np.isfinite(speeds).any(axis=1)).tolist()
-    rows, values = check.rows[seen], speeds[seen]
-    if log.yaw_rate_rad_s is not None and not robot.chassis.scrubs:
-        rows, values = np.vstack([rows, check.rows[-1]]), np.vstack([values, check.scale * log.yaw_rate_rad_s])
-    values = values[:, np.isfinite(values).all(axis=0)]
-    if values.shape[1] < FEWEST:
-        return
-    wrong = sorted(wrong_signs(rows, values, CONTRADICTION * float(np.mean(values**2))))
-    if which := " or ".join(_names(robot)[seen[k]] for k in wrong if k < len(seen)):
-        yield wrong_sign(f"the encoder of {which}", "change the sign in the file, or say with --column which is which")
+def _contradictions(robot: Robot, log: DriveLog) -> Iterator[str]:
+    """Signs and units by which wheels and gyro contradict each other; wheels that scrub turn faster than the robot."""
+    motion = motion_of(robot, log.wheel_speed_rad_s.T, None if robot.chassis.scrubs else log.yaw_rate_rad_s)
+    signs = [str(finding) for _, finding in check_signs(robot, motion, "log")]
+    if robot.chassis.scrubs and log.yaw_rate_rad_s is not None and _turns_against_gyro(robot, log):
+        signs.append(str(against_gyro("log")))
+    signs = signs or list(_unsigned_wheels(robot, log))
+    yield from signs or map(str, check_units(robot, motion, "log"))
 
 
-def _wrong_yaw_sign(robot: Robot, log: DriveLog) -> Iterator[str]:
-    """A robot that turns left by its wheels and right by its gyro, over a full turn in all."""
-    if log.yaw_rate_rad_s is None:
-        return
+def _turns_against_gyro(robot: Robot, log: DriveLog) -> bool:
+    """True for a robot that turns left by its wheels and right by its gyro, over a full turn in all."""
+    assert log.yaw_rate_rad_s is not None
     wheels = yaw_rate_of_wheels(robot, log.wheel_speed_rad_s)
     rows = np.isfinite(wheels) & (np.abs(log.yaw_rate_rad_s) > YAWS_RAD_S)
     turned_rad = np.abs(log.yaw_rate_rad_s[rows]) @ np.diff(log.time_s, prepend=log.time_s[0])[rows]
     if rows.sum() < FEWEST or turned_rad < 2 * math.pi:
-        return
+        return False
     wheels, gyro = wheels[rows], log.yaw_rate_rad_s[rows]
-    agreement = float(wheels @ gyro / max(math.sqrt(wheels @ wheels * (gyro @ gyro)), 1e-12))
-    if agreement <= -0.5:
-        yield (
-            "wheels and gyro turn against each other: left and right wheels are exchanged, or the gyro's axis points "
-            "down; exchange the columns with --column, or change the sign of the yaw rate in the file"
-        )
+    return bool(wheels @ gyro <= -0.5 * max(math.sqrt(wheels @ wheels * (gyro @ gyro)), 1e-12))
+
+
+def _beyond_limits(robot: Robot, log: DriveLog) -> Iterator[str]:
+    """Wheels and motors whose values, single ones aside, no such robot has."""
+    for quantity, part, values in (
+        (QUANTITIES["wheel_speed_rad_s"], "wheel", log.wheel_speed_rad_s),
+        (QUANTITIES["motor_current_A"], "motor", log.motor_current_A),
+    ):
+        limits = limits_of(quantity.name, robot=robot)
+        beyond: dict[str, tuple[float, float]] = {}
+        for name, of_one in zip(_names(robot), values.T, strict=False):
+            known = of_one[np.isfinite(of_one)]
+            low, high = np.quantile(known, [0.01, 0.99]) if known.size >= FEWEST else (0.0, 0.0)
+            if low < limits.lowest or high > limits.highest:
+                beyond[name] = low, high
+        if beyond:
+            lowest, highest = min(low for low, _ in beyond.values()), max(high for _, high in beyond.values())
+            what = f"the {part} of {' and '.join(beyond)} "
+            radius_m = robot.wheel.radius_m
+            found = beyond_limits(quantity, lowest, highest, limits, "log", what, radius_m=radius_m)
+            yield from map(str, found)
 
 
 def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
@@ -208,7 +213,7 @@ def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     yield (
         f"the wheel speeds are never negative, but the gyro turns as if wheels turned back in {against} samples: they "
         "have lost their sign, and way, pose and slip are wrong there; let the logger write the sign, or cut out with "
-        "--start and --stop a part in which the robot drives forward"
+        "--from and --to a part in which the robot drives forward"
     )
 
 
@@ -243,7 +248,7 @@ def _sides(robot: Robot) -> np.ndarray | None:
     """(wheels,) 1 for a wheel on the left, -1 on the right; None where wheels have no side."""
     names = [place.name for place in robot.places]
     sides = np.array([("left" in name) - ("right" in name) for name in names])
-    return sides if sides.all() and not isinstance(robot.chassis, Omni) else None
+    return sides if sides.all() and not robot.chassis.rollers else None
 
 
 def _wrong_current_signs(robot: Robot, log: DriveLog) -> Iterator[str]:

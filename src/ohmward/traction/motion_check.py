@@ -7,10 +7,14 @@ G being the rolling matrix of the chassis over the radius, with a row for the gy
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.quantities import QUANTITIES
+from ohmward.signals.checks import Finding, Place, rescale, scales_of
 from ohmward.traction.robot.chassis import PLANAR
 from ohmward.traction.robot.robot import Robot
 
@@ -19,6 +23,18 @@ DIFFERENCE_RAD_S = 1.0
 
 #: Signs are wrong, or lost, where others leave less than this share of the contradiction (in squares).
 CURED = 0.1
+
+#: Shortest duration [s] and fewest samples of a fault.
+LASTS_S, FEWEST = 1.0, 20
+
+#: A wheel that turns slower than this tells nothing about its sign [rad/s].
+TURNING_RAD_S = 0.5
+
+#: Contradictions [rad/s] below this are the noise of encoders and gyro, and a little slip.
+LEAST_RAD_S = 0.1
+
+#: Wheels and gyro differ by no more than this factor by radius and track.
+MOST_FASTER = 1.5
 
 _SPEED, _YAW_RATE = "wheel_speed_rad_s", "yaw_rate_rad_s"
 
@@ -40,12 +56,90 @@ def wrong_signs(rows: np.ndarray, values: np.ndarray, least: float) -> list[int]
     return [int(k) for k in np.argsort(turned, kind="stable") if turned[k] < CURED * as_is]
 
 
-def wrong_sign(which: str, fix: str) -> str:
-    """Sentence on an encoder or gyro whose sign is wrong."""
-    return (
-        f"the wheels contradict each other, and agree once {which} counts the other way: wrong sign, or wheels are "
-        f"exchanged; {fix}"
+class SensedMotion(NamedTuple):
+    """What wheels and gyro show of a motion, while the robot moves and all of them are known."""
+
+    seen: list[int]  #: rows of G of the sensors that report
+    rows: np.ndarray  #: (n, freedoms) of G
+    values: np.ndarray  #: (n, T)
+
+
+def check_signs(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[tuple[int, Finding]]:
+    """A finding on a sign by which wheels and gyro contradict each other, and the row of G that it is of."""
+    seen, rows, values = motion
+    if values.shape[1] < FEWEST:
+        return
+    gyro = len(robot.places)
+    wrong = [seen[k] for k in wrong_signs(rows, values, LEAST_RAD_S**2)]
+    if encoders := sorted(k for k in wrong if k < gyro):
+        which = " or ".join(robot.places[k].name.replace("_", " ") for k in encoders)
+        text = (
+            f"the wheels contradict each other, and agree once the encoder of {which} counts the other way: wrong "
+            "sign, or wheels are exchanged"
+        )
+        fix = "scale = -1" if place == "setup" else "change the sign in the file, or say with --column which is which"
+        yield next(k for k in wrong if k < gyro), Finding("error", text, fix)
+    elif wrong or _faster_than_gyro(robot, motion) < -1.0 / MOST_FASTER:
+        yield gyro, against_gyro(place)
+
+
+def check_units(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[Finding]:
+    """A finding on wheels that turn the robot much faster or slower than the gyro says."""
+    faster = _faster_than_gyro(robot, motion)
+    if not math.isfinite(faster) or 1.0 / MOST_FASTER < faster < MOST_FASTER:
+        return
+    wheel, gyro = QUANTITIES["wheel_speed_rad_s"], QUANTITIES["yaw_rate_rad_s"]
+    fixes = [
+        f"the wheels in {rescale(wheel, scale, place)}"
+        for scale in scales_of(wheel, robot.wheel.radius_m)
+        if 1.0 / MOST_FASTER < scale.factor * faster < MOST_FASTER
+    ]
+    fixes += [
+        f"the gyro in {rescale(gyro, scale, place)}"
+        for scale in scales_of(gyro)
+        if 1.0 / MOST_FASTER < faster / scale.factor < MOST_FASTER
+    ]
+    fix = fixes[0] if fixes else "check their units, the radius and the track"
+    yield Finding("error", f"the wheels turn the robot {faster:.3g} times as fast as the gyro", fix)
+
+
+def against_gyro(place: Place) -> Finding:
+    """Wheels and gyro whose turns have opposite signs."""
+    text = (
+        "wheels and gyro turn against each other: wrong sign of the gyro, whose axis points down, or left and right "
+        "wheels are exchanged"
     )
+    fixes = {
+        "setup": "scale = -1, or exchange the names of the wheels",
+        "log": "exchange the columns with --column, or change the sign of the yaw rate in the file",
+    }
+    return Finding("error", text, fixes[place])
+
+
+def motion_of(robot: Robot, wheel_speed_rad_s: np.ndarray, yaw_rate_rad_s: np.ndarray | None) -> SensedMotion:
+    """What the sensors that report at all show of the robot's motion.
+
+    wheel_speed_rad_s: (wheels, T), nan throughout of those that do not report.
+    yaw_rate_rad_s: (T,) of a gyro, or None.
+    """
+    check = MotionCheck(robot)
+    measured = [*wheel_speed_rad_s, *([] if yaw_rate_rad_s is None else [check.scale * yaw_rate_rad_s])]
+    seen = [k for k, values in enumerate(measured) if np.isfinite(values).any()]
+    values = np.array([measured[k] for k in seen]).reshape(len(seen), wheel_speed_rad_s.shape[1])
+    moves = np.isfinite(values).all(axis=0) & (np.abs(values).max(axis=0, initial=0.0) > TURNING_RAD_S)
+    return SensedMotion(seen, check.rows[seen], values[:, moves])
+
+
+def _faster_than_gyro(robot: Robot, motion: SensedMotion) -> float:
+    """Yaw rate by the wheels over that of the gyro, nan where they do not tell it or the robot has hardly turned."""
+    (seen, rows, values), gyro = motion, len(robot.places)
+    wheels = [n for n, k in enumerate(seen) if k < gyro]
+    if gyro not in seen or np.linalg.matrix_rank(rows) > np.linalg.matrix_rank(rows[wheels]):
+        return math.nan
+    row, rate = rows[seen.index(gyro)], values[seen.index(gyro)]
+    by_wheels = row @ np.linalg.lstsq(rows[wheels], values[wheels], rcond=None)[0]
+    power = float(rate @ rate)
+    return float(by_wheels @ rate) / power if power > max(rate.size, FEWEST) * LEAST_RAD_S**2 else math.nan
 
 
 class MotionCheck:

@@ -9,7 +9,6 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.learning.fold import pulse_ohm
 from ohmward.battery.log_check import (
-    HIDDEN_CHARGE,
     MEDIAN_OF,
     check_log,
     hidden_charges,
@@ -20,9 +19,11 @@ from ohmward.battery.log_check import (
 from ohmward.battery.soc.anchor_rule import REST_C
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note, without_impossible
-from ohmward.logs.sign import OTHER_SIGN, WRONG_SIGN, resolution, sign_evidence
 from ohmward.quantities import QUANTITIES
 from ohmward.runs import runs
+from ohmward.signals.current_sign import check_current_sign, sign_evidence
+from ohmward.signals.current_size import HIDDEN_CHARGE
+from ohmward.signals.survey import resolution
 
 #: Samples with current and voltage, and time: less tells nothing about a battery.
 _FEWEST_SAMPLES = 10
@@ -52,8 +53,9 @@ def usable_log(log: Log, battery: Battery) -> Log:
     if contradiction := other_cells(log, battery):
         raise InputError(f"{contradiction} Is it a log of another battery?")
     evidence = sign_evidence(log.time_s, log.current_A, log.voltage_V)
-    if evidence.verdict == "discharge":
-        raise InputError(f"{WRONG_SIGN} ({evidence}); {OTHER_SIGN}")
+    for finding in check_current_sign(evidence, "log"):
+        if finding.severity == "error":
+            raise InputError(str(finding))
     for without in (_without_stuck_voltage, _without_stuck_current, _without_hidden_current):
         log = without(log, battery)
     if log.temperature_degC is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -29,7 +29,7 @@ from ohmward.figures.parts import wall_clock
 from ohmward.figures.slip import wheels_figure
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import DriveLog, Log, examine
-from ohmward.logs.battery_columns import cell_names
+from ohmward.logs.battery_columns import cell_names, find_cells, numbered_rows
 from ohmward.logs.channels import CURRENT, VOLTAGE
 from ohmward.logs.columns import find_column
 from ohmward.logs.doctor import DriveSurvey, Findings, Sampling, Signal, Survey, examine_drive
@@ -43,7 +43,8 @@ from ohmward.onboard.robot_setup import SETUP_FILE, Setup
 from ohmward.report import Page
 from ohmward.traction import Robot, load_robot
 from ohmward.traction.drive_checks import check_drive
-from ohmward.traction.robot.robot import PACKAGED, ROBOT_FILE
+from ohmward.traction.robot.packaged import PACKAGED
+from ohmward.traction.robot.robot import ROBOT_FILE
 
 _LOG = "log"
 #: So many rests and pulses make a test that a battery can be identified from.
@@ -120,6 +121,8 @@ def examine_log(path: str, options: DriveOptions) -> Iterator[Part]:
         if not places or _is_of_battery(file, dict(reading.columns)):
             raise
         refused = error
+    if log is not None:
+        places = _places(file, options.robot, _cells(log))
     if places:
         try:
             drive = _read_drive(path, options._replace(reading=of_kinds(reading, of_battery=False)), file)
@@ -166,13 +169,24 @@ def _examined(
     return Part(kind, title, text, summary, commands, found.notes, found.worst == "error", section)
 
 
-def _places(file: TableFile, robot: Robot | None) -> tuple[str, ...]:
-    """Names of the wheels of the robot, or of the columns where those are wheels; () for a log of no drive."""
+def _cells(log: Log) -> set[str]:
+    """The columns that are cells of the battery by their sum: V1, V2, ... may be speeds by their names."""
+    rows = numbered_rows(log.extra)
+    return {
+        name for row in rows for name in row if find_cells({n: log.extra[n] for n in row}, log.voltage_V, len(row))[0]
+    }
+
+
+def _places(file: TableFile, robot: Robot | None, leave: Collection[str] = ()) -> tuple[str, ...]:
+    """Names of the wheels of the robot, or of the columns where those are wheels; () for a log of no drive.
+
+    leave: columns that are none.
+    """
     try:
         names = file.part("drive").names
     except InputError:  # a recording without a topic of a drive
         return ()
-    if not (found := wheel_places(names)):
+    if not (found := wheel_places([name for name in names if name not in leave])):
         return ()
     return tuple(place.name for place in robot.places) if robot else found
 

@@ -18,7 +18,7 @@ from ohmward.logs.bags.recording import CDR, ROS1, Recorded, Recording, Topic
 from ohmward.logs.bags.rosbag1_file import open_rosbag1
 from ohmward.logs.bags.sqlite_file import open_sqlite
 from ohmward.logs.streams import BATTERY, BOTH, DRIVE, KnownType, Stream, choose_topics, rows_of
-from ohmward.logs.table import Note, Progress, Table, TableFile, counted, in_order
+from ohmward.logs.table import RECORDING_ENDINGS, Note, Progress, Table, TableFile, counted, in_order
 
 #: Rows of a table that ohmward has written.
 TABLE_TYPE = "ohmward_msgs/msg/Table"
@@ -85,9 +85,6 @@ def _is_stamp(path: str) -> bool:
     return "stamp" in path.split(".")
 
 
-#: Endings of recordings.
-ENDINGS = (".mcap", ".db3", ".bag")
-
 _OPENERS = {
     mcap_file.MAGIC: open_mcap,
     rosbag1_file.MAGIC: open_rosbag1,
@@ -125,8 +122,10 @@ def parts_of(folder: Path) -> list[Path]:
         InputError: files that are compressed as a whole.
     """
     try:
-        files = sorted((path for path in folder.iterdir() if path.name.endswith(ENDINGS[:2])), key=in_order)
-        packed = [path for path in folder.iterdir() if path.name.endswith(tuple(f"{end}.zstd" for end in ENDINGS))]
+        files = sorted((path for path in folder.iterdir() if path.name.endswith(RECORDING_ENDINGS[:2])), key=in_order)
+        packed = [
+            path for path in folder.iterdir() if path.name.endswith(tuple(f"{end}.zstd" for end in RECORDING_ENDINGS))
+        ]
         described = (folder / _METADATA).exists()
     except OSError as error:
         raise InputError(f"{folder}: cannot be read ({error.strerror}); check its permissions") from error
@@ -233,7 +232,9 @@ def _numbers(layout: Layout, path: str, bytes_: np.ndarray) -> np.ndarray:
     """(n,) a number of each message."""
     number = layout.numbers[path]
     dtype = np.dtype(number.dtype)
-    return np.ascontiguousarray(bytes_[:, number.at : number.at + dtype.itemsize]).view(dtype)[:, 0].astype(float)
+    cells = np.ascontiguousarray(bytes_[:, number.at : number.at + dtype.itemsize]).view(dtype)[:, 0]
+    with np.errstate(invalid="ignore"):  # of a float32 whose bits are those of a signalling NaN
+        return cells.astype(float)
 
 
 def _stamps(layout: Layout, bytes_: np.ndarray) -> np.ndarray:

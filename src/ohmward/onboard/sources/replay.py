@@ -15,10 +15,10 @@ from ohmward.checks import require_one_of, require_positive
 from ohmward.logs.battery_columns import find_cells, numbered_rows
 from ohmward.logs.drive_log import DriveLog, read_drive
 from ohmward.logs.log import Log, read_log
-from ohmward.logs.sign import CurrentSign
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.part import EndedError, Source
-from ohmward.traction.robot.robot import load_robot
+from ohmward.signals.current_sign import CurrentSign
+from ohmward.traction.robot.packaged import load_robot
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,130 @@
+"""The size of a current, told from the voltage: a number that wrapped, a unit that was forgotten, a hidden charge."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ohmward.quantities import QUANTITIES
+from ohmward.runs import long_runs
+from ohmward.signals.checks import Finding, Scale, scales_of
+from ohmward.signals.current_sign import edge_test
+from ohmward.signals.survey import resolution, spread
+
+#: Range of a 16-bit number, in its last digit; of its half the current uses this share at least.
+_RANGE, _USED = 65_536, 0.5
+#: Last digits [A] that are tried, the smallest first.
+_LAST_DIGITS_A = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+#: An edge of the voltage is this share of the largest; so many edges are looked at.
+_EDGE, _MOST_EDGES = 0.2, 300
+#: So many edges wrapped at least, and so many did not; they leave this share of the squares that they leave as logged.
+#: Fewer that wrapped leave this share: a charge that begins and ends once. Steps above this share of the range tell the
+#: resistance.
+_FEWEST, _LEFT = 5, 0.1
+_FEW, _LEFT_BY_FEW = 2, 0.01
+_LARGE = 0.02
+#: A cell has more than this resistance [ohm], but for those of hundreds of ampere-hours, and at most this voltage.
+LEAST_CELL_OHM, HIGHEST_CELL_V = 3e-4, 4.3
+#: A resistance is below that where it is with so many standard errors, and currents from this on [A] are doubtful.
+_CERTAIN, _DOUBTFUL_FROM_A = 3.0, 20.0
+
+
+#: A charge that the current sensor does not show.
+HIDDEN_CHARGE = "shows a discharge or none where the voltage rises as by a charge (does the charger bypass it?)"
+#: Without a battery file: from the first share of the largest current on a battery is charged, below the second it is
+#: idle; so long [s] after a load its voltage has relaxed, and rises no further by the last share.
+_CHARGES, _IDLE, _MEDIAN_OF, RELAXED_S, _HIDDEN = 0.005, 0.1, 5, 1200.0, 0.03
+
+
+def check_hidden_charge(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> Iterator[Finding]:
+    """A finding on the first stretch without a current in which the voltage rises as by a charge.
+
+    time_s: (T,) [s] increasing; current_A: (T,), > 0 charges; voltage_V: (T,); nan where not known.
+    """
+    known = np.isfinite(current_A) & np.isfinite(voltage_V)
+    time_s, current_A, voltage_V = time_s[known], current_A[known], voltage_V[known]
+    if current_A.size < _MEDIAN_OF:
+        return
+    padded_A = np.pad(current_A, _MEDIAN_OF // 2, mode="edge")
+    usual_A = np.median(np.lib.stride_tricks.sliding_window_view(padded_A, _MEDIAN_OF), axis=1)  # noise ends no rest
+    largest_A = np.abs(usual_A).max()
+    idle = (usual_A < _CHARGES * largest_A) & (usual_A > -_IDLE * largest_A)
+    for first, stop in long_runs(idle, time_s, 2 * RELAXED_S):
+        late = np.flatnonzero(time_s[first:stop] > time_s[first] + RELAXED_S) + first
+        at_first_V = voltage_V[late[: late.size // 5]].max(initial=0.0)  # small loads dip below it, and come back
+        if np.count_nonzero(voltage_V[late] - at_first_V > _HIDDEN * np.median(voltage_V)) > late.size // 10:
+            hours = (time_s[stop - 1] - time_s[first]) / 3600.0
+            text = f"in the {hours:.2g} h from {time_s[first] / 3600.0:.2g} h on the current sensor {HIDDEN_CHARGE}"
+            yield Finding("warning", text, "let the sensor see all current of the battery, or keep another part")
+            return
+
+
+def check_wrapped(current_A: np.ndarray, voltage_V: np.ndarray) -> Iterator[Finding]:
+    """A finding on a current that wrapped: the range of the number, and how often.
+
+    current_A, voltage_V: (T,) of the battery, of either sign; nan where not known.
+    """
+    known = np.isfinite(current_A) & np.isfinite(voltage_V)
+    largest_A = float(np.abs(current_A[known]).max(initial=0.0))
+    for digit_A in _LAST_DIGITS_A:
+        range_A = digit_A * _RANGE
+        if not _USED * range_A / 2 <= largest_A <= range_A:  # to the half with a sign, to the whole without
+            continue
+        if largest_A > range_A / 2 and not np.isclose(resolution(current_A[known]), digit_A, rtol=0.01):
+            continue
+        count = count_wraps(np.diff(current_A[known]), np.diff(voltage_V[known]), range_A)
+        if count:
+            below = "without a sign, in which one wrapped below 0"
+            fault = f"that wrapped beyond {range_A / 2:g} A" if largest_A <= range_A / 2 else below
+            text = (
+                f"the voltage contradicts {count} steps of the current unless {range_A:g} A are added: a 16-bit number "
+                f"of {1e3 * digit_A:g} mA {fault}"
+            )
+            yield Finding("error", text, "let its sender write more bits, or another unit")
+            return
+
+
+def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
+    """Number of edges at which the current wrapped; 0 where the edges as logged are explained as well.
+
+    dI, dV: (T - 1,) steps of current [A] and voltage [V].
+    """
+    size = np.abs(dV)
+    edge = np.flatnonzero((size >= _EDGE * size.max(initial=0.0)) & (size > 6.0 * spread(dV)) & (dI != 0.0))
+    edge = edge[:: max(edge.size // _MOST_EDGES, 1)]
+    if edge.size < _FEWEST:
+        return 0
+    dI, dV = dI[edge], dV[edge]
+    as_logged = float(dV @ dV) - float(dI @ dV) ** 2 / max(float(dI @ dI), 1e-300)
+    steps_A = np.stack([dI, dI - range_A * np.sign(dI)], axis=1)
+    large = np.abs(steps_A) > _LARGE * range_A
+    ohms = np.broadcast_to(dV[:, None], steps_A.shape)[large] / steps_A[large]
+    left_V2 = (dV[:, None] - ohms[:, None, None] * steps_A) ** 2
+    left = left_V2.min(axis=2).sum(axis=1)
+    if not ohms.size or left.min() > _LEFT * as_logged:
+        return 0
+    is_wrapped = np.argmin(left_V2[np.argmin(left)], axis=1)
+    count = int(is_wrapped.sum())
+    fewest = _FEW if left.min() <= _LEFT_BY_FEW * as_logged else _FEWEST
+    return count if count >= fewest and is_wrapped.size - count >= _FEWEST else 0
+
+
+def forgotten_scale(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[Scale, str] | None:
+    """The unit of a current whose resistance in amperes is by a thousand or a million too small, and why; else None.
+
+    current_A, voltage_V: (T,), nan where not known.
+    """
+    known = np.isfinite(current_A) & np.isfinite(voltage_V)
+    largest_A = float(np.abs(current_A[known]).max(initial=0.0))
+    edges = edge_test(current_A[known], voltage_V[known])
+    if largest_A < _DOUBTFUL_FROM_A or edges.t_value == 0.0:
+        return None
+    least_ohm = LEAST_CELL_OHM * max(float(np.median(voltage_V[known])) / HIGHEST_CELL_V, 1.0)
+    most_ohm = abs(edges.resistance_ohm) * (1.0 + _CERTAIN / abs(edges.t_value))
+    if most_ohm > least_ohm:
+        return None
+    factor = 1e-3 if 1e3 * most_ohm > least_ohm else 1e-6
+    ohm = abs(edges.resistance_ohm)
+    text = f"as amperes it goes to {largest_A:.3g} A at dV/dI = {1e3 * ohm:.2g} mohm, less than cells have"
+    return next(scale for scale in scales_of(QUANTITIES["battery_current_A"]) if scale.factor == factor), text
