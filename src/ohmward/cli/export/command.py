@@ -44,6 +44,7 @@ _MODULE = "Model"
 def run(args: argparse.Namespace) -> Outcome:
     """Write the library, the file, or the archive for a blind benchmark."""
     is_robot = _is_robot(args.file)
+    notes: list[str] = []
     if args.benchmark:
         only_c = (args.name, args.sample_time, args.curve_error, args.flash_kb, args.ram_kb)
         if any(only_c) or args.style != "lines" or is_robot:
@@ -71,7 +72,6 @@ def run(args: argparse.Namespace) -> Outcome:
     start = given_start(args)
     name, filter_name = args.name or (_MODULE if python else _symbol(args.output)), args.filter
     filter_name = filter_name or (DEFAULT if python else _SMALL)
-    notes: list[str] = []
     if is_robot:
         if args.sensor_offset is not None or args.sensor_gain is not None:
             raise InputError("a current sensor is that of a battery; leave out --sensor-offset and --sensor-gain")
