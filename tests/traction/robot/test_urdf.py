@@ -1,12 +1,14 @@
 """Robots of URDFs: their sizes, what they leave open, and what is refused."""
 
+import math
+
 import numpy as np
 import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction import Omni, SkidSteer, TwoWheeled
 from ohmward.traction.robot.robot import ROBOT_FILE
-from ohmward.traction.robot.urdf import read_urdf
+from ohmward.traction.robot.urdf import read_urdf, rotation
 
 
 def link(name, mass_kg=0.0, at="0 0 0", shape="", yaw=0.01):
@@ -111,6 +113,15 @@ def test_what_a_file_leaves_open_can_be_given(tmp_path):
         read_urdf(meshes, radius_m=0.04)
     robot = read_urdf(meshes, radius_m=0.04, mass_kg=5.0).robot
     assert (robot.wheel.radius_m, robot.mass_kg) == (0.04, 5.0)
+
+
+@pytest.mark.parametrize("rpy", [(0.1, -0.4, 2.0), (0.0, -math.pi / 2, 3.1), (-3.0, 0.2, 0.0)])
+def test_an_inertial_unit_that_is_mounted_turned_is_said(rpy, tmp_path):
+    unit = link("imu_link") + joint("imu_joint", "imu_link", "0 0 0.1", kind="fixed", rpy="{} {} {}".format(*rpy))
+    level = link("second_imu") + joint("second_joint", "second_imu", "0 0 0.1", kind="fixed")
+    found = read_urdf(urdf(tmp_path, BASE, *PAIR, unit, level)).imu_rpy
+    assert list(found) == ["imu_link"]
+    np.testing.assert_allclose(rotation(*found["imu_link"]), rotation(*rpy), atol=1e-12)
 
 
 @pytest.mark.parametrize(
