@@ -137,7 +137,7 @@ def test_a_signal_ends_it_cleanly(example):
             assert process.poll() is None
             time.sleep(0.05)
         process.send_signal(signal.SIGTERM)
-        _, errors = process.communicate(timeout=30)
+        _, errors = process.communicate(timeout=100)
     assert process.returncode == 0, errors
     assert (example / "ohmward-state" / "snapshot.json").exists()
 
@@ -168,7 +168,7 @@ def test_the_demonstration_moves(tmp_path):
         while len(moved) < 2 and (line := process.stdout.readline()):
             moved |= {line} if "speed" in line else set()
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=60)
+        _, errors = process.communicate(timeout=100)
     assert process.returncode == 0, errors
     assert len(moved) == 2
     assert not list(tmp_path.iterdir())

@@ -92,8 +92,8 @@ class ChemistryPrior(NamedTuple):
     hysteresis_activation_K: float = 0.0  #: of that distance, where the hysteresis follows the net charge
     #: correlation of a loss of capacity with a growth of the resistances, as ageing brings both, where the capacity was
     #: only given and where a low-rate test from full to empty has measured it: a battery whose resistances are those of
-    #: the test has its capacity still, within 7 and within 3 %
-    ageing_correlation: tuple[float, float] = (0.7, 0.95)
+    #: the test has its capacity still, within 7 and within 4 %
+    ageing_correlation: tuple[float, float] = (0.7, 0.9)
 
     #: of a resistance over 0.1 of SoC, as a share of its level: a random walk along SoC; the same where rests gave the
     #: curve, if that is another

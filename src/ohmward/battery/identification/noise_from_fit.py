@@ -96,6 +96,7 @@ def noise_from_fit(
         voltage_std_V=max(white_std_V(solution), _SMALLEST_STD_V * volts),
         model_std_V=tuple(model_V.tolist()),
         model_soc_length=problem.prior.model_soc_length,
+        level_std_V=float(model_V.min()),
         overpotential_share=overpotential_share(solution, problem, p, _PULSES_SHARE if pulses_only else _USUAL_ERROR),
         correlation_s=max(
             correlation_s(solution, samples),
