@@ -21,7 +21,7 @@ from ohmward.onboard.part import EndedError
 from ohmward.onboard.process import Process
 from ohmward.onboard.sinks.json_lines import JsonLinesSink
 from ohmward.onboard.state_folder import StateFolder
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 
 RATE = 20.0
 WHEELS_HZ, BATTERY_HZ = 50, 10

@@ -18,7 +18,7 @@ from ohmward.onboard.page.view import ELLIPSE_95
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_state import RobotState
 from ohmward.onboard.sources.simulation import SimulationSource
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 from ohmward_lab.onboard.simulated_robot import demonstration, signals_of
 from ohmward_lab.simulate.closed_loop import Pack
 from ohmward_lab.simulate.closed_loop.loop import ClosedLoopDrive

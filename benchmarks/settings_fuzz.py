@@ -24,7 +24,8 @@ from ohmward import Battery, Log, SocEstimator, generic_battery, load_battery, s
 from ohmward.battery.chemistries import CHEMISTRIES
 from ohmward.errors import OhmwardError
 from ohmward.traction import RLMA
-from ohmward.traction.robot.robot import load_robot, save_robot
+from ohmward.traction.robot.packaged import load_robot
+from ohmward.traction.robot.robot import save_robot
 from ohmward.traction.terrain.floor import Floor, Floors, load_floors, save_floors
 
 #: One accepted file in so many is used; for a battery a step is traced.

@@ -12,7 +12,7 @@ from ohmward.battery.battery import Battery
 from ohmward.logs.units import unit_of
 from ohmward.onboard.ros import types
 from ohmward.quantities import GROUPS, QUANTITIES, limits_of
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 
 SOURCE = Path(ohmward.__file__).parent
 
@@ -76,7 +76,7 @@ from ohmward import read_drive
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.sources import replay
 from ohmward.onboard.store.rows import RowMaker
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 
 places = [place.name for place in RLMA.places]
 with open("drive.csv", "w") as file:

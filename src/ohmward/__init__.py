@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from ohmward.traction.calibration import calibrate as calibrate
     from ohmward.traction.motion.sample import RobotSample as RobotSample
     from ohmward.traction.odometry.estimator import Odometry as Odometry
+    from ohmward.traction.robot.packaged import load_robot as load_robot
     from ohmward.traction.robot.robot import Robot as Robot
-    from ohmward.traction.robot.robot import load_robot as load_robot
     from ohmward.traction.robot.robot import save_robot as save_robot
     from ohmward.traction.speed_observer.estimate import SlipEstimate as SlipEstimate
     from ohmward.traction.speed_observer.estimate import SlipFlag as SlipFlag
@@ -69,7 +69,7 @@ _HOMES = {
     "Robot": "traction.robot.robot",
     "learn": "battery.learning",
     "calibrate": "traction.calibration",
-    "load_robot": "traction.robot.robot",
+    "load_robot": "traction.robot.packaged",
     "save_robot": "traction.robot.robot",
     "Consumption": "energy.consumption",
     "load_consumption": "energy.consumption_file",

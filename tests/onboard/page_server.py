@@ -12,7 +12,7 @@ from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.store.rows import Row
 from ohmward.onboard.store.store import Store
-from ohmward.traction.robot.robot import load_robot
+from ohmward.traction.robot.packaged import load_robot
 
 DIAGNOSTICS = (
     Diagnostic("source can0", Level.OK, "running"),

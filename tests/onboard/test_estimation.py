@@ -9,7 +9,7 @@ from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.onboard.estimation import Estimation
 from ohmward.traction.inbox import SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 
 PLACES = [place.name for place in RLMA.places]

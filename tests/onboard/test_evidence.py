@@ -13,7 +13,8 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.onboard.evidence import Age, AgeingModel
 from ohmward.onboard.robot_state import RobotState
 from ohmward.traction import RLMA
-from ohmward.traction.robot.robot import GRAVITY, ROBOTINO, SEEDER
+from ohmward.traction.robot.packaged import ROBOTINO, SEEDER
+from ohmward.traction.robot.robot import GRAVITY
 from onboard.ros.test_messages import charge, driven
 
 BATTERY = generic_battery("lfp", 12.0, 4)

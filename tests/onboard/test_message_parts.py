@@ -4,7 +4,7 @@ import math
 
 from ohmward.onboard import message_parts
 from ohmward.onboard.message_parts import MessageSorter
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 
 
 def test_wheels_by_name_and_number_stand_in_their_places():

@@ -12,7 +12,7 @@ from ohmward.onboard.message import Message
 from ohmward.onboard.notify import MOST_FAULTS, is_alive, notifying, service_manager, status
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_state import Diagnostic, Level
-from ohmward.traction.robot.robot import load_robot
+from ohmward.traction.robot.packaged import load_robot
 
 
 @pytest.fixture

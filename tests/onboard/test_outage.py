@@ -27,7 +27,7 @@ from ohmward.onboard.sinks.server import InfluxSink, PostgresqlSink
 from ohmward.onboard.sinks.store import StoreSink
 from ohmward.onboard.store.rows import KINDS
 from ohmward.onboard.store.store import Store
-from ohmward.traction.robot.robot import load_robot
+from ohmward.traction.robot.packaged import load_robot
 from onboard.servers import free_port, influxdb, postgresql
 
 RATE_HZ = 10.0

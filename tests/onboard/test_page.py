@@ -27,7 +27,7 @@ from ohmward.onboard.robot_state import Level
 from ohmward.onboard.secrets import is_loopback
 from ohmward.onboard.sinks.page import PageSink
 from ohmward.onboard.store.rows import RowMaker
-from ohmward.traction.robot.robot import load_robot
+from ohmward.traction.robot.packaged import load_robot
 from onboard.page_server import TOKEN, drive, filled_dashboard, served
 from onboard.ros.test_messages import charge, driven
 

@@ -22,7 +22,7 @@ from ohmward.onboard.robot_state import Level, plain_state
 from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.terminal import line_of
 from ohmward.onboard.state_folder import StateFolder
-from ohmward.traction.robot.robot import load_robot
+from ohmward.traction.robot.packaged import load_robot
 
 
 @dataclass

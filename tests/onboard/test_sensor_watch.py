@@ -7,7 +7,7 @@ import pytest
 from ohmward import generic_battery
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.sensor_watch import MOST_SENSORS, SensorWatch
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 
 PLACES = [place.name for place in RLMA.places]
 

@@ -31,7 +31,7 @@ from ohmward.onboard.state_folder import (
     write_snapshot,
 )
 from ohmward.trace.snapshot import sealed
-from ohmward.traction.robot.robot import RLMA, load_robot
+from ohmward.traction.robot.packaged import RLMA, load_robot
 
 
 class FakeClock:

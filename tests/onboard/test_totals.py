@@ -17,7 +17,7 @@ from ohmward.onboard.store.rows import Row, RowMaker
 from ohmward.onboard.store.store import Store
 from ohmward.onboard.store.sums import totals_of_store
 from ohmward.onboard.totals import Totals, totals_from
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 
 BATTERY = generic_battery("lfp", 12.0, 4)
 

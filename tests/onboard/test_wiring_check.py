@@ -8,7 +8,7 @@ from ohmward import generic_battery
 from ohmward.onboard.message import Message
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.wiring_check import Recorder, check_wiring
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 
 PLACES = [place.name for place in RLMA.places]
 WHEELS = [f"wheel_speed_rad_s.{name}" for name in PLACES]

@@ -24,7 +24,8 @@ from ohmward.traction.control import Limits, WheelSpeedDrive
 from ohmward.traction.friction.terrain import Terrain, terrain_named
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.chassis import SkidSteer
-from ohmward.traction.robot.robot import GRAVITY, RLMA, Robot, motion_from_wheels
+from ohmward.traction.robot.packaged import RLMA
+from ohmward.traction.robot.robot import GRAVITY, Robot, motion_from_wheels
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
 from ohmward.traction.speed_observer.estimate import SlipEstimate, unknown_ground
 from ohmward.traction.speed_observer.estimator import considered_step

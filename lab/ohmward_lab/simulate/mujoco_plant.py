@@ -33,7 +33,8 @@ from ohmward.errors import InputError
 from ohmward.optional import require
 from ohmward.traction.dynamics.slip import slip_ratio, slip_speed
 from ohmward.traction.robot.chassis import Differential
-from ohmward.traction.robot.robot import GRAVITY, RLMA
+from ohmward.traction.robot.packaged import RLMA
+from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.simulate.robot_sensors import WHEELS, RobotTruth, driven_torques, stack
 
 #: Steepest grade of a simulation: 40 degrees, beyond which a wheeled robot slides.

@@ -15,7 +15,7 @@ import numpy as np
 
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.errors import InputError
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 from ohmward_lab.simulate.sensors import Sensor
 
 #: The order of the wheels of a robot on two axles; other robots have that of `Robot.places`, driven wheels first.

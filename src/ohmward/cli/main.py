@@ -29,6 +29,7 @@ COMMANDS = {
     "health": "capacity and resistance of a battery over months of logs, and when it will be worn out",
     "soc": "state of charge along a log, with its uncertainty",
     "compare": "all estimators on one log, side by side",
+    "robot": "a robot file from sizes, a URDF or the name of a known robot; what is in one",
     "calibrate": "radius, motors and floors of a robot, from drives whose true motion is known",
     "slip": "speed and wheel slip along a drive, with their uncertainty",
     "mission": "where a drive's energy went, what the ground takes, how far the rest reaches",

@@ -32,7 +32,8 @@ from ohmward.filters.estimator import Progress, number
 from ohmward.filters.run import Run
 from ohmward.logs.log import Log, LogSource, as_log
 from ohmward.trace import snapshot
-from ohmward.traction.robot.robot import Robot, load_robot
+from ohmward.traction.robot.packaged import load_robot
+from ohmward.traction.robot.robot import Robot
 
 
 class RangeRun(Run[RangeEstimate]):

@@ -29,7 +29,8 @@ from ohmward.onboard.state_folder import StateFolder
 from ohmward.onboard.store.store import DATABASE
 from ohmward.onboard.store.sums import totals_of_store
 from ohmward.signals.checks import NOT_COUNTED, doubled
-from ohmward.traction.robot.robot import Robot, load_robot
+from ohmward.traction.robot.packaged import load_robot
+from ohmward.traction.robot.robot import Robot
 
 
 @dataclass(frozen=True)

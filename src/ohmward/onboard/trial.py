@@ -15,7 +15,7 @@ from ohmward.onboard.part import ActingSink, keep_running
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.wiring_check import Recorder, SignalRecord, check_wiring
-from ohmward.traction.robot.robot import load_robot
+from ohmward.traction.robot.packaged import load_robot
 
 #: A simulated robot is compiled before it sends anything, which takes this long at most; then it is listened to.
 COMPILED_S = 60.0

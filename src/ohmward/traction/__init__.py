@@ -7,9 +7,10 @@ from ohmward.traction.friction.rolling import CompactionResistance, RollingResis
 from ohmward.traction.friction.terrain import Terrain, hard_terrain, soft_terrain
 from ohmward.traction.inbox import SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
-from ohmward.traction.robot.chassis import Differential, Omni, SkidSteer, TwoWheeled
+from ohmward.traction.robot.chassis import Differential, Mecanum, Omni, SkidSteer, TwoWheeled
 from ohmward.traction.robot.motor import Motor
-from ohmward.traction.robot.robot import RLMA, ROBOTINO, SEEDER, Robot, Wheel, load_robot, save_robot
+from ohmward.traction.robot.packaged import RLMA, ROBOTINO, SEEDER, load_robot
+from ohmward.traction.robot.robot import Robot, Wheel, save_robot
 
 __all__ = [
     "ALEXANDER",
@@ -19,6 +20,7 @@ __all__ = [
     "SEEDER",
     "CompactionResistance",
     "Differential",
+    "Mecanum",
     "Motor",
     "Odometry",
     "Omni",

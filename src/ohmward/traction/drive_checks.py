@@ -21,7 +21,6 @@ from ohmward.signals.checks import beyond_limits, stuck
 from ohmward.traction.motion.held import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import require_wheels
 from ohmward.traction.motion_check import CURED, FEWEST, LASTS_S, SCRUBS, check_signs, check_units, motion_of
-from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.make_observer import (
     TURNS_RAD_S,
@@ -124,7 +123,7 @@ def _stuck_encoders(robot: Robot, log: DriveLog) -> Iterator[str]:
         moving = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1]))).max(axis=1, initial=0.0) > 0
         turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > TURNS_RAD_S
         for first, stop in long_runs(same, log.time_s[rows], LASTS_S, FEWEST):
-            may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or isinstance(robot.chassis, Omni))
+            may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or robot.chassis.rollers)
             if not may_stand and moving[first:stop].mean() > 0.5 and turning[first:stop].mean() > 0.5:
                 what, when = f"the encoder of {name} is ", f" {_from_to(log.time_s[rows[first:stop]])}"
                 fault = stuck(f"{what}at {speed[first]:.4g} rad/s, ", when, "another wheel")
@@ -236,7 +235,7 @@ def _sides(robot: Robot) -> np.ndarray | None:
     """(wheels,) 1 for a wheel on the left, -1 on the right; None where wheels have no side."""
     names = [place.name for place in robot.places]
     sides = np.array([("left" in name) - ("right" in name) for name in names])
-    return sides if sides.all() and not isinstance(robot.chassis, Omni) else None
+    return sides if sides.all() and not robot.chassis.rollers else None
 
 
 def _wrong_current_signs(robot: Robot, log: DriveLog) -> Iterator[str]:

@@ -9,7 +9,7 @@ from ohmward.errors import InputError
 from ohmward.onboard.control.drive_control import DriveControl, DrivePhase
 from ohmward.onboard.control.operator_command import SAFE_STOP_S, DriveLimits, OperatorCommand, command_of
 from ohmward.onboard.robot_state import RobotState
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward_lab.simulate.closed_loop import Command, Patch, Scenario
 from ohmward_lab.simulate.closed_loop.loop import make_plant

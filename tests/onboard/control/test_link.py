@@ -38,7 +38,7 @@ from ohmward.onboard.sources.simulation import SimulationSource
 from ohmward.onboard.store.rows import Row
 from ohmward.onboard.store.spool import Spool
 from ohmward.onboard.trial import try_setup
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 from onboard.control.test_drive_control import state
 from onboard.servers import free_port, mosquitto, wait_for_port
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from ohmward.onboard.control.operator_command import DriveLimits, OperatorCommand
 from ohmward.onboard.control.wheel_control import WheelControl
 from ohmward.traction.control import Measurement, SlipCommand, SpeedCommand
-from ohmward.traction.robot.robot import RLMA
+from ohmward.traction.robot.packaged import RLMA
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 
 FIRST = SlipEstimator(RLMA).update(0.0, [0.0] * 4, [0.0] * 2)

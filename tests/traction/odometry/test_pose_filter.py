@@ -16,6 +16,7 @@ from ohmward.traction.odometry.corrections import HEADING_WAIT
 from ohmward.traction.odometry.model import ANY_HEADING_RAD, OdometryNoise, noise_of
 from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
+from ohmward.traction.robot.generic import generic_robot
 from ohmward.traction.terrain.floor import ROLLING, STIFFNESS
 from traction.odometry.examples import DT_S, NOISE, drive, gauss_markov, samples
 
@@ -58,13 +59,16 @@ def test_a_circle_ends_where_it_began(gyro):
     assert not e.flags.any()
 
 
-def test_omnidirectional_wheels_show_the_sideways_speed():
-    motion = np.array([0.0, 0.2, 0.0])
-    speeds = np.tile(ROBOTINO.rolling @ motion / ROBOTINO.wheel.radius_m, (100, 1))
-    settings = PoseFilter(ROBOTINO, EXACT)
-    e = run(settings, samples(settings, wheel_speed_rad_s=speeds))
-    assert_allclose([e.x_m[-1], e.y_m[-1], e.yaw_rad[-1]], [0.0, 0.2 * 100 * DT_S, 0.0], atol=1e-12)
-    assert_allclose([e.speed_m_s[-1], e.speed_left_m_s[-1]], [0.0, 0.2], atol=1e-12)
+@pytest.mark.parametrize("with_gyro", [False, True])
+@pytest.mark.parametrize("motion", [(0.3, 0.0), (0.0, 0.2), (-0.2, 0.1)])
+@pytest.mark.parametrize("robot", [ROBOTINO, generic_robot(9.0, 0.05, 0.3, layout="mecanum")], ids=["omni", "mecanum"])
+def test_wheels_with_rollers_show_the_motion_in_every_direction(robot, motion, with_gyro):
+    speeds = np.tile(robot.rolling @ np.array([*motion, 0.0]) / robot.wheel.radius_m, (100, 1))
+    settings = PoseFilter(robot, EXACT)
+    gyro = {"yaw_rate_rad_s": np.zeros(100)} if with_gyro else {}
+    e = run(settings, samples(settings, wheel_speed_rad_s=speeds, **gyro))
+    assert_allclose([e.x_m[-1], e.y_m[-1]], np.array(motion) * 100 * DT_S, atol=1e-12)
+    assert_allclose([e.yaw_rad[-1], e.speed_m_s[-1], e.speed_left_m_s[-1]], [0.0, *motion], atol=1e-12)
 
 
 def test_wheels_that_roll_freely_tell_the_motion_and_those_that_drive_creep():

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ohmward.errors import InputError
-from ohmward.traction import RLMA, ROBOTINO, Differential, Omni, SkidSteer
+from ohmward.traction import RLMA, ROBOTINO, Differential, Mecanum, Omni, SkidSteer
 from ohmward.traction.robot.chassis import load_matrix, rolling_matrix, sideways_matrix
 from ohmward.traction.robot.robot import motion_from_wheels, wheel_speeds
 from traction.examples import ROBOTS
@@ -44,6 +44,14 @@ def test_three_omni_wheels_have_the_known_matrix():
     d = np.radians([60.0, 180.0, 300.0])
     expected = np.column_stack([-np.sin(d), np.cos(d), np.full(3, 0.125)]) / 0.04
     np.testing.assert_allclose(rolling_matrix(ROBOTINO.chassis) / 0.04, expected, atol=1e-12)
+
+
+def test_mecanum_wheels_have_the_known_matrix():
+    """Of the X of rollers: r omega = v_x -+ v_y -+ (a + b) yaw_rate; its radius is that of an omni-wheel by sqrt(2)."""
+    arms = 0.125 + 0.15
+    expected = np.array([[1, -1, -arms], [1, 1, arms], [1, 1, -arms], [1, -1, arms]])
+    chassis = Mecanum(front_m=0.125, rear_m=0.125, track_m=0.30)
+    np.testing.assert_allclose(math.sqrt(2.0) * rolling_matrix(chassis), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ROBOTS)

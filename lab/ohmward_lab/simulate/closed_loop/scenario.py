@@ -12,7 +12,8 @@ import numpy as np
 
 from ohmward.checks import require_between, require_finite, require_one_of
 from ohmward.errors import InputError
-from ohmward.traction.robot.robot import PACKAGED, RLMA, Robot, load_robot
+from ohmward.traction.robot.packaged import PACKAGED, RLMA, load_robot
+from ohmward.traction.robot.robot import Robot
 from ohmward_lab.simulate.closed_loop.control import Command, Control
 from ohmward_lab.simulate.closed_loop.ground import Grade, GroundSurface, Patch, surface
 from ohmward_lab.simulate.closed_loop.observing import Observing

@@ -43,7 +43,8 @@ from ohmward.onboard.robot_setup import SETUP_FILE, Setup
 from ohmward.report import Page
 from ohmward.traction import Robot, load_robot
 from ohmward.traction.drive_checks import check_drive
-from ohmward.traction.robot.robot import PACKAGED, ROBOT_FILE
+from ohmward.traction.robot.packaged import PACKAGED
+from ohmward.traction.robot.robot import ROBOT_FILE
 
 _LOG = "log"
 #: So many rests and pulses make a test that a battery can be identified from.

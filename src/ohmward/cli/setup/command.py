@@ -40,7 +40,8 @@ from ohmward.onboard.sources.ros2 import wheel_of
 from ohmward.quantities import QUANTITIES
 from ohmward.toml_file import noun_of
 from ohmward.traction.robot.generic import generic_robot
-from ohmward.traction.robot.robot import PACKAGED, ROBOT_FILE, load_robot
+from ohmward.traction.robot.packaged import PACKAGED, load_robot
+from ohmward.traction.robot.robot import ROBOT_FILE
 
 _DATABASES, _CAN_LOGS = (".dbc", ".kcd", ".sym", ".arxml"), (".log", ".asc", ".blf", ".trc", ".csv")
 _RECORDINGS = (".mcap", ".db3", ".bag")
@@ -267,8 +268,8 @@ def _robot(args: argparse.Namespace, wheels: Sequence[str]) -> _File:
         return _File(str(args.robot))
     sizes = args.mass_kg, args.wheel_radius_m, args.track_m
     if all(sizes):
-        driven = args.wheels or (4 if len(wheels) > 2 else 2)
-        return _File(path, ROBOT_FILE.dump(generic_robot(*sizes, args.wheelbase_m, args.gear, driven, args.name)))
+        layout = "skid-steer" if (args.wheels or len(wheels)) > 2 else "two-wheel"
+        return _File(path, ROBOT_FILE.dump(generic_robot(*sizes, args.wheelbase_m, args.gear, layout, args.name)))
     if not any(sizes) and noun_of(path) == ROBOT_FILE.noun:
         return _File(path)
     asked = (

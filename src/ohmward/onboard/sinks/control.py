@@ -14,7 +14,7 @@ from ohmward.onboard.control.operator_server import OperatorServer
 from ohmward.onboard.control.outputs import CanOutput, MqttOutput, RosOutput, SimulatedOutput
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.secrets import check_secret_name, secret
-from ohmward.traction.robot.robot import load_robot
+from ohmward.traction.robot.packaged import load_robot
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 

@@ -18,7 +18,7 @@ from ohmward.logs.log import Log, read_log
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.part import EndedError, Source
 from ohmward.signals.current_sign import CurrentSign
-from ohmward.traction.robot.robot import load_robot
+from ohmward.traction.robot.packaged import load_robot
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ from ohmward.traction.calibration.regression import Parameter, unidentified_floo
 from ohmward.traction.calibration.stretches import LENGTH_S, cut, stuck
 from ohmward.traction.calibration.truth import CalibrationDrive, motion_from_speed
 from ohmward.traction.drive_checks import with_signed_speed
-from ohmward.traction.robot.robot import GRAVITY, Robot, load_robot
+from ohmward.traction.robot.packaged import load_robot
+from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.terrain.floor import Floor
 
 #: Parts of a robot that can be calibrated.

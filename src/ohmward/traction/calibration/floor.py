@@ -17,7 +17,6 @@ from ohmward.errors import InputError
 from ohmward.traction.calibration.regression import regress, scores
 from ohmward.traction.calibration.stretches import Stretches, cut
 from ohmward.traction.calibration.truth import CalibrationDrive
-from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.demand import (
@@ -191,7 +190,7 @@ def fit_drag(s: Stretches, robot: Robot) -> DragFit:
     known = np.isfinite(force).all(axis=1)
     force, drive = force[known], s.drive[known]
     D = drag_columns(robot, s.rim[known]).sum(axis=-2)
-    n, omni = robot.driven, isinstance(robot.chassis, Omni)
+    n, omni = robot.driven, robot.chassis.rollers
     prior, prior_std = np.array([ROLLING, 0.0]), np.array([0.2, 0.5 if omni else 1e-6])
     fit = regress(D.reshape(-1, 2), force.ravel(), np.repeat(drive, n), prior, prior_std)
     negative = fit.beta < 0

@@ -20,7 +20,6 @@ from ohmward.errors import InputError
 from ohmward.traction.calibration.regression import Parameter, Regression, is_identified, regress
 from ohmward.traction.calibration.stretches import Stretches, cut
 from ohmward.traction.calibration.truth import CalibrationDrive
-from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.demand import drag_columns, inertial_forces, travel_speed
 
@@ -99,7 +98,7 @@ def _prior(row: RegressionRow, robot: Robot, rolling: tuple[float, float]) -> tu
     """Prior mean and sigma (5,) of kappa, rolling, roller, friction and damping."""
     torque_Nm = _TORQUE_SHARE * float(np.mean(np.abs(row.torque_Nm)))
     fastest = float(np.abs(row.columns[:, DAMPING]).max())
-    roller_std = _ROLLER_STD if isinstance(robot.chassis, Omni) else _HELD
+    roller_std = _ROLLER_STD if robot.chassis.rollers else _HELD
     motor = robot.motor
     mean = np.array([1.0, rolling[0], 0.0, motor.friction_Nm, motor.damping_Nms_per_rad])
     return mean, np.array([_KAPPA_STD, max(rolling[1], _HELD), roller_std, torque_Nm, torque_Nm / fastest])

@@ -19,7 +19,7 @@ from ohmward.errors import InputError
 from ohmward.traction.calibration.regression import MOST_RADIUS_RATIO, Parameter, is_identified, regress
 from ohmward.traction.calibration.stretches import SLOWEST_M_S, Stretches, cut
 from ohmward.traction.calibration.truth import CalibrationDrive
-from ohmward.traction.robot.chassis import Omni
+from ohmward.traction.robot.chassis import Mecanum, Omni
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.demand import static_loads, travel_speed
@@ -87,9 +87,9 @@ def calibrate_track(drives: Sequence[CalibrationDrive], robot: Robot) -> Paramet
         robot: with its radius calibrated.
 
     Raises:
-        InputError: an omni robot, or no steady stretch.
+        InputError: a robot whose wheels have rollers, or no steady stretch.
     """
-    if isinstance(robot.chassis, Omni):
+    if isinstance(robot.chassis, Omni | Mecanum):
         raise InputError(f"{robot.name} has no left and right side; leave the track out of --what")
     name, track_m = "chassis.effective_track_m" if robot.chassis.scrubs else "chassis.track_m", robot.chassis.track_m
     unknown = Parameter(name, track_m, TRACK_STD * track_m, "the robot hardly turns, or not as its wheels do")

@@ -8,7 +8,6 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
-from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.score import DriveTruth
 
@@ -52,7 +51,7 @@ def motion_from_speed(
     Raises:
         InputError: the robot moves sideways at will.
     """
-    if isinstance(robot.chassis, Omni):
+    if robot.chassis.rollers:
         raise InputError(
             f"{robot.name} moves sideways too: one speed does not say how; give its pose (--pose X,Y,HEADING)"
         )

@@ -20,7 +20,8 @@ from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.odometry.modes import slip_modes
 from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter
 from ohmward.traction.odometry.sample import Observed, OdometryEstimate, OdometryFlag, OdometrySample
-from ohmward.traction.robot.robot import Robot, load_robot
+from ohmward.traction.robot.packaged import load_robot
+from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 
 #: A pose increment: forward, left [m] and turn [rad].

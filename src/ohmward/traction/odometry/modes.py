@@ -118,7 +118,7 @@ def weigh(
     """State and forward speed after a step.
 
     rims_m_s: (driven,) speeds of the rims.
-    mean_m_s: forward speed of them all; alone used without a gyro, and for wheels that roll sideways too.
+    mean_m_s: forward speed of them all; alone used without a gyro, and where the robot moves sideways too.
     refused: (driven,) conditions that a wheel has jumped, so that its speed is an old one.
     fresh: the condition that the step ended with a value of the wheels.
     since_s: time since the value before.
@@ -129,7 +129,8 @@ def weigh(
     rate = turning.rad_s / (1.0 + turning.scale)
     by_wheel = np.asarray(rims_m_s - robot.rolling[:n, -1] * rate)
     rolling = [[i for i in range(n) if i not in slipping] for slipping in modes]
-    speeds = np.array([by_wheel[part].mean() for part in rolling])
+    sideways = PLANAR[1] in robot.chassis.freedoms  # what a rim shows of the forward speed depends on the sideways one
+    speeds = np.array([mean_m_s] if sideways else [by_wheel[part].mean() for part in rolling])
     known, speed_variance, slip_variance = variances(before, rate, turning, since_s, count_m_s, robot, noise)
     changes = np.array([(by_wheel - before.forward_m_s)[part].mean() for part in rolling])
     change_variance = maximum(changes[0] * changes[0] + count_m_s * count_m_s, LEAST_CHANGE_M_S**2)
@@ -159,7 +160,10 @@ def weigh(
     escaped = where(np.array([v != w for v, w in zip(speeds, possible, strict=True)]), abs(changes), 0.0)
     beyond = where(turning.holds, probability @ escaped, abs(mean_m_s - of_mean))
     # Wheels that roll, but differ by more than their turn explains: one of them may have begun to slip.
-    apart = [sum((by_wheel[i] - v) ** 2 for i in part) / len(part) for part, v in zip(rolling, speeds, strict=True)]
+    apart = [
+        0.0 if sideways else sum((by_wheel[i] - v) ** 2 for i in part) / len(part)
+        for part, v in zip(rolling, speeds, strict=True)
+    ]
     most = loose_m_s * loose_m_s
     within = np.array([clip(square - UNEXPLAINED * known, 0.0, most) for square in apart])
     spread = where(turning.holds, probability @ ((possible - forward) ** 2 + within), 0.0)

@@ -36,11 +36,13 @@ class Chassis(Protocol):
 
     freedoms: the motions that the body can make, of `PLANAR`.
     scrubs:   True where the wheels resist a sideways motion with the friction that they roll with.
+    rollers:  True where rollers on its wheels let them go sideways.
     places:   the wheels, the driven ones first.
     """
 
     freedoms: ClassVar[tuple[str, ...]]
     scrubs: ClassVar[bool]
+    rollers: ClassVar[bool]
 
     @property
     def places(self) -> tuple[Place, ...]:
@@ -60,6 +62,7 @@ class Differential:
 
     freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])
     scrubs: ClassVar[bool] = False
+    rollers: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         _check_rectangle(self.front_m, self.rear_m, self.track_m)
@@ -92,6 +95,7 @@ class SkidSteer:
 
     freedoms: ClassVar[tuple[str, ...]] = PLANAR
     scrubs: ClassVar[bool] = True
+    rollers: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         _check_rectangle(self.front_m, self.rear_m, self.track_m)
@@ -125,6 +129,7 @@ class TwoWheeled:
 
     freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])
     scrubs: ClassVar[bool] = False
+    rollers: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         require_positive("chassis.track_m", self.track_m)
@@ -155,6 +160,7 @@ class Omni:
 
     freedoms: ClassVar[tuple[str, ...]] = PLANAR
     scrubs: ClassVar[bool] = False
+    rollers: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         require_positive("chassis.arm_m", self.arm_m)
@@ -172,6 +178,40 @@ class Omni:
     def _place(self, number: int, bearing: float) -> Place:
         x, y = self.arm_m * math.cos(bearing), self.arm_m * math.sin(bearing)
         return Place(f"wheel_{number}", x, y, bearing + math.pi / 2)
+
+
+@dataclass(frozen=True)
+class Mecanum:
+    """Four driven wheels with rollers at 45 degrees, which form an X as seen from above.
+
+    Such a wheel pushes along the axis of the roller that it stands on, and goes freely across: it is an omni-wheel that
+    rolls at 45 degrees to the robot, of a radius smaller by the square root of 2. That is what `wheel.radius_m` is.
+    """
+
+    #: from the centre of gravity to the axles, > 0
+    front_m: float
+    rear_m: float
+    track_m: float  #: between left and right wheels, > 0
+
+    freedoms: ClassVar[tuple[str, ...]] = PLANAR
+    scrubs: ClassVar[bool] = False
+    rollers: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        _check_rectangle(self.front_m, self.rear_m, self.track_m)
+
+    @property
+    def wheelbase_m(self) -> float:
+        """Between the axles."""
+        return self.front_m + self.rear_m
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Front left, front right, rear left, rear right."""
+        return tuple(
+            place._replace(heading_rad=-math.copysign(math.pi / 4, place.x_m * place.y_m))
+            for place in _rectangle(self.front_m, self.rear_m, self.track_m, True)
+        )
 
 
 def rolling_matrix(chassis: Chassis) -> np.ndarray:

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from ohmward.rich_display import RichDisplay
 from ohmward.toml_file import TomlFile
 from ohmward.traction.robot.chassis import (
     Differential,
+    Mecanum,
     Omni,
     Place,
     SkidSteer,
@@ -67,7 +67,7 @@ class Robot(RichDisplay):
     name: str
     mass_kg: float
     yaw_inertia_kg_m2: float
-    chassis: Differential | SkidSteer | TwoWheeled | Omni
+    chassis: Differential | SkidSteer | TwoWheeled | Omni | Mecanum
     wheel: Wheel
     motor: Motor
     height_m: float = 0.0
@@ -152,7 +152,9 @@ class Robot(RichDisplay):
                         f"chassis: wheels {b.name} and {a.name} stand {gap:g} m apart, less than wheel.width_m = "
                         f"{self.wheel.width_m:g}; correct the geometry (metres, not millimetres?)"
                     )
-        if isinstance(self.chassis, Differential | SkidSteer) and 2 * self.wheel.radius_m >= self.chassis.wheelbase_m:
+        if not isinstance(self.chassis, Differential | SkidSteer | Mecanum):
+            return
+        if 2 * self.wheel.radius_m >= self.chassis.wheelbase_m:
             raise InputError(
                 f"wheel.radius_m must be below half the wheelbase of {self.chassis.wheelbase_m:g} m, or front and rear "
                 f"wheels overlap; got {self.wheel.radius_m:g}"
@@ -196,67 +198,6 @@ def disc_yaw_inertia(mass_kg: float, wheel: Wheel, distance_m: float) -> float:
     return mass_kg * ((3 * wheel.radius_m**2 + wheel.width_m**2) / 12 + distance_m**2)
 
 
-_RLMA_WHEEL_KG = 1.5
-_RLMA_WHEEL = Wheel(radius_m=0.12, width_m=0.05, inertia_kg_m2=_RLMA_WHEEL_KG * 0.12**2 / 2)
-
-#: The robot of [T]. Mass, axles, track, radius and box (0.68 x 0.38 x 0.20 m) are given there. Wheels are taken as even
-#: discs of 1.5 kg, the box as even and 8 cm clear of the ground, the motors as 6.5-inch hub motors (16 rpm/V,
-#: 0.179 ohm): [T] describes none of them.
-RLMA = Robot(
-    name="RLMA",
-    mass_kg=42.0,
-    yaw_inertia_kg_m2=solid_box_yaw_inertia(42.0 - 4 * _RLMA_WHEEL_KG, 0.68, 0.38)
-    + 4 * disc_yaw_inertia(_RLMA_WHEEL_KG, _RLMA_WHEEL, math.hypot(0.314, 0.15)),
-    chassis=Differential(front_m=0.314, rear_m=0.314, track_m=0.30),
-    wheel=_RLMA_WHEEL,
-    motor=Motor(torque_constant_Nm_per_A=0.517, resistance_ohm=0.179),
-    height_m=0.17,
-)
-
-#: Festo's Robotino as measured at Tomsk Polytechnic University (mass from the wheel loads); inertias and efficiency are
-#: estimates.
-ROBOTINO = Robot(
-    name="Robotino",
-    mass_kg=11.3,
-    yaw_inertia_kg_m2=11.3 * 0.18**2 / 2,
-    chassis=Omni(arm_m=0.125),
-    wheel=Wheel(radius_m=0.04, width_m=0.036, inertia_kg_m2=0.2 * 0.04**2 / 2),
-    motor=Motor(
-        torque_constant_Nm_per_A=0.0514,
-        resistance_ohm=5.95,
-        gear_ratio=16.0,
-        gear_efficiency=0.8,
-        rotor_inertia_kg_m2=7e-6,
-    ),
-)
-
-_SEEDER_WHEEL = Wheel(radius_m=0.15, width_m=0.06, inertia_kg_m2=1.5 * 0.15**2 / 2)
-#: [P] 4, of each of two motors. A motor gives V^2 / (4 R) at most, at half its speed without load.
-_SEEDER_MOTOR_V, _SEEDER_MOTOR_PEAK_W = 12.0, 514.0
-#: Not printed: speed without load [rad/s], as usual for a brushed motor of this size, 5,600 rpm.
-_SEEDER_MOTOR_FREE_RAD_S = 5600.0 * math.pi / 30.0
-
-#: The seeder robot of [P]. Printed there: a differential drive, two motors of 12 V and 514 W at most, and their type,
-#: of which G16 is taken for a gear of 16 to 1. All else is an estimate: no mass, no dimension and nothing of wheels,
-#: casters and gears is printed. The idle power is that of the Raspberry Pi 4 and the boards that are.
-SEEDER = Robot(
-    name="Seeder",
-    mass_kg=25.0,
-    yaw_inertia_kg_m2=solid_box_yaw_inertia(25.0, 0.70, 0.50),
-    chassis=TwoWheeled(axle_m=0.15, track_m=0.50, casters_m=(-0.35,)),
-    wheel=_SEEDER_WHEEL,
-    motor=Motor(
-        torque_constant_Nm_per_A=_SEEDER_MOTOR_V / _SEEDER_MOTOR_FREE_RAD_S,
-        resistance_ohm=_SEEDER_MOTOR_V**2 / (4.0 * _SEEDER_MOTOR_PEAK_W),
-        gear_ratio=16.0,
-        gear_efficiency=0.8,
-        rotor_inertia_kg_m2=5e-5,
-    ),
-    height_m=0.20,
-    idle_W=8.0,
-)
-
-
 def wheel_speeds(robot: Robot, motion: np.ndarray) -> np.ndarray:
     """Speed [rad/s] of every wheel that rolls without slip while the body moves so; motion: (freedoms,)."""
     return robot.rolling @ motion / robot.wheel.radius_m
@@ -267,21 +208,20 @@ def motion_from_wheels(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarra
     return robot.wheel.radius_m * np.asarray(wheel_speed_rad_s) @ robot.motion_by_rims.T
 
 
-#: Robots that need no file.
-PACKAGED: Mapping[str, Robot] = {"rlma": RLMA, "robotino": ROBOTINO, "seeder": SEEDER}
-
 #: What `kind` in the table [chassis] may be.
 CHASSIS: Mapping[type, str] = {
     Differential: "differential",
     SkidSteer: "skid-steer",
     TwoWheeled: "two-wheel",
     Omni: "omni",
+    Mecanum: "mecanum",
 }
 _HEADER = """\
 # A robot as ohmward knows it. Edit what you know better; every key carries its unit.
 # x points forward, y to the left, both from the centre of gravity. [chassis] kind is one of:
 #   differential (front_m, rear_m, track_m, driven = "front" or "all"), skid-steer (front_m, rear_m, track_m, and
-#   effective_track_m once it is calibrated), two-wheel (axle_m, track_m, casters_m), omni (arm_m, bearings_deg).
+#   effective_track_m once it is calibrated), two-wheel (axle_m, track_m, casters_m), omni (arm_m, bearings_deg),
+#   mecanum (front_m, rear_m, track_m; radius_m is that of its wheels over the square root of 2).
 # [motor] is each of the motors: constant, resistance and rotor of the bare motor, friction and damping at the wheel.
 """
 #: Its `dump` and `parse` give and take the text.
@@ -295,18 +235,3 @@ def save_robot(robot: Robot, path: str | PathLike[str]) -> None:
         OhmwardError: the file cannot be written.
     """
     ROBOT_FILE.save(robot, path)
-
-
-def load_robot(path: str | PathLike[str]) -> Robot:
-    """The robot in a file, or a packaged one by its name, see `PACKAGED`.
-
-    Raises:
-        InputError: the file cannot be read, or no robot can be as it says; names file, key, rule and fix.
-    """
-    if not isinstance(path, str | PathLike):
-        raise InputError(f"a robot must be a Robot, or the path or name of one, got {type(path).__name__}")
-    if robot := PACKAGED.get(str(path).lower()):
-        return robot
-    if not Path(path).suffix and not Path(path).exists():
-        raise InputError(f"robot must be a robot file or one of {', '.join(PACKAGED)}, got {str(path)!r}")
-    return ROBOT_FILE.load(path)

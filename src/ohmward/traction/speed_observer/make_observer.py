@@ -40,7 +40,8 @@ from ohmward.traction.motion.intervals import LEAST_DIVISOR
 from ohmward.traction.motion.outside_speed import ASSUMED_STD_M_S
 from ohmward.traction.robot.chassis import SkidSteer
 from ohmward.traction.robot.motor import wheel_torque
-from ohmward.traction.robot.robot import GRAVITY, Robot, free_sideways, load_robot, motion_from_wheels
+from ohmward.traction.robot.packaged import load_robot
+from ohmward.traction.robot.robot import GRAVITY, Robot, free_sideways, motion_from_wheels
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import States

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from ohmward.trace import maximum, sqrt, tanh
-from ohmward.traction.robot.chassis import Omni
 from ohmward.traction.robot.robot import GRAVITY, Robot
 
 #: Speed [m/s] below which a direction fades.
@@ -41,7 +40,7 @@ def drag_columns(robot: Robot, motion: np.ndarray) -> np.ndarray:
 def wheel_motion(robot: Robot, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Motion (..., wheels) of each wheel in its rolling direction and across it; fixed wheels are taken to roll."""
     along = motion @ robot.rolling.T
-    across = motion @ robot.sideways.T if isinstance(robot.chassis, Omni) else np.zeros(np.shape(along))
+    across = motion @ robot.sideways.T if robot.chassis.rollers else np.zeros(np.shape(along))
     return along, across
 
 

@@ -1,0 +1,167 @@
+"""`ohmward robot`: a robot file from sizes, a URDF or a name; what is in one."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ohmward.cli.outcome import Outcome, check_output
+from ohmward.cli.parser import positive
+from ohmward.errors import InputError
+
+if TYPE_CHECKING:
+    from ohmward.traction.robot.robot import Robot
+
+EXAMPLES = """\
+  ohmward robot --radius 0.06 --track 0.3 --mass 12 -o robot.toml
+  ohmward robot --layout mecanum --radius 0.05 --track 0.3 --wheelbase 0.25 --mass 9 -o robot.toml
+  ohmward robot robot.urdf -o robot.toml
+  ohmward robot husky -o robot.toml
+  ohmward robot robot.toml
+"""
+
+#: Size of the drawing, in characters: a line is as high as two are wide.
+_COLUMNS, _LINES = 41, 15
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    parser.add_argument(
+        "source",
+        nargs="?",
+        metavar="FILE|NAME",
+        help="a URDF, a robot file, or a robot that comes with ohmward: turtlebot4, husky, jackal ...; none: sizes",
+    )
+    parser.add_argument("--radius", type=positive, metavar="M", help="radius of the wheels [m]")
+    parser.add_argument(
+        "--track",
+        type=positive,
+        metavar="M",
+        help="between left and right wheels, or across the circle of omni-wheels",
+    )
+    parser.add_argument(
+        "--wheelbase",
+        type=positive,
+        metavar="M",
+        help="between the axles, or from axle to caster; default: the track",
+    )
+    parser.add_argument("--mass", type=positive, metavar="KG", help="of the robot with its load [kg]")
+    parser.add_argument("--gear", type=positive, default=1.0, metavar="N", help="turns of a motor for one of its wheel")
+    parser.add_argument(
+        "--layout",
+        default="two-wheel",
+        choices=("two-wheel", "skid-steer", "mecanum", "omni"),
+        help="two driven wheels and a caster (default), also for a car with encoders at its rear wheels; four driven "
+        "wheels or tracks; four wheels with rollers at 45 degrees; three omni-wheels",
+    )
+    parser.add_argument("--name", metavar="TEXT", help="what to call the robot")
+    parser.add_argument("-o", "--output", metavar="FILE.toml", help="write the robot file; else it is only shown")
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+
+
+def run(args: argparse.Namespace) -> Outcome:
+    """Write or show the robot file."""
+    from dataclasses import replace
+
+    from ohmward.atomic import back_up
+    from ohmward.traction.robot.robot import save_robot
+
+    check_output("--output", args.output, (".toml",))
+    robot, joints, assumed = _robot(args)
+    if args.name:
+        robot = replace(robot, name=args.name)
+    backup = back_up(Path(args.output)) if args.output else None
+    if args.output:
+        save_robot(robot, args.output)
+    summary = {
+        "command": "robot",
+        **_facts(robot),
+        "wheels": [place._asdict() for place in robot.places],
+        "joints": joints,
+        "assumed": list(assumed),
+        "output": args.output,
+        "backup": str(backup) if backup else None,
+    }
+    return Outcome(summary, _text(robot, joints, assumed, args.output, backup), assumed)
+
+
+def _robot(args: argparse.Namespace) -> tuple[Robot, dict[str, str], tuple[str, ...]]:
+    """The robot that is asked for, joints of its wheels, and what was assumed."""
+    from ohmward.traction.robot.generic import generic_robot
+    from ohmward.traction.robot.packaged import PACKAGED, load_robot
+    from ohmward.traction.robot.urdf import read_urdf
+
+    sizes = {"--mass": args.mass, "--radius": args.radius, "--track": args.track}
+    if args.source is None:
+        missing = [option for option, size in sizes.items() if size is None]
+        if len(missing) == len(sizes):
+            raise InputError(f"give a URDF, a robot file, one of {', '.join(PACKAGED)}, or {', '.join(sizes)}")
+        if missing:
+            raise InputError(f"a robot needs {' and '.join(missing)} too")
+        robot = generic_robot(args.mass, args.radius, args.track, args.wheelbase, args.gear, args.layout)
+        return robot, {}, ("motors and yaw inertia: as usual for these sizes; `ohmward calibrate` finds what they are",)
+    if args.source.lower().endswith((".urdf", ".xacro", ".xml")):
+        return read_urdf(args.source, args.radius, args.mass)
+    if given := [option for option, size in sizes.items() if size is not None]:
+        raise InputError(f"{', '.join(given)}: {args.source} has its own; write it with -o and edit that")
+    return load_robot(args.source), {}, ()
+
+
+def _facts(robot: Robot) -> dict[str, Any]:
+    """What a robot is, for `--json` and for people."""
+    from ohmward.traction.robot.robot import CHASSIS
+
+    return {
+        "name": robot.name,
+        "chassis": CHASSIS[type(robot.chassis)],
+        "mass_kg": robot.mass_kg,
+        "yaw_inertia_kg_m2": robot.yaw_inertia_kg_m2,
+        "height_m": robot.height_m,
+        "wheel_radius_m": robot.wheel.radius_m,
+    }
+
+
+def _text(robot: Robot, joints: dict[str, str], assumed: Sequence[str], output: str | None, backup: Path | None) -> str:
+    """Facts and a drawing, what was assumed, and what to do next."""
+    from ohmward.onboard.sources.ros2 import wheel_of
+
+    facts = _facts(robot)
+    lines = [
+        f"{facts['name']}: {facts['chassis']}, {robot.mass_kg:g} kg, wheels of {robot.wheel.radius_m:.4g} m",
+        "",
+        *_drawing(robot),
+        "",
+        *(
+            f"  {p.name:<12} {p.x_m:+.3f} m ahead, {p.y_m:+.3f} m left{'' if p.driven else ', rolls along'}"
+            for p in robot.places
+        ),
+    ]
+    if assumed:
+        lines += ["", "Assumed:", *(f"  - {sentence}" for sentence in assumed)]
+    unlike = {wheel: joint for wheel, joint in joints.items() if wheel_of(joint) != wheel}
+    if unlike:
+        named = ", ".join(f'{wheel} = "{joint}"' for wheel, joint in unlike.items())
+        lines += ["", f"In the [[source]] of ROS 2 in the setup of `run`: joints = {{ {named} }}"]
+    if output:
+        lines += ["", f"robot file: {output}" + (f"; before: {backup}" if backup else "")]
+        lines += ["", "Next:", f"  - ohmward slip drive.csv --robot {output} --report slip.html"]
+        lines += [f"  - ohmward calibrate drive.csv --robot {output} ..., from drives whose true motion is known"]
+    return "\n".join(lines)
+
+
+def _drawing(robot: Robot) -> list[str]:
+    """The robot from above, forward upwards: driven wheels #, others o, the centre of gravity +."""
+    places = robot.places
+    reach = 1.15 * max(max(abs(place.x_m), abs(place.y_m)) for place in places)
+    rows = [[" "] * _COLUMNS for _ in range(_LINES)]
+
+    def mark(x_m: float, y_m: float, sign: str) -> None:
+        rows[round((_LINES - 1) * (1 - x_m / reach) / 2)][round((_COLUMNS - 1) * (1 - y_m / reach) / 2)] = sign
+
+    mark(0.0, 0.0, "+")
+    mark(reach, 0.0, "^")
+    for place in places:
+        mark(place.x_m, place.y_m, "#" if place.driven else "o")
+    return ["  " + "".join(row).rstrip() for row in rows]

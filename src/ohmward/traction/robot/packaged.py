@@ -1,0 +1,104 @@
+"""Robots that come with the package, and the robot of a file or of a name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+
+from ohmward.errors import InputError
+from ohmward.traction.robot.chassis import Differential, Omni, TwoWheeled
+from ohmward.traction.robot.generic import generic_robot
+from ohmward.traction.robot.motor import Motor
+from ohmward.traction.robot.robot import ROBOT_FILE, Robot, Wheel, disc_yaw_inertia, solid_box_yaw_inertia
+
+_RLMA_WHEEL_KG = 1.5
+_RLMA_WHEEL = Wheel(radius_m=0.12, width_m=0.05, inertia_kg_m2=_RLMA_WHEEL_KG * 0.12**2 / 2)
+
+#: The robot of [T]. Mass, axles, track, radius and box (0.68 x 0.38 x 0.20 m) are given there. Wheels are taken as even
+#: discs of 1.5 kg, the box as even and 8 cm clear of the ground, the motors as 6.5-inch hub motors (16 rpm/V,
+#: 0.179 ohm): [T] describes none of them.
+RLMA = Robot(
+    name="RLMA",
+    mass_kg=42.0,
+    yaw_inertia_kg_m2=solid_box_yaw_inertia(42.0 - 4 * _RLMA_WHEEL_KG, 0.68, 0.38)
+    + 4 * disc_yaw_inertia(_RLMA_WHEEL_KG, _RLMA_WHEEL, math.hypot(0.314, 0.15)),
+    chassis=Differential(front_m=0.314, rear_m=0.314, track_m=0.30),
+    wheel=_RLMA_WHEEL,
+    motor=Motor(torque_constant_Nm_per_A=0.517, resistance_ohm=0.179),
+    height_m=0.17,
+)
+
+#: Festo's Robotino as measured at Tomsk Polytechnic University (mass from the wheel loads); inertias and efficiency are
+#: estimates.
+ROBOTINO = Robot(
+    name="Robotino",
+    mass_kg=11.3,
+    yaw_inertia_kg_m2=11.3 * 0.18**2 / 2,
+    chassis=Omni(arm_m=0.125),
+    wheel=Wheel(radius_m=0.04, width_m=0.036, inertia_kg_m2=0.2 * 0.04**2 / 2),
+    motor=Motor(
+        torque_constant_Nm_per_A=0.0514,
+        resistance_ohm=5.95,
+        gear_ratio=16.0,
+        gear_efficiency=0.8,
+        rotor_inertia_kg_m2=7e-6,
+    ),
+)
+
+_SEEDER_WHEEL = Wheel(radius_m=0.15, width_m=0.06, inertia_kg_m2=1.5 * 0.15**2 / 2)
+#: [P] 4, of each of two motors. A motor gives V^2 / (4 R) at most, at half its speed without load.
+_SEEDER_MOTOR_V, _SEEDER_MOTOR_PEAK_W = 12.0, 514.0
+#: Not printed: speed without load [rad/s], as usual for a brushed motor of this size, 5,600 rpm.
+_SEEDER_MOTOR_FREE_RAD_S = 5600.0 * math.pi / 30.0
+
+#: The seeder robot of [P]. Printed there: a differential drive, two motors of 12 V and 514 W at most, and their type,
+#: of which G16 is taken for a gear of 16 to 1. All else is an estimate: no mass, no dimension and nothing of wheels,
+#: casters and gears is printed. The idle power is that of the Raspberry Pi 4 and the boards that are.
+SEEDER = Robot(
+    name="Seeder",
+    mass_kg=25.0,
+    yaw_inertia_kg_m2=solid_box_yaw_inertia(25.0, 0.70, 0.50),
+    chassis=TwoWheeled(axle_m=0.15, track_m=0.50, casters_m=(-0.35,)),
+    wheel=_SEEDER_WHEEL,
+    motor=Motor(
+        torque_constant_Nm_per_A=_SEEDER_MOTOR_V / _SEEDER_MOTOR_FREE_RAD_S,
+        resistance_ohm=_SEEDER_MOTOR_V**2 / (4.0 * _SEEDER_MOTOR_PEAK_W),
+        gear_ratio=16.0,
+        gear_efficiency=0.8,
+        rotor_inertia_kg_m2=5e-5,
+    ),
+    height_m=0.20,
+    idle_W=8.0,
+)
+
+#: As their makers publish them: masses of the data sheets, sizes of `turtlebot3_description`, `create3_description`,
+#: `kobuki_description`, `husky_description` and `jackal_description`. Motors are those of `generic_motor`, centres of
+#: gravity and yaw inertias those of an even box, where nothing is published.
+_BY_SIZES = {
+    "turtlebot2": generic_robot(6.3, 0.035, 0.230, 0.23, name="TurtleBot 2 (Kobuki)"),
+    "turtlebot3-burger": generic_robot(1.0, 0.033, 0.160, 0.081, name="TurtleBot 3 Burger"),
+    "turtlebot3-waffle-pi": generic_robot(1.8, 0.033, 0.287, 0.177, name="TurtleBot 3 Waffle Pi"),
+    "turtlebot4": generic_robot(3.9, 0.03575, 0.233, 0.125, name="TurtleBot 4 (Create 3)"),
+    "jackal": generic_robot(17.0, 0.098, 0.37559, 0.262, layout="skid-steer", name="Jackal"),
+    "husky": generic_robot(50.0, 0.1651, 0.5708, 0.512, layout="skid-steer", name="Husky A200"),
+}
+
+#: Robots that need no file.
+PACKAGED: Mapping[str, Robot] = {"rlma": RLMA, "robotino": ROBOTINO, "seeder": SEEDER, **_BY_SIZES}
+
+
+def load_robot(path: str | PathLike[str]) -> Robot:
+    """The robot in a file, or a packaged one by its name, see `PACKAGED`.
+
+    Raises:
+        InputError: the file cannot be read, or no robot can be as it says; names file, key, rule and fix.
+    """
+    if not isinstance(path, str | PathLike):
+        raise InputError(f"a robot must be a Robot, or the path or name of one, got {type(path).__name__}")
+    if robot := PACKAGED.get(str(path).lower()):
+        return robot
+    if not Path(path).suffix and not Path(path).exists():
+        raise InputError(f"robot must be a robot file or one of {', '.join(PACKAGED)}, got {str(path)!r}")
+    return ROBOT_FILE.load(path)
