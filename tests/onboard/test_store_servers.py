@@ -167,14 +167,14 @@ def test_every_row_is_once_in_a_server_of_line_protocol(tmp_path, server):
 
 def in_influx(address):
     query = urllib.parse.urlencode({"db": "robots", "q": "SELECT count(soc) FROM battery WHERE robot = 'rover'"})
-    with urllib.request.urlopen(f"{address}/query?{query}", timeout=10) as answer:
+    with urllib.request.urlopen(f"{address}/query?{query}", timeout=60) as answer:
         return json.load(answer)["results"][0]["series"][0]["values"][0][1]
 
 
 def in_victoria(address):
-    urllib.request.urlopen(f"{address}/internal/force_flush", timeout=10).read()
+    urllib.request.urlopen(f"{address}/internal/force_flush", timeout=60).read()
     match = urllib.parse.urlencode({"match[]": 'battery_soc{robot="rover"}'})
-    with urllib.request.urlopen(f"{address}/api/v1/export?{match}", timeout=10) as answer:
+    with urllib.request.urlopen(f"{address}/api/v1/export?{match}", timeout=60) as answer:
         series = [json.loads(line) for line in answer]
     return sum(len(set(one["timestamps"])) for one in series)
 
@@ -259,7 +259,7 @@ def test_rows_that_a_server_will_never_take_do_not_hold_up_the_others(tmp_path, 
     port = free_port()
     with influxdb(tmp_path, port) as address:
         short = "CREATE RETENTION POLICY short ON robots DURATION 1h REPLICATION 1 DEFAULT"
-        urllib.request.urlopen(f"{address}/query", urllib.parse.urlencode({"q": short}).encode(), timeout=10).read()
+        urllib.request.urlopen(f"{address}/query", urllib.parse.urlencode({"q": short}).encode(), timeout=60).read()
         old = Row("battery", NOW_NS - 5 * 3600 * 10**9, {"soc": 0.5})
         write_lines(f"{address}/write?db=robots", lines([old, *rows(5)], "rover"))
         assert in_influx(address) == 5
