@@ -9,8 +9,7 @@ from functools import cache
 import pytest
 
 from markdown_pages import ROOT
-from ohmward.onboard.store.influx import lines, write_lines
-from ohmward.onboard.store.postgresql import write
+from ohmward.onboard.sinks.server import lines, write_lines, write_rows
 from ohmward.onboard.store.rows import Row, RowMaker
 from onboard.page_server import drive
 from onboard.servers import free_port, influxdb, postgresql, victoria_metrics
@@ -65,7 +64,7 @@ def test_victoria_metrics_answers_every_panel(tmp_path):
 def test_postgresql_answers_every_panel(tmp_path):
     psycopg = pytest.importorskip("psycopg")
     with postgresql(tmp_path, free_port()) as address:
-        write(stored(), "rover", address)
+        write_rows(stored(), "rover", address)
         with psycopg.connect(address) as connection:
             for target in targets("postgresql"):
                 sql = target["rawSql"].replace("$robot", "'rover'").replace("$__timeFilter(at)", "at IS NOT NULL")
