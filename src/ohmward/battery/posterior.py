@@ -13,6 +13,12 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
+#: Knots of SoC of the correction of the open-circuit curve. Stages of graphite are 5 % of SoC wide and more; the ends
+#: are steep. The curves of the chemistries turn at knots, so that no SoC axis fits better than another because of where
+#: the turns of a curve that is not the cell's lie.
+OCV_KNOTS = np.concatenate([[0.0, 0.01, 0.02, 0.035], np.linspace(0.05, 0.95, 37), [0.96, 0.97, 0.98, 0.99, 1.0]])
+#: Knots of the correction of its change with temperature, and correlation length of that: a stage of graphite.
+ENTROPY_KNOTS, ENTROPY_LENGTH = np.array([0.0, 0.5, 1.0]), 0.2
 #: Errors beyond so many standard deviations count less.
 _ROBUST_AT = 2.5
 #: Error of SoC from sample to sample, which the slope of the curve turns into one of the voltage.

@@ -8,13 +8,7 @@ import pytest
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_log, steps
 from ohmward.battery.chemistries import HysteresisPrior, Normal, chemistry_prior
 from ohmward.battery.identification.circuit import circuit_of, curve_notes
-from ohmward.battery.identification.circuit_design import (
-    OCV_KNOTS,
-    RESISTANCE_GRID,
-    ParameterLayout,
-    Rates,
-    design,
-)
+from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, ParameterLayout, Rates, design
 from ohmward.battery.identification.circuit_fit import fit_circuit
 from ohmward.battery.identification.circuit_prior import ocv_precision
 from ohmward.battery.identification.circuit_solve import CircuitProblem, last_direction, solve
@@ -23,6 +17,7 @@ from ohmward.battery.identification.fit_samples import simulate, thin
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.identification.soc_axis import anchor_soc
 from ohmward.battery.models.ocv import hat
+from ohmward.battery.posterior import OCV_KNOTS
 
 FLAT = np.ones(RESISTANCE_GRID.size)
 # The prior of the slowest pair is centred on the true one where a test is about exactness.
@@ -200,7 +195,9 @@ def test_ocv_prior_has_the_stated_spread():
     k = int(np.argmin(np.abs(OCV_KNOTS - 0.5)))
     slope = np.gradient(np.asarray(NMC_OCV.mean_V(OCV_KNOTS, 25.0)), OCV_KNOTS)[k]
     assert np.sqrt(covariance[k, k]) == pytest.approx(np.hypot(0.004, 0.01 * slope), rel=1e-6)
-    assert covariance[k, k + 1] / np.sqrt(covariance[k, k] * covariance[k + 1, k + 1]) == pytest.approx(np.exp(-1))
+    assert covariance[k, k + 1] / np.sqrt(covariance[k, k] * covariance[k + 1, k + 1]) == pytest.approx(
+        np.exp((OCV_KNOTS[k] - OCV_KNOTS[k + 1]) / 0.05)
+    )
 
 
 def test_last_direction_is_remembered_in_rest():

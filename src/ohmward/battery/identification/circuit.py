@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ohmward.battery.identification.circuit_design import ENTROPY_KNOTS, OCV_KNOTS, RESISTANCE_GRID
+from ohmward.battery.identification.circuit_design import RESISTANCE_GRID
 from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution
 from ohmward.battery.identification.confidence import covered
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.identification.ocv_from_logs import OCV_GRID, smooth
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.posterior import ENTROPY_KNOTS, OCV_KNOTS
 from ohmward.logs.log import Note
 
 #: Points of the OCV grid over which the gap is averaged: 5 % of SoC.

@@ -19,13 +19,9 @@ import numpy as np
 from ohmward.battery.identification.fit_samples import FitSamples, hysteresis_along, pair_steps, scan
 from ohmward.battery.models.ocv import OcvCurve, hat
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop
+from ohmward.battery.posterior import ENTROPY_KNOTS, OCV_KNOTS
 
 RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
-OCV_KNOTS = np.concatenate(
-    [[0.0, 0.01, 0.02, 0.03, 0.05, 0.075], np.linspace(0.1, 0.9, 17), [0.92, 0.94, 0.96, 0.97, 0.98, 0.99, 1.0]]
-)
-#: Entropy changes smoothly along SoC but for the stages of graphite, whose width this is.
-ENTROPY_KNOTS = np.linspace(0.0, 1.0, 11)
 
 
 class Rates(NamedTuple):

@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.circuit_design import OCV_KNOTS, Rates
+from ohmward.battery.identification.circuit_design import Rates
 from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, SoughtRate, solve
 from ohmward.battery.identification.record import Record, find_rests
+from ohmward.battery.posterior import OCV_KNOTS
 from ohmward.logs.log import Note
 from ohmward.optional import require
 

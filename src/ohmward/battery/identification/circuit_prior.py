@@ -7,23 +7,16 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.chemistries import ChemistryPrior, CurvePrior
-from ohmward.battery.identification.circuit_design import (
-    ENTROPY_KNOTS,
-    OCV_KNOTS,
-    RESISTANCE_GRID,
-    ParameterLayout,
-)
+from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, ParameterLayout
 from ohmward.battery.models.noise import on_soc_grid
 from ohmward.battery.models.ocv import OcvCurve, correlation
-from ohmward.battery.posterior import Gaussian
+from ohmward.battery.posterior import ENTROPY_KNOTS, ENTROPY_LENGTH, OCV_KNOTS, Gaussian
 
 #: Error of the curve as a share of the half gap of its branches: the truth lies between them, not in the middle.
 _GAP_SHARE = 0.5
 #: Width of the curve's temperature slope where low-rate tests measured it, over that where they did not: their branches
 #: hold overpotential, which changes with temperature as well.
 _MEASURED_SLOPE = 0.5
-#: Correlation length of that slope along SoC: a stage of graphite.
-ENTROPY_LENGTH = 0.2
 
 
 def nuisance_prior(

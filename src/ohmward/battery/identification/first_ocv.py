@@ -20,7 +20,6 @@ from ohmward.battery.chemistries import (
     chemistry,
     chemistry_prior,
 )
-from ohmward.battery.identification.circuit_design import OCV_KNOTS
 from ohmward.battery.identification.circuit_solve import last_direction
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples, scan, thin
 from ohmward.battery.identification.ocv_from_logs import (
@@ -38,6 +37,7 @@ from ohmward.battery.identification.record import Record, reference_degC
 from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, find_anchors
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.ocv_file import given_ocv
+from ohmward.battery.posterior import OCV_KNOTS
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
 from ohmward.optional import require

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ohmward.battery.chemistries import AGED_RESISTANCE_STD
-from ohmward.battery.identification.circuit_design import OCV_KNOTS, RESISTANCE_GRID
+from ohmward.battery.identification.circuit_design import RESISTANCE_GRID
 from ohmward.battery.identification.circuit_fit import CircuitFit
 from ohmward.battery.identification.circuit_solve import (
     CircuitProblem,
@@ -27,6 +27,7 @@ from ohmward.battery.identification.record import SETTLED_REST_S
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve, hat
 from ohmward.battery.models.thevenin import Thevenin
+from ohmward.battery.posterior import OCV_KNOTS
 
 #: Relative error of the overpotential of a lasting load where no settled rest shows it: from one drive of an NMC cell
 #: to another of the same cell it was 18 %, with the open-circuit voltage known.

@@ -22,14 +22,7 @@ import numpy as np
 from ohmward.battery.battery import Battery, Knowledge, SeenLog
 from ohmward.battery.chemistries import CELL_V, Normal, chemistry, chemistry_prior
 from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD, beyond_axis_V
-from ohmward.battery.learning.parameters import (
-    ENTROPY_KNOTS,
-    OCV_KNOTS,
-    Parameters,
-    mean_slope_V,
-    parameters_of,
-    prior_covariance,
-)
+from ohmward.battery.learning.parameters import Parameters, mean_slope_V, parameters_of, prior_covariance
 from ohmward.battery.learning.voltage_model import CurvePlace, OpenCircuit, file_charge, true_soc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve, hat, slip_shape
@@ -41,6 +34,7 @@ from ohmward.battery.models.thevenin import (
     next_state,
     overpotentials,
 )
+from ohmward.battery.posterior import ENTROPY_KNOTS, OCV_KNOTS
 from ohmward.filters.consistency import BAND_95
 
 #: Duration of the pulse [s], and the state of charge before the one that is quoted.

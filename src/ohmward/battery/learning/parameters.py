@@ -12,16 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.identification.circuit_prior import ENTROPY_LENGTH
 from ohmward.battery.models.noise import RESISTANCE_CORRELATION, BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve, correlation
 from ohmward.battery.models.thevenin import RESISTANCE_KNOTS, Thevenin
+from ohmward.battery.posterior import ENTROPY_KNOTS, ENTROPY_LENGTH, OCV_KNOTS
 from ohmward.errors import InputError
-
-#: Stages of graphite are 5 % of SoC wide and more; the ends are steep. The curves of the chemistries turn at knots, so
-#: that no SoC axis fits better than another because of where the turns of a curve that is not the cell's lie.
-OCV_KNOTS = np.concatenate([[0.0, 0.01, 0.02, 0.035], np.linspace(0.05, 0.95, 37), [0.98, 1.0]])
-ENTROPY_KNOTS = np.array([0.0, 0.5, 1.0])
 
 #: The charger's voltage limit defines a full lithium cell, so that an error of the SoC axis ends there: this share of
 #: it is left, and no more than chargers differ. A test has shown the limit itself, a label that of the chemistry.

@@ -25,11 +25,12 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.fingerprint import fingerprint, unlearnt_parts
 from ohmward.battery.learning.log_faults import usable_log
-from ohmward.battery.learning.parameters import OCV_KNOTS, mean_slope_V, prior_covariance
+from ohmward.battery.learning.parameters import mean_slope_V, prior_covariance
 from ohmward.battery.learning.samples import Samples
 from ohmward.battery.learning.solve import Normals
 from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.models.ocv import correlation, hat
+from ohmward.battery.posterior import OCV_KNOTS
 from ohmward.battery.soc.anchor_rule import REST_C, SocAnchor
 from ohmward.battery.soc.anchors import Anchor
 from ohmward.logs.log import SECONDS_PER_HOUR, Log

@@ -29,12 +29,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.learning.parameters import ENTROPY_KNOTS, OCV_KNOTS, Parameters, parameters_of
+from ohmward.battery.learning.parameters import Parameters, parameters_of
 from ohmward.battery.learning.samples import Samples
 from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, walk_variance
 from ohmward.battery.models.ocv import correlation, hat, slip_shape
 from ohmward.battery.models.sensitivities import CircuitAlong, CircuitSample, SensitiveCircuit
 from ohmward.battery.models.thevenin import Corrections, Thevenin, without_curve
+from ohmward.battery.posterior import ENTROPY_KNOTS, OCV_KNOTS
 from ohmward.logs.log import SECONDS_PER_HOUR
 from ohmward.trace import Kernel, exp, linearize, where
 
