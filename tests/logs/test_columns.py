@@ -152,6 +152,18 @@ def test_every_notation_of_a_unit_reads_alike():
         ),
         (["Time", "VFAS(V)", "Curr(A)", "RxBt(V)"], ("Time", None), ("Curr(A)", 1.0), ("VFAS(V)", 1.0)),
         (["ts", "payload.pack.u", "payload.pack.i"], ("ts", None), ("payload.pack.i", None), ("payload.pack.u", None)),
+        (
+            ["timestamp [UTC]", "Battery voltage [V]", "Battery current [A]"],
+            ("timestamp [UTC]", None),
+            ("Battery current [A]", 1.0),
+            ("Battery voltage [V]", 1.0),
+        ),
+        (
+            ["Zeit [s]", "Batteriespannung [V]", "Batteriestrom [A]"],
+            ("Zeit [s]", 1.0),
+            ("Batteriestrom [A]", 1.0),
+            ("Batteriespannung [V]", 1.0),
+        ),
         (["Time", "BattV", "BattA", "SOC"], ("Time", None), ("BattA", 1.0), ("BattV", 1.0)),
         (["t", "Battery [mV]", "Battery [A]", "Motor [A]"], ("t", None), ("Battery [A]", 1.0), ("Battery [mV]", 1e-3)),
         (["Time", "V1", "V2", "Ibat", "Vtot"], ("Time", None), ("Ibat", None), ("Vtot", None)),

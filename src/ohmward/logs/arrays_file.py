@@ -145,5 +145,5 @@ def is_ndax(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             return any(name.lower().endswith(_NDAX_PART) for name in archive.namelist())
-    except (zipfile.BadZipFile, OSError):
+    except (zipfile.BadZipFile, NotImplementedError, OSError):  # damaged, or of a version that nobody writes
         return False

@@ -62,7 +62,8 @@ def word_set(text: str) -> frozenset[str]:
 
 # Words that say where the whole battery was measured; they do not make it another quantity.
 _OF_BATTERY = word_set(
-    "battery batt bat bms hv pack terminal total measured meas test state field data main header stamp surface payload"
+    "battery batt bat bms hv pack terminal total measured meas test state field data main header stamp surface payload "
+    "utc gmt"
 )
 # Words of columns that serve where there is nothing better.
 _SECOND_CHOICE = word_set("cell raw mean avg average")

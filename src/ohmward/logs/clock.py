@@ -208,7 +208,10 @@ def _are_serial(table: Table, column: Column, values: np.ndarray) -> bool:
 
 
 def _scaled(values: np.ndarray, scale: float) -> np.ndarray:
-    return values.astype(float, copy=False) if scale == 1.0 else values * scale
+    if scale == 1.0:
+        return values.astype(float, copy=False)
+    with np.errstate(over="ignore"):  # what is infinite then is no time
+        return values * scale
 
 
 def _is_unix(seconds: float) -> bool:
