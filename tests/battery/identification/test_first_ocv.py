@@ -6,9 +6,10 @@ import pytest
 from battery.identification.examples import NMC_OCV, cell, identify, low_rate_logs, play, pulse_log, steps
 from ohmward.battery.chemistries import chemistry, chemistry_prior
 from ohmward.battery.identification.first_ocv import FirstOcv
+from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD
 from ohmward.battery.identification.ocv_from_logs import branch_axis_std, find_branches, reconcile_branches
 from ohmward.battery.identification.record import make_records
-from ohmward.battery.identification.soc_axis import anchor_soc
+from ohmward.battery.identification.soc_axis import GIVEN_STD, anchor_soc
 from ohmward.errors import InputError
 from ohmward.logs import Log
 
@@ -99,10 +100,10 @@ def test_a_rest_after_an_unseen_discharge_lies_on_that_branch():
 
 def test_the_error_of_the_anchors_reaches_the_noise():
     log = pulse_log(cell(), count=10, std_V=0.0005)
-    sure = identify(log, capacity_Ah=2.0, chemistry="nmc", initial_soc={"pulses": 1.0}, model="thevenin-1rc")
+    given = identify(log, capacity_Ah=2.0, chemistry="nmc", initial_soc={"pulses": 1.0}, model="thevenin-1rc")
     half = log.between(0.0, log.time_s[len(log) // 2])
     vague = identify([*low_rate_logs(cell()), half], capacity_Ah=2.0, chemistry="nmc", model="thevenin-1rc")
-    assert sure.noise.soc_axis_std == pytest.approx(0.005)
+    assert given.noise.soc_axis_std == pytest.approx(np.hypot(SOC_AXIS_STD, GIVEN_STD))
     assert vague.noise.soc_axis_std > 0.006
 
 
