@@ -20,7 +20,7 @@ from ohmward.battery.identification import identify
 from ohmward.battery.identification.record import count_charge
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.logs import Log, read_log
-from ohmward_lab.reproduce.nmc_cell import first_soc, gitt_voltage
+from ohmward_lab.reproduce.measured import first_soc, gitt_voltage
 
 HOUR = 3600.0
 A123_AH, PANASONIC_AH, ORNL_AH, VRLA_AH, I3_AH, NASA_AH = 2.03, 2.9, 30.34, 19.5, 61.7, 2.0

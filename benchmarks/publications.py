@@ -13,7 +13,7 @@ from pathlib import Path
 
 from figure import DATA
 from ohmward_lab.cli.reproduce.command import HEADER, cells
-from ohmward_lab.reproduce.nmc_cell import nmc_item
+from ohmward_lab.reproduce.measured import nmc_item
 from ohmward_lab.reproduce.publications import PUBLICATIONS, Publication, label, select
 from ohmward_lab.reproduce.thesis_observer import AUKF, AUKF_T, DRIVES, STARTS, UKF, drives_of, errors_of, pictures
 from svg import to_svg

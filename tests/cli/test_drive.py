@@ -126,7 +126,7 @@ def drive(port, *options, **more):
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more)
 
 
-def wait_until(condition, within_s=20.0):
+def wait_until(condition, within_s=60.0):
     end_s = time.monotonic() + within_s
     while not condition():
         assert time.monotonic() < end_s, "in vain"
@@ -141,7 +141,7 @@ def test_an_operator_drives_with_keys_and_the_robot_stops_when_he_is_gone(robot)
     os.write(process.stdin.fileno(), b"www")
     wait_until(lambda: sent[-1]["torque_Nm.front_left"] > 0.1)
     os.write(process.stdin.fileno(), b"q")
-    out, _ = process.communicate(timeout=20)
+    out, _ = process.communicate(timeout=100)
     assert json.loads(out)["phase"] == "disarmed" and process.returncode == 0
     assert sent[-1]["enable"] == 0.0 and sent[-1]["torque_Nm.front_left"] == 0.0
 

@@ -4,14 +4,16 @@ import pytest
 
 from ohmward.cli.main import main
 from ohmward.traction import load_robot
+from ohmward.traction.robot.generic import generic_robot
 from ohmward.traction.robot.packaged import PACKAGED
+from ohmward.traction.robot.robot import ROBOT_FILE
 
 
 def test_sizes_become_a_file(as_json, tmp_path):
     words = ["robot", "--radius", "0.06", "--track", "0.3", "--mass", "12", "-o", str(tmp_path / "robot.toml")]
     first, second = as_json(*words), as_json(*words, "--name", "cart")
     robot = load_robot(tmp_path / "robot.toml")
-    assert (robot.name, robot.mass_kg, robot.wheel.radius_m, robot.chassis.track_m) == ("cart", 12.0, 0.06, 0.3)
+    assert ROBOT_FILE.dump(robot) == ROBOT_FILE.dump(generic_robot(12.0, 0.06, 0.3, name="cart"))
     assert first["backup"] is None and second["backup"].endswith(".bak")
     assert [wheel["name"] for wheel in first["wheels"] if wheel["driven"]] == ["left", "right"]
 

@@ -137,7 +137,7 @@ def test_a_signal_ends_it_cleanly(example):
             assert process.poll() is None
             time.sleep(0.05)
         process.send_signal(signal.SIGTERM)
-        _, errors = process.communicate(timeout=30)
+        _, errors = process.communicate(timeout=100)
     assert process.returncode == 0, errors
     assert (example / "ohmward-state" / "snapshot.json").exists()
 
@@ -162,13 +162,13 @@ def test_bad_input_is_refused_with_the_fix(words, message, capsys, tmp_path, mon
 def test_the_demonstration_moves(tmp_path):
     """The newcomer's first minute; the page itself is tested in tests/onboard/test_page.py."""
     command = [sys.executable, "-m", "ohmward.cli", "run", "--demo", "--seconds", "60"]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(command, cwd=tmp_path, **pipes) as process:
-        moved = set()
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        moved: set[str] = set()
         while len(moved) < 2 and (line := process.stdout.readline()):
             moved |= {line} if "speed" in line else set()
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=60)
+        _, errors = process.communicate(timeout=100)
     assert process.returncode == 0, errors
     assert len(moved) == 2
     assert not list(tmp_path.iterdir())

@@ -16,6 +16,7 @@ from ohmward.energy.recorded import cut_drive
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
 from ohmward.traction import RLMA
+from ohmward.traction.robot.packaged import PACKAGED
 
 BATTERY = generic_battery("lfp", 5.0, n_series=8)
 NEW = start(prior_from_robot(RLMA))
@@ -176,7 +177,7 @@ def test_the_representation_says_what_is_left():
         (lambda: RangeEstimator("battery.toml", NEW), "battery must be a Battery, got str"),  # type: ignore[arg-type]
         (
             lambda: RangeEstimator(BATTERY, "rlmb"),
-            "robot must be a robot file or one of rlma, robotino, seeder, got 'rlmb'",
+            f"robot must be a robot file or one of {', '.join(PACKAGED)}, got 'rlmb'",
         ),
         (lambda: RangeEstimator(BATTERY, 7), "a robot must be a Robot, or the path or name of one, got int"),  # type: ignore[arg-type]
         (lambda: new(reserve_soc=20.0), "reserve_soc must be between 0 and 1, got 20"),

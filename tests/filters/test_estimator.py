@@ -19,6 +19,7 @@ from ohmward.filters.estimator import LiveEstimator, number, numbers
 from ohmward.logs import DriveLog, Log
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain, scene
 from ohmward.traction.motion.sample import RobotSample
+from ohmward.traction.robot.packaged import PACKAGED
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND
@@ -257,7 +258,7 @@ SLIP: Any = SlipEstimator
         (lambda: SLIP(OBSERVER).update(0.0, [1.0, 2.0, 3.0]), r"must have the shape \(4,\) or \(2,\)"),
         (lambda: SLIP(OBSERVER).update(0.0, [1.0, "2"]), r"wheel_speed_rad_s\[1\] must be a number"),
         (lambda: SLIP(OBSERVER).update(0.0, 1.0), r"one number for each wheel or motor .* got \(\)"),
-        (lambda: SLIP("rlmb"), "robot must be a robot file or one of rlma, robotino, seeder, got 'rlmb'"),
+        (lambda: SLIP("rlmb"), f"robot must be a robot file or one of {', '.join(PACKAGED)}, got 'rlmb'"),
         (lambda: SLIP(7), "the path or name of one, got int"),
         (lambda: SLIP("rlma", terrain="cheese"), "terrain must be one of dry asphalt, .* got 'cheese'"),
         (lambda: SLIP("rlma", filter="pf"), "filter must be one of ekf, aekf, ukf, aukf, got 'pf'"),

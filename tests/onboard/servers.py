@@ -23,7 +23,7 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def wait_for_port(port: int, within_s: float = 10.0) -> None:
+def wait_for_port(port: int, within_s: float = 60.0) -> None:
     end_s = time.monotonic() + within_s
     while time.monotonic() < end_s:
         with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), 0.2):
@@ -116,7 +116,7 @@ def influxdb(folder: Path, port: int) -> Iterator[str]:
     )
     with started([program("influxd"), "-config", str(settings)], port, folder / "influx.log"):
         query = urllib.parse.urlencode({"q": "CREATE DATABASE robots"}).encode()
-        urllib.request.urlopen(f"http://127.0.0.1:{port}/query", query, timeout=10).read()
+        urllib.request.urlopen(f"http://127.0.0.1:{port}/query", query, timeout=60).read()
         yield f"http://127.0.0.1:{port}"
 
 

@@ -47,7 +47,7 @@ def client(broker, *topics, **credentials):
     return one, got
 
 
-async def until(condition, within_s=10.0):
+async def until(condition, within_s=60.0):
     end_s = time.monotonic() + within_s
     while not condition():
         assert time.monotonic() < end_s, "in vain"

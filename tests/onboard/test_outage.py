@@ -149,7 +149,7 @@ def in_influx(port: int) -> dict[str, list[int]]:
     times = {}
     for kind, column in (("battery", "soc"), ("drive", "estimated_speed_m_s")):
         words = {"db": "robots", "epoch": "ns", "q": f"SELECT {column} FROM {kind}"}
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/query?{urllib.parse.urlencode(words)}", timeout=10) as a:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/query?{urllib.parse.urlencode(words)}", timeout=60) as a:
             times[kind] = [row[0] for row in json.load(a)["results"][0]["series"][0]["values"]]
     return times
 

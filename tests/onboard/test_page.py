@@ -51,7 +51,7 @@ def get(url, method="GET", data=None, **headers):
     request = urllib.request.Request(url, data=data, headers=headers, method=method)
     opener = urllib.request.build_opener(_NoRedirect)
     try:
-        with opener.open(request, timeout=10) as answer:
+        with opener.open(request, timeout=60) as answer:
             return answer.status, answer.headers, answer.read().decode()
     except urllib.error.HTTPError as answer:
         return answer.code, answer.headers, answer.read().decode()
@@ -212,7 +212,7 @@ def test_the_login_gives_a_cookie_that_is_not_the_token(locked):
 
 
 def test_events_carry_the_newest_state(page):
-    with urllib.request.urlopen(page + "/events", timeout=5) as stream:
+    with urllib.request.urlopen(page + "/events", timeout=60) as stream:
         assert stream.readline() == b"retry: 1000\n"
         stream.readline()
         assert json.loads(stream.readline().removeprefix(b"data: "))["name"] == "rover <1>"
@@ -304,7 +304,7 @@ def tls(tmp_path_factory):
 def test_a_certificate_is_served(tls):
     with served(certificate=tls["robot.pem"], key=tls["robot.key"]) as address:
         trusting = ssl.create_default_context(cafile=tls["robot.pem"])
-        with urllib.request.urlopen(address + "/api/now", timeout=10, context=trusting) as answer:
+        with urllib.request.urlopen(address + "/api/now", timeout=60, context=trusting) as answer:
             assert json.load(answer)["name"] == "rover <1>"
         assert address.startswith("https://")
 
@@ -337,7 +337,7 @@ def test_a_token_of_any_letters_opens_the_page(monkeypatch):
     token = "Schlüssel №1"
     monkeypatch.setenv("OHMWARD_TEST_TOKEN", token)
     with served(token=token) as address:
-        connection = http.client.HTTPConnection(address.removeprefix("http://"), timeout=10)
+        connection = http.client.HTTPConnection(address.removeprefix("http://"), timeout=60)
         connection.request("GET", "/api/now", headers={"Authorization": f"Bearer {token}".encode()})
         assert connection.getresponse().status == 200
         connection.close()

@@ -40,7 +40,7 @@ def opened(request, browser, page_address):
     page.on("pageerror", lambda error: faults.append(str(error)))
     page.on("requestfailed", lambda failed: faults.append(failed.url))
     page.goto(page_address)
-    page.wait_for_function("() => document.getElementById('soc').textContent !== '–'", timeout=10_000)
+    page.wait_for_function("() => document.getElementById('soc').textContent !== '–'", timeout=60_000)
     yield page, faults
     page.close()
 
@@ -130,7 +130,7 @@ def test_numbers_move_and_silence_is_said(browser):
         assert before != "12"
         assert "low" in page.evaluate("document.getElementById('soc').closest('.card').className")
         page.wait_for_function("() => document.getElementById('link').textContent === 'live'")
-    page.wait_for_function("() => document.getElementById('link').textContent.startsWith('no news')", timeout=15_000)
+    page.wait_for_function("() => document.getElementById('link').textContent.startsWith('no news')", timeout=60_000)
     page.close()
 
 

@@ -22,6 +22,7 @@ from ohmward.onboard.robot_state import Level, plain_state
 from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.terminal import line_of
 from ohmward.onboard.state_folder import StateFolder
+from ohmward.onboard.store.rows import columns_of
 from ohmward.traction.robot.packaged import load_robot
 
 
@@ -248,7 +249,8 @@ def _shown(state, process):
     seen, plain = view(state), plain_state(state)
     process.state = state
     topics = dict(MqttSink(numbers=("battery.soc", "slip.speed_m_s", "pose.x_m")).payloads(state))
-    speed, soc = history_row(state)[HISTORY.index("speed_m_s")], history_row(state)[HISTORY.index("soc")]
+    row = history_row(state.unix_s, columns_of(state))
+    speed, soc = row[HISTORY.index("speed_m_s")], row[HISTORY.index("soc")]
     gauges = metrics({"name": "rover", **seen})
     return {
         "page": seen["charge"] and seen["drive"] and seen["pose"],

@@ -15,10 +15,8 @@ import pytest
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
-from ohmward.onboard.sinks.server import InfluxSink, PostgresqlSink
+from ohmward.onboard.sinks.server import InfluxSink, PostgresqlSink, lines, write_lines, write_rows
 from ohmward.onboard.store.delivery import deliver, send_batch
-from ohmward.onboard.store.influx import lines, write_lines
-from ohmward.onboard.store.postgresql import write
 from ohmward.onboard.store.rows import Row
 from ohmward.onboard.store.spool import Spool
 from onboard.page_server import drive
@@ -167,14 +165,14 @@ def test_every_row_is_once_in_a_server_of_line_protocol(tmp_path, server):
 
 def in_influx(address):
     query = urllib.parse.urlencode({"db": "robots", "q": "SELECT count(soc) FROM battery WHERE robot = 'rover'"})
-    with urllib.request.urlopen(f"{address}/query?{query}", timeout=10) as answer:
+    with urllib.request.urlopen(f"{address}/query?{query}", timeout=60) as answer:
         return json.load(answer)["results"][0]["series"][0]["values"][0][1]
 
 
 def in_victoria(address):
-    urllib.request.urlopen(f"{address}/internal/force_flush", timeout=10).read()
+    urllib.request.urlopen(f"{address}/internal/force_flush", timeout=60).read()
     match = urllib.parse.urlencode({"match[]": 'battery_soc{robot="rover"}'})
-    with urllib.request.urlopen(f"{address}/api/v1/export?{match}", timeout=10) as answer:
+    with urllib.request.urlopen(f"{address}/api/v1/export?{match}", timeout=60) as answer:
         series = [json.loads(line) for line in answer]
     return sum(len(set(one["timestamps"])) for one in series)
 
@@ -182,7 +180,7 @@ def in_victoria(address):
 def test_every_row_is_once_in_postgresql(tmp_path):
     port = free_port()
     with postgresql(tmp_path, port) as address:
-        send = partial(write, robot="rover", address=address)
+        send = partial(write_rows, robot="rover", address=address)
         send(rows(100))
         send(rows(100, 50))
         sink = PostgresqlSink(address, robot="rover", spool=str(tmp_path / "spool"), interval_s=0.0)
@@ -259,7 +257,7 @@ def test_rows_that_a_server_will_never_take_do_not_hold_up_the_others(tmp_path, 
     port = free_port()
     with influxdb(tmp_path, port) as address:
         short = "CREATE RETENTION POLICY short ON robots DURATION 1h REPLICATION 1 DEFAULT"
-        urllib.request.urlopen(f"{address}/query", urllib.parse.urlencode({"q": short}).encode(), timeout=10).read()
+        urllib.request.urlopen(f"{address}/query", urllib.parse.urlencode({"q": short}).encode(), timeout=60).read()
         old = Row("battery", NOW_NS - 5 * 3600 * 10**9, {"soc": 0.5})
         write_lines(f"{address}/write?db=robots", lines([old, *rows(5)], "rover"))
         assert in_influx(address) == 5
@@ -270,13 +268,13 @@ def test_robots_do_not_wait_for_each_other_in_postgresql(tmp_path):
     import psycopg
 
     with postgresql(tmp_path, free_port()) as address:
-        write(rows(1), "rover", address)
+        write_rows(rows(1), "rover", address)
         with psycopg.connect(address) as connection:
             connection.execute("CREATE ROLE writer LOGIN")
             connection.execute("GRANT INSERT, SELECT ON ohmward_battery, ohmward_drive TO writer")
         with psycopg.connect(address) as other:  # another robot in the middle of its rows
             other.execute("INSERT INTO ohmward_battery VALUES ('other', 1, now(), '{}')")
-            write(rows(1, 1), "rover", address.replace("user=rover", "user=writer"))
+            write_rows(rows(1, 1), "rover", address.replace("user=rover", "user=writer"))
             assert in_postgresql(address, "ohmward_battery") == 2
 
 

@@ -86,6 +86,46 @@ def test_left_and_right_exchanged():
     assert any("turn against each other" in text for text in texts(RLMA, replace(log, wheel_speed_rad_s=speeds)))
 
 
+SCRUBBING = replace(RLMA, chassis=SkidSteer(0.314, 0.314, 0.30))
+
+
+def scrubbing(gyro=1.0, wheels=1.0, **others):
+    """A robot that turns at two thirds of what its wheels say; gyro, wheels: factors of their units."""
+    log = good(SCRUBBING)
+    yaw_rate = gyro / 1.5 * log.yaw_rate_rad_s
+    return replace(
+        log, wheel_speed_rad_s=wheels * log.wheel_speed_rad_s, yaw_rate_rad_s=yaw_rate, **{"speed_m_s": None, **others}
+    )
+
+
+@pytest.mark.parametrize(
+    ("log", "expected"),
+    [
+        (scrubbing(), []),
+        (scrubbing(gyro=-1.0), ["turn against each other"]),
+        (scrubbing(wheels=0.12), ["the wheels in m/s? use --unit wheel_speed=m/s"]),
+        (scrubbing(gyro=180.0 / np.pi), ["the gyro in degrees per second? use --unit yaw_rate=deg/s"]),
+    ],
+)
+def test_signs_and_units_of_a_robot_whose_wheels_scrub(log, expected):
+    found = texts(SCRUBBING, log)
+    assert len(found) == len(expected) and all(part in text for part, text in zip(expected, found, strict=True))
+
+
+def test_a_gyro_that_only_has_noise_shows_no_unit():
+    """The robot drives straight on, and no factor makes its noise a turn."""
+    noise = 0.3 * np.random.default_rng(0).standard_normal(TIME.size)
+    log = good()
+    assert texts(RLMA, replace(log, wheel_speed_rad_s=np.full((TIME.size, 4), 3.0), yaw_rate_rad_s=noise)) == []
+
+
+def test_wheels_that_no_such_robot_has_are_in_another_unit():
+    (text,) = texts(
+        RLMA, replace(good(), wheel_speed_rad_s=100.0 * good().wheel_speed_rad_s, yaw_rate_rad_s=None, speed_m_s=None)
+    )
+    assert "plausible are -83.33 to 83.33; in another unit? use --unit wheel_speed=rpm, deg/s or mm/s" in text
+
+
 def test_a_current_of_the_wrong_sign():
     log = changed(good(), "motor_current_A", 0, np.negative)
     (text,) = texts(RLMA, log)

@@ -28,7 +28,7 @@ from ohmward_lab.published.textbook_joint import TextbookJoint
 _CODE_BYTES = 690
 
 #: Standard deviation of the open-circuit voltage about the first voltage, in the test of the joint filter [V].
-BULK_STD_V = 0.05
+EXAMPLE_BULK_STD_V = 0.05
 
 
 class NoFlag(IntFlag):
@@ -46,9 +46,9 @@ def joint_export(battery: Battery, name: str, sample_time_s: float | None, style
         name=name,
         title=f"States and parameters of the RC model of {battery.name}: adaptive unscented filter as published",
         step=trace(at_rate(joint.step), state, EXAMPLE),
-        start=trace(joint.start, EXAMPLE, BULK_STD_V),
+        start=trace(joint.start, EXAMPLE, EXAMPLE_BULK_STD_V),
         flags=NoFlag,
-        arguments=(BULK_STD_V,),
+        arguments=(EXAMPLE_BULK_STD_V,),
         samples=vector_samples(battery),
         loops=_loops(joint, state, name, at_rate) if style == "loops" else None,
     )

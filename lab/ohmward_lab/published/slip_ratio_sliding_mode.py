@@ -25,7 +25,7 @@ from ohmward.traction.control.sliding_mode import STEPS_PER_TIME_CONSTANT, Uncer
 from ohmward.traction.control.slip_law import Motion, NoMemory
 
 #: The least 1 - lambda that the law divides by.
-LEAST_DIVISOR = 0.05
+LEAST_REMAINDER = 0.05
 
 
 class SlipDynamics(NamedTuple):
@@ -74,7 +74,7 @@ class SlipRatioSlidingMode:
         r, J, unsure = wheel.radius_m, wheel.inertia_kg_m2, self.uncertainty
         V = maximum(maximum(motion.rim_m_s, motion.travel_m_s), self.floor_m_s)
         slip = (motion.rim_m_s - motion.travel_m_s) / V
-        grip, skid = maximum(1 - maximum(slip, 0.0), LEAST_DIVISOR), 1 + minimum(slip, 0.0)
+        grip, skid = maximum(1 - maximum(slip, 0.0), LEAST_REMAINDER), 1 + minimum(slip, 0.0)
         f = -(skid * motion.acceleration_m_s2 + r * r * grip * motion.force_N / J) / V
         beta = unsure.inertia_factor
         by_force = r * r * grip * (beta * unsure.force_N + (beta - 1) * abs(motion.force_N)) / J

@@ -32,7 +32,7 @@ from ohmward_lab.simulate.profile import Profile
 #: Index of the state of charge in the state of the circuit.
 SOC = 0
 #: Newton converges quadratically from one side: four steps reach rounding.
-_NEWTON_STEPS = 4
+_LIMIT_STEPS = 4
 #: Parts of the integral over SoC in `stored_energy_J`.
 _ENERGY_PARTS = 4000
 
@@ -169,7 +169,7 @@ def current_at(overpotential_V: Any, u: CircuitInput, soc: Any, battery: Simulat
     Newton from the tangent at 0, which lies beyond the curve: the steps approach the root from one side.
     """
     i = overpotential_V / instant_drop(0.0, u, soc, battery)[1]
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(_LIMIT_STEPS):
         drop_V, slope_ohm = instant_drop(i, u, soc, battery)
         i = i - (drop_V - overpotential_V) / slope_ohm
     return i

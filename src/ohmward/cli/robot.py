@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +12,7 @@ from ohmward.errors import InputError
 
 if TYPE_CHECKING:
     from ohmward.traction.robot.robot import Robot
+    from ohmward.traction.robot.urdf import UrdfRobot
 
 EXAMPLES = """\
   ohmward robot --radius 0.06 --track 0.3 --mass 12 -o robot.toml
@@ -69,29 +69,30 @@ def run(args: argparse.Namespace) -> Outcome:
     from ohmward.traction.robot.robot import save_robot
 
     check_output("--output", args.output, (".toml",))
-    robot, joints, assumed = _robot(args)
+    found = _found(args)
     if args.name:
-        robot = replace(robot, name=args.name)
+        found = found._replace(robot=replace(found.robot, name=args.name))
     backup = back_up(Path(args.output)) if args.output else None
     if args.output:
-        save_robot(robot, args.output)
+        save_robot(found.robot, args.output)
     summary = {
         "command": "robot",
-        **_facts(robot),
-        "wheels": [place._asdict() for place in robot.places],
-        "joints": joints,
-        "assumed": list(assumed),
+        **_facts(found.robot),
+        "wheels": [place._asdict() for place in found.robot.places],
+        "joints": found.joints,
+        "imu_rpy": found.imu_rpy,
+        "assumed": list(found.assumed),
         "output": args.output,
         "backup": str(backup) if backup else None,
     }
-    return Outcome(summary, _text(robot, joints, assumed, args.output, backup), assumed)
+    return Outcome(summary, _text(found, args.output, backup), found.assumed)
 
 
-def _robot(args: argparse.Namespace) -> tuple[Robot, dict[str, str], tuple[str, ...]]:
-    """The robot that is asked for, joints of its wheels, and what was assumed."""
+def _found(args: argparse.Namespace) -> UrdfRobot:
+    """The robot that is asked for; only a URDF has joints and inertial units."""
     from ohmward.traction.robot.generic import generic_robot
     from ohmward.traction.robot.packaged import PACKAGED, load_robot
-    from ohmward.traction.robot.urdf import read_urdf
+    from ohmward.traction.robot.urdf import UrdfRobot, read_urdf
 
     sizes = {"--mass": args.mass, "--radius": args.radius, "--track": args.track}
     if args.source is None:
@@ -101,12 +102,13 @@ def _robot(args: argparse.Namespace) -> tuple[Robot, dict[str, str], tuple[str, 
         if missing:
             raise InputError(f"a robot needs {' and '.join(missing)} too")
         robot = generic_robot(args.mass, args.radius, args.track, args.wheelbase, args.gear, args.layout)
-        return robot, {}, ("motors and yaw inertia: as usual for these sizes; `ohmward calibrate` finds what they are",)
+        assumed = "motors and yaw inertia: as usual for these sizes; `ohmward calibrate` finds what they are"
+        return UrdfRobot(robot, {}, {}, (assumed,))
     if args.source.lower().endswith((".urdf", ".xacro", ".xml")):
         return read_urdf(args.source, args.radius, args.mass)
     if given := [option for option, size in sizes.items() if size is not None]:
         raise InputError(f"{', '.join(given)}: {args.source} has its own; write it with -o and edit that")
-    return load_robot(args.source), {}, ()
+    return UrdfRobot(load_robot(args.source), {}, {}, ())
 
 
 def _facts(robot: Robot) -> dict[str, Any]:
@@ -123,11 +125,11 @@ def _facts(robot: Robot) -> dict[str, Any]:
     }
 
 
-def _text(robot: Robot, joints: dict[str, str], assumed: Sequence[str], output: str | None, backup: Path | None) -> str:
+def _text(found: UrdfRobot, output: str | None, backup: Path | None) -> str:
     """Facts and a drawing, what was assumed, and what to do next."""
     from ohmward.onboard.sources.ros2 import wheel_of
 
-    facts = _facts(robot)
+    robot, facts = found.robot, _facts(found.robot)
     lines = [
         f"{facts['name']}: {facts['chassis']}, {robot.mass_kg:g} kg, wheels of {robot.wheel.radius_m:.4g} m",
         "",
@@ -138,12 +140,14 @@ def _text(robot: Robot, joints: dict[str, str], assumed: Sequence[str], output: 
             for p in robot.places
         ),
     ]
-    if assumed:
-        lines += ["", "Assumed:", *(f"  - {sentence}" for sentence in assumed)]
-    unlike = {wheel: joint for wheel, joint in joints.items() if wheel_of(joint) != wheel}
-    if unlike:
-        named = ", ".join(f'{wheel} = "{joint}"' for wheel, joint in unlike.items())
-        lines += ["", f"In the [[source]] of ROS 2 in the setup of `run`: joints = {{ {named} }}"]
+    if found.assumed:
+        lines += ["", "Assumed:", *(f"  - {sentence}" for sentence in found.assumed)]
+    unlike = {wheel: joint for wheel, joint in found.joints.items() if wheel_of(joint) != wheel}
+    named = ", ".join(f'{wheel} = "{joint}"' for wheel, joint in unlike.items())
+    settings = [f"joints = {{ {named} }}"] if named else []
+    settings += [f"imu_rpy = {[round(angle, 4) for angle in rpy]}  # {name}" for name, rpy in found.imu_rpy.items()]
+    if settings:
+        lines += ["", "Of the [[source]] of ROS 2 in the setup of `run`:", *(f"  {line}" for line in settings)]
     if output:
         lines += ["", f"robot file: {output}" + (f"; before: {backup}" if backup else "")]
         lines += ["", "Next:", f"  - ohmward slip drive.csv --robot {output} --report slip.html"]

@@ -35,23 +35,14 @@ _MEASURES = tuple(name for name in Stretch._fields if name not in ("terrain", "p
 
 @dataclass(frozen=True)
 class Leg:
-    """One leg of a plan, driven at constant speed.
+    """One leg of a plan, driven at constant speed."""
 
-    Attributes:
-        distance_m: >= 0; 0 with `stop_s` is a stop.
-        terrain: its name.
-        speed_m_s: > 0.
-        grade_rad: slope, > 0 uphill.
-        stop_s: standing time at its end.
-        payload_kg: on top of the robot's mass.
-    """
-
-    distance_m: float
-    terrain: str
-    speed_m_s: float
-    grade_rad: float = 0.0
-    stop_s: float = 0.0
-    payload_kg: float = 0.0
+    distance_m: float  #: >= 0; 0 with `stop_s` is a stop
+    terrain: str  #: its name
+    speed_m_s: float  #: > 0
+    grade_rad: float = 0.0  #: slope, > 0 uphill
+    stop_s: float = 0.0  #: standing time at its end
+    payload_kg: float = 0.0  #: on top of the robot's mass
 
     def __post_init__(self) -> None:
         if not self.terrain:

@@ -77,23 +77,16 @@ class RangeSample(NamedTuple):
 
 
 class RangeEstimate(NamedTuple):
-    """Range after a sample. Quantiles are P10, P50 and P90; P10 is reached with 90 % probability.
+    """Range after a sample; the first four are `Quantiles`, of which P10 is reached with 90 % probability."""
 
-    distance_m, duration_s: until the reserve, over ground like that of late.
-    usable_J: energy above the reserve.
-    energy_J_per_m: of the ground ahead.
-    home_probability: of coming home with the reserve left; nan where the way is not known.
-    driven_m: since the start.
-    flags: sum of `RangeFlag` values; 0 is a sample without incident.
-    """
-
+    #: until the reserve, over ground like that of late
     distance_m: Any
     duration_s: Any
-    usable_J: Any
-    energy_J_per_m: Any
-    home_probability: Any
-    driven_m: Any
-    flags: Any
+    usable_J: Any  #: energy above the reserve
+    energy_J_per_m: Any  #: of the ground ahead
+    home_probability: Any  #: of coming home with the reserve left; nan where the way is not known
+    driven_m: Any  #: since the start
+    flags: Any  #: sum of `RangeFlag` values; 0 is a sample without incident
 
     @property
     def assumed(self) -> Any:

@@ -18,7 +18,7 @@ from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis, InitialSoc
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
-from ohmward.export.c_library import Export, VoltageStartPrograms
+from ohmward.export.c_library import VECTORS, Export, VoltageStartPrograms
 from ohmward.export.loops import EXAMPLE, textbook_loops
 from ohmward.lab import lab
 from ohmward.trace import trace
@@ -33,8 +33,6 @@ WITH_LOOPS = ("textbook-ekf", "textbook-ukf", JOINT)
 WITH_LINES = ("textbook-ekf", "textbook-ukf")
 
 Style = Literal["lines", "loops"]
-
-_STEPS = 64
 
 
 def battery_export(
@@ -140,9 +138,9 @@ def vector_samples(battery: Battery) -> np.ndarray:
     """Samples (T, 4) of the test vectors: a drive, a rest, charging, and faults of each sensor."""
     rng = np.random.default_rng(0)
     capacity = battery.capacity_Ah
-    current = capacity * np.concatenate([rng.normal(-0.5, 0.5, _STEPS // 2), np.zeros(8), rng.uniform(0, 0.5, 24)])
-    voltage = usual_voltage(battery) * (1.0 + 0.01 * rng.standard_normal(_STEPS)) + 0.002 * current / capacity
-    samples = np.stack([np.ones(_STEPS), current, voltage, np.full(_STEPS, ROOM_DEGC)], axis=1)
+    current = capacity * np.concatenate([rng.normal(-0.5, 0.5, VECTORS // 2), np.zeros(8), rng.uniform(0, 0.5, 24)])
+    voltage = usual_voltage(battery) * (1.0 + 0.01 * rng.standard_normal(VECTORS)) + 0.002 * current / capacity
+    samples = np.stack([np.ones(VECTORS), current, voltage, np.full(VECTORS, ROOM_DEGC)], axis=1)
     for row, column, value in _FAULTS:
         samples[row, column] = value
     samples[0, 0] = 0.0

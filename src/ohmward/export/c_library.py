@@ -53,6 +53,10 @@ _TIME_OF_LOOPS = "A step has loops of fixed length, and takes nearly the same ti
 _CHOICES = frozenset({"minimum", "maximum", "where", "sign"})
 
 
+#: Samples of an export with which Python and C are compared.
+VECTORS = 64
+
+
 class VoltageStartPrograms(NamedTuple):
     """Start from the first voltage, see `VoltageStart`."""
 

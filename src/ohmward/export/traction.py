@@ -9,7 +9,7 @@ import numpy as np
 
 from ohmward.checks import require_one_of
 from ohmward.errors import InputError
-from ohmward.export.c_library import Export
+from ohmward.export.c_library import VECTORS, Export
 from ohmward.trace import trace
 from ohmward.traction import control
 from ohmward.traction.control import (
@@ -40,7 +40,6 @@ CONTROLLERS = ("slip-controller", "speed-controller")
 
 #: Name of the odometry among the filters.
 ODOMETRY = "odometry"
-_STEPS = 64
 
 
 class ControlSample(NamedTuple):
@@ -152,7 +151,7 @@ def _drive(observer: SpeedObserver) -> np.ndarray:
     """Samples (T, m): from rest, with a wheel that spins, and faults of encoder, motor current and clock."""
     rng, robot = np.random.default_rng(0), observer.scene.robot
     rows = []
-    for k in range(_STEPS):
+    for k in range(VECTORS):
         wheels = np.full(len(robot.places), 0.1 * k) + 0.05 * rng.standard_normal(len(robot.places))
         wheels[0] += 2.0 * (30 < k < 40)
         currents = 1.0 + 0.1 * rng.standard_normal(robot.driven)
@@ -167,7 +166,7 @@ def _way(settings: PoseFilter) -> np.ndarray:
     """Samples (T, m): a curve, with faults of encoder, gyro and clock, and a speed from outside."""
     rng, driven = np.random.default_rng(0), settings.robot.driven
     rows = []
-    for k in range(_STEPS):
+    for k in range(VECTORS):
         wheels = np.linspace(1.0, 1.2, driven) * min(0.1 * k, 3.0) + 0.01 * rng.standard_normal(driven)
         sample = no_sample(settings.robot)
         speeds = np.concatenate([wheels, sample.wheel_speed_rad_s[driven:]])
@@ -184,7 +183,7 @@ def _way(settings: PoseFilter) -> np.ndarray:
 def _commands(command: Any, radius_m: float) -> np.ndarray:
     """Samples (T, m): driving, braking, an outdated speed, an excessive command and a missing speed."""
     rng, rows = np.random.default_rng(0), []
-    for k in range(_STEPS):
+    for k in range(VECTORS):
         speed = 0.02 * k
         wanted = command._replace(**{command._fields[0]: 0.12 if k < 40 else -0.1})
         seen = Measurement(speed * (1.1 + 0.02 * rng.standard_normal()) / radius_m, speed, 1.0 if 20 < k < 25 else 0.0)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-import threading
 import time
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
@@ -11,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ohmward.errors import OhmwardError
-from ohmward.onboard.message import Handover
+from ohmward.onboard.message import Handover, read_in_thread
 from ohmward.optional import require
 
 #: Error class "bus off" in the identifier of an error frame, linux/can/error.h.
@@ -91,33 +89,23 @@ class Frame(NamedTuple):
 @asynccontextmanager
 async def frames_of(port: CanPort, filters: list[dict[str, Any]] | None = None) -> AsyncIterator[Handover[Frame]]:
     """Frames of a bus, read in a thread; it fails where the bus does or goes off."""
-    bus, handover, end = port.open(filters), Handover[Frame](), threading.Event()
-    thread = threading.Thread(target=_read, args=(bus, port, handover, end), name=f"read {port.channel}", daemon=True)
-    thread.start()
-    try:
-        yield handover
-    finally:
-        end.set()
-        await asyncio.to_thread(thread.join, 2 * _RECEIVE_S)
-        bus.shutdown()
+    bus = port.open(filters)
 
-
-def _read(bus: Any, port: CanPort, handover: Handover[Frame], end: threading.Event) -> None:
-    """Read frames until the end."""
-    while not end.is_set():
-        try:
-            message = bus.recv(_RECEIVE_S)
-        except Exception as error:  # drivers raise of every kind
-            handover.fail(port.failed(error))
-            return
+    def read() -> Frame | None:
+        message = bus.recv(_RECEIVE_S)
         if message is None or message.is_remote_frame:
-            continue
+            return None
         if message.is_error_frame:
             if message.arbitration_id & _BUS_OFF:
-                handover.fail(bus_off_error(port.channel))
-                return
-            continue
-        handover.put(Frame(message, time.monotonic()))
+                raise bus_off_error(port.channel)
+            return None
+        return Frame(message, time.monotonic())
+
+    try:
+        async with read_in_thread(port.channel, read, port.failed, _RECEIVE_S) as frames:
+            yield frames
+    finally:
+        bus.shutdown()
 
 
 def bus_off_error(channel: str) -> OhmwardError:

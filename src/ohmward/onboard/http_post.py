@@ -15,7 +15,7 @@ from ohmward.errors import OhmwardError
 TIMEOUT_S = 20.0
 
 #: So much of an answer is read.
-_MOST_BYTES = 300
+_ANSWER_BYTES = 300
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
@@ -44,9 +44,9 @@ def post(url: str, text: str, headers: Mapping[str, str]) -> Answer:
     request = urllib.request.Request(url, text.encode(), dict(headers), method="POST")
     try:
         with _OPENER.open(request, timeout=TIMEOUT_S) as answer:
-            return Answer(answer.status, answer.read(_MOST_BYTES).decode("utf-8", "replace").strip())
+            return Answer(answer.status, answer.read(_ANSWER_BYTES).decode("utf-8", "replace").strip())
     except urllib.error.HTTPError as error:
-        return Answer(error.code, error.read(_MOST_BYTES).decode("utf-8", "replace").strip() or str(error.reason))
+        return Answer(error.code, error.read(_ANSWER_BYTES).decode("utf-8", "replace").strip() or str(error.reason))
     except (OSError, http.client.HTTPException) as error:
         reason = getattr(error, "reason", error)
         place = urllib.parse.urlsplit(url).netloc

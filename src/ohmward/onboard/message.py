@@ -5,13 +5,15 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
 from ohmward.checks import require_finite
-from ohmward.errors import InputError
+from ohmward.errors import InputError, OhmwardError
 from ohmward.quantities import quantity_of
 
 
@@ -146,3 +148,34 @@ class Handover(Generic[T]):
     def _wake(self) -> None:
         if not self._something.is_set() and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._something.set)
+
+
+@asynccontextmanager
+async def read_in_thread(
+    name: str, read: Callable[[], T | None], failed: Callable[[Exception], OhmwardError], wait_s: float
+) -> AsyncIterator[Handover[T]]:
+    """Items that `read` gives, called again and again in a thread until the end.
+
+    name: of what is read.
+    read: waits at most `wait_s` for an item; None where none has come.
+    failed: the error that `take` raises for one of `read`, if that says no fix itself; nothing more is read then.
+    """
+    handover, end = Handover[T](), threading.Event()
+
+    def work() -> None:
+        while not end.is_set():
+            try:
+                item = read()
+            except Exception as error:  # drivers raise of every kind
+                handover.fail(error if isinstance(error, OhmwardError) else failed(error))
+                return
+            if item is not None:
+                handover.put(item)
+
+    thread = threading.Thread(target=work, name=f"read {name}", daemon=True)
+    thread.start()
+    try:
+        yield handover
+    finally:
+        end.set()
+        await asyncio.to_thread(thread.join, 2 * wait_s)

@@ -14,7 +14,7 @@ from ohmward.report.map import Line, Map
 #: Size of the picture [px], and the columns in which its lines are looked at.
 _WIDTH, _HEIGHT, _COLUMNS = 320.0, 90.0, 320
 #: Extent of a path that does not move in a direction.
-_TINY: Final = 1e-9
+_LEAST_EXTENT: Final = 1e-9
 _CARD: Final = "display:inline-flex;gap:24px;align-items:center;font-size:13px;line-height:1.5"
 _NAME: Final = "font-size:13px;text-align:left;padding:0 12px 0 0;font-weight:normal;opacity:.7"
 _VALUE: Final = "font-size:13px;text-align:left;padding:0"
@@ -50,7 +50,7 @@ def _path(line: Line) -> str:
     if len(points) < 2:
         return ""
     low, extent = points.min(axis=0), np.ptp(points, axis=0)
-    scale = np.full(2, min(_WIDTH / (extent[0] or _TINY), _HEIGHT / (extent[1] or _TINY)))
+    scale = np.full(2, min(_WIDTH / (extent[0] or _LEAST_EXTENT), _HEIGHT / (extent[1] or _LEAST_EXTENT)))
     return _polyline(_places(points[:, 0], points[:, 1], low, scale), SHADES[MEANING[line.role]].light)
 
 

@@ -171,22 +171,18 @@ Side = Literal["left", "right"]
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Samples (x_i, y_i) with a label.
+    """Samples (x_i, y_i) with a label; of a long line those that `finest` picks, which is all that can be seen of it.
 
-    x: (n,) ascending (points may come in any order), y: (n,), NaN (or an infinity) is a gap in the line.
-       Of a long line only those samples stay that `finest` picks: all that can be seen of a log.
-    style: "line", "points", "step" (each value holds until the next sample) or "dashed".
-    role: meaning of the colour, see `MEANING`; "auto" takes the next free hue.
-    axis: its y axis, "left" or "right".
-    Raises: InputError for lengths that differ, descending x, an unknown style, role or axis.
+    Raises:
+        InputError: lengths that differ, descending x, an unknown style, role or axis.
     """
 
-    x: np.ndarray
-    y: np.ndarray
+    x: np.ndarray  #: (n,) ascending; points may come in any order
+    y: np.ndarray  #: (n,), NaN (or an infinity) is a gap in the line
     label: str
-    style: Style = "line"
-    role: Role = "auto"
-    axis: Side = "left"
+    style: Style = "line"  #: a "step" holds each value until the next sample
+    role: Role = "auto"  #: meaning of the colour, see `MEANING`; "auto" takes the next free hue
+    axis: Side = "left"  #: its y axis
 
     def __post_init__(self) -> None:
         require_one_of("style", self.style, get_args(Style))

@@ -34,17 +34,15 @@ NEAR_PX: Final = 0.5
 class Line:
     """A line through points in their order, in any direction.
 
-    x, y: (n,); a point with NaN is a gap.
-    role: meaning of its colour, see `MEANING`.
-
     Raises:
         InputError: lengths that differ, an unknown role.
     """
 
+    #: (n,); a point with NaN is a gap
     x: np.ndarray
     y: np.ndarray
     label: str
-    role: Meaning = "estimate"
+    role: Meaning = "estimate"  #: meaning of its colour, see `MEANING`
 
     def __post_init__(self) -> None:
         require_one_of("role", self.role, tuple(MEANING))

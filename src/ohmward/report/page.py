@@ -43,14 +43,11 @@ class Block(Protocol):
 
 @dataclass(frozen=True)
 class Page:
-    """A title and the blocks below it. Immutable: every method returns a new page with one block more.
-
-    subtitle: a line under the title.  footer: the last line, for a time stamp and a version: nothing here reads a
-    clock, so that equal input gives equal bytes.
-    """
+    """A title and the blocks below it. Immutable: every method returns a new page with one block more."""
 
     title: str
-    subtitle: str = ""
+    subtitle: str = ""  #: a line under the title
+    #: the last line, for a time stamp and a version: nothing here reads a clock, so that equal input gives equal bytes
     footer: str = ""
     body: tuple[str, ...] = ()
     headings: tuple[str, ...] = ()

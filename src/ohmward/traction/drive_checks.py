@@ -20,7 +20,7 @@ from ohmward.runs import long_runs
 from ohmward.signals.checks import beyond_limits, stuck
 from ohmward.traction.motion.held import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import require_wheels
-from ohmward.traction.motion_check import CURED, FEWEST, LASTS_S, against_gyro, check_signs, check_units, motion_of
+from ohmward.traction.motion_check import CURED, FEWEST, LASTS_S, SCRUBS, check_signs, check_units, motion_of
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.make_observer import (
     TURNS_RAD_S,
@@ -150,25 +150,10 @@ def _spikes(robot: Robot, log: DriveLog) -> Iterator[str]:
 
 
 def _contradictions(robot: Robot, log: DriveLog) -> Iterator[str]:
-    """Signs and units by which wheels and gyro contradict each other; wheels that scrub turn faster than the robot."""
-    motion = motion_of(robot, log.wheel_speed_rad_s.T, None if robot.chassis.scrubs else log.yaw_rate_rad_s)
-    signs = [str(finding) for _, finding in check_signs(robot, motion, "log")]
-    if robot.chassis.scrubs and log.yaw_rate_rad_s is not None and _turns_against_gyro(robot, log):
-        signs.append(str(against_gyro("log")))
-    signs = signs or list(_unsigned_wheels(robot, log))
+    """Signs and units by which wheels and gyro contradict each other."""
+    motion = motion_of(robot, log.wheel_speed_rad_s.T, log.yaw_rate_rad_s)
+    signs = [str(finding) for _, finding in check_signs(robot, motion, "log")] or list(_unsigned_wheels(robot, log))
     yield from signs or map(str, check_units(robot, motion, "log"))
-
-
-def _turns_against_gyro(robot: Robot, log: DriveLog) -> bool:
-    """True for a robot that turns left by its wheels and right by its gyro, over a full turn in all."""
-    assert log.yaw_rate_rad_s is not None
-    wheels = yaw_rate_of_wheels(robot, log.wheel_speed_rad_s)
-    rows = np.isfinite(wheels) & (np.abs(log.yaw_rate_rad_s) > YAWS_RAD_S)
-    turned_rad = np.abs(log.yaw_rate_rad_s[rows]) @ np.diff(log.time_s, prepend=log.time_s[0])[rows]
-    if rows.sum() < FEWEST or turned_rad < 2 * math.pi:
-        return False
-    wheels, gyro = wheels[rows], log.yaw_rate_rad_s[rows]
-    return bool(wheels @ gyro <= -0.5 * max(math.sqrt(wheels @ wheels * (gyro @ gyro)), 1e-12))
 
 
 def _beyond_limits(robot: Robot, log: DriveLog) -> Iterator[str]:
@@ -186,7 +171,7 @@ def _beyond_limits(robot: Robot, log: DriveLog) -> Iterator[str]:
                 beyond[name] = low, high
         if beyond:
             lowest, highest = min(low for low, _ in beyond.values()), max(high for _, high in beyond.values())
-            what = f"the {part} of {' and '.join(beyond)} "
+            what = f"the {part} of {', '.join(beyond)} "
             radius_m = robot.wheel.radius_m
             found = beyond_limits(quantity, lowest, highest, limits, "log", what, radius_m=radius_m)
             yield from map(str, found)
@@ -204,7 +189,9 @@ def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     if rows.sum() < FEWEST:
         return
     gyro = log.yaw_rate_rad_s[rows]
-    left = (yaws[:, rows] - gyro) ** 2
+    slower = np.linspace(1.0, 1.0 / SCRUBS, 9) if robot.chassis.scrubs else (1.0,)
+    tried = [(share * yaws[:, rows] - gyro) ** 2 for share in slower]
+    left = min(tried, key=lambda one: float(one.min(axis=0).sum()))
     if left[0].sum() < CONTRADICTION * (gyro @ gyro) or left.min(axis=0).sum() > CURED * left[0].sum():
         return
     against = np.count_nonzero(left[0] > YAWS_RAD_S**2)

@@ -33,8 +33,12 @@ TURNING_RAD_S = 0.5
 #: Contradictions [rad/s] below this are the noise of encoders and gyro, and a little slip.
 LEAST_RAD_S = 0.1
 
-#: Wheels and gyro differ by no more than this factor by radius and track.
-MOST_FASTER = 1.5
+#: Wheels and gyro differ by no more than the first factor by radius and track; wheels that scrub turn faster than the
+#: robot by no more than the second.
+MOST_FASTER, SCRUBS = 1.5, 3.0
+
+#: A unit is a factor, which leaves the yaw rates of wheels and gyro correlated by this much at least.
+ALIKE = 0.8
 
 _SPEED, _YAW_RATE = "wheel_speed_rad_s", "yaw_rate_rad_s"
 
@@ -86,21 +90,23 @@ def check_signs(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[tu
 def check_units(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[Finding]:
     """A finding on wheels that turn the robot much faster or slower than the gyro says."""
     faster = _faster_than_gyro(robot, motion)
-    if not math.isfinite(faster) or 1.0 / MOST_FASTER < faster < MOST_FASTER:
+    if not math.isfinite(faster) or _fits(robot, faster):
         return
     wheel, gyro = QUANTITIES["wheel_speed_rad_s"], QUANTITIES["yaw_rate_rad_s"]
     fixes = [
         f"the wheels in {rescale(wheel, scale, place)}"
         for scale in scales_of(wheel, robot.wheel.radius_m)
-        if 1.0 / MOST_FASTER < scale.factor * faster < MOST_FASTER
+        if _fits(robot, scale.factor * faster)
     ]
     fixes += [
-        f"the gyro in {rescale(gyro, scale, place)}"
-        for scale in scales_of(gyro)
-        if 1.0 / MOST_FASTER < faster / scale.factor < MOST_FASTER
+        f"the gyro in {rescale(gyro, scale, place)}" for scale in scales_of(gyro) if _fits(robot, faster / scale.factor)
     ]
     fix = fixes[0] if fixes else "check their units, the radius and the track"
     yield Finding("error", f"the wheels turn the robot {faster:.3g} times as fast as the gyro", fix)
+
+
+def _fits(robot: Robot, faster: float) -> bool:
+    return 1.0 / MOST_FASTER < faster < (SCRUBS if robot.chassis.scrubs else 1.0) * MOST_FASTER
 
 
 def against_gyro(place: Place) -> Finding:
@@ -131,15 +137,17 @@ def motion_of(robot: Robot, wheel_speed_rad_s: np.ndarray, yaw_rate_rad_s: np.nd
 
 
 def _faster_than_gyro(robot: Robot, motion: SensedMotion) -> float:
-    """Yaw rate by the wheels over that of the gyro, nan where they do not tell it or the robot has hardly turned."""
+    """Yaw rate by the wheels over that of the gyro; nan where no factor makes them alike, or it hardly turned."""
     (seen, rows, values), gyro = motion, len(robot.places)
     wheels = [n for n, k in enumerate(seen) if k < gyro]
     if gyro not in seen or np.linalg.matrix_rank(rows) > np.linalg.matrix_rank(rows[wheels]):
         return math.nan
     row, rate = rows[seen.index(gyro)], values[seen.index(gyro)]
     by_wheels = row @ np.linalg.lstsq(rows[wheels], values[wheels], rcond=None)[0]
-    power = float(rate @ rate)
-    return float(by_wheels @ rate) / power if power > max(rate.size, FEWEST) * LEAST_RAD_S**2 else math.nan
+    power, product = float(rate @ rate), float(by_wheels @ rate)
+    enough = power > max(rate.size, FEWEST) * LEAST_RAD_S**2
+    alike = abs(product) > ALIKE * math.sqrt(power * float(by_wheels @ by_wheels))
+    return product / power if enough and alike else math.nan
 
 
 class MotionCheck:

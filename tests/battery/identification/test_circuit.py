@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_log, steps
+from ohmward.battery.chemistries import HysteresisPrior, Normal, chemistry_prior
 from ohmward.battery.identification.circuit import circuit_of, curve_notes
 from ohmward.battery.identification.circuit_design import (
     OCV_KNOTS,
@@ -15,7 +16,7 @@ from ohmward.battery.identification.circuit_design import (
     design,
 )
 from ohmward.battery.identification.circuit_fit import fit_circuit
-from ohmward.battery.identification.circuit_prior import CircuitPrior, ocv_precision
+from ohmward.battery.identification.circuit_prior import ocv_precision
 from ohmward.battery.identification.circuit_solve import CircuitProblem, last_direction, solve
 from ohmward.battery.identification.confidence import confidence_intervals, not_identified
 from ohmward.battery.identification.fit_samples import simulate, thin
@@ -25,7 +26,7 @@ from ohmward.battery.models.ocv import hat
 
 FLAT = np.ones(RESISTANCE_GRID.size)
 # The prior of the slowest pair is centred on the true one where a test is about exactness.
-PRIOR = CircuitPrior(slow_tau_s=800.0)
+PRIOR = chemistry_prior("")._replace(slow_tau_s=800.0, curve=chemistry_prior("").measured_curve)
 
 
 def problem_of(*logs, ocv=NMC_OCV, capacity_Ah=2.0, prior=PRIOR, fit_activation=False, degC=()):
@@ -86,7 +87,11 @@ def test_resistance_along_soc_is_followed():
 
 def test_hysteresis_scale_and_rate():
     p = cell(LFP_OCV, hysteresis_rate=40.0)
-    problem = problem_of(pulse_log(p, count=6, rest_s=1800.0), ocv=LFP_OCV, prior=PRIOR._replace(hysteresis=(1.0, 0.3)))
+    problem = problem_of(
+        pulse_log(p, count=6, rest_s=1800.0),
+        ocv=LFP_OCV,
+        prior=PRIOR._replace(hysteresis=HysteresisPrior(Normal(1.0, 0.3))),
+    )
     found = fit_circuit(problem, 2).solution
     assert found.x[found.layout.scale] == pytest.approx(1.0, abs=0.1)
     assert found.rates.hysteresis_rate == pytest.approx(40.0, rel=0.25)
@@ -191,7 +196,7 @@ def test_hat_is_linear_interpolation():
 
 
 def test_ocv_prior_has_the_stated_spread():
-    covariance = np.linalg.inv(ocv_precision(CircuitPrior(), NMC_OCV, 1.0))
+    covariance = np.linalg.inv(ocv_precision(PRIOR.curve, NMC_OCV, 1.0))
     k = int(np.argmin(np.abs(OCV_KNOTS - 0.5)))
     slope = np.gradient(np.asarray(NMC_OCV.mean_V(OCV_KNOTS, 25.0)), OCV_KNOTS)[k]
     assert np.sqrt(covariance[k, k]) == pytest.approx(np.hypot(0.004, 0.01 * slope), rel=1e-6)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import NMC_OCV, cell, identify, low_rate_logs, play, pulse_log, steps
-from ohmward.battery.chemistries import chemistry
-from ohmward.battery.identification.circuit_prior import LFP_WALK_FROM_RESTS
+from ohmward.battery.chemistries import chemistry, chemistry_prior
 from ohmward.battery.identification.first_ocv import FirstOcv
 from ohmward.battery.identification.ocv_from_logs import branch_axis_std, find_branches, reconcile_branches
 from ohmward.battery.identification.record import make_records
@@ -127,5 +126,5 @@ def test_between_rests_the_curve_of_iron_phosphate_bends_rather_than_its_resista
     def walk_share(source, chemistry):
         return FirstOcv(LFP, source, ()).prior(chemistry).walk_share
 
-    assert walk_share("rests", "lfp") == LFP_WALK_FROM_RESTS < walk_share("given", "lfp")
+    assert walk_share("rests", "lfp") == chemistry_prior("lfp").walk_share_from_rests < walk_share("given", "lfp")
     assert walk_share("rests", "nmc") == walk_share("given", "nmc")

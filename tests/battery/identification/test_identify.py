@@ -97,7 +97,7 @@ def test_low_rate_and_drive():
     battery = identify((*low_rate_logs(p), drive), capacity_Ah=2.0, chemistry="lfp")
     assert battery.identification.capacity_measured_Ah == pytest.approx(2.0, rel=0.01)
     assert any(battery.thevenin.ocv.hysteresis_V)
-    assert battery.noise.capacity_std_at_resistance == pytest.approx(0.03, abs=0.005)
+    assert battery.noise.capacity_std_at_resistance == pytest.approx(0.044, abs=0.005)
     assert battery.thevenin.r0_discharge_ohm[-3] == pytest.approx(0.030, rel=0.1)
     (unseen,) = [s for s in battery.not_identified if s.startswith("resistances at SoC 0 to")]
     assert "taken from the shape of the low-rate branches" in unseen

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ohmward.battery.chemistries import chemistry_prior
 from ohmward.battery.identification import identify
-from ohmward.battery.identification.circuit_prior import prior_for
 from ohmward.battery.identification.circuit_solve import error_factor
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.soc.estimator import SocEstimator
@@ -131,8 +131,8 @@ def test_charges_count_little_and_those_that_gas_hardly_at_all():
     current_A = np.array([-1.0, 1.0, 1.0])
     soc = np.array([0.9, 0.5, 0.9])
     samples = FitSamples("x", none, none, current_A, current_A, soc, soc, none, none, True, none)
-    assert error_factor(prior_for("lead-acid", False), samples).tolist() == [2.0, 6.0, 100.0]
-    assert error_factor(prior_for("nmc", False), samples).tolist() == [1.0, 1.0, 1.0]
+    assert error_factor(chemistry_prior("lead-acid"), samples).tolist() == [2.0, 6.0, 100.0]
+    assert error_factor(chemistry_prior("nmc"), samples).tolist() == [1.0, 1.0, 1.0]
 
 
 def test_the_error_of_the_overpotential_is_largest_where_the_battery_gases(battery):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from battery.identification.examples import NMC_OCV, cell, identify, play, pulse_log, steps
+from ohmward.battery.chemistries import chemistry_prior
 from ohmward.battery.identification.circuit_fit import longest_tau_s
-from ohmward.battery.identification.circuit_prior import prior_for
 from ohmward.battery.identification.record import make_records
 
 
@@ -29,7 +29,7 @@ def test_time_constants_stay_within_what_the_records_show():
     (record,) = make_records(log, 2.0)
     longest_s = longest_tau_s([record])
     assert longest_s == pytest.approx(0.1 * log.duration_s)
-    prior = prior_for("nmc", True)
+    prior = chemistry_prior("nmc")
     usual_s = prior.slow_tau_s * np.exp(1.96 * prior.slow_tau_log_std)
     battery = identify(log, capacity_Ah=2.0, chemistry="nmc", ocv=NMC_OCV, model="thevenin-1rc")
     assert longest_s < battery.thevenin.tau_s[-1] < 1.1 * usual_s

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -35,6 +37,28 @@ def cc_cv(p, start, efficiency=1.0):
 def test_given_soc_wins():
     axis = anchor_soc(record_of(pulse_log(cell(), count=2, rest_s=600)), 2.0, NMC_OCV, initial_soc=0.99)
     assert axis.soc[0] == 0.99 and axis.anchors[0].reason == "given"
+
+
+def test_a_given_start_leaves_later_full_charges_what_they_are():
+    """A charge from 30 % that is told as 31 %, by a sensor that counts too much: full is full."""
+    log = cc_cv(cell(), 0.3)
+    axis = anchor_soc(record_of(replace(log, current_A=log.current_A + 0.05)), 2.0, initial_soc=0.31)
+    assert [anchor.reason for anchor in axis.anchors] == ["given", "full charge"]
+    assert axis.soc[0] == pytest.approx(0.31) and axis.soc[axis.anchors[1].sample] == pytest.approx(1.0)
+    assert axis.efficiency == 1.0 and 0.005 < axis.std < 0.01
+    assert "given, full charge" in str(axis.notes[0])
+
+
+def test_a_start_that_full_charges_contradict_is_said():
+    """From full to full, told as 90 %."""
+    charge = cc_cv(cell(), 0.3)
+    time_s = np.concatenate([np.arange(60) * 30.0, 1800.0 + charge.time_s])
+    full_V = charge.voltage_V[charge.current_A == 0.0].max()
+    voltage_V = np.concatenate([np.full(60, full_V), charge.voltage_V])
+    log = Log("full", time_s, np.concatenate([np.zeros(60), charge.current_A]), voltage_V)
+    axis = anchor_soc(record_of(log), 2.0, initial_soc=0.9)
+    assert axis.soc[0] == pytest.approx(1.0)
+    assert "0.9 as given, but its full charges say 1.000" in str(axis.notes[-1])
 
 
 def test_end_of_a_full_charge_is_full():

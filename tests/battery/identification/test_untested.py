@@ -56,7 +56,7 @@ def test_a_sweep_inside_one_record_shows_three_activations():
     assert fit.solution.rates.activation_K == pytest.approx(TRUE.activation_K, abs=150.0)
     assert fit.solution.rates.pair_activation_K == pytest.approx(TRUE.pair_activation_K, abs=300.0)
     assert fit.solution.rates.tau_activation_K == pytest.approx(TRUE.tau_activation_K, abs=500.0)
-    assert 600.0 <= activation_std_K(fit, problem) < problem.prior.untested.activation_std_K
+    assert 600.0 <= activation_std_K(fit, problem) < problem.prior.activation_std_K
     named = {c.name: c for c in confidence_intervals(fit)}
     assert named["pair_activation_K"].low < 4200.0 < named["pair_activation_K"].high
     assert not any("temperature" in sentence for sentence in untested_sentences(fit, problem, "nmc"))
@@ -69,7 +69,7 @@ def test_one_temperature_leaves_the_prior_and_says_so():
     assert fit.solution.rates == problem.usual_rates(fit.solution.rates.tau_s)._replace(
         hysteresis_rate=fit.solution.rates.hysteresis_rate
     )
-    assert activation_std_K(fit, problem) == problem.prior.untested.activation_std_K
+    assert activation_std_K(fit, problem) == problem.prior.activation_std_K
     hysteresis, activation, curve = untested_sentences(fit, problem, "nmc")
     assert "low-rate discharge and a low-rate charge" in hysteresis
     assert unknown_hysteresis_V(problem) > 0.0
@@ -103,7 +103,7 @@ def test_rests_at_two_temperatures_show_how_the_curve_moves():
     found = np.interp(soc, np.linspace(0, 1, 201), circuit_of(fit.solution, problem, 1.0).ocv.temperature_V_per_K)
     assert found == pytest.approx(slope, rel=0.1)
     assert fit.solution.rates.pair_activation_K == pytest.approx(TRUE.pair_activation_K, abs=300.0)
-    usual = problem.volts * problem.prior.untested.ocv_std_V_per_K
+    usual = problem.volts * problem.prior.ocv_std_V_per_K
     assert 0.5 * usual <= ocv_std_V_per_K(fit, problem) < usual
 
 

@@ -143,6 +143,37 @@ def test_a_lasting_contradiction_is_noticed_in_time(fault):
     assert estimates.soc_std[lost[0] : LAST].max() > 0.1
 
 
+def test_a_voltage_that_stands_still_under_changing_loads_is_flagged_and_covered():
+    columns = samples(TRUTH, 0.02, NOISE)
+    columns.voltage_V[OUTAGE] = columns.voltage_V[FIRST]
+    _, estimates = run("ekf", columns)
+    inside = np.abs(estimates.soc - TRUTH.soc) < 1.96 * estimates.soc_std
+    assert inside[FIRST:].all()
+    assert flagged(estimates, SocFlag.NO_VOLTAGE).size > 0.8 * (LAST - FIRST)
+    assert not flagged(estimates, SocFlag.DIVERGED).size
+
+
+@pytest.mark.parametrize(("late", "diverged"), [(0, False), (1, False), (1800, True)])
+def test_a_rest_with_the_voltage_of_a_load_has_told_nothing(late, diverged):
+    """Half an hour of rest and a load: its voltage comes with the current, a sample later, or never was the rest's."""
+    current_A = np.concatenate([np.zeros(LENGTH // 3), np.full(LENGTH // 3, -2.0)])
+    truth = simulate(NMC, current_A, 0.6)
+    begin = LENGTH // 3
+    voltage_V = np.round(truth.voltage_V, 3)
+    voltage_V[begin - late : begin + 1] = voltage_V[begin if late > 1 else begin - late]
+    _, estimates = run("ekf", samples(truth)._replace(voltage_V=voltage_V))
+    assert bool(flagged(estimates, SocFlag.DIVERGED).size) == diverged
+    covered = np.abs(estimates.soc - truth.soc) < 1.96 * estimates.soc_std
+    assert covered[begin + 60 :].all()
+
+
+def test_a_charger_that_holds_the_voltage_is_no_fault():
+    current_A = np.concatenate([np.full(60, 0.0), 2.0 * np.exp(-np.arange(1800) / 600.0)])
+    truth = simulate(NMC, current_A, 0.9)
+    columns = samples(truth)._replace(voltage_V=np.full(len(current_A), 4.05))
+    assert not flagged(run("ekf", columns)[1], SocFlag.NO_VOLTAGE).size
+
+
 def test_nothing_is_lost_without_a_fault():
     _, estimates = run("ekf", broken(ONE))
     assert not flagged(estimates, SocFlag.DIVERGED | SocFlag.VOLTAGE_REJECTED).size

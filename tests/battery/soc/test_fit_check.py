@@ -60,7 +60,7 @@ def test_a_current_in_another_unit_does_not_fit(tested):
 def test_an_impossible_offset_is_flagged_live(tested):
     estimator = SocEstimator(tested, 0.5, 0.01)
     offset_A = 0.25 * tested.capacity_Ah
-    hours = _rest(tested, hours=3.0, current_A=offset_A)
+    hours = _rest(tested, hours=5.0, current_A=offset_A)
     flags = [
         estimator.update(*sample).flags for sample in zip(hours.time_s, hours.current_A, hours.voltage_V, strict=True)
     ]

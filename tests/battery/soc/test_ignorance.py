@@ -14,6 +14,7 @@ from ohmward.battery.models.thevenin import CircuitInput, StateOfHealth, next_st
 from ohmward.battery.soc.initial_soc import VoltageStart
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
+from ohmward.filters.belief import unpack
 from ohmward.trace import Kernel
 
 LIVES, STEPS, COLD_DEGC = 60, 3600, -10.0
@@ -121,6 +122,40 @@ def test_the_doubt_of_the_pairs_near_empty_opens_there_in_the_cold_only():
     cold = 8000.0 * (1 / 258.15 - 1 / 298.15) * (1 - 0.05 / 0.35)
     expected = np.hypot(noise.overpotential_share, cold)
     assert float(share(0.05, CircuitInput(-0.5, -15.0))) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_level_of_the_curve_stays_ten_times_as_long_and_takes_the_temperature():
+    noise = replace(TESTED, level_std_V=0.008, ocv_std_V_per_K=2e-4)
+    cold = SocSample(36.0, -NMC.capacity_Ah, 3.7, NMC.ocv.reference_degC - 20.0)
+    errors = {}
+    for level_V in (0.008, 0.0):
+        settings = TheveninFilter(NMC, replace(noise, level_std_V=level_V))
+        state = settings.start(cold, 0.8, 0.03)
+        clean = settings.sanitize(state, cold)
+        errors[level_V] = settings.voltage_error(unpack(state.belief), clean)
+        decays = settings.system.error_decays(clean.mean.current_A, clean)
+        assert decays == pytest.approx((np.exp(-0.01 / noise.model_soc_length), np.exp(-0.01)))
+    assert float(errors[0.008].level_std_V) == pytest.approx(np.hypot(0.008, 0.004))
+    variances = {level_V: float(error.model_std_V) ** 2 for level_V, error in errors.items()}
+    assert variances[0.0] - variances[0.008] == pytest.approx(0.004**2)
+
+
+@pytest.mark.parametrize("degC", [25.0, -10.0])
+def test_the_first_voltage_is_shared_between_the_errors_of_the_curve(degC):
+    """Their sum has the moments that the voltage gave it, and the same voltage once more is no news."""
+    noise = replace(TESTED, level_std_V=0.008, ocv_std_V_per_K=2e-4)
+    settings = TheveninFilter(NMC, noise)
+    first = SocSample(0.0, 0.0, 3.7, degC)
+    (part,) = settings.voltage_start.hypotheses(first, None)
+    belief = unpack(settings.start_from(first, part).belief)
+    shares = settings.system.error_shares(part.start.soc, CircuitInput(0.0, degC))
+    assert sum(share**2 for share in shares.values()) == pytest.approx(1.0)
+    total = np.zeros(len(belief.mean))
+    total[[settings.state_names.index(name) for name in shares]] = list(shares.values())
+    assert total @ belief.mean == pytest.approx(part.start.model_error)
+    assert total @ belief.cov @ total == pytest.approx(part.start.model_error_std**2)
+    assert (belief.cov @ total)[0] == pytest.approx(part.start.covariance)
+    assert np.linalg.eigvalsh(belief.cov).min() > -1e-9
 
 
 def test_states_without_a_doubt_are_not_there():

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ohmward_lab.reproduce.nmc_cell import FOLDER, first_soc, gitt_voltage, nmc_item, ocv_table
+from ohmward_lab.reproduce.measured import FOLDER, first_soc, gitt_voltage, nmc_item, ocv_table
 
 DATA = Path(os.environ.get("OHMWARD_DATA", Path(__file__).resolve().parents[2].parent / "shared" / "data"))
 

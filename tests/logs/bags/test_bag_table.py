@@ -147,8 +147,8 @@ def test_split_recordings_are_read_one_after_the_other(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_million_messages_are_read_within_ten_seconds(tmp_path):
-    messages, count = payloads(1000), 1_000_000
+def test_messages_are_read_at_a_hundred_thousand_a_second(tmp_path):
+    messages, count = payloads(1000), 200_000
     path = tmp_path / "long.mcap"
     write_mcap(path, {"/battery": (TYPE, [messages[k % 1000] for k in range(count)])}, chunk=65536)
     began_s = time.process_time()
@@ -157,4 +157,4 @@ def test_a_million_messages_are_read_within_ten_seconds(tmp_path):
     took_s = time.process_time() - began_s
     assert table.line.size == count
     np.testing.assert_array_equal(table.columns["current [A]"], np.tile(truth(1000)["current"], count // 1000))
-    assert took_s <= 10.0
+    assert took_s <= 2.0

@@ -1,12 +1,14 @@
 """Robots of URDFs: their sizes, what they leave open, and what is refused."""
 
+import math
+
 import numpy as np
 import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction import Omni, SkidSteer, TwoWheeled
 from ohmward.traction.robot.robot import ROBOT_FILE
-from ohmward.traction.robot.urdf import read_urdf
+from ohmward.traction.robot.urdf import read_urdf, rotation
 
 
 def link(name, mass_kg=0.0, at="0 0 0", shape="", yaw=0.01):
@@ -53,7 +55,8 @@ def test_two_wheels_and_a_caster(tmp_path):
     assert robot.yaw_inertia_kg_m2 == pytest.approx(parts)
     assert robot.height_m == pytest.approx(0.9 * 0.1 + 0.05)
     assert found.joints == {"left": "left_wheel_joint", "right": "right_wheel_joint"}
-    assert ROBOT_FILE.parse(ROBOT_FILE.dump(robot)).chassis.track_m == pytest.approx(0.3)
+    text = ROBOT_FILE.dump(robot)
+    assert ROBOT_FILE.dump(ROBOT_FILE.parse(text)) == text
 
 
 def test_frames_are_followed_and_a_wheel_that_turns_backwards_is_said(tmp_path):
@@ -63,7 +66,7 @@ def test_frames_are_followed_and_a_wheel_that_turns_backwards_is_said(tmp_path):
         wheel("right_wheel", "0 -0.15 0", axis="0 0 2", rpy="1.5707963 0 0"),
     )
     found = read_urdf(urdf(tmp_path, BASE, *turned))
-    assert found.robot.chassis.track_m == pytest.approx(0.3)
+    assert isinstance(found.robot.chassis, TwoWheeled) and found.robot.chassis.track_m == pytest.approx(0.3)
     assert found.robot.wheel.inertia_kg_m2 == pytest.approx(0.01)  # about their own z
     assert [words for words in found.assumed if "right_wheel_joint" in words and "change the sign" in words]
     assert [words for words in found.assumed if words.startswith("caster: none found")]
@@ -110,6 +113,15 @@ def test_what_a_file_leaves_open_can_be_given(tmp_path):
         read_urdf(meshes, radius_m=0.04)
     robot = read_urdf(meshes, radius_m=0.04, mass_kg=5.0).robot
     assert (robot.wheel.radius_m, robot.mass_kg) == (0.04, 5.0)
+
+
+@pytest.mark.parametrize("rpy", [(0.1, -0.4, 2.0), (0.0, -math.pi / 2, 3.1), (-3.0, 0.2, 0.0)])
+def test_an_inertial_unit_that_is_mounted_turned_is_said(rpy, tmp_path):
+    unit = link("imu_link") + joint("imu_joint", "imu_link", "0 0 0.1", kind="fixed", rpy="{} {} {}".format(*rpy))
+    level = link("second_imu") + joint("second_joint", "second_imu", "0 0 0.1", kind="fixed")
+    found = read_urdf(urdf(tmp_path, BASE, *PAIR, unit, level)).imu_rpy
+    assert list(found) == ["imu_link"]
+    np.testing.assert_allclose(rotation(*found["imu_link"]), rotation(*rpy), atol=1e-12)
 
 
 @pytest.mark.parametrize(

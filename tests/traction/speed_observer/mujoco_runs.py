@@ -2,7 +2,7 @@
 too."""
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ohmward.traction.speed_observer.encoders import wheel_speeds
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, uniform
-from ohmward_lab.simulate.robot_sensors import RobotSensors, record
+from ohmward_lab.simulate.robot_sensors import RobotSensors, RobotTruth, record
 
 DT_S = 0.01
 RUNS = 10
@@ -95,6 +95,10 @@ class Runs(NamedTuple):
     estimate: object
 
 
+#: Drives of MuJoCo by what they depend on: several observers see the same ones.
+TRUTHS: dict[Any, RobotTruth] = {}
+
+
 def drives(
     friction, torque, duration_s, noise=None, method="ukf", terrain=FLOOR, seeds=range(100, 100 + RUNS), **sensors
 ):
@@ -105,7 +109,10 @@ def drives(
         observer = SpeedObserver(
             believed(rng, terrain=terrain), noise=noise or ObserverNoise(), method=method, rest_hold_s=np.inf
         )
-        truth = drive_on(friction, np.radians(1.0) * rng.standard_normal(), torque(rng), duration_s)
+        grade_rad, demand = np.radians(1.0) * rng.standard_normal(), torque(rng)
+        if (drawn := (friction, torque, duration_s, seed)) not in TRUTHS:
+            TRUTHS[drawn] = drive_on(friction, grade_rad, demand, duration_s)
+        truth = TRUTHS[drawn]
         e = observed(observer, samples_of(truth, rng, **sensors))
         errors.append(e.speed_m_s - truth.speed_m_s[1:])
         normalised.append(errors[-1] / e.speed_std_m_s)

@@ -1,6 +1,7 @@
 """White noise of encoders, currents and gyro by their own course, and what an adaptive filter makes of it."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -106,14 +107,24 @@ def covered(found):
     return float(np.mean(np.abs(error) < 1.96 * std))
 
 
+def exact_stds(name):
+    """Of the sensors, one of them as noisy as in `SENSORS`."""
+    return {"encoder_std_rad_s": 0.07, "torque_std_Nm": 0.07, "gyro_std_rad_s": 0.003, name: getattr(RIGHT, name)}
+
+
+@cache
+def with_the_right_noise(name):
+    return estimates(ObserverNoise(**exact_stds(name)), False, SENSORS[name][0])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.1, 1.0 / 3.0, 1.0, 3.0, 10.0])
 @pytest.mark.parametrize("name", SENSORS)
 def test_an_adaptive_filter_with_wrong_noise_is_as_good_as_with_the_right_one(name, factor):
     sensors, what = SENSORS[name]
-    exact = {"encoder_std_rad_s": 0.07, "torque_std_Nm": 0.07, "gyro_std_rad_s": 0.003, name: getattr(RIGHT, name)}
+    exact = exact_stds(name)
     wrong = {**exact, name: factor * exact[name]}
-    right = estimates(ObserverNoise(**exact), False, sensors)[what]
+    right = with_the_right_noise(name)[what]
     adapted = estimates(ObserverNoise(**wrong), True, sensors)[what]
     assert rms(adapted[0]) < 1.15 * rms(right[0])
     assert covered(adapted) > min(covered(right), 0.95) - 0.05

@@ -37,21 +37,12 @@ def assert_consistent(normalised):
     assert means.mean() > lower / 2  # quantisation errors cancel from step to step, so it is rather too careful
 
 
-@pytest.mark.parametrize("method", ["ukf", pytest.param("ekf", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("method", [pytest.param("ekf", marks=pytest.mark.slow), "ukf"])
 def test_wheels_that_grip_show_the_speed_to_5_mm_per_s(method):
     runs = drives(0.8, cruising, 4.0, method=method)
     assert rmse(runs.error[:, 100:]) < 5e-3  # the first second shows how much the ground creeps
     assert_consistent(runs.normalised)
     assert not np.any(runs.estimate.slipping)
-
-
-@pytest.mark.slow
-def test_an_external_speed_at_10_Hz_holds_the_speed_in_full_spin_to_2_cm_per_s():
-    noise = ObserverNoise(speed_std_m_s=0.03)
-    runs = drives(0.2, spinning, 4.0, noise, speed_every=10, speed_std=0.03)
-    assert runs.truth.slip_speed_m_s[-1, 0] > 5.0
-    assert rmse(runs.error[:, 50:]) < 0.02
-    assert_consistent(runs.normalised)
 
 
 @pytest.mark.slow
@@ -69,10 +60,12 @@ def test_in_full_spin_alone_the_sigma_grows_like_dead_reckoning():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("friction, torque", [(0.8, cruising), (0.2, spinning)])
-def test_rolling_resistance_that_is_wrong_by_as_much_as_there_is_breaks_no_sigma(friction, torque):
-    growing = FLOOR._replace(rolling=RollingResistance(a3_s_per_m=0.02))  # 0.09 at 4 m/s; the plant has 0.01 always
-    assert_consistent(drives(friction, torque, 4.0, terrain=growing).normalised)
+def test_an_external_speed_at_10_Hz_holds_the_speed_in_full_spin_to_2_cm_per_s():
+    noise = ObserverNoise(speed_std_m_s=0.03)
+    runs = drives(0.2, spinning, 4.0, noise, speed_every=10, speed_std=0.03)
+    assert runs.truth.slip_speed_m_s[-1, 0] > 5.0
+    assert rmse(runs.error[:, 50:]) < 0.02
+    assert_consistent(runs.normalised)
 
 
 @pytest.mark.slow
@@ -82,6 +75,13 @@ def test_a_late_speed_is_as_good_as_its_age_allows():
     late = drives(0.2, spinning, 3.0, noise, speed_every=10, speed_std=0.03, age_steps=15)
     assert rmse(late.error[:, 50:]) < 0.03
     assert_consistent(late.normalised)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("friction, torque", [(0.8, cruising), (0.2, spinning)])
+def test_rolling_resistance_that_is_wrong_by_as_much_as_there_is_breaks_no_sigma(friction, torque):
+    growing = FLOOR._replace(rolling=RollingResistance(a3_s_per_m=0.02))  # 0.09 at 4 m/s; the plant has 0.01 always
+    assert_consistent(drives(friction, torque, 4.0, terrain=growing).normalised)
 
 
 @pytest.mark.slow

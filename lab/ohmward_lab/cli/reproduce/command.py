@@ -15,10 +15,10 @@ from ohmward.cli.battery_inputs import read_battery_log, read_options
 from ohmward.cli.outcome import Outcome, progress
 from ohmward.cli.wording import FOOTER
 from ohmward.errors import InputError
+from ohmward.logs.log import ReadOptions
 from ohmward.report import Page
 from ohmward_lab.reproduce.errata import ERRATA, check
-from ohmward_lab.reproduce.measured import measured_item
-from ohmward_lab.reproduce.nmc_cell import nmc_item
+from ohmward_lab.reproduce.measured import measured_item, nmc_item
 from ohmward_lab.reproduce.publications import PUBLICATIONS, Publication, Reproduced, label, select
 from ohmward_lab.reproduce.row import ResultRow
 
@@ -29,7 +29,9 @@ def run(args: argparse.Namespace) -> Outcome:
         if args.only:
             raise InputError("--only selects a table or figure; the errata are checked together")
         return _errata()
-    publication = with_measured(with_nmc_cell(PUBLICATIONS[args.subject], args.data), args)
+    publication = with_nmc_cell(PUBLICATIONS[args.subject], args.data)
+    if args.log is not None:
+        publication = with_measured(publication, args.log, read_options(args), args.battery, args.initial_soc)
     with progress() as report:
         items, results = select(publication, args.only or ()), []
         for done, item in enumerate(items):
@@ -68,23 +70,23 @@ def with_nmc_cell(publication: Publication, data: str | None) -> Publication:
         ) from None
 
 
-def with_measured(publication: Publication, args: argparse.Namespace) -> Publication:
-    """The publication, and for the thesis the log that `--log` names as one item more.
+def with_measured(
+    publication: Publication, log: str, reading: ReadOptions, battery: str | None, start_soc: float | None
+) -> Publication:
+    """The thesis, and the log that `--log` names as one item more; battery: path of its file.
 
     Raises:
         InputError: a log without battery or start, or for another subject than the thesis.
     """
-    if args.log is None:
-        return publication
     if publication.short != "[T]":
         raise InputError("--log runs the filters of the thesis; write `ohmward reproduce thesis --log ...`")
-    if args.battery is None or args.initial_soc is None:
+    if battery is None or start_soc is None:
         raise InputError(
             "--log needs --battery FILE.toml and --initial-soc S: both are taken as given, as in the thesis"
         )
-    battery = load_battery(args.battery)
-    log = with_contradictions(check_log(read_battery_log(args.log, read_options(args), ()), battery), battery)
-    return publication._replace(items=(*publication.items, measured_item(log, battery, args.initial_soc)))
+    known = load_battery(battery)
+    checked = with_contradictions(check_log(read_battery_log(log, reading, ()), known), known)
+    return publication._replace(items=(*publication.items, measured_item(checked, known, start_soc)))
 
 
 HEADER = ["quantity", "unit", "printed", "as printed", "corrected", "default"]

@@ -23,7 +23,7 @@ from ohmward_lab.cli.simulate import OF_CELLS, cell
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop import ClosedLoopRun
 from ohmward_lab.simulate.closed_loop.figures import figures, true_slip
-from ohmward_lab.simulate.closed_loop.scenario_file import EXAMPLE, packaged_text
+from ohmward_lab.simulate.closed_loop.scenario import EXAMPLE, packaged_text
 
 
 def run(args: argparse.Namespace) -> Outcome:

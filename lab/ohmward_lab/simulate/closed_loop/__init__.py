@@ -5,8 +5,7 @@ from ohmward_lab.simulate.closed_loop.ground import Grade, Patch
 from ohmward_lab.simulate.closed_loop.loop import run
 from ohmward_lab.simulate.closed_loop.observing import Observing
 from ohmward_lab.simulate.closed_loop.run import ClosedLoopRun, columns, drive_log
-from ohmward_lab.simulate.closed_loop.scenario import Scenario
-from ohmward_lab.simulate.closed_loop.scenario_file import find_scenario, packaged, parse_scenario, save_scenario
+from ohmward_lab.simulate.closed_loop.scenario import Scenario, find_scenario, packaged, parse_scenario, save_scenario
 from ohmward_lab.simulate.closed_loop.sensing import ExternalSpeed, Sensing
 from ohmward_lab.simulate.closed_loop.supply import Pack
 

@@ -63,15 +63,13 @@ class Records(Generic[T]):
         return _with_columns(self._first, iter(table.T))
 
 
-def numbers(record: Any) -> Iterator[float]:
+def numbers(record: Any) -> list[float]:
     """Numbers of a record, leaf by leaf."""
     if isinstance(record, tuple):
-        for field in record:
-            yield from numbers(field)
-    elif isinstance(record, np.ndarray):
-        yield from record.ravel().tolist()
-    elif record is not None:
-        yield float(record)
+        return [number for field in record for number in numbers(field)]
+    if isinstance(record, np.ndarray):
+        return [float(number) for number in record.ravel().tolist()]
+    return [] if record is None else [float(record)]
 
 
 def _with_columns(like: Any, columns: Iterator[np.ndarray]) -> Any:
@@ -106,8 +104,9 @@ class DriveWarnings:
         """Count one step of the controller; torque_Nm: what the battery left of the demanded torque."""
         self._duration_s += dt_s
         flags = np.asarray(report.flags).astype(int)
-        for flag, seconds in self._flagged_s.items():
-            seconds += np.where(flags & flag, dt_s, 0.0)
+        if flags.any():
+            for flag, seconds in self._flagged_s.items():
+                seconds += np.where(flags & flag, dt_s, 0.0)
         if np.abs(demanded_Nm - torque_Nm).max() > SAME_TORQUE:
             self._short_s += dt_s
 

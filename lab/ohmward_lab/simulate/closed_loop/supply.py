@@ -32,7 +32,7 @@ from ohmward_lab.simulate.cells import BATTERIES, SimulatedBattery, lithium_poly
 from ohmward_lab.simulate.sensors import Sensor
 
 #: Newton starts near the root and converges quadratically: five steps reach rounding.
-_NEWTON_STEPS = 5
+_POWER_STEPS = 5
 
 #: Simulated batteries by name: LFP and lead-acid of 12 V and 12 Ah, and the 37 V, 8 Ah of [T].
 KINDS: Mapping[str, SimulatedBattery] = {
@@ -163,7 +163,7 @@ def current_for_power(power_W: Any, x: np.ndarray, temperature_degC: Any, batter
     u = CircuitInput(where(power_W > 0, -1.0, 1.0), temperature_degC)
     U = plant.rest_voltage(x, temperature_degC, battery)
     i = -power_W / U
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(_POWER_STEPS):
         drop_V, slope_ohm = plant.instant_drop(i, u, x[plant.SOC], battery)
         V = U + drop_V
         i = i - (V * i + power_W) / (V + slope_ohm * i)

@@ -35,16 +35,15 @@ _SECANT_STEPS, _CAPACITY_TOLERANCE = 5, 1e-3
 
 
 class CellTruth(NamedTuple):
-    """Truth over time, (T,) each; the current [A] charges the cell where it is > 0.
-
-    time_s [s], voltage_V [V] and temperature_degC [degC] of the whole battery; soc: charge above that of the empty
-    cell over the capacity, both counted at low rate and 25 degC between the voltage limits, at the cell's age.
-    """
+    """Truth over time, (T,) each."""
 
     time_s: np.ndarray
-    current_A: np.ndarray
+    current_A: np.ndarray  #: charges where it is > 0
+    #: of the whole battery
     voltage_V: np.ndarray
     temperature_degC: np.ndarray
+    #: charge above that of the empty cell over the capacity, both counted at low rate and 25 degC between the voltage
+    #: limits, at the cell's age
     soc: np.ndarray
 
 

@@ -36,7 +36,7 @@ def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: f
         coulombic_efficiency=efficiency,
         reference_degC=problem.reference_degC,
         **solution.rates._asdict(),
-        ocv_slip=problem.prior.untested.ocv_slip.mean,
+        ocv_slip=problem.prior.ocv_slip.mean,
     )
 
 

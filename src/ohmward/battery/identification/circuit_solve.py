@@ -1,6 +1,6 @@
 """Linear least squares for given time constants: resistances, hysteresis and OCV correction at once.
 
-The priors of `circuit_prior` regularise and give the posterior covariance; resistances are >= 0 (active set).
+The prior of the chemistry regularises and gives the posterior covariance; resistances are >= 0 (active set).
 """
 
 from __future__ import annotations
@@ -11,13 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.chemistries import CELL_V
+from ohmward.battery.chemistries import CELL_V, ChemistryPrior
 from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, ParameterLayout, Rates, design
-from ohmward.battery.identification.circuit_prior import (
-    CircuitPrior,
-    nuisance_prior,
-    resistance_prior,
-)
+from ohmward.battery.identification.circuit_prior import nuisance_prior, resistance_prior
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
@@ -92,7 +88,7 @@ class CircuitProblem(NamedTuple):
 
     ocv: OcvCurve
     capacity_Ah: float
-    prior: CircuitPrior
+    prior: ChemistryPrior
     slow_shape: np.ndarray  #: (21,) expected course of the slowest resistance along SoC, about 1
     reference_degC: float  #: temperature at which the resistances hold
     fit_activation: bool  #: True where currents flowed at temperatures that differ enough
@@ -112,13 +108,13 @@ class CircuitProblem(NamedTuple):
         """The rates that the records show, in the order of the search."""
         prior, found = self.prior, []
         if any(self.ocv.hysteresis_V):
-            std = prior.hysteresis_rate_log_std
-            found.append(SoughtRate("hysteresis_rate", *_HYSTERESIS_RATES, prior.hysteresis_rate, std))
+            usual = prior.hysteresis
+            found.append(SoughtRate("hysteresis_rate", *_HYSTERESIS_RATES, usual.rate, usual.rate_log_std))
         if self.fit_activation:
             unit = _ACTIVATION_UNIT_K
             found += [
-                SoughtRate(name, *_ACTIVATIONS_K, usual.mean, usual.std / unit, unit, as_log=False)
-                for name, usual in zip(_ACTIVATIONS, prior.untested.activations_K, strict=True)
+                SoughtRate(name, *_ACTIVATIONS_K, own.mean, own.std / unit, unit, as_log=False)
+                for name, own in zip(_ACTIVATIONS, prior.activations_K, strict=True)
             ]
         if self.seeks_transfer:
             low, mean, high = (self.volts * V for V in (_TRANSFERS_V[0], _TRANSFER_V, _TRANSFERS_V[1]))
@@ -131,7 +127,7 @@ class CircuitProblem(NamedTuple):
         A hysteresis that low-rate branches show follows the net charge. Tests at two temperatures fit what grows in the
         cold as activations of the resistances.
         """
-        usual, branches = self.prior.untested, bool(self.branches)
+        usual, branches = self.prior, bool(self.branches)
         ohmic_K, pairs_K, tau_K = (A.mean for A in usual.activations_K)
         return Rates(
             tau_s=tau_s,
@@ -319,7 +315,7 @@ def _samples(samples: FitSamples) -> np.ndarray:
     return np.where(np.isfinite(samples.voltage_V), np.minimum(samples.dt_s, CORRELATION_S) / CORRELATION_S, 0.0)
 
 
-def error_factor(prior: CircuitPrior, samples: FitSamples) -> np.ndarray:
+def error_factor(prior: ChemistryPrior, samples: FitSamples) -> np.ndarray:
     """(N,) error of the model over a lithium-ion cell's: larger in a charge and the rest after it, most with gas."""
     charging = np.where(samples.soc > prior.gassing_soc, prior.gassing_factor, prior.charging_factor)
     return np.where(last_direction(samples.mean_current_A) > 0, charging, prior.discharging_factor)

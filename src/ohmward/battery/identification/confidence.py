@@ -157,7 +157,7 @@ _LEAST_SLOPE = 0.5
 
 def activation_std_K(fit: CircuitFit, problem: CircuitProblem) -> float:
     """Standard deviation of all activations together [K]: of the fit, or the chemistry's at one temperature."""
-    usual_K = problem.prior.untested.activation_std_K
+    usual_K = problem.prior.activation_std_K
     if not problem.fit_activation:
         return usual_K
     found_K = float(np.hypot(fit.search_std("activation_K"), fit.search_std("pair_activation_K")) / np.sqrt(2.0))
@@ -166,7 +166,7 @@ def activation_std_K(fit: CircuitFit, problem: CircuitProblem) -> float:
 
 def ocv_std_V_per_K(fit: CircuitFit, problem: CircuitProblem) -> float:
     """Standard deviation of the change of the open-circuit voltage with temperature [V/K]; of a fit, rms along SoC."""
-    usual = problem.volts * problem.prior.untested.ocv_std_V_per_K
+    usual = problem.volts * problem.prior.ocv_std_V_per_K
     if not problem.fit_activation:
         return entropy_std(problem.prior, problem.ocv, problem.volts)
     found = float(np.sqrt(np.diag(fit.solution.cov)[fit.solution.layout.entropic].mean()))
@@ -186,7 +186,7 @@ def hysteresis_std(fit: CircuitFit, problem: CircuitProblem) -> float:
 
 def unknown_hysteresis_V(problem: CircuitProblem) -> float:
     """Error of the voltage [V] where no low-rate branches show a hysteresis: half their usual distance."""
-    return 0.0 if any(problem.ocv.hysteresis_V) else problem.volts * problem.prior.untested.hysteresis_V
+    return 0.0 if any(problem.ocv.hysteresis_V) else problem.volts * problem.prior.hysteresis_V
 
 
 def untested_sentences(fit: CircuitFit, problem: CircuitProblem, chemistry: str) -> tuple[str, ...]:
@@ -208,7 +208,7 @@ def _hysteresis(problem: CircuitProblem, kind: str) -> list[str]:
 def _activation(problem: CircuitProblem, kind: str) -> list[str]:
     if problem.fit_activation:
         return []
-    prior = problem.prior.untested
+    prior = problem.prior
     ohmic, pairs, tau = (f"{A.mean:.0f} K" for A in prior.activations_K)
     empty_K, empty_half_K = prior.empty_activation_K.mean, BAND_95 * prior.empty_activation_K.std
     more = f"{empty_K:.0f} ± {empty_half_K:.0f} K more" if empty_K else f"a further ± {empty_half_K:.0f} K"

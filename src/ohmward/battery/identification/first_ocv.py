@@ -13,15 +13,14 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.chemistries import CHEMISTRIES, chemistry
-from ohmward.battery.identification.circuit_design import OCV_KNOTS
-from ohmward.battery.identification.circuit_prior import (
-    LFP_WALK_FROM_RESTS,
-    LFP_WITHOUT_LOW_RATE_V,
-    CircuitPrior,
-    prior_for,
-    with_branches,
+from ohmward.battery.chemistries import (
+    CHEMISTRIES,
+    ChemistryPrior,
+    CurvePrior,
+    chemistry,
+    chemistry_prior,
 )
+from ohmward.battery.identification.circuit_design import OCV_KNOTS
 from ohmward.battery.identification.circuit_solve import last_direction
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples, scan, thin
 from ohmward.battery.identification.ocv_from_logs import (
@@ -64,7 +63,7 @@ class IdentificationSettings(NamedTuple):
 
 #: Error of the chemistry's usual curve for a cell of 3.7 V, of its SoC axis, and the SoC over which they hold on: cells
 #: of one chemistry differ by a shift, a stretch and a bend.
-_USUAL_V, _USUAL_SOC, _USUAL_LENGTH = 0.03, 0.03, 0.3
+_USUAL_CURVE = CurvePrior((0.03,) * 2, 0.03, 0.3)
 #: Relative error of the slope of a straight line beyond the logs that it was laid through: the slope of the curves of
 #: NCA, NMC and LCO between 20 and 60 % is 0.8, 0.6 and 0.4 of that between 60 and 100 %.
 _SLOPE_STD = 0.3
@@ -100,20 +99,19 @@ class FirstOcv(NamedTuple):
             return ()
         return ("open-circuit voltage: the usual curve of the chemistry, corrected where the logs moved",)
 
-    def prior(self, chemistry: str) -> CircuitPrior:
+    def prior(self, chemistry: str) -> ChemistryPrior:
         """The prior of the circuit and of the correction of this curve."""
-        prior = prior_for(chemistry, self.source == "given" or self.both_directions)
+        prior = chemistry_prior(chemistry)
         if self.source in ("chemistry", "line"):
-            return prior._replace(
-                ocv_V=_USUAL_V, ocv_soc=_USUAL_SOC, ocv_length=_USUAL_LENGTH, ocv_line_std_V=self.line_std_V
-            )
-        if chemistry == "lfp" and self.both_directions:
-            prior = with_branches(prior)
-        if chemistry == "lfp" and not self.branches:
-            prior = prior._replace(model_V=LFP_WITHOUT_LOW_RATE_V)
-        if chemistry == "lfp" and self.source == "rests":
-            prior = prior._replace(walk_share=LFP_WALK_FROM_RESTS)
-        return prior._replace(ocv_axis_std=self.axis_std)
+            return prior._replace(curve=_USUAL_CURVE._replace(line_std_V=self.line_std_V))
+        measured = self.source == "given" or self.both_directions
+        curve = (prior.measured_curve if measured else prior.rested_curve)._replace(middle_soc_std=self.axis_std)
+        return prior._replace(
+            curve=curve,
+            hysteresis=(prior.hysteresis_on_branches if self.both_directions else None) or prior.hysteresis,
+            model_V=(None if self.branches else prior.unmeasured_model_V) or prior.model_V,
+            walk_share=(prior.walk_share_from_rests if self.source == "rests" else None) or prior.walk_share,
+        )
 
 
 def find_first_ocv(records: Sequence[Record], settings: IdentificationSettings) -> FirstOcv:

@@ -232,7 +232,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
     measured = {branch.direction for branch in branches if branch.complete}  # from full to empty, slowly
     rest_s = longest_rest_s(fitted)
     noise = noise_from_fit(fit, problem, model, pulses_only, anchors_std, rest_s, whole_curve=len(measured) == 2)
-    correlation = problem.prior.untested.ageing_correlation[bool(measured)]
+    correlation = problem.prior.ageing_correlation[bool(measured)]
     noise = replace(noise, capacity_std=AGED_CAPACITY_STD, ageing_correlation=correlation)
     missing = (
         *prepared.first.not_identified,
@@ -279,7 +279,8 @@ def _problem(
 
 def _fitted_branches(prepared: Preparation, settings: IdentificationSettings) -> tuple[FitSamples, ...]:
     """The low-rate branches as records of the fit, where the chemistry wants them and both directions were measured."""
-    if not (prepared.first.prior(settings.chemistry).fits_branches and prepared.first.both_directions):
+    wanted = prepared.first.prior(settings.chemistry).hysteresis_on_branches is not None
+    if not (wanted and prepared.first.both_directions):
         return ()
     degC = reference_degC(prepared.first.fitted)
     return tuple(thin_branch(b, settings.capacity_Ah, degC) for b in prepared.first.branches)

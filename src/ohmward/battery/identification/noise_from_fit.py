@@ -95,6 +95,7 @@ def noise_from_fit(
         voltage_std_V=max(white_std_V(solution), _SMALLEST_STD_V * volts),
         model_std_V=tuple(model_V.tolist()),
         model_soc_length=problem.prior.model_soc_length,
+        level_std_V=float(model_V.min()),
         overpotential_share=overpotential_share(solution, problem, p, _PULSES_SHARE if pulses_only else _USUAL_ERROR),
         correlation_s=max(
             correlation_s(solution, samples),
@@ -102,10 +103,10 @@ def noise_from_fit(
         ),
         resistance_std=AGED_RESISTANCE_STD,
         activation_std_K=activation_std_K(fit, problem),
-        empty_activation_std_K=problem.prior.untested.empty_activation_K.std,
+        empty_activation_std_K=problem.prior.empty_activation_K.std,
         ocv_std_V_per_K=ocv_std_V_per_K(fit, problem),
         hysteresis_std=hysteresis_std(fit, problem),
-        ocv_slip_std=problem.prior.untested.ocv_slip.std,
+        ocv_slip_std=problem.prior.ocv_slip.std,
     )
 
 

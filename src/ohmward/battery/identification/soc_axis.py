@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -18,6 +20,8 @@ from ohmward.logs.log import Note
 
 #: SoC is known so well where a charge with constant voltage has tapered: that of this log, not of another charger.
 FULL_STD = 0.005
+#: A state of charge that the user gives, in whole points.
+GIVEN_STD = 0.01
 #: A log that moves so much of the capacity was full at its highest charge, and SoC is known within these.
 _SWEEP_SHARE = 0.85
 _SWEEP_STD = (0.01, 0.03)
@@ -50,6 +54,10 @@ _CAPACITY_SPAN = 0.5
 _CAPACITY_REST_STD = 0.02
 
 
+#: Reasons of anchors.
+_GIVEN, _FULL = "given", "full charge"
+
+
 class SocAxis(NamedTuple):
     """State of charge along a record."""
 
@@ -75,9 +83,10 @@ def anchor_soc(
 ) -> SocAxis:
     """The state of charge along a record, tied to what is known best.
 
-    In order: `initial_soc` of the user; the ends of full charges; the rest at which `ocv` tells the SoC best; a sweep
-    of at least 85 % of the capacity, whose top is taken as full. The loss between two full charges gives the coulombic
-    efficiency, and the rest of the difference is spread over the charge that flowed; without them `efficiency` holds.
+    In order: the ends of full charges and, before the first of them, `initial_soc` of the user, known to `GIVEN_STD`;
+    the rest at which `ocv` tells the SoC best; a sweep of at least 85 % of the capacity, whose top is taken as full.
+    The loss between two full charges gives the coulombic efficiency, and the rest of the difference is spread over the
+    charge that flowed; without them `efficiency` holds.
     ocv_axis_std: standard deviation of the SoC axis of `ocv` in the middle.
     empty_V: usual open-circuit voltage of an empty battery of this chemistry; 0 where that is unknown.
 
@@ -88,7 +97,11 @@ def anchor_soc(
     efficiency = _efficiency(record, anchors, efficiency)
     axis = SocAxis(_tied(record, capacity_Ah, anchors, efficiency), anchors, efficiency, ())
     _require_inside(record, axis, capacity_Ah)
-    return axis._replace(notes=_notes(record, axis, capacity_Ah, ocv))
+    notes = _notes(record, axis, capacity_Ah, ocv)
+    if initial_soc is not None and abs(initial_soc - axis.soc[0]) > 3.0 * math.hypot(GIVEN_STD, anchors[0].std):
+        set_aside = f"starts at {initial_soc:g} as given, but its full charges say {axis.soc[0]:.3f}, which is taken"
+        notes += (Note(f"{record.log.name!r}: {set_aside}", "warning"),)
+    return axis._replace(notes=notes)
 
 
 def find_anchors(
@@ -99,10 +112,11 @@ def find_anchors(
     ocv_axis_std: float = 0.0,
     empty_V: float = 0.0,
 ) -> tuple[SocAnchor, ...]:
-    """The anchors that the axis is tied to: one, or all ends of full charges."""
-    if initial_soc is not None:
-        return (SocAnchor(0, initial_soc, 0.0, "given"),)
-    if full := full_charges(record, capacity_Ah):
+    """The anchors that the axis is tied to: one, or all ends of full charges and a given start before them."""
+    full = full_charges(record, capacity_Ah)
+    if initial_soc is not None and not (full and full[0].sample == 0):
+        return (SocAnchor(0, initial_soc, GIVEN_STD, _GIVEN), *full)
+    if full:
         return full
     rests = rest_anchors(record, ocv, capacity_Ah) if ocv else ()
     rests = tuple(a._replace(std=float(np.hypot(a.std, ocv_axis_std * axis_bridge(a.soc)))) for a in rests)
@@ -141,7 +155,7 @@ def full_charges(record: Record, capacity_Ah: float) -> tuple[SocAnchor, ...]:
     ends = [end for end in tapers if end]
     if ends and _starts_like(record, ends):
         ends = [0, *ends]
-    return tuple(SocAnchor(int(end), 1.0, FULL_STD, "full charge") for end in ends)
+    return tuple(SocAnchor(int(end), 1.0, FULL_STD, _FULL) for end in ends)
 
 
 def rest_anchors(record: Record, ocv: OcvCurve, capacity_Ah: float) -> tuple[SocAnchor, ...]:
@@ -250,9 +264,10 @@ def _by_voltage(record: Record, sample: int, ocv: OcvCurve, degC: float, h: floa
 
 def _efficiency(record: Record, anchors: Sequence[SocAnchor], otherwise: float) -> float:
     """Charge that came out over charge that went in between the first and the last full charge; 1 above 0.99."""
-    if len(anchors) < 2:
+    full = [a.sample for a in anchors if a.reason == _FULL]
+    if len(full) < 2:
         return otherwise
-    moved_Ah = record.charge.moved_Ah[anchors[0].sample + 1 : anchors[-1].sample + 1]
+    moved_Ah = record.charge.moved_Ah[full[0] + 1 : full[-1] + 1]
     into_Ah = moved_Ah[moved_Ah > 0].sum()
     out_of_Ah = -moved_Ah[moved_Ah < 0].sum()
     efficiency = out_of_Ah / into_Ah if into_Ah > 0 else 1.0
@@ -281,7 +296,9 @@ def _require_inside(record: Record, axis: SocAxis, capacity_Ah: float) -> None:
 
 def _notes(record: Record, axis: SocAxis, capacity_Ah: float, ocv: OcvCurve | None) -> tuple[Note, ...]:
     name, first = record.log.name, axis.anchors[0]
-    tied = f"{first.reason}, ± {2 * first.std:.1%}" if len(axis.anchors) == 1 else f"{len(axis.anchors)} full charges"
+    reasons = Counter(a.reason for a in axis.anchors)
+    tied = ", ".join(reason if n == 1 else f"{n} {reason}s" for reason, n in reasons.items())
+    tied += f", ± {2 * first.std:.1%}" if len(axis.anchors) == 1 else ""
     notes = [
         Note(
             f"{name!r}: SoC starts at {axis.soc[0]:.3f} and runs from {axis.soc.min():.3f} to "

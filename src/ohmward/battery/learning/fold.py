@@ -21,7 +21,6 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, Knowledge, SeenLog
 from ohmward.battery.chemistries import CELL_V, Normal, chemistry, chemistry_prior
-from ohmward.battery.identification.circuit_prior import LFP_WITHOUT_LOW_RATE_V
 from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD, beyond_axis_V
 from ohmward.battery.learning.parameters import (
     ENTROPY_KNOTS,
@@ -70,7 +69,7 @@ _NEIGHBOUR = 0.1
 def model_floor_V(battery: Battery) -> float:
     """Least error of the model's voltage [V] that stays with SoC."""
     model = battery.thevenin
-    cell_V = LFP_WITHOUT_LOW_RATE_V if battery.chemistry == "lfp" else MODEL_STD_V
+    cell_V = chemistry_prior(battery.chemistry).unmeasured_model_V or MODEL_STD_V
     cell_V = cell_V if model.gassing_V is None else _GASSING_MODEL_STD_V
     return cell_V * float(np.mean(model.ocv.voltage_V)) / CELL_V
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from ohmward.checks import require_between, require_each_not_negative, require_finite, require_positive
-from ohmward.trace import clip, maximum, table
+from ohmward.trace import clip, maximum, sqrt, table
 from ohmward.trace.expression import Scalar
 
 #: A current that nobody measured, in multiples of the capacity per hour: a usual one where it counts over the time for
@@ -35,6 +35,11 @@ PATH_SHARE = 0.15
 
 #: Correlation of the errors of R_0 and of the pairs: age and contacts act on both, the shapes of the two curves differ.
 RESISTANCE_CORRELATION = 0.7
+
+#: Correlation length of the error of the curve's level, as a change of SoC. What a model errs by on one pass over the
+#: curve it errs by on the next, on LFP and in the cold on NMC; a level that stayed for ever would take up what a wrong
+#: resistance leaves in the cold.
+LEVEL_SOC_LENGTH = 1.0
 
 #: A shorter step counts as this one [s] where errors hold on from sample to sample, so that R stays finite at dt = 0.
 _SHORTEST_STEP_S = 1e-3
@@ -65,6 +70,9 @@ class BatteryNoise:
     #: relative error of the overpotential; one number, or (M,) on a uniform grid of SoC
     overpotential_share: float | tuple[float, ...] = 0.05
     soc_axis_std: float = 0.01  #: error of the SoC axis of the OCV curve
+    #: standard deviation of the level of the curve, an error of one sign along SoC beside `model_std_V`; 0 where that
+    #: error itself holds on as far
+    level_std_V: float = 0.0
     #: correlation time of the errors that depend on current; samples further apart are independent
     correlation_s: float = 200.0
     capacity_std: float = 0.01  #: relative error of the capacity
@@ -104,6 +112,16 @@ class BatteryNoise:
     def model_std_at(self, soc: Scalar) -> Scalar:
         """Standard deviation of the model's voltage error [V] at this SoC."""
         return on_soc_grid(self.model_std_V, soc)
+
+    def curve_stds(self, soc: Scalar, away_K: Scalar) -> tuple[Scalar, Scalar]:
+        """Standard deviations [V] of the curve at this SoC and of its level, `away_K` from the curve's temperature.
+
+        The temperature moves the level, where the file doubts one.
+        """
+        own_V, thermal_V = self.model_std_at(soc), self.ocv_std_V_per_K * away_K
+        if self.level_std_V:
+            return own_V, sqrt(self.level_std_V**2 + thermal_V * thermal_V)
+        return sqrt(own_V**2 + thermal_V * thermal_V), 0.0
 
     def overpotential_share_at(self, soc: Scalar) -> Scalar:
         """Relative error of the overpotential at this SoC."""

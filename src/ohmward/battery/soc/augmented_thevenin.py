@@ -9,12 +9,14 @@
     model_error                      voltage error of the model in its own standard deviations: of the curve, its SoC
                                      axis and its temperature, and of the overpotential. A Gauss-Markov state along SoC,
                                      not time: it stays while SoC stays, and is new after `model_soc_length`.
+    level_error                      error of the level of the curve, likewise: it stays ten times as long, and grows
+                                     away from the temperature of the curve
     ohmic_activation_error_K, pair_activation_error_K
                                      errors of the activation temperatures: the band opens where the battery leaves the
                                      temperature of the test, and closes where it comes back
     hysteresis_log_ratio             ln of the hysteresis voltage over the file's
 
-The last three are there only where the file is in doubt about them. The measurement noise is not white either: an error
+The last four are there only where the file is in doubt about them. The measurement noise is not white either: an error
 that holds on for a correlation time is one observation in that time, however often it is sampled, so
 R = variance * 2 correlation time / dt. Axis and overpotential err in both ways.
 """
@@ -30,6 +32,7 @@ import numpy as np
 from ohmward.battery.models.noise import (
     HYSTERESIS_UNKNOWN_STD,
     HYSTERESIS_VARIANCE_PER_SOC,
+    LEVEL_SOC_LENGTH,
     MOMENTARY_C,
     PAIR_CURRENT_C,
     RESISTANCE_CORRELATION,
@@ -54,6 +57,7 @@ from ohmward.battery.models.thevenin import (
 )
 from ohmward.battery.soc.clean_sample import CleanSocSample
 from ohmward.battery.soc.coulomb import charge_variance, growth_while_unknown
+from ohmward.battery.soc.initial_soc import lasting_std_V
 from ohmward.filters.belief import Belief
 from ohmward.trace import clip, exp, linearize, maximum, minimum, sign, where
 from ohmward.trace.expression import Scalar
@@ -105,6 +109,7 @@ class AugmentedState(NamedTuple):
     ohmic_log_ratio: Any
     pair_log_ratio: Any
     model_error: Any
+    level_error: Any = 0.0
     ohmic_activation_error_K: Any = 0.0
     pair_activation_error_K: Any = 0.0
     hysteresis_log_ratio: Any = 0.0
@@ -128,6 +133,7 @@ class VoltageError(NamedTuple):
     #: mean [V] of what the tangent of the curve leaves out, and its part of the variance [V^2]
     tangent_V: Scalar = 0.0
     tangent_V2: Scalar = 0.0
+    level_std_V: Scalar = 0.0  #: of the error of the curve's level, the unit of the state `level_error`
 
 
 @dataclass(frozen=True)
@@ -147,6 +153,7 @@ class AugmentedThevenin:
     def error_names(self) -> tuple[str, ...]:
         """Names of the states of the errors, in order; without those that the file does not doubt."""
         stds = {
+            "level_error": self.noise.level_std_V,
             "ohmic_activation_error_K": self.noise.activation_std_K,
             "pair_activation_error_K": self.noise.activation_std_K,
             "hysteresis_log_ratio": self.noise.hysteresis_std * any(self.model.ocv.hysteresis_V),
@@ -176,6 +183,7 @@ class AugmentedThevenin:
             ohmic_log_ratio=noise.resistance_std,
             pair_log_ratio=noise.resistance_std,
             model_error=1.0,
+            level_error=1.0,
             ohmic_activation_error_K=noise.activation_std_K,
             pair_activation_error_K=noise.activation_std_K,
             hysteresis_log_ratio=noise.hysteresis_std,
@@ -216,8 +224,14 @@ class AugmentedThevenin:
         u = CircuitInput(clean.mean.current_A - before.offset_A, clean.mean.temperature_degC)
         soc, *rest = next_state(before.circuit, u, self.model, clean.dt_s, before.pair(self.coldness(u)))
         charged = before.circuit[SOC] + before.charge_gain * (soc - before.circuit[SOC])
-        decay = self.error_decay(u.current_A, clean)
-        return self.vector(before._replace(circuit=[charged, *rest], model_error=decay * before.model_error))
+        model_decay, level_decay = self.error_decays(u.current_A, clean)
+        return self.vector(
+            before._replace(
+                circuit=[charged, *rest],
+                model_error=model_decay * before.model_error,
+                level_error=level_decay * before.level_error,
+            )
+        )
 
     def voltage(self, x: np.ndarray, clean: CleanSocSample, error: VoltageError) -> np.ndarray:
         """Terminal voltage [V] expected in state x, (1,)."""
@@ -226,7 +240,8 @@ class AugmentedThevenin:
         _, *v, h = state.circuit
         circuit = np.array([self.curve_soc(state), *v, h * exp(state.hysteresis_log_ratio)])
         circuit_V = voltage(circuit, u, self.model, state.ohmic(self.coldness(u)))
-        return circuit_V + error.model_std_V * state.model_error + error.tangent_V
+        lasting_V = error.model_std_V * state.model_error + error.level_std_V * state.level_error
+        return circuit_V + lasting_V + error.tangent_V
 
     def resistance_ratio(self, state: AugmentedState) -> Scalar:
         """Resistance to a steady current over that of the file, at the temperature of the file."""
@@ -258,11 +273,12 @@ class AugmentedThevenin:
             "resistance_ratio_std": np.sqrt(maximum((G @ P @ G.T)[0, 0], 0.0)),
         }
 
-    def error_decay(self, current_A: Scalar, clean: CleanSocSample) -> Scalar:
-        """Decay factor of the model error by the charge of this step."""
+    def error_decays(self, current_A: Scalar, clean: CleanSocSample) -> tuple[Scalar, Scalar]:
+        """Decay factors of the model error and of the level's by the charge of this step."""
         unknown_A = where(clean.current_known, 0.0, USUAL_C * self.model.capacity_Ah)
         moved_As = (abs(current_A) + unknown_A) * clean.dt_s
-        return np.exp(-moved_As / (self.model.capacity_As * self.noise.model_soc_length))
+        moved = moved_As / self.model.capacity_As
+        return np.exp(-moved / self.noise.model_soc_length), np.exp(-moved / LEVEL_SOC_LENGTH)
 
     def process_noise(self, x: np.ndarray, clean: CleanSocSample) -> np.ndarray:
         """Q of this step from the state x, (n, n) for n states."""
@@ -270,6 +286,7 @@ class AugmentedThevenin:
         walk_A = self.walk_A(clean)
         walk_V = [walk_A * r for r in self.pair_ohm(x, clean)]
         decays = pair_decays(clean.mean, p, dt_s)
+        model_decay, level_decay = self.error_decays(clean.mean.current_A, clean)
         variances = AugmentedState(
             circuit=[
                 charge_variance(clean, self.sensor, p),
@@ -280,7 +297,8 @@ class AugmentedThevenin:
             charge_gain=noise.capacity_walk_variance(dt_s),
             ohmic_log_ratio=noise.resistance_walk_variance(dt_s),
             pair_log_ratio=noise.resistance_walk_variance(dt_s),
-            model_error=1 - self.error_decay(clean.mean.current_A, clean) ** 2,
+            model_error=1 - model_decay**2,
+            level_error=1 - level_decay**2,
         )
         return np.diag(self.vector(variances))
 
@@ -321,15 +339,24 @@ class AugmentedThevenin:
         uncertain_V2 = self.axis_variance(state) * slope[0] ** 2 + self.overpotential_share(soc, u) ** 2 * over_V2
         momentary_V = self.total_ohm(state, u) * (MOMENTARY_C * self.model.capacity_Ah)
         unmeasured_V = where(clean.current_measured, 0.0, momentary_V)
-        ocv_V = noise.ocv_std_V_per_K * (u.temperature_degC - self.model.ocv.reference_degC)
+        curve_V, level_V = noise.curve_stds(soc, u.temperature_degC - self.model.ocv.reference_degC)
         return VoltageError(
-            model_std_V=np.sqrt(noise.model_std_at(soc) ** 2 + uncertain_V2 + ocv_V * ocv_V),
+            model_std_V=np.sqrt(curve_V**2 + uncertain_V2),
             variance=noise.voltage_std_V**2 + uncertain_V2 + tangent_V2 + unmeasured_V * unmeasured_V,
             weight=noise.samples_per_error(clean.dt_s),
             uncertain_V2=uncertain_V2,
             tangent_V=tangent_V,
             tangent_V2=tangent_V2,
+            level_std_V=level_V,
         )
+
+    def error_shares(self, soc: Scalar, u: CircuitInput) -> dict[str, Scalar]:
+        """Shares of the errors that stay in the standard deviation of their sum at rest; their squares add to 1."""
+        if not self.noise.level_std_V:
+            return {"model_error": 1.0}
+        _, level_V = self.noise.curve_stds(soc, u.temperature_degC - self.model.ocv.reference_degC)
+        level = level_V / lasting_std_V(soc, u, self.model, self.noise)
+        return {"model_error": np.sqrt(1.0 - level * level), "level_error": level}
 
     def tangent_error(
         self, soc: Scalar, slope: Scalar, std: Scalar, circuit: np.ndarray, u: CircuitInput

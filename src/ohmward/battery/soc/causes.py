@@ -265,14 +265,14 @@ def axis_errors(settings: TheveninFilter, x: AugmentedState, slope_V: float) -> 
 
 
 def voltage_errors(settings: TheveninFilter, x: AugmentedState, u: CircuitInput, over_V: float) -> dict[str, float]:
-    """Standard deviations [V] of all other errors behind the state `model_error`, at an overpotential over_V [V]."""
+    """Standard deviations [V] of the other errors that stay with SoC, at an overpotential over_V [V]."""
     noise, model = settings.noise, settings.model
     soc = x.circuit[SOC]
     at_test, here = float(noise.overpotential_share_at(soc)), float(settings.system.overpotential_share(soc, u))
     elsewhere_V = math.sqrt(max(here**2 - at_test**2, 0.0)) * over_V
     tested = noise.activation_std_K == 0.0  # then the cold alone is to blame, not what nobody knows of it
     return {
-        "curve": float(noise.model_std_at(soc)),
+        "curve": math.hypot(float(noise.model_std_at(soc)), noise.level_std_V),
         "overpotential": math.hypot(at_test * over_V, elsewhere_V if tested else 0.0),
         "activation": 0.0 if tested else elsewhere_V,
         "ocv_temperature": noise.ocv_std_V_per_K * abs(u.temperature_degC - model.ocv.reference_degC),
@@ -406,4 +406,5 @@ _CAUSE_BY_NAME = {
     "resistance": "resistance",
     "_log": "resistance",
     "model_error": "voltage_error",
+    "level_error": "voltage_error",
 }

@@ -1,10 +1,15 @@
 """State of charge by a Gaussian sum filter: a few extended Kalman filters side by side, weighed by their likelihood.
 
-    p(x) = sum of w_k N(x; m_k, P_k),    w_k <- w_k N(nu_k; 0, S_k)                     (Alspach and Sorenson 1972)
+    p(x) = sum of w_k N(x; m_k, P_k)                                                    (Alspach and Sorenson 1972)
+    w_k <- w_k^a N(nu_k; 0, S_k),    a = exp(-moved charge / length)            (Raftery, Karny and Ettler 2010, 2.7)
 
 One Gaussian cannot hold "the value given at the start is right, or it is wrong", nor a flat part of the curve from an
 unknown start. Each hypothesis begins at another part of the state of charge (`initial_soc.hypotheses`); all see the
 same samples, and the voltage tells which of them holds. Mean and standard deviation are those of the sum.
+
+Evidence fades as charge moves on, by the forgetting factor a: a hypothesis explains a voltage by errors of
+the model that hold on as far as the level of the curve does, and by the next pass they are others. Without it a small
+error of the model, met at every pass, decides in a day between hypotheses that are all in doubt.
 
 A voltage that no hypothesis can believe weighs none of them; one that some can believe weighs all, at most as much as
 their gate. The voltage contradicts the filter where it contradicts every hypothesis.
@@ -108,7 +113,7 @@ class GaussianSumFilter:
     def step(self, state: GaussianSumState, sample: SocSample) -> tuple[GaussianSumState, SocEstimate]:
         """State and estimate after a sample."""
         taken = self.member.take_in(state.members[0], sample)
-        diverged = reduce(and_, map(self.member.has_diverged, state.members))
+        diverged = reduce(and_, map(self.member.has_diverged, state.members)) | taken.misled
         steps = [
             self.member.advance(member, taken, diverged, forget)
             for member, forget in zip(state.members, self.restarts, strict=True)
@@ -119,9 +124,10 @@ class GaussianSumFilter:
             self.evidence(member, step.update, walk_A2, taken.sample)
             for member, step in zip(state.members, steps, strict=True)
         ]
+        _, forgetting = self.system.error_decays(taken.sample.mean.current_A, taken.sample)
         log_weights = relative(
             [
-                where(diverged, 0.0, log_weight) + where(accepted, log_evidence, 0.0)
+                where(diverged, 0.0, forgetting * log_weight) + where(accepted, log_evidence, 0.0)
                 for log_weight, log_evidence in zip(state.log_weights, evidence, strict=True)
             ]
         )
@@ -141,16 +147,18 @@ class GaussianSumFilter:
         fades = pair_decays(clean.mean, self.member.model, self.member.noise.correlation_s)
         ohm = self.system.pair_ohm(before.belief.mean, clean)
         renewed_V2 = sum(r * r * v * (1 - a * a) for r, v, a in zip(ohm, walk_A2, fades, strict=True))
-        decay = self.system.error_decay(clean.mean.current_A, clean)
-        variance = unpack(before.belief).cov[self.model_error_index, self.model_error_index]
-        staying_V2 = update.error.model_std_V**2 * (decay**2 * variance + 1.0 - decay**2)
-        widths = Widths(renewed_V2, staying_V2, moved_on=1.0 - decay**2)
+        model_decay, level_decay = self.system.error_decays(clean.mean.current_A, clean)
+        staying_V2 = update.error.model_std_V**2 * self.variance_after(before, "model_error", model_decay)
+        staying_V2 = staying_V2 + update.error.level_std_V**2 * self.variance_after(before, "level_error", level_decay)
+        widths = Widths(renewed_V2, staying_V2, moved_on=1.0 - model_decay**2)
         return log_likelihood(update.correction.innovation, update.R, update.error, widths, self.member.gate)
 
-    @property
-    def model_error_index(self) -> int:
-        """Index of the model's error in the state of a member."""
-        return self.state_names.index("model_error")
+    def variance_after(self, before: FilterState, name: str, decay: Scalar) -> Scalar:
+        """Variance of the Gauss-Markov state `name` of a member after a step, 1 where it is not there."""
+        if name not in self.state_names:
+            return 1.0
+        k = self.state_names.index(name)
+        return decay**2 * unpack(before.belief).cov[k, k] + 1.0 - decay**2
 
     @property
     def restarts(self) -> list[Callable[[Belief], Belief]]:
@@ -227,7 +235,7 @@ class Widths(NamedTuple):
     """Parts of the variance of a voltage that are charged apart from all else."""
 
     renewed_V2: Scalar = 0.0  #: by the state, what the process noise brings back whenever it was learnt [V^2]
-    staying_V2: Scalar = 0.0  #: by the error of the model, which stays while SoC stays [V^2]
+    staying_V2: Scalar = 0.0  #: by the errors of the model, which stay while SoC stays [V^2]
     moved_on: Scalar = 1.0  #: share of that error which is new with this sample, in [0, 1]
 
 

@@ -63,15 +63,15 @@ class VoltageStart:
         u, p = first_input(first, self.current_limit_A), self.model
         mean_V = p.ocv.mean_V(soc, u.temperature_degC) + ohmic_drop(soc, u, p)
         std_V = first_voltage_std(soc, u, p, self.noise, self.sensor)
-        return ExpectedVoltage(mean_V, std_V, model_error_std_V(soc, u, p, self.noise))
+        return ExpectedVoltage(mean_V, std_V, lasting_std_V(soc, u, p, self.noise))
 
 
-def model_error_std_V(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> Any:
-    """Standard deviation [V] of the model at rest where it stays with SoC: of the curve, its axis, its temperature."""
+def lasting_std_V(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> Any:
+    """Standard deviation [V] of the model at rest where it stays with SoC: of curve, level, axis and temperature."""
     above_V = p.ocv.mean_V(soc + GRID_STEP, u.temperature_degC)
     slope = (above_V - p.ocv.mean_V(soc - GRID_STEP, u.temperature_degC)) * (0.5 / GRID_STEP)
-    thermal = noise.ocv_std_V_per_K * (u.temperature_degC - p.ocv.reference_degC)
-    return sqrt(noise.model_std_at(soc) ** 2 + (noise.soc_axis_std * slope) ** 2 + thermal**2)
+    curve_V, level_V = noise.curve_stds(soc, u.temperature_degC - p.ocv.reference_degC)
+    return sqrt(curve_V**2 + (noise.soc_axis_std * slope) ** 2 + level_V**2)
 
 
 def first_voltage_std(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise, sensor: CurrentSensor) -> Any:
@@ -82,7 +82,7 @@ def first_voltage_std(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNois
     hysteresis = HYSTERESIS_UNKNOWN_STD * np.exp(noise.hysteresis_std**2) * p.hysteresis_V_at(soc, u.temperature_degC)
     terms = (
         noise.voltage_std_V,
-        model_error_std_V(soc, u, p, noise),
+        lasting_std_V(soc, u, p, noise),
         hysteresis,
         drop,
         PAST_SHARE * exp(resistance_std**2) * past,

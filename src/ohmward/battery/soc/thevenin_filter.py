@@ -40,7 +40,7 @@ from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, inflate, passes, require_gate, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import mirror_lower
-from ohmward.trace import clip, logical_not, maximum, where
+from ohmward.trace import clip, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
 
 #: Capacity over the file's that a battery of the file can have: one that has lost half is at the end of its second
@@ -49,6 +49,23 @@ LEAST_CAPACITY, MOST_CAPACITY = 0.5, 1.5
 
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
+
+
+#: A voltage that stays the same to the last digit is that of a dead sensor where the drop of a load in the ohmic
+#: resistance must have moved it by so many standard deviations of its noise: twice the step of a coarse converter.
+FROZEN_STD = 10.0
+
+#: A voltage that has stood still for longer before that was found has told SoC [s].
+FROZEN_S = 60.0
+
+
+class HeldVoltage(NamedTuple):
+    """The last voltage, and what it has stood still for, to the last digit."""
+
+    voltage_V: Scalar = -1.0  #: no battery has that of the start
+    load_A: Scalar = 0.0  #: current out of the battery, negative, when it came
+    used_s: Scalar = 0.0  #: time for which it has been used since
+    frozen: Scalar = 0.0  #: 1 where the load has changed too much since for the sensor to be alive
 
 
 class FilterState(NamedTuple):
@@ -63,14 +80,17 @@ class FilterState(NamedTuple):
     rejected_s: Scalar  #: time for which the voltage has contradicted the belief
     unknown_s: Scalar  #: time for which the current has not been known
     anchors: AnchorMemory  #: memory for the events that tell SoC
+    held: HeldVoltage = HeldVoltage()  #: for a voltage that stands still
 
 
 class CleanInput(NamedTuple):
-    """A sample sanitised, the event that it completes, and the memory for events after it."""
+    """A sample sanitised, the event that it completes, and the memories after it."""
 
     sample: CleanSocSample
     event: AnchorEvent
     anchors: AnchorMemory
+    held: HeldVoltage
+    misled: Any  #: the condition that SoC was learnt from a dead sensor
 
 
 class TheveninUpdate(NamedTuple):
@@ -163,13 +183,22 @@ class TheveninFilter:
         return VoltageStart(self.model, self.noise, self.sensor, self.limits.current_A)
 
     def start_from(self, first: SocSample, part: Hypothesis) -> FilterState:
-        """State before the first sample, with the error of the model that goes with SoC in its voltage; traceable."""
+        """State before the first sample, with the error of the model that goes with SoC in its voltage; traceable.
+
+        That error e of unit variance is the sum a m + b l of the state m and, where there is one, the level's l, by
+        their shares of the variance. The voltage tells nothing of b m - a l.
+        """
         start = part.start
         state = self.start(first, start.soc, start.std)
         belief = unpack(state.belief)
-        mean, cov, k = belief.mean.copy(), belief.cov.copy(), self.state_names.index("model_error")
-        mean[k], cov[k, k] = start.model_error, start.model_error_std**2
-        cov[k, SOC] = cov[SOC, k] = start.covariance
+        mean, cov = belief.mean.copy(), belief.cov.copy()
+        shares = self.system.error_shares(start.soc, first_input(first, self.limits.current_A))
+        errors = {self.state_names.index(name): share for name, share in shares.items()}
+        news = start.model_error_std**2 - 1.0
+        for j, a in errors.items():
+            mean[j], cov[j, SOC], cov[SOC, j] = a * start.model_error, a * start.covariance, a * start.covariance
+            for k, b in errors.items():
+                cov[j, k] = cov[j, k] + a * b * news
         return state._replace(belief=pack(Belief(mean, cov)))
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> FilterState:
@@ -181,7 +210,8 @@ class TheveninFilter:
 
     def step(self, state: FilterState, sample: SocSample) -> tuple[FilterState, SocEstimate]:
         """State and estimate after a sample."""
-        done = self.advance(state, self.take_in(state, sample), self.has_diverged(state))
+        taken = self.take_in(state, sample)
+        done = self.advance(state, taken, self.has_diverged(state) | taken.misled)
         return done.state, with_misfit(done.estimate, self.sensor)
 
     def has_diverged(self, state: FilterState) -> Any:
@@ -214,6 +244,7 @@ class TheveninFilter:
             time_rejected(state.rejected_s, clean.dt_s, contradicts_still, clean.voltage_measured),
             clean.unknown_s,
             taken.anchors,
+            taken.held,
         )
         flags = clean.flags + flags_of(
             {
@@ -228,14 +259,41 @@ class TheveninFilter:
 
     def take_in(self, state: FilterState, sample: SocSample) -> CleanInput:
         """The sample sanitised, and what it completes; voltages of a battery that gases complete a charge."""
-        clean = self.sanitize(state, sample)
+        held, misled, clean = self.without_frozen(state.held, self.sanitize(state, sample))
         anchors, event = self.anchor_rule.step(state.anchors, clean) if self.anchors else (state.anchors, NO_EVENT)
-        return CleanInput(self.without_gassing(clean, anchors), event, anchors)
+        return CleanInput(self.without_gassing(clean, anchors), event, anchors, held, misled)
 
     def sanitize(self, state: FilterState, sample: SocSample) -> CleanSocSample:
         """The sample with what cannot be true replaced and flagged."""
         before = CircuitInput(state.current_A, state.temperature_degC)
         return sanitize(sample, before, self.limits, state.unknown_s)
+
+    def without_frozen(self, before: HeldVoltage, clean: CleanSocSample) -> tuple[HeldVoltage, Any, CleanSocSample]:
+        """The memory after the sample, and the sample without a voltage that stands still while the load changes.
+
+        A charger holds the voltage too, while its current falls. The condition between them: that the voltage which
+        comes after shows that the one before, used for `FROZEN_S`, was not that of the battery. One that only comes
+        later than its current moves as the load asks.
+        """
+        load_A = minimum(clean.now.current_A, 0.0)
+        same = clean.voltage_measured & (clean.voltage_V == before.voltage_V)
+        least_ohm = float(np.median(self.model.r0_discharge_ohm)) * math.exp(-self.noise.resistance_std)
+        drop_V = least_ohm * abs(load_A - before.load_A)
+        frozen = same & ((before.frozen > 0.0) | (drop_V > FROZEN_STD * self.noise.voltage_std_V))
+        held = HeldVoltage(
+            where(clean.voltage_measured, clean.voltage_V, before.voltage_V),
+            where(same, before.load_A, load_A),
+            where(same, before.used_s + where(frozen, 0.0, clean.dt_s), 0.0),
+            where(frozen, 1.0, 0.0),
+        )
+        came_V = abs(clean.voltage_V - before.voltage_V)
+        misled = clean.voltage_measured & logical_not(same) & (before.frozen > 0.0) & (before.used_s > FROZEN_S)
+        used = clean._replace(
+            voltage_V=where(frozen, 0.0, clean.voltage_V),
+            voltage_measured=clean.voltage_measured & logical_not(frozen),
+            flags=clean.flags + flags_of({SocFlag.NO_VOLTAGE: frozen}),
+        )
+        return held, misled & (came_V < 0.5 * drop_V), used
 
     def without_gassing(self, clean: CleanSocSample, anchors: AnchorMemory) -> CleanSocSample:
         """The sample of a battery that gases without what tells nothing of its charge.

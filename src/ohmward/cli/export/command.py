@@ -6,6 +6,7 @@ import argparse
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from ohmward.atomic import replacing
 from ohmward.battery.battery import Battery
@@ -28,10 +29,12 @@ from ohmward.export.battery import WITH_LOOPS, battery_export, curve_error_of_pa
 from ohmward.export.c_library import Export, check_fits, library, size, write_library
 from ohmward.export.python_file import python_file
 from ohmward.export.traction import CONTROLLERS, ODOMETRY, controller_export, observer_export, odometry_export
+from ohmward.logs.log import ReadOptions
 from ohmward.toml_file import noun_of
 from ohmward.traction import Robot, load_robot
 
-#: Filter for a microcontroller unless another is named.
+#: Filter for a microcontroller and a blind benchmark unless another is named: the sum of three takes three times as
+#: long, and found no start better in the benchmark.
 _SMALL = "ekf"
 
 #: Module of a Python file unless another is named: blind benchmarks import `Model` from `Model.py`.
@@ -40,11 +43,28 @@ _MODULE = "Model"
 
 def run(args: argparse.Namespace) -> Outcome:
     """Write the library, the file, or the archive for a blind benchmark."""
+    is_robot = _is_robot(args.file)
+    notes: list[str] = []
     if args.benchmark:
-        return _submission(args)
+        only_c = (args.name, args.sample_time, args.curve_error, args.flash_kb, args.ram_kb)
+        if any(only_c) or args.style != "lines" or is_robot:
+            raise InputError(
+                "--for mcmaster is one file of Python for a battery, a row a second, named Model: leave out --name, "
+                "--sample-time, --style, --curve-error, --flash-kb and --ram-kb"
+            )
+        check_output("-o", args.output, (".zip",))
+        rehearsal = None
+        if args.score:
+            if not args.truth:
+                raise InputError(
+                    "--score needs the true state of charge: name its column with --truth, as `ohmward soc` does"
+                )
+            rehearsal = Rehearsal(args.score, read_options(args), args.truth, args.truth_start)
+        battery, notes = load_with_sensor(args.file, args)
+        return _submission(battery, notes, args.filter or _SMALL, given_start(args), rehearsal, args.output)
     if args.score:
         raise InputError("--score rehearses a blind benchmark; name it with --for mcmaster")
-    python, is_robot = args.language == "python", _is_robot(args.file)
+    python = args.language == "python"
     if python and (args.style != "lines" or args.flash_kb or args.ram_kb):
         raise InputError("--style, --flash-kb and --ram-kb are for C; leave them out with --language python")
     if python and is_robot:
@@ -52,9 +72,13 @@ def run(args: argparse.Namespace) -> Outcome:
     start = given_start(args)
     name, filter_name = args.name or (_MODULE if python else _symbol(args.output)), args.filter
     filter_name = filter_name or (DEFAULT if python else _SMALL)
-    notes: list[str] = []
     if is_robot:
-        _refuse_options_of_batteries(args, filter_name)
+        if args.sensor_offset is not None or args.sensor_gain is not None:
+            raise InputError("a current sensor is that of a battery; leave out --sensor-offset and --sensor-gain")
+        if args.curve_error:
+            raise InputError("a curve error is for the open-circuit voltage of a battery; leave out --curve-error")
+        if args.style != "lines":
+            raise InputError(f"{filter_name} of a robot has no loops, only {', '.join(WITH_LOOPS)} of a battery have")
         export = _robot_export(load_robot(args.file), args.terrain, filter_name, name)
     else:
         battery, notes = load_with_sensor(args.file, args)
@@ -113,54 +137,54 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(figures, text, notes)
 
 
-def _submission(args: argparse.Namespace) -> Outcome:
+class Rehearsal(NamedTuple):
+    """Logs on which a submission is rehearsed, and how to read them."""
+
+    logs: list[str]  #: files or patterns of files
+    reading: ReadOptions
+    truth: str  #: column of the true state of charge
+    truth_start: float | None  #: state of charge at which that column starts, where it counts ampere hours
+
+    def scores(self, text: str, battery: Battery) -> Iterator[blind.BlindScore]:
+        """Those of the module of this text on every log."""
+        model, words = blind.model_of(text), log_files(self.logs)
+        with progress() as report:
+            for k, word in enumerate(words):
+                if report:
+                    report(word, k / len(words))
+                log = read_battery_log(word, self.reading, battery=battery, others=words)
+                truth = read_soc_truth(log, self.truth, battery.capacity_Ah, self.truth_start)
+                yield from blind.rehearse(model, blind.blind_run(log, truth.soc), battery.capacity_Ah)
+
+
+def _submission(
+    battery: Battery,
+    notes: list[str],
+    filter_name: str,
+    start: dict[str, Any],
+    rehearsal: Rehearsal | None,
+    output: str,
+) -> Outcome:
     """Write the archive that a blind benchmark takes, and rehearse it where logs are given."""
-    fixed = (args.name, args.sample_time, args.curve_error, args.flash_kb, args.ram_kb)
-    if any(fixed) or args.style != "lines" or _is_robot(args.file):
-        raise InputError(
-            "--for mcmaster is one file of Python for a battery, a row a second, named Model: leave out --name, "
-            "--sample-time, --style, --curve-error, --flash-kb and --ram-kb"
-        )
-    check_output("-o", args.output, (".zip",))
-    if args.score and not args.truth:
-        raise InputError("--score needs the true state of charge: name its column with --truth, as `ohmward soc` does")
-    battery, notes = load_with_sensor(args.file, args)
-    filter_name = args.filter or _SMALL  # the sum of three takes three times as long, and found no start better there
     export = battery_export(battery, filter_name, blind.MODULE, sample_time_s=blind.INTERVAL_S)
-    text = python_file(export, blind.INTERVAL_S, **given_start(args))
-    with replacing(Path(args.output)) as archive:
+    text = python_file(export, blind.INTERVAL_S, **start)
+    with replacing(Path(output)) as archive:
         archive.write_bytes(blind.submission(text))
-    scores = list(_rehearsed(text, args, battery)) if args.score else []
+    scores = list(rehearsal.scores(text, battery)) if rehearsal else []
     figures = {
         "command": "export",
-        "benchmark": args.benchmark,
+        "benchmark": "mcmaster",
         "title": export.title,
         "filter": filter_name,
-        "output": args.output,
+        "output": output,
         "operations": len(export.step.nodes),
         "rmse": {case: blind.case_rmse(scores, case) for case in blind.WEIGHTS} if scores else None,
         "rmse_weighted": blind.weighted_rmse(scores) if scores else None,
         "runs": [score._asdict() for score in scores],
         "notes": notes,
     }
-    return Outcome(
-        figures,
-        wording.paragraphs(
-            f"{args.output}: {export.title}", _score_table(scores) if scores else "", wording.assumptions(notes)
-        ),
-        notes,
-    )
-
-
-def _rehearsed(text: str, args: argparse.Namespace, battery: Battery) -> Iterator[blind.BlindScore]:
-    model, words, reading = blind.model_of(text), log_files(args.score), read_options(args)
-    with progress() as report:
-        for k, word in enumerate(words):
-            if report:
-                report(word, k / len(words))
-            log = read_battery_log(word, reading, battery=battery, others=words)
-            truth = read_soc_truth(log, args.truth, battery.capacity_Ah, args.truth_start)
-            yield from blind.rehearse(model, blind.blind_run(log, truth.soc), battery.capacity_Ah)
+    paragraphs = (f"{output}: {export.title}", _score_table(scores) if scores else "", wording.assumptions(notes))
+    return Outcome(figures, wording.paragraphs(*paragraphs), notes)
 
 
 def _score_table(scores: Sequence[blind.BlindScore]) -> str:
@@ -184,15 +208,6 @@ def _symbol(folder: str) -> str:
 def _is_robot(file: str) -> bool:
     """True where it names a robot: one that comes with the package, or a file of that format."""
     return file.lower() in BUILT_IN or noun_of(file) == "robot"  # of all others the reader of battery files speaks
-
-
-def _refuse_options_of_batteries(args: argparse.Namespace, filter_name: str) -> None:
-    if args.sensor_offset is not None or args.sensor_gain is not None:
-        raise InputError("a current sensor is that of a battery; leave out --sensor-offset and --sensor-gain")
-    if args.curve_error:
-        raise InputError("a curve error is for the open-circuit voltage of a battery; leave out --curve-error")
-    if args.style != "lines":
-        raise InputError(f"{filter_name} of a robot has no loops, only {', '.join(WITH_LOOPS)} of a battery have")
 
 
 def _robot_export(robot: Robot, terrain: str, filter_name: str, name: str) -> Export:

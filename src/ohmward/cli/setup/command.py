@@ -65,6 +65,10 @@ class Offer(NamedTuple):
 class SetupPlan(NamedTuple):
     """A setup that can be written."""
 
+    output: str  #: path of its file
+    made_from: list[str]  #: the sources as they were named
+    name: str  #: of the robot
+    counts_per_turn: float | None  #: of the encoders, where they send counts
     sources: list[tuple[Offer, Mapping[str, ScaledSignal]]]
     battery: str | None  #: path of the file, as that of the robot
     robot: str | None
@@ -98,8 +102,8 @@ def run(args: argparse.Namespace) -> Outcome:
             + " ".join(question.text for question in plan.questions),
             [word for question in plan.questions for word in (question.option, question.example)],
         )
-    backups = _write(args, plan)
-    return Outcome(_summary(args, plan, backups), _text(args, plan, backups), status=1 if plan.questions else 0)
+    backups = _write(plan)
+    return Outcome(_summary(plan, backups), _text(plan, backups), status=1 if plan.questions else 0)
 
 
 def _look(source: str, args: argparse.Namespace) -> Offer:
@@ -209,7 +213,19 @@ def make_plan(args: argparse.Namespace, offers: Sequence[Offer]) -> SetupPlan:
         notes += found.notes
         unused += found.unused
     made = {str(file.path): file.text for file in (battery, robot) if file.text}
-    return SetupPlan(sources, battery.path, robot.path, made, questions, notes, unused)
+    return SetupPlan(
+        args.output,
+        args.sources,
+        args.name,
+        args.counts_per_turn,
+        sources,
+        battery.path,
+        robot.path,
+        made,
+        questions,
+        notes,
+        unused,
+    )
 
 
 def _of(answers: Answers, offer: Offer, alone: bool) -> Answers:
@@ -297,29 +313,29 @@ def _ask(questions: Sequence[Question]) -> list[str]:
     return words
 
 
-def _write(args: argparse.Namespace, plan: SetupPlan) -> dict[str, str]:
+def _write(plan: SetupPlan) -> dict[str, str]:
     """Write the files; path -> where what stood there before is now.
 
     Raises:
         OhmwardError: a file cannot be written.
     """
-    text = "\n".join(_lines(args, plan)) + "\n"
+    text = "\n".join(_lines(plan)) + "\n"
     SETUP_FILE.parse(text)
     backups = {}
-    for path, content in {**plan.files, args.output: text}.items():
+    for path, content in {**plan.files, plan.output: text}.items():
         if backup := back_up(Path(path)):
             backups[path] = str(backup)
         write_text(Path(path), content)
     return backups
 
 
-def _lines(args: argparse.Namespace, plan: SetupPlan) -> Iterator[str]:
+def _lines(plan: SetupPlan) -> Iterator[str]:
     """Lines of the setup."""
     yield SETUP_FILE.header
-    yield f"# Written by `ohmward setup` from {', '.join(args.sources)}."
+    yield f"# Written by `ohmward setup` from {', '.join(plan.made_from)}."
     yield from (f"# To be answered: {q.text} {q.option} {q.example}" for q in plan.questions)
-    head = {"format": SETUP_FILE.format, "name": args.name, "battery": plan.battery, "robot": plan.robot}
-    yield from _settings(head | {"counts_per_turn": args.counts_per_turn})
+    head = {"format": SETUP_FILE.format, "name": plan.name, "battery": plan.battery, "robot": plan.robot}
+    yield from _settings(head | {"counts_per_turn": plan.counts_per_turn})
     for k, (offer, signals) in enumerate(plan.sources):
         if not (signals or offer.kind == "ros2" or offer.settings.get("topics") or offer.settings.get("messages")):
             continue
@@ -359,7 +375,7 @@ def _found(plan: SetupPlan) -> dict[str, str]:
     return found
 
 
-def _summary(args: argparse.Namespace, plan: SetupPlan, backups: Mapping[str, str]) -> dict[str, Any]:
+def _summary(plan: SetupPlan, backups: Mapping[str, str]) -> dict[str, Any]:
     """The object of --json."""
     signals = {
         signal: {"source": offer.kind, **wired.__dict__}
@@ -368,10 +384,10 @@ def _summary(args: argparse.Namespace, plan: SetupPlan, backups: Mapping[str, st
     }
     return {
         "command": "setup",
-        "output": args.output,
+        "output": plan.output,
         "battery": plan.battery,
         "robot": plan.robot,
-        "written": [*plan.files, args.output],
+        "written": [*plan.files, plan.output],
         "backups": backups,
         "recognised": _found(plan),
         "signals": signals,
@@ -381,11 +397,11 @@ def _summary(args: argparse.Namespace, plan: SetupPlan, backups: Mapping[str, st
     }
 
 
-def _text(args: argparse.Namespace, plan: SetupPlan, backups: Mapping[str, str]) -> str:
+def _text(plan: SetupPlan, backups: Mapping[str, str]) -> str:
     """The same for people."""
     found, asked = _found(plan), plan.questions
-    head = f"{args.output}: {len(found)} signals recognised, {len(asked)} asked"
-    written = ", ".join([*plan.files, args.output])
+    head = f"{plan.output}: {len(found)} signals recognised, {len(asked)} asked"
+    written = ", ".join([*plan.files, plan.output])
     before = "".join(f"; {path} of before is {backup}" for path, backup in backups.items())
     questions = [f"{q.text}  {q.option} {q.example}" for q in asked]
     options = shlex.join([word for q in asked for word in (q.option, q.example)])
@@ -397,5 +413,5 @@ def _text(args: argparse.Namespace, plan: SetupPlan, backups: Mapping[str, str])
         wording.bullets("Assumed", plan.notes),
         wording.bullets("Not used", [", ".join(plan.unused)] if plan.unused else []),
         f"Written: {written}{before}",
-        f"Next: ohmward run --check {args.output}; then ohmward run {args.output} and http://127.0.0.1:8080",
+        f"Next: ohmward run --check {plan.output}; then ohmward run {plan.output} and http://127.0.0.1:8080",
     )

@@ -32,75 +32,68 @@ class Replay(NamedTuple):
     log: Log | DriveLog
     samples: Any
     arguments: dict[str, float]
-    export: Export | None
+    export: Export | None = None
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Compile, replay, compare, write."""
+    """Compile, replay, compare, write.
+
+    Raises:
+        InputError: the library takes no samples of a log, a drive comes without its robot, or an option does not fit.
+    """
     check_output("--output", args.output, TABLES, [args.log])
     twin = Twin(args.library, args.name)
-    replay = prepare(twin, args)
+    members = twin.Sample._fields
+    if _BATTERY in members:
+        if (args.battery is None) != (args.filter is None):
+            raise InputError("--battery and --filter go together: they name the estimator to compare with")
+        log = read_battery_log(args.log, read_options(args), extra=())
+        given = given_start(args)
+        replay = Replay(log, battery_samples_of(log), start_arguments(twin, given))
+        if args.battery:
+            battery, _ = load_with_sensor(args.battery, args)  # the options of the export: no contradiction
+            curve_V = curve_error_of_pack_V(battery, args.curve_error)
+            exported = {"sample_time_s": args.sample_time, "curve_error_V": curve_V}
+            replay = replay._replace(export=battery_export(battery, args.filter, twin.name, **given, **exported))
+    elif _DRIVE in members:
+        if args.robot is None:
+            raise InputError("a log of a drive needs --robot FILE.toml: it says which wheels there are")
+        robot = load_robot(args.robot)
+        terrain = make_terrain(args.terrain, robot)
+        drive = drive_options(args, robot).read(args.log, extra=())
+        export = observer_export(robot, terrain, args.filter) if args.filter else None
+        replay = Replay(drive, drive_samples_of(drive, robot), {}, export)
+    else:
+        raise InputError(
+            f"library {twin.name!r} takes {', '.join(members)}, which no log has; use ohmward.export.Twin in Python"
+        )
+    figures = replayed(twin, replay, args.output) | {"library": args.library, "output": args.output}
+    return Outcome(figures, describe(figures), figures["notes"])
+
+
+def replayed(twin: Twin, replay: Replay, output: str | None) -> dict[str, Any]:
+    """Figures of the log through the library; what it says goes to the file `output`, if one is named."""
     began = time.perf_counter()
     twin.start(first_of(replay.samples), **replay.arguments)
     outputs = twin.run(replay.samples)
     seconds = time.perf_counter() - began
-    if args.output:
-        write_table({"time_s": replay.log.time_s} | output_columns(outputs), args.output)
-    compared = None
-    if replay.export:
-        compared = compare(twin, replay.export, outputs, replay.samples, tuple(replay.arguments.values()))
-    figures = {
+    columns, export = output_columns(outputs), replay.export
+    if output:
+        write_table({"time_s": replay.log.time_s} | columns, output)
+    return {
         "command": "twin",
         "name": twin.name,
         "log": replay.log.name,
         "steps": len(replay.log),
         "seconds": seconds,
-        "final": {name: float(column[-1]) for name, column in output_columns(outputs).items()},
+        "final": {name: float(column[-1]) for name, column in columns.items()},
         "flags": twin.flag_counts(outputs),
-        "compared_with": replay.export.title if replay.export else None,
-        "differences": compared,
+        "compared_with": export.title if export else None,
+        "differences": compare(twin, export, outputs, replay.samples, tuple(replay.arguments.values()))
+        if export
+        else None,
         "notes": [str(note) for note in replay.log.notes],
-        "library": args.library,
-        "output": args.output,
     }
-    return Outcome(figures, describe(figures), figures["notes"])
-
-
-def prepare(twin: Twin, args: argparse.Namespace) -> Replay:
-    """The log as samples of the library.
-
-    Raises:
-        InputError: the library takes no samples of a log, or a drive comes without its robot.
-    """
-    members = twin.Sample._fields
-    if _BATTERY in members:
-        return _battery_replay(twin, args)
-    if _DRIVE not in members:
-        raise InputError(
-            f"library {twin.name!r} takes {', '.join(members)}, which no log has; use ohmward.export.Twin in Python"
-        )
-    if args.robot is None:
-        raise InputError("a log of a drive needs --robot FILE.toml: it says which wheels there are")
-    robot = load_robot(args.robot)
-    terrain = make_terrain(args.terrain, robot)
-    log = drive_options(args, robot).read(args.log, extra=())
-    export = observer_export(robot, terrain, args.filter) if args.filter else None
-    return Replay(log, drive_samples_of(log, robot), {}, export)
-
-
-def _battery_replay(twin: Twin, args: argparse.Namespace) -> Replay:
-    log = read_battery_log(args.log, read_options(args), extra=())
-    given = given_start(args)
-    arguments = start_arguments(twin, given)
-    if (args.battery is None) != (args.filter is None):
-        raise InputError("--battery and --filter go together: they name the estimator to compare with")
-    export = None
-    if args.battery:
-        battery, _ = load_with_sensor(args.battery, args)  # the options of the export: no contradiction
-        curve_V = curve_error_of_pack_V(battery, args.curve_error)
-        exported = {"sample_time_s": args.sample_time, "curve_error_V": curve_V}
-        export = battery_export(battery, args.filter, twin.name, **given, **exported)
-    return Replay(log, battery_samples_of(log), arguments, export)
 
 
 def start_arguments(twin: Twin, given: dict[str, float]) -> dict[str, float]:

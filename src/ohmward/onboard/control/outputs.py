@@ -116,14 +116,12 @@ class RosOutput(RosNetwork):
 
     Attributes:
         transport, node, namespace, domain, router: of the network.
-        topic: of the controller's commands.
-        command: "torque" for its interface "effort", "wheel-speed" for "velocity".
-        joints: names of the wheels in the order of the controller's joints; by default that of the robot file.
     """
 
     node: str = "ohmward_control"
-    topic: str = "/wheel_controller/commands"
-    command: str = "torque"
+    topic: str = "/wheel_controller/commands"  #: of the controller's commands
+    command: str = "torque"  #: "torque" for its interface "effort", "wheel-speed" for "velocity"
+    #: names of the wheels in the order of the controller's joints; by default that of the robot file
     joints: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 from ohmward.onboard.page.view import HISTORY, history_row, view
 from ohmward.onboard.robot_state import Level, RobotState
+from ohmward.onboard.store.rows import columns_of
 
 #: Time between two rows of the history, and number of rows: an hour and a half.
 ROW_S, ROWS = 1.0, 5400
@@ -84,7 +85,7 @@ class Dashboard:
     def _remember(self, state: RobotState) -> None:
         if not 0.0 <= state.time_s - self._row_s < ROW_S:
             self._row_s = state.time_s
-            self._rows.append(history_row(self._whole(state)))
+            self._rows.append(history_row(state.unix_s, columns_of(self._whole(state))))
         if state.pose is not None:
             point = float(state.pose.x_m), float(state.pose.y_m)
             if not self.path or math.dist(point, self.path[-1]) >= self._point_m:

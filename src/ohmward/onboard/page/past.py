@@ -13,14 +13,9 @@ import numpy as np
 
 from ohmward.errors import OhmwardError
 from ohmward.onboard.page.dashboard import Dashboard
-from ohmward.onboard.page.view import HISTORY, largest
+from ohmward.onboard.page.view import BATTERY, DRIVE, HISTORY, SLIP, history_row
 from ohmward.onboard.part import LOG
-from ohmward.onboard.robot_state import soc_band
 from ohmward.onboard.store.store import Store
-
-_BATTERY = ("soc", "soc_std", "battery_current_A", "battery_voltage_V", "range_p50_m")
-_DRIVE = ("estimated_speed_m_s", "estimated_speed_std_m_s")
-_SLIP = "slip_ratio."
 
 #: Rows further apart than so many usual distances have nothing between them: the robot was off.
 _GAP_DISTANCES = 3.0
@@ -87,15 +82,15 @@ def stored_rows(folder: Path, until_s: float, span: Lookback) -> Rows:
     store = Store(folder, read_only=True)
     try:
         times_ns = int(1e9 * (until_s - span.length_s)), int(1e9 * until_s), int(1e9 * span.step_s)
-        slip = [name for name in store.names("drive") if name.startswith(_SLIP)]
-        battery = store.thinned("battery", _BATTERY, *times_ns)
-        drive = store.thinned("drive", (*_DRIVE, *slip), *times_ns)
+        slip = [name for name in store.names("drive") if name.startswith(SLIP)]
+        battery = store.thinned("battery", BATTERY, *times_ns)
+        drive = store.thinned("drive", (*DRIVE, *slip), *times_ns)
     finally:
         store.close()
     rows = {step: {**values} for step, values in _by_step(battery, times_ns[2])}
     for step, values in _by_step(drive, times_ns[2]):
         rows[step] = {**values, **rows.get(step, {})}
-    ordered = sorted((_row(values) for values in rows.values()), key=lambda row: row[0])
+    ordered = sorted((history_row(values["unix_ns"] / 1e9, values) for values in rows.values()), key=lambda row: row[0])
     return {name: _known(column) for name, column in zip(HISTORY, _with_gaps(ordered).T, strict=True)}
 
 
@@ -106,25 +101,6 @@ def _by_step(columns: dict[str, np.ndarray], step_ns: int) -> list[tuple[int, di
         (int(unix_ns) // step_ns, {name: float(column[k]) for name, column in columns.items()})
         for k, unix_ns in enumerate(times)
     ]
-
-
-def _row(values: dict[str, float]) -> tuple[float, ...]:
-    """Values of `HISTORY` from those of the store, nan for what is not known."""
-
-    def value(name: str) -> float:
-        return values.get(name, math.nan)
-
-    slips = np.array([slip for name, slip in values.items() if name.startswith(_SLIP)])
-    return (
-        value("unix_ns") / 1e9,
-        value("soc"),
-        *soc_band(value("soc"), value("soc_std")),
-        value("estimated_speed_m_s"),
-        value("estimated_speed_std_m_s"),
-        largest(slips),
-        -value("battery_current_A") * value("battery_voltage_V"),
-        value("range_p50_m"),
-    )
 
 
 def _with_gaps(rows: list[tuple[float, ...]]) -> np.ndarray:

@@ -22,6 +22,10 @@ ELLIPSE_95 = math.sqrt(-2.0 * math.log(0.05))
 
 #: Columns of the history.
 HISTORY = ("unix_s", "soc", "soc_low", "soc_high", "speed_m_s", "speed_std_m_s", "slip_ratio", "power_W", "range_m")
+#: Columns of the store of which they are made; of the slip ratio there is one for each wheel.
+BATTERY = ("soc", "soc_std", "battery_current_A", "battery_voltage_V", "range_p50_m")
+DRIVE = ("estimated_speed_m_s", "estimated_speed_std_m_s")
+SLIP = "slip_ratio."
 
 
 def view(state: RobotState) -> dict[str, Any]:
@@ -58,22 +62,23 @@ def advice(state: RobotState) -> str:
     return "The charge is not known: charge the battery fully once." if high - low > ANYTHING else ""
 
 
-def history_row(state: RobotState) -> tuple[float, ...]:
-    """Values of `HISTORY`, nan for what is not known."""
-    charge, slip = state.battery, state.slip
-    low, high = soc_band(charge.soc, charge.soc_std) if charge else (math.nan, math.nan)
-    values = (
-        state.unix_s,
-        charge.soc if charge else math.nan,
-        low,
-        high,
-        slip.speed_m_s if slip else math.nan,
-        slip.speed_std_m_s if slip else math.nan,
-        largest(slip.slip_ratio) if slip else math.nan,
-        battery_power_W(state.sample),
-        state.range.distance_m.p50 if state.range else math.nan,
+def history_row(unix_s: float, columns: Mapping[str, float]) -> tuple[float, ...]:
+    """Values of `HISTORY` from columns of the store, nan for what is not known."""
+
+    def value(name: str) -> float:
+        return float(columns.get(name, math.nan))
+
+    slips = np.array([slip for name, slip in columns.items() if name.startswith(SLIP)])
+    return (
+        unix_s,
+        value("soc"),
+        *soc_band(value("soc"), value("soc_std")),
+        value("estimated_speed_m_s"),
+        value("estimated_speed_std_m_s"),
+        largest(slips),
+        battery_power_W(columns),
+        value("range_p50_m"),
     )
-    return tuple(float(value) for value in values)
 
 
 def battery_power_W(sample: Mapping[str, float]) -> float:

@@ -21,28 +21,23 @@ _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 @dataclass(frozen=True)
 class ControlSink:
-    """The controller and its operator.
+    """The controller and its operator."""
 
-    Attributes:
-        robot: path of the robot file or name of a packaged robot.
-        can, ros, mqtt: the way to the drives, one of them; simulation: those of a simulated robot.
-        operator: HOST:PORT at which the operator connects; any host but this machine needs a token.
-        token: where the operator's token is: name of an environment variable, or "file:PATH" of mode 600.
-        limits: of speed, torque and slip, and timeouts.
-        step_s: time between two commands, 0.002 to 0.02.
-        name: in diagnostics.
-    """
-
-    robot: str
+    robot: str  #: path of the robot file or name of a packaged robot
+    #: the way to the drives, one of them
     can: CanOutput | None = None
     ros: RosOutput | None = None
     mqtt: MqttOutput | None = None
-    simulation: SimulatedOutput | None = None
-    operator: str = "127.0.0.1:4720"
-    token: str | None = None
-    limits: DriveLimits = field(default_factory=DriveLimits)
-    step_s: float = 0.01
-    name: str = "control"
+    simulation: SimulatedOutput | None = None  #: the drives of a simulated robot instead
+    operator: str = (
+        "127.0.0.1:4720"  #: HOST:PORT at which the operator connects; any host but this machine needs a token
+    )
+    token: str | None = (
+        None  #: where the operator's token is: name of an environment variable, or "file:PATH" of mode 600
+    )
+    limits: DriveLimits = field(default_factory=DriveLimits)  #: of speed, torque and slip, and timeouts
+    step_s: float = 0.01  #: time between two commands, 0.002 to 0.02
+    name: str = "control"  #: in diagnostics
 
     def __post_init__(self) -> None:
         require_between("step_s", self.step_s, 0.002, 0.02)

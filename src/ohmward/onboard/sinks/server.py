@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import re
 import urllib.parse
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from ohmward.checks import require_between
-from ohmward.errors import InputError
+from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
+from ohmward.onboard.http_post import post
+from ohmward.onboard.part import LOG
 from ohmward.onboard.secrets import check_secret_name, secret
 from ohmward.onboard.store.delivery import deliver
-from ohmward.onboard.store.influx import lines, write_lines
-from ohmward.onboard.store.postgresql import write
-from ohmward.onboard.store.rows import Row
+from ohmward.onboard.store.rows import KINDS, Row
+from ohmward.optional import require
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +82,7 @@ class ServerSink:
 
 @dataclass(frozen=True)
 class InfluxSink(ServerSink):
-    """Lines over HTTP; `robot` is a tag of the rows."""
+    """Line protocol over HTTP, with `robot` as a tag: InfluxDB 1, 2 and 3, VictoriaMetrics, QuestDB and Telegraf."""
 
     secret_key: ClassVar[str] = "token"
 
@@ -101,9 +103,47 @@ class InfluxSink(ServerSink):
         write_lines(self.url, lines(rows, self.robot), password)
 
 
+#: Answer of a server that has stored the rows: 204. A page with 200 is that of a proxy or of another server.
+_STORED = 204
+
+#: Words of InfluxDB for: stored but for those rows that it will never take, as they are older than it keeps any.
+_STORED_IN_PART = "partial write"
+_TAG = str.maketrans({",": r"\,", "=": r"\=", " ": r"\ ", "\\": r"\\", "\n": r"\ "})
+
+
+def lines(rows: Sequence[Row], robot: str) -> str:
+    """Rows as lines: `drive,robot=rover estimated_speed_m_s=0.8 1700000000000000000`; rows without a value are none."""
+    tag = robot.translate(_TAG)
+    return "".join(f"{row.kind},robot={tag} {_fields(row)} {row.unix_ns}\n" for row in rows if row.values)
+
+
+def _fields(row: Row) -> str:
+    return ",".join(f"{name.translate(_TAG)}={value!r}" for name, value in row.values.items())
+
+
+def write_lines(url: str, text: str, token: str = "") -> None:
+    """Write lines to a server; a line that is written again replaces itself.
+
+    url: of its write API, `http://HOST:8086/write?db=NAME` (InfluxDB 1, VictoriaMetrics) or
+        `http://HOST:8086/api/v2/write?org=ORG&bucket=NAME`.
+
+    Raises:
+        OhmwardError: it cannot be reached or refuses.
+    """
+    headers = {"Content-Type": "text/plain; charset=utf-8"} | ({"Authorization": f"Token {token}"} if token else {})
+    status, answer = post(url, text, headers)
+    place = urllib.parse.urlsplit(url).netloc
+    if _STORED_IN_PART in answer:
+        LOG.warning("%s: %s", place, answer)
+    elif 200 <= status < 300 and status != _STORED:
+        raise OhmwardError(f"{place} does not say that it stored the rows ({status}); check url")
+    elif status != _STORED:
+        raise OhmwardError(f"{place} refuses the rows ({status} {answer}); check url and token")
+
+
 @dataclass(frozen=True)
 class PostgresqlSink(ServerSink):
-    """Rows in the tables `ohmward_battery` and `ohmward_drive`, which are made where there are none."""
+    """A table for each kind of rows, made where there is none; one row for each robot and time, its values as JSON."""
 
     secret_key: ClassVar[str] = "password"
 
@@ -116,4 +156,42 @@ class PostgresqlSink(ServerSink):
         return "address", in_url or re.search(r"password\s*=", self.address) is not None
 
     def _write(self, rows: Sequence[Row], password: str) -> None:
-        write(rows, self.robot, self.address, password)
+        write_rows(rows, self.robot, self.address, password)
+
+
+#: A server that does not answer within this is away [s].
+_TIMEOUT_S = 20
+
+_TABLES = "; ".join(
+    f"CREATE TABLE IF NOT EXISTS ohmward_{kind} (robot text NOT NULL, unix_ns bigint NOT NULL, "
+    "at timestamptz NOT NULL, values jsonb NOT NULL, PRIMARY KEY (robot, unix_ns)); "
+    f"CREATE INDEX IF NOT EXISTS ohmward_{kind}_at ON ohmward_{kind} (at)"
+    for kind in KINDS
+)
+
+
+def write_rows(rows: Sequence[Row], robot: str, address: str, password: str = "") -> None:
+    """Write rows in one transaction; a row that is written again changes nothing.
+
+    address: `host=db.local port=5432 dbname=robots user=rover` or `postgresql://rover@db.local/robots`.
+
+    Raises:
+        OhmwardError: the server cannot be reached or refuses.
+    """
+    psycopg = require("psycopg", "the sink postgresql")
+    options: dict[str, Any] = {"connect_timeout": _TIMEOUT_S} | ({"password": password} if password else {})
+    try:
+        with psycopg.connect(address, **options) as connection, connection.cursor() as cursor:
+            cursor.execute(f"SET statement_timeout = {_TIMEOUT_S * 1000}")
+            cursor.execute("SELECT " + " AND ".join(f"to_regclass('ohmward_{kind}') IS NOT NULL" for kind in KINDS))
+            if cursor.fetchone() != (True,):  # each takes a lock on which robots would wait for each other
+                cursor.execute(_TABLES)
+            for kind in KINDS:
+                values = [
+                    (robot, row.unix_ns, row.unix_ns / 1e9, json.dumps(row.values)) for row in rows if row.kind == kind
+                ]
+                insert = f"INSERT INTO ohmward_{kind} VALUES (%s, %s, to_timestamp(%s), %s) ON CONFLICT DO NOTHING"
+                cursor.executemany(insert, values)
+    except psycopg.Error as error:
+        reason = " ".join(str(error).split())
+        raise OhmwardError(f"PostgreSQL takes no rows ({reason}); is the server running, and address right?") from error

@@ -10,8 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
-import numpy as np
-
 from ohmward.checks import require_length
 from ohmward.errors import InputError
 from ohmward.logs.bags.layout import Layout
@@ -21,9 +19,10 @@ from ohmward.onboard.ros.cdr import read
 from ohmward.onboard.ros.messages import FULL
 from ohmward.onboard.ros.transport import RosNetwork, SharedNode, Transport
 from ohmward.quantities import QUANTITIES
+from ohmward.traction.robot.urdf import rotation
 
 #: Time between two looks at the way to other nodes [s].
-_LOOK_S = 1.0
+_CHECK_S = 1.0
 #: Words in the names of joints that do not tell which wheel it is.
 _OF_JOINTS = {"wheel", "joint", "drive", "motor", "link"}
 #: A stamp that is further from now is that of another clock, such as one since a board was switched on: no date [s].
@@ -100,7 +99,7 @@ class Ros2Source(RosNetwork):
         for name, signal, sentence in SERVICES:
             await asyncio.to_thread(transport.serve, f"{self.node}/{name}", partial(event, signal, sentence))
         while True:
-            await asyncio.sleep(_LOOK_S)
+            await asyncio.sleep(_CHECK_S)
             transport.check()
 
     def message(
@@ -154,7 +153,7 @@ class Ros2Source(RosNetwork):
 
     def _body(self, layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
         """Yaw rate, acceleration and pitch of the robot from those of the unit, which may be mounted turned."""
-        mounted = _rotation(*self.imu_rpy)
+        mounted = rotation(*self.imu_rpy)
         if any(self.imu_rpy):
             for path in ("angular_velocity", "linear_acceleration"):
                 turned = mounted @ [numbers[f"{path}.{axis}"] for axis in "xyz"]
@@ -198,18 +197,6 @@ class RosTime:
 def _time(numbers: dict[str, float], path: str) -> float:
     """Time [s] of a field of type `builtin_interfaces/Time`."""
     return numbers[f"{path}.sec"] + 1e-9 * numbers[f"{path}.nanosec"]
-
-
-def _rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:
-    """(3, 3) from the frame of the unit to that of the robot: R_z(yaw) R_y(pitch) R_x(roll)."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
 
 
 def wheel_of(joint: str) -> str:

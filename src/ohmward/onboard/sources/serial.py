@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
-import threading
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -13,7 +11,7 @@ from typing import Any
 
 from ohmward.checks import require_between
 from ohmward.errors import InputError, OhmwardError
-from ohmward.onboard.message import Handover, Message, Put, Signals, Wiring
+from ohmward.onboard.message import Handover, Message, Put, Signals, Wiring, read_in_thread
 from ohmward.onboard.part import FaultyInput
 from ohmward.onboard.serial_frame import FrameClock, FrameReader, SerialFrame
 from ohmward.optional import require
@@ -92,14 +90,20 @@ class SerialSource:
     @asynccontextmanager
     async def line(self) -> AsyncIterator[Handover[tuple[bytes, float]]]:
         """Bytes of the line, read in a thread, with the monotonic times of their receipt."""
-        line, received, end = self._open(), Handover[tuple[bytes, float]](), threading.Event()
-        thread = threading.Thread(target=self._read, args=(line, received, end), name=f"read {self.port}", daemon=True)
-        thread.start()
+        line = self._open()
+
+        def read() -> tuple[bytes, float] | None:
+            data = line.read(1)
+            data += line.read(line.in_waiting) if data else b""
+            return (data, time.monotonic()) if data else None
+
+        def failed(error: Exception) -> OhmwardError:
+            return OhmwardError(f"{self.port} has failed ({error}); is it plugged in?")
+
         try:
-            yield received
+            async with read_in_thread(self.port, read, failed, _END_READ_S) as received:
+                yield received
         finally:
-            end.set()
-            await asyncio.to_thread(thread.join, 2 * _END_READ_S)
             line.close()
 
     def _open(self) -> Any:
@@ -115,15 +119,3 @@ class SerialSource:
             number = getattr(error, "errno", None)
             reason = os.strerror(number) if number else str(error)
             raise OhmwardError(f"{self.port} cannot be opened ({reason}); {fix}") from error
-
-    def _read(self, line: Any, received: Handover[tuple[bytes, float]], end: threading.Event) -> None:
-        """Read bytes until the end."""
-        while not end.is_set():
-            try:
-                data = line.read(1)
-                data += line.read(line.in_waiting) if data else b""
-            except Exception as error:  # a plug that is pulled raises of every kind
-                received.fail(OhmwardError(f"{self.port} has failed ({error}); is it plugged in?"))
-                return
-            if data:
-                received.put((data, time.monotonic()))

@@ -65,6 +65,11 @@ class RowMaker:
         return unix_ns
 
 
+def columns_of(state: RobotState) -> dict[str, float]:
+    """What is measured and estimated of battery and drive, by column; nan for what is not known."""
+    return _battery(state) | _drive(state)
+
+
 def _battery(state: RobotState) -> dict[str, float]:
     values = _measured(state, "battery")
     if charge := state.battery:

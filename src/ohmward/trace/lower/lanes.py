@@ -17,7 +17,7 @@ from ohmward.trace.structure import Leaf, Structure, as_array, flatten, leaves, 
 #: seven-state filter with 4096 lanes take 3 MB of the cache.
 BLOCK = 4096
 #: Steps between two reports of progress.
-_CHUNK = 4096
+_REPORTED_STEPS = 4096
 
 
 def run(
@@ -74,8 +74,8 @@ def _run_block(lanes: Lanes, batch: Batch, final: list[np.ndarray], part: slice,
     samples = [c[:, part] if c.ndim == 2 else c for c in batch.columns]
     outputs = [v[:, part] for v in batch.views]
     index = np.empty(width, dtype=np.intp)
-    for first in range(0, count, _CHUNK):
-        last = min(first + _CHUNK, count)
+    for first in range(0, count, _REPORTED_STEPS):
+        last = min(first + _REPORTED_STEPS, count)
         with np.errstate(all="ignore"):
             states, registers = lanes.scan(states, registers, samples, outputs, index, first, last)
         report(last - first)

@@ -25,7 +25,7 @@ _DOUBLE = 8
 STEP_NAME = "ohmward_scan"
 _ONE_AT_A_TIME = Lock()
 #: Steps between two reports of progress.
-_CHUNK = 1 << 16
+_REPORTED_MACHINE_STEPS = 1 << 16
 #: Bytes of samples and outputs that all lanes go through before the next steps: they should stay in the cache.
 _CACHE = 1 << 20
 #: Least number of steps at a time. Fewer would load and store the state too often: 16 cost a seventh more time with
@@ -95,8 +95,8 @@ class MachineStep:
         count = len(columns[0])
         run = self.function(1, (False,) * self.columns)
         arrays = _Arrays(columns), _Arrays(outputs)
-        for first in range(0, count, _CHUNK):
-            last = min(first + _CHUNK, count)
+        for first in range(0, count, _REPORTED_MACHINE_STEPS):
+            last = min(first + _REPORTED_MACHINE_STEPS, count)
             _call(run, state, _DOUBLE, *arrays, first, last, 0, 1)
             if progress:
                 progress(last, count)

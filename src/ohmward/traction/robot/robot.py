@@ -82,12 +82,12 @@ class Robot(RichDisplay):
         if self.wheel_load_N:
             self._check_wheel_loads()
 
-    @property
+    @cached_property
     def places(self) -> tuple[Place, ...]:
         """The wheels, driven ones first."""
         return self.chassis.places
 
-    @property
+    @cached_property
     def driven(self) -> int:
         """Number of driven wheels."""
         return sum(p.driven for p in self.places)

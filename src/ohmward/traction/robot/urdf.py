@@ -35,6 +35,9 @@ class UrdfRobot(NamedTuple):
 
     robot: Robot
     joints: dict[str, str]  #: driven wheel -> joint
+    imu_rpy: dict[
+        str, tuple[float, float, float]
+    ]  #: link of an inertial unit that is mounted turned -> roll, pitch, yaw [rad]
     assumed: tuple[str, ...]  #: sentences for people
 
 
@@ -102,7 +105,12 @@ def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg:
         motor=generic_motor(mass_kg or total_kg, radius, len(driven)),
         height_m=max(0.0, float(centre_m[2] - driven[0].at_m[2]) + radius) if total_kg > 0 else 0.0,
     )
-    return UrdfRobot(robot, dict(zip(names, (wheel.joint for wheel in driven), strict=True)), tuple(assumed))
+    joints = dict(zip(names, (wheel.joint for wheel in driven), strict=True))
+    units = [link for link in links if "imu" in link.name.lower()]
+    turned = {
+        unit.name: roll_pitch_yaw(unit.frame) for unit in units if not np.allclose(unit.frame, np.eye(3), atol=1e-3)
+    }
+    return UrdfRobot(robot, joints, turned, tuple(assumed))
 
 
 def _wheel(driven: Sequence[_Link], radius_m: float, mass_kg: float) -> Wheel:
@@ -283,15 +291,28 @@ def _moved(origin: ElementTree.Element | None, at_m: np.ndarray, frame: np.ndarr
     """Place and frame behind an element `origin`, seen from a place and frame."""
     if origin is None:
         return at_m, frame
-    (cr, cp, cy), (sr, sp, sy) = (f(_numbers(origin.get("rpy", "0 0 0"))) for f in (np.cos, np.sin))
-    turned = np.array(
+    turned = rotation(*_numbers(origin.get("rpy", "0 0 0")))
+    return at_m + frame @ _numbers(origin.get("xyz", "0 0 0")), frame @ turned
+
+
+def rotation(roll_rad: float, pitch_rad: float, yaw_rad: float) -> np.ndarray:
+    """(3, 3) from the frame of a part to that of what it is mounted on: R_z(yaw) R_y(pitch) R_x(roll)."""
+    (cr, cp, cy), (sr, sp, sy) = (f([roll_rad, pitch_rad, yaw_rad]) for f in (np.cos, np.sin))
+    return np.array(
         [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
             [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
             [-sp, cp * sr, cp * cr],
         ]
     )
-    return at_m + frame @ _numbers(origin.get("xyz", "0 0 0")), frame @ turned
+
+
+def roll_pitch_yaw(frame: np.ndarray) -> tuple[float, float, float]:
+    """The angles [rad] that `rotation` makes this (3, 3) of; the roll is 0 where the nose points up or down."""
+    pitch_rad = math.atan2(-frame[2, 0], math.hypot(frame[0, 0], frame[1, 0]))
+    if math.cos(pitch_rad) < 1e-6:
+        return 0.0, pitch_rad, math.atan2(-frame[0, 1], frame[1, 1])
+    return math.atan2(frame[2, 1], frame[2, 2]), pitch_rad, math.atan2(frame[1, 0], frame[0, 0])
 
 
 def _numbers(text: str) -> np.ndarray:

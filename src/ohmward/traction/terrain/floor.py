@@ -46,8 +46,8 @@ LIKE_FRICTION_STD, LIKE_STIFFNESS_STD, LIKE_DRAG_STD = 0.5, 1.0, 0.2
 ACROSS_STD, SIDE_STD, SPEED_POWER_STD = 0.5, 0.2, 0.1
 #: Speed [m/s] below which a wheel stands.
 _STANDING_M_S = 1e-4
-#: Nodes of the quadrature over friction, and over stiffness.
-_NODES = 11
+#: Nodes (q,) and weights (q,) of the quadrature over friction, and over stiffness.
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(11)
 #: A floor of which a force takes all but this share of the friction, or more, is less probable the more it takes: rough
 #: floors and wheels that bounce leave some of it unused.
 _SPARE_SHARE, _LEAST_WEIGHT = 0.2, 1e-6
@@ -223,14 +223,13 @@ def slips_of_floors(floor: Floor, force_share: np.ndarray) -> tuple[np.ndarray, 
 
     A force that the ground has given is evidence of its friction: floors that hardly could are less probable.
     """
-    x, w = np.polynomial.hermite_e.hermegauss(_NODES)
     factor = np.linalg.cholesky(floor.log_covariance + 1e-12 * np.eye(2))
-    grid = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1).reshape(-1, 2)
+    grid = np.stack(np.meshgrid(_NODES, _NODES, indexing="ij"), axis=-1).reshape(-1, 2)
     columns = (-1, *(1,) * np.ndim(force_share))
     friction, stiffness = (
         values.reshape(columns) for values in np.exp(np.log([floor.friction, floor.stiffness]) + grid @ factor.T).T
     )
-    weights = np.outer(w, w).reshape(columns)
+    weights = np.outer(_WEIGHTS, _WEIGHTS).reshape(columns)
     left = np.clip((1 - np.abs(force_share) / friction) / _SPARE_SHARE, _LEAST_WEIGHT, 1.0)
     probable = weights * left
     return slip_at_force(force_share, friction, stiffness), probable / probable.sum(axis=0)

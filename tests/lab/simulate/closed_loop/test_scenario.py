@@ -9,8 +9,9 @@ from ohmward.traction import RLMA, ROBOTINO, save_robot
 from ohmward_lab.simulate.closed_loop.control import Command, Control
 from ohmward_lab.simulate.closed_loop.ground import Grade, Patch
 from ohmward_lab.simulate.closed_loop.observing import Observing
-from ohmward_lab.simulate.closed_loop.scenario import Scenario
-from ohmward_lab.simulate.closed_loop.scenario_file import (
+from ohmward_lab.simulate.closed_loop.scenario import (
+    ROBOTS,
+    Scenario,
     find_scenario,
     load_scenario,
     packaged,
@@ -115,7 +116,7 @@ def test_the_example_shows_every_key():
     "change, message",
     [
         ({"duration_s": 0.0}, "duration_s must be between 0.01 and 86400"),
-        ({"robot": "k9"}, r"robot must be one of rlma, robotino, seeder, or a robot file \(.toml\); got 'k9'"),
+        ({"robot": "k9"}, rf"robot must be one of {', '.join(ROBOTS)}, or a robot file \(.toml\); got 'k9'"),
         ({"robot": "nowhere.toml"}, "nowhere.toml: cannot be read"),
         ({"plant": "real"}, "plant must be one of own, mujoco, got 'real'"),
         ({"commands": ()}, "commands must begin with from_s = 0"),
