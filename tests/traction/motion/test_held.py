@@ -7,7 +7,17 @@ from scipy.stats import norm
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA, Odometry
-from ohmward.traction.motion.held import ALARM, GARBAGE, GARBAGE_S_PER_M, HELD_S, MET_S, SLIDES_S, Held, weigh_held
+from ohmward.traction.motion.held import (
+    ALARM,
+    GARBAGE,
+    GARBAGE_S_PER_M,
+    HELD_S,
+    MET_M_S,
+    MET_S,
+    SLIDES_S,
+    Held,
+    weigh_held,
+)
 from ohmward.traction.motion.outside_speed import OutsideSpeed
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.speed_observer.estimator import SlipEstimator
@@ -70,6 +80,12 @@ def test_without_an_outside_speed_it_is_met_and_left_as_the_chain_says():
     )
     stationary = np.linalg.matrix_power(chain, 5000)[0]
     assert_allclose([found.slides, found.probability], stationary[1:], rtol=1e-4)
+
+
+def test_wheels_that_change_their_speed_slide_more_often():
+    calm, changed = (weigh_held(Held(), NO_SPEED, 0.5, DT_S, change).slides for change in (0.0, 0.3))
+    assert calm == pytest.approx(-math.expm1(-DT_S / MET_S), rel=1e-12)
+    assert changed == pytest.approx(-math.expm1(-DT_S / MET_S - 0.3 / MET_M_S), rel=1e-12)
 
 
 def test_a_robot_that_slides_through_zero_is_not_held_for_long():

@@ -9,7 +9,8 @@ evidence of it. An outside speed y of standard deviation s is: with the speed v 
 
 and g the share of speeds that are garbage, of density d, as are those of a robot that slides: any, but where s is so
 large that d would tell of it within two of them. A robot is met held or sliding, and comes free, as in a Markov chain;
-one whose wheels stand stays as it is.
+without motor currents it is met sliding the more, the more its wheels change their speed; one whose wheels stand stays
+as it is.
 """
 
 from __future__ import annotations
@@ -31,6 +32,9 @@ TURNS_M_S, STUCK_SHARE = 0.1, 0.2
 #: A robot is met held, or sliding, once in so long on average [s], is held for so long, and slides for so long.
 MET_S, HELD_S, SLIDES_S = 500.0, 60.0, 10.0
 
+#: Wheels begin to slide where they change their speed: once in so much change [m/s] on average.
+MET_M_S = 15.0
+
 #: Standard deviation h [m/s] of the speed of a robot that is held: it rocks. Slip q of one that rolls, over its speed.
 ROCKS_M_S, ROLLS_SHARE = 0.05, 0.05
 
@@ -48,13 +52,18 @@ class Held(NamedTuple):
     slides: Any = 0.0  #: that it slides
 
 
-def weigh_held(before: Held, y: OutsideSpeed, rim_m_s: Any, dt_s: Scalar) -> Held:
-    """The hypothesis after a step; rim_m_s: forward speed as the wheels show it."""
+def weigh_held(before: Held, y: OutsideSpeed, rim_m_s: Any, dt_s: Scalar, changed_m_s: Scalar = 0.0) -> Held:
+    """The hypothesis after a step.
+
+    rim_m_s: forward speed as the wheels show it.
+    changed_m_s: size of its change; 0 where motor currents tell what the wheels' friction does.
+    """
     turns = abs(rim_m_s) > TURNS_M_S
     met, ends, stops = (1.0 - exp(-dt_s / time_s) for time_s in (MET_S, HELD_S, SLIDES_S))
+    begins = 1.0 - exp(-dt_s / MET_S - changed_m_s / MET_M_S)
     was_held, slid = before.probability, before.slides
     held = was_held * (1.0 - ends) + (1.0 - was_held) * met
-    slides = slid * (1.0 - stops) * (1.0 - met) + (1.0 - was_held - slid) * met + 0.5 * was_held * ends
+    slides = slid * (1.0 - stops) * (1.0 - met) + (1.0 - was_held - slid) * begins + 0.5 * was_held * ends
     rolls = 1.0 - held - slides
     variance, slip_m_s = y.std_m_s * y.std_m_s, ROLLS_SHARE * y.rims_m_s
     likely_held = held * where(y.measured, likelihood(y.speed_m_s, variance + ROCKS_M_S**2), 1.0)

@@ -18,7 +18,7 @@ from ohmward.filters.sanitize import between, every, some, within
 from ohmward.quantities import FASTEST_M_S
 from ohmward.trace import clip, cos, exp, isfinite, linearize, logical_not, maximum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.intervals import LEAST_DIVISOR, History, change_since
+from ohmward.traction.motion.intervals import LEAST_DIVISOR, NEVER_S, History, change_since
 from ohmward.traction.motion.outside_speed import OutsideSpeed
 from ohmward.traction.motion.sanitize import OLDEST_S, SPEED_STD_M_S, CleanSample
 from ohmward.traction.odometry.model import (
@@ -35,6 +35,8 @@ from ohmward.traction.odometry.model import (
     YAW,
     MotionInput,
     OdometryNoise,
+    X,
+    Y,
     twist,
     yaw_now,
 )
@@ -74,6 +76,9 @@ HEADING_WAIT = 3.0
 #: A slip is opened to so many of its standard deviations at most: beyond, rounding would spoil the covariance.
 MOST_OPENED = 1e4
 
+#: Outside speeds, a second apart or less, name a slide within so long [s]; the way of it is taken back.
+OVERRUN_S = 3.0
+
 #: Least standard deviation [m/s, rad/s] by which a rejected measurement is divided.
 LEAST_REJECTED_STD = 1e-4
 
@@ -97,6 +102,26 @@ class HeadingTimes(NamedTuple):
 
     wait_s: Any = 0.0
     rejected_s: Any = 0.0
+
+
+class Overrun(NamedTuple):
+    """How far the pose has gone beyond what outside speeds show; none where the last one is older than `OVERRUN_S`."""
+
+    last_m_s: Any = 0.0  #: the last outside speed
+    age_s: Any = NEVER_S  #: time since it
+    way_m: Any = 0.0  #: way of the pose less that of the outside speeds, each of which holds to the next
+
+
+def run_over(before: Overrun, speed_m_s: Scalar, received: OutsideSpeed, slides: Scalar, dt_s: Scalar) -> Overrun:
+    """The overrun after a step in which the pose moved at this speed; what a slide took back is gone."""
+    age_s = before.age_s + dt_s
+    kept_m = before.way_m * exp(-dt_s / OVERRUN_S) + (speed_m_s - before.last_m_s) * dt_s
+    way_m = where(age_s <= OVERRUN_S, kept_m, 0.0)
+    return Overrun(
+        last_m_s=where(received.measured, received.speed_m_s, before.last_m_s),
+        age_s=where(received.measured, 0.0, age_s),
+        way_m=where(received.measured, way_m * (1.0 - slides), way_m),
+    )
 
 
 class PoseCorrection(NamedTuple):
@@ -195,6 +220,7 @@ def use_speeds(
     u: MotionInput,
     outside: OutsideSpeed,
     slides: Scalar,
+    overrun_m: Scalar,
     history: History,
     noise: OdometryNoise,
     gate: float,
@@ -203,6 +229,7 @@ def use_speeds(
 
     outside: the first.
     slides: probability that the robot slides, so that its wheels do not show its speed.
+    overrun_m: way by which the pose is ahead of the outside speeds, see `Overrun`.
     """
     age_s = clean.speed_age_s
     credible = within(sample.speed_left_m_s, FASTEST_M_S) & logical_not(sample.robot.speed_age_s > OLDEST_S)
@@ -211,20 +238,31 @@ def use_speeds(
     left_std_m_s = where(between(own_std, *SPEED_STD_M_S), own_std, noise.speed_std_m_s)
     y = clean.speed_m_s + change_since(history, age_s) + outside.late_m_s
     since = [u.motion_std[axis] ** 2 * forgotten(age_s, noise) for axis in (0, 1)]
-    belief, rejected = use_forward_speed(body.belief, y, outside.std_m_s**2 + since[0], slides, u, gate)
+    variance = outside.std_m_s**2 + since[0]
+    y_slides = y - outside.late_m_s
+    belief, rejected = use_forward_speed(body.belief, y, y_slides, variance, slides, overrun_m, u, gate)
     belief, left_rejected = use_motion(belief, left_m_s, 1, SIDE_SLIP, 1.0, left_std_m_s**2 + since[1], u, gate)
     return body._replace(belief=belief, speed_rejected=some([rejected, left_rejected]))
 
 
 def use_forward_speed(
-    belief: Belief, y: Scalar, variance: Scalar, slides: Scalar, u: MotionInput, gate: float
+    belief: Belief,
+    y: Scalar,
+    y_slides: Scalar,
+    variance: Scalar,
+    slides: Scalar,
+    overrun_m: Scalar,
+    u: MotionInput,
+    gate: float,
 ) -> tuple[Belief, Scalar]:
     """The belief after an outside speed y = v + noise, and the condition that a robot that rolls has none of these.
 
-    A mixture of two: the robot rolls, and y is used within its gate, or it slides with the probability p, and its slip
-    may be anything:
+    A mixture of two: the robot rolls, and y is used within its gate, or it slides with the probability p, its slip may
+    be anything, and it has not gone the way by which its pose is ahead of the outside speeds:
 
         x = (1 - p) x_r + p x_s,   P = (1 - p) P_r + p P_s + p (1 - p) (x_s - x_r) (x_s - x_r)'
+
+    y_slides: y without what the rims have changed by since, which is none of a robot that slides.
     """
 
     def forward(x: np.ndarray) -> np.ndarray:
@@ -232,11 +270,19 @@ def use_forward_speed(
 
     measured = isfinite(y)
     rolling, accepted = correct_scalar(belief, y, forward, variance, gate)
-    nu = where(measured, y - forward(belief.mean)[0], 0.0)
-    sliding, _ = correct_scalar(opened_slip(belief, SLIP, nu, u.motion_std[0]), y, forward, variance, np.inf)
+    nu = where(measured, y_slides - forward(belief.mean)[0], 0.0)
+    sliding, _ = correct_scalar(opened_slip(belief, SLIP, nu, u.motion_std[0]), y_slides, forward, variance, np.inf)
+    sliding = moved_back(sliding, overrun_m, u)
     p, apart = where(measured, slides, 0.0), sliding.mean - rolling.mean
     cov = rolling.cov + p * (sliding.cov - rolling.cov) + p * (1.0 - p) * np.outer(apart, apart)
     return Belief(rolling.mean + p * apart, mirror_lower(cov)), measured & logical_not(accepted)
+
+
+def moved_back(belief: Belief, way_m: Scalar, u: MotionInput) -> Belief:
+    """The belief of a robot that has gone less far by this way, known to a third of it."""
+    yaw = yaw_now(belief.mean, u)
+    back = np.array([{X: cos(yaw), Y: sin(yaw)}.get(i, 0.0) * way_m for i in range(len(NAMES))])
+    return Belief(belief.mean - back, belief.cov + np.outer(back, back) / 9.0)
 
 
 def use_heading(

@@ -231,7 +231,8 @@ def show(
     modes, speed = weigh(now.modes, rims_m_s, driven[0], refused, turning, fresh, since_s, counting_m_s, robot, noise)
     was_held = now.held.probability > IS_HELD
     outside, y = receive(now.outside, speed.forward_m_s, clean, logical_not(was_held), noise.speed_std_m_s)
-    held = weigh_held(now.held, y, speed.forward_m_s, dt_s)
+    changed_m_s = abs((modes.forward_m_s - now.modes.forward_m_s).mean())
+    held = weigh_held(now.held, y, speed.forward_m_s, dt_s, changed_m_s)
     is_held = (held.probability > IS_HELD) & logical_not(observed | free)
     rim = where(free, free_motion(now, robot), where(is_held, 0.0, driven))
     forward_m_s = where(free | is_held, rim[0], (1.0 - noise.creep) * speed.forward_m_s)

@@ -27,6 +27,7 @@ from ohmward.traction.odometry.corrections import (
     LEAST_REJECTED_STD,
     MOST_OPENED,
     HeadingTimes,
+    Overrun,
     PoseCorrection,
     Trail,
     TurnSums,
@@ -34,6 +35,8 @@ from ohmward.traction.odometry.corrections import (
     empty_trail,
     extend,
     forget,
+    moved_back,
+    run_over,
     use_heading,
     use_increment,
     use_speeds,
@@ -85,6 +88,7 @@ class PoseState(NamedTuple):
     history: History  #: changes of the speed, for speeds that come late
     trail: Trail  #: the last steps, for pose increments
     heading: HeadingTimes  #: times of headings
+    overrun: Overrun  #: way beyond that of outside speeds
     speed_m_s: Any = 0.0  #: after the last step
     slip_std_m_s: Any = 0.0  #: standard deviation that the slip was scaled by in it
     distance_m: Any = 0.0  #: length of the path
@@ -139,7 +143,9 @@ class PoseFilter:
         steps = self.late_steps
         gyro = of_sheet(self.noise.gyro_walk)
         history, trail = empty_history(steps), empty_trail(steps)
-        return PoseState(pack(belief), no_motion(self.robot), gyro, TurnSums(), history, trail, HeadingTimes())
+        return PoseState(
+            pack(belief), no_motion(self.robot), gyro, TurnSums(), history, trail, HeadingTimes(), Overrun()
+        )
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
         """State and estimate after a sample: dead reckoning, then each measurement corrects."""
@@ -152,23 +158,29 @@ class PoseFilter:
         motion = show(sensors, jump, clean, since_s, walk, before, self.robot, self.noise)
         begins = motion.is_held & (state.motion.held.probability <= IS_HELD)
         prior = with_slip_speed(before, state.slip_std_m_s, motion.input.motion_std[0])
-        prior = choose(begins, forget(prior, SLIP, 1.0), prior)
+        overrun_m = state.overrun.way_m
+        prior = choose(begins, moved_back(forget(prior, SLIP, 1.0), overrun_m, motion.input), prior)
+        overrun_m = where(begins, 0.0, overrun_m)
         reckoned = self.predict(opened(prior, motion, motion.speed.std_m_s), motion.input)
         trail = extend(state.trail, twist(before.mean, motion.input), clean.dt_s)
         speed_m_s = twist(reckoned.mean, motion.input)[0]
         history = remember(state.history, clean.dt_s, speed_m_s - state.speed_m_s)
         sums = add_turn(state.sums, motion.input, motion.rim_m)
         fresh = some([sensors.intervals.age_s[WHEELS] <= 0.0, sensors.intervals.age_s[PASSIVE] <= 0.0])
-        body, sums = self.correct(PoseCorrection(reckoned), sums, sample, clean, motion, fresh, history, trail)
+        body, sums = self.correct(
+            PoseCorrection(reckoned), sums, sample, clean, motion, fresh, history, trail, overrun_m
+        )
         body, heading = use_heading(
             body, sample, state.heading, motion.input, self.noise, self.gate, self.reset_after_s
         )
         distance_m = state.distance_m + travelled(body.belief, motion.input)
         second_order_m = state.second_order_m + second_order(before, reckoned)
+        slides = motion.sensors.held.slides
+        overrun = run_over(state.overrun, speed_m_s, motion.outside, where(begins, 1.0, slides), clean.dt_s)
         estimate = self.conclude(body.belief, motion, distance_m, second_order_m)
         flags = self.flags(before, clean, motion, body)
         after = PoseState(
-            pack(body.belief), motion.sensors, gyro, sums, history, trail, heading, speed_m_s,
+            pack(body.belief), motion.sensors, gyro, sums, history, trail, heading, overrun, speed_m_s,
             motion.input.motion_std[0], distance_m, second_order_m,
         )  # fmt: skip
         return after, estimate._replace(flags=flags)
@@ -194,12 +206,14 @@ class PoseFilter:
         fresh: Scalar,
         history: History,
         trail: Trail,
+        overrun_m: Scalar,
     ) -> tuple[PoseCorrection, TurnSums]:
         """Correct with wheels against gyro, with external speeds and with a pose increment."""
         noise, gate, u = self.noise, self.gate, motion.input
         body, sums = use_turn(body, sums, u, fresh, gate, self.reset_after_s)
         body = body._replace(belief=opened(body.belief, motion, self.slip_by_turn(body, motion)))
-        body = use_speeds(body, sample, clean, u, motion.outside, motion.sensors.held.slides, history, noise, gate)
+        slides = motion.sensors.held.slides
+        body = use_speeds(body, sample, clean, u, motion.outside, slides, overrun_m, history, noise, gate)
         return use_increment(body, sample, u, trail, noise, gate), sums
 
     def slip_by_turn(self, body: PoseCorrection, motion: MeasuredMotion) -> Scalar:
