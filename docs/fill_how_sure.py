@@ -16,7 +16,14 @@ from marked_block import replaced
 
 import ohmward as ow
 from ohmward.battery.battery import Battery
-from ohmward.battery.chemistries import CHEMISTRIES, ChemistryPrior, CurvePrior, Normal, chemistry_prior
+from ohmward.battery.chemistries import (
+    CHEMISTRIES,
+    ChemistryPrior,
+    CurvePrior,
+    HysteresisPrior,
+    Normal,
+    chemistry_prior,
+)
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.soc.band_forecast import TEMPERATURES_DEGC, BandForecast, forecast, forecasts_after_tests
 from ohmward.export.comments import field_comments
@@ -64,6 +71,12 @@ def prior_table() -> list[str]:
 
 def value_of(value: Any) -> str:
     """A prior as mean and standard deviation, as its range between the ends of the curve, or by its numbers."""
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, HysteresisPrior):
+        return f"{value_of(value.share)}, {value.rate:g}"
     if isinstance(value, Normal):
         return f"{value.mean:g} ± {value.std:g}"
     if isinstance(value, CurvePrior):

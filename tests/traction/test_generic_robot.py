@@ -1,5 +1,7 @@
 """A robot of a few sizes."""
 
+import math
+
 import pytest
 
 from ohmward.errors import InputError
@@ -8,14 +10,15 @@ from ohmward.traction.robot.generic import generic_robot
 from ohmward.traction.robot.robot import GRAVITY, ROBOT_FILE
 
 
-@pytest.mark.parametrize(("wheels", "driven"), [(2, 2), (4, 4)])
-def test_it_is_a_robot_of_these_sizes(wheels, driven):
-    robot = generic_robot(60.0, 0.1, 0.45, 0.5, 5.0, wheels)
-    assert (robot.mass_kg, robot.wheel.radius_m) == (60.0, 0.1)
-    assert not isinstance(robot.chassis, Omni) and robot.chassis.track_m == 0.45
+@pytest.mark.parametrize(("layout", "driven"), [("two-wheel", 2), ("skid-steer", 4), ("mecanum", 4), ("omni", 3)])
+def test_it_is_a_robot_of_these_sizes(layout, driven):
+    robot = generic_robot(60.0, 0.1, 0.45, 0.5, 5.0, layout)
+    assert robot.mass_kg == 60.0
+    assert robot.wheel.radius_m == pytest.approx(0.1 / math.sqrt(2.0) if layout == "mecanum" else 0.1)
+    assert 2 * robot.chassis.arm_m == 0.45 if isinstance(robot.chassis, Omni) else robot.chassis.track_m == 0.45
     assert robot.driven == driven
     assert robot.loads[:, 0].sum() == pytest.approx(1.0)
-    assert ROBOT_FILE.parse(ROBOT_FILE.dump(robot)).places == robot.places
+    assert ROBOT_FILE.dump(ROBOT_FILE.parse(ROBOT_FILE.dump(robot))) == ROBOT_FILE.dump(robot)
 
 
 def test_its_motors_pull_the_weight_at_standstill_and_run_free_at_two_and_a_half_metres_a_second():

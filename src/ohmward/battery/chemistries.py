@@ -95,32 +95,25 @@ class ChemistryPrior(NamedTuple):
     #: the test has its capacity still, within 7 and within 4 %
     ageing_correlation: tuple[float, float] = (0.7, 0.9)
 
-    #: of a resistance over 0.1 of SoC, as a share of its level: a random walk along SoC; the same where rests gave the
-    #: curve, if that is another
-    walk_share: float = 0.25
-    walk_share_from_rests: float | None = None
+    walk_share: float = 0.25  #: of a resistance over 0.1 of SoC, as a share of its level: a random walk along SoC
+    walk_share_from_rests: float | None = None  #: that share where rests gave the curve, if it is another
     level_share: float = 1.0  #: of the level itself
     direction_share: float = 0.1  #: between r0 in charge and in discharge
-    #: slowest of several time constants, log-normal
-    slow_tau_s: float = 700.0
-    slow_tau_log_std: float = 0.6
-    hysteresis: HysteresisPrior = HysteresisPrior()
-    #: the same where the circuit is fitted to a low-rate discharge and charge as well; None where it is not
+    slow_tau_s: float = 700.0  #: slowest of several time constants, log-normal: its median
+    slow_tau_log_std: float = 0.6  #: of its logarithm
+    hysteresis: HysteresisPrior = HysteresisPrior()  #: share of the low-rate gap, and rate over the moved charge
+    #: the two where the circuit is fitted to a low-rate discharge and charge as well; none where it is not
     hysteresis_on_branches: HysteresisPrior | None = None
-    #: of a curve through low-rate tests in both directions or as given, and of one through rests
-    measured_curve: CurvePrior = CurvePrior((0.004,) * 2, 0.01, 0.05)
-    rested_curve: CurvePrior = CurvePrior((0.010,) * 2, 0.02, 0.05)
-    #: error of the model over that of a lithium-ion cell, in a discharge, and in a charge and the rest after it
-    discharging_factor: float = 1.0
-    charging_factor: float = 1.0
-    #: in a charge and the rest after it above this SoC, where part of the charge makes gas
-    gassing_factor: float = 1.0
-    gassing_soc: float = 0.85
-    #: of each RC voltage at the start of a record that starts at rest, or not
-    rest_V: float = 0.002
-    start_V: float = 0.03
+    measured_curve: CurvePrior = CurvePrior((0.004,) * 2, 0.01, 0.05)  #: of a curve as given, or by low-rate tests
+    rested_curve: CurvePrior = CurvePrior((0.010,) * 2, 0.02, 0.05)  #: of a curve through rests
+    discharging_factor: float = 1.0  #: error of the model over that of a lithium-ion cell, in a discharge
+    charging_factor: float = 1.0  #: of it in a charge and the rest after it
+    gassing_factor: float = 1.0  #: of it there, where part of the charge makes gas
+    gassing_soc: float = 0.85  #: SoC above which it does
+    rest_V: float = 0.002  #: of each RC voltage at the start of a record that starts at rest
+    start_V: float = 0.03  #: of each at the start of another one
     model_V: float = 0.003  #: error of the model at any SoC, however well it fits
-    #: the same where no low-rate test has shown the curve, if that is another: the residual of a drive is the best case
+    #: that error where no low-rate test has shown the curve, if it is another: the residual of a drive is the best case
     unmeasured_model_V: float | None = None
     #: the same error, at least, where short pulses are all there is: they show only the start of a slow process
     pulses_V: float = 0.008

@@ -39,10 +39,20 @@ def run(args: argparse.Namespace) -> Outcome:
     """Compile, replay, compare, write.
 
     Raises:
-        InputError: the library takes no samples of a log, a drive comes without its robot, or an option does not fit.
+        InputError: as `prepare`.
     """
     check_output("--output", args.output, TABLES, [args.log])
     twin = Twin(args.library, args.name)
+    figures = replayed(twin, prepare(twin, args), args.output) | {"library": args.library, "output": args.output}
+    return Outcome(figures, describe(figures), figures["notes"])
+
+
+def prepare(twin: Twin, args: argparse.Namespace) -> Replay:
+    """The log of a command line as samples of a library.
+
+    Raises:
+        InputError: the library takes no samples of a log, a drive comes without its robot, or an option does not fit.
+    """
     members = twin.Sample._fields
     if _BATTERY in members:
         if (args.battery is None) != (args.filter is None):
@@ -50,25 +60,23 @@ def run(args: argparse.Namespace) -> Outcome:
         log = read_battery_log(args.log, read_options(args), extra=())
         given = given_start(args)
         replay = Replay(log, battery_samples_of(log), start_arguments(twin, given))
-        if args.battery:
-            battery, _ = load_with_sensor(args.battery, args)  # the options of the export: no contradiction
-            curve_V = curve_error_of_pack_V(battery, args.curve_error)
-            exported = {"sample_time_s": args.sample_time, "curve_error_V": curve_V}
-            replay = replay._replace(export=battery_export(battery, args.filter, twin.name, **given, **exported))
-    elif _DRIVE in members:
-        if args.robot is None:
-            raise InputError("a log of a drive needs --robot FILE.toml: it says which wheels there are")
-        robot = load_robot(args.robot)
-        terrain = make_terrain(args.terrain, robot)
-        drive = drive_options(args, robot).read(args.log, extra=())
-        export = observer_export(robot, terrain, args.filter) if args.filter else None
-        replay = Replay(drive, drive_samples_of(drive, robot), {}, export)
-    else:
+        if args.battery is None:
+            return replay
+        battery, _ = load_with_sensor(args.battery, args)  # the options of the export: no contradiction
+        curve_V = curve_error_of_pack_V(battery, args.curve_error)
+        exported = {"sample_time_s": args.sample_time, "curve_error_V": curve_V}
+        return replay._replace(export=battery_export(battery, args.filter, twin.name, **given, **exported))
+    if _DRIVE not in members:
         raise InputError(
             f"library {twin.name!r} takes {', '.join(members)}, which no log has; use ohmward.export.Twin in Python"
         )
-    figures = replayed(twin, replay, args.output) | {"library": args.library, "output": args.output}
-    return Outcome(figures, describe(figures), figures["notes"])
+    if args.robot is None:
+        raise InputError("a log of a drive needs --robot FILE.toml: it says which wheels there are")
+    robot = load_robot(args.robot)
+    terrain = make_terrain(args.terrain, robot)
+    drive = drive_options(args, robot).read(args.log, extra=())
+    export = observer_export(robot, terrain, args.filter) if args.filter else None
+    return Replay(drive, drive_samples_of(drive, robot), {}, export)
 
 
 def replayed(twin: Twin, replay: Replay, output: str | None) -> dict[str, Any]:
