@@ -22,7 +22,7 @@ from ohmward.quantities import QUANTITIES
 from ohmward.traction.robot.urdf import rotation
 
 #: Time between two looks at the way to other nodes [s].
-_CHECK_S = 1.0
+_WAY_CHECK_S = 1.0
 #: Words in the names of joints that do not tell which wheel it is.
 _OF_JOINTS = {"wheel", "joint", "drive", "motor", "link"}
 #: A stamp that is further from now is that of another clock, such as one since a board was switched on: no date [s].
@@ -99,7 +99,7 @@ class Ros2Source(RosNetwork):
         for name, signal, sentence in SERVICES:
             await asyncio.to_thread(transport.serve, f"{self.node}/{name}", partial(event, signal, sentence))
         while True:
-            await asyncio.sleep(_CHECK_S)
+            await asyncio.sleep(_WAY_CHECK_S)
             transport.check()
 
     def message(

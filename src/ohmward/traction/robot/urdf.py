@@ -22,10 +22,10 @@ from ohmward.traction.robot.generic import AXLE, WHEEL_MASS, WIDTH, generic_moto
 from ohmward.traction.robot.robot import Robot, Wheel, solid_box_yaw_inertia
 
 #: An axis is horizontal where it points up by less than this, lateral where it points ahead by less.
-_LEVEL = 0.2
+_MOST_TILT = 0.2
 #: A wheel stands on the ground where its lowest point is above that of the lowest wheel by no more than this share of
 #: its radius; radii that differ by no more are equal; casters that are closer, over the length of the robot, are one.
-_SAME = 0.1
+_SAME_SHARE = 0.1
 #: Names of the elements of an inertia, row by row of its upper half.
 _UPPER = ("xx", "xy", "xz", "yy", "yz", "zz")
 
@@ -166,7 +166,7 @@ def _links(root: ElementTree.Element, path: str) -> Iterator[_Link]:
             at_m, frame = _moved(joint.find("origin"), link.at_m, link.frame)
             turns = joint.get("type") in ("continuous", "revolute")
             axis = frame @ _direction(_of(joint, "axis", "xyz") or "1 0 0") if turns else None
-            upright = axis is not None and abs(axis[2]) > 1.0 - _LEVEL
+            upright = axis is not None and abs(axis[2]) > 1.0 - _MOST_TILT
             wheel_axis = axis if joint.get("type") == "continuous" and not upright else None
             joint_name = joint.get("name", "") if wheel_axis is not None else ""
             waiting.append(_link(elements.pop(name), at_m, frame, link.swivels or upright, joint_name, wheel_axis))
@@ -197,7 +197,7 @@ def _link(
 
 def _wheels(links: Sequence[_Link], radius_m: float | None, path: str) -> list[_Link]:
     """Links that roll on the ground, left before right, from front to rear."""
-    rolling = [link for link in links if link.joint and abs(link.axis[2]) < _LEVEL]
+    rolling = [link for link in links if link.joint and abs(link.axis[2]) < _MOST_TILT]
     sized = [link for link in rolling if link.radius_m > 0 or radius_m]
     if rolling and not sized:
         raise InputError(f"{path}: has only meshes of its wheels; give their radius with --radius")
@@ -205,7 +205,7 @@ def _wheels(links: Sequence[_Link], radius_m: float | None, path: str) -> list[_
     found = [
         link
         for link, bottom in zip(sized, bottoms, strict=True)
-        if bottom - min(bottoms) <= _SAME * (radius_m or link.radius_m)
+        if bottom - min(bottoms) <= _SAME_SHARE * (radius_m or link.radius_m)
     ]
     driven = [link for link in found if not link.swivels]
     if len(driven) < 2:
@@ -214,7 +214,7 @@ def _wheels(links: Sequence[_Link], radius_m: float | None, path: str) -> list[_
             "--radius, --track and --mass"
         )
     radii = [link.radius_m for link in driven if link.radius_m > 0]
-    if not radius_m and max(radii) > (1.0 + _SAME) * min(radii):
+    if not radius_m and max(radii) > (1.0 + _SAME_SHARE) * min(radii):
         raise InputError(
             f"{path}: its wheels have radii from {min(radii):g} to {max(radii):g} m, and ohmward knows robots with "
             "equal ones; give that of the driven wheels with --radius"
@@ -229,7 +229,7 @@ def _casters(links: Sequence[_Link], wheels: Sequence[_Link]) -> list[float]:
     called = [link.at_m[0] for link in links if "caster" in link.name.lower() and link.name not in names]
     found: list[float] = []
     for place in sorted(swivelling or called):
-        if not found or place - found[-1] > _SAME:
+        if not found or place - found[-1] > _SAME_SHARE:
             found.append(float(place))
     return found
 
@@ -242,7 +242,7 @@ def _chassis(
     if len(driven) == 2:
         chassis, words = _two_wheeled(float(x.mean()), float(np.ptp(y)), casters_m, centre_m)
         return chassis, ["left", "right"], words
-    lateral = all(abs(wheel.axis[0]) < _LEVEL for wheel in driven)
+    lateral = all(abs(wheel.axis[0]) < _MOST_TILT for wheel in driven)
     if not lateral:
         x, y = x - x.mean(), y - y.mean()
         bearings = np.degrees(np.arctan2(y, x)) % 360.0
