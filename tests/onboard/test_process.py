@@ -79,11 +79,19 @@ def battery():
     return generic_battery("lfp", 10.0, 4)
 
 
-def run(process, seconds=None):
+def run(process, seconds=None, until=None):
+    async def stop_when_done():
+        while not until():
+            await asyncio.sleep(0.02)
+        process.stop()
+
     async def main():
         if seconds is not None:
             asyncio.get_running_loop().call_later(seconds, process.stop)
+        stopping = asyncio.ensure_future(stop_when_done()) if until else None
         await asyncio.wait_for(process.run(), 20.0)
+        if stopping:
+            stopping.cancel()
 
     asyncio.run(main())
 
@@ -153,9 +161,13 @@ def test_a_battery_file_that_does_not_fit_is_named(battery, current_A, level):
     ]
     collector, estimation = Collector(), Estimation(battery)
     estimation.compile()
-    run(Process(estimation, [Script(script)], [collector]), seconds=1.5)
-    (found,) = [d for d in collector.states[-1].diagnostics if d.name == "battery file"]
-    assert found.level == level
+
+    def level_at_the_end():
+        over = [state for state in collector.states[-1:] if state.battery_time_s >= script[-1].received_s]
+        return next((d.level for state in over for d in state.diagnostics if d.name == "battery file"), None)
+
+    run(Process(estimation, [Script(script)], [collector]), until=lambda: level_at_the_end() == level)
+    assert level_at_the_end() == level
 
 
 def test_states_go_on_while_no_sensor_reports(battery):
