@@ -3,71 +3,25 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from ohmward.atomic import back_up
 from ohmward.cli.outcome import Outcome, check_output
-from ohmward.cli.parser import positive
 from ohmward.errors import InputError
-
-if TYPE_CHECKING:
-    from ohmward.traction.robot.robot import Robot
-    from ohmward.traction.robot.urdf import UrdfRobot
-
-EXAMPLES = """\
-  ohmward robot --radius 0.06 --track 0.3 --mass 12 -o robot.toml
-  ohmward robot --layout mecanum --radius 0.05 --track 0.3 --wheelbase 0.25 --mass 9 -o robot.toml
-  ohmward robot robot.urdf -o robot.toml
-  ohmward robot husky -o robot.toml
-  ohmward robot robot.toml
-"""
+from ohmward.onboard.sources.ros2 import wheel_of
+from ohmward.traction.robot.generic import generic_robot
+from ohmward.traction.robot.packaged import PACKAGED, load_robot
+from ohmward.traction.robot.robot import CHASSIS, Robot, save_robot
+from ohmward.traction.robot.urdf import UrdfRobot, read_urdf
 
 #: Size of the drawing, in characters: a line is as high as two are wide.
 _COLUMNS, _LINES = 41, 15
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command to its parser."""
-    parser.add_argument(
-        "source",
-        nargs="?",
-        metavar="FILE|NAME",
-        help="a URDF, a robot file, or a robot that comes with ohmward: turtlebot4, husky, jackal ...; none: sizes",
-    )
-    parser.add_argument("--radius", type=positive, metavar="M", help="radius of the wheels [m]")
-    parser.add_argument(
-        "--track",
-        type=positive,
-        metavar="M",
-        help="between left and right wheels, or across the circle of omni-wheels",
-    )
-    parser.add_argument(
-        "--wheelbase",
-        type=positive,
-        metavar="M",
-        help="between the axles, or from axle to caster; default: the track",
-    )
-    parser.add_argument("--mass", type=positive, metavar="KG", help="of the robot with its load [kg]")
-    parser.add_argument("--gear", type=positive, default=1.0, metavar="N", help="turns of a motor for one of its wheel")
-    parser.add_argument(
-        "--layout",
-        default="two-wheel",
-        choices=("two-wheel", "skid-steer", "mecanum", "omni"),
-        help="two driven wheels and a caster (default), also for a car with encoders at its rear wheels; four driven "
-        "wheels or tracks; four wheels with rollers at 45 degrees; three omni-wheels",
-    )
-    parser.add_argument("--name", metavar="TEXT", help="what to call the robot")
-    parser.add_argument("-o", "--output", metavar="FILE.toml", help="write the robot file; else it is only shown")
-    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
-
-
 def run(args: argparse.Namespace) -> Outcome:
     """Write or show the robot file."""
-    from dataclasses import replace
-
-    from ohmward.atomic import back_up
-    from ohmward.traction.robot.robot import save_robot
-
     check_output("--output", args.output, (".toml",))
     found = _found(args)
     if args.name:
@@ -90,10 +44,6 @@ def run(args: argparse.Namespace) -> Outcome:
 
 def _found(args: argparse.Namespace) -> UrdfRobot:
     """The robot that is asked for; only a URDF has joints and inertial units."""
-    from ohmward.traction.robot.generic import generic_robot
-    from ohmward.traction.robot.packaged import PACKAGED, load_robot
-    from ohmward.traction.robot.urdf import UrdfRobot, read_urdf
-
     sizes = {"--mass": args.mass, "--radius": args.radius, "--track": args.track}
     if args.source is None:
         missing = [option for option, size in sizes.items() if size is None]
@@ -113,8 +63,6 @@ def _found(args: argparse.Namespace) -> UrdfRobot:
 
 def _facts(robot: Robot) -> dict[str, Any]:
     """What a robot is, for `--json` and for people."""
-    from ohmward.traction.robot.robot import CHASSIS
-
     return {
         "name": robot.name,
         "chassis": CHASSIS[type(robot.chassis)],
@@ -127,8 +75,6 @@ def _facts(robot: Robot) -> dict[str, Any]:
 
 def _text(found: UrdfRobot, output: str | None, backup: Path | None) -> str:
     """Facts and a drawing, what was assumed, and what to do next."""
-    from ohmward.onboard.sources.ros2 import wheel_of
-
     robot, facts = found.robot, _facts(found.robot)
     lines = [
         f"{facts['name']}: {facts['chassis']}, {robot.mass_kg:g} kg, wheels of {robot.wheel.radius_m:.4g} m",

@@ -1,0 +1,50 @@
+"""Arguments of `ohmward robot`; `command` carries it out."""
+
+from __future__ import annotations
+
+import argparse
+
+from ohmward.cli.parser import positive
+
+EXAMPLES = """\
+  ohmward robot --radius 0.06 --track 0.3 --mass 12 -o robot.toml
+  ohmward robot --layout mecanum --radius 0.05 --track 0.3 --wheelbase 0.25 --mass 9 -o robot.toml
+  ohmward robot robot.urdf -o robot.toml
+  ohmward robot husky -o robot.toml
+  ohmward robot robot.toml
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command to its parser."""
+    parser.add_argument(
+        "source",
+        nargs="?",
+        metavar="FILE|NAME",
+        help="a URDF, a robot file, or a robot that comes with ohmward: turtlebot4, husky, jackal ...; none: sizes",
+    )
+    parser.add_argument("--radius", type=positive, metavar="M", help="radius of the wheels [m]")
+    parser.add_argument(
+        "--track",
+        type=positive,
+        metavar="M",
+        help="between left and right wheels, or across the circle of omni-wheels",
+    )
+    parser.add_argument(
+        "--wheelbase",
+        type=positive,
+        metavar="M",
+        help="between the axles, or from axle to caster; default: the track",
+    )
+    parser.add_argument("--mass", type=positive, metavar="KG", help="of the robot with its load [kg]")
+    parser.add_argument("--gear", type=positive, default=1.0, metavar="N", help="turns of a motor for one of its wheel")
+    parser.add_argument(
+        "--layout",
+        default="two-wheel",
+        choices=("two-wheel", "skid-steer", "mecanum", "omni"),
+        help="two driven wheels and a caster (default), also for a car with encoders at its rear wheels; four driven "
+        "wheels or tracks; four wheels with rollers at 45 degrees; three omni-wheels",
+    )
+    parser.add_argument("--name", metavar="TEXT", help="what to call the robot")
+    parser.add_argument("-o", "--output", metavar="FILE.toml", help="write the robot file; else it is only shown")
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
