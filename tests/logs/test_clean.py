@@ -14,6 +14,7 @@ from ohmward.logs.clean import (
     to_si,
     without_silent_spikes,
     without_spikes,
+    without_temperature_spikes,
 )
 from ohmward.logs.columns import Column
 from ohmward.logs.log import without_impossible
@@ -186,6 +187,20 @@ def test_loads_and_a_voltage_that_stays_away_are_measured(stretch):
     voltage_V = voltages()
     voltage_V[stretch] = 2.0
     assert without_spikes(voltage_V) == (voltage_V, ())
+
+
+@pytest.mark.parametrize("value", [-40.0, 0.0, 85.0])
+def test_single_temperatures_far_from_those_around_are_left_out_and_counted(value):
+    degC = 23.0 + 10.0 * np.linspace(0.0, 1.0, 400)
+    degC[[3, 200, 201]] = value
+    found_degC, notes = without_temperature_spikes(degC)
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(found_degC)), [3, 200, 201])
+    assert f"3 temperatures of {value:g} degC left out" in notes[0].text
+
+
+def test_a_battery_that_is_carried_into_the_cold_keeps_its_temperatures():
+    degC = np.repeat([23.0, -5.0, 40.0], 100)
+    assert without_temperature_spikes(degC) == (degC, ())
 
 
 def loads():

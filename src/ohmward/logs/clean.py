@@ -19,9 +19,12 @@ LARGEST_READING = 1e18
 #: A voltage of no battery stands alone, for less than half of so many samples, and so far from those around it, as a
 #: share of the usual one: pulses of a cold cell move it less.
 _AROUND, _FAR = 7, 1 / 3
+#: A temperature that stands alone, so far [K] from those around it, is no battery's: pulses warm a cell by a few.
+_FAR_K = 20.0
 #: A current that may be none stands alone and is larger than so many times all but the largest hundredth; the voltage
 #: answers one that flows by this share of the resistance at least.
 _HUGE, _ANSWERS = 3.0, 0.2
+_ALONE = "no measurement, far from the rows around"
 # Where fewer than this fraction of the currents have a voltage in their row, each has a rate of its own.
 _TOGETHER_FRACTION = 0.5
 # Current and voltage come in turn where this fraction of so many rows or more follow one of the other.
@@ -61,7 +64,14 @@ def without_spikes(voltage_V: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]
     known = voltage_V[np.isfinite(voltage_V)]
     usual_V = float(np.median(known)) if known.size else 0.0
     rows, _ = _alone(voltage_V, usual_V, _FAR * abs(usual_V))
-    return without_rows(voltage_V, rows, "voltage", "V", "no measurement, far from the rows around")
+    return without_rows(voltage_V, rows, "voltage", "V", _ALONE)
+
+
+def without_temperature_spikes(degC: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The temperatures (T,) [degC] with NaN in single rows that no battery shows, as -40 or 0, and a note on them."""
+    known = degC[np.isfinite(degC)]
+    rows, _ = _alone(degC, float(np.median(known)) if known.size else 0.0, _FAR_K)
+    return without_rows(degC, rows, "temperature", "degC", _ALONE)
 
 
 def without_silent_spikes(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:

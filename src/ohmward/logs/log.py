@@ -28,6 +28,7 @@ from ohmward.logs.clean import (
     without_rows,
     without_silent_spikes,
     without_spikes,
+    without_temperature_spikes,
 )
 from ohmward.logs.columns import Column, UnclearColumnsError, find_columns
 from ohmward.logs.frame import is_frame, to_frame
@@ -343,6 +344,8 @@ def _temperature(
         measured, notes = None, (Note(text, "warning"),)
     elif measured is not None:
         measured, notes = without_impossible(QUANTITIES["battery_temperature_degC"], measured)
+        measured, spikes = without_temperature_spikes(measured)
+        notes += spikes
     if given_degC is None:
         return measured, notes
     if measured is not None:
