@@ -10,6 +10,7 @@ from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, Differential, SkidSteer
 from ohmward.traction.drive_checks import check_drive, with_signed_speed
+from ohmward.traction.robot.generic import generic_robot
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop import drive_log, find_scenario
 
@@ -293,6 +294,20 @@ def test_a_mirrored_side_is_named_without_a_gyro(side):
     wheels[:, columns] *= -1.0
     mirrored = replace(log, wheel_speed_rad_s=wheels)
     assert any("on the spot: the encoders of one side are mounted mirrored" in text for text in texts(RLMA, mirrored))
+
+
+def test_two_wheels_and_a_caster_without_an_encoder_have_sides_too():
+    robot = generic_robot(20.0, 0.08, 0.4)
+    yaw = 0.8 * np.sin(0.7 * TIME)
+    wheels = np.column_stack([0.3 + 0.0 * TIME, yaw]) @ robot.rolling.T / robot.wheel.radius_m
+    wheels[:, 2] = np.nan
+    nothing = np.full((TIME.size, 2), np.nan)
+    assert texts(robot, DriveLog("drive", TIME, wheels, nothing)) == []
+    mirrored = DriveLog("mirrored", TIME, wheels * [-1.0, 1.0, 1.0], nothing)
+    assert any("the encoders of one side are mounted mirrored" in text for text in texts(robot, mirrored))
+    turned = np.where(TIME < 10.0, 1.0, -1.0) * yaw  # it drives back from 10 s on
+    unsigned = DriveLog("unsigned", TIME, np.abs(wheels), nothing, turned)
+    assert any("they have lost their sign" in text for text in texts(robot, unsigned))
 
 
 @pytest.mark.parametrize("noise_rad_s", [0.0, 0.05])

@@ -183,7 +183,7 @@ def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     speed = log.wheel_speed_rad_s
     if log.yaw_rate_rad_s is None or sides is None or (np.nan_to_num(speed) < -TURNS_RAD_S).any():
         return
-    signs = [np.where(sides > 0, left, right) for left in (1, -1) for right in (1, -1)]
+    signs = [np.choose(sides + 1, [right, 1, left]) for left in (1, -1) for right in (1, -1)]
     yaws = np.stack([yaw_rate_of_wheels(robot, speed * way) for way in signs])
     rows = np.isfinite(yaws).all(axis=0) & np.isfinite(log.yaw_rate_rad_s) & (np.nan_to_num(speed).max(axis=1) > 0.0)
     if rows.sum() < FEWEST:
@@ -232,10 +232,10 @@ def _mirrored_side(robot: Robot, log: DriveLog) -> Iterator[str]:
 
 
 def _sides(robot: Robot) -> np.ndarray | None:
-    """(wheels,) 1 for a wheel on the left, -1 on the right; None where wheels have no side."""
+    """(wheels,) 1 for a wheel on the left, -1 on the right, 0 for a caster; None where driven wheels have no side."""
     names = [place.name for place in robot.places]
     sides = np.array([("left" in name) - ("right" in name) for name in names])
-    return sides if sides.all() and not robot.chassis.rollers else None
+    return sides if sides[: robot.driven].all() and not robot.chassis.rollers else None
 
 
 def _wrong_current_signs(robot: Robot, log: DriveLog) -> Iterator[str]:
