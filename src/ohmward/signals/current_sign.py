@@ -66,7 +66,7 @@ class SignEvidence(NamedTuple):
     verdict: str
     edges: EdgeTest  #: the fast test
     trend: int  #: the slow test; 1 charge, -1 discharge, 0 unclear
-    changes: int = 0  #: the regression over all changes; 1 charge, -1 discharge, 0 unclear
+    changes: int = 0  #: the regression over all changes, where neither is clear; 1 charge, -1 discharge, 0 unclear
 
     @property
     def likely(self) -> CurrentSign:
@@ -104,8 +104,9 @@ def sign_evidence(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarr
     known = np.isfinite(current_A) & np.isfinite(voltage_V)
     edges = edge_test(current_A[known], voltage_V[known])
     trend = trend_test(time_s[known], current_A[known], voltage_V[known])
-    changes = change_test(current_A[known], voltage_V[known])
-    signs = {edges.sign, trend} - {0} or {changes}
+    clear = {edges.sign, trend} - {0}
+    changes = 0 if clear else change_test(current_A[known], voltage_V[known])
+    signs = clear or {changes}
     verdict = "charge" if signs == {1} else "discharge" if signs == {-1} else "undecidable"
     return SignEvidence(verdict, edges, trend, changes)
 

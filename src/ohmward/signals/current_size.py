@@ -24,6 +24,8 @@ _EDGE, _MOST_EDGES = 0.2, 300
 _FEWEST, _LEFT = 5, 0.1
 _FEW, _LEFT_BY_FEW = 2, 0.01
 _LARGE = 0.02
+#: Edges whose squares are left at so many times those of the noise contradict nothing. So many resistances are tried.
+_NOISE, _MOST_OHMS = 4.0, 100
 #: A cell has more than this resistance [ohm], but for those of hundreds of ampere-hours, and at most this voltage.
 LEAST_CELL_OHM, HIGHEST_CELL_V = 3e-4, 4.3
 #: A resistance is below that where it is with so many standard errors, and currents from this on [A] are doubtful.
@@ -95,11 +97,15 @@ def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
     edge = edge[:: max(edge.size // _MOST_EDGES, 1)]
     if edge.size < _FEWEST:
         return 0
+    noise_V2 = spread(dV) ** 2
     dI, dV = dI[edge], dV[edge]
     as_logged = float(dV @ dV) - float(dI @ dV) ** 2 / max(float(dI @ dI), 1e-300)
+    if as_logged <= _NOISE * edge.size * noise_V2:
+        return 0
     steps_A = np.stack([dI, dI - range_A * np.sign(dI)], axis=1)
     large = np.abs(steps_A) > _LARGE * range_A
-    ohms = np.broadcast_to(dV[:, None], steps_A.shape)[large] / steps_A[large]
+    ohms = np.sort(np.broadcast_to(dV[:, None], steps_A.shape)[large] / steps_A[large])
+    ohms = ohms[:: max(ohms.size // _MOST_OHMS, 1)]
     left_V2 = (dV[:, None] - ohms[:, None, None] * steps_A) ** 2
     left = left_V2.min(axis=2).sum(axis=1)
     if not ohms.size or left.min() > _LEFT * as_logged:
