@@ -45,16 +45,16 @@ def estimate_logs(
     firsts = [SocSample(*(float(column[0]) for column in samples[i])) for i in order]
     states = [estimator.init(first, initial_soc, initial_soc_std) for first in firsts]
     kernel = _kernel(cast(Hashable, estimator), lowering)
-    found = SocEstimate(*(np.empty((lengths[0], len(logs))) for _ in SocEstimate._fields))
+    found = SocEstimate(*(np.empty((len(logs), lengths[0])) for _ in SocEstimate._fields))
     state = side_by_side(states)
     for first, last, lanes in _parts(lengths):
         part = SocSample(*(column[first:last, :lanes] for column in columns))
         state, estimates = kernel.scan_lanes(pick_lanes(state, slice(lanes)), part)
         for whole, values in zip(found, estimates, strict=True):
-            whole[first:last, :lanes] = values
+            whole[:lanes, first:last] = values.T
     results: list[Any] = [None] * len(logs)
     for lane, i in enumerate(order):
-        results[i] = SocEstimate(*(np.ascontiguousarray(values[: lengths[lane], lane]) for values in found))
+        results[i] = SocEstimate(*(values[lane, : lengths[lane]] for values in found))
     return results
 
 
@@ -66,11 +66,11 @@ def _kernel(estimator: Any, lowering: str | None) -> Kernel:
 
 
 def _padded(columns: list[np.ndarray], length: int) -> np.ndarray:
-    """(T, B), a log in each column; nan after its end."""
-    table = np.full((length, len(columns)), np.nan)
-    for lane, column in enumerate(columns):
-        table[: len(column), lane] = column
-    return table
+    """(T, B), a log in each column and in one piece of memory; nan after its end."""
+    table = np.full((len(columns), length), np.nan)
+    for row, column in zip(table, columns, strict=True):
+        row[: len(column)] = column
+    return table.T
 
 
 def _parts(lengths: np.ndarray) -> Iterator[tuple[int, int, int]]:

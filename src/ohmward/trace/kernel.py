@@ -99,7 +99,8 @@ class Kernel:
         samples:  every leaf with a leading time axis and a trailing lane axis (T, ..., B), or (T, ...) for all lanes,
                   or neither.
         progress: called now and then with (steps done, T times the number of blocks of lanes).
-        Returns:  as `scan`, with a trailing lane axis on every leaf.
+        Returns:  as `scan`, with a trailing lane axis on every leaf; each log in one piece of memory where the samples
+                  have theirs so, as the transpose of (B, T).
         Raises:   InputError if the function is no step, or a shape does not fit.
         """
         length, steps = self._steps(samples)

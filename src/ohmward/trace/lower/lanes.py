@@ -58,11 +58,22 @@ def make_batch(structure: StepStructure, state: Any, samples: Any) -> Batch:
     width = _lane_count(states, values)
     rows = [r for leaf, v, path in states for r in _state_rows(leaf, v, path, width)]
     columns = [c for leaf, v, path in values for c in _sample_columns(leaf, v, path, count, width)]
-    outputs: list[np.ndarray] = [
-        np.empty((count, *leaf.shape, width), leaf.dtype) for _, leaf in leaves(structure.output)
-    ]
+    by_log = any(c.ndim == 2 and lanes_apart(c) for c in columns)
+    outputs = [_output(leaf, count, width, by_log) for _, leaf in leaves(structure.output)]
     views = [v for o in outputs for v in np.moveaxis(o.reshape(count, -1, width), 1, 0)]
     return Batch(rows, columns, outputs, views, count, width)
+
+
+def lanes_apart(values: np.ndarray) -> bool:
+    """True where the lanes of a step (T, B) are no neighbours in memory."""
+    return values.shape[1] > 1 and values.strides[1] != values.itemsize
+
+
+def _output(leaf: Leaf, count: int, width: int, by_log: bool) -> np.ndarray:
+    """An output (T, ..., B) to be filled; by_log: each log is one piece of memory, as it is where the samples are."""
+    if by_log:
+        return np.swapaxes(np.empty((width, *leaf.shape, count), leaf.dtype), 0, -1)
+    return np.empty((count, *leaf.shape, width), leaf.dtype)
 
 
 def _run_block(lanes: Lanes, batch: Batch, final: list[np.ndarray], part: slice, report: Callable[[int], None]) -> None:

@@ -31,21 +31,16 @@ def run_lanes(step: MachineStep, state: Any, samples: Any, progress: Progress | 
     structure = step.program.step_structure
     batch = lanes.make_batch(structure, state, samples)
     rows = np.array(batch.rows, dtype=float).reshape(-1, batch.width)
-    results = [o if o.dtype == float else np.empty(o.shape) for o in batch.outputs]
+    results = [o if o.dtype == float else np.empty_like(o, float) for o in batch.outputs]
     scalars = [v for r in results for v in np.moveaxis(r.reshape(batch.steps, -1, batch.width), 1, 0)]
     report = lanes.reporter(progress, batch.steps * batch.width)
-    step.many(rows, [_side_by_side(c) for c in _doubles(batch.columns)], scalars, report, processors())
+    step.many(rows, _doubles(batch.columns), scalars, report, processors())
     return lanes.state_tree(structure.state, list(rows), batch.width), _typed(structure.output, results)
 
 
 def _doubles(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Conditions as 0.0 and 1.0."""
     return [np.asarray(c, dtype=float) for c in columns]
-
-
-def _side_by_side(column: np.ndarray) -> np.ndarray:
-    """The column with its lanes next to each other in memory."""
-    return column if column.ndim == 1 or column.strides[1] == column.itemsize else np.ascontiguousarray(column)
 
 
 def _typed(structure: Structure, results: Sequence[np.ndarray]) -> Any:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.trace.elementary import PRECISIONS, expand
+from ohmward.trace.lower.lanes import lanes_apart
 from ohmward.trace.lower.llvm_instructions import Target
 from ohmward.trace.lower.llvm_machine_code import compile_scan, vector_bits
 from ohmward.trace.lower.llvm_source import scan_source
@@ -120,16 +121,33 @@ class MachineStep:
     def _blocks(
         self, state: np.ndarray, columns: Columns, outputs: Columns, part: slice, report: Report | None
     ) -> None:
-        count = len(columns[0])
+        """Step the lanes of a part, so many steps at a time that their samples and outputs stay in the cache.
+
+        Columns and outputs whose lanes lie apart in memory, as those of whole logs do, go through a table of that size.
+        """
+        count, width = len(columns[0]), part.stop - part.start
         run = self.function(self.width, tuple(c.ndim == 2 for c in columns))
-        arrays = _Arrays(columns), _Arrays(outputs)
-        bytes_of_step = _DOUBLE * (part.stop - part.start) * (len(columns) + len(outputs))
-        chunk = max(_LEAST_STEPS, _CACHE // max(1, bytes_of_step))
+        bytes_of_step = _DOUBLE * width * (len(columns) + len(outputs))
+        chunk = min(max(_LEAST_STEPS, _CACHE // max(1, bytes_of_step)), count)
+        tables = {id(c): np.empty((chunk, width)) for c in (*columns, *outputs) if c.ndim == 2 and lanes_apart(c)}
+        rows = state[:, part]
         for first in range(0, count, chunk):
-            last = min(first + chunk, count)
-            _call(run, state, state.strides[0], *arrays, first, last, part.start, part.stop)
+            steps = slice(first, min(first + chunk, count))
+            size = steps.stop - steps.start
+            for c in columns:
+                if id(c) in tables:
+                    tables[id(c)][:size] = c[steps, part]
+            there = [
+                tables[id(c)] if id(c) in tables else c[steps] if c.ndim == 1 else c[steps, part]
+                for c in (*columns, *outputs)
+            ]
+            arrays = _Arrays(there[: len(columns)]), _Arrays(there[len(columns) :])
+            _call(run, rows, rows.strides[0], *arrays, 0, size, 0, width)
+            for c in outputs:
+                if id(c) in tables:
+                    c[steps, part] = tables[id(c)][:size]
             if report:
-                report((last - first) * (part.stop - part.start))
+                report(size * width)
 
     def _rest(self, state: np.ndarray, columns: Columns, outputs: Columns, part: slice, report: Report | None) -> None:
         """Step the last lanes, too few for a vector, in one that repeats the last of them."""
