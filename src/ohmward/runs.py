@@ -7,8 +7,8 @@ import numpy as np
 
 def runs(condition: np.ndarray) -> list[tuple[int, int]]:
     """First index and the one after the last of every run of True in a condition (T,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], condition, [False]]).astype(int)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+    first, stop = _ends(condition)
+    return list(zip(first.tolist(), stop.tolist(), strict=True))
 
 
 def long_runs(condition: np.ndarray, time_s: np.ndarray, least_s: float, fewest: int = 1) -> list[tuple[int, int]]:
@@ -16,5 +16,13 @@ def long_runs(condition: np.ndarray, time_s: np.ndarray, least_s: float, fewest:
 
     condition, time_s: (T,).
     """
-    found = runs(condition)
-    return [(a, b) for a, b in found if b - a >= fewest and time_s[b - 1] - time_s[a] >= least_s]
+    first, stop = _ends(condition)
+    enough = (stop - first >= fewest) & (time_s[stop - 1] - time_s[first] >= least_s)
+    return list(zip(first[enough].tolist(), stop[enough].tolist(), strict=True))
+
+
+def _ends(condition: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First indices of the runs, and those after their last."""
+    padded = np.concatenate([[False], np.asarray(condition, dtype=bool), [False]])
+    edges = np.flatnonzero(padded[1:] != padded[:-1])
+    return edges[::2], edges[1::2]

@@ -23,7 +23,7 @@ from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
 from ohmward.quantities import MOST_C
-from ohmward.runs import runs
+from ohmward.runs import long_runs
 from ohmward.signals.current_sign import CurrentSign
 from ohmward.signals.current_size import HIDDEN_CHARGE, RELAXED_S
 
@@ -312,11 +312,10 @@ def _relaxed(log: Log, battery: Battery, condition: np.ndarray) -> Iterator[tupl
     Beside each the indices of its samples with a voltage after the relaxation. Single samples of noise do not end a
     run.
     """
-    bridged = condition.copy()
-    for first, stop in runs(~condition & np.isfinite(log.current_A)):
-        bridged[first] |= stop - first == 1
+    ended = ~condition & np.isfinite(log.current_A)
+    alone = ended & ~np.append(False, ended[:-1]) & ~np.append(ended[1:], False)
     gaps = 1 + np.flatnonzero(np.diff(log.time_s) > CURRENT_GAP_S)
-    for begin, end in runs(bridged):
+    for begin, end in long_runs(condition | alone, log.time_s, 2 * RELAXED_S):
         for first, stop in pairwise((begin, *gaps[(gaps > begin) & (gaps < end)].tolist(), end)):
             since_s = log.time_s[first:stop] - log.time_s[first]
             late = first + np.flatnonzero((since_s > RELAXED_S) & np.isfinite(log.voltage_V[first:stop]))
