@@ -37,7 +37,7 @@ from ohmward.checks import require_between, require_finite, require_one_of, requ
 from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, Innovation, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
-from ohmward.filters.gate import choose, inflate, passes, require_gate, time_rejected
+from ohmward.filters.gate import apply_gain, choose, inflate, passes, require_gate, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import clip, logical_not, maximum, minimum, where
@@ -336,7 +336,7 @@ class TheveninFilter:
         used_now = clean.voltage_measured & passes(correction.innovation, self.gate) & logical_not(anchored)
         noise = self.learn(state, correction, y - system.voltage(correction.belief.mean, clean, error))
         return TheveninUpdate(
-            belief=choose(used_now | anchored, correction.belief, prior),
+            belief=apply_gain(prior, correction.innovation, where(used_now | anchored, correction.gain, 0.0)),
             correction=correction,
             voltage_V=where(anchored, system.voltage(prior.mean, clean, error)[0], clean.voltage_V - nu),
             voltage_std_V=where(anchored, math.nan, np.sqrt(correction.innovation.cov[0, 0] - repeated)),
