@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from every_operation import Memory, Seen
 
-from ohmward.trace import maximum, table, trace, where
+from ohmward.trace import exp, maximum, table, trace, where
 from ohmward.trace.elementary import F64, expand
+from ohmward.trace.expression import Expression
 from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.lower.packs import Packs, members
 from ohmward.trace.structure import scalar_names
@@ -99,6 +100,25 @@ def test_what_each_member_does_is_packed():
 
 class Pair(NamedTuple):
     x: Any
+
+
+def test_what_members_add_to_an_output_that_they_share_is_packed():
+    """As the weights of a bank: they fade where all members agree, and are normalised by their sum."""
+
+    def weigh(state: tuple, sample: Seen) -> tuple:
+        members, fading = state
+        logs = [exp(-m.x * m.x * sample.u) * m.x for m in members]
+        total = logs[0] + logs[1] + logs[2]
+        agree = (members[0].x > 0.0) & (members[1].x > 0.0) & (members[2].x > 0.0)
+        after = tuple(Pair(where(agree, 0.9, fading) * m.x + log / total) for m, log in zip(members, logs, strict=True))
+        return (after, 0.5 * fading), sum(m.x * log for m, log in zip(after, logs, strict=True))
+
+    program = expand(trace(weigh, (tuple(Pair(0.0) for _ in range(3)), 0.0), Seen(0.0, False, 0.0)), F64)
+    packs = Packs(program)
+    assert packs.order is not None
+    alone = [node.operation.name for node in packs.order if isinstance(node, Expression)]
+    assert sorted(alone) == sorted(["add"] * 4 + ["logical_and"] * 2 + ["where", "multiply"])
+    assert_same_bits(program, [0.5, 0.25, 0.75, 1.0], a_log(50))
 
 
 def test_members_that_wait_for_each_other_stay_scalars():

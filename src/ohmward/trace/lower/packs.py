@@ -2,13 +2,14 @@
 
 A state that holds a tuple of equal parts, as the members of a bank of filters, has a program that does the same to each
 part. Operations that match, lane by lane, are a pack; it takes packs as arguments, and so on down to the inputs
-(superword-level parallelism, Larsen and Amarasinghe 2000). What does not match stays scalar: lanes are put together for
-a pack, and taken out of one, where it must be.
+(superword-level parallelism, Larsen and Amarasinghe 2000). Packs are found from what a step leaves in each member back
+to the inputs, and from the inputs on to what all members add to an output. What does not match stays scalar: lanes are
+put together for a pack, and taken out of one, where it must be.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +19,8 @@ from ohmward.trace.operations import INPUT
 from ohmward.trace.program import Program
 from ohmward.trace.structure import Branch, Structure, size
 
+#: Rounds in which operations without counterparts are set apart at most.
+_ROUNDS = 10
 #: One value of each member: nodes, inputs or constants.
 Pack = tuple[Any, ...]
 #: A pack by its values.
@@ -51,6 +54,7 @@ class Packs:
     inputs, results: the packed scalars before and after a step.
     operations, arguments: nodes of each pack of operations and the packs of their arguments, by its key.
     lane: pack and lane in which an operation or input is computed, by serial.
+    forms: of operations and inputs, see `_Forms`.
     """
 
     def __init__(self, program: Program):
@@ -64,21 +68,43 @@ class Packs:
         self.operations: dict[Key, Pack] = {}
         self.arguments: dict[Key, tuple[Pack, ...]] = {}
         self.lane: dict[int, tuple[Key, int]] = {}
+        own = [pack for pack, result in zip(self.inputs, self.results, strict=True) if not is_one(result)]
+        self.forms = _Forms(program, own)
         for pack in self.inputs:
             self._place(pack)
-        self._find()
+        self._find(self.results)
+        self._find(self.forms.alike())
 
-    def _find(self) -> None:
-        """All packs of operations that the results need."""
-        waiting = list(self.results)
+    def _find(self, waiting: Iterable[Pack]) -> None:
+        """Take up packs of operations, and those of their arguments."""
+        waiting = list(waiting)
         while waiting:
             pack = waiting.pop()
-            if key_of(pack) in self.arguments or not is_like(pack):
+            if key_of(pack) in self.arguments or not self.is_like(pack):
                 continue
             self.operations[key_of(pack)] = pack
-            self.arguments[key_of(pack)] = arguments_of(pack)
+            self.arguments[key_of(pack)] = self.forms.arguments_of(pack)
             self._place(pack)
             waiting += [a for a in self.arguments[key_of(pack)] if not is_one(a)]
+
+    def is_like(self, pack: Pack) -> bool:
+        """True for the same operation in every lane, of different nodes, with arguments that can be paired."""
+        first = pack[0]
+        if is_one(pack) or not all(isinstance(x, Expression) and x.operation is first.operation for x in pack):
+            return False
+        if first.operation is INPUT:
+            return False
+        arguments = self.forms.arguments_of(pack)
+        paired = {key_of(a)[0]: key_of(a) for a in reversed(arguments)}
+        if any(paired[key_of(a)[0]] != key_of(a) for a in arguments):
+            return False  # one scalar of the first lane would stand for two vectors
+        return first.operation.name != "gather" or self.is_like_gather(*arguments)
+
+    def is_like_gather(self, index: Pack, table: Pack) -> bool:
+        """True for one table, with indices that are alike where they are rounded down and stay within it."""
+        last = len(table[0]) - 1
+        whole = {isinstance(i, Expression) and i.operation.name == "floor" and within(i, 0.0, last) for i in index}
+        return is_one(table) and len(whole) == 1 and (self.is_like(index) or whole == {False})
 
     def _place(self, pack: Pack) -> None:
         for lane, x in enumerate(pack):
@@ -142,39 +168,96 @@ def is_one(pack: Pack) -> bool:
     return len(set(key_of(pack))) == 1
 
 
-def is_like(pack: Pack) -> bool:
-    """True for the same operation in every lane, of different nodes, with arguments that can be paired."""
-    first = pack[0]
-    if is_one(pack) or not all(isinstance(x, Expression) and x.operation is first.operation for x in pack):
-        return False
-    if first.operation is INPUT:
-        return False
-    arguments = arguments_of(pack)
-    paired = {key_of(a)[0]: key_of(a) for a in reversed(arguments)}
-    if any(paired[key_of(a)[0]] != key_of(a) for a in arguments):
-        return False  # one scalar of the first lane would stand for two vectors
-    return first.operation.name != "gather" or is_like_gather(*arguments)
+class _Forms:
+    """Form of every operation: what it does to the inputs of a member, whichever member that is.
 
+    Operations on one member have the form of their own and those of their arguments, constants apart, which may be
+    others for each member. All that is on none, or on several, is shared, and has a form of its own; so has what all
+    members remember alike, and what has no counterpart in each of the others: a sum over members ends with the last.
+    """
 
-def is_like_gather(index: Pack, table: Pack) -> bool:
-    """True for one table, with indices that are alike where they are rounded down and stay within it."""
-    last = len(table[0]) - 1
-    whole = {isinstance(i, Expression) and i.operation.name == "floor" and within(i, 0.0, last) for i in index}
-    return is_one(table) and len(whole) == 1 and (is_like(index) or whole == {False})
+    def __init__(self, program: Program, inputs: Sequence[Pack]):
+        self.program, self._inputs = program, inputs
+        self._shared: set[int] = set()
+        self._forget()
+        for _ in range(_ROUNDS if inputs else 0):
+            self._take_up_all()
+            alone = self._alone()
+            if not alone:
+                break
+            self._shared |= alone
 
+    def _forget(self) -> None:
+        self._numbers: dict[Any, int] = {}
+        self._form: dict[int, int] = {}
+        self._member: dict[int, int] = {}
+        self._nodes: dict[int, dict[int, list[Expression]]] = {}
 
-def arguments_of(pack: Pack) -> tuple[Pack, ...]:
-    """Arguments of a pack of operations, those of commutative ones in the order in which they pair best."""
-    first, *others = (x.args for x in pack)
-    ordered = [first]
-    for args in others:
-        turned = args[::-1] if pack[0].operation.commutative else args
-        ordered.append(max((args, turned), key=lambda a: sum(map(likeness, first, a))))
-    return tuple(zip(*ordered, strict=True))
+    def _take_up_all(self) -> None:
+        self._forget()
+        for k, pack in enumerate(self._inputs):
+            for member, x in enumerate(pack):
+                self._form[x.serial], self._member[x.serial] = self._number(("input", k)), member
+        for node in self.program.nodes:
+            members = {self._member[x.serial] for x in node.args if self._is_on_one(x)}
+            if len(members) == 1 and node.serial not in self._shared:
+                self._take_up(node, *members)
 
+    def _take_up(self, node: Expression, member: int) -> None:
+        forms = [self.of(x) for x in node.args]
+        shape = (node.operation.name, *(sorted(forms) if node.operation.commutative else forms))
+        form = self._form[node.serial] = self._number(shape)
+        self._member[node.serial] = member
+        self._nodes.setdefault(form, {}).setdefault(member, []).append(node)
 
-def likeness(a: Any, b: Any) -> int:
-    """2 for the same scalar, 1 for the same operation, else 0."""
-    if a is b or (not isinstance(a, Expression) and not isinstance(b, Expression) and a == b):
-        return 2
-    return int(isinstance(a, Expression) and isinstance(b, Expression) and a.operation is b.operation)
+    def _alone(self) -> set[int]:
+        """Serials of operations that have no counterparts, but for those after them, which lack theirs for that."""
+        paired = {x.serial for nodes in self._complete() for of_one in nodes.values() for x in of_one}
+        alone: set[int] = set()
+        after: set[int] = set()
+        for node in self.program.nodes:
+            if any(isinstance(x, Expression) and x.serial in after for x in node.args):
+                after.add(node.serial)
+            elif node.serial in self._member and node.serial not in paired:
+                alone.add(node.serial)
+                after.add(node.serial)
+        return alone
+
+    def _complete(self) -> Iterator[dict[int, list[Expression]]]:
+        """Operations of one form, by the member that they are on, of which each has as many."""
+        members = len(self._inputs[0]) if self._inputs else 0
+        for nodes in self._nodes.values():
+            if len(nodes) == members and len({len(of_one) for of_one in nodes.values()}) == 1:
+                yield nodes
+
+    def _is_on_one(self, x: Any) -> bool:
+        return isinstance(x, Expression) and x.serial in self._member
+
+    def _number(self, shape: Any) -> int:
+        return self._numbers.setdefault(shape, len(self._numbers))
+
+    def of(self, x: Any) -> int:
+        """Number of the form of a node or a constant."""
+        if not isinstance(x, Expression):
+            return self._number(("table", x) if isinstance(x, tuple) else "constant")
+        return self._form[x.serial] if x.serial in self._form else self._number(("shared", x.serial))
+
+    def alike(self) -> Iterator[Pack]:
+        """Operations of one form of all members; several of a member in the order in which they were traced."""
+        for nodes in self._complete():
+            yield from zip(*(nodes[member] for member in sorted(nodes)), strict=True)
+
+    def arguments_of(self, pack: Pack) -> tuple[Pack, ...]:
+        """Arguments of a pack of operations, those of commutative ones in the order in which they pair best."""
+        first, *others = (x.args for x in pack)
+        ordered = [first]
+        for args in others:
+            turned = args[::-1] if pack[0].operation.commutative else args
+            ordered.append(max((args, turned), key=lambda a: sum(map(self.likeness, first, a))))
+        return tuple(zip(*ordered, strict=True))
+
+    def likeness(self, a: Any, b: Any) -> int:
+        """3 for the same form, 1 for the same operation, else 0."""
+        if self.of(a) == self.of(b):
+            return 3
+        return int(isinstance(a, Expression) and isinstance(b, Expression) and a.operation is b.operation)
