@@ -17,6 +17,7 @@ from ohmward.battery.soc.estimator import SocRun, samples_of
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel, where
+from ohmward.trace.structure import logs_side_by_side, pick_lanes, side_by_side
 
 AnchorKind = Literal["full charge", "empty", "rest"]
 
@@ -26,6 +27,8 @@ VOLTAGE = "voltage"
 #: A long log is looked through in stretches of so many samples, so that what is remembered of each stays small; each
 #: begins and ends so many samples beyond, for events that began before it and go on after it.
 _STRETCH, _LEAD = 60_000, 20_000
+#: So many stretches at a time fill the vectors of a processor; those of a log with fewer follow each other.
+_SIDE_BY_SIDE, _ONE_BY_ONE = 8, 3
 
 
 class Anchor(NamedTuple):
@@ -55,12 +58,18 @@ class FinderState(NamedTuple):
 
 
 class FinderOutput(NamedTuple):
-    """State and event after a sample; conditions are 1 and 0."""
+    """What a sample shows; conditions are 1 and 0."""
 
-    state: FinderState
+    current_A: Any  #: last credible one; temperature_degC: the same
+    temperature_degC: Any
     event: AnchorEvent
     long_rest: Any  #: its rest has become a long one
     below_full: Any  #: a charger has tapered below the voltage of a full battery
+    held_s: Any  #: time for which the voltage has stood still, and for which the battery has rested
+    rest_s: Any
+    low: Any  #: a load that ends here is cut off, at this state of charge
+    low_soc: Any
+    low_std: Any
 
 
 @dataclass(frozen=True)
@@ -92,9 +101,20 @@ class AnchorFinder:
         rest, long_rest = self.rule.continue_rest(state.rest, clean)
         after = FinderState(clean.now.current_A, clean.now.temperature_degC, memory, rest)
         below_full = self.rule.stops_below_full(memory, clean)
-        conditions = (event.full, event.empty, long_rest, below_full)
-        full, empty, long_rest, below_full = (where(condition, 1.0, 0.0) for condition in conditions)
-        return after, FinderOutput(after, event._replace(full=full, empty=empty), long_rest, below_full)
+        conditions = (event.full, event.empty, long_rest, below_full, self.rule.was_low(memory))
+        full, empty, long_rest, below_full, low = (where(condition, 1.0, 0.0) for condition in conditions)
+        seen = FinderOutput(
+            *after[:2],
+            event._replace(full=full, empty=empty),
+            long_rest,
+            below_full,
+            memory.held_s,
+            rest.rest_s,
+            low,
+            memory.low_soc,
+            memory.low_std,
+        )
+        return after, seen
 
 
 def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
@@ -107,7 +127,7 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
     found: list[Anchor] = []
     current_A = np.zeros(len(log))
     for stretch in _stretches(log, finder):
-        current_A[stretch.inside] = stretch.output.state.current_A
+        current_A[stretch.inside] = stretch.output.current_A
         inside = _anchors_inside(log, stretch.inside, finder, stretch.output)
         found += [anchor for anchor in inside if stretch.first <= anchor.sample < stretch.first + _STRETCH]
     said = SocNormal(1.0, finder.rule.limits.full_std)
@@ -148,12 +168,12 @@ def charger_limit_V(log: Log, battery: Battery) -> float | None:
     """Highest voltage [V], but for its overpotential, at which a charger stops below a full battery; None for none."""
     finder, limits_V = _finder(battery), []
     for stretch in _stretches(log, finder):
-        state, voltage_V = stretch.output.state, log.voltage_V[stretch.inside]
-        if np.any(stretch.output.event.full):
+        seen, voltage_V = stretch.output, log.voltage_V[stretch.inside]
+        if np.any(seen.event.full):
             return None
-        for k in np.flatnonzero(np.diff(stretch.output.below_full, prepend=0.0) > 0.0):
-            last = _end_of_run(state.memory.held_s, int(k))
-            u = CircuitInput(float(state.current_A[last]), float(state.temperature_degC[last]))
+        for k in np.flatnonzero(np.diff(seen.below_full, prepend=0.0) > 0.0):
+            last = _end_of_run(seen.held_s, int(k))
+            u = CircuitInput(float(seen.current_A[last]), float(seen.temperature_degC[last]))
             limits_V.append(float(finder.rule.relaxed_V(float(np.median(voltage_V[k : last + 1])), u)))
     return max(limits_V, default=None)
 
@@ -171,39 +191,47 @@ def _finder(battery: Battery) -> AnchorFinder:
 
 
 def _stretches(log: Log, finder: AnchorFinder) -> Iterator[_Stretch]:
-    """The stretches of a log, one after the other."""
+    """The stretches of a log, one after the other; those of a long log are looked through side by side."""
     nothing = finder.no_sample()
     kernel = Kernel(finder.step, finder.init(nothing), nothing)
     samples_of_log = samples_of(log)
-    for first in range(0, len(log), _STRETCH):
-        inside = slice(max(first - _LEAD, 0), min(first + _STRETCH + _LEAD, len(log)))
-        samples = SocSample(*(column[inside] for column in samples_of_log))
-        start = finder.init(SocSample(*(float(column[0]) for column in samples)))
-        _, output = kernel.scan(start, samples)
-        yield _Stretch(first, inside, output)
+    firsts = range(0, len(log), _STRETCH)
+    parts = [slice(max(first - _LEAD, 0), min(first + _STRETCH + _LEAD, len(log))) for first in firsts]
+    starts = [finder.init(SocSample(*(float(column[part.start]) for column in samples_of_log))) for part in parts]
+    if len(parts) <= _ONE_BY_ONE:
+        for first, part, start in zip(firsts, parts, starts, strict=True):
+            _, output = kernel.scan(start, SocSample(*(column[part] for column in samples_of_log)))
+            yield _Stretch(first, part, output)
+        return
+    for k in range(0, len(parts), _SIDE_BY_SIDE):
+        group = slice(k, k + _SIDE_BY_SIDE)
+        samples = SocSample(*(logs_side_by_side([c[part] for part in parts[group]]) for c in samples_of_log))
+        _, outputs = kernel.scan_lanes(side_by_side(starts[group]), samples)
+        for lane, (first, part) in enumerate(zip(firsts[group], parts[group], strict=True)):
+            yield _Stretch(first, part, pick_lanes(outputs, lane, slice(part.stop - part.start)))
 
 
 def _anchors_inside(log: Log, inside: slice, finder: AnchorFinder, output: FinderOutput) -> Iterator[Anchor]:
     """The anchors that current and voltage show in some samples of a log."""
-    rule, event, state = finder.rule, output.event, output.state
+    rule, event = finder.rule, output.event
 
     def at(k: int) -> tuple[float, CircuitInput]:
         voltage_V = float(log.voltage_V[inside.start + k])
-        return voltage_V, CircuitInput(float(state.current_A[k]), float(state.temperature_degC[k]))
+        return voltage_V, CircuitInput(float(output.current_A[k]), float(output.temperature_degC[k]))
 
     def anchor(kind: AnchorKind, k: int, soc: Any, std: Any) -> Anchor:
         return _anchor(kind, inside.start + k, SocNormal(float(soc), float(std)), log)
 
     for k in np.flatnonzero(event.full).tolist():
-        last = _end_of_run(state.memory.held_s, k)
+        last = _end_of_run(output.held_s, k)
         yield anchor("full charge", last, *rule.full(*at(last)))
     for k in np.flatnonzero(event.empty).tolist():
         yield anchor("empty", k, event.soc[k], event.std[k])
     ends = np.append(np.diff(log.time_s[inside]) > finder.gap_s, True)
-    for k in np.flatnonzero(rule.was_low(state.memory) & ends).tolist():
-        yield anchor("empty", k, state.memory.low_soc[k], state.memory.low_std[k])
+    for k in np.flatnonzero((output.low > 0.0) & ends).tolist():
+        yield anchor("empty", k, output.low_soc[k], output.low_std[k])
     for k in np.flatnonzero(output.long_rest).tolist():
-        last = _end_of_run(state.rest.rest_s, k)
+        last = _end_of_run(output.rest_s, k)
         yield anchor("rest", last, *rule.at_rest(*at(last)))
 
 
