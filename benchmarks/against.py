@@ -3,8 +3,7 @@
     python benchmarks/against.py COMMIT
 
 The other commit is checked out beside this one for the while. Both run the same lines, each time in a process of its
-own, one after the other, so that all of them see the same machine; figures are medians of processor time. Lines that the
-other commit cannot run are left out.
+own, one after the other, so that all of them see the same machine; figures are medians of processor time.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ LINES = {
 }
 
 #: What both run, in a folder of their own; prints the seconds of every line as JSON.
-_MEASURED = '''
+_MEASURED = """
 import contextlib, io, json, os, resource, subprocess, sys, time
 import numpy as np
 from ohmward import SocEstimator, make_estimator
@@ -108,7 +107,7 @@ with contextlib.redirect_stderr(io.StringIO()):
             with contextlib.suppress(Exception):
                 found[f"{line.__name__} {title}"] = line(name)
 print(json.dumps(found))
-'''
+"""
 
 
 def against(commit: str, rounds: int = ROUNDS) -> Section:
@@ -136,10 +135,12 @@ def against(commit: str, rounds: int = ROUNDS) -> Section:
             rows.append((what, title, duration(before), duration(now), ratio(now, before)))
             goals.append(Goal(f"{what}, {title}: over `ekf` of {commit}", now / before, bar, "x"))
     text = (
-        f"Processor time of this checkout beside that of commit {commit}, median of {rounds} rounds in turns. The default "
-        "has no counterpart there: it stands beside the extended filter, which was the default then."
+        f"Processor time of this checkout beside that of commit {commit}, median of {rounds} rounds in turns. The "
+        "default has no counterpart there: it stands beside the extended filter, which was the default then."
     )
-    return Section(f"Against {commit}", text, ("what", "filter", f"`ekf` of {commit}", "now", "over it"), rows, tuple(goals))
+    return Section(
+        f"Against {commit}", text, ("what", "filter", f"`ekf` of {commit}", "now", "over it"), rows, tuple(goals)
+    )
 
 
 def _measured(root: Path, folder: Path) -> dict[str, float]:

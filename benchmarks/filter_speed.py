@@ -42,6 +42,10 @@ from workloads import (
 
 STEPS, LOGS, LANE_STEPS = 100_000, 1024, 200
 CHECK_STEPS, AGREED = 1000, 1e-5
+#: Our functions on the model that the peers have: no faults, no gate, and the mean alone for an output.
+BARE = ", the peers' bare model"
+#: Least time of JAX over ours in lanes, of an extended filter of three states on that model.
+OVER_JAX = 3.0
 #: Operations of a step of the AUKF written out, with triangular covariances and nothing of the model's structure used.
 TEMPLATE_FLOPS = {"AUKF, 7 states": 2111, "UKF, 3 states": 443}
 
@@ -150,7 +154,7 @@ def ours_on_a_log(case: Case) -> Iterator[Contestant]:
     ways = [("machine", "machine code", STEPS, case.estimator, case.start)]
     if isinstance(case.estimator, TextbookFilter):
         bare = BareCell(case.problem)
-        ways.append(("machine", "machine code, the peers' bare model", STEPS, bare, bare.start))
+        ways.append(("machine", f"machine code{BARE}", STEPS, bare, bare.start))
     ways.append(("python", "Python source, NumPy alone", 1000, case.estimator, case.start))
     for lowering, how, steps, estimator, begin in ways:
         began = time.perf_counter()
@@ -207,9 +211,14 @@ def many_logs_of(case: Case, machine: Machine, repeats: int, logs: int) -> Secti
     problem = case.problem._replace(drive=pieces(case.problem.drive, logs))
     one = case.problem._replace(drive=Drive(*(column[:, 0] for column in problem.drive)))
     ours = {precision: ours_on_lanes(case, problem.drive, precision) for precision in ("f64", "f32")}
+    bare = []
+    if isinstance(case.estimator, TextbookFilter):
+        own = BareCell(case.problem)
+        bare = [ours_on_lanes(case._replace(estimator=own, start=own.start), problem.drive, "f64", BARE)]
+    bare = [limited(c, LANE_STEPS) for c in bare]
     found = [
         limited(c, LANE_STEPS)
-        for c in (*ours.values(), ours_in_numpy(case, problem.drive), *contestants(problem, lanes=True))
+        for c in (*ours.values(), *bare, ours_in_numpy(case, problem.drive), *contestants(problem, lanes=True))
     ]
     running = [c for c in found if isinstance(c, Contestant)]
     times = measure({c: partial(c.run, c.steps) for c in running}, repeats)
@@ -237,6 +246,10 @@ def many_logs_of(case: Case, machine: Machine, repeats: int, logs: int) -> Secti
                     most=False,
                 )
             )
+    jax = [times[peer].median for peer in running if peer.who == "JAX"]
+    if bare and jax and case.name.startswith("EKF"):
+        what = f"{case.name}, {logs} logs{BARE}: JAX's time over ours"
+        goals.append(Goal(what, jax[0] / times[bare[0]].median, OVER_JAX, "x", most=False))
     text = f"{logs} logs side by side on one core. Ours in machine code: {'; '.join(peak)}."
     return Section(f"Many logs: {case.name}", text, LANES_HEADER, rows, tuple(goals))
 
@@ -264,8 +277,8 @@ def pieces(drive: Drive, logs: int) -> Drive:
     return Drive(*columns)
 
 
-def ours_on_lanes(case: Case, drive: Drive, precision: str) -> Contestant:
-    """Machine code, a log in each SIMD lane."""
+def ours_on_lanes(case: Case, drive: Drive, precision: str, model: str = "") -> Contestant:
+    """Machine code, a log in each SIMD lane; model: whose it is, where it is not that of the filter."""
     step, state = machine_step(case, precision), lane_states(case, drive)
     structure = step.program.argument_structure.children[0]
     samples = drive.samples
@@ -277,7 +290,7 @@ def ours_on_lanes(case: Case, drive: Drive, precision: str) -> Contestant:
         step.many(rows, [c[:steps] for c in samples], [r[:steps] for r in results], None, threads=1)
         return posterior(state_tree(structure, rows[:, 0].tolist()))
 
-    return Contestant("ohmward", f"machine code, {precision}", LANE_STEPS, run)
+    return Contestant("ohmward", f"machine code, {precision}{model}", LANE_STEPS, run)
 
 
 def ours_in_numpy(case: Case, drive: Drive) -> Contestant:

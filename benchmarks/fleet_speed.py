@@ -17,7 +17,7 @@ from ohmward.logs import Log, write_log
 from ohmward_lab.simulate.voltage import simulate_voltage
 
 LOGS, STEPS, FLEET = 2048, 36_000, 10_000
-BAR_S = 60.0
+BAR_S = 120.0
 PROCESSES = os.cpu_count() or 1
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 import os
 import statistics
 import tempfile
@@ -18,6 +20,7 @@ from latency import latencies
 from ohmward.battery.chemistries import start_noise
 from ohmward.battery.models import rc
 from ohmward.battery.soc.estimator import SocEstimator
+from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.textbook import TextbookFilter
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
@@ -27,16 +30,24 @@ from ohmward.trace.lower.llvm_run import MachineStep
 from ohmward.trace.program import Program
 from ohmward.trace.scan import state_row
 from ohmward.trace.structure import size
+from ohmward.traction import Odometry
+from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.rc_joint import adaptive_soc_of
 from peak import peak_flops
+from peers import Contestant, contestants
 from timing import Goal, Section, Times, duration, measure, share, spread
-from workloads import CAPACITY_AH, Drive, cell_model, joint_ours, make_drive
+from workloads import CAPACITY_AH, Drive, cell_model, cell_problem, joint_ours, make_drive
 
 #: Operations that a floating-point unit does; comparisons, choices and table look-ups come on top.
 FLOPS = ("add", "subtract", "multiply", "divide", "sqrt", "negative", "absolute", "minimum", "maximum")
 EXAMPLE = SocSample(0.0, 0.0, 0.0, 0.0)
 LOGS, LANE_STEPS, UPDATES = 1024, 200, 2000
+#: Our own filters, and the least that FilterPy's UKF of three states takes over a step of theirs on one log.
+DEFAULT, EXTENDED = "the default, a sum of three extended filters", "extended filter of the battery"
+OVER_FILTERPY = {DEFAULT: 427.0, EXTENDED: 853.0}
+#: Robots whose motion is estimated live by wheels, so many of them, and gyro.
+MOTIONS = {"slip of a Husky": (SlipEstimator, "husky", 4), "pose of a TurtleBot": (Odometry, "turtlebot4", 2)}
 
 
 class Machine(NamedTuple):
@@ -90,8 +101,9 @@ def public_filters() -> dict[str, Any]:
     total_F = rc_circuit.capacitance_for(CAPACITY_AH, ocv)
     circuit = rc.RcModel(0.97 * total_F, 0.03 * total_F, 0.03, 0.03, 0.06, ocv, CAPACITY_AH)
     return {
-        "Thevenin EKF, 8 states": TheveninFilter(cell_model(), noise),
-        "Thevenin UKF, 8 states": TheveninFilter(cell_model(), noise, method="ukf"),
+        DEFAULT: GaussianSumFilter(TheveninFilter(cell_model(), noise)),
+        EXTENDED: TheveninFilter(cell_model(), noise),
+        "unscented filter of the battery": TheveninFilter(cell_model(), noise, method="ukf"),
         "RC joint AUKF of [T], 7 states": adaptive_soc_of(circuit).joint,
     }
 
@@ -114,7 +126,7 @@ def public_section(machine: Machine, repeats: int, steps: int) -> Section:
     counts = {"python": len(drive.first(1000).current_A), "machine": steps}
     counts |= dict.fromkeys(("lanes", "f64", "f32"), LOGS * LANE_STEPS) | {"lanes": LOGS * LANE_STEPS // 4}
     times = {key: t.per(counts[key[1]]) for key, t in measure(runs, repeats).items()}
-    rows, goals = [], []
+    rows, goals, filterpy_s = [], [], filterpy_seconds(repeats)
     for name, estimator in public_filters().items():
         step = step_of(estimator, drive)
         bound = least_step_s(step.expanded, step.state_size, machine.latencies)
@@ -125,6 +137,9 @@ def public_section(machine: Machine, repeats: int, steps: int) -> Section:
         if "AUKF" in name:
             goals.append(Goal(f"{name}, one log, Python source", times[name, "python"].median, 30e-6))
             goals.append(Goal(f"{name}, {LOGS} logs, NumPy over lanes", times[name, "lanes"].median, 700e-9))
+        if name in OVER_FILTERPY and not math.isnan(filterpy_s):
+            what = f"{name}, one log: FilterPy's time for a UKF of 3 states over it"
+            goals.append(Goal(what, filterpy_s / one, OVER_FILTERPY[name], "x", most=False))
     header = (
         "filter",
         "one log, Python source",
@@ -140,6 +155,14 @@ def public_section(machine: Machine, repeats: int, steps: int) -> Section:
         "the model's error. Python source and NumPy over lanes need NumPy alone."
     )
     return Section("The public filters", text, header, rows, tuple(goals))
+
+
+def filterpy_seconds(repeats: int) -> float:
+    """Time [s] of a step of FilterPy's UKF of three states; nan where it is not installed."""
+    for peer in contestants(cell_problem("ukf", 2000)):
+        if isinstance(peer, Contestant) and peer.who == "FilterPy":
+            return measure({peer.who: partial(peer.run, peer.steps)}, repeats)[peer.who].per(peer.steps).median
+    return math.nan
 
 
 def ways(estimator: Any, drive: Drive) -> dict[str, Callable[[], object]]:
@@ -186,8 +209,16 @@ def live_section(repeats: int) -> Section:
         rows.append((name, duration(machine.median), spread(machine), duration(python.median), spread(python)))
         goals.append(Goal(f"`update()`, {name}, machine code", machine.median, 3e-6))
         goals.append(Goal(f"`update()`, {name}, Python source", python.median, 40e-6))
+    motions = measure({name: moves(kind(robot), wheels) for name, (kind, robot, wheels) in MOTIONS.items()}, repeats)
+    for name, taken in motions.items():
+        one = taken.per(UPDATES)
+        rows.append((name, duration(one.median), spread(one), "", ""))
+        goals.append(Goal(f"`update()`, {name}, machine code", one.median, 15e-6))
     header = ("filter", "machine code", "least to most", "Python source", "least to most")
-    text = "A sample through `SocEstimator.update()`, from Python to Python."
+    text = (
+        "A sample through `update()`, from Python to Python: of `SocEstimator`, and of `SlipEstimator` "
+        "and `Odometry` by wheels and gyro."
+    )
     return Section("Live samples", text, header, rows, tuple(goals))
 
 
@@ -197,6 +228,18 @@ def updates(estimator: Any, lowering: str) -> Callable[[], None]:
     def run() -> None:
         for k in range(UPDATES):
             public.update(float(k), -0.5, 3.7)
+
+    return run
+
+
+def moves(public: SlipEstimator | Odometry, wheels: int) -> Callable[[], None]:
+    """A robot that accelerates, turns and stands, 50 times a second."""
+    times = itertools.count()
+
+    def run() -> None:
+        for k in range(UPDATES):
+            speed = np.full(wheels, 4.0 * math.sin(0.01 * k))
+            public.update(0.02 * next(times), speed, yaw_rate_rad_s=0.002 * math.sin(k))
 
     return run
 
