@@ -223,11 +223,15 @@ def live_section(repeats: int) -> Section:
 
 
 def updates(estimator: Any, lowering: str) -> Callable[[], None]:
-    public = SocEstimator(estimator, 0.8, lowering=lowering)
+    """A drive that goes on for ever: its samples again and again, from where the one before has ended."""
+    public = SocEstimator(estimator, 0.95, lowering=lowering)
+    drive = make_drive(UPDATES)
+    samples = list(zip(drive.current_A.tolist(), drive.voltage_V.tolist(), strict=True))
+    times = itertools.count()
 
     def run() -> None:
-        for k in range(UPDATES):
-            public.update(float(k), -0.5, 3.7)
+        for current_A, voltage_V in samples:
+            public.update(float(next(times)), current_A, voltage_V)
 
     return run
 
