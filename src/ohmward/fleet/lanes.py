@@ -18,7 +18,7 @@ from ohmward.battery.soc.estimator import samples_of
 from ohmward.battery.soc.sample import Estimator, SocEstimate, SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
-from ohmward.trace.structure import logs_side_by_side, pick_lanes, side_by_side
+from ohmward.trace.structure import pick_lanes, side_by_side
 
 #: Most parts in which a batch of logs is run.
 _PARTS = 16
@@ -41,7 +41,7 @@ def estimate_logs(
     samples = [samples_of(log) for log in logs]
     order = np.argsort([-len(log) for log in logs], kind="stable")
     lengths = np.array([len(logs[i]) for i in order])
-    columns = SocSample(*(logs_side_by_side([samples[i][k] for i in order]) for k in range(len(SocSample._fields))))
+    columns = SocSample(*(_padded([samples[i][k] for i in order], lengths[0]) for k in range(len(SocSample._fields))))
     firsts = [SocSample(*(float(column[0]) for column in samples[i])) for i in order]
     states = [estimator.init(first, initial_soc, initial_soc_std) for first in firsts]
     kernel = _kernel(cast(Hashable, estimator), lowering)
@@ -63,6 +63,14 @@ def _kernel(estimator: Any, lowering: str | None) -> Kernel:
     """The step of an estimator, compiled once for all batches of a process."""
     example = estimator.init(SocSample(0.0, math.nan, math.nan, math.nan))
     return Kernel(estimator.step, example, SocSample(0.0, 0.0, 0.0, 0.0), lowering=lowering)
+
+
+def _padded(columns: list[np.ndarray], length: int) -> np.ndarray:
+    """(T, B), a log in each column and in one piece of memory; nan after its end."""
+    table = np.full((len(columns), length), np.nan)
+    for row, column in zip(table, columns, strict=True):
+        row[: len(column)] = column
+    return table.T
 
 
 def _parts(lengths: np.ndarray) -> Iterator[tuple[int, int, int]]:

@@ -139,18 +139,10 @@ def side_by_side(trees: Sequence[Any]) -> Any:
     return unflatten(structure, (np.stack([np.asarray(x, dtype=float) for x in leaf], axis=-1) for leaf in values))
 
 
-def pick_lanes(tree: Any, index: int | slice, *steps: slice) -> Any:
-    """One of the trees that stand in lanes, or several in lanes; steps: of trees along time, those to keep."""
+def pick_lanes(tree: Any, index: int | slice) -> Any:
+    """One of the trees that stand in lanes, or several in lanes."""
     structure = structure_of(tree, "tree")
-    return unflatten(structure, (values[(*steps, ..., index)] for values in flatten(structure, tree)))
-
-
-def logs_side_by_side(columns: Sequence[np.ndarray]) -> np.ndarray:
-    """Columns (T_k,) as (T, B), each in one piece of memory; nan after its end."""
-    table = np.full((len(columns), max(map(len, columns))), np.nan)
-    for row, column in zip(table, columns, strict=True):
-        row[: len(column)] = column
-    return table.T
+    return unflatten(structure, (values[..., index] for values in flatten(structure, tree)))
 
 
 def as_array(value: Any, leaf: Leaf, path: str) -> np.ndarray:

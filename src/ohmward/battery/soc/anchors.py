@@ -17,7 +17,6 @@ from ohmward.battery.soc.estimator import SocRun, samples_of
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel, where
-from ohmward.trace.structure import logs_side_by_side, pick_lanes, side_by_side
 
 AnchorKind = Literal["full charge", "empty", "rest"]
 
@@ -27,8 +26,6 @@ VOLTAGE = "voltage"
 #: A long log is looked through in stretches of so many samples, so that what is remembered of each stays small; each
 #: begins and ends so many samples beyond, for events that began before it and go on after it.
 _STRETCH, _LEAD = 60_000, 20_000
-#: So many stretches at a time fill the vectors of a processor; those of a log with fewer follow each other.
-_SIDE_BY_SIDE, _ONE_BY_ONE = 8, 3
 
 
 class Anchor(NamedTuple):
@@ -191,24 +188,16 @@ def _finder(battery: Battery) -> AnchorFinder:
 
 
 def _stretches(log: Log, finder: AnchorFinder) -> Iterator[_Stretch]:
-    """The stretches of a log, one after the other; those of a long log are looked through side by side."""
+    """The stretches of a log, one after the other."""
     nothing = finder.no_sample()
     kernel = Kernel(finder.step, finder.init(nothing), nothing)
     samples_of_log = samples_of(log)
-    firsts = range(0, len(log), _STRETCH)
-    parts = [slice(max(first - _LEAD, 0), min(first + _STRETCH + _LEAD, len(log))) for first in firsts]
-    starts = [finder.init(SocSample(*(float(column[part.start]) for column in samples_of_log))) for part in parts]
-    if len(parts) <= _ONE_BY_ONE:
-        for first, part, start in zip(firsts, parts, starts, strict=True):
-            _, output = kernel.scan(start, SocSample(*(column[part] for column in samples_of_log)))
-            yield _Stretch(first, part, output)
-        return
-    for k in range(0, len(parts), _SIDE_BY_SIDE):
-        group = slice(k, k + _SIDE_BY_SIDE)
-        samples = SocSample(*(logs_side_by_side([c[part] for part in parts[group]]) for c in samples_of_log))
-        _, outputs = kernel.scan_lanes(side_by_side(starts[group]), samples)
-        for lane, (first, part) in enumerate(zip(firsts[group], parts[group], strict=True)):
-            yield _Stretch(first, part, pick_lanes(outputs, lane, slice(part.stop - part.start)))
+    for first in range(0, len(log), _STRETCH):
+        inside = slice(max(first - _LEAD, 0), min(first + _STRETCH + _LEAD, len(log)))
+        samples = SocSample(*(column[inside] for column in samples_of_log))
+        start = finder.init(SocSample(*(float(column[0]) for column in samples)))
+        _, output = kernel.scan(start, samples)
+        yield _Stretch(first, inside, output)
 
 
 def _anchors_inside(log: Log, inside: slice, finder: AnchorFinder, output: FinderOutput) -> Iterator[Anchor]:
