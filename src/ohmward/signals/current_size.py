@@ -92,15 +92,14 @@ def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
 
     dI, dV: (T - 1,) steps of current [A] and voltage [V].
     """
-    size = np.abs(dV)
-    edge = np.flatnonzero((size >= _EDGE * size.max(initial=0.0)) & (size > 6.0 * spread(dV)) & (dI != 0.0))
+    size, noise_V = np.abs(dV), spread(dV)
+    edge = np.flatnonzero((size >= _EDGE * size.max(initial=0.0)) & (size > 6.0 * noise_V) & (dI != 0.0))
     edge = edge[:: max(edge.size // _MOST_EDGES, 1)]
     if edge.size < _FEWEST:
         return 0
-    noise_V2 = spread(dV) ** 2
     dI, dV = dI[edge], dV[edge]
     as_logged = float(dV @ dV) - float(dI @ dV) ** 2 / max(float(dI @ dI), 1e-300)
-    if as_logged <= _NOISE * edge.size * noise_V2:
+    if as_logged <= _NOISE * edge.size * noise_V**2:
         return 0
     steps_A = np.stack([dI, dI - range_A * np.sign(dI)], axis=1)
     large = np.abs(steps_A) > _LARGE * range_A

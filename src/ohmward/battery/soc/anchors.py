@@ -57,16 +57,16 @@ class FinderState(NamedTuple):
 class FinderOutput(NamedTuple):
     """What a sample shows; conditions are 1 and 0."""
 
-    current_A: Any  #: last credible one; temperature_degC: the same
-    temperature_degC: Any
+    current_A: Any  #: last credible current
+    temperature_degC: Any  #: last credible temperature
     event: AnchorEvent
     long_rest: Any  #: its rest has become a long one
     below_full: Any  #: a charger has tapered below the voltage of a full battery
-    held_s: Any  #: time for which the voltage has stood still, and for which the battery has rested
-    rest_s: Any
-    low: Any  #: a load that ends here is cut off, at this state of charge
-    low_soc: Any
-    low_std: Any
+    held_s: Any  #: time for which the voltage has stood still
+    rest_s: Any  #: time for which the battery has rested
+    low: Any  #: a load that ends here is cut off
+    low_soc: Any  #: state of charge of that cut-off
+    low_std: Any  #: its standard deviation
 
 
 @dataclass(frozen=True)
