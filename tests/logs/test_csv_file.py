@@ -84,7 +84,7 @@ def test_lines_are_counted_as_an_editor_counts_them(write_text):
 
 
 def test_blocks_join(write_text, monkeypatch):
-    monkeypatch.setattr("ohmward.logs.csv_file._BLOCK_ROWS", 7)
+    monkeypatch.setattr("ohmward.logs.csv_file._PARSED_ROWS", 7)
     rows = [f"{i},{i % 5},{'x' if i == 20 else i}" for i in range(40)]
     table = load(write_text("time_s,a,b\n" + "\n".join(rows)))
     np.testing.assert_array_equal(table.columns["time_s"], np.arange(40.0))

@@ -32,7 +32,9 @@ def logs(draw):
         time_s=np.cumsum(steps),
         current_A=signal(),
         voltage_V=signal(st.floats(20.0, 26.0)),  # what no battery shows is left out on reading
-        temperature_degC=draw(st.none() | arrays(float, size, elements=st.floats(10.0, 30.0))),  # and so is a jump of more
+        temperature_degC=draw(
+            st.none() | arrays(float, size, elements=st.floats(10.0, 30.0))
+        ),  # and so is a jump of more
         extra={name: signal() for name in sorted(extra)},
         start_unix_s=draw(st.none() | st.floats(1e9, 2e9)),
     )

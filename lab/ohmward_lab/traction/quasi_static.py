@@ -23,7 +23,7 @@ from ohmward.traction.dynamics.forces import RobotInput, Scene, force_on_plane, 
 from ohmward.traction.friction.law import TractionLaw, contact
 from ohmward.traction.robot.robot import Robot, wheel_speeds
 
-_NEWTON_STEPS = 16
+_QUASI_STATIC_STEPS = 16
 _TOLERANCE = 1e-6
 
 
@@ -81,7 +81,7 @@ def slip_at_force(law: TractionLaw, force_N: Any, travel_speed_m_s: Any, load_N:
         return np.array([law.force_N(contact(travel_speed_m_s + s[0], travel_speed_m_s, load_N)) - force_N])
 
     slip: Any = 0.0 * force_N
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(_QUASI_STATIC_STEPS):
         value, slope = linearize(excess, np.array([slip]))
         slip = slip - value[0] / where(slope[0, 0] > 0, slope[0, 0], np.inf)
     left = excess(np.array([slip]))[0]

@@ -63,7 +63,7 @@ _SLOW_S = 1000.0
 #: not end a rest. After `RELAXED_S` its voltage has relaxed but for a few millivolts, and moves no further than
 #: self-discharge, idle current and a late relaxation do: by this voltage a cell, and by this much of the state of
 #: charge by the curve, and more with every hour.
-_IDLE_C = 0.1
+_IDLE_LOAD_C = 0.1
 _HIDDEN_V, _HIDDEN_SOC, _HIDDEN_SOC_PER_HOUR = 0.05, 0.1, 0.02
 #: A change of an idle current moves the voltage by at most so many times the file's resistance to a steady one.
 _IDLE_RESISTANCE = 2.0
@@ -293,7 +293,7 @@ def hidden_charges(log: Log, battery: Battery) -> list[tuple[int, int]]:
     That is by more than relaxation and the changes of the idle current make it.
     """
     excess_A = log.current_A - battery.sensor.offset_A
-    idle = (excess_A < REST_C * battery.capacity_Ah) & (excess_A > -_IDLE_C * battery.capacity_Ah)
+    idle = (excess_A < REST_C * battery.capacity_Ah) & (excess_A > -_IDLE_LOAD_C * battery.capacity_Ah)
     found = []
     for run, late in _relaxed(log, battery, idle):
         smooth_V = medians(log.voltage_V[late])

@@ -21,7 +21,7 @@ from ohmward.logs.header import is_data
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note, Progress, Table, TableFile, counted, row_numbers
 
-_BLOCK_ROWS = 50_000
+_PARSED_ROWS = 50_000
 
 
 def open_csv(path: Path, hints: FileHints | None = None) -> TableFile:
@@ -93,12 +93,12 @@ def _blocks(
     with open_text(path, layout.encoding) as stream:
         skip_preamble(stream, layout)
         reader = csv.reader(lines_of(stream, layout, stray), delimiter=layout.delimiter, skipinitialspace=True)
-        while rows := list(islice(reader, _BLOCK_ROWS)):
+        while rows := list(islice(reader, _PARSED_ROWS)):
             last_line = layout.skip_lines + reader.line_num
             line = row_numbers(last_line - len(rows) + 1, len(rows))
             last_cells = [row[-1] for row in rows if len(row) == width]
             if len(last_cells) < len(rows) or "\0" in last_cells[-1] or (last_name and last_name in last_cells):
-                at_end = len(rows) < _BLOCK_ROWS
+                at_end = len(rows) < _PARSED_ROWS
                 rows, line = _repair(path, layout, rows, line, at_end, notes)
             if rows:
                 yield rows, line

@@ -16,7 +16,7 @@ from ohmward.logs.table import Progress, Table, TableFile, parsing, require_uniq
 from ohmward.optional import require
 
 #: Rows that are decoded at a time: what Arrow holds beside the columns stays small.
-_BLOCK_ROWS = 1 << 18
+_DECODED_ROWS = 1 << 18
 #: Rows that a file keeps together.
 _GROUP_ROWS = 1 << 20
 
@@ -50,7 +50,7 @@ def _columns(file: Any, names: list[str], progress: Progress | None) -> dict[str
     rows = file.metadata.num_rows
     columns: dict[str, np.ndarray] = {}
     first = 0
-    for batch in file.iter_batches(_BLOCK_ROWS, columns=names):
+    for batch in file.iter_batches(_DECODED_ROWS, columns=names):
         last = first + batch.num_rows
         for name in names:
             values = values_of(batch[name])

@@ -24,7 +24,7 @@ TOPIC = "/ohmward"
 #: What a file that loses its end may lose, and what a viewer reads at once [bytes].
 _CHUNK_BYTES = 1 << 18
 #: Rows that are written at a time.
-_BLOCK_ROWS = 1 << 16
+_WRITTEN_ROWS = 1 << 16
 _HEADER = """\
 ================================================================================
 MSG: std_msgs/Header
@@ -59,8 +59,8 @@ def write_mcap(path: Path, columns: Mapping[str, np.ndarray], progress: Progress
         writer.start("ros2", "ohmward")
         schema = writer.register_schema(TABLE_TYPE, "ros2msg", definition.encode())
         channel = writer.register_channel(TOPIC, "cdr", schema)
-        for first in range(0, rows, _BLOCK_ROWS):
-            block = slice(first, first + _BLOCK_ROWS)
+        for first in range(0, rows, _WRITTEN_ROWS):
+            block = slice(first, first + _WRITTEN_ROWS)
             messages = _messages(time_ns[block], [values[block] for values in numeric.values()])
             for at_ns, message in zip(time_ns[block].tolist(), messages, strict=True):
                 writer.add_message(channel, at_ns, message, at_ns)
@@ -149,8 +149,8 @@ def _write_csv(path: Path, columns: Mapping[str, np.ndarray], progress: Progress
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)
-        for start in range(0, rows, _BLOCK_ROWS):
-            block = [values[start : start + _BLOCK_ROWS] for values in arrays]
+        for start in range(0, rows, _WRITTEN_ROWS):
+            block = [values[start : start + _WRITTEN_ROWS] for values in arrays]
             if (text := csv_arrow.rows_as_text(block)) is not None:
                 stream.write(text)
             else:

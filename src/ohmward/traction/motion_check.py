@@ -38,7 +38,7 @@ LEAST_RAD_S = 0.1
 MOST_FASTER, SCRUBS = 1.5, 3.0
 
 #: A unit is a factor, which leaves the yaw rates of wheels and gyro correlated by this much at least.
-ALIKE = 0.8
+CORRELATED = 0.8
 
 _SPEED, _YAW_RATE = "wheel_speed_rad_s", "yaw_rate_rad_s"
 
@@ -146,7 +146,7 @@ def _faster_than_gyro(robot: Robot, motion: SensedMotion) -> float:
     by_wheels = row @ np.linalg.lstsq(rows[wheels], values[wheels], rcond=None)[0]
     power, product = float(rate @ rate), float(by_wheels @ rate)
     enough = power > max(rate.size, FEWEST) * LEAST_RAD_S**2
-    alike = abs(product) > ALIKE * math.sqrt(power * float(by_wheels @ by_wheels))
+    alike = abs(product) > CORRELATED * math.sqrt(power * float(by_wheels @ by_wheels))
     return product / power if enough and alike else math.nan
 
 

@@ -9,7 +9,7 @@ from ohmward.battery.identification.first_ocv import FirstOcv
 from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD
 from ohmward.battery.identification.ocv_from_logs import branch_axis_std, find_branches, reconcile_branches
 from ohmward.battery.identification.record import make_records
-from ohmward.battery.identification.soc_axis import GIVEN_STD, anchor_soc
+from ohmward.battery.identification.soc_axis import TEST_START_STD, anchor_soc
 from ohmward.errors import InputError
 from ohmward.logs import Log
 
@@ -103,7 +103,7 @@ def test_the_error_of_the_anchors_reaches_the_noise():
     given = identify(log, capacity_Ah=2.0, chemistry="nmc", initial_soc={"pulses": 1.0}, model="thevenin-1rc")
     half = log.between(0.0, log.time_s[len(log) // 2])
     vague = identify([*low_rate_logs(cell()), half], capacity_Ah=2.0, chemistry="nmc", model="thevenin-1rc")
-    assert given.noise.soc_axis_std == pytest.approx(np.hypot(SOC_AXIS_STD, GIVEN_STD))
+    assert given.noise.soc_axis_std == pytest.approx(np.hypot(SOC_AXIS_STD, TEST_START_STD))
     assert vague.noise.soc_axis_std > 0.006
 
 

@@ -20,8 +20,8 @@ from ohmward.logs.log import Note
 
 #: SoC is known so well where a charge with constant voltage has tapered: that of this log, not of another charger.
 FULL_STD = 0.005
-#: A state of charge that the user gives, in whole points.
-GIVEN_STD = 0.01
+#: A state of charge that whoever made the test gives, in whole points.
+TEST_START_STD = 0.01
 #: A log that moves so much of the capacity was full at its highest charge, and SoC is known within these.
 _SWEEP_SHARE = 0.85
 _SWEEP_STD = (0.01, 0.03)
@@ -83,8 +83,9 @@ def anchor_soc(
 ) -> SocAxis:
     """The state of charge along a record, tied to what is known best.
 
-    In order: the ends of full charges and, before the first of them, `initial_soc` of the user, known to `GIVEN_STD`;
-    the rest at which `ocv` tells the SoC best; a sweep of at least 85 % of the capacity, whose top is taken as full.
+    In order: the ends of full charges and, before the first of them, `initial_soc` of the user, known to
+    `TEST_START_STD`; the rest at which `ocv` tells the SoC best; a sweep of at least 85 % of the capacity, whose top is
+    taken as full.
     The loss between two full charges gives the coulombic efficiency, and the rest of the difference is spread over the
     charge that flowed; without them `efficiency` holds.
     ocv_axis_std: standard deviation of the SoC axis of `ocv` in the middle.
@@ -98,7 +99,7 @@ def anchor_soc(
     axis = SocAxis(_tied(record, capacity_Ah, anchors, efficiency), anchors, efficiency, ())
     _require_inside(record, axis, capacity_Ah)
     notes = _notes(record, axis, capacity_Ah, ocv)
-    if initial_soc is not None and abs(initial_soc - axis.soc[0]) > 3.0 * math.hypot(GIVEN_STD, anchors[0].std):
+    if initial_soc is not None and abs(initial_soc - axis.soc[0]) > 3.0 * math.hypot(TEST_START_STD, anchors[0].std):
         set_aside = f"starts at {initial_soc:g} as given, but its full charges say {axis.soc[0]:.3f}, which is taken"
         notes += (Note(f"{record.log.name!r}: {set_aside}", "warning"),)
     return axis._replace(notes=notes)
@@ -115,7 +116,7 @@ def find_anchors(
     """The anchors that the axis is tied to: one, or all ends of full charges and a given start before them."""
     full = full_charges(record, capacity_Ah)
     if initial_soc is not None and not (full and full[0].sample == 0):
-        return (SocAnchor(0, initial_soc, GIVEN_STD, _GIVEN), *full)
+        return (SocAnchor(0, initial_soc, TEST_START_STD, _GIVEN), *full)
     if full:
         return full
     rests = rest_anchors(record, ocv, capacity_Ah) if ocv else ()

@@ -20,7 +20,7 @@ from ohmward.traction.odometry.nav_msgs import UNKNOWN_VARIANCE, header, odometr
 Message = dict[str, Any]
 
 #: A current of less than this share of the capacity in an hour neither charges nor discharges.
-_IDLE_C = 0.01
+_NO_CURRENT_C = 0.01
 #: Constants of BatteryState.
 _UNKNOWN, _CHARGING, _DISCHARGING, _NOT_CHARGING, FULL = range(5)
 _NIMH, _LION, _LIPO, _LIFE, _VRLA = 1, 2, 3, 4, 8
@@ -98,7 +98,7 @@ def _status(measured: Mapping[str, float], charge: Any, capacity_Ah: float) -> i
     """Status of the power supply, by the current without the offset of its sensor."""
     offset_A = float(charge.current_offset_A) if charge and charge.current_offset_A == charge.current_offset_A else 0.0
     current_A = measured.get("battery_current_A", math.nan) - offset_A
-    idle_A = _IDLE_C * capacity_Ah if math.isfinite(capacity_Ah) else 0.0
+    idle_A = _NO_CURRENT_C * capacity_Ah if math.isfinite(capacity_Ah) else 0.0
     if measured.get("battery_full", 0.0) >= 0.5 and not current_A < -idle_A:
         return FULL
     if math.isnan(current_A):

@@ -22,7 +22,7 @@ from ohmward.checks import require_between, require_each_positive
 from ohmward.trace import maximum, where
 from ohmward.traction.friction.law import SPEED_FLOOR, Contact, creepage, direction_and_size
 
-_TINY = 1e-12
+_LEAST_SLIP = 1e-12
 
 
 @dataclass(frozen=True)
@@ -59,5 +59,5 @@ class Brush:
         full = self.adhesion * contact.load_N
         i_c = self.critical_creepage(contact.load_N)
         short = maximum(full - k * l * self.lead_length_m * i, 0.0)
-        sliding = full - short * short / (2 * k * l * l * maximum(maximum(i, i_c), _TINY))
+        sliding = full - short * short / (2 * k * l * l * maximum(maximum(i, i_c), _LEAST_SLIP))
         return direction * where(i <= i_c, self.slip_stiffness_N * i, sliding)

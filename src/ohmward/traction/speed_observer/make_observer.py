@@ -149,7 +149,7 @@ def first_speed_m_s(robot: Robot, wheel_speed_rad_s: np.ndarray) -> float:
 
 #: The track is found where the yaw rate is at least so large [rad/s, root of its mean square], and the sides differ by
 #: it with this correlation: the wheels of a robot that slides sideways say little of its turns.
-YAWS_RAD_S, ALIKE = 0.1, 0.9
+YAWS_RAD_S, TOGETHER = 0.1, 0.9
 
 
 #: Window [s] over which speeds change by more than the noise of encoders.
@@ -406,7 +406,7 @@ def with_effective_track(robot: Robot, log: DriveLog) -> Robot:
     if power <= YAWS_RAD_S**2 * max(known.sum(), 1):
         return robot
     together = float(sides_m_s @ gyro)
-    if together < ALIKE * np.sqrt(power * float(sides_m_s @ sides_m_s)):
+    if together < TOGETHER * np.sqrt(power * float(sides_m_s @ sides_m_s)):
         return robot
     return replace(robot, chassis=replace(chassis, effective_track_m=together / power))
 

@@ -36,7 +36,7 @@ from ohmward.traction.friction.law import Contact
 from ohmward.traction.speed_observer.states import Parts
 
 #: Newton steps from the slip before the step, and from a slip that is near the end already.
-NEWTON_STEPS, FINISHING_STEPS = 3, 2
+SLIP_STEPS, FINISHING_STEPS = 3, 2
 
 
 class SlipStep(NamedTuple):
@@ -76,7 +76,7 @@ def slip_step(parts: Parts, u: RobotInput, p: Scene, dt_s: Any, start_m_s: np.nd
     body_gain, wheel_gain = (G / M).T, dt_s / J_w
     A = dt_s * ((G / M) @ G.T) + np.diag(r**2 * wheel_gain)
     if start_m_s is None:
-        start, steps = r * parts.omega - G @ parts.motion, NEWTON_STEPS
+        start, steps = r * parts.omega - G @ parts.motion, SLIP_STEPS
     else:
         start, steps = start_m_s, FINISHING_STEPS
     s, F, k, k0 = balance_slip(r * omega - G @ v, A, start, steps, parts, load_N, p)

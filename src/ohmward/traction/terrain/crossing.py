@@ -33,7 +33,7 @@ from ohmward.traction.terrain.demand import drag_columns, mean_load, travel_spee
 from ohmward.traction.terrain.floor import Floor
 
 #: Floors whose drags differ less are one floor to this test.
-ALIKE = 0.02
+SAME_DRAG = 0.02
 #: Of the difference between two floors: a floor differs from place to place, and a wheel may stand on both.
 COUNTS = 0.7
 #: A motion that differs from that at the start of the test by more than this share of it starts it anew.
@@ -44,7 +44,7 @@ MEMORY_S, _FIRST_S = 3.0, 0.3
 _SHORTEST_RIPPLE_S = 0.1
 #: Least change of a drag that counts, share of the load.
 _LEAST_DRAG_STEP = 1e-3
-_NEWTON_STEPS = 4
+_CROSSING_STEPS = 4
 #: x a little before the maximum of 1 - e^-x - x/2 at ln 2, and that maximum.
 _LAST, _MOST_NEEDED = math.log(2) - 1e-3, 0.5 - math.log(2) / 2
 
@@ -168,7 +168,7 @@ class CrossingTest:
         between_s = 3600 / self.false_alarms_per_hour * 2 * len(k2)
         wanted = k2 * (between_s / (2 * tau_s))
         h = log(wanted + 2.0)
-        for _ in range(_NEWTON_STEPS):
+        for _ in range(_CROSSING_STEPS):
             inside = wanted + 1.0 + h
             h = h - (h - log(inside)) / (1.0 - 1.0 / maximum(inside, 1.0 + LEAST_DIVISOR))
         return h
@@ -190,7 +190,7 @@ class CrossingTest:
 def time_of_alarm(needed: np.ndarray) -> np.ndarray:
     """Smaller root x (n,) of 1 - e^-x - x/2 = needed, by Newton from below; at most `_LAST`."""
     x = minimum(2.0 * needed, _LAST)
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(_CROSSING_STEPS):
         x = minimum(x + (needed - 1.0 + exp(-x) + x / 2) / (exp(-x) - 0.5), _LAST)
     return x
 
@@ -209,7 +209,7 @@ def memory(tested_s: Scalar) -> Scalar:
 def crossing_test(floors: Sequence[Floor], false_alarms_per_hour: float = 1.0) -> CrossingTest:
     """The test for a robot that knows these floors: a change counts from the difference of the nearest two on."""
     pairs = pairwise(sorted(floors, key=lambda f: f.drag))
-    different = [(a, b) for a, b in pairs if b.drag - a.drag > ALIKE]
+    different = [(a, b) for a, b in pairs if b.drag - a.drag > SAME_DRAG]
     if not different:
         return CrossingTest(false_alarms_per_hour=false_alarms_per_hour)
     a, b = min(different, key=lambda pair: pair[1].drag - pair[0].drag)

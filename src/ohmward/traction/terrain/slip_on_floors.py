@@ -167,7 +167,7 @@ RATE_S = 0.075
 #: The slip is the mean over the floors, weighted by this power of their probability: between the mean (1), which a
 #: floor of a tenth moves by a tenth of a large difference, and the likeliest floor, which jumps.
 LEANING = 2.0
-_TINY = 1e-6
+_ALMOST_NOTHING = 1e-6
 
 
 class FloorState(NamedTuple):
@@ -325,8 +325,8 @@ class SlipOnFloors:
         loss = B @ slip
         v = belief.rim - u * loss
         speed = travel_speed(v)
-        a = v[:-1] / maximum(speed, _TINY) @ B[:-1]
-        turned = (loss[:-1] @ loss[:-1]) * var_u / maximum(u * u, _TINY)
+        a = v[:-1] / maximum(speed, _ALMOST_NOTHING) @ B[:-1]
+        turned = (loss[:-1] @ loss[:-1]) * var_u / maximum(u * u, _ALMOST_NOTHING)
         ratio_std = std(a @ C @ a + turned)
         rows = zip(B, belief.rim_std, strict=True)
         return FloorEstimate(
@@ -398,7 +398,7 @@ def low_pass(slow_rim: np.ndarray, rim: np.ndarray, dt_s: Scalar) -> tuple[np.nd
     share = 1.0 - exp(-dt_s / RATE_S)
     once = slow_rim[0] + share * (rim - slow_rim[0])
     behind = once - slow_rim[1]
-    rate = behind * where(dt_s > _TINY, share / maximum(dt_s, _TINY), 1.0 / RATE_S)
+    rate = behind * where(dt_s > _ALMOST_NOTHING, share / maximum(dt_s, _ALMOST_NOTHING), 1.0 / RATE_S)
     return np.array([once, slow_rim[1] + share * behind]), rate
 
 
