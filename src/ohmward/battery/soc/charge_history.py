@@ -15,6 +15,8 @@ from ohmward.trace.snapshot import from_json, to_json
 
 #: The battery has certainly been full where SoC stood this close to 1, with a 95 % band no wider than that.
 FULL_WITHIN = 0.05
+#: A plain number: operations on flags take longer than a step.
+_DIVERGED = int(SocFlag.DIVERGED)
 
 
 class CountingStart(NamedTuple):
@@ -62,13 +64,14 @@ class ChargeMemory(NamedTuple):
 
     def after(self, time_s: float, estimate: SocEstimate) -> ChargeMemory:
         """The memory after an estimate."""
-        soc, std = float(estimate.soc), float(estimate.soc_std)
-        here = self._replace(anchor_s=time_s, soc=soc, std=std)
-        if is_full(soc, std):
-            return here._replace(full_s=time_s, start_s=time_s if math.isnan(self.start_s) else self.start_s)
-        if math.isnan(self.start_s):
-            return here._replace(start_s=time_s)
-        return here._replace(diverged_s=time_s) if int(estimate.flags) & SocFlag.DIVERGED else self
+        soc, std, begins = float(estimate.soc), float(estimate.soc_std), math.isnan(self.start_s)
+        full, diverged = is_full(soc, std), bool(int(estimate.flags) & _DIVERGED)
+        if not (full or begins or diverged):
+            return self
+        here = self._replace(anchor_s=time_s, soc=soc, std=std, start_s=time_s if begins else self.start_s)
+        if full:
+            return here._replace(full_s=time_s)
+        return here if begins else here._replace(diverged_s=time_s)
 
     def after_log(self, time_s: np.ndarray, estimates: SocEstimate) -> ChargeMemory:
         """The memory after estimates (T,) along a log."""
