@@ -20,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -133,8 +134,9 @@ def _first_sign_s(words: list[str]) -> float:
     process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=theirs, env=os.environ | {"TERM": "xterm"})
     os.close(theirs)  # lest reading never ends where the command does
     seen = b""
-    while not re.search(rb"reading|ekf", seen):
-        seen += os.read(ours, 1000)
+    with suppress(OSError):  # a short log is done before
+        while not re.search(rb"reading|gsf", seen):
+            seen += os.read(ours, 1000)
     seconds = time.perf_counter() - began
     process.terminate()
     process.wait()
