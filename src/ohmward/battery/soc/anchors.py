@@ -101,15 +101,16 @@ class AnchorFinder:
         conditions = (event.full, event.empty, long_rest, below_full, self.rule.was_low(memory))
         full, empty, long_rest, below_full, low = (where(condition, 1.0, 0.0) for condition in conditions)
         seen = FinderOutput(
-            *after[:2],
-            event._replace(full=full, empty=empty),
-            long_rest,
-            below_full,
-            memory.held_s,
-            rest.rest_s,
-            low,
-            memory.low_soc,
-            memory.low_std,
+            current_A=after.current_A,
+            temperature_degC=after.temperature_degC,
+            event=event._replace(full=full, empty=empty),
+            long_rest=long_rest,
+            below_full=below_full,
+            held_s=memory.held_s,
+            rest_s=rest.rest_s,
+            low=low,
+            low_soc=memory.low_soc,
+            low_std=memory.low_std,
         )
         return after, seen
 

@@ -319,7 +319,8 @@ class TheveninFilter:
     ) -> TheveninUpdate:
         """The belief after the voltage of the step; a full charge or a cut-off shows SoC itself in its place.
 
-        Charger and protection define full and empty, so that these pass every gate.
+        Charger and protection define full and empty, so that these pass every gate. R counts an error of the model for
+        minutes, so it is never far below H P H': the plain difference P - K S K' keeps its digits.
         """
         system, anchored = self.system, event.tells_soc
         error = self.voltage_error(prior, clean)
