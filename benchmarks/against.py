@@ -1,4 +1,4 @@
-"""Speed of this checkout over that of another commit, in turns: part of `make bench`.
+"""Speed of this checkout over that of another commit, in turns; also `python benchmarks/speed.py --against COMMIT`.
 
     python benchmarks/against.py COMMIT
 

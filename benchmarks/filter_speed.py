@@ -215,7 +215,6 @@ def many_logs_of(case: Case, machine: Machine, repeats: int, logs: int) -> Secti
     if isinstance(case.estimator, TextbookFilter):
         own = BareCell(case.problem)
         bare = [ours_on_lanes(case._replace(estimator=own, start=own.start), problem.drive, "f64", BARE)]
-    bare = [limited(c, LANE_STEPS) for c in bare]
     found = [
         limited(c, LANE_STEPS)
         for c in (*ours.values(), *bare, ours_in_numpy(case, problem.drive), *contestants(problem, lanes=True))

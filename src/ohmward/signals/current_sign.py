@@ -158,7 +158,7 @@ def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:
     some = slice(None, None, max(dI.size // _NOISE_FROM, 1))
     size = np.abs(dI)
     least = max(_EDGE * size.max(initial=0.0), _EDGE_OF_LEVEL * np.abs(current_A).max(initial=0.0), _LEAST_EDGE_A)
-    edge = size >= max(least, np.nextafter(6.0 * spread(dI[some]), np.inf))
+    edge = (size >= least) & (size > 6.0 * spread(dI[some]))
     if not edge.any():
         return EdgeTest(np.nan, 0, 0.0, 0.0)
     products = dI[edge] * dV[edge]
