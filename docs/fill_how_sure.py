@@ -26,7 +26,7 @@ from ohmward.battery.chemistries import (
 )
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.soc.band_forecast import TEMPERATURES_DEGC, BandForecast, forecast, forecasts_after_tests
-from ohmward.export.comments import field_comments
+from ohmward.embedded.comments import field_comments
 
 PAGE = Path(__file__).parent / "how-sure.md"
 CAPACITY_AH, N_SERIES = 12.0, 4

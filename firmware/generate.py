@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ohmward.battery.chemistries import generic_battery
-from ohmward.export import Export, battery_export, controller_export, library, write_library
+from ohmward.embedded import Export, battery_export, controller_export, library, write_library
 from ohmward.traction import RLMA
 
 GENERATED = Path(__file__).resolve().parent / "generated"

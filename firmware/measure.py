@@ -29,9 +29,9 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.estimator import samples_of
 from ohmward.cli.main import parse
 from ohmward.cli.twin import command as twin_command
+from ohmward.embedded import Export, Twin, battery_export, controller_export, library, observer_export, write_library
+from ohmward.embedded.twin import first_of
 from ohmward.errors import OhmwardError
-from ohmward.export import Export, Twin, battery_export, controller_export, library, observer_export, write_library
-from ohmward.export.twin import first_of
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
 from ohmward.traction.motion.sample import samples_of as drive_samples_of

@@ -19,9 +19,9 @@ from measure import FILTERS, OBSERVERS, Case, battery_and_hour, drive, title_of
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.soc.sample import SocSample
-from ohmward.export import Twin, battery_export, library, observer_export, write_library
-from ohmward.export.battery import JOINT
-from ohmward.export.comparison import in_double_precision
+from ohmward.embedded import Twin, battery_export, library, observer_export, write_library
+from ohmward.embedded.battery import JOINT
+from ohmward.embedded.comparison import in_double_precision
 from ohmward.logs import Log
 from ohmward.trace import Kernel
 from ohmward.trace.structure import flatten

@@ -15,7 +15,7 @@ from textwrap import dedent
 
 from sphinx.application import Sphinx
 
-from ohmward.export.comments import field_comments
+from ohmward.embedded.comments import field_comments
 
 SECTIONS = ("Args:", "Attributes:", "Raises:", "Returns:")
 ITEM = re.compile(r"(\w+(?:, \w+)*): ")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ohmward.cli.main import main
-from ohmward.export.twin import FLAGS
+from ohmward.embedded.twin import FLAGS
 
 pytestmark = pytest.mark.skipif(
     not (shutil.which("gcc") and find_spec("cffi")), reason="no twin here: gcc or cffi is not installed"
@@ -65,7 +65,7 @@ def test_people_see_the_end_the_differences_and_what_was_assumed(library, capsys
 
 def test_a_drive_needs_its_robot(here, as_json, capsys, monkeypatch):
     flags = tuple(flag.replace("-O2", "-O0") for flag in FLAGS)  # which compiles in a tenth of the time
-    monkeypatch.setattr("ohmward.export.twin.FLAGS", flags)
+    monkeypatch.setattr("ohmward.embedded.twin.FLAGS", flags)
     assert main(["export", "rlma", "--filter", "ekf", "--name", "speed", "-o", "speed"]) == 0
     assert main(["simulate", "first-drive", "-o", "drive.csv"]) == 0
     capsys.readouterr()
@@ -114,4 +114,4 @@ def test_it_starts_as_it_was_exported_unless_told(here, as_json, refused, capsys
 def test_a_controller_has_no_log(here, refused, capsys):
     assert main(["export", "rlma", "--filter", "slip-controller", "--name", "wheel", "-o", "wheel"]) == 0
     capsys.readouterr()
-    assert "use ohmward.export.Twin" in refused("twin", "wheel", "day.csv")
+    assert "use ohmward.embedded.Twin" in refused("twin", "wheel", "day.csv")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ohmward.export import library
+from ohmward.embedded import library
 
 FIRMWARE = Path(__file__).parents[2] / "firmware"
 sys.path.insert(0, str(FIRMWARE))

@@ -12,7 +12,7 @@ import pytest
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.sample import SocSample
 from ohmward.cli.main import main as ohmward
-from ohmward.export import battery_export, controller_export, observer_export
+from ohmward.embedded import battery_export, controller_export, observer_export
 from ohmward.logs import Log, write_log
 from ohmward.traction import RLMA, hard_terrain
 

@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 
 from ohmward import generic_battery
+from ohmward.embedded import battery_export, library, write_library
 from ohmward.errors import InputError, OhmwardError
-from ohmward.export import battery_export, library, write_library
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.message import Message, ScaledSignal
 from ohmward.onboard.part import keep_running

@@ -1,4 +1,4 @@
-"""Joint filter of states and parameters of the RC model as a C99 library; `ohmward.export` asks for it by its name."""
+"""Joint filter of states and parameters of the RC model as a C99 library, which `ohmward.embedded` asks for by name."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.soc.sample import SocSample
-from ohmward.export.battery import Style, at_fixed_rate, usual_voltage, vector_samples
-from ohmward.export.c_library import Export
-from ohmward.export.loops import EXAMPLE, AtRate, loops_of, parts_of
+from ohmward.embedded.battery import Style, at_fixed_rate, usual_voltage, vector_samples
+from ohmward.embedded.c_library import Export
+from ohmward.embedded.loops import EXAMPLE, AtRate, loops_of, parts_of
 from ohmward.filters import unscented
 from ohmward.trace import trace
 from ohmward.trace.lower.c_operations import literal

@@ -23,12 +23,12 @@ from ohmward.cli.battery_inputs import (
 from ohmward.cli.drive_inputs import make_terrain
 from ohmward.cli.options import BUILT_IN
 from ohmward.cli.outcome import Outcome, check_output, progress
+from ohmward.embedded import blind
+from ohmward.embedded.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
+from ohmward.embedded.c_library import Export, check_fits, library, size, write_library
+from ohmward.embedded.python_file import python_file
+from ohmward.embedded.traction import CONTROLLERS, ODOMETRY, controller_export, observer_export, odometry_export
 from ohmward.errors import InputError
-from ohmward.export import blind
-from ohmward.export.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
-from ohmward.export.c_library import Export, check_fits, library, size, write_library
-from ohmward.export.python_file import python_file
-from ohmward.export.traction import CONTROLLERS, ODOMETRY, controller_export, observer_export, odometry_export
 from ohmward.logs.log import ReadOptions
 from ohmward.toml_file import noun_of
 from ohmward.traction import Robot, load_robot

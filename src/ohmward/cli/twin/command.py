@@ -11,12 +11,12 @@ from ohmward.cli import wording
 from ohmward.cli.battery_inputs import given_start, load_with_sensor, read_battery_log, read_options
 from ohmward.cli.drive_inputs import drive_options, make_terrain
 from ohmward.cli.outcome import Outcome, check_output
+from ohmward.embedded.battery import battery_export, curve_error_of_pack_V
+from ohmward.embedded.c_library import Export
+from ohmward.embedded.comparison import compare
+from ohmward.embedded.traction import observer_export
+from ohmward.embedded.twin import Twin, first_of, output_columns
 from ohmward.errors import InputError
-from ohmward.export.battery import battery_export, curve_error_of_pack_V
-from ohmward.export.c_library import Export
-from ohmward.export.comparison import compare
-from ohmward.export.traction import observer_export
-from ohmward.export.twin import Twin, first_of, output_columns
 from ohmward.logs import DriveLog, Log, write_table
 from ohmward.logs.write import TABLES
 from ohmward.traction import load_robot
@@ -68,7 +68,7 @@ def prepare(twin: Twin, args: argparse.Namespace) -> Replay:
         return replay._replace(export=battery_export(battery, args.filter, twin.name, **given, **exported))
     if _DRIVE not in members:
         raise InputError(
-            f"library {twin.name!r} takes {', '.join(members)}, which no log has; use ohmward.export.Twin in Python"
+            f"library {twin.name!r} takes {', '.join(members)}, which no log has; use ohmward.embedded.Twin in Python"
         )
     if args.robot is None:
         raise InputError("a log of a drive needs --robot FILE.toml: it says which wheels there are")

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.checks import require_one_of
+from ohmward.embedded.c_library import VECTORS, Export
 from ohmward.errors import InputError
-from ohmward.export.c_library import VECTORS, Export
 from ohmward.trace import trace
 from ohmward.traction import control
 from ohmward.traction.control import (

@@ -15,7 +15,7 @@ import numpy as np
 
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.textbook import TextbookFilter
-from ohmward.export.c_library import filled, template
+from ohmward.embedded.c_library import filled, template
 from ohmward.filters import unscented
 from ohmward.filters.linear_algebra import PIVOT_FLOOR, TINY
 from ohmward.trace import linearize, trace

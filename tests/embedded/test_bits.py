@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from export.batteries import BATTERY
-from ohmward.export import battery_export
+from embedded.batteries import BATTERY
+from ohmward.embedded import battery_export
 from ohmward.trace import single_precision
 from ohmward.trace.structure import size
 

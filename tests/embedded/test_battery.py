@@ -7,13 +7,13 @@ import subprocess
 import numpy as np
 import pytest
 
-from export.batteries import BATTERY
+from embedded.batteries import BATTERY
 from ohmward.battery.soc.registry import available, make_estimator
 from ohmward.battery.soc.sample import SocFlag, SocSample
+from ohmward.embedded import battery_export, library, write_library
+from ohmward.embedded.c_library import check_fits, size
+from ohmward.embedded.comments import field_comments, flag_comments
 from ohmward.errors import InputError, OhmwardError
-from ohmward.export import battery_export, library, write_library
-from ohmward.export.c_library import check_fits, size
-from ohmward.export.comments import field_comments, flag_comments
 from ohmward.trace import Kernel, single_precision
 from ohmward.traction import control
 from ohmward.traction.speed_observer import estimate as observers

@@ -9,16 +9,16 @@ from importlib.util import module_from_spec, spec_from_file_location
 import numpy as np
 import pytest
 
-from export.batteries import BATTERY
+from embedded.batteries import BATTERY
 from ohmward import generic_battery, save_battery
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import make_estimator
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.cli.main import main
+from ohmward.embedded import battery_export, controller_export
+from ohmward.embedded.battery import vector_samples
+from ohmward.embedded.python_file import python_file
 from ohmward.errors import InputError
-from ohmward.export import battery_export, controller_export
-from ohmward.export.battery import vector_samples
-from ohmward.export.python_file import python_file
 from ohmward.toml_file import write_text
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA

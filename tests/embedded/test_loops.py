@@ -6,12 +6,12 @@ import subprocess
 import numpy as np
 import pytest
 
-from export.batteries import BATTERY
+from embedded.batteries import BATTERY
 from ohmward.battery.soc.sample import SocSample
+from ohmward.embedded import Twin, battery_export, library, write_library
+from ohmward.embedded.battery import WITH_LOOPS
+from ohmward.embedded.c_library import check_fits, size
 from ohmward.errors import InputError
-from ohmward.export import Twin, battery_export, library, write_library
-from ohmward.export.battery import WITH_LOOPS
-from ohmward.export.c_library import check_fits, size
 
 needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler here: gcc is not installed")
 every_filter = pytest.mark.parametrize("name", WITH_LOOPS)

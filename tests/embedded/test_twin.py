@@ -13,10 +13,10 @@ import pytest
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.sample import SocSample
+from ohmward.embedded import Twin, battery_export, controller_export, library, observer_export, twin, write_library
+from ohmward.embedded.comparison import compare, in_double_precision
+from ohmward.embedded.twin import FLAGS
 from ohmward.errors import InputError, OhmwardError
-from ohmward.export import Twin, battery_export, controller_export, library, observer_export, twin, write_library
-from ohmward.export.comparison import compare, in_double_precision
-from ohmward.export.twin import FLAGS
 from ohmward.trace import single_precision
 from ohmward.trace.structure import size
 from ohmward.traction import RLMA, hard_terrain
@@ -140,7 +140,7 @@ def test_double_precision_is_near_and_a_wrong_library_is_far(tmp_path):
 
 
 def test_double_precision_needs_no_machine_code(monkeypatch):
-    from ohmward.export import comparison
+    from ohmward.embedded import comparison
     from ohmward.trace.lower.llvm_machine_code import NoMachineCodeError
 
     def none(*_):

@@ -14,8 +14,8 @@ import numpy as np
 
 from ohmward import __version__
 from ohmward.atomic import write_text
+from ohmward.embedded.comments import flag_comments, member_comments
 from ohmward.errors import InputError, OhmwardError
-from ohmward.export.comments import flag_comments, member_comments
 from ohmward.trace import single_precision
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.lower.c_operations import are_bytes, constant_arrays, literal
@@ -40,11 +40,11 @@ def filled(text: str, words: Mapping[str, str]) -> str:
 
 
 def _folder() -> Traversable:
-    return resources.files("ohmward.export") / "templates"
+    return resources.files("ohmward.embedded") / "templates"
 
 
 # Bytes of Thumb-2 code, compiled with -Os: of an operation, of one that chooses, of a number read or written. Fitted
-# to all filters; `tests/export/test_size.py` compares them with the compiler's.
+# to all filters; `tests/embedded/test_size.py` compares them with the compiler's.
 _BYTES_OF_OPERATION = 5.5
 _BYTES_OF_CHOICE = 18.0
 _BYTES_OF_NUMBER = 2.0

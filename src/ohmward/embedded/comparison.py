@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ohmward.embedded.c_library import Export
+from ohmward.embedded.twin import Twin
 from ohmward.errors import InputError
-from ohmward.export.c_library import Export
-from ohmward.export.twin import Twin
 from ohmward.trace import scan
 from ohmward.trace.lower import python_source
 from ohmward.trace.lower.c_source import members

@@ -10,7 +10,7 @@ import pytest
 
 from markdown_pages import programs
 from ohmward.battery.chemistries import generic_battery
-from ohmward.export import battery_export, controller_export, library, write_library
+from ohmward.embedded import battery_export, controller_export, library, write_library
 from ohmward.traction import RLMA
 
 BATTERY = generic_battery("lfp", 12.0, 4)

@@ -5,9 +5,9 @@ import subprocess
 
 import pytest
 
-from export.batteries import BATTERY
-from ohmward.export import battery_export, controller_export, library, write_library
-from ohmward.export.c_library import size
+from embedded.batteries import BATTERY
+from ohmward.embedded import battery_export, controller_export, library, write_library
+from ohmward.embedded.c_library import size
 from ohmward.traction import RLMA
 
 COMPILER = "arm-none-eabi-gcc"

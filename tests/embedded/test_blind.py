@@ -6,10 +6,10 @@ import zipfile
 import numpy as np
 import pytest
 
-from export.batteries import BATTERY
+from embedded.batteries import BATTERY
+from ohmward.embedded import battery_export, blind
+from ohmward.embedded.python_file import python_file
 from ohmward.errors import InputError
-from ohmward.export import battery_export, blind
-from ohmward.export.python_file import python_file
 from ohmward.logs import Log
 
 CAPACITY_AH = 4.6

@@ -12,8 +12,8 @@ from types import ModuleType
 
 from ohmward import __version__
 from ohmward.battery.soc import start_density
+from ohmward.embedded.c_library import Export, filled, template
 from ohmward.errors import InputError
-from ohmward.export.c_library import Export, filled, template
 from ohmward.trace import ieee
 from ohmward.trace.lower.python_source import Body, body
 from ohmward.trace.structure import scalar_names, size

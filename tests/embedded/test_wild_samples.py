@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from export.batteries import BATTERY as PACK
+from embedded.batteries import BATTERY as PACK
 from ohmward.battery.soc.registry import available
-from ohmward.export import Twin, battery_export, controller_export, library, observer_export, write_library
-from ohmward.export.traction import CONTROLLERS
-from ohmward.export.twin import FLAGS
+from ohmward.embedded import Twin, battery_export, controller_export, library, observer_export, write_library
+from ohmward.embedded.traction import CONTROLLERS
+from ohmward.embedded.twin import FLAGS
 from ohmward.traction import RLMA, hard_terrain
 
 pytest.importorskip("cffi", reason="pip install cffi for the twin")
@@ -54,7 +54,7 @@ def wild(rng, good):
 @pytest.mark.filterwarnings("ignore:invalid value encountered in cast:RuntimeWarning")
 @pytest.mark.parametrize("name", EXPORTS)
 def test_numbers_come_back_after_any_samples(name, tmp_path, monkeypatch):
-    monkeypatch.setattr("ohmward.export.twin.FLAGS", QUICKLY_COMPILED)
+    monkeypatch.setattr("ohmward.embedded.twin.FLAGS", QUICKLY_COMPILED)
     make, arguments, good, output = EXPORTS[name]
     write_library(library(make(*arguments, name="it")), tmp_path)
     twin, rng = Twin(tmp_path), np.random.default_rng(0)

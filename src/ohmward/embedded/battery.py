@@ -17,9 +17,9 @@ from ohmward.battery.soc.registry import ESTIMATORS, chosen_name, is_estimator, 
 from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.battery.soc.start_density import Hypothesis, InitialSoc
 from ohmward.checks import require_one_of, require_positive
+from ohmward.embedded.c_library import VECTORS, Export, VoltageStartPrograms
+from ohmward.embedded.loops import EXAMPLE, textbook_loops
 from ohmward.errors import InputError
-from ohmward.export.c_library import VECTORS, Export, VoltageStartPrograms
-from ohmward.export.loops import EXAMPLE, textbook_loops
 from ohmward.lab import lab
 from ohmward.trace import trace
 

@@ -5,10 +5,10 @@ import subprocess
 
 import pytest
 
+from ohmward.embedded import controller_export, library, observer_export, odometry_export, write_library
+from ohmward.embedded.c_library import size
+from ohmward.embedded.traction import CONTROLLERS
 from ohmward.errors import InputError
-from ohmward.export import controller_export, library, observer_export, odometry_export, write_library
-from ohmward.export.c_library import size
-from ohmward.export.traction import CONTROLLERS
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
 
 ASPHALT = hard_terrain("dry asphalt")
