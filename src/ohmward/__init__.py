@@ -13,8 +13,10 @@ if TYPE_CHECKING:
     from ohmward.battery.chemistries import generic_battery as generic_battery
     from ohmward.battery.file import load_battery as load_battery
     from ohmward.battery.file import save_battery as save_battery
+    from ohmward.battery.health.of_logs import health as health
     from ohmward.battery.identification import identify as identify
     from ohmward.battery.learning import learn as learn
+    from ohmward.battery.soc.comparison import compare as compare
     from ohmward.battery.soc.estimator import SocEstimator as SocEstimator
     from ohmward.battery.soc.registry import EstimatorSettings as EstimatorSettings
     from ohmward.battery.soc.registry import available as available
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from ohmward.battery.soc.sample import SocFlag as SocFlag
     from ohmward.battery.soc.sample import SocSample as SocSample
     from ohmward.battery.soc.score import score as score
+    from ohmward.embedded.export import export as export
     from ohmward.energy.consumption import Consumption as Consumption
     from ohmward.energy.consumption_file import load_consumption as load_consumption
     from ohmward.energy.consumption_file import save_consumption as save_consumption
@@ -68,6 +71,9 @@ _HOMES = {
     "save_battery": "battery.file",
     "Robot": "traction.robot.robot",
     "learn": "battery.learning",
+    "health": "battery.health.of_logs",
+    "compare": "battery.soc.comparison",
+    "export": "embedded.export",
     "calibrate": "traction.calibration",
     "load_robot": "traction.robot.packaged",
     "save_robot": "traction.robot.robot",

@@ -6,11 +6,24 @@ from collections.abc import Sequence
 
 
 class OhmwardError(Exception):
-    """Base of every error that ohmward raises on purpose."""
+    """Base of every error that ohmward raises on purpose.
+
+    >>> try:
+    ...     ow.read_log("none.csv")
+    ... except ow.OhmwardError:
+    ...     print("not read")
+    not read
+    """
 
 
 class InputError(OhmwardError):
     """Bad input of the caller or a file; the message names the thing, the rule, the value and the fix.
+
+    >>> try:
+    ...     ow.load_battery("none.toml")
+    ... except ow.InputError as error:
+    ...     print(error)
+    none.toml: cannot be read (No such file or directory); check the path
 
     The command line prints the message and ends with status 2.
 

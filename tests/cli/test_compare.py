@@ -42,12 +42,12 @@ def test_tables_with_and_without_a_truth(here, capsys):
 
 
 def test_a_battery_that_no_estimator_can_use(here, refused, monkeypatch):
-    monkeypatch.setattr("ohmward.cli.compare.command.available", lambda battery, with_published: ())
+    monkeypatch.setattr("ohmward.battery.soc.comparison.available", lambda battery: ())
     assert "no estimator works with the models" in refused(*COMPARE[:4])
 
 
 def test_all_estimators_of_the_battery_by_default(here, as_json, monkeypatch):
-    monkeypatch.setattr("ohmward.cli.compare.command.available", lambda battery, with_published: ("coulomb", "ocv"))
+    monkeypatch.setattr("ohmward.battery.soc.comparison.available", lambda battery: ("coulomb", "ocv"))
     assert list(as_json(*COMPARE[:4])["estimators"]) == ["coulomb", "ocv"]
 
 

@@ -136,7 +136,7 @@ def test_a_robot_with_other_wheels_is_another_robot(folder, refused):
         (("slip", "none.csv", "--robot", "rlma"), "none.csv: there is no such file"),
         (("slip", "drive.csv", "--robot", "none.toml"), "none.toml: cannot be read"),
         (("slip", "drive.csv"), "the following arguments are required: --robot"),
-        ((*SLIP, "--terrain", "lava"), "--terrain must be one of dry asphalt"),
+        ((*SLIP, "--terrain", "lava"), "terrain must be one of dry asphalt"),
         ((*SLIP, "--filter", "kf"), "filter must be one of ekf, aekf, ukf, aukf"),
         ((*SLIP, "--truth", "speed_tru_m_s"), "did you mean 'speed_true_m_s'"),
         ((*SLIP, "--truth", ",yaw_rate_true_rad_s"), "--truth takes the columns of speed, yaw rate, lateral speed"),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import generic_battery
+from ohmward.battery.soc.comparison import compare
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.errors import InputError
 from ohmward.figures.card import card
@@ -107,3 +108,21 @@ def test_a_path_keeps_its_proportions():
     corners = np.array([[0, 1, 1, 0], [0, 0, 1, 1]], dtype=float)
     points = polyline(html_card("x", {}, Map("x", "m", "m", [Line(corners[0], corners[1], "path")])))
     assert np.ptp(points, axis=0) == pytest.approx([90.0, 90.0])
+
+
+def test_a_comparison_shows_each_estimator_and_its_error():
+    compared = compare(BATTERY, LOG, ["coulomb", "ocv"], truth=np.full(T, 0.9), initial_soc=0.9)
+    _, found = facts(compared._repr_html_())
+    assert found["log"] == "day"
+    assert found["coulomb"].startswith("RMSE 0.") and "truth in the 95 % band" in found["coulomb"]
+    assert list(compared.to_pandas().index) == sorted(
+        ("coulomb", "ocv"), key=lambda n: compared.figures()[n]["soc_rmse"]
+    )
+    _, without = facts(compare(BATTERY, LOG, ["coulomb"])._repr_html_())
+    assert without["coulomb"].endswith("at the end") and "RMSE" not in without["coulomb"]
+
+
+@pytest.mark.parametrize("truth", [np.zeros(3), "soc"])
+def test_a_truth_that_is_not_there_is_refused(truth):
+    with pytest.raises(InputError, match="truth must have|no column 'soc'"):
+        compare(BATTERY, LOG, ["coulomb"], truth=truth)

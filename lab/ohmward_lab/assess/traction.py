@@ -207,7 +207,7 @@ def drives(name: str, world: World, runs: int, seed: int) -> Drives:
     """Drives of a robot in this world, one for each run."""
     robot = in_world(ROBOTS[name], world)
     grounds = [world.ground] if world.patch is None else [world.ground, world.patch]
-    terrains = tuple(terrain_named(ground, robot.wheel.radius_m, robot.wheel.width_m) for ground in grounds)
+    terrains = tuple(terrain_named(ground, robot.wheel) for ground in grounds)
     road = roads(name, robot, world, runs, seed)
     zero = np.zeros(robot.driven)
     drive = motor_drive(robot)

@@ -74,6 +74,10 @@ class RobotDayFiles(NamedTuple):
 def make_robot_day(chemistry: str = "lfp", seed: int = 1) -> RobotDay:
     """A pulse test on the bench and a working day, of a 12 V, 12 Ah battery on the robot of [P]'s kind.
 
+    >>> day = ow.make_robot_day("lead-acid", seed=3)
+    >>> day.pulse_test.name
+    'simulated lead-acid pulse test'
+
     chemistry: "lfp" or "lead-acid". seed: draws the sensors' errors, the day's work and the noise; same seed, same day.
 
     Raises:

@@ -119,7 +119,12 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Battery(RichDisplay):
-    """Battery, a cell or a pack. All voltages and resistances are those of the whole pack."""
+    """Battery, a cell or a pack. All voltages and resistances are those of the whole pack.
+
+    >>> battery = ow.load_battery("battery.toml")
+    >>> battery.n_series, battery.chemistry, battery.capacity_Ah
+    (4, 'lfp', 12.0)
+    """
 
     name: str  #: for people
     capacity_Ah: float  #: charge between full and empty, > 0

@@ -451,6 +451,10 @@ def start_model(name: str, capacity_Ah: float, n_series: int = 1, ocv: OcvCurve 
 def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str = "") -> Battery:
     """Battery of a chemistry and capacity without any test, and with the noise that follows.
 
+    >>> battery = ow.generic_battery("lfp", capacity_Ah=20, n_series=8)
+    >>> battery.voltage_max_V
+    29.4...
+
     label: its name; by default "generic" and the chemistry.
     """
     name = chemistry_name(name)

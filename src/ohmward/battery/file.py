@@ -44,6 +44,8 @@ BATTERY_FILE = TomlFile(
 def save_battery(battery: Battery, path: str | PathLike[str]) -> None:
     """Write the battery file; numbers are rounded to 6 digits. The file is either whole or not there.
 
+    >>> ow.save_battery(ow.generic_battery("nmc", capacity_Ah=5), "cell.toml")
+
     Raises:
         InputError: it is no battery.
         OhmwardError: the file cannot be written.
@@ -65,6 +67,9 @@ def replace_battery(battery: Battery, path: str | PathLike[str]) -> Path | None:
 
 def load_battery(path: str | PathLike[str]) -> Battery:
     """The battery in a file.
+
+    >>> ow.load_battery("battery.toml").n_series
+    4
 
     Raises:
         InputError: the file cannot be read or says something that a battery cannot be; names file, key, rule and fix.

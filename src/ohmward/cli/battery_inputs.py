@@ -9,8 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import FILTERS, PackEstimator, PackRun
 from ohmward.battery.file import load_battery
@@ -24,11 +22,10 @@ from ohmward.cli.options import UNKNOWN
 from ohmward.cli.outcome import Report, counting
 from ohmward.errors import InputError
 from ohmward.fleet.reading import read_one_of
-from ohmward.logs import DriveLog, FileHints, Log
+from ohmward.logs import FileHints, Log
 from ohmward.logs.bags.bag_table import parts_of
 from ohmward.logs.battery_columns import CellVoltages, cell_names, charger_columns, find_cells
 from ohmward.logs.channels import BATTERY, TIME
-from ohmward.logs.columns import guess, listed
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
@@ -36,35 +33,6 @@ from ohmward.logs.table import RECORDING_ENDINGS, TableFile
 
 #: Kinds of --column and --unit that are the battery's; all others, and the time, are the drive's.
 _BATTERY_KINDS = tuple(channel.name for channel in BATTERY)
-
-
-def read_soc_truth(log: Log, text: str, capacity_Ah: float, start_soc: float | None = None) -> SocReference:
-    """Reference state of charge in a column; `a - b` is the difference of two, as of a counter for each direction.
-
-    capacity_Ah, start_soc: of a counter of ampere hours, see `soc_reference`.
-
-    Raises:
-        InputError: there is no such column, it has no value, or its range is not that of a state of charge.
-    """
-    first, minus, second = (part.strip() for part in text.partition(" - "))
-    if minus:
-        values = truth_column(log, first) - truth_column(log, second)
-    else:
-        values = truth_column(log, text)
-    return soc_reference(log, text, values, capacity_Ah, start_soc)
-
-
-def truth_column(log: Log | DriveLog, name: str) -> np.ndarray:
-    """(T,) a column in its own unit.
-
-    Raises:
-        InputError: there is no such column.
-    """
-    if name in log.extra:
-        return log.extra[name]
-    names = list(log.extra)
-    there = f"it has: {listed(names)}" if names else "it has no further numeric columns"
-    raise InputError(f"{log.name}: there is no column {name!r} for --truth{guess(name, names)}; {there}")
 
 
 def with_sensor(
@@ -212,7 +180,7 @@ def make_soc_task(args: argparse.Namespace, report: Report | None = None) -> Soc
     truth = None
     if args.truth:
         start_soc = args.initial_soc if args.truth_start is None else args.truth_start
-        truth = read_soc_truth(log, args.truth, battery.capacity_Ah, start_soc)
+        truth = soc_reference(log, args.truth, battery.capacity_Ah, start_soc)
     task = SocTask(battery, log, truth, cells, rest_A, args.initial_soc, args.initial_soc_std)
     return task._replace(warnings=(*warnings, *task.start_contradicted()))
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.cli.battery_inputs import read_options, truth_column
+from ohmward.cli.battery_inputs import read_options
 from ohmward.cli.options import TRUTHS
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog, read_drive
@@ -19,8 +19,7 @@ from ohmward.logs.selection import selected_name, split_selection
 from ohmward.logs.table import TableFile
 from ohmward.logs.units import unit_in_name
 from ohmward.logs.wheel_columns import wheel_places
-from ohmward.traction import Robot, Terrain
-from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, hard_terrain, soft_terrain
+from ohmward.traction import Robot
 from ohmward.traction.score import DriveTruth
 
 
@@ -29,19 +28,6 @@ class DriveReference(NamedTuple):
 
     truth: DriveTruth
     note: str
-
-
-def make_terrain(name: str, robot: Robot) -> Terrain:
-    """The ground of --terrain under this robot's wheels.
-
-    Raises:
-        InputError: there is no ground of that name; lists all.
-    """
-    if name in SOILS:
-        return soft_terrain(name, robot.wheel.radius_m, robot.wheel.width_m)
-    if name not in {*ADHESION, *ROADS}:
-        raise InputError(f"--terrain must be one of {', '.join([*ADHESION, *ROADS, *SOILS])}; got {name!r}")
-    return hard_terrain(name)
 
 
 class DriveOptions(NamedTuple):
@@ -129,4 +115,4 @@ def truth_names(text: str | None) -> list[str]:
 def _in_SI(log: DriveLog, name: str, kind: str) -> np.ndarray:
     """(T,) the column of a truth, by the unit in its name; SI where the name has none."""
     unit = unit_in_name(name, (TRUTHS[kind],))
-    return truth_column(log, name) * (unit.scale if unit else 1.0)
+    return log.column(name) * (unit.scale if unit else 1.0)

@@ -15,6 +15,7 @@ from ohmward.figures.numbers import lognormal as lognormal
 from ohmward.figures.numbers import normal as normal
 from ohmward.figures.numbers import percent as percent
 from ohmward.figures.numbers import quantity as quantity
+from ohmward.figures.numbers import ratio as ratio
 from ohmward.report import Page
 
 FOOTER = f"ohmward {__version__}"

@@ -2,6 +2,7 @@
 
 from ohmward.embedded.battery import battery_export
 from ohmward.embedded.c_library import Export, library, write_library
+from ohmward.embedded.export import export
 from ohmward.embedded.traction import controller_export, observer_export, odometry_export
 from ohmward.embedded.twin import Twin
 
@@ -10,6 +11,7 @@ __all__ = [
     "Twin",
     "battery_export",
     "controller_export",
+    "export",
     "library",
     "observer_export",
     "odometry_export",

@@ -25,7 +25,7 @@ from ohmward.traction.control import (
     driven_wheel,
 )
 from ohmward.traction.dynamics.forces import scene
-from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.friction.terrain import Terrain, terrain_named
 from ohmward.traction.motion.sample import RobotSample as DriveSample
 from ohmward.traction.motion.sample import no_sample
 from ohmward.traction.odometry.model import noise_of
@@ -55,6 +55,21 @@ class ControllerOutput(NamedTuple):
 
     torque_Nm: Any  #: to hold until the next step [N m]
     report: Report  #: of this step
+
+
+def robot_export(robot: Robot, filter_name: str, name: str, terrain: str) -> Export:
+    """The observer, the odometry or the controller of a robot.
+
+    terrain: name of the ground that the observer believes at first.
+
+    Raises:
+        InputError: no such filter or ground, or wheels that scrub.
+    """
+    if filter_name in CONTROLLERS:
+        return controller_export(robot, filter_name, name)
+    if filter_name == ODOMETRY:
+        return odometry_export(robot, name)
+    return observer_export(robot, terrain_named(terrain, robot.wheel), filter_name, name)
 
 
 def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", name: str = "speed") -> Export:

@@ -57,7 +57,12 @@ _LEAST_NARROWED = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Consumption:
-    """Belief about a robot's consumption. Immutable: `learn` and `begin_drive` return a new one."""
+    """Belief about a robot's consumption. Immutable: `learn` and `begin_drive` return a new one.
+
+    >>> table = ow.load_consumption("table.toml")
+    >>> table.terrains
+    ('grass',)
+    """
 
     prior: ConsumptionPrior  #: belief before the first drive
     terrains: tuple[str, ...]  #: (K,) names, in the order in which they were met

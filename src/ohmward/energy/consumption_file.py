@@ -30,6 +30,8 @@ _TABLES = ("prior", "scatter", "day", "terrain", "coefficients")
 def save_consumption(c: Consumption, path: str | PathLike[str]) -> None:
     """Write the table; the file is either whole or not there.
 
+    >>> ow.save_consumption(ow.load_consumption("table.toml"), "copy.toml")
+
     Raises:
         OhmwardError: the file cannot be written.
     """
@@ -38,6 +40,9 @@ def save_consumption(c: Consumption, path: str | PathLike[str]) -> None:
 
 def load_consumption(path: str | PathLike[str]) -> Consumption:
     """The table in a file.
+
+    >>> ow.load_consumption("table.toml").terrains
+    ('grass',)
 
     Raises:
         InputError: the file cannot be read or is no consumption table; names file, key, rule and fix.

@@ -35,7 +35,11 @@ _MEASURES = tuple(name for name in Stretch._fields if name not in ("terrain", "p
 
 @dataclass(frozen=True)
 class Leg:
-    """One leg of a plan, driven at constant speed."""
+    """One leg of a plan, driven at constant speed.
+
+    >>> ow.Leg(distance_m=120.0, terrain="grass", speed_m_s=0.5, grade_rad=0.05, stop_s=20.0).distance_m
+    120.0
+    """
 
     distance_m: float  #: >= 0; 0 with `stop_s` is a stop
     terrain: str  #: its name

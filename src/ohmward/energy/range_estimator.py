@@ -45,9 +45,10 @@ class RangeRun(Run[RangeEstimate]):
 class RangeEstimator:
     """Distance and time that the battery still gives, and the probability of coming home; live or from logs.
 
-    >>> estimator = RangeEstimator(battery, load_consumption("table.toml"))                          # doctest: +SKIP
-    >>> estimator.update(0.0, soc=0.8, speed_m_s=0.5, current_A=-2.1, voltage_V=26.1).distance_m     # doctest: +SKIP
-    Quantiles(p10=3120.4, p50=3710.9, p90=4533.2)
+    >>> estimator = ow.RangeEstimator(ow.load_battery("battery.toml"), ow.load_consumption("table.toml"))
+    >>> now = estimator.update(0.0, soc=0.8, speed_m_s=0.5, current_A=-2.1, voltage_V=13.1)
+    >>> now.distance_m.p10 < now.distance_m.p50 < now.distance_m.p90
+    True
 
     A forecast takes some hundredths of a second, so it is made every `refresh_s`, and stands in between.
 

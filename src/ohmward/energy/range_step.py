@@ -49,7 +49,11 @@ _NOTHING = Quantiles(0.0, 0.0, 0.0)
 
 
 class RangeFlag(SampleFlag):
-    """Conditions of a sample; none of them stops the estimator."""
+    """Conditions of a sample; none of them stops the estimator.
+
+    >>> ow.RangeFlag(3)
+    RangeFlag.NO_SOC|NO_POWER
+    """
 
     NO_SOC = 1  # no number: the last one stands; before the first there is no forecast
     NO_POWER = 2  # current or voltage is missing: what is driven now teaches nothing
@@ -77,7 +81,13 @@ class RangeSample(NamedTuple):
 
 
 class RangeEstimate(NamedTuple):
-    """Range after a sample; the first four are `Quantiles`, of which P10 is reached with 90 % probability."""
+    """Range after a sample; the first four are `Quantiles`, of which P10 is reached with 90 % probability.
+
+    >>> estimator = ow.RangeEstimator(ow.load_battery("battery.toml"), ow.load_consumption("table.toml"))
+    >>> estimate = estimator.update(0.0, soc=0.8, speed_m_s=0.5, current_A=-2.1, voltage_V=13.1)
+    >>> estimate.distance_m.p10 < estimate.distance_m.p50
+    True
+    """
 
     #: until the reserve, over ground like that of late
     distance_m: Any

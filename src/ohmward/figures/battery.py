@@ -154,6 +154,13 @@ def soc_errors_figure(log: Timed, estimates: Mapping[str, SocEstimate], truth: n
     return Figure("Error of the state of charge", TIME, "Error [% of capacity]", series, y_limits=(-limit, limit))
 
 
+def comparison_figures(log: Timed, runs: Mapping[str, SocRun], truth: np.ndarray | None = None) -> list[Figure]:
+    """State of charge by every estimator, and their errors where a truth (T,) in [0, 1] is known."""
+    estimates = {name: run.estimates for name, run in runs.items()}
+    figures = [soc_comparison_figure(log, estimates, truth)]
+    return figures if truth is None else [*figures, soc_errors_figure(log, estimates, truth)]
+
+
 def soc_flag_spans(log: Timed, flags: np.ndarray) -> list[Span]:
     """Stretches of samples that carry a flag, rests in grey and faults in red; flags: (T,) sums of `SocFlag` values."""
     return flag_spans(log.time_s, flags, FLAG_MEANINGS)

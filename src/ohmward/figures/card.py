@@ -12,12 +12,16 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackRun
+from ohmward.battery.health.ageing import DAYS_PER_YEAR
+from ohmward.battery.health.of_logs import BatteryHealth
 from ohmward.battery.learning.fold import known
+from ohmward.battery.soc.comparison import Comparison
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
 from ohmward.figures import battery, slip
-from ohmward.figures.numbers import duration, flagged, normal, percent, quantity
+from ohmward.figures.health import capacity_figure
+from ohmward.figures.numbers import duration, flagged, lognormal, normal, percent, quantity, ratio
 from ohmward.figures.plot import range_figures
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.run import Run
@@ -112,6 +116,30 @@ def _(run: SocRun) -> str:
         "in words": run.explain().sentence,
     }
     return html_card("State of charge", facts, battery.soc_figure(run, e))
+
+
+@card.register
+def _(compared: Comparison) -> str:
+    facts = {"log": compared.log.name}
+    for name, figures in compared.figures().items():
+        error, coverage = figures["soc_rmse"], figures["coverage_95"]
+        end = f"{percent(figures['soc_final'], 1)} ± {percent(BAND_95 * figures['soc_std_final'], 1)} at the end"
+        judged = f"RMSE {percent(error, 2)}, truth in the 95 % band {percent(coverage, 1)}; "
+        facts[name] = f"{judged if error is not None else ''}{end}"
+    return html_card("Estimators compared", facts, battery.comparison_figures(compared.log, compared.runs)[0])
+
+
+@card.register
+def _(found: BatteryHealth) -> str:
+    ahead = found.health.ahead
+    facts = {
+        "logs": f"{len(found.updates)}, {sum(update.verdict == 'learnt' for update in found.updates)} of them learnt",
+        "capacity": f"{lognormal(ratio(found.health.capacity_now), '%', 100)} of that when new (95 %)",
+        "resistance": f"{lognormal(ratio(found.health.resistance_now), '%', 100)} of that when new (95 %)",
+        f"down to {ahead.share:.0%} within a year": percent(ahead.within(DAYS_PER_YEAR), 0),
+        "sudden changes": f"{len(found.health.changes)}" if found.health.changes else "",
+    }
+    return html_card(f"Health of {found.battery.name}", facts, capacity_figure(found.health))
 
 
 @card.register

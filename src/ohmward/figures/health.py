@@ -50,6 +50,11 @@ def resistance_figure(health: Health) -> Figure:
     return _figure("Resistance over that when new", "Resistance [%]", series, [band], health, span_days)
 
 
+def trend_figures(health: Health) -> list[Figure]:
+    """Capacity and resistance over time."""
+    return [capacity_figure(health), resistance_figure(health)]
+
+
 def life_figure(ahead: LifeAhead) -> Figure:
     """Probability over time that the battery will be worn out."""
     title = f"Probability that {ahead.share:.0%} of the capacity or less are left"

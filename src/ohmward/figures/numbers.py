@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TypeGuard
 
+from ohmward.battery.chemistries import Normal
 from ohmward.filters.consistency import BAND_95
 
 
@@ -41,6 +42,12 @@ def normal(value: Mapping[str, float], unit: str, scale: float = 1.0) -> str:
     mean, half = scale * value["mean"], scale * BAND_95 * value["std"]
     digits = _digits(half)
     return f"{mean:.{digits}f} ± {half:.{digits}f} {unit}"
+
+
+def ratio(logarithm: Normal) -> dict[str, float]:
+    """Mean and standard deviation of a ratio, from those of its logarithm."""
+    mean = math.exp(logarithm.mean)
+    return {"mean": mean, "std": mean * float(logarithm.std)}
 
 
 def lognormal(value: Mapping[str, float], unit: str, scale: float = 1.0) -> str:

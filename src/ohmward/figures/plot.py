@@ -11,10 +11,13 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackRun
+from ohmward.battery.health.of_logs import BatteryHealth
+from ohmward.battery.soc.comparison import Comparison
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
 from ohmward.figures import battery, slip
+from ohmward.figures.health import trend_figures
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log
@@ -26,6 +29,10 @@ from ohmward.traction.terrain.slip_on_floors import FloorRun
 
 def plot(result: Any, *others: Any, truth: Any = None) -> Plot | Map:
     """Figures of a log, a battery, or of what the `run` of an estimator returned.
+
+    >>> battery, log = ow.load_battery("battery.toml"), ow.read_log("day.csv")
+    >>> runs = [ow.SocEstimator(battery, filter=name).run(log) for name in ("gsf", "coulomb")]
+    >>> ow.plot(*runs, truth=log.column("soc_true")).save("soc.svg")
 
     A notebook shows it, `plot(result).save("figure.html")` writes it: as a page that can be zoomed (.html), or as a
     picture (.svg, .pdf, .png).
@@ -78,6 +85,16 @@ def _(result: SocRun) -> Plot:
 
 
 @_plot.register
+def _(compared: Comparison) -> Plot:
+    return Plot("Estimators compared", battery.comparison_figures(compared.log, compared.runs, compared.truth))
+
+
+@_plot.register
+def _(found: BatteryHealth) -> Plot:
+    return Plot(f"Health of {found.battery.name}", trend_figures(found.health))
+
+
+@_plot.register
 def _(result: PackRun) -> Plot:
     return Plot("Cells of the pack", [battery.cells_soc_figure(result), battery.cells_difference_figure(result)])
 
@@ -111,11 +128,7 @@ def _beside(result: Any, runs: Sequence[Any], truth: np.ndarray | None) -> Plot:
 def _(result: SocRun, runs: Sequence[SocRun], truth: np.ndarray | None) -> Plot:
     if len(runs) == 1:
         return Plot("State of charge", battery.run_figures(result, truth))
-    named = {name: run.estimates for name, run in _named(runs).items()}
-    figures = [battery.soc_comparison_figure(result, named, truth)]
-    if truth is not None:
-        figures.append(battery.soc_errors_figure(result, named, truth))
-    return Plot("State of charge", figures)
+    return Plot("State of charge", battery.comparison_figures(result, _named(runs), truth))
 
 
 @_beside.register

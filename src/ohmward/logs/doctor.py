@@ -178,7 +178,12 @@ class Findings(Generic[S]):
 
 
 def examine(log: LogSource) -> Findings[Survey]:
-    """Survey a log, or that of a path or DataFrame, and list everything suspicious in it, errors first."""
+    """Survey a log, or that of a path or DataFrame, and list everything suspicious in it, errors first.
+
+    >>> found = ow.examine("day.csv")
+    >>> found.survey.samples
+    33744
+    """
     log = as_log(log)
     evidence = _sign_evidence(log)
     found = survey(log, evidence)

@@ -46,6 +46,10 @@ DriveSource: TypeAlias = "DriveLog | str | PathLike[str] | Any"
 class DriveLog(TimeSeries):
     """A recording of a drive. Arrays are read-only float64; NaN where nothing new was measured.
 
+    >>> log = ow.DriveLog("yard", [0, 0.1], wheel_speed_rad_s=[[1, 1], [1.1, 1]], motor_current_A=[[2, 2], [2, 2]])
+    >>> log.wheel_speed_rad_s.shape
+    (2, 2)
+
     Any array-like of numbers will do; None and NaN are missing. Dates and durations as time become seconds.
 
     Raises:
@@ -134,6 +138,10 @@ def read_drive(
     hints: FileHints | None = None,
 ) -> DriveLog:
     """The drive in a CSV or Parquet file, a recording of ROS, a ULog of PX4, or in a DataFrame.
+
+    >>> drive = ow.read_drive("drive.csv", ow.load_robot("rlma"))
+    >>> drive.wheel_speed_rad_s.shape[1]
+    4
 
     source: the path of the file, of any of these formats whatever its name; or the DataFrame.
     robot: a Robot, or the names of its wheels, driven ones first.

@@ -66,6 +66,10 @@ LogSource: TypeAlias = "Log | str | PathLike[str] | Any"
 class Log(TimeSeries):
     """A recording: current, voltage and temperature over time. Arrays are read-only float64.
 
+    >>> log = ow.Log("desk", time_s=[0, 1, 2], current_A=[0.0, -2.0, -2.0], voltage_V=[13.2, 13.1, None])
+    >>> len(log), log.duration_s
+    (3, 2.0)
+
     Any array-like of numbers will do; None and NaN are missing. Dates and durations as time become seconds.
 
     Raises:
@@ -152,6 +156,11 @@ def read_log(
     hints: FileHints | None = None,
 ) -> Log:
     """The log in a text table, Parquet, BDF, Excel, MATLAB, HDF5, JSON, a recording of ROS, a ULog, or a DataFrame.
+
+    >>> log = ow.read_log("day.csv")
+    >>> len(log), round(log.duration_s / 3600, 1), list(log.extra)
+    (33744, 9.4, ['soc_true'])
+    >>> log = ow.read_log("day.csv", current_sign="charge", columns={"current": "current_A"}, units={"current": "A"})
 
     source: the path of the file, of any of these formats whatever its name; `-` for standard input; a folder of files
         that are one log; or a DataFrame of pandas, polars, Arrow or DuckDB.

@@ -11,6 +11,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.arrays import plain_array
 from ohmward.logs.clock import clock_of_dates
+from ohmward.logs.columns import guess, listed
 from ohmward.logs.dates import window_s
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note
@@ -39,6 +40,18 @@ class TimeSeries(RichDisplay):
     def dt_s(self) -> np.ndarray:
         """(T-1,) [s], the time between neighbouring samples."""
         return np.diff(self.time_s)
+
+    def column(self, name: str) -> np.ndarray:
+        """(T,) a further column of the file, in its own unit; `extra` has them all.
+
+        Raises:
+            InputError: there is no such column; it names the nearest.
+        """
+        if name in self.extra:
+            return self.extra[name]
+        names = list(self.extra)
+        there = f"it has: {listed(names)}" if names else "it has no further numeric columns"
+        raise InputError(f"{self.name}: there is no column {name!r}{guess(name, names)}; {there}")
 
     def quantities(self, owner: str) -> dict[str, np.ndarray]:
         """What was measured of the "battery" or the "body", (T,) by the name in the table of quantities.

@@ -106,6 +106,10 @@ TABLES = (".csv", ".parquet", ".mcap")
 def write_log(log: LogSource, path: str | PathLike[str]) -> None:
     """Write a log; the suffix says how: .csv, .parquet, .mcap, .bdf.csv or .bdf.parquet. Current > 0 charges in each.
 
+    >>> ow.write_log("day.csv", "day.parquet")
+    >>> len(ow.read_log("day.parquet"))
+    33744
+
     CSV, Parquet and MCAP carry ohmward's own names (time_s, current_A, voltage_V, temperature_degC, unix_time_s), BDF
     those of the Battery Data Format. The extra columns follow under their own names; notes are not written.
 
@@ -125,6 +129,9 @@ def write_log(log: LogSource, path: str | PathLike[str]) -> None:
 
 def write_table(columns: Mapping[str, np.ndarray], path: str | PathLike[str], progress: Progress | None = None) -> None:
     """Write named columns (T,) as .csv, .parquet or .mcap; numbers keep every digit, NaN is an empty cell in CSV.
+
+    >>> run = ow.SocEstimator(ow.load_battery("battery.toml")).run("day.csv")
+    >>> ow.write_table({"time_s": run.time_s, "soc": run.soc, "soc_std": run.soc_std}, "soc.csv")
 
     progress: called now and then with the rows that are written and all rows.
 

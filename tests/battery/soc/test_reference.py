@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,12 @@ LOG = Log("x", TIME_S, np.full(TIME_S.size, -1.0), np.full(TIME_S.size, 12.0))
 
 
 def reference(column: str, values, capacity_Ah: float, start_soc: float | None = None) -> SocReference:
-    return soc_reference(LOG, column, values, capacity_Ah, start_soc)
+    return soc_reference(replace(LOG, extra={column: values}), column, capacity_Ah, start_soc)
+
+
+def test_one_counter_for_each_direction():
+    log = replace(LOG, extra={"chg_Ah": np.zeros(TIME_S.size), "dis_Ah": TIME_S / 3600})
+    assert soc_reference(log, "chg_Ah - dis_Ah", 2.0, 1.0).soc[-1] == pytest.approx(0.5)
 
 
 def test_one_ampere_for_one_hour():
@@ -67,3 +74,16 @@ def test_a_percentage_below_one_percent_is_known_by_its_name():
 def test_what_is_refused(column, values, start, message):
     with pytest.raises(InputError, match=message):
         reference(column, values, 2.0, start)
+
+
+@pytest.mark.parametrize(
+    ("extra", "column", "message"),
+    [
+        ({"soc": TIME_S}, "sox", "did you mean 'soc'"),
+        ({}, "soc", "no further numeric columns"),
+        ({"a": TIME_S}, "a - b", "no column 'b'"),
+    ],
+)
+def test_a_column_that_is_not_there(extra, column, message):
+    with pytest.raises(InputError, match=message):
+        soc_reference(replace(LOG, extra=extra), column, 2.0)

@@ -32,7 +32,7 @@ def small(monkeypatch, tmp_path):
 
     monkeypatch.setattr("ohmward_lab.cli.demo.command.make_robot_day", make_robot_day)
     monkeypatch.setattr("ohmward_lab.cli.demo.command.robot_drive", short_drive)
-    monkeypatch.setattr("ohmward.cli.compare.command.available", lambda battery, with_published: ("ekf",))
+    monkeypatch.setattr("ohmward.battery.soc.comparison.available", lambda battery: ("ekf",))
     monkeypatch.setattr(demo, "N_SERIES", {"lfp": 4})
     monkeypatch.chdir(tmp_path)
     return tmp_path

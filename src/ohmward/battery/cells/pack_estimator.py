@@ -96,10 +96,10 @@ class PackRun(Run[PackEstimate]):
 class PackEstimator:
     """State of charge of every cell, of the weakest and of the pack.
 
-    >>> estimator = PackEstimator(load_battery("battery.toml"))                        # doctest: +SKIP
-    >>> now = estimator.update(0.0, current_A=-3.2, cell_voltages_V=[3.31, 3.30, 3.31, 3.22])    # doctest: +SKIP
-    >>> now.pack.usable_Ah, now.pack.weakest, now.cells.soc[3]                         # doctest: +SKIP
-    (7.1, 3, 0.59)
+    >>> estimator = ow.PackEstimator(ow.load_battery("battery.toml"))
+    >>> now = estimator.update(0.0, current_A=-3.2, cell_voltages_V=[3.31, 3.30, 3.31, 3.22])
+    >>> int(now.pack.weakest), now.cells.soc.shape
+    (3, (4,))
 
     Args:
         battery: its cells in series.

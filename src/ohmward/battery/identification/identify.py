@@ -131,6 +131,9 @@ def identify(
 ) -> Battery:
     """The battery in one or several logs of tests; `identify_in_detail` also returns what every stage found.
 
+    >>> battery = ow.identify("test.csv", capacity_Ah=12, chemistry="lfp", n_series=4)
+    >>> ow.save_battery(battery, "battery.toml")
+
     logs: a Log or several, or paths or DataFrames of them; low-rate tests give the OCV curve, pulse tests and drives
         everything else; any of them may be missing.
     capacity_Ah: charge between full and empty, > 0.

@@ -107,6 +107,11 @@ def learn(
 ) -> Learnt:
     """The battery after the logs, one after the other, with everything in its file that they taught.
 
+    >>> learnt = ow.learn(ow.load_battery("battery.toml"), ["day.csv"])
+    >>> [update.verdict for update in learnt.updates]
+    ['learnt']
+    >>> ow.save_battery(learnt.battery, "battery.toml")
+
     logs: a Log or several, or paths or DataFrames of them.
     initial_soc: state of charge at the start of a log by its name, where it is known.
     progress: called with the name of each log and the share of them that is done.

@@ -25,7 +25,12 @@ DEFAULT = "default"
 
 
 class EstimatorSettings(NamedTuple):
-    """Settings of the use of a battery, the same for every estimator."""
+    """Settings of the use of a battery, the same for every estimator.
+
+    >>> settings = ow.EstimatorSettings(idle_current_A=-0.15)
+    >>> ow.SocEstimator(ow.make_estimator("ekf", ow.load_battery("battery.toml"), settings))
+    SocEstimator(TheveninFilter)
+    """
 
     #: true current of a rest, > 0 charges: 0 in a laboratory, minus the idle draw on a robot; None when unknown
     idle_current_A: float | None = None
@@ -45,6 +50,8 @@ class Choice(NamedTuple):
 
 def make_estimator(name: str, battery: Battery, settings: EstimatorSettings | None = None) -> Estimator:
     """The estimator called `name` for a battery, in capitals or not.
+
+    >>> estimator = ow.SocEstimator(ow.make_estimator("textbook-ukf", ow.load_battery("battery.toml")))
 
     Raises:
         InputError: there is none of that name, the battery is none, or its file lacks the model it needs.
@@ -73,6 +80,9 @@ def title_of(name: str) -> str:
 
 def available(battery: Battery, with_published: bool = False) -> tuple[str, ...]:
     """Names of the estimators that the models in the battery file allow.
+
+    >>> ow.available(ow.load_battery("battery.toml"))
+    ('ekf', 'ukf', 'gsf', 'rc', 'textbook-ekf', 'textbook-ukf', 'coulomb', 'ocv')
 
     with_published: among these, after those for use, the ones that reproduce a publication.
     """

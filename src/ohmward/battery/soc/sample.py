@@ -10,6 +10,9 @@ from ohmward.filters.flags import SampleFlag
 class SocSample(NamedTuple):
     """One sample of the battery's sensors; nan where there is none.
 
+    >>> ow.SocSample(dt_s=1.0, current_A=-2.0, voltage_V=13.1, temperature_degC=20.0).current_A
+    -2.0
+
     dt_s: time since the sample before [s]; 0 for the first.
     current_A: measured current [A], > 0 charges.
     voltage_V: measured terminal voltage [V] of the whole pack.
@@ -24,6 +27,10 @@ class SocSample(NamedTuple):
 
 class SocEstimate(NamedTuple):
     """Estimate after a sample; a quantity that the estimator does not have is nan.
+
+    >>> estimate = ow.SocEstimator(ow.load_battery("battery.toml")).update(0.0, current_A=-2.0, voltage_V=13.1)
+    >>> 0 <= estimate.soc <= 1, estimate.soc_std > 0
+    (True, True)
 
     soc, soc_std: state of charge in [0, 1] and its standard deviation.
     voltage_V, voltage_std_V: terminal voltage [V] expected before the measurement, and its standard deviation.
@@ -61,7 +68,11 @@ LEARNT = tuple(STD_OF)[1:]
 
 
 class SocFlag(SampleFlag):
-    """Incidents at a sample. None of them stops an estimator."""
+    """Incidents at a sample. None of them stops an estimator.
+
+    >>> ow.SocEstimator(ow.load_battery("battery.toml")).update(0.0, current_A=None, voltage_V=13.1).flags
+    SocFlag.NO_CURRENT
+    """
 
     NO_CURRENT = 1  # no number, or one that no battery has: the last current was held, and faded
     NO_VOLTAGE = 2  # no number, or one that no battery has: predicted only

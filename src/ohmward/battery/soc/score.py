@@ -6,7 +6,6 @@ The truth is a recorded column: a share, a percentage, or a counter of ampere ho
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -56,6 +55,12 @@ class Score(NamedTuple):
 
 def score(estimate: np.ndarray, truth: np.ndarray, std: np.ndarray | None = None) -> Score | None:
     """The score over the samples where both are finite; None where there are none.
+
+    >>> log = ow.read_log("day.csv")
+    >>> run = ow.SocEstimator(ow.load_battery("battery.toml")).run(log)
+    >>> found = ow.score(run.soc, log.column("soc_true"), run.soc_std)
+    >>> found.rmse < 0.02, found.coverage_95 > 0.9
+    (True, True)
 
     estimate, truth: (T,).  std: (T,) the estimate's own standard deviation.
 
@@ -143,15 +148,6 @@ def rejected_voltages(log: Log, estimates: SocEstimate) -> np.ndarray:
     return np.isfinite(log.voltage_V) & (np.nan_to_num(estimates.flags).astype(int) & left_out != 0)
 
 
-def soc_rms_differences(estimates: Mapping[str, SocEstimate]) -> dict[str, dict[str, float]]:
-    """Root mean square difference of the state of charge between every two estimators, by their names."""
-    differences = {}
-    for name, one in estimates.items():
-        others = {other: two for other, two in estimates.items() if other != name}
-        differences[name] = {other: _rms(one.soc - two.soc) for other, two in others.items()}
-    return differences
-
-
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
@@ -169,19 +165,19 @@ class SocReference(NamedTuple):
     note: str  #: one sentence
 
 
-def soc_reference(
-    log: Log, column: str, values: np.ndarray, capacity_Ah: float, start_soc: float | None = None
-) -> SocReference:
-    """Reference from the values of a column, whose name and range tell its kind.
+def soc_reference(log: Log, column: str, capacity_Ah: float, start_soc: float | None = None) -> SocReference:
+    """Reference in a column, whose name and range tell its kind.
 
-    column: name; Ah or mAh in it is a counter, "%" or "percent" a percentage.
-    values: (T,) at the samples of the log, nan where there is none.
+    column: name; Ah or mAh in it is a counter, "%" or "percent" a percentage; `a - b` is the difference of two columns,
+        as of a counter for each direction.
     capacity_Ah: turns a counter of ampere hours into a share.
     start_soc: reference at the first value of such a counter.
 
     Raises:
-        InputError: the column has no value, or its range is not that of a state of charge.
+        InputError: there is no such column, it has no value, or its range is not that of a state of charge.
     """
+    first, minus, second = (part.strip() for part in column.partition(" - "))
+    values = log.column(first) - log.column(second) if minus else log.column(column)
     if np.isnan(values).all():
         raise InputError(f"{log.name}: the column {column!r} for --truth has no value; choose another")
     if unit := _AMPERE_HOURS.search(column):

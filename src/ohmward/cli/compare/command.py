@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from ohmward.battery.battery import Battery
-from ohmward.battery.soc.estimator import SocRun
+from ohmward.battery.soc.comparison import Comparison, compare
 from ohmward.battery.soc.fit_check import is_judged, misfits
 from ohmward.battery.soc.registry import DEFAULT, available, chosen_name, title_of
-from ohmward.battery.soc.score import soc_rms_differences, soc_scores, voltage_score
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask, make_soc_task
 from ohmward.cli.outcome import Outcome, progress
 from ohmward.cli.wording import FOOTER, duration, with_assumptions
-from ohmward.errors import InputError
 from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock
 from ohmward.logs.log import Note
@@ -27,48 +25,38 @@ def run(args: argparse.Namespace) -> Outcome:
     """Run every estimator over the same log from the same start."""
     with progress() as report:
         task = make_soc_task(args, report)
-        names = estimator_names(task.battery, args.filters, args.published)
-        answers = {name: task.estimate(name, report) for name in names}
-    wrong = _misfits(task, answers)
+        names = tuple(name.strip() for name in args.filters.split(",")) if args.filters else None
+        if args.published and names is None:
+            names = available(task.battery, with_published=True)
+        compared = compare(
+            replace(task.battery, idle_current_A=task.rest_current_A),
+            task.log,
+            names,
+            truth=task.truth.soc if task.truth else None,
+            initial_soc=task.initial_soc,
+            initial_soc_std=task.initial_soc_std,
+            progress=report,
+        )
+    wrong = _misfits(task, compared)
     task = task._replace(log=task.log.with_notes(*wrong))
-    figures = summary(task, answers) | {"fits": not wrong}
-    page = partial(make_page, task, answers, figures)
+    figures = summary(task, compared) | {"fits": not wrong}
+    page = partial(make_page, task, compared, figures)
     status = int(bool(wrong))
     return Outcome(figures | {"report": args.report}, describe(task, figures), task.notes, page, status)
 
 
-def _misfits(task: SocTask, answers: Mapping[str, SocRun]) -> tuple[Note, ...]:
+def _misfits(task: SocTask, compared: Comparison) -> tuple[Note, ...]:
     """The verdict of `ohmward soc` on the file: by its default estimator, or by the first one that can judge it."""
-    default = chosen_name(DEFAULT)
-    by_rank = sorted(answers, key=lambda name: (name != default, not is_judged(answers[name].settings)))
-    answer = answers[by_rank[0]]
-    return misfits(task.battery, task.log, answer.settings, answer.estimates)
-
-
-def estimator_names(battery: Battery, wanted: str | None, with_published: bool = False) -> tuple[str, ...]:
-    """Names of the estimators to compare.
-
-    wanted: separated by commas; None takes all that the battery file allows.
-    with_published: among these, those that reproduce a publication too.
-
-    Raises:
-        InputError: the file allows none.
-    """
-    if wanted:
-        return tuple(name.strip() for name in wanted.split(","))
-    names = available(battery, with_published)
-    if not names:
-        raise InputError(
-            f"battery {battery.name!r}: no estimator works with the models in its file; "
-            "identify it with --model thevenin"
-        )
-    return names
+    default, runs = chosen_name(DEFAULT), compared.runs
+    by_rank = sorted(runs, key=lambda name: (name != default, not is_judged(runs[name].settings)))
+    run = runs[by_rank[0]]
+    return misfits(task.battery, task.log, run.settings, run.estimates)
 
 
 Column = Callable[[Mapping[str, Any]], str]
 
 
-def summary(task: SocTask, answers: Mapping[str, SocRun]) -> dict[str, Any]:
+def summary(task: SocTask, compared: Comparison) -> dict[str, Any]:
     """The object of --json."""
     return {
         "command": "compare",
@@ -76,8 +64,8 @@ def summary(task: SocTask, answers: Mapping[str, SocRun]) -> dict[str, Any]:
         "battery": task.battery.name,
         "steps": len(task.log),
         "duration_s": task.log.duration_s,
-        "estimators": {name: _figures(task, answer) for name, answer in answers.items()},
-        "soc_rms_differences": soc_rms_differences({name: answer.estimates for name, answer in answers.items()}),
+        "estimators": compared.figures(),
+        "soc_rms_differences": compared.soc_rms_differences(),
         "truth": task.truth.note if task.truth else None,
         "notes": task.notes,
     }
@@ -96,23 +84,6 @@ def tables_of(task: SocTask, figures: Mapping[str, Any]) -> list[tuple[list[str]
     if task.truth:
         return [_table(estimators, _SIGNED), _table(estimators, _SIZES)]
     return [_table(estimators, _WITHOUT_TRUTH), _difference_table(figures["soc_rms_differences"])]
-
-
-def _figures(task: SocTask, answer: SocRun) -> dict[str, Any]:
-    log, estimates = task.log, answer.estimates
-    voltage = voltage_score(log, estimates)
-    return {
-        "seconds": answer.seconds,
-        "us_per_step": 1e6 * answer.seconds / len(log),
-        "soc_final": float(estimates.soc[-1]),
-        "soc_std_final": float(estimates.soc_std[-1]),
-        "voltage_error_mean_V": voltage.mean if voltage else None,
-        "voltage_error_std_V": voltage.std if voltage else None,
-        "voltage_max_error_V": voltage.max_error if voltage else None,
-        "voltage_rmse_V": voltage.rmse if voltage else None,
-        "flags": answer.counts(),
-        **soc_scores(log, estimates, task.truth.soc if task.truth else None),
-    }
 
 
 def _percent(key: str, digits: int = 2) -> Column:
@@ -161,17 +132,14 @@ def _difference_table(differences: Mapping[str, Mapping[str, float]]) -> tuple[l
     return ["SoC difference, RMS", *differences], rows
 
 
-def make_page(task: SocTask, answers: Mapping[str, SocRun], figures: Mapping[str, Any]) -> Page:
+def make_page(task: SocTask, compared: Comparison, figures: Mapping[str, Any]) -> Page:
     """Tables, the state of charge of all on one clock, their errors."""
     log = task.log
-    what = f"{len(answers)} estimators, battery {task.battery.name!r}, {duration(log.duration_s)}"
+    what = f"{len(compared.runs)} estimators, battery {task.battery.name!r}, {duration(log.duration_s)}"
     page = Page(f"{log.name}: estimators compared", what, FOOTER)
     for header, rows in tables_of(task, figures):
         page = page.table(header, [[None if cell == "-" else cell for cell in row] for row in rows])
-    estimates = {name: answer.estimates for name, answer in answers.items()}
-    plots = [pictures.soc_comparison_figure(log, estimates, task.truth.soc if task.truth else None)]
-    if task.truth:
-        plots.append(pictures.soc_errors_figure(log, estimates, task.truth.soc))
+    plots = pictures.comparison_figures(log, compared.runs, compared.truth)
     page = page.plot(*plots, pictures.current_figure(log), pictures.voltage_figure(log), clock=wall_clock(log))
-    page = page.heading("Estimators").table(["Name", "What it is"], [[n, title_of(n)] for n in answers])
+    page = page.heading("Estimators").table(["Name", "What it is"], [[n, title_of(n)] for n in compared.runs])
     return with_assumptions(page, task.notes)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,6 +10,7 @@ from typing import Any, NamedTuple
 from ohmward.atomic import replacing
 from ohmward.battery.battery import Battery
 from ohmward.battery.soc.registry import DEFAULT
+from ohmward.battery.soc.score import soc_reference
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import (
     given_start,
@@ -18,24 +18,19 @@ from ohmward.cli.battery_inputs import (
     log_files,
     read_battery_log,
     read_options,
-    read_soc_truth,
 )
-from ohmward.cli.drive_inputs import make_terrain
 from ohmward.cli.options import BUILT_IN
 from ohmward.cli.outcome import Outcome, check_output, progress
 from ohmward.embedded import blind
 from ohmward.embedded.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
-from ohmward.embedded.c_library import Export, check_fits, library, size, write_library
+from ohmward.embedded.c_library import check_fits, library, size, write_library
+from ohmward.embedded.export import SMALL, symbol_of
 from ohmward.embedded.python_file import python_file
-from ohmward.embedded.traction import CONTROLLERS, ODOMETRY, controller_export, observer_export, odometry_export
+from ohmward.embedded.traction import robot_export
 from ohmward.errors import InputError
 from ohmward.logs.log import ReadOptions
 from ohmward.toml_file import noun_of
-from ohmward.traction import Robot, load_robot
-
-#: Filter for a microcontroller and a blind benchmark unless another is named: the sum of three takes three times as
-#: long, and found no start better in the benchmark.
-_SMALL = "ekf"
+from ohmward.traction import load_robot
 
 #: Module of a Python file unless another is named: blind benchmarks import `Model` from `Model.py`.
 _MODULE = "Model"
@@ -61,7 +56,7 @@ def run(args: argparse.Namespace) -> Outcome:
                 )
             rehearsal = Rehearsal(args.score, read_options(args), args.truth, args.truth_start)
         battery, notes = load_with_sensor(args.file, args)
-        return _submission(battery, notes, args.filter or _SMALL, given_start(args), rehearsal, args.output)
+        return _submission(battery, notes, args.filter or SMALL, given_start(args), rehearsal, args.output)
     if args.score:
         raise InputError("--score rehearses a blind benchmark; name it with --for mcmaster")
     python = args.language == "python"
@@ -70,8 +65,8 @@ def run(args: argparse.Namespace) -> Outcome:
     if python and is_robot:
         raise InputError(f"{args.file} is a robot; Python is written for batteries, leave out --language python")
     start = given_start(args)
-    name, filter_name = args.name or (_MODULE if python else _symbol(args.output)), args.filter
-    filter_name = filter_name or (DEFAULT if python else _SMALL)
+    name, filter_name = args.name or (_MODULE if python else symbol_of(args.output)), args.filter
+    filter_name = filter_name or (DEFAULT if python else SMALL)
     if is_robot:
         if args.sensor_offset is not None or args.sensor_gain is not None:
             raise InputError("a current sensor is that of a battery; leave out --sensor-offset and --sensor-gain")
@@ -79,7 +74,7 @@ def run(args: argparse.Namespace) -> Outcome:
             raise InputError("a curve error is for the open-circuit voltage of a battery; leave out --curve-error")
         if args.style != "lines":
             raise InputError(f"{filter_name} of a robot has no loops, only {', '.join(WITH_LOOPS)} of a battery have")
-        export = _robot_export(load_robot(args.file), args.terrain, filter_name, name)
+        export = robot_export(load_robot(args.file), filter_name, name, args.terrain)
     else:
         battery, notes = load_with_sensor(args.file, args)
         export = battery_export(
@@ -153,7 +148,7 @@ class Rehearsal(NamedTuple):
                 if report:
                     report(word, k / len(words))
                 log = read_battery_log(word, self.reading, battery=battery, others=words)
-                truth = read_soc_truth(log, self.truth, battery.capacity_Ah, self.truth_start)
+                truth = soc_reference(log, self.truth, battery.capacity_Ah, self.truth_start)
                 yield from blind.rehearse(model, blind.blind_run(log, truth.soc), battery.capacity_Ah)
 
 
@@ -199,21 +194,6 @@ def _score_table(scores: Sequence[blind.BlindScore]) -> str:
     return wording.table(["rehearsal", "weight", "runs", "RMSE", "worst"], rows)
 
 
-def _symbol(folder: str) -> str:
-    """The folder's name as a prefix of C: small letters, digits and underscores."""
-    word = re.sub(r"[^a-z0-9]+", "_", Path(folder).resolve().name.lower()).strip("_")
-    return word if word[:1].isalpha() else f"filter_{word}".rstrip("_")
-
-
 def _is_robot(file: str) -> bool:
     """True where it names a robot: one that comes with the package, or a file of that format."""
     return file.lower() in BUILT_IN or noun_of(file) == "robot"  # of all others the reader of battery files speaks
-
-
-def _robot_export(robot: Robot, terrain: str, filter_name: str, name: str) -> Export:
-    """The observer, the odometry or the controller of a robot."""
-    if filter_name in CONTROLLERS:
-        return controller_export(robot, filter_name, name)
-    if filter_name == ODOMETRY:
-        return odometry_export(robot, name)
-    return observer_export(robot, make_terrain(terrain, robot), filter_name, name)

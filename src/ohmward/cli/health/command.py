@@ -9,39 +9,23 @@ from datetime import UTC, datetime
 from functools import partial
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.ageing import DAY_S, DAYS_PER_YEAR, HealthPoint
 from ohmward.battery.health.changes import Cause, Outlier
-from ohmward.battery.health.health import Health, health_of
-from ohmward.battery.health.history import (
-    DatedLogs,
-    Newness,
-    common_error,
-    in_order_of_time,
-    newness,
-    points_of,
-    unlearnt,
-    used_capacities,
-)
-from ohmward.battery.learning.learn import learn
+from ohmward.battery.health.history import used_capacities
+from ohmward.battery.health.of_logs import BatteryHealth, health
 from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_with_sensor, log_files, read_battery_log, read_options
 from ohmward.cli.outcome import Outcome, Report, progress
-from ohmward.cli.wording import FOOTER, lognormal, normal, sentence, with_assumptions
+from ohmward.cli.wording import FOOTER, lognormal, normal, ratio, sentence, with_assumptions
 from ohmward.errors import InputError
-from ohmward.figures.health import capacity_figure, life_figure, resistance_figure
+from ohmward.figures.health import life_figure, trend_figures
 from ohmward.logs import Log
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.table import counted
 from ohmward.report import Page
-
-#: Seed of the batteries that are drawn for the time left: equal logs give equal pages.
-_SEED = 1
-
 
 #: Probabilities of the time left, and times within which the battery may be worn out [days].
 QUANTILES = {"p05": 0.05, "p25": 0.25, "p50": 0.5, "p75": 0.75, "p95": 0.95}
@@ -61,13 +45,9 @@ LOGS = ["log", "begins", "cycles", "mean °C", "capacity", "resistance", "remark
 
 
 class HealthTask(NamedTuple):
-    """Logs of a battery, what each taught, and the health that follows."""
+    """The health of a battery, and everything that was assumed."""
 
-    battery: Battery
-    new: Newness
-    dated: DatedLogs
-    updates: Sequence[LogUpdate]
-    health: Health
+    found: BatteryHealth
     notes: list[str]
 
 
@@ -78,20 +58,12 @@ def run(args: argparse.Namespace) -> Outcome:
     battery, warnings = load_with_sensor(args.battery, args)
     with progress() as report:
         logs, unread = read_logs(args.logs, read_options(args), battery, report)
-        dated = in_order_of_time(logs)
-        learnt = learn(unlearnt(battery), dated.logs, progress=report)
-    if not any(update.verdict == "learnt" for update in learnt.updates):  # the health would be that of the label
-        logs_read, first = counted(len(learnt.updates), "log"), learnt.updates[0]
-        raise InputError(f"none of {logs_read} tells the health of this battery; {first.log}: {first.reason}")
-    new = newness(battery, learnt.updates, args.new_capacity_ah)
-    points = points_of(dated, learnt.updates, new)
-    common = common_error(learnt.battery, learnt.updates)
-    health = health_of(battery, points, np.random.default_rng(_SEED), args.worn, common)
-    notes = [*warnings, *(f"info: {text}" for text in (*dated.notes, *new.notes)), *unread]
+        found = health(battery, logs, new_capacity_Ah=args.new_capacity_ah, worn=args.worn, progress=report)
+    notes = [*warnings, *(f"info: {text}" for text in found.notes), *unread]
     notes += [
-        f"warning: {log.name}: {note.text}" for log in dated.logs for note in log.notes if note.level == "warning"
+        f"warning: {log.name}: {note.text}" for log in found.dated.logs for note in log.notes if note.level == "warning"
     ]
-    task = HealthTask(battery, new, dated, learnt.updates, health, notes)
+    task = HealthTask(found, notes)
     figures = summary(task) | {"report": args.report}
     return Outcome(figures, describe(figures), notes, partial(make_page, task, figures))
 
@@ -114,22 +86,23 @@ def read_logs(
 
 def summary(task: HealthTask) -> dict[str, Any]:
     """The object of --json, but for the files."""
-    health, updates = task.health, task.updates
+    found = task.found
+    health, updates = found.health, found.updates
     used = used_capacities(updates)
     days, cycles = health.now
     return {
         "command": "health",
-        "battery": task.battery.name,
-        "logs": [_log(task, k, used[k].capacity_Ah) for k in range(len(updates))],
+        "battery": found.battery.name,
+        "logs": [_log(found, k, used[k].capacity_Ah) for k in range(len(updates))],
         "days": days,
         "cycles": cycles,
-        "capacity_new_Ah": task.new.capacity_Ah,
-        "resistance_new_ohm": task.new.resistance_ohm,
+        "capacity_new_Ah": found.new.capacity_Ah,
+        "resistance_new_ohm": found.new.resistance_ohm,
         "capacity_Ah": updates[-1].capacity_Ah._asdict(),
         "discharge_Ah": used[-1].capacity_Ah._asdict(),
         "emptied": used[-1].latest is not None,
-        "soh_capacity": _ratio(health.capacity_now),
-        "resistance_ratio": _ratio(health.resistance_now),
+        "soh_capacity": ratio(health.capacity_now),
+        "resistance_ratio": ratio(health.resistance_now),
         "worn_share": health.ahead.share,
         "worn_in_days": {name: health.ahead.quantile(q) for name, q in QUANTILES.items()},
         "worn_within": {name: health.ahead.within(of_days) for name, of_days in WITHIN.items()},
@@ -138,8 +111,8 @@ def summary(task: HealthTask) -> dict[str, Any]:
                 "before": step.before,
                 "after": step.after,
                 "days": step.days,
-                "capacity_ratio": _ratio(step.capacity),
-                "resistance_ratio": _ratio(step.resistance) if math.isfinite(step.resistance.std) else None,
+                "capacity_ratio": ratio(step.capacity),
+                "resistance_ratio": ratio(step.resistance) if math.isfinite(step.resistance.std) else None,
                 "cause": step.cause,
                 "text": CAUSES[step.cause],
             }
@@ -153,13 +126,13 @@ def summary(task: HealthTask) -> dict[str, Any]:
     }
 
 
-def _log(task: HealthTask, k: int, discharge_Ah: Normal) -> dict[str, Any]:
-    update, point, start_s = task.updates[k], task.health.points[k], float(task.dated.start_s[k])
+def _log(found: BatteryHealth, k: int, discharge_Ah: Normal) -> dict[str, Any]:
+    update, point, start_s = found.updates[k], found.health.points[k], float(found.dated.start_s[k])
     return {
         "log": update.log,
-        "begins": f"{datetime.fromtimestamp(start_s, UTC):%Y-%m-%d %H:%M}" if task.dated.has_clock else None,
-        "days": (start_s - float(task.dated.start_s[0])) / DAY_S,
-        "hours": task.dated.logs[k].duration_s / 3600.0,
+        "begins": f"{datetime.fromtimestamp(start_s, UTC):%Y-%m-%d %H:%M}" if found.dated.has_clock else None,
+        "days": (start_s - float(found.dated.start_s[0])) / DAY_S,
+        "hours": found.dated.logs[k].duration_s / 3600.0,
         "cycles": point.cycles,
         "temperature_degC": point.temperature_degC,
         "verdict": update.verdict,
@@ -169,9 +142,9 @@ def _log(task: HealthTask, k: int, discharge_Ah: Normal) -> dict[str, Any]:
         "capacity_Ah": update.capacity_Ah._asdict(),
         "discharge_Ah": discharge_Ah._asdict(),
         "resistance_ohm": update.resistance_ohm._asdict(),
-        "own_soh_capacity": _ratio(point.log_capacity) if point.shows_capacity else None,
-        "own_resistance_ratio": _ratio(point.log_resistance) if point.shows_resistance else None,
-        "remark": remark(update, point, task.health.outliers),
+        "own_soh_capacity": ratio(point.log_capacity) if point.shows_capacity else None,
+        "own_resistance_ratio": ratio(point.log_resistance) if point.shows_resistance else None,
+        "remark": remark(update, point, found.health.outliers),
     }
 
 
@@ -183,12 +156,6 @@ def remark(update: LogUpdate, point: HealthPoint, outliers: Sequence[Outlier]) -
     if own is not None:
         return f"{own.deviation:+.1f} sigma off the trend: {CAUSES[own.cause]}"
     return "" if point.shows_capacity else "says nothing of the capacity by itself"
-
-
-def _ratio(value: Normal) -> dict[str, float]:
-    """A ratio from its logarithm."""
-    mean = math.exp(value.mean)
-    return {"mean": mean, "std": mean * float(value.std)}
 
 
 def describe(f: Mapping[str, Any]) -> str:
@@ -270,9 +237,9 @@ def make_page(task: HealthTask, f: Mapping[str, Any]) -> Page:
         page = page.callout("warning", sentence(f"sudden change {change_text(step)}"))
     for outlier in f["off_trend"]:
         page = page.callout("info", sentence(off_text(outlier)))
-    page = page.heading("Trend").plot(capacity_figure(task.health), resistance_figure(task.health))
+    page = page.heading("Trend").plot(*trend_figures(task.found.health))
     page = page.heading("Time left").text(sentence(f"Down to {f['worn_share']:.0%}: {life_text(f)}"))
-    page = page.plot(life_figure(task.health.ahead))
+    page = page.plot(life_figure(task.found.health.ahead))
     page = page.heading("Result").table(["Quantity", "Value, 95 %"], list(result(f).items()))
     rows = [
         [

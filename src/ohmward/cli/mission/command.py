@@ -12,7 +12,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_with_sensor, of_kinds, read_battery_log, read_options
-from ohmward.cli.drive_inputs import DriveOptions, drive_options, make_terrain
+from ohmward.cli.drive_inputs import DriveOptions, drive_options
 from ohmward.cli.options import DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
 from ohmward.cli.wording import FOOTER, duration, percent, quantity, with_assumptions
@@ -40,7 +40,7 @@ from ohmward.logs.selection import select_rows, split_selection
 from ohmward.logs.table import TableFile
 from ohmward.report import Page
 from ohmward.traction import Robot, load_robot
-from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS
+from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, terrain_named
 
 #: Columns of the grounds.
 TERRAINS = ["terrain", "drives", "driven", "measured", "cost of transport", "level, another day, P10-P90", "resistance"]
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> Outcome:
         cutoff_V=args.cutoff_v,
         payload_kg=args.payload_kg,
         speed_column=speed_column(read_options(args)),
-        terrain=make_terrain(named, robot) if robot else None,
+        terrain=terrain_named(named, robot.wheel) if robot else None,
         confidence=args.confidence,
     )
     with progress() as report:

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from ohmward.cli import wording
-from ohmward.cli.drive_inputs import DriveReference, drive_options, make_terrain, read_drive_truth, truth_names
+from ohmward.cli.drive_inputs import DriveReference, drive_options, read_drive_truth, truth_names
 from ohmward.cli.outcome import Outcome, check_output, counting, progress
 from ohmward.cli.wording import FOOTER, duration, percent, quantity, with_assumptions
 from ohmward.errors import InputError
@@ -20,6 +20,7 @@ from ohmward.logs import DriveLog, write_table
 from ohmward.logs.write import TABLES
 from ohmward.report import Figure, Page
 from ohmward.traction import Robot, Terrain, load_robot
+from ohmward.traction.friction.terrain import terrain_named
 from ohmward.traction.observed_drive import (
     FloorFigures,
     ObservedDrive,
@@ -55,7 +56,7 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.floor and not args.floors:
         raise InputError("--floor NAME chooses from --floors FILE.toml; give that too")
     robot = load_robot(args.robot)
-    terrain = make_terrain(args.terrain, robot)
+    terrain = terrain_named(args.terrain, robot.wheel)
     truths = truth_names(args.truth)
     log = drive_options(args, robot).read(args.log, extra=None if truths else (), leave=truths)
     task = SlipTask(robot, terrain, log, read_drive_truth(log, robot, args.truth) if truths else None)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from ohmward.battery.soc.estimator import samples_of as battery_samples_of
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import given_start, load_with_sensor, read_battery_log, read_options
-from ohmward.cli.drive_inputs import drive_options, make_terrain
+from ohmward.cli.drive_inputs import drive_options
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.embedded.battery import battery_export, curve_error_of_pack_V
 from ohmward.embedded.c_library import Export
@@ -20,6 +20,7 @@ from ohmward.errors import InputError
 from ohmward.logs import DriveLog, Log, write_table
 from ohmward.logs.write import TABLES
 from ohmward.traction import load_robot
+from ohmward.traction.friction.terrain import terrain_named
 from ohmward.traction.motion.sample import samples_of as drive_samples_of
 
 #: A member of the sample that only a battery's, or only a drive's has.
@@ -73,7 +74,7 @@ def prepare(twin: Twin, args: argparse.Namespace) -> Replay:
     if args.robot is None:
         raise InputError("a log of a drive needs --robot FILE.toml: it says which wheels there are")
     robot = load_robot(args.robot)
-    terrain = make_terrain(args.terrain, robot)
+    terrain = terrain_named(args.terrain, robot.wheel)
     drive = drive_options(args, robot).read(args.log, extra=())
     export = observer_export(robot, terrain, args.filter) if args.filter else None
     return Replay(drive, drive_samples_of(drive, robot), {}, export)

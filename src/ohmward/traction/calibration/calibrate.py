@@ -46,6 +46,10 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a robot from drives on one floor.
 
+    >>> drive = ow.read_drive("drive.csv", ow.load_robot("rlma"), columns={"speed": "speed_true_m_s"})
+    >>> found = ow.calibrate(drive, "rlma")
+    >>> ow.save_robot(found.robot, "robot.toml")
+
     drives: one or several, with the motion of the body; a DriveLog, path or DataFrame whose speed from outside was
         measured will do.
     robot: its mass and geometry are believed; or the path of its file, or the name of a packaged one.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ohmward.errors import InputError
 from ohmward.traction.friction.burckhardt import Burckhardt
@@ -24,6 +24,15 @@ class Terrain(NamedTuple):
     traction: TractionLaw
     rolling: RollingLaw
     source: str
+
+
+class _Wheel(Protocol):
+    """What a soil must know of a wheel."""
+
+    @property
+    def radius_m(self) -> float: ...
+    @property
+    def width_m(self) -> float: ...
 
 
 class Adhesion(NamedTuple):
@@ -81,14 +90,14 @@ def soft_terrain(name: str, radius_m: float, width_m: float) -> Terrain:
     return Terrain(name, ground, CompactionResistance(ground), "Project Chrono, SCM demonstrations")
 
 
-def terrain_named(name: str, radius_m: float, width_m: float) -> Terrain:
+def terrain_named(name: str, wheel: _Wheel) -> Terrain:
     """A ground by name, hard or soft, under wheels of this size.
 
     Raises:
         InputError: an unknown name; lists all.
     """
     if name in SOILS:
-        return soft_terrain(name, radius_m, width_m)
+        return soft_terrain(name, wheel.radius_m, wheel.width_m)
     if name in ADHESION or name in ROADS:
         return hard_terrain(name)
     raise _unknown(name, [*ADHESION, *ROADS, *SOILS])

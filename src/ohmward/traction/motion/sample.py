@@ -15,7 +15,11 @@ S = TypeVar("S", bound=tuple[Any, ...])
 
 
 class RobotSample(NamedTuple):
-    """One sample of the sensors; nan where there is nothing new."""
+    """One sample of the sensors; nan where there is nothing new.
+
+    >>> ow.RobotSample(0.02, wheel_speed_rad_s=np.array([2.0, 2.1]), current_A=np.array([1.5, 1.4])).dt_s
+    0.02
+    """
 
     dt_s: Any  #: time since the sample before [s]; 0 for the first
     wheel_speed_rad_s: np.ndarray  #: (wheels,) from encoders, driven wheels first; nan for a wheel without one

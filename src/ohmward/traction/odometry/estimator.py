@@ -41,9 +41,11 @@ class OdometryRun(Run[OdometryEstimate]):
 class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
     """Pose and twist with their covariances, live or from logs.
 
-    >>> odometry = Odometry("robot.toml")                                                             # doctest: +SKIP
-    >>> pose = odometry.update(time_s=0.0, wheel_speed_rad_s=[1.0, 1.0], yaw_rate_rad_s=0.01)         # doctest: +SKIP
-    >>> pose.x_m, pose.y_m, pose.yaw_rad, pose.pose_cov                                               # doctest: +SKIP
+    >>> odometry = ow.Odometry("robot.toml")
+    >>> for k in range(100):
+    ...     pose = odometry.update(time_s=0.02 * k, wheel_speed_rad_s=[5.0, 5.0], yaw_rate_rad_s=0.0)
+    >>> round(pose.x_m, 2), pose.pose_cov.shape
+    (0.35, (3, 3))
 
     With a speed observer the slip of the wheels is known: `odometry.update(..., observed=slip.update(...))`.
 

@@ -92,6 +92,9 @@ PACKAGED: Mapping[str, Robot] = {"rlma": RLMA, "robotino": ROBOTINO, "seeder": S
 def load_robot(path: str | PathLike[str]) -> Robot:
     """The robot in a file, or a packaged one by its name, see `PACKAGED`.
 
+    >>> ow.load_robot("husky").mass_kg
+    50.0
+
     Raises:
         InputError: the file cannot be read, or no robot can be as it says; names file, key, rule and fix.
     """

@@ -52,6 +52,10 @@ class Wheel:
 class Robot(RichDisplay):
     """A robot, without the ground.
 
+    >>> robot = ow.load_robot("turtlebot4")
+    >>> robot.wheel.radius_m, robot.driven
+    (0.03575, 2)
+
     Attributes:
         name: in words.
         mass_kg: with wheels and load, > 0.
@@ -230,6 +234,8 @@ ROBOT_FILE = TomlFile(Robot, "ohmward-robot/1", _HEADER, digits=9, kinds=CHASSIS
 
 def save_robot(robot: Robot, path: str | PathLike[str]) -> None:
     """Write the robot file; it is either whole or not there.
+
+    >>> ow.save_robot(ow.load_robot("husky"), "robot.toml")
 
     Raises:
         OhmwardError: the file cannot be written.

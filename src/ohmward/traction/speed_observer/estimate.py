@@ -13,6 +13,11 @@ from ohmward.filters.flags import SampleFlag
 class SlipEstimate(NamedTuple):
     """Estimate after a sample. A quantity that is not a state has the value that is assumed, and std 0.
 
+    >>> estimator = ow.SlipEstimator("turtlebot4")
+    >>> estimate = estimator.update(0.0, wheel_speed_rad_s=[5.0, 5.0], yaw_rate_rad_s=0.0)
+    >>> estimate.slip_speed_m_s.shape
+    (2,)
+
     speed_m_s, speed_std_m_s: of the body, forward.
     yaw_rate_rad_s, yaw_rate_std_rad_s: > 0 to the left.
     wheel_speed_rad_s: (driven,).
@@ -81,7 +86,11 @@ def unknown_ground(driven: int) -> SlipEstimate:
 
 
 class SlipFlag(SampleFlag):
-    """Events at a sample. None of them stops the observer."""
+    """Events at a sample. None of them stops the observer.
+
+    >>> ow.SlipEstimator("turtlebot4").update(0.0, wheel_speed_rad_s=[None, None]).flags
+    SlipFlag.NO_CURRENT|NO_ENCODER
+    """
 
     BAD_TIME = 1  # dt_s is not a number, negative or hours: taken as 0
     GAP = 2  # longer than the last current is believed: the speed may be anything near

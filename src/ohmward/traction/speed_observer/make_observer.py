@@ -474,7 +474,7 @@ def default_observer(
     if not isinstance(robot, Robot):
         robot = load_robot(robot)
     if not isinstance(terrain, Terrain):
-        terrain = terrain_named(terrain, robot.wheel.radius_m, robot.wheel.width_m)
+        terrain = terrain_named(terrain, robot.wheel)
     rolling, force = free_sideways(robot), not robot.chassis.scrubs
     noise = any_noise(rolling, terrain, force)
     if isinstance(robot.chassis, SkidSteer):
