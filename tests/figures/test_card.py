@@ -124,5 +124,5 @@ def test_a_comparison_shows_each_estimator_and_its_error():
 
 @pytest.mark.parametrize("truth", [np.zeros(3), "soc"])
 def test_a_truth_that_is_not_there_is_refused(truth):
-    with pytest.raises(InputError, match="truth must have|no column 'soc'"):
+    with pytest.raises(InputError, match=r"truth must have|no column 'soc'"):
         compare(BATTERY, LOG, ["coulomb"], truth=truth)
