@@ -135,6 +135,15 @@ def test_a_smaller_capacity_is_found_and_covered():
     assert update.resistance_ohm.std < 0.1 * update.resistance_ohm.mean
 
 
+def test_a_log_whose_capacity_has_two_hills_says_nothing_of_it(monkeypatch):
+    logs = [day(worn(MODEL, 0.85, 1.3), 1)]
+    assert learn(TESTED, logs).updates[0].own_capacity_Ah.std < 0.05 * 12.0
+    monkeypatch.setattr("ohmward.battery.learning.solve.capacity_marginal", lambda *_: None)
+    (update,) = learn(TESTED, logs).updates
+    assert update.own_capacity_Ah.std == np.inf
+    assert update.capacity_Ah.std > 0.09 * 12.0
+
+
 def difference_in_sigmas(one: Battery, two: Battery) -> float:
     """Largest difference of capacity, time constants and curve in the standard deviations of their errors."""
     p = parameters_of(one)

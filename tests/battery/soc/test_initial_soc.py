@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from battery.examples import LFP, NMC, STRAIGHT
-from ohmward.battery.chemistries import start_model, start_noise
+from ohmward.battery.chemistries import generic_battery, start_model, start_noise
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor, usual_sensor
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.estimator import SocEstimator
@@ -86,6 +86,21 @@ def test_on_a_plateau_the_voltage_alone_says_little():
 def test_beyond_the_curve_is_full_or_empty():
     assert initial_soc(4.5, REST, NMC, NOISE, SENSOR).soc > 0.97
     assert initial_soc(2.9, REST, NMC, NOISE, SENSOR).soc < 0.03
+
+
+#: Volts of a cell on the charger, and of one that is empty.
+ENDS = {"lfp": (3.6, 2.2), "nmc": (4.2, 2.7), "nca": (4.2, 2.7), "lead-acid": (2.25, 1.75)}
+
+
+@pytest.mark.parametrize("chemistry", ENDS)
+def test_a_label_knows_full_and_empty_by_its_voltage(chemistry):
+    """Little is known of a label's knee at empty, but a curve that ascends cannot reach full there."""
+    battery, (full_V, empty_V) = generic_battery(chemistry, 2.0, 8), ENDS[chemistry]
+    for name in ("ekf", "gsf"):
+        full = SocEstimator(battery, filter=name).update(0.0, 0.0, 8 * full_V)
+        empty = SocEstimator(battery, filter=name).update(0.0, 0.0, 8 * empty_V)
+        assert full.soc > 0.9 and full.soc_std < 0.1
+        assert empty.soc < 0.1 and empty.soc_std < 0.1
 
 
 @pytest.mark.parametrize("voltage_V", [0.0, -3.0, 9.0, 1e300, math.inf])

@@ -51,7 +51,9 @@ def log_estimates(model: VoltageModel, prior: Normals, found: Solution, after: B
     pull = precision @ found.x[:K]
     lowest_soc, given_Ah = _given(model, found, after)
     return LogEstimates(
-        log_estimate(after.capacity_Ah, ageing_direction(model.battery, p), pull, information),
+        log_estimate(after.capacity_Ah, ageing_direction(model.battery, p), pull, information)
+        if found.tells_capacity
+        else _SAYS_NOTHING,
         log_estimate(pulse_ohm(after.thevenin), _resistances(p), pull, information),
         lowest_soc,
         given_Ah,

@@ -58,6 +58,7 @@ class Solution(NamedTuple):
     weight: np.ndarray  #: (N,) of each row
     misfit: float  #: factor by which the residuals exceed their variance, 1 where they do not
     charge: ChargeAlong  #: charge and state of charge at every sample
+    tells_capacity: bool = True  #: False where the distribution of the capacity has another hill
 
 
 class PartRows(NamedTuple):
@@ -183,13 +184,14 @@ _LEAST_STEP, _STEPS = 0.002, 4
 _COARSE, _ROWS = 10, 300
 
 
-def capacity_marginal(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution) -> Normal:
-    """Mean and standard deviation of the correction of the logarithm of the capacity; its prior where it has hills.
+def capacity_marginal(
+    model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution
+) -> Normal | None:
+    """Mean and standard deviation of the correction of the logarithm of the capacity; None where it has hills.
 
     Some rows are enough for a log that has one hill. Where they show another one, all rows are asked of a log that
     counts the charge between full charges and cut-offs more than once; any other one does not tell the capacity.
     """
-    q = model.parameters.group("capacity").start
     some = max(1, min(_COARSE, model.rows.size // _ROWS))
     cut_offs = sum(a.soc < _HALF for a in anchors)
     counted = min(cut_offs, len(anchors) - cut_offs) > 1
@@ -197,7 +199,7 @@ def capacity_marginal(model: VoltageModel, prior: Normals, anchors: Sequence[Soc
         points = _scan(model.linear_about(found.x, every), prior, anchors, found)
         if points:
             return moments(points)
-    return Normal(float(prior.mean[q]), float(np.sqrt(prior.covariance[q, q])))
+    return None
 
 
 def _scan(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution) -> dict[float, float]:
@@ -250,7 +252,11 @@ def with_capacity(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnch
     q, knowledge = model.parameters.group("capacity").start, model.battery.knowledge
     lowest_soc = float(found.charge.soc.min())
     if knowledge is None or lowest_soc < knowledge.seen_from_soc - _DEEPER:
-        return with_marginal(model, prior, anchors, found, capacity_marginal(model, prior, anchors, found))
+        marginal = capacity_marginal(model, prior, anchors, found)
+        if marginal is None:
+            of_prior = Normal(float(prior.mean[q]), float(np.sqrt(prior.covariance[q, q])))
+            return with_marginal(model, prior, anchors, found, of_prior)._replace(tells_capacity=False)
+        return with_marginal(model, prior, anchors, found, marginal)
     if any(anchor.soc < _HALF for anchor in anchors):
         return found
     return _with_variance(found, q, max(float(prior.covariance[q, q]), float(found.covariance[q, q])))

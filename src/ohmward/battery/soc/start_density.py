@@ -93,6 +93,8 @@ def _first_voltage(grid: np.ndarray, voltage_V: float, expected: ExpectedVoltage
     """Likelihood of the voltage at each SoC and the model's error that goes with it; flat without a credible voltage.
 
     A voltage a little beyond the curve, as after charging or under load, is that of full or empty.
+    The curve ascends: where it is too low for the voltage at one SoC, it is at every lower one too, however little is
+    known of the curve there, as of the knee at empty; and the other way round.
     """
     mean_V, std_V, model_std_V = expected
     unknown = FirstVoltage(np.ones_like(grid), model_std_V, np.zeros_like(grid), model_std_V)
@@ -102,7 +104,10 @@ def _first_voltage(grid: np.ndarray, voltage_V: float, expected: ExpectedVoltage
     excess_V = np.clip(voltage_V, lowest_V, highest_V) - mean_V
     share = (model_std_V / std_V) ** 2
     with np.errstate(under="ignore"):
-        scaled = 0.5 * (excess_V / std_V) ** 2 + np.log(std_V)
+        errors = excess_V / std_V
+        too_low = np.maximum.accumulate(np.maximum(errors, 0.0)[::-1])[::-1]
+        too_high = np.maximum.accumulate(np.maximum(-errors, 0.0))
+        scaled = 0.5 * (too_low**2 + too_high**2) + np.log(std_V)
         likelihood = np.exp(-(scaled - scaled.min()))
     return FirstVoltage(likelihood, model_std_V, share * excess_V, model_std_V * np.sqrt(1 - share))
 
