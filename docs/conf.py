@@ -1,7 +1,8 @@
-"""Sphinx: `make docs` builds docs/_build/html, which needs no network, neither to build nor to read."""
+"""Sphinx: `make docs` runs the notebooks and builds docs/_build/html; neither needs a network."""
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -15,16 +16,26 @@ copyright = "the ohmward authors, Apache License 2.0"
 version = release = ohmward.__version__
 
 extensions = [
-    "myst_parser",
+    "myst_nb",
+    "sphinx_copybutton",
+    "sphinx_design",
     "sphinx.ext.autodoc",
     "sphinx.ext.viewcode",
     "offline_math",
     "plain_docstrings",
 ]
 exclude_patterns = ["_build", "extensions"]
+# Notebooks call `ohmward` of this environment, write into a folder of their own, and end the build where they fail.
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
+nb_merge_streams = True
+
 suppress_warnings = ["ref.python"]  # rooms may each have their own `Input`
 
-myst_enable_extensions = ["dollarmath", "deflist", "attrs_block"]
+myst_enable_extensions = ["dollarmath", "deflist", "attrs_block", "colon_fence"]
 myst_heading_anchors = 3
 myst_dmath_double_inline = True
 

@@ -49,6 +49,7 @@ BELOW: dict[str, set[str]] = {
     "ohmward_lab.published": {"embedded"} | CORE | LOGS,
     "ohmward_lab.traction": CORE | LOGS,
     "ohmward_lab.simulate": {"ohmward_lab.published", "ohmward_lab.traction", "energy", "logs"} | CORE,
+    "ohmward_lab.examples": {"errors"},
     "ohmward_lab.onboard": {"ohmward_lab.simulate", "onboard", "logs"} | CORE,
     "ohmward_lab.reproduce": {"ohmward_lab.published", "ohmward_lab.simulate", "figures", "logs", "report"} | CORE,
     "ohmward_lab.assess": {"ohmward_lab.published", "ohmward_lab.simulate", "fleet", "logs"} | CORE,
