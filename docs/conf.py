@@ -33,7 +33,10 @@ nb_execution_raise_on_error = True
 nb_execution_timeout = 300
 nb_merge_streams = True
 
-suppress_warnings = ["ref.python", "myst-nb.lexer"]  # rooms may each have an `Input`; a page that does not run has no kernel
+suppress_warnings = [
+    "ref.python",
+    "myst-nb.lexer",
+]  # rooms may each have an `Input`; a page that does not run has no kernel
 
 myst_enable_extensions = ["dollarmath", "deflist", "attrs_block", "colon_fence"]
 myst_heading_anchors = 3

@@ -90,7 +90,7 @@ class Plan:
         return tuple(replace(leg, payload_kg=leg.payload_kg + self.payload_kg) for leg in self.leg)
 
 
-_FILE = TomlFile(Plan, FORMAT, "# A mission as ohmward plans it.")
+PLAN_FILE = TomlFile(Plan, FORMAT, "# A mission as ohmward plans it.")
 
 
 def load_plan(path: str | PathLike[str]) -> Plan:
@@ -99,7 +99,7 @@ def load_plan(path: str | PathLike[str]) -> Plan:
     Raises:
         InputError: the file cannot be read or is no plan; names file, key, rule and fix.
     """
-    return _FILE.load(path)
+    return PLAN_FILE.load(path)
 
 
 #: State of charge that is to be left where neither settings nor plan say it.

@@ -29,12 +29,10 @@ class ControlSink:
     ros: RosOutput | None = None
     mqtt: MqttOutput | None = None
     simulation: SimulatedOutput | None = None  #: the drives of a simulated robot instead
-    operator: str = (
-        "127.0.0.1:4720"  #: HOST:PORT at which the operator connects; any host but this machine needs a token
-    )
-    token: str | None = (
-        None  #: where the operator's token is: name of an environment variable, or "file:PATH" of mode 600
-    )
+    #: HOST:PORT at which the operator connects; any host but this machine needs a token
+    operator: str = "127.0.0.1:4720"
+    #: where the operator's token is: name of an environment variable, or "file:PATH" of mode 600
+    token: str | None = None
     limits: DriveLimits = field(default_factory=DriveLimits)  #: of speed, torque and slip, and timeouts
     step_s: float = 0.01  #: time between two commands, 0.002 to 0.02
     name: str = "control"  #: in diagnostics
