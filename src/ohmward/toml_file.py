@@ -19,6 +19,7 @@ from ohmward.atomic import write_text
 from ohmward.checks import require_credible
 from ohmward.errors import InputError
 from ohmward.optional import require
+from ohmward.toml_comments import with_comments
 
 T = TypeVar("T")
 _NUMBERS_PER_LINE = 10
@@ -53,12 +54,15 @@ class TomlFile(Generic[T]):
         return _noun(self.format)
 
     def save(self, value: T, path: str | PathLike[str]) -> None:
-        """Write the file; it is either whole or not there.
+        """Write the file; it is either whole or not there. Comments in the one that it replaces are kept.
 
         Raises:
             OhmwardError: the file cannot be written.
         """
-        write_text(Path(path), self.dump(value))
+        text = self.dump(value)
+        if noun_of(path) == self.noun:
+            text = with_comments(text, text_of(path))
+        write_text(Path(path), text)
 
     def load(self, path: str | PathLike[str]) -> T:
         """The value in the file.
