@@ -46,9 +46,11 @@ def _with_values(line: str, names: dict[str, Any]) -> str:
 def _run(code: str, names: dict[str, Any], file: str) -> Any:
     """Run a cell; the value of its last expression, None where it ends otherwise."""
     tree = ast.parse(code)
-    last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
-    exec(compile(tree, file, "exec"), names)
-    return None if last is None else eval(compile(ast.Expression(last.value), file, "eval"), names)
+    *before, last = tree.body
+    if not isinstance(last, ast.Expr):
+        return exec(compile(tree, file, "exec"), names)
+    exec(compile(ast.Module(before, []), file, "exec"), names)
+    return eval(compile(ast.Expression(last.value), file, "eval"), names)
 
 
 def skip_without_compiler(notebook: Path) -> None:

@@ -58,7 +58,8 @@ def _comments(text: str, known: set[str]) -> dict[str, _Comments]:
 
 def _named_lines(text: str) -> Iterator[tuple[str, str]]:
     """Each line with the name of the key or table that it begins, "" for all others."""
-    table, depth, seen = "", 0, {}
+    table, depth = "", 0
+    seen: dict[str, int] = {}
     for line in text.splitlines():
         code = _CODE.match(line)[0]  # type: ignore[index]
         name = ""
