@@ -208,3 +208,10 @@ def test_cells_called_like_speeds_are_no_wheels(here, as_json):
     found = as_json("doctor", "cells.csv")
     assert found["drives"] == []
     assert not any("also a drive" in note for note in found["logs"][0]["notes"])
+
+
+def test_a_log_that_is_called_as_a_robot_is_the_log(here, as_json):
+    Path("day.csv").rename("husky")
+    assert [log["name"] for log in as_json("doctor", "husky")["logs"]] == ["husky"]
+    Path("husky").unlink()
+    assert as_json("doctor", "husky")["robots"]

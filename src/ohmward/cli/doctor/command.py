@@ -92,8 +92,11 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def kind_of(path: str) -> str:
-    """Kind of what an argument names: a log, or the kind of a file of TOML; a packaged robot is a robot file."""
-    if path.lower() in PACKAGED:
+    """Kind of what an argument names: a log, or the kind of a file of TOML; a packaged robot is a robot file.
+
+    A recording that is called as one, the folder `husky` of a bag, is the recording.
+    """
+    if path.lower() in PACKAGED and not Path(path).exists():
         return ROBOT_FILE.noun
     if Path(path).suffix.lower() != ".toml":
         return _LOG
