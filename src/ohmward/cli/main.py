@@ -16,6 +16,7 @@ from types import ModuleType
 
 from ohmward import __version__
 from ohmward.cli.outcome import Outcome, carry_out, close_output, show
+from ohmward.cli.paragraphs import Detail
 from ohmward.cli.parser import Parser
 from ohmward.errors import InputError, OhmwardError
 
@@ -92,7 +93,7 @@ def _status(words: Sequence[str]) -> int:
     try:
         arguments = parse(words)
         outcome = carry_out(run_of(arguments.command), arguments)
-        show(outcome, as_json=getattr(arguments, "json", False))
+        show(outcome, as_json=getattr(arguments, "json", False), detail=_detail(arguments))
         return outcome.status
     except OhmwardError as error:
         print(f"ohmward: error: {error}", file=sys.stderr)
@@ -115,6 +116,15 @@ def _status(words: Sequence[str]) -> int:
             file=sys.stderr,
         )
         return BUG
+
+
+def _detail(arguments: argparse.Namespace) -> Detail:
+    """As -v and -q say; else a person at a terminal reads the answer first, and a file gets all of it."""
+    if getattr(arguments, "verbose", False):
+        return "all"
+    if getattr(arguments, "quiet", False):
+        return "answer"
+    return "usual" if sys.stdout.isatty() else "all"
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:

@@ -14,6 +14,7 @@ from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ohmward.cli.paragraphs import Detail, assumptions, paragraphs
 from ohmward.errors import InputError, OhmwardError
 
 #: Called with the name of a task and the share of it that is done, from 0 to 1.
@@ -59,9 +60,10 @@ class Outcome(NamedTuple):
 
     summary: Mapping[str, Any]  #: the object of --json, see `plain`; arrays are not allowed
     text: str  #: the same for people
-    notes: Sequence[str] = ()  #: what was assumed on the way; part of `text`, and on standard error with --json
+    notes: Sequence[str] = ()  #: what was assumed on the way, printed after `text`, on standard error with --json
     page: Callable[[], Page] | None = None  #: makes the report, called only with --report
     status: int = 0  #: exit status
+    has_notes: bool = False  #: True where `text` has the notes in their places
 
 
 def carry_out(run: Callable[[argparse.Namespace], Outcome], arguments: argparse.Namespace) -> Outcome:
@@ -80,7 +82,7 @@ def carry_out(run: Callable[[argparse.Namespace], Outcome], arguments: argparse.
     return outcome
 
 
-def show(outcome: Outcome, *, as_json: bool) -> None:
+def show(outcome: Outcome, *, as_json: bool, detail: Detail = "all") -> None:
     """Print the outcome; as JSON, standard output carries one object and nothing else.
 
     Raises:
@@ -88,6 +90,8 @@ def show(outcome: Outcome, *, as_json: bool) -> None:
         OhmwardError: standard output takes no more for another reason, as on a full disk.
     """
     text = outcome.text  # empty where `run` has written its own lines
+    if not outcome.has_notes:
+        text = paragraphs(text, assumptions(outcome.notes, detail))
     if as_json:
         for note in outcome.notes:
             print(note, file=sys.stderr)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ohmward import __version__
+from ohmward.cli.paragraphs import assumptions as assumptions
+from ohmward.cli.paragraphs import bullets as bullets
+from ohmward.cli.paragraphs import paragraphs as paragraphs
+from ohmward.cli.paragraphs import width as width
 from ohmward.figures.numbers import band as band
 from ohmward.figures.numbers import duration as duration
 from ohmward.figures.numbers import flagged as flagged
@@ -29,9 +32,6 @@ def with_assumptions(page: Page, notes: Sequence[str]) -> Page:
             page = page.callout("warning", note.removeprefix("warning: "))
     plain = [note.removeprefix("info: ") for note in notes if not note.startswith("warning: ")]
     return page.table(["Assumption"], [[note] for note in plain]) if plain else page
-
-
-WIDTH = 100
 
 
 def sentence(text: str) -> str:
@@ -62,24 +62,6 @@ def fields(values: Mapping[str, str]) -> str:
 def known_rows(rows: Mapping[str, str]) -> dict[str, str]:
     """The rows that have a value: neither nothing nor "-", whatever follows it."""
     return {name: value for name, value in rows.items() if value and value.split()[0] != "-"}
-
-
-def bullets(title: str, lines: Sequence[str]) -> str:
-    """A title and wrapped lines below it; nothing without lines."""
-    if not lines:
-        return ""
-    wrapped = (textwrap.fill(line, WIDTH, initial_indent="  - ", subsequent_indent="    ") for line in lines)
-    return "\n".join([f"{title}:", *wrapped])
-
-
-def paragraphs(*parts: str) -> str:
-    """The parts that are not empty, with an empty line between them."""
-    return "\n\n".join(part for part in parts if part)
-
-
-def assumptions(notes: Sequence[str]) -> str:
-    """Everything that was assumed, as a list; warnings are marked."""
-    return bullets("Assumed", [note.removeprefix("info: ") for note in notes])
 
 
 def written_battery(figures: Mapping[str, Any]) -> str:

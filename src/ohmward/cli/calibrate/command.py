@@ -180,7 +180,6 @@ def describe(found: Calibration, figures: Mapping[str, Any]) -> str:
         wording.table(PARAMETERS, parameter_rows(found)) if found.parameters else "",
         wording.fields(floor_fields(found.floor)) if found.floor else "",
         wording.bullets("Not identified", [f"{p.name}: {p.reason}" for p in found.parameters if not p.identified]),
-        wording.assumptions(figures["notes"]),
         "\n".join(written) or "No robot file written; name one with -o.",
     )
 

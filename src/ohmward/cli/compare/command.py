@@ -75,7 +75,7 @@ def describe(task: SocTask, figures: Mapping[str, Any]) -> str:
     """Text for people."""
     tables = (wording.table(header, rows) for header, rows in tables_of(task, figures))
     title = f"{figures['log']} with battery {figures['battery']!r}: {figures['steps']:,} samples"
-    return wording.paragraphs(title, *tables, wording.assumptions(task.notes))
+    return wording.paragraphs(title, *tables)
 
 
 def tables_of(task: SocTask, figures: Mapping[str, Any]) -> list[tuple[list[str], list[list[str]]]]:

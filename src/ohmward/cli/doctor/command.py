@@ -86,6 +86,7 @@ def run(args: argparse.Namespace) -> Outcome:
         },
         text="\n\n".join([*(part.text for part in parts), wording.bullets("Next", following)]),
         notes=[note for part in parts for note in part.notes],
+        has_notes=True,
         page=partial(make_page, parts),
         status=int(any(part.is_wrong for part in parts)),
     )
@@ -165,7 +166,7 @@ def _examined(
     text = wording.paragraphs(
         f"{title}: {len(log):,} samples in {duration(log.duration_s)}",
         wording.fields(rows),
-        wording.assumptions(found.notes),
+        wording.assumptions(found.notes, "all"),
         wording.bullets("Found", sentences) or "Found: nothing suspicious.",
     )
     summary = {"path": path} | asdict(found) | {"worst": found.worst}

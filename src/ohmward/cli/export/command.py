@@ -100,7 +100,6 @@ def run(args: argparse.Namespace) -> Outcome:
         (path,) = write_library({f"{name}.py": python_file(export, args.sample_time, **start)}, Path(args.output))
         text = wording.paragraphs(
             f"{path}: {export.title}",
-            wording.assumptions(notes),
             f"use it, with rows of current [A] (> 0 charges), voltage [V], temperature [degC]:\n"
             f"  from {name} import Model\n  soc, z = Model(X)",
         )
@@ -126,7 +125,6 @@ def run(args: argparse.Namespace) -> Outcome:
     text = wording.paragraphs(
         f"{args.output}: {export.title}",
         wording.fields(rows),
-        wording.assumptions(notes),
         f"compile and check it here:\n  make -C {args.output} test",
     )
     return Outcome(figures, text, notes)
@@ -178,7 +176,7 @@ def _submission(
         "runs": [score._asdict() for score in scores],
         "notes": notes,
     }
-    paragraphs = (f"{output}: {export.title}", _score_table(scores) if scores else "", wording.assumptions(notes))
+    paragraphs = (f"{output}: {export.title}", _score_table(scores) if scores else "")
     return Outcome(figures, wording.paragraphs(*paragraphs), notes)
 
 

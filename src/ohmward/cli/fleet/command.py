@@ -157,7 +157,6 @@ def describe(figures: dict[str, Any], states: Sequence[RobotRecord] = ()) -> str
         wording.bullets("Alarms", _cut(alarms, "see the page")),
         wording.bullets("Not used", _first(figures["errors"], "error")),
         "" if states else wording.bullets("Not to be trusted", _first(figures["misfits"], "misfit")),
-        wording.assumptions(figures["notes"]),
     )
 
 

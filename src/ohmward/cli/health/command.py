@@ -170,7 +170,6 @@ def describe(f: Mapping[str, Any]) -> str:
         wording.bullets("Sudden changes, which no ageing makes", list(map(change_text, f["sudden_changes"]))),
         wording.bullets("Logs off the trend", list(map(off_text, f["off_trend"]))),
         wording.bullets("Set aside", aside),
-        wording.assumptions(f["notes"]),
     )
 
 

@@ -109,7 +109,6 @@ def describe(battery: Battery, figures: dict[str, Any]) -> str:
         wording.table(["RC model", "value"], rc_rows(figures["rc"])) if figures["rc"] else "",
         wording.table(FITS, fit_rows(battery)),
         wording.bullets("Not identified", battery.not_identified),
-        wording.assumptions(figures["notes"]),
         written,
     )
 

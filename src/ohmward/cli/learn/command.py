@@ -125,7 +125,6 @@ def describe(f: Mapping[str, Any]) -> str:
         wording.table(LOGS[:-1], [row[:-1] for row in log_rows(rows)]) if rows else "",
         wording.bullets("Learnt", [f"{row['log']}: {row['reason']}" for row in rows if row["verdict"] == "learnt"]),
         wording.bullets("Not learnt from", left),
-        wording.assumptions(f["notes"]),
         ending(f),
     )
 

@@ -231,7 +231,6 @@ def describe(f: Mapping[str, Any]) -> str:
         wording.table(TERRAINS, terrain_rows(f)) if f["terrains"] else "",
         wording.fields(plan_rows(f["plan"])) if f["plan"] else "",
         wording.bullets("Advice", advice_lines(f)),
-        wording.assumptions(f["notes"]),
     )
 
 

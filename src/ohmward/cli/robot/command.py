@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> Outcome:
         "output": args.output,
         "backup": str(backup) if backup else None,
     }
-    return Outcome(summary, _text(found, args.output, backup), found.assumed)
+    return Outcome(summary, _text(found, args.output, backup), found.assumed, has_notes=True)
 
 
 def _found(args: argparse.Namespace) -> UrdfRobot:

@@ -74,7 +74,7 @@ def install(text: str, path: Path, *, replace: bool) -> Outcome:
         "  systemctl status ohmward                 charge, and what is not in order",
         "  journalctl -u ohmward -f                 its log",
     ]
-    return Outcome({}, wording.paragraphs("\n".join(done), "\n".join(notes)), notes)
+    return Outcome({}, wording.paragraphs("\n".join(done), "\n".join(notes)), notes, has_notes=True)
 
 
 def verify(path: Path) -> list[str]:

@@ -110,7 +110,6 @@ def describe(f: Mapping[str, Any]) -> str:
         wording.fields(result(f)),
         wording.bullets("Slip", episodes(f)),
         wording.fields(errors(f)) if f["truth"] else "",
-        wording.assumptions(f["notes"]),
     )
 
 

@@ -125,7 +125,7 @@ def describe(f: Mapping[str, Any]) -> str:
     drifting = [warning["text"] for warning in cells["warnings"]] if cells else []
     return wording.paragraphs(
         f"{f['log']} with battery {f['battery']!r}\n{f['filter']}: {title_of(f['filter'])}",
-        textwrap.fill(headline(f), wording.WIDTH),
+        textwrap.fill(headline(f), wording.width()),
         wording.fields(result(f)),
         wording.bullets(_ANCHORS, anchors),
         f"Cells\n{wording.fields(pack_rows(cells))}" if cells else "",
@@ -133,7 +133,6 @@ def describe(f: Mapping[str, Any]) -> str:
         wording.bullets("Cells that drift apart from the others", drifting),
         wording.bullets(f"What makes the band wide, and what would narrow it ({_SQUARES})", causes),
         wording.table(["against the truth", "whole log", "after 1 h"], error_rows(f)) if f["truth"] else "",
-        wording.assumptions(f["notes"]),
     )
 
 

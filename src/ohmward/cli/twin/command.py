@@ -138,5 +138,4 @@ def describe(figures: dict[str, Any]) -> str:
         wording.fields(rows),
         f"Compared with double precision. {figures['compared_with']}:" if table else "",
         wording.table(["", "largest difference"], table) if table else "",
-        wording.assumptions(figures["notes"]),
     )

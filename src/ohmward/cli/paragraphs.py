@@ -1,0 +1,44 @@
+"""Paragraphs and lists of a text for the terminal; light, for every command line loads it."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import textwrap
+from collections.abc import Sequence
+from typing import Literal
+
+#: How much of what was assumed is printed: all of it, the warnings and the number of the rest, the warnings alone.
+Detail = Literal["all", "usual", "answer"]
+
+_WIDEST, _NARROWEST = 100, 40
+
+
+def width() -> int:
+    """Columns of the terminal, for text to be wrapped; in a file as of a wide one."""
+    columns = shutil.get_terminal_size((_WIDEST, 24)).columns if sys.stdout.isatty() else _WIDEST
+    return min(max(columns, _NARROWEST), _WIDEST)
+
+
+def bullets(title: str, lines: Sequence[str]) -> str:
+    """A title and wrapped lines below it; nothing without lines."""
+    if not lines:
+        return ""
+    columns = width()
+    wrapped = (textwrap.fill(line, columns, initial_indent="  - ", subsequent_indent="    ") for line in lines)
+    return "\n".join([textwrap.fill(f"{title}:", columns), *wrapped])
+
+
+def paragraphs(*parts: str) -> str:
+    """The parts that are not empty, with an empty line between them."""
+    return "\n\n".join(part for part in parts if part)
+
+
+def assumptions(notes: Sequence[str], detail: Detail) -> str:
+    """What was assumed, as a list; warnings are never left out."""
+    if detail == "all":
+        return bullets("Assumed", [note.removeprefix("info: ") for note in notes])
+    warnings = [note.removeprefix("warning: ") for note in notes if note.startswith("warning: ")]
+    rest = len(notes) - len(warnings)
+    more = f"Assumed {rest} thing{'s' if rest > 1 else ''} that the input tells or leaves open; -v lists them."
+    return paragraphs(bullets("Warnings", warnings), textwrap.fill(more, width()) if rest and detail == "usual" else "")
