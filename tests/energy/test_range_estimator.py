@@ -12,6 +12,7 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocEstimate
 from ohmward.energy import Consumption, Leg, RangeEstimator, RangeFlag, begin_drive, learn, prior_from_robot, start
 from ohmward.energy.consumption_file import dump_consumption
+from ohmward.energy.range_step import RangeSample
 from ohmward.energy.recorded import cut_drive
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
@@ -51,6 +52,27 @@ def test_what_it_learns_is_what_the_recorded_drive_teaches():
             expected.mean[k], rel=0.01
         )
     assert isinstance(estimator.consumption, Consumption)
+
+
+def test_a_peak_that_held_shortens_the_range_to_the_cut_off_and_is_forgotten():
+    def after(peak_W: float, of_s: float, hours: float) -> float:
+        """P50 at the end of a drive with a peak of this power and length at its begin."""
+        estimator = new(terrain="grass", cutoff_V=20.0, reserve_soc=0.0, refresh_s=1e9)
+        for t in np.arange(0.0, 3600.0 * hours, 1.0):
+            power = peak_W if 60.0 <= t < 60.0 + of_s else 30.0
+            estimator.update(t, 0.8, 0.5, -power / V, V)
+        return estimator.settings.forecast(estimator.state, last_sample(estimator)).distance_m.p50
+
+    calm = after(30.0, 10.0, 0.1)
+    assert after(300.0, 10.0, 0.1) < 0.9 * calm  # a climb of ten seconds
+    assert after(300.0, 1.0, 0.1) > after(300.0, 10.0, 0.1)  # a second opens no protection
+    assert after(300.0, 10.0, 4.0) > 0.97 * after(30.0, 10.0, 4.0)
+
+
+def last_sample(estimator: RangeEstimator) -> RangeSample:
+    last = estimator.state.meter.last
+    assert last is not None
+    return RangeSample(last, estimator.state.soc)
 
 
 def test_range_times_energy_per_metre_is_the_usable_energy():

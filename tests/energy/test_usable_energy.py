@@ -41,6 +41,29 @@ def test_a_straight_curve_down_to_the_cut_off():
     assert found == pytest.approx(36000.0 * (20.0 * 0.65 + 4.0 * (0.81 - 0.0625)), rel=1e-5)
 
 
+def test_a_straight_curve_down_to_where_a_peak_would_meet_the_cut_off():
+    # 50 W at 0.1 ohm; a peak of 150 W takes V (U - V) / 0.1 = 150 at V = 22: U = 22 + 15 / 22, z = (U - 20) / 8
+    end = (2.0 + 15.0 / 22.0) / 8.0
+    found = energy_J(battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, cutoff_V=22.0, peak_W=150.0), 50.0)
+    above = energy_J(battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, reserve_soc=end), 50.0)
+    assert found == pytest.approx(above, rel=1e-4)
+    for peak_W in (0.0, 50.0):  # a peak that is the mean is none
+        same = energy_J(battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, cutoff_V=22.0, peak_W=peak_W), 50.0)
+        assert same == energy_J(battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, cutoff_V=22.0), 50.0) > found
+
+
+def test_a_peak_is_short_and_finds_the_slow_pairs_as_the_mean_left_them():
+    slow = Thevenin(10.0, OcvCurve((20.0, 28.0)), (0.05,) * 2, (0.05,) * 2, ((0.1, 0.1),), (1e6,))
+    peak_W, mean_W, cutoff_V = 150.0, 50.0, 22.0
+    found = energy_J(Battery("test", 10.0, thevenin=slow), BatteryState(0.9, cutoff_V=cutoff_V, peak_W=peak_W), mean_W)
+    U = cutoff_V + 0.05 * peak_W / cutoff_V  # and the settled pair's share at the mean current
+    for _ in range(50):
+        mean_V = (U + np.sqrt(U**2 - 4 * 0.15 * mean_W)) / 2
+        U = cutoff_V + 0.05 * peak_W / cutoff_V + 0.1 * mean_W / mean_V
+    above = energy_J(Battery("test", 10.0, thevenin=slow), BatteryState(0.9, reserve_soc=(U - 20.0) / 8.0), mean_W)
+    assert found == pytest.approx(above, rel=1e-3)
+
+
 def test_a_battery_is_emptied_along_the_discharge_branch():
     model = Thevenin(10.0, OcvCurve((24.0, 24.0), (1.0, 1.0)), (0.0,) * 2, (0.0,) * 2, (), ())
     found = energy_J(Battery("test", 10.0, thevenin=model), BatteryState(0.5), 10.0)

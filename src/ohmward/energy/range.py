@@ -10,12 +10,13 @@ sqrt(D) = [ -s z + sqrt(s^2 z^2 + 4 e E) ] / (2 e).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.energy.consumption import Consumption, EnergyDemand, energy_demand
+from ohmward.energy.consumption import Consumption, EnergyDemand, design_row, energy_demand
 from ohmward.energy.leg import Stretch, total_distance_m, total_time_s
 from ohmward.energy.points import Quantiles, normal_points, quantiles, student
 from ohmward.energy.usable_energy import BatteryState, usable_at
@@ -50,7 +51,7 @@ def range_left(c: Consumption, ahead: Sequence[Stretch], battery: Battery, state
     whole = energy_demand(c, ahead)
     power_W = whole.mean_J / time_s
     z = normal_points(DIMENSIONS)
-    usable = usable_at(battery, state, power_W, z[BATTERY])
+    usable = usable_at(battery, with_peak(state, c, ahead), power_W, z[BATTERY])
     per_m = certain_part(whole, z) / length_m
     scatter = scattered_part(whole, z) / np.sqrt(length_m)
     distance = distances(per_m, scatter, usable)
@@ -61,6 +62,13 @@ def range_left(c: Consumption, ahead: Sequence[Stretch], battery: Battery, state
         quantiles(per_m + scatter / np.sqrt(length_m)),
         power_W,
     )
+
+
+def with_peak(state: BatteryState, c: Consumption, ahead: Sequence[Stretch]) -> BatteryState:
+    """The state of a battery that has to give the power of the hardest of these stretches, if none harder is known."""
+    driven = [s for s in ahead if s.time_s > s.standing_s]
+    powers_W = [float(design_row(c, s) @ c.mean) / (s.time_s - s.standing_s) for s in driven]
+    return replace(state, peak_W=max(state.peak_W, *powers_W, 0.0))
 
 
 def distances(per_m: np.ndarray, scatter: np.ndarray, usable: np.ndarray) -> np.ndarray:

@@ -255,6 +255,8 @@ _State = tuple[
     tuple[_Number, _Number, _Number, _Number, _Number],
     tuple[_Quantiles, _Quantiles, _Quantiles, _Quantiles, _Number, float, int],
     _Number,
+    float,
+    float,
 ]
 
 
@@ -263,7 +265,7 @@ def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
     snapshot.require_version(taken)
     snapshot.require_identity(settings, taken)
     snapshot.require_seal(taken)
-    table, (last, moving, stop), recent, finished_m, soc, forecast, forecast_s = snapshot.typed(
+    table, (last, moving, stop), recent, finished_m, soc, forecast, forecast_s, held_W, peak_W = snapshot.typed(
         _State, "state", taken.get("state")
     )
     distance_m, duration_s, usable_J, per_m, home, driven_m, flags = forecast
@@ -284,6 +286,8 @@ def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
             RangeFlag(flags),
         ),
         _number(forecast_s),
+        held_W,
+        peak_W,
     )
 
 

@@ -21,7 +21,7 @@ from ohmward.energy.consumption import Consumption, energy_demand, learn, with_t
 from ohmward.energy.drive_meter import DriveMeter, DriveSample, advance
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s
 from ohmward.energy.points import Quantiles, normal_points
-from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_left
+from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_left, with_peak
 from ohmward.energy.recorded import Cut
 from ohmward.energy.usable_energy import BatteryState, usable_at
 from ohmward.errors import InputError
@@ -37,6 +37,10 @@ FIRST_LEG_M, FIRST_SPEED_M_S = 100.0, 0.5
 
 #: A shorter drive says nothing of the way ahead: it is a start from rest, at a tenth of the speed that is to come.
 LEAST_DRIVEN_M = 5.0
+
+#: A protection opens after some seconds, so that a peak of power counts that has held for so long; it is remembered for
+#: about so long.
+PEAK_S, PEAK_MEMORY_S = 3.0, 3600.0
 
 #: A sample that is late by more than this is not late: the clock was set.
 CLOCK_SET_S = 60.0
@@ -114,6 +118,9 @@ class RangeState(NamedTuple):
     soc: SocNow  #: last one known
     forecast: RangeEstimate  #: last one
     forecast_s: float  #: its time; -inf before the first
+    #: power out of the battery [W] that has held for some seconds, and the highest of late
+    held_W: float = 0.0
+    peak_W: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -170,20 +177,23 @@ class RangeSettings:
     def drive(self, state: RangeState, sample: DriveSample) -> RangeState:
         """The state after a sample of the drive; each stretch that it finishes is learned."""
         meter, finished = advance(state.meter, sample, self.cut)
+        held_W, peak_W = held_power(state, sample)
         consumption, recent, finished_m = state.consumption, state.recent, state.finished_m
         for part in finished:
             stretch = part.stretch._replace(payload_kg=self.payload_kg)
             consumption = learn(consumption, stretch, part.energy_J)
             recent = (*recent, stretch)[-RECENT_STRETCHES:]
             finished_m += stretch.distance_m
-        return state._replace(consumption=consumption, meter=meter, recent=recent, finished_m=finished_m)
+        return state._replace(
+            consumption=consumption, meter=meter, recent=recent, finished_m=finished_m, held_W=held_W, peak_W=peak_W
+        )
 
     def forecast(self, state: RangeState, sample: RangeSample) -> RangeEstimate:
         """Range from here on; flags and distance driven are those of each sample."""
         if state.soc.soc <= self.reserve_soc:
             home = math.nan if sample.home is None else 0.0
             return RangeEstimate(_NOTHING, _NOTHING, _NOTHING, _UNKNOWN, home, 0.0, RangeFlag(0))
-        ahead, battery_now = self.ahead(state), self.battery_state(state.soc)
+        ahead, battery_now = self.ahead(state), self.battery_state(state.soc, state.peak_W)
         home_m = self.way_home(ahead, sample.home)
         known = state.consumption
         for stretch in (*ahead, *home_m):
@@ -210,7 +220,7 @@ class RangeSettings:
         share = max(float(home), 0.0) / total_distance_m(ahead)
         return tuple(part_of(stretch, share) for stretch in ahead)
 
-    def battery_state(self, now: SocNow) -> BatteryState:
+    def battery_state(self, now: SocNow, peak_W: float) -> BatteryState:
         """The battery for the forecast; what its estimator does not know is as in the battery file."""
         noise = self.battery.noise
         return BatteryState(
@@ -223,7 +233,18 @@ class RangeSettings:
             temperature_degC=_known(now.temperature_degC, BatteryState.temperature_degC),
             reserve_soc=self.reserve_soc,
             cutoff_V=self.cutoff_V,
+            peak_W=peak_W,
         )
+
+
+def held_power(state: RangeState, sample: DriveSample) -> tuple[float, float]:
+    """Power [W] that has held for some seconds, and the highest of late, after a sample."""
+    last = state.meter.last
+    dt_s = math.nan if last is None else sample.time_s - last.time_s
+    if not (dt_s > 0.0 and math.isfinite(sample.battery_W)):
+        return state.held_W, state.peak_W
+    held_W = state.held_W + (1.0 - math.exp(-dt_s / PEAK_S)) * (sample.battery_W - state.held_W)
+    return held_W, max(held_W, state.peak_W * math.exp(-dt_s / PEAK_MEMORY_S))
 
 
 def reach_probability(c: Consumption, way: Sequence[Stretch], battery: Battery, battery_now: BatteryState) -> float:
@@ -232,7 +253,7 @@ def reach_probability(c: Consumption, way: Sequence[Stretch], battery: Battery, 
     duration_s = total_time_s(way)
     z = normal_points(DIMENSIONS)
     power_W = demand.mean_J / duration_s if duration_s > 0.0 else 0.0
-    usable = usable_at(battery, battery_now, power_W, z[BATTERY])
+    usable = usable_at(battery, with_peak(battery_now, c, way), power_W, z[BATTERY])
     return float(np.mean(needed_J(demand, z) <= usable))
 
 

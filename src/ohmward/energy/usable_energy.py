@@ -5,8 +5,13 @@ V(z) = [U + sqrt(U^2 - 4 R P)] / 2, and from state of charge z0 down to z1 it gi
 
 E = Q * integral of V dz = Q * integral of (U - R I) dz,
 
-down to the reserve, or to where V falls below the cut-off voltage or the power cannot be had (4 R P > U^2). U is the
-open-circuit voltage of the discharge branch, R the resistance after all RC pairs have settled.
+down to the reserve, or to where the highest power P_p that the way asks for cannot be had, or would take the terminals
+below the cut-off voltage. A peak is short: under it
+
+V_p(z) = [U_p + sqrt(U_p^2 - 4 R_p P_p)] / 2,      U_p = U - (R - R_p) I.
+
+U is the open-circuit voltage of the discharge branch, R the resistance after all RC pairs have settled, R_p that after
+half a minute.
 """
 
 from __future__ import annotations
@@ -26,11 +31,12 @@ from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.errors import InputError
 from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 
-#: Points of the state of charge from 0 to 1.
-_DISCHARGE_POINTS = 251
-#: Batteries that are discharged side by side.
-_BATTERIES_AT_ONCE = 512
+#: States of charge along which batteries are discharged, and resistances between which others lie.
+_GRID = np.linspace(0.0, 1.0, 251)
+_RESISTANCES = 33
 _SECONDS_PER_HOUR = 3600.0
+#: Time [s] for which a peak of power holds on: a climb, a patch of mud.
+_PEAK_S = 30.0
 #: Margin of a voltage that does not exist: far below any cut-off.
 _NO_POWER_V = -1e9
 
@@ -50,11 +56,13 @@ class BatteryState:
     temperature_degC: float = ROOM_DEGC  #: of the battery
     reserve_soc: float = 0.0  #: state of charge that is to be left
     cutoff_V: float = 0.0  #: terminal voltage at which the robot stops; 0 where nothing watches it
+    #: highest power [W] that has to be given for some seconds now and then; 0 where only the mean is known
+    peak_W: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("soc", "reserve_soc"):
             require_between(name, getattr(self, name), 0.0, 1.0)
-        require_each_not_negative("", self, "soc_std", "capacity_std", "resistance_std", "cutoff_V")
+        require_each_not_negative("", self, "soc_std", "capacity_std", "resistance_std", "cutoff_V", "peak_W")
         require_each_positive("", self, "soh_capacity", "resistance_ratio")
         require_between("temperature_degC", self.temperature_degC, COLDEST_DEGC, HOTTEST_DEGC)
         if self.reserve_soc >= self.soc:
@@ -80,12 +88,11 @@ def usable_energy(battery: Battery, state: BatteryState, power_W: float) -> Quan
 def usable_at(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> np.ndarray:
     """(N,) energy [J] that batteries drawn from the distribution of this one give at constant power [W].
 
-    The same as `usable_J` of their `discharge`, in parts that stay in the cache: less time, an eighth of the memory.
-
     z: (3, N) standard normal points of state of charge, capacity and resistance.
     """
-    parts = [z[:, k : k + _BATTERIES_AT_ONCE] for k in range(0, z.shape[1], _BATTERIES_AT_ONCE)]
-    return np.concatenate([usable_J(discharge(battery, state, power_W, part)) for part in parts])
+    drawn, curves, between = _drawn(battery, state, power_W, z)
+    start_J = _at_both(curves.whole_J, drawn.soc, between)
+    return drawn.capacity * np.maximum(start_J - _end_J(curves, state, drawn.soc, between), 0.0)
 
 
 def discharge(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> Discharge:
@@ -93,18 +100,92 @@ def discharge(battery: Battery, state: BatteryState, power_W: float, z: np.ndarr
 
     z: (3, N) standard normal points of state of charge, capacity and resistance.
     """
+    drawn, curves, between = _drawn(battery, state, power_W, z)
+    whole_J = _at_resistance(curves.whole_J, between)
+    end_J = _end_J(curves, state, drawn.soc, between)
+    return Discharge(_GRID, drawn.capacity * np.maximum(whole_J - end_J, 0.0), drawn.soc)
+
+
+class _Drawn(NamedTuple):
+    """Batteries drawn from a distribution, (N,) each."""
+
+    soc: np.ndarray
+    capacity: np.ndarray  #: over the battery file's
+
+
+class _Curves(NamedTuple):
+    """Energy along SoC (K,) for resistances (R,), of a battery with the capacity of its file."""
+
+    whole_J: np.ndarray  #: (K, R) given between empty and each SoC
+    end_J: np.ndarray  #: (K, R) of these, what is left where a discharge from each SoC ends by its voltage
+
+
+class _Between(NamedTuple):
+    """Places (N,) of resistances between those of `_Curves`: the lower one, and the share of the way to the next."""
+
+    below: np.ndarray
+    share: np.ndarray
+
+
+def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> tuple[_Drawn, _Curves, _Between]:
+    """Batteries at the points (3, N), and the curves that they lie between: these bend little with the resistance."""
     z_soc, z_capacity, z_resistance = z
-    soc = np.linspace(0.0, 1.0, _DISCHARGE_POINTS)
-    ocv_V, r_ohm = discharge_curves(battery, soc, state.temperature_degC)
-    start = np.clip(state.soc + state.soc_std * z_soc, 0.0, 1.0)
+    soc = np.clip(state.soc + state.soc_std * z_soc, 0.0, 1.0)
     capacity = np.maximum(state.soh_capacity + state.capacity_std * z_capacity, 0.0)
     resistance = np.maximum(state.resistance_ratio + state.resistance_std * z_resistance, 0.0)
-    voltage_V, holds = loaded_voltage(ocv_V[:, None], r_ohm[:, None] * resistance, power_W)
+    low, high = float(resistance.min()), float(resistance.max())
+    grid = np.linspace(low, high, _RESISTANCES) if high > low else np.array([low, low])
+    position = (resistance - low) / (grid[1] - grid[0]) if high > low else np.zeros(resistance.shape)
+    below = np.minimum(position.astype(int), len(grid) - 2)
+    return _Drawn(soc, capacity), _curves(battery, state, power_W, grid), _Between(below, position - below)
+
+
+def _curves(battery: Battery, state: BatteryState, power_W: float, resistance: np.ndarray) -> _Curves:
+    """Energy at constant power [W] of batteries with these resistances (R,) over that of the file."""
+    ocv_V, r_ohm, peak_ohm = (row[:, None] for row in discharge_curves(battery, _GRID, state.temperature_degC))
+    voltage_V, holds = loaded_voltage(ocv_V, r_ohm * resistance, power_W)
     margin_V = np.where(holds, voltage_V - state.cutoff_V, _NO_POWER_V)
-    whole_J = _SECONDS_PER_HOUR * battery.capacity_Ah * capacity * running_integral(soc, voltage_V)
-    at_reserve_J = _at(soc, whole_J, np.full(start.shape, state.reserve_soc))
-    end_J = np.maximum(at_reserve_J, _at_end(whole_J, margin_V, soc, start))
-    return Discharge(soc, np.maximum(whole_J - end_J, 0.0), start)
+    if state.peak_W > power_W:
+        settled_V = ocv_V - (r_ohm - peak_ohm) * resistance * power_W / voltage_V
+        under_peak_V, holds = loaded_voltage(settled_V, peak_ohm * resistance, state.peak_W)
+        margin_V = np.minimum(margin_V, np.where(holds, under_peak_V - state.cutoff_V, _NO_POWER_V))
+    whole_J = _SECONDS_PER_HOUR * battery.capacity_Ah * running_integral(_GRID, voltage_V)
+    return _Curves(whole_J, _ends(whole_J, margin_V))
+
+
+def _ends(whole_J: np.ndarray, margin_V: np.ndarray) -> np.ndarray:
+    """(K, R) energy at the end of a discharge from each SoC: where its margin is first below 0, 0 for none."""
+    rows = np.arange(len(whole_J))[:, None]
+    below = np.maximum.accumulate(np.where(margin_V < 0, rows, -1), axis=0)  # the next SoC down that fails, -1 for none
+    low, high = np.maximum(below, 0), np.clip(below + 1, 0, len(whole_J) - 1)
+    margin_low, margin_high = np.take_along_axis(margin_V, low, 0), np.take_along_axis(margin_V, high, 0)
+    crosses = (margin_low < 0) & (margin_high > 0)
+    share = np.where(crosses, margin_high / np.where(crosses, margin_high - margin_low, 1.0), 0.0)
+    low_J, high_J = np.take_along_axis(whole_J, low, 0), np.take_along_axis(whole_J, high, 0)
+    return np.where(below >= 0, high_J - share * (high_J - low_J), 0.0)
+
+
+def _end_J(curves: _Curves, state: BatteryState, soc: np.ndarray, between: _Between) -> np.ndarray:
+    """(N,) energy at the end of the discharge of each battery, by its voltage or by the reserve."""
+    from_here = curves.end_J[(soc * (len(_GRID) - 1)).astype(int)[:, None], between.below[:, None] + np.arange(2)]
+    by_voltage = from_here[:, 0] + between.share * (from_here[:, 1] - from_here[:, 0])
+    return np.maximum(_at_both(curves.whole_J, np.full(soc.shape, state.reserve_soc), between), by_voltage)
+
+
+def _at_resistance(table: np.ndarray, between: _Between) -> np.ndarray:
+    """(K, N) columns of a table (K, R) at the resistances of the batteries."""
+    low, high = table[:, between.below], table[:, between.below + 1]
+    return low + between.share * (high - low)
+
+
+def _at_both(table: np.ndarray, soc: np.ndarray, between: _Between) -> np.ndarray:
+    """(N,) a table (K, R) at the SoC and the resistance of each battery."""
+    position = soc * (len(_GRID) - 1)
+    row = np.minimum(position.astype(int), len(_GRID) - 2)
+    rows = table[row[:, None] + np.arange(2), between.below[:, None]]
+    next_rows = table[row[:, None] + np.arange(2), between.below[:, None] + 1]
+    at_low, at_high = (pair[:, 0] + (position - row) * (pair[:, 1] - pair[:, 0]) for pair in (rows, next_rows))
+    return at_low + between.share * (at_high - at_low)
 
 
 def loaded_voltage(ocv_V: Any, r_ohm: Any, power_W: float) -> tuple[Any, Any]:
@@ -115,7 +196,10 @@ def loaded_voltage(ocv_V: Any, r_ohm: Any, power_W: float) -> tuple[Any, Any]:
 
 def usable_J(found: Discharge) -> np.ndarray:
     """(N,) energy [J] that each of the batteries gives from its state of charge now."""
-    return _at(found.soc, found.energy_J, found.start_soc)
+    position = found.start_soc * (len(found.soc) - 1)
+    below = np.minimum(position.astype(int), len(found.soc) - 2)
+    low, high = _rows(found.energy_J, below), _rows(found.energy_J, below + 1)
+    return low + (position - below) * (high - low)
 
 
 def soc_after(found: Discharge, energy_J: np.ndarray) -> np.ndarray:
@@ -127,39 +211,18 @@ def soc_after(found: Discharge, energy_J: np.ndarray) -> np.ndarray:
     return found.soc[above - 1] + share * (found.soc[1] - found.soc[0])
 
 
-def discharge_curves(battery: Battery, soc: np.ndarray, temperature_degC: float) -> tuple[np.ndarray, np.ndarray]:
-    """Open-circuit voltage [V] of the discharge branch and settled resistance [ohm] at each state of charge (K,)."""
+def discharge_curves(
+    battery: Battery, soc: np.ndarray, temperature_degC: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Along SoC (K,): voltage [V] of the discharge branch, and resistance [ohm], settled and of a peak."""
     model = battery.thevenin
     ocv_V = model.ocv.mean_V(soc, temperature_degC) - model.ocv.hysteresis_at(soc)
     usual_A = USUAL_C * model.capacity_Ah
     u = thevenin.CircuitInput(-usual_A, temperature_degC)
-    parts = [-thevenin.ohmic_drop(soc, u, model) / usual_A, *thevenin.pair_resistances(soc, u, model)]
-    return ocv_V, sum(parts) + np.zeros(soc.shape)
-
-
-def _at_end(whole_J: np.ndarray, margin_V: np.ndarray, soc: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """(N,) running integral at the end of each discharge, where its margin becomes negative; 0 where it never does.
-
-    whole_J, margin_V: (K, N) running integral and margin of voltage along the grid `soc` (K,).
-    start: (N,) state of charge from which each battery comes down.
-    """
-    top = len(soc) - 1
-    fails = (margin_V < 0) & (soc[:, None] <= start)
-    below = top - np.argmax(fails[::-1], axis=0)
-    above = np.minimum(below + 1, top)
-    margin_below, margin_above = _rows(margin_V, below), _rows(margin_V, above)
-    crosses = (margin_below < 0) & (margin_above > 0)
-    share = np.where(crosses, margin_above / np.where(crosses, margin_above - margin_below, 1.0), 0.0)
-    low_J, high_J = _rows(whole_J, below), _rows(whole_J, above)
-    return np.where(fails.any(axis=0), high_J - share * (high_J - low_J), 0.0)
-
-
-def _at(grid: np.ndarray, columns: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """(N,) linear interpolation in each column (K, N) at its own x (N,)."""
-    position = x * (len(grid) - 1)
-    below = np.minimum(position.astype(int), len(grid) - 2)
-    low, high = _rows(columns, below), _rows(columns, below + 1)
-    return low + (position - below) * (high - low)
+    ohmic, pairs = -thevenin.ohmic_drop(soc, u, model) / usual_A, thevenin.pair_resistances(soc, u, model)
+    shares = [1.0 - decay for decay in thevenin.pair_decays(u, model, _PEAK_S)]
+    of_peak = (share * pair for share, pair in zip(shares, pairs, strict=True))
+    return ocv_V, sum(pairs, ohmic + np.zeros(soc.shape)), sum(of_peak, ohmic + np.zeros(soc.shape))
 
 
 def _rows(columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
