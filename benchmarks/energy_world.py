@@ -88,8 +88,20 @@ def draw_course(rng: np.random.Generator) -> Course:
     return Course(tuple(legs))
 
 
-def drive(rng: np.random.Generator, w: World, course: Course, duration_s: float, payload_kg: float = 0.0) -> Record:
-    """A drive of one day: the loop over and over."""
+def draw_day(rng: np.random.Generator, w: World) -> np.ndarray:
+    """(3,) what a day makes of the resistance of each terrain."""
+    return np.exp(w.day_std * (rng.standard_normal() + rng.standard_normal(3)) / np.sqrt(2))
+
+
+def drive(
+    rng: np.random.Generator,
+    w: World,
+    course: Course,
+    duration_s: float,
+    payload_kg: float = 0.0,
+    day: np.ndarray | None = None,
+) -> Record:
+    """A drive of one day, drawn unless it is given: the loop over and over."""
     legs, speed, index = [], [], []
     total = 0
     while total < duration_s / DT_S:
@@ -103,7 +115,7 @@ def drive(rng: np.random.Generator, w: World, course: Course, duration_s: float,
     names = np.array([leg.terrain for leg in legs], dtype=object)[at]
     grade = np.array([leg.grade_rad for leg in legs])[at]
     numbers = np.array([list(TERRAINS).index(leg.terrain) for leg in legs])[at]
-    day = np.exp(w.day_std * (rng.standard_normal() + rng.standard_normal(3)) / np.sqrt(2))
+    day = draw_day(rng, w) if day is None else day
     resistance = (w.rolling * day)[numbers] * (1 + _roughness(rng, v)) + w.drag_s_per_m * v
     power = _power_W(w, v, grade, resistance, MASS_KG + payload_kg)
     return Record(

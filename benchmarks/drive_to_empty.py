@@ -1,0 +1,311 @@
+"""Drive to empty: `python benchmarks/drive_to_empty.py` writes benchmarks/drive_to_empty.md.
+
+Each drive goes out on a line of legs until the battery cannot give the power any more. The robots and grounds are those
+of `energy_world`, the batteries PyBaMM's cells, neither made with the formulas of the estimator; sensors have an offset
+of 1 % of C and a gain off by 1 %. Once a minute the range is asked of what runs on the robot, `SocEstimator` and
+`RangeEstimator`, and compared with the metre at which the robot stopped. Where the probability of coming home falls
+below a promise, the same day is driven again, with the way back from there.
+
+Drives are kept in build/drive_to_empty and not made again; `--drives 40` makes as many of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import pickle
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import lru_cache, reduce
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import ohmward as ow
+from energy_world import DT_S, TERRAINS, Course, Record, World, draw_course, draw_day, draw_world, drive
+from figure import HERE, Figure, at_most, between, verdict
+from ohmward.energy import Consumption, Leg, begin_drive, prior_from_robot, start, with_terrain
+from ohmward.energy.range_step import RangeEstimate
+from ohmward.logs import Log
+from ohmward.traction import RLMA
+from ohmward_lab.simulate.electrochemical import ElectrochemicalCell, aged, record_cell, simulate_cell
+from ohmward_lab.simulate.electrochemical.run import capacity_Ah, log_of, usual_sensors
+from ohmward_lab.simulate.profile import Profile
+from range_accuracy import LEARNING_S, taught
+
+PAGE, KEPT = HERE / "drive_to_empty.md", HERE.parent / "build" / "drive_to_empty"
+INTRODUCTION = """\
+# Drive to empty
+
+Written by `python benchmarks/drive_to_empty.py`. Robots, grounds and sensors are those of `benchmarks/energy_world.py`,
+batteries PyBaMM's cells (LFP: Prada2013, 8 in series; NMC: OKane2022, 4 in series), new and with 85 % of their capacity
+and 1.3 times their resistance, at 0, 20 and 35 degC, with a file from a pulse test of the new cell at 25 degC or from
+the label alone. Each robot knows up to eight drives of other days. None of these drives chose a setting.
+
+Once a minute the range is asked, and compared with the metre at which the robot stopped. *Home*: where the probability
+of coming home on the known way back first falls below the promise, the robot turns; a missed return is one that stops
+on the way. Given up: distance of that turn short of half of the whole range.
+"""
+REFRESH_S, REST_S, HOURS = 60.0, 300.0, 6.0
+PROMISES = (0.95, 0.99)
+#: Seconds below the cut-off after which the protection of a battery opens.
+PROTECTION_S = 3
+ROBOT = replace(RLMA, idle_W=12.0)
+
+
+class Case(NamedTuple):
+    """One drive."""
+
+    chemistry: str
+    degC: float
+    is_aged: bool
+    is_tested: bool
+    seed: int
+
+
+class Question(NamedTuple):
+    """The range as it was asked at an instant."""
+
+    soc: float  #: true
+    p10: float
+    p50: float
+    p90: float
+    by_counting: float  #: distance left by counting charge and the mean consumption so far
+    truth: float  #: distance that was left
+
+
+class Drive(NamedTuple):
+    """Answers along a drive, and what became of each promise."""
+
+    case: Case
+    questions: tuple[Question, ...]
+    home: tuple[bool, ...]  #: for each of PROMISES
+    given_up: tuple[float, ...]
+    reach_m: float
+
+
+CELLS = {"lfp": ("Prada2013", 8, 2.5, 2.3), "nmc": ("OKane2022", 4, 2.8, 5.0)}
+
+
+@lru_cache(maxsize=8)
+def cell_of(chemistry: str, is_aged: bool) -> ElectrochemicalCell:
+    """The pack, with the cut-off of a usual protection."""
+    name, n_series, low_V, _ = CELLS[chemistry]
+    new = ElectrochemicalCell(name, n_series=n_series, voltage_min_V=low_V)
+    return aged(new, 0.85, 1.3) if is_aged else new
+
+
+@lru_cache(maxsize=8)
+def battery_of(chemistry: str, is_tested: bool) -> ow.Battery:
+    """The battery file: from a pulse test of the new pack, or from its label."""
+    _, n_series, _, label_Ah = CELLS[chemistry]
+    if not is_tested:
+        return ow.generic_battery(chemistry, label_Ah, n_series)
+    new = cell_of(chemistry, False)
+    test = record_cell(new, "pulse-test", 25.0, seed=1)
+    return ow.identify(test, capacity_Ah=capacity_Ah(new), chemistry=chemistry, n_series=n_series)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--drives", type=int, default=96)
+    args = parser.parse_args()
+    KEPT.mkdir(parents=True, exist_ok=True)
+    todo = cases(args.drives)
+    with ProcessPoolExecutor(2) as pool:
+        for k, case in enumerate(pool.map(made, todo), 1):
+            print(f"{k} of {len(todo)}: {case}", file=sys.stderr)
+    drives = [pickle.loads(kept(case).read_bytes()) for case in todo]
+    PAGE.write_text(page(drives), encoding="utf-8")
+    return 0
+
+
+def cases(count: int) -> list[Case]:
+    """So many drives, every kind as often as any other."""
+    kinds = list(product(CELLS, (0.0, 20.0, 35.0), (False, True), (True, False)))
+    return [Case(*kinds[k % len(kinds)], seed=k // len(kinds)) for k in range(count)]
+
+
+def kept(case: Case) -> Any:
+    return KEPT / ("-".join(map(str, case)) + ".pickle")
+
+
+def made(case: Case) -> Case:
+    """Make a drive, unless it was made before."""
+    if not kept(case).exists():
+        kept(case).write_bytes(pickle.dumps(driven(case)))
+    return case
+
+
+def driven(case: Case) -> Drive:
+    """Out until the battery is empty, and once more for each promise."""
+    rng = np.random.default_rng([case.seed, int(case.degC), *map(ord, case.chemistry), case.is_aged, case.is_tested])
+    world, known = learnt_world(rng)
+    course, day = Course(tuple(leg for _ in range(12) for leg in draw_course(rng).legs)), draw_day(rng, world)
+    out = drive(rng, world, course, HOURS * 3600.0, day=day)
+    log, soc, stop = driven_log(case, out.power_W, rng, world)
+    assert stop < len(out.power_W), "the battery outlasts the drive"
+    estimates = asked(case, log, out, known, course, stop)
+    place_m = DT_S * np.cumsum(out.speed_m_s)
+    questions = tuple(question(k, e, place_m, soc, log, stop, case) for k, e in estimates.items())
+    home, given_up = zip(
+        *(promised(p, case, rng, world, day, course, out, estimates, place_m[stop]) for p in PROMISES), strict=True
+    )
+    return Drive(case, questions, home, given_up, float(place_m[stop]))
+
+
+def learnt_world(rng: np.random.Generator) -> tuple[World, Consumption]:
+    """A robot in its surroundings, and what it has learnt of them on up to eight days before."""
+    world, c = draw_world(rng), start(prior_from_robot(ROBOT))
+    for _ in range(int(rng.integers(0, 9))):
+        c = taught(begin_drive(c, days=1.0), drive(rng, world, draw_course(rng), LEARNING_S))
+    return world, reduce(with_terrain, TERRAINS, begin_drive(c, days=1.0))
+
+
+def driven_log(case: Case, power_W: np.ndarray, rng: np.random.Generator, world: World) -> tuple[Log, np.ndarray, int]:
+    """The battery's log, the true state of charge (T,), and the second at which the battery gives too little."""
+    cell = cell_of(case.chemistry, case.is_aged)
+    time_s = DT_S * np.arange(len(power_W))
+    current_A = -power_W / (3.6 * cell.n_series)
+    for _ in range(3):  # the current that gives this power
+        truth = simulate_cell(cell, Profile(time_s, current_A, np.full(len(time_s), case.degC)), time_s)
+        wanted_A = 0.5 * (current_A[1:] + current_A[:-1])  # steps have the current of their middles
+        short = (truth.current_A[1:] > 0.95 * wanted_A) & (wanted_A < -0.1)
+        lasting = short[PROTECTION_S - 1 :].copy()
+        for k in range(1, PROTECTION_S):
+            lasting &= short[PROTECTION_S - 1 - k : len(short) - k]
+        stop = int(np.argmax(lasting)) + PROTECTION_S if lasting.any() else len(time_s)
+        current_A = -power_W / np.where(
+            time_s <= time_s[min(stop, len(time_s) - 1)], truth.voltage_V, truth.voltage_V[0]
+        )
+    label_Ah = CELLS[case.chemistry][3]
+    offset = 0.01 * float(rng.choice([-1.0, 1.0]))
+    sensors = usual_sensors(label_Ah, cell.n_series, offset=offset, gain=world.power_gain - 1.0)
+    log = log_of(truth, sensors, rng, "drive").select(slice(0, max(stop, 2)))
+    return log, truth.soc, stop
+
+
+def asked(case: Case, log: Log, out: Record, known: Consumption, course: Course, stop: int) -> dict[int, RangeEstimate]:
+    """What the robot says each minute, by the second."""
+    battery = battery_of(case.chemistry, case.is_tested)
+    run = ow.SocEstimator(battery).run(log)
+    cutoff_V = CELLS[case.chemistry][2] * battery.n_series
+    estimator = ow.RangeEstimator(battery, known, reserve_soc=0.0, cutoff_V=cutoff_V, refresh_s=REFRESH_S)
+    place_m, found = DT_S * np.cumsum(out.speed_m_s), {}
+    rows = list(zip(*run.estimates, strict=True))
+    for k in range(len(log)):
+        soc = ow.SocEstimate(*rows[k])
+        due = k % int(REFRESH_S / DT_S) == 0
+        now = estimator.update(
+            float(log.time_s[k]),
+            soc._replace(soc=min(max(soc.soc, 0.0), 1.0)),
+            float(out.seen_speed_m_s[k]),
+            float(log.current_A[k]),
+            float(log.voltage_V[k]),
+            float(out.seen_grade_rad[k]),
+            str(out.terrain[k]),
+            way_back(course, place_m[k]) if due else None,
+            None if log.temperature_degC is None else float(log.temperature_degC[k]),
+        )
+        if due and log.time_s[k] >= REST_S:
+            found[k] = now
+    return found
+
+
+def way_back(course: Course, place_m: float) -> list[Leg]:
+    """The legs from a place to the start, nearest first."""
+    legs, left = [], place_m
+    for leg in course.legs:
+        if left <= 0.0:
+            break
+        legs.append(replace(leg, distance_m=min(leg.distance_m, left), grade_rad=-leg.grade_rad))
+        left -= leg.distance_m
+    return legs[::-1] or [replace(course.legs[0], distance_m=0.1)]
+
+
+def question(
+    k: int, e: RangeEstimate, place_m: np.ndarray, soc: np.ndarray, log: Log, stop: int, case: Case
+) -> Question:
+    used = -float(log.charge_Ah()[k]) / CELLS[case.chemistry][3]
+    counted = place_m[k] * (1.0 - used) / used if used > 0 else np.nan
+    return Question(float(soc[k]), *map(float, e.distance_m), float(counted), float(place_m[stop] - place_m[k]))
+
+
+def promised(
+    promise: float,
+    case: Case,
+    rng: np.random.Generator,
+    world: World,
+    day: np.ndarray,
+    course: Course,
+    out: Record,
+    estimates: dict[int, RangeEstimate],
+    reach_m: float,
+) -> tuple[bool, float]:
+    """Whether the robot comes home that turns where the probability falls below a promise, and what it gave up."""
+    place_m = DT_S * np.cumsum(out.speed_m_s)
+    turn = next((k for k, e in estimates.items() if e.home_probability < promise), max(estimates))
+    back = way_back(course, place_m[turn])
+    seconds = sum(leg.distance_m / leg.speed_m_s + leg.stop_s + 3.0 for leg in back)
+    record = drive(rng, world, Course(tuple(back)), seconds, day=day)
+    way_m = DT_S * np.cumsum(record.speed_m_s)
+    steps = int(np.argmax(way_m >= 0.99 * place_m[turn])) or len(way_m) - 1
+    power_W = np.concatenate([out.power_W[:turn], record.power_W[:steps]])
+    _, _, stop = driven_log(case, power_W, rng, world)
+    return stop >= len(power_W) - 1, 1.0 - float(place_m[turn]) / (0.5 * reach_m)
+
+
+def page(drives: Sequence[Drive]) -> str:
+    lines = ["| drives | quantity | value | to reach | |", "|---|---|---|---|---|"]
+    lines += [f"| {f.data} | {f.quantity} | {f.value} | {f.bar} | {verdict(f.met)} |" for f in figures(drives)]
+    return "\n".join([INTRODUCTION, *lines, ""])
+
+
+def figures(drives: Sequence[Drive]) -> Iterator[Figure]:
+    yield from calibration(f"all {len(drives)}", drives, (77.0, 83.0))
+    kinds = {
+        "LFP": lambda c: c.chemistry == "lfp",
+        "NMC": lambda c: c.chemistry == "nmc",
+        "0 degC": lambda c: c.degC == 0.0,
+        "20 degC": lambda c: c.degC == 20.0,
+        "35 degC": lambda c: c.degC == 35.0,
+        "new": lambda c: not c.is_aged,
+        "85 % of the capacity": lambda c: c.is_aged,
+        "file from a test": lambda c: c.is_tested,
+        "label alone": lambda c: not c.is_tested,
+    }
+    for name, chosen in kinds.items():
+        yield from calibration(name, [d for d in drives if chosen(d.case)], (70.0, 90.0))
+    for quarter in range(4):
+        part = [
+            d._replace(questions=tuple(q for q in d.questions if quarter / 4 <= q.soc < (quarter + 1) / 4 + 1e-9))
+            for d in drives
+        ]
+        yield from calibration(f"charge {25 * quarter} to {25 * quarter + 25} %", part, (70.0, 90.0))
+    for k, promise in enumerate(PROMISES):
+        missed = 1000.0 * np.mean([not d.home[k] for d in drives])
+        bars = (30.0, 70.0) if promise == 0.95 else (5.0, 15.0)
+        yield between(f"home promised {promise:.0%}", "", "missed returns per 1,000", missed, bars)
+        given = 100.0 * float(np.median([d.given_up[k] for d in drives]))
+        yield at_most(f"home promised {promise:.0%}", "", "given up [% of half of the range]", given, 12.0)
+
+
+def calibration(name: str, drives: Sequence[Drive], bars: tuple[float, float]) -> Iterator[Figure]:
+    """Where the truth lay, each drive as much as any other."""
+    asked_of = [d.questions for d in drives if d.questions]
+    inside = 100 * np.mean([np.mean([q.p10 <= q.truth <= q.p90 for q in qs]) for qs in asked_of])
+    below = 100 * np.mean([np.mean([q.truth < q.p10 for q in qs]) for qs in asked_of])
+    yield between(name, "", "truth within P10-P90 [%]", float(inside), bars)
+    yield Figure(name, "", "truth below P10 [%]", f"{below:.0f}")
+    late = [q for qs in asked_of for q in qs if q.soc <= 0.5 and q.truth > 50.0]
+    if late:
+        errors = np.array([[abs(q.p50 / q.truth - 1), abs(q.by_counting / q.truth - 1)] for q in late])
+        median, counting = 100 * np.median(errors, axis=0)
+        yield at_most(name, "", "median error of P50, from half charge on [%]", float(median), 6.0, ".1f")
+        yield Figure(name, "", "the same by counting and the mean consumption", f"{counting:.1f}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
