@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: help environment demo test test-lab test-spark static check house soak accuracy lives learning bench slip-control firmware \
+.PHONY: help environment demo test test-lab test-spark static check house soak accuracy lives learning bench slip-control drive-to-empty firmware \
     single-precision docs format clean
 .DEFAULT_GOAL := help
 
@@ -20,6 +20,7 @@ help:
 	@echo "make learning  files that learn from use, without a test -> benchmarks/learning.md"
 	@echo "make slip-control  slip control in MuJoCo -> benchmarks/slip_control.md"
 	@echo "make bench     speed beside other packages -> benchmarks/speed.md"
+	@echo "make drive-to-empty  range and way home to the metre where robots stopped -> benchmarks/drive_to_empty.md"
 	@echo "make firmware  exported filters on an emulated Cortex-M4F -> benchmarks/firmware.md;"
 	@echo "               make firmware LIBRARY=DIR LOG=day.csv: a recorded log through an exported library there"
 	@echo "make single-precision  the same filters against double precision -> benchmarks/single_precision.md"
@@ -35,7 +36,7 @@ $(VENV)/%.stamp: pyproject.toml
 	@touch $@
 
 # Small matrices: more threads than one only fight each other, above all when tests run in parallel.
-demo test test-lab test-spark check soak accuracy lives learning bench slip-control firmware single-precision docs: export OMP_NUM_THREADS = 1
+demo test test-lab test-spark check soak accuracy lives learning bench slip-control drive-to-empty firmware single-precision docs: export OMP_NUM_THREADS = 1
 
 demo: $(VENV)/lab.stamp
 	$(BIN)/ohmward demo --out demo
@@ -85,6 +86,9 @@ bench:
 
 slip-control: $(VENV)/test.stamp
 	$(BIN)/python benchmarks/slip_control.py
+
+drive-to-empty: $(VENV)/test.stamp
+	$(BIN)/python benchmarks/drive_to_empty.py
 
 firmware: $(VENV)/test.stamp
 	$(BIN)/python firmware/measure.py $(LIBRARY) $(LOG) $(OPTIONS)

@@ -1,4 +1,4 @@
-"""Drive to empty: `python benchmarks/drive_to_empty.py` writes benchmarks/drive_to_empty.md.
+"""Drive to empty: `make drive-to-empty` writes benchmarks/drive_to_empty.md.
 
 Each drive goes out on a line of legs until the battery cannot give the power any more. The robots and grounds are those
 of `energy_world`, the batteries PyBaMM's cells, neither made with the formulas of the estimator; sensors have an offset
@@ -39,10 +39,11 @@ PAGE, KEPT = HERE / "drive_to_empty.md", HERE.parent / "build" / "drive_to_empty
 INTRODUCTION = """\
 # Drive to empty
 
-Written by `python benchmarks/drive_to_empty.py`. Robots, grounds and sensors are those of `benchmarks/energy_world.py`,
+Written by `make drive-to-empty`. Robots, grounds and sensors are those of `benchmarks/energy_world.py`,
 batteries PyBaMM's cells (LFP: Prada2013, 8 in series; NMC: OKane2022, 4 in series), new and with 85 % of their capacity
 and 1.3 times their resistance, at 0, 20 and 35 degC, with a file from a pulse test of the new cell at 25 degC or from
-the label alone. Each robot knows up to eight drives of other days. None of these drives chose a setting.
+the label alone. Each robot knows up to eight drives of other days. The robots of seed 0 were
+looked at while the estimator was made; none of those here chose a setting.
 
 Once a minute the range is asked, and compared with the metre at which the robot stopped. *Home*: where the probability
 of coming home on the known way back first falls below the promise, the robot turns; a missed return is one that stops
@@ -50,6 +51,7 @@ on the way. Given up: distance of that turn short of half of the whole range.
 """
 REFRESH_S, REST_S, HOURS = 60.0, 300.0, 6.0
 PROMISES = (0.95, 0.99)
+FIRST_SEED = 1
 #: Seconds below the cut-off after which the protection of a battery opens.
 PROTECTION_S = 3
 ROBOT = replace(RLMA, idle_W=12.0)
@@ -125,7 +127,7 @@ def main() -> int:
 def cases(count: int) -> list[Case]:
     """So many drives, every kind as often as any other."""
     kinds = list(product(CELLS, (0.0, 20.0, 35.0), (False, True), (True, False)))
-    return [Case(*kinds[k % len(kinds)], seed=k // len(kinds)) for k in range(count)]
+    return [Case(*kinds[k % len(kinds)], seed=FIRST_SEED + k // len(kinds)) for k in range(count)]
 
 
 def kept(case: Case) -> Any:

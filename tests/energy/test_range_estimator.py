@@ -11,7 +11,10 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocEstimate
 from ohmward.energy import Consumption, Leg, RangeEstimator, RangeFlag, begin_drive, learn, prior_from_robot, start
+from ohmward.energy.consumption import energy_demand, with_terrain
 from ohmward.energy.consumption_file import dump_consumption
+from ohmward.energy.leg import stretch_of
+from ohmward.energy.range import ground_std
 from ohmward.energy.range_step import RangeSample
 from ohmward.energy.recorded import cut_drive
 from ohmward.errors import InputError
@@ -67,6 +70,17 @@ def test_a_peak_that_held_shortens_the_range_to_the_cut_off_and_is_forgotten():
     assert after(300.0, 10.0, 0.1) < 0.9 * calm  # a climb of ten seconds
     assert after(300.0, 1.0, 0.1) > after(300.0, 10.0, 0.1)  # a second opens no protection
     assert after(300.0, 10.0, 4.0) > 0.97 * after(30.0, 10.0, 4.0)
+
+
+def test_the_ground_ahead_is_another_sample_of_that_of_late():
+    c = begin_drive(learn(with_terrain(begin_drive(NEW), "grass"), stretch_of(Leg(50.0, "grass", 0.5)), 1500.0))
+    even = [stretch_of(Leg(50.0, "grass", 0.5))] * 20
+    hilly = [stretch_of(Leg(50.0, "grass", 0.5, grade_rad=grade)) for grade in [0.06, -0.05] * 10]
+    mean_J_per_m = energy_demand(c, even).mean_J / 1000.0
+    assert ground_std(c, even) < 0.05 * mean_J_per_m  # twenty stretches, all alike
+    assert ground_std(c, hilly) > 3 * ground_std(c, even)
+    assert ground_std(c, even[:1]) > 0.3 * mean_J_per_m  # one tells nothing of the others
+    assert ground_std(c, []) == 0.0
 
 
 def last_sample(estimator: RangeEstimator) -> RangeSample:

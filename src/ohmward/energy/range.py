@@ -19,7 +19,7 @@ from ohmward.battery.battery import Battery
 from ohmward.energy.consumption import Consumption, EnergyDemand, design_row, energy_demand
 from ohmward.energy.leg import Stretch, total_distance_m, total_time_s
 from ohmward.energy.points import Quantiles, normal_points, quantiles, student
-from ohmward.energy.usable_energy import BatteryState, usable_at
+from ohmward.energy.usable_energy import PEAK_LASTS_S, BatteryState, usable_at
 from ohmward.errors import InputError
 
 #: Dimensions of the points: state of charge, capacity and resistance of the battery; then, of the consumption,
@@ -39,8 +39,13 @@ class Range(NamedTuple):
     power_W: float  #: mean power on the way ahead
 
 
-def range_left(c: Consumption, ahead: Sequence[Stretch], battery: Battery, state: BatteryState) -> Range:
+def range_left(
+    c: Consumption, ahead: Sequence[Stretch], battery: Battery, state: BatteryState, is_known: bool = True
+) -> Range:
     """Distance and time left over ground like `ahead`, which may be of any length above zero.
+
+    is_known: the ground ahead is this one; False where these are stretches of late, and the ground ahead is another
+        sample of the same.
 
     Raises:
         InputError: no distance ahead, or a terrain that is not known.
@@ -49,6 +54,8 @@ def range_left(c: Consumption, ahead: Sequence[Stretch], battery: Battery, state
     if not length_m > 0:
         raise InputError("the way ahead has no distance; give stretches that are driven, or ask for `time_left`")
     whole = energy_demand(c, ahead)
+    if not is_known:
+        whole = whole._replace(learned_J2=whole.learned_J2 + (length_m * ground_std(c, ahead)) ** 2)
     power_W = whole.mean_J / time_s
     z = normal_points(DIMENSIONS)
     usable = usable_at(battery, with_peak(state, c, ahead), power_W, z[BATTERY])
@@ -64,10 +71,33 @@ def range_left(c: Consumption, ahead: Sequence[Stretch], battery: Battery, state
     )
 
 
+#: Standard deviation of the energy per metre from stretch to stretch over its mean, before any was driven, and for how
+#: many stretches that counts.
+_GROUND_SHARE, _GROUND_COUNT = 0.3, 3.0
+
+
+def ground_std(c: Consumption, recent: Sequence[Stretch]) -> float:
+    """Standard deviation [J/m] by which the ground ahead takes another mean than the stretches of late.
+
+    Both are samples of the same ground: with the variance s^2 from stretch to stretch and n stretches of equal length,
+    s sqrt(2 / n). Stretches count by their length.
+    """
+    driven = [s for s in recent if s.distance_m > 0.0]
+    if not driven:
+        return 0.0
+    length_m = np.array([s.distance_m for s in driven])
+    per_m = np.array([float(design_row(c, s) @ c.mean) for s in driven]) / length_m
+    share = length_m / length_m.sum()
+    mean, count = float(share @ per_m), 1.0 / float(share @ share)
+    seen = count * float(share @ (per_m - mean) ** 2)
+    variance = (seen + _GROUND_COUNT * (_GROUND_SHARE * mean) ** 2) / (count + _GROUND_COUNT)
+    return float(np.sqrt(2.0 * variance / count))
+
+
 def with_peak(state: BatteryState, c: Consumption, ahead: Sequence[Stretch]) -> BatteryState:
     """The state of a battery that has to give the power of the hardest of these stretches, if none harder is known."""
     driven = [s for s in ahead if s.time_s > s.standing_s]
-    powers_W = [float(design_row(c, s) @ c.mean) / (s.time_s - s.standing_s) for s in driven]
+    powers_W = [float(design_row(c, s) @ c.mean) / max(s.time_s - s.standing_s, PEAK_LASTS_S) for s in driven]
     return replace(state, peak_W=max(state.peak_W, *powers_W, 0.0))
 
 

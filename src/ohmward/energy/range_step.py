@@ -21,7 +21,7 @@ from ohmward.energy.consumption import Consumption, energy_demand, learn, with_t
 from ohmward.energy.drive_meter import DriveMeter, DriveSample, advance
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s
 from ohmward.energy.points import Quantiles, normal_points
-from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_left, with_peak
+from ohmward.energy.range import BATTERY, DIMENSIONS, ground_std, needed_J, range_left, with_peak
 from ohmward.energy.recorded import Cut
 from ohmward.energy.usable_energy import BatteryState, usable_at
 from ohmward.errors import InputError
@@ -198,8 +198,9 @@ class RangeSettings:
         known = state.consumption
         for stretch in (*ahead, *home_m):
             known = with_terrain(known, stretch.terrain) if stretch.terrain else known
-        left = range_left(known, ahead, self.battery, battery_now)
-        probability = reach_probability(known, home_m, self.battery, battery_now) if home_m else math.nan
+        left = range_left(known, ahead, self.battery, battery_now, is_known=False)
+        is_planned = isinstance(sample.home, Sequence)
+        probability = reach_probability(known, home_m, self.battery, battery_now, is_planned) if home_m else math.nan
         return RangeEstimate(
             left.distance_m, left.time_s, left.usable_J, left.energy_J_per_m, probability, 0.0, RangeFlag(0)
         )
@@ -247,9 +248,13 @@ def held_power(state: RangeState, sample: DriveSample) -> tuple[float, float]:
     return held_W, max(held_W, state.peak_W * math.exp(-dt_s / PEAK_MEMORY_S))
 
 
-def reach_probability(c: Consumption, way: Sequence[Stretch], battery: Battery, battery_now: BatteryState) -> float:
-    """Probability of driving these stretches with the reserve left."""
+def reach_probability(
+    c: Consumption, way: Sequence[Stretch], battery: Battery, battery_now: BatteryState, is_known: bool = True
+) -> float:
+    """Probability of driving these stretches with the reserve left; is_known: as of `range_left`."""
     demand = energy_demand(c, way)
+    if not is_known:
+        demand = demand._replace(learned_J2=demand.learned_J2 + (total_distance_m(way) * ground_std(c, way)) ** 2)
     duration_s = total_time_s(way)
     z = normal_points(DIMENSIONS)
     power_W = demand.mean_J / duration_s if duration_s > 0.0 else 0.0

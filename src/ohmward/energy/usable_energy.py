@@ -36,7 +36,7 @@ _GRID = np.linspace(0.0, 1.0, 251)
 _RESISTANCES = 33
 _SECONDS_PER_HOUR = 3600.0
 #: Time [s] for which a peak of power holds on: a climb, a patch of mud.
-_PEAK_S = 30.0
+PEAK_LASTS_S = 30.0
 #: Margin of a voltage that does not exist: far below any cut-off.
 _NO_POWER_V = -1e9
 
@@ -220,7 +220,7 @@ def discharge_curves(
     usual_A = USUAL_C * model.capacity_Ah
     u = thevenin.CircuitInput(-usual_A, temperature_degC)
     ohmic, pairs = -thevenin.ohmic_drop(soc, u, model) / usual_A, thevenin.pair_resistances(soc, u, model)
-    shares = [1.0 - decay for decay in thevenin.pair_decays(u, model, _PEAK_S)]
+    shares = [1.0 - decay for decay in thevenin.pair_decays(u, model, PEAK_LASTS_S)]
     of_peak = (share * pair for share, pair in zip(shares, pairs, strict=True))
     return ocv_V, sum(pairs, ohmic + np.zeros(soc.shape)), sum(of_peak, ohmic + np.zeros(soc.shape))
 
