@@ -45,7 +45,11 @@ CHARGE = (
 )
 SLIP = ("Robotino, gray floor, runs not learnt from", "UKF on learnt floors, encoders + currents")
 SLIP_ERROR, SLIP_COVERAGE = "mean slip of a run, mean absolute error", "runs in the 95 % band"
-RANGE_COVERAGE = ("300 simulated robots", "range left", "truth within P10-P90 [%]")
+RANGE_COVERAGE = "truth within P10-P90 [%]"
+RANGE_ERROR, COUNTED_RANGE = (
+    "median error of P50, from half charge on [%]",
+    "the same by counting and the mean consumption",
+)
 LIVE = "`update()`, the default, a sum of three extended filters, machine code"
 PEERS = (
     ("FilterPy", "as documented", "UKF, 3 states"),
@@ -62,7 +66,7 @@ def main() -> None:
 
 def filled(readme: str) -> str:
     """The text of the README with its tables made anew."""
-    with_accuracy = replaced(readme, "accuracy", accuracy_table(page("accuracy.md")))
+    with_accuracy = replaced(readme, "accuracy", accuracy_table(page("accuracy.md"), page("drive_to_empty.md")))
     return replaced(with_accuracy, "speed", speed_table(page("speed.md"), page("firmware.md")))
 
 
@@ -72,7 +76,7 @@ def page(name: str) -> str:
     return path.read_text(encoding="utf-8") if path.exists() else ""
 
 
-def accuracy_table(text: str) -> list[str]:
+def accuracy_table(text: str, to_empty: str) -> list[str]:
     """Rows about charge, slip and range; none without a benchmark."""
     rows = list(read_rows(text, DATA))
     if not rows:
@@ -87,9 +91,13 @@ def accuracy_table(text: str) -> list[str]:
     lines.append(
         f"| Slip of an omni-directional robot on a slippery floor, mean of a run | {slip:.3f} | | {coverage} % |"
     )
-    lines.append(
-        f"| Range left, 300 simulated robots | | | {motion[RANGE_COVERAGE]} % between P10 and P90 (80 is right) |"
-    )
+    ranges = [row for row in read_rows(to_empty, "drives") if row["drives"].startswith("all ")]
+    if ranges:
+        found = {row["quantity"]: row["value"] for row in ranges}
+        lines.append(
+            f"| Range of simulated robots driven to empty, from half charge on, median | {found[RANGE_ERROR]} % | "
+            f"{found[COUNTED_RANGE]} % | {found[RANGE_COVERAGE]} % between P10 and P90 (80 is right) |"
+        )
     return lines
 
 
