@@ -17,6 +17,7 @@ from ohmward.onboard.assembly import assemble
 from ohmward.onboard.part import LOG
 from ohmward.onboard.process import Process
 from ohmward.onboard.ros.transport import require_others_topics
+from ohmward_ros.node import End
 from ohmward_ros.parameters import IN, OUT, PARAMETERS, descriptor_of
 from ohmward_ros.settings import setup_of
 
@@ -24,7 +25,7 @@ from ohmward_ros.settings import setup_of
 REFUSED = 1
 
 
-def run() -> int:
+def run(end: End) -> int:
     """Run until the node is stopped; the exit status."""
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
@@ -37,7 +38,7 @@ def run() -> int:
     try:
         process = assemble(setup_of(read_parameters(node), node.get_name(), node.get_namespace()), node)
         process.estimation.compile(from_disk=True)
-        asyncio.run(_run(process))
+        asyncio.run(_run(process, end))
     except OhmwardError as error:
         return _refuse(error)
     finally:
@@ -100,6 +101,7 @@ class RosoutHandler(logging.Handler):
             self._logger.info(text)
 
 
-async def _run(process: Process) -> None:
+async def _run(process: Process, end: End) -> None:
     process.stop_on_signals()
-    await process.run()
+    if not end.asked:
+        await process.run()

@@ -111,10 +111,10 @@ def start(tmp_path):
     save_battery(generic_battery("lfp", 12.0, 4), tmp_path / "battery.toml")
     paths = [str(PACKAGE), str(Path(ohmward.__file__).parents[1]), *sys.path]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
-    program = [sys.executable, "-c", "from ohmward_ros.node import main; main()", "--ros-args"]
     started = []
 
-    def begin(arguments: str) -> subprocess.Popen:
+    def begin(arguments: str, before: str = "") -> subprocess.Popen:
+        program = [sys.executable, "-c", f"{before}from ohmward_ros.node import main; main()", "--ros-args"]
         process = subprocess.Popen([*program, *arguments.split()], env=environment, stderr=subprocess.PIPE, text=True)
         started.append(process)
         return process
@@ -268,3 +268,24 @@ def test_a_signal_while_the_node_begins_leaves_no_traceback(robot, start, after_
     node.send_signal(signal.SIGINT)
     _, error = node.communicate(timeout=PATIENCE_S)
     assert "ohmward" not in error or "Traceback" not in error
+
+
+#: What is raised in a callback of the garbage collection the interpreter prints, and goes on.
+LOST = """
+import ohmward_ros.node as n
+raising = n.End.__call__
+def lost(*signal):
+    try:
+        raising(*signal)
+    except SystemExit:
+        pass
+n.End.__call__ = lost
+"""
+
+
+def test_a_signal_whose_exception_got_lost_ends_the_node_all_the_same(robot, start):
+    node = start("-p robot:=rlma", LOST)
+    time.sleep(0.5)
+    node.send_signal(signal.SIGINT)
+    node.communicate(timeout=PATIENCE_S)
+    assert node.returncode == 0
