@@ -53,9 +53,7 @@ def range_left(
     length_m, time_s = total_distance_m(ahead), total_time_s(ahead)
     if not length_m > 0:
         raise InputError("the way ahead has no distance; give stretches that are driven, or ask for `time_left`")
-    whole = energy_demand(c, ahead)
-    if not is_known:
-        whole = whole._replace(learned_J2=whole.learned_J2 + (length_m * ground_std(c, ahead)) ** 2)
+    whole = way_demand(c, ahead, is_known)
     power_W = whole.mean_J / time_s
     z = normal_points(DIMENSIONS)
     usable = usable_at(battery, with_peak(state, c, ahead), power_W, z[BATTERY])
@@ -69,6 +67,14 @@ def range_left(
         quantiles(per_m + scatter / np.sqrt(length_m)),
         power_W,
     )
+
+
+def way_demand(c: Consumption, way: Sequence[Stretch], is_known: bool) -> EnergyDemand:
+    """Energy that a way takes; is_known: as of `range_left`."""
+    demand = energy_demand(c, way)
+    if is_known:
+        return demand
+    return demand._replace(learned_J2=demand.learned_J2 + (total_distance_m(way) * ground_std(c, way)) ** 2)
 
 
 #: Standard deviation of the energy per metre from stretch to stretch over its mean, before any was driven, and for how

@@ -17,11 +17,11 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.soc.clean_sample import is_current, is_voltage
 from ohmward.checks import require_between, require_each_not_negative, require_positive
-from ohmward.energy.consumption import Consumption, energy_demand, learn, with_terrain
+from ohmward.energy.consumption import Consumption, learn, with_terrain
 from ohmward.energy.drive_meter import DriveMeter, DriveSample, advance
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s
 from ohmward.energy.points import Quantiles, normal_points
-from ohmward.energy.range import BATTERY, DIMENSIONS, ground_std, needed_J, range_left, with_peak
+from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_left, way_demand, with_peak
 from ohmward.energy.recorded import Cut
 from ohmward.energy.usable_energy import BatteryState, usable_at
 from ohmward.errors import InputError
@@ -252,9 +252,7 @@ def reach_probability(
     c: Consumption, way: Sequence[Stretch], battery: Battery, battery_now: BatteryState, is_known: bool = True
 ) -> float:
     """Probability of driving these stretches with the reserve left; is_known: as of `range_left`."""
-    demand = energy_demand(c, way)
-    if not is_known:
-        demand = demand._replace(learned_J2=demand.learned_J2 + (total_distance_m(way) * ground_std(c, way)) ** 2)
+    demand = way_demand(c, way, is_known)
     duration_s = total_time_s(way)
     z = normal_points(DIMENSIONS)
     power_W = demand.mean_J / duration_s if duration_s > 0.0 else 0.0
