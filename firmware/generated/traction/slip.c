@@ -4,275 +4,203 @@
 #include <stdint.h>
 #include <string.h>
 
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#endif
+
 void slip_start(slip_state *state, const slip_sample *sample)
 {
     (void)sample;
-    memset(state, 0, sizeof *state);
+    (void)memset(state, 0, sizeof *state);
     state->estimate_known = 1.0f;
 }
 
 void slip_step(slip_state *state, const slip_sample *sample, slip_output *output)
 {
-    const float t0 = state->estimate_wheel_speed_rad_s;
-    const float t1 = state->estimate_travel_speed_m_s;
-    const float t2 = state->estimate_force_N;
-    const float t3 = state->estimate_acceleration_m_s2;
-    const float t4 = state->estimate_known;
-    const float t5 = state->memory_integral_m;
-    const float t6 = state->torque_Nm;
-    const float t7 = state->slip_target;
-    const float t8 = state->direction;
-    const float t9 = state->limited_s;
-    const float t10 = sample->command_slip_ratio;
-    const float t11 = sample->command_direction;
-    const float t12 = sample->measurement_wheel_speed_rad_s;
-    const float t13 = sample->measurement_travel_speed_m_s;
-    const float t14 = sample->measurement_age_s;
-    const float t15 = sample->measurement_travel_speed_std_m_s;
-    const float t16 = sample->measurement_force_N;
-    const float t17 = sample->measurement_acceleration_m_s2;
-    const float t18 = sample->dt_s;
-    const float t19 = fabsf(t12);
-    const bool t20 = t19 <= 100000.0f;
-    const float t21 = fabsf(t13);
-    const bool t22 = t21 <= 1000.0f;
-    const bool t23 = t20 && t22;
-    const bool t24 = 0e+00f <= t14;
-    const bool t25 = t14 <= 0.1f;
-    const bool t26 = t24 && t25;
-    const bool t27 = t23 && t26;
-    const bool t28 = t15 <= 0.1f;
-    const bool t29 = t27 && t28;
-    const float t30 = t29 ? t12 : t0;
-    const float t31 = t3 * t14;
-    const float t32 = t13 + t31;
-    const float t33 = t29 ? t32 : t1;
-    const float t34 = fabsf(t16);
-    const bool t35 = t34 <= 1e+07f;
-    const bool t36 = t29 && t35;
-    const bool t37 = 0e+00f < t18;
-    const bool t38 = t18 <= 60.0f;
-    const bool t39 = t37 && t38;
-    const float t40 = t39 ? t18 : 0e+00f;
-    const float t41 = t16 - t2;
-    const float t42 = t40 * t41;
-    const float t43 = 0.005f + t40;
-    const float t44 = t42 / t43;
-    const float t45 = t2 + t44;
-    const bool t46 = 0.5f < t4;
-    const bool t47 = t29 && t46;
-    const float t48 = t6 * t40;
-    const float t49 = t30 - t0;
-    const float t50 = 0.0108f * t49;
-    const float t51 = t48 - t50;
-    const float t52 = t51 / 0.12f;
-    const float t53 = t2 * t40;
-    const float t54 = t52 - t53;
-    const float t55 = t54 / t43;
-    const float t56 = t47 ? t55 : 0e+00f;
-    const float t57 = t2 + t56;
-    const float t58 = t36 ? t45 : t57;
-    const float t59 = fabsf(t17);
-    const bool t60 = t59 <= 100000.0f;
-    const bool t61 = t29 && t60;
-    const float t62 = t33 - t1;
-    const float t63 = t3 * t40;
-    const float t64 = t62 - t63;
-    const float t65 = 0.05f + t40;
-    const float t66 = t64 / t65;
-    const float t67 = t47 ? t66 : 0e+00f;
-    const float t68 = t3 + t67;
-    const float t69 = t61 ? t17 : t68;
-    const float t70 = t29 ? 1.0f : 0e+00f;
-    const float t71 = fabsf(t10);
-    const bool t72 = t71 < 1.0f;
-    const bool t73 = 0.5f < t70;
-    const bool t74 = t10 < 0e+00f;
-    const float t75 = 0.12f * t30;
-    const float t76 = fabsf(t75);
-    const float t77 = fabsf(t33);
-    const float t78 = (t76 > t77 || t76 != t76) ? t76 : t77;
-    const bool t79 = t78 < 0.05f;
-    const bool t80 = t74 && t79;
-    const bool t81 = !t80;
-    const bool t82 = t73 && t81;
-    const bool t83 = t72 && t82;
-    const bool t84 = t77 < t76;
-    const float t85 = t84 ? t75 : t33;
-    const bool t86 = 0e+00f <= t85;
-    const float t87 = t86 ? 1.0f : (-1.0f);
-    const bool t88 = 0e+00f <= t11;
-    const float t89 = t88 ? 1.0f : (-1.0f);
-    const float t90 = t74 ? t87 : t89;
-    const float t91 = 0.12f * t90;
-    const float t92 = t30 * t91;
-    const float t93 = fabsf(t92);
-    const float t94 = t33 * t90;
-    const float t95 = fabsf(t94);
-    const float t96 = (t93 > t95 || t93 != t93) ? t93 : t95;
-    const bool t97 = 0.22f < t96;
-    const bool t98 = t8 == t90;
-    const float t99 = t98 ? t5 : 0e+00f;
-    const float t100 = t72 ? t10 : 0e+00f;
-    const float t101 = t100 - t7;
-    const float t102 = (t40 <= 1e-09f) ? 1e-09f : t40;
-    const float t103 = t101 / t102;
-    const float t104 = (t103 <= (-5.0f)) ? (-5.0f) : t103;
-    const float t105 = (t104 >= 5.0f) ? 5.0f : t104;
-    const float t106 = t40 * t105;
-    const float t107 = t7 + t106;
-    const bool t108 = 0e+00f < t107;
-    const float t109 = t108 ? 5.0f : 1.0f;
-    const float t110 = 0.22f * t109;
-    const float t111 = t109 - 1.0f;
-    const float t112 = t96 * t111;
-    const float t113 = t110 - t112;
-    const float t114 = (0.22f > t113) ? 0.22f : t113;
-    const float t115 = (t96 > t114 || t96 != t96) ? t96 : t114;
-    const float t116 = 0.1f * t115;
-    const float t117 = t92 - t94;
-    const float t118 = t107 * t115;
-    const float t119 = t117 - t118;
-    const float t120 = fabsf(t119);
-    const bool t121 = t116 < t120;
-    const float t122 = t58 * t90;
-    const float t123 = 0.12f * t122;
-    const bool t124 = t95 <= t93;
-    const float t125 = 1.0f - t109;
-    const float t126 = t97 ? 1.0f : t125;
-    const float t127 = t107 * t126;
-    const bool t128 = 0e+00f <= t92;
-    const float t129 = t128 ? 1.0f : (-1.0f);
-    const float t130 = t127 * t129;
-    const float t131 = 1.0f - t130;
-    const float t132 = t124 ? t131 : 1.0f;
-    const float t133 = 0.12f * t132;
-    const float t134 = 0.0108f / t133;
-    const float t135 = t69 * t90;
-    const bool t136 = t93 < t95;
-    const bool t137 = 0e+00f <= t94;
-    const float t138 = t137 ? 1.0f : (-1.0f);
-    const float t139 = t127 * t138;
-    const float t140 = 1.0f + t139;
-    const float t141 = t136 ? t140 : 1.0f;
-    const float t142 = t135 * t141;
-    const float t143 = t105 * t115;
-    const float t144 = t142 + t143;
-    const float t145 = 0.0144f * t132;
-    const float t146 = 51.484913f * t145;
-    const float t147 = t146 / 0.0108f;
-    const float t148 = fabsf(t144);
-    const float t149 = 0.2f * t148;
-    const float t150 = t147 + t149;
-    const float t151 = 1.0f + t141;
-    const float t152 = 1.2f * t151;
-    const float t153 = t150 + t152;
-    const float t154 = 5.0f * t40;
-    const float t155 = (0.005f > t154) ? 0.005f : t154;
-    const float t156 = t153 * t155;
-    const float t157 = t119 / t156;
-    const bool t158 = 0e+00f <= t157;
-    const float t159 = t158 ? 1.0f : (-1.0f);
-    const float t160 = -t157;
-    const float t161 = t158 ? t157 : t160;
-    const bool t162 = 1.0f < t161;
-    const float t163 = (t161 <= 1.0f) ? 1.0f : t161;
-    const float t164 = 2.0f * t163;
-    const float t165 = t164 - 1.0f;
-    const float t166 = sqrtf(t165);
-    const float t167 = t162 ? t166 : t161;
-    const float t168 = t159 * t167;
-    const float t169 = t153 * t168;
-    const float t170 = t144 - t169;
-    const float t171 = t134 * t170;
-    const float t172 = t123 + t171;
-    const float t173 = t6 * t90;
-    const float t174 = (t173 >= 0e+00f) ? 0e+00f : t173;
-    const float t175 = t153 * t134;
-    const float t176 = t153 * t175;
-    const float t177 = t176 / t156;
-    const float t178 = t40 * t177;
-    const float t179 = t178 / 2.0f;
-    const float t180 = t174 - t179;
-    const float t181 = (t172 > t180 || t172 != t172) ? t172 : t180;
-    const float t182 = (t173 <= 0e+00f) ? 0e+00f : t173;
-    const float t183 = t179 + t182;
-    const float t184 = (t181 < t183 || t181 != t181) ? t181 : t183;
-    const float t185 = t90 * t184;
-    const float t186 = t83 ? t185 : 0e+00f;
-    const float t187 = t90 * t186;
-    const float t188 = 5000.0f * t40;
-    const float t189 = t6 - t188;
-    const float t190 = (t186 > t189 || t186 != t186) ? t186 : t189;
-    const float t191 = t6 + t188;
-    const float t192 = (t190 < t191 || t190 != t190) ? t190 : t191;
-    const float t193 = (t192 <= (-12.356379f)) ? (-12.356379f) : t192;
-    const float t194 = (t193 >= 12.356379f) ? 12.356379f : t193;
-    const float t195 = t90 * t194;
-    const float t196 = t187 - t195;
-    const float t197 = fabsf(t196);
-    const bool t198 = 1e-09f < t197;
-    const float t199 = t195 - t187;
-    const float t200 = t119 * t199;
-    const bool t201 = 0e+00f < t200;
-    const bool t202 = t198 && t201;
-    const bool t203 = t121 || t202;
-    const float t204 = t40 * t119;
-    const float t205 = t203 ? 0e+00f : t204;
-    const float t206 = t99 + t205;
-    const float t207 = t97 ? t206 : 0e+00f;
-    const float t208 = t83 ? t207 : 0e+00f;
-    const float t209 = t83 ? t107 : 0e+00f;
-    const float t210 = t186 - t194;
-    const float t211 = fabsf(t210);
-    const bool t212 = 1e-09f < t211;
-    const float t213 = 0.02f * t115;
-    const bool t214 = t213 < t120;
-    const bool t215 = t212 && t214;
-    const bool t216 = t83 && t215;
-    const float t217 = t9 + t40;
-    const float t218 = t216 ? t217 : 0e+00f;
-    const float t219 = t90 * t94;
-    const float t220 = fabsf(t219);
-    const float t221 = t90 * t92;
-    const float t222 = fabsf(t221);
-    const bool t223 = t220 < t222;
-    const float t224 = t223 ? t221 : t219;
-    const bool t225 = 0e+00f <= t224;
-    const float t226 = t225 ? 1.0f : (-1.0f);
-    const float t227 = (t222 > t220 || t222 != t222) ? t222 : t220;
-    const bool t228 = t227 < 0.02f;
-    const float t229 = t221 - t219;
-    const float t230 = (t227 <= 0.02f) ? 0.02f : t227;
-    const float t231 = t229 / t230;
-    const float t232 = t228 ? NAN : t231;
-    const float t233 = t226 * t232;
-    const float t234 = t73 ? 0e+00f : 1.0f;
-    const bool t235 = t73 && t80;
-    const float t236 = t235 ? 2.0f : 0e+00f;
-    const float t237 = t234 + t236;
-    const float t238 = t212 ? 4.0f : 0e+00f;
-    const float t239 = t237 + t238;
-    const bool t240 = 0.2f < t218;
-    const float t241 = t240 ? 16.0f : 0e+00f;
-    const float t242 = t239 + t241;
-    const float t243 = t72 ? 0e+00f : 32.0f;
-    const float t244 = t242 + t243;
-    state->estimate_wheel_speed_rad_s = t30;
-    state->estimate_travel_speed_m_s = t33;
-    state->estimate_force_N = t58;
-    state->estimate_acceleration_m_s2 = t69;
-    state->estimate_known = t70;
-    state->memory_integral_m = t208;
-    state->torque_Nm = t194;
-    state->slip_target = t209;
-    state->direction = t90;
-    state->limited_s = t218;
-    output->torque_Nm = t194;
-    output->report_slip_ratio = t233;
-    output->report_slip_target = t107;
-    output->report_surface_m_s = t119;
-    output->report_force_N = t58;
-    output->report_demanded_Nm = t186;
-    output->report_flags = t244;
+    const float estimate_wheel_speed_rad_s = state->estimate_wheel_speed_rad_s;
+    const float estimate_travel_speed_m_s = state->estimate_travel_speed_m_s;
+    const float estimate_force_N = state->estimate_force_N;
+    const float estimate_acceleration_m_s2 = state->estimate_acceleration_m_s2;
+    const float estimate_known = state->estimate_known;
+    const float memory_integral_m = state->memory_integral_m;
+    const float torque_Nm = state->torque_Nm;
+    const float slip_target = state->slip_target;
+    const float direction = state->direction;
+    const float limited_s = state->limited_s;
+    const float command_slip_ratio = sample->command_slip_ratio;
+    const float command_direction = sample->command_direction;
+    const float measurement_wheel_speed_rad_s = sample->measurement_wheel_speed_rad_s;
+    const float measurement_travel_speed_m_s = sample->measurement_travel_speed_m_s;
+    const float measurement_age_s = sample->measurement_age_s;
+    const float measurement_travel_speed_std_m_s = sample->measurement_travel_speed_std_m_s;
+    const float measurement_force_N = sample->measurement_force_N;
+    const float measurement_acceleration_m_s2 = sample->measurement_acceleration_m_s2;
+    const float dt_s = sample->dt_s;
+    /* plausible_step_s (traction/control/force_filter.py): The time since the step before [s] */
+    const float motion_dt_s = ((0.0f < dt_s) && (dt_s <= 60.0f)) ? dt_s : 0.0f;
+    /* ForceFilter.usable (traction/control/force_filter.py): True where a controller may act on a measurement */
+    const bool possible = (fabsf(measurement_wheel_speed_rad_s) <= 100000.0f) && (fabsf(measurement_travel_speed_m_s) <= 1000.0f);
+    const bool recent = (0.0f <= measurement_age_s) && (measurement_age_s <= 0.1f);
+    const bool usable = (possible && recent) && (measurement_travel_speed_std_m_s <= 0.1f);
+    /* ForceFilter.update (traction/control/force_filter.py): Estimate after a step under `torque_Nm`; force and
+       acceleration hold across a gap in the measurements */
+    const float omega = usable ? measurement_wheel_speed_rad_s : estimate_wheel_speed_rad_s;
+    state->estimate_wheel_speed_rad_s = omega;
+    const float t2 = measurement_travel_speed_m_s + estimate_acceleration_m_s2 * measurement_age_s;
+    const float estimate_travel_speed_m_s2 = usable ? t2 : estimate_travel_speed_m_s;
+    state->estimate_travel_speed_m_s = estimate_travel_speed_m_s2;
+    const float impulse = torque_Nm * motion_dt_s - 0.0108f * (omega - estimate_wheel_speed_rad_s);
+    const float t3 = 0.005f + motion_dt_s;
+    const float force_change = (impulse / 0.12f - estimate_force_N * motion_dt_s) / t3;
+    const float speed_change = estimate_travel_speed_m_s2 - estimate_travel_speed_m_s - estimate_acceleration_m_s2 * motion_dt_s;
+    const float acceleration_change = speed_change / (0.05f + motion_dt_s);
+    const float observed_N = estimate_force_N + motion_dt_s * (measurement_force_N - estimate_force_N) / t3;
+    const bool continuous = usable && (0.5f < estimate_known);
+    const float filtered_N = estimate_force_N + (continuous ? force_change : 0.0f);
+    const float filtered_m_s2 = estimate_acceleration_m_s2 + (continuous ? acceleration_change : 0.0f);
+    const float estimate_force_N2 = (usable && (fabsf(measurement_force_N) <= 1e+07f)) ? observed_N : filtered_N;
+    state->estimate_force_N = estimate_force_N2;
+    output->report_force_N = estimate_force_N2;
+    const bool t4 = usable && (fabsf(measurement_acceleration_m_s2) <= 100000.0f);
+    const float estimate_acceleration_m_s2_2 = t4 ? measurement_acceleration_m_s2 : filtered_m_s2;
+    state->estimate_acceleration_m_s2 = estimate_acceleration_m_s2_2;
+    const float estimate_known2 = usable ? 1.0f : 0.0f;
+    state->estimate_known = estimate_known2;
+    /* SlipController.direction (traction/control/slip_controller.py): 1 forward, -1 reverse */
+    const float rim = 0.12f * omega;
+    const float commanded = (0.0f <= command_direction) ? 1.0f : (-1.0f);
+    const bool t5 = command_slip_ratio < 0.0f;
+    /* travel_direction (traction/dynamics/slip.py): 1 forwards, -1 in reverse */
+    const float rim2 = fabsf(rim);
+    const float t6 = fabsf(estimate_travel_speed_m_s2);
+    const float faster = (t6 < rim2) ? rim : estimate_travel_speed_m_s2;
+    /* SlipController.direction */
+    const float direction2 = t5 ? ((0.0f <= faster) ? 1.0f : (-1.0f)) : commanded;
+    state->direction = direction2;
+    /* is_slip_ratio (traction/control/slip_controller.py): True where the command is a slip ratio */
+    const bool valid = fabsf(command_slip_ratio) < 1.0f;
+    /* SlipController.target (traction/control/slip_controller.py): Slip ratio to hold in this step, on a ramp
+       towards the command, and its rate [1/s] */
+    const float commanded2 = valid ? command_slip_ratio : 0.0f;
+    const float t7 = (commanded2 - slip_target) / ((motion_dt_s <= 1e-09f) ? 1e-09f : motion_dt_s);
+    const float t8 = (t7 <= (-5.0f)) ? (-5.0f) : t7;
+    const float rate = (t8 >= 5.0f) ? 5.0f : t8;
+    const float target = slip_target + motion_dt_s * rate;
+    output->report_slip_target = target;
+    /* SlipController.motion (traction/control/slip_controller.py): The wheel along its direction, and the slip
+       that it should have */
+    const float motion_rim_m_s = omega * (0.12f * direction2);
+    const float motion_travel_m_s = estimate_travel_speed_m_s2 * direction2;
+    const float motion_acceleration_m_s2 = estimate_acceleration_m_s2_2 * direction2;
+    const float motion_force_N = estimate_force_N2 * direction2;
+    const float motion_launch = (0.0f < target) ? 5.0f : 1.0f;
+    const float before_Nm = torque_Nm * direction2;
+    /* SlipController.step (traction/control/slip_controller.py): State after the step, torque [N m] to hold for
+       the next `dt_s`, and report */
+    const bool known = 0.5f < estimate_known2;
+    /* SlipController.stopped (traction/control/slip_controller.py): True where the robot brakes and is too slow
+       to brake any further */
+    const bool stopped = t5 && (((rim2 > t6 || rim2 != rim2) ? rim2 : t6) < 0.05f);
+    /* SlipController.step */
+    const bool acting = valid && (known && (!stopped));
+    const bool condition = direction == direction2;
+    /* choose (filters/gate.py): `a` where the scalar condition holds, else `b`, element by element through
+       NamedTuples, arrays and numbers */
+    const float memory_integral_m2 = condition ? memory_integral_m : 0.0f;
+    /* surface (traction/control/slip_law.py): The surface of a slip ratio in (-1, 1) for these speeds of rim and
+       travel */
+    const float rim3 = fabsf(motion_rim_m_s);
+    const float travel = fabsf(motion_travel_m_s);
+    const float V = (rim3 > travel || rim3 != rim3) ? rim3 : travel;
+    const float t9 = 0.22f * motion_launch - V * (motion_launch - 1.0f);
+    const float t10 = (0.22f > t9) ? 0.22f : t9;
+    const float V_f = (V > t10 || V != V) ? V : t10;
+    const bool rolling = 0.22f < V;
+    const float slope = rolling ? 1.0f : 1.0f - motion_launch;
+    const float here_sigma = motion_rim_m_s - motion_travel_m_s - target * V_f;
+    output->report_surface_m_s = here_sigma;
+    const float t11 = target * slope;
+    const float here_gain = (travel <= rim3) ? 1.0f - t11 * ((0.0f <= motion_rim_m_s) ? 1.0f : (-1.0f)) : 1.0f;
+    const float here_drift = (rim3 < travel) ? 1.0f + t11 * ((0.0f <= motion_travel_m_s) ? 1.0f : (-1.0f)) : 1.0f;
+    /* SlidingMode.gain_m_s2 (traction/control/sliding_mode.py): The least k that keeps the sliding condition */
+    const float by_force = 51.484913f * (0.0144f * here_gain) / 0.0108f;
+    /* equivalent_rate (traction/control/sliding_mode.py): The gain r domega/dt [m/s^2] that holds sigma constant
+       */
+    const float t12 = motion_acceleration_m_s2 * here_drift + rate * V_f;
+    /* SlidingMode.gain_m_s2 */
+    const float by_inertia = 0.2f * fabsf(t12);
+    const float k = by_force + by_inertia + 1.2f * (1.0f + here_drift);
+    /* SlidingMode.layer_m_s (traction/control/sliding_mode.py): Phi for the gain k */
+    const float t13 = 5.0f * motion_dt_s;
+    const float layer_m_s = k * ((0.005f > t13) ? 0.005f : t13);
+    /* SlidingMode.torque_with (traction/control/sliding_mode.py): Torque [N m] of the law with another gain k
+       [m/s^2] and layer */
+    const float inertia_kg_m = 0.0108f / (0.12f * here_gain);
+    const float distance = here_sigma / layer_m_s;
+    /* direction_and_size (traction/friction/law.py): 1 or -1, and |x|, with x = direction * size */
+    const bool forward = 0.0f <= distance;
+    const float direction3 = forward ? 1.0f : (-1.0f);
+    const float size = forward ? distance : -distance;
+    /* reaching_share (traction/control/sliding_mode.py): Rate at which sigma is to come down, over k, at a
+       distance in layers */
+    const float t14 = (1.0f < size) ? sqrtf(2.0f * ((size <= 1.0f) ? 1.0f : size) - 1.0f) : size;
+    /* SlidingMode.torque_with */
+    const float rate2 = t12 - k * (direction3 * t14);
+    const float torque_Nm2 = 0.12f * motion_force_N + inertia_kg_m * rate2;
+    const float growth_Nm = motion_dt_s * (k * (k * inertia_kg_m) / layer_m_s) / 2.0f;
+    const float t15 = ((before_Nm >= 0.0f) ? 0.0f : before_Nm) - growth_Nm;
+    const float t16 = growth_Nm + ((before_Nm <= 0.0f) ? 0.0f : before_Nm);
+    const float t17 = (torque_Nm2 > t15 || torque_Nm2 != torque_Nm2) ? torque_Nm2 : t15;
+    /* SlipController.step */
+    const float demanded = acting ? direction2 * ((t17 < t16 || t17 != t17) ? t17 : t16) : 0.0f;
+    output->report_demanded_Nm = demanded;
+    /* Limits.apply (traction/control/signals.py): The torque nearest to the demanded one that may follow
+       `before_Nm`, which is within the limits */
+    const float change = 5000.0f * motion_dt_s;
+    const float t18 = torque_Nm - change;
+    const float t19 = torque_Nm + change;
+    const float t20 = (demanded > t18 || demanded != demanded) ? demanded : t18;
+    const float t21 = (t20 < t19 || t20 != t20) ? t20 : t19;
+    const float t22 = (t21 <= (-12.356379f)) ? (-12.356379f) : t21;
+    const float torque = (t22 >= 12.356379f) ? 12.356379f : t22;
+    state->torque_Nm = torque;
+    output->torque_Nm = torque;
+    /* SlipController.step */
+    const float demanded_Nm = direction2 * demanded;
+    const float torque_Nm3 = direction2 * torque;
+    /* SlidingMode.remember (traction/control/sliding_mode.py): The integral grows above the floor and near the
+       target, unless a limited torque would wind it up */
+    const float t23 = fabsf(here_sigma);
+    const bool outside = 0.1f * V_f < t23;
+    const bool windup = (1e-09f < fabsf(demanded_Nm - torque_Nm3)) && (0.0f < here_sigma * (torque_Nm3 - demanded_Nm));
+    const float integral = memory_integral_m2 + ((outside || windup) ? 0.0f : motion_dt_s * here_sigma);
+    const float a = rolling ? integral : 0.0f;
+    /* limited (traction/control/signals.py): True where the torque differs from the demanded one */
+    const bool saturated = 1e-09f < fabsf(demanded - torque);
+    /* SlipController.step */
+    const bool missed = saturated && (0.02f * V_f < t23);
+    const float limited_s2 = (acting && missed) ? limited_s + motion_dt_s : 0.0f;
+    state->limited_s = limited_s2;
+    /* flags_of (filters/flags.py): Sum of the flags whose condition holds, as a float */
+    const float t24 = (known ? 0.0f : 1.0f) + ((known && stopped) ? 2.0f : 0.0f) + (saturated ? 4.0f : 0.0f);
+    const float flags = t24 + ((0.2f < limited_s2) ? 16.0f : 0.0f) + (valid ? 0.0f : 32.0f);
+    output->report_flags = flags;
+    /* SlipController.step */
+    const float rim_speed_m_s = direction2 * motion_rim_m_s;
+    const float travel_speed_m_s = direction2 * motion_travel_m_s;
+    /* travel_direction */
+    const float t25 = fabsf(rim_speed_m_s);
+    const float t26 = fabsf(travel_speed_m_s);
+    const float faster2 = (t26 < t25) ? rim_speed_m_s : travel_speed_m_s;
+    /* slip_ratio (traction/dynamics/slip.py): Slip speed over the larger of the two speeds */
+    const float speed = (t25 > t26 || t25 != t25) ? t25 : t26;
+    const float ratio = (rim_speed_m_s - travel_speed_m_s) / ((speed <= 0.02f) ? 0.02f : speed);
+    /* driving_slip_ratio (traction/dynamics/slip.py): The slip ratio, positive driving and negative braking in
+       reverse too */
+    const float ratio2 = ((0.0f <= faster2) ? 1.0f : (-1.0f)) * ((speed < 0.02f) ? NAN : ratio);
+    output->report_slip_ratio = ratio2;
+    /* choose */
+    state->memory_integral_m = acting ? a : 0.0f;
+    /* SlipController.step */
+    state->slip_target = acting ? target : 0.0f;
 }

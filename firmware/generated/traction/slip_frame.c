@@ -8,65 +8,68 @@
 #include <string.h>
 
 typedef struct {
-    uint8_t *code; /* where the length of the present block goes */
-    uint8_t *next;
+    uint8_t *frame;
+    size_t code; /* where the length of the present block goes */
+    size_t next;
     uint32_t crc;
-} writer;
+} slip_writer;
 
-static void put(writer *w, uint8_t byte)
+static void slip_put(slip_writer *w, uint8_t byte)
 {
     if (byte != 0u) {
-        *w->next++ = byte;
+        w->frame[w->next] = byte;
+        w->next += 1u;
     }
-    if (byte == 0u || w->next - w->code == 255) {
-        *w->code = (uint8_t)(w->next - w->code);
-        w->code = w->next++;
+    if ((byte == 0u) || ((w->next - w->code) == 255u)) {
+        w->frame[w->code] = (uint8_t)(w->next - w->code);
+        w->code = w->next;
+        w->next += 1u;
     }
 }
 
-static uint32_t crc_after(uint32_t crc, uint8_t byte)
+uint32_t slip_crc(uint32_t crc, uint8_t byte)
 {
     static const uint32_t table[16] = {
         0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u, 0x4DB26158u, 0x5005713Cu,
         0xEDB88320u, 0xF00F9344u, 0xD6D6A3E8u, 0xCB61B38Cu, 0x9B64C2B0u, 0x86D3D2D4u, 0xA00AE278u, 0xBDBDF21Cu,
     };
-    crc ^= byte;
-    crc = (crc >> 4) ^ table[crc & 15u];
-    return (crc >> 4) ^ table[crc & 15u];
+    const uint32_t mixed = crc ^ byte;
+    const uint32_t half = (mixed >> 4) ^ table[mixed & 15u];
+    return (half >> 4) ^ table[half & 15u];
 }
 
-static void put_checked(writer *w, uint8_t byte)
+static void slip_put_checked(slip_writer *w, uint8_t byte)
 {
-    w->crc = crc_after(w->crc, byte);
-    put(w, byte);
+    w->crc = slip_crc(w->crc, byte);
+    slip_put(w, byte);
 }
 
-static void put_word(writer *w, uint32_t word)
+static void slip_put_word(slip_writer *w, uint32_t word)
 {
     for (unsigned shift = 0; shift < 32u; shift += 8u) {
-        put_checked(w, (uint8_t)(word >> shift));
+        slip_put_checked(w, (uint8_t)(word >> shift));
     }
 }
 
 size_t slip_frame(uint8_t *frame, uint8_t number, uint8_t sequence, uint32_t time_us, const float *values, size_t count)
 {
-    writer w = {frame, frame + 1, 0xFFFFFFFFu};
+    slip_writer w = {frame, 0u, 1u, 0xFFFFFFFFu};
 
-    put_checked(&w, number);
-    put_checked(&w, sequence);
-    put_word(&w, time_us);
+    slip_put_checked(&w, number);
+    slip_put_checked(&w, sequence);
+    slip_put_word(&w, time_us);
     for (size_t k = 0; k < count; ++k) {
         uint32_t bits;
-        memcpy(&bits, &values[k], sizeof bits);
-        put_word(&w, bits);
+        (void)memcpy(&bits, &values[k], sizeof bits);
+        slip_put_word(&w, bits);
     }
     const uint32_t crc = ~w.crc;
     for (unsigned shift = 0; shift < 32u; shift += 8u) {
-        put(&w, (uint8_t)(crc >> shift));
+        slip_put(&w, (uint8_t)(crc >> shift));
     }
-    *w.code = (uint8_t)(w.next - w.code);
-    *w.next++ = 0u;
-    return (size_t)(w.next - frame);
+    frame[w.code] = (uint8_t)(w.next - w.code);
+    frame[w.next] = 0u;
+    return w.next + 1u;
 }
 
 void slip_sample_values(const slip_sample *sample, float *values)

@@ -22,6 +22,9 @@ extern "C" {
    values:   NAN where there is none. */
 size_t slip_frame(uint8_t *frame, uint8_t number, uint8_t sequence, uint32_t time_us, const float *values, size_t count);
 
+/* CRC-32 of IEEE 802.3 after another byte; begins with 0xFFFFFFFF and ends inverted. */
+uint32_t slip_crc(uint32_t crc, uint8_t byte);
+
 #define SLIP_SAMPLE_VALUES 9u
 #define SLIP_OUTPUT_VALUES 7u
 

@@ -142,7 +142,7 @@ static const uint32_t slip_outputs[64][7] = {
 static inline float from_bits(uint32_t bits)
 {
     float number;
-    memcpy(&number, &bits, sizeof number);
+    (void)memcpy(&number, &bits, sizeof number);
     return number;
 }
 
@@ -150,7 +150,7 @@ static inline float from_bits(uint32_t bits)
 static inline bool is(float found, uint32_t bits)
 {
     uint32_t own;
-    memcpy(&own, &found, sizeof own);
+    (void)memcpy(&own, &found, sizeof own);
     return own == bits || (found != found && from_bits(bits) != from_bits(bits));
 }
 

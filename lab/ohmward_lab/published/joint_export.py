@@ -45,8 +45,8 @@ def joint_export(battery: Battery, name: str, sample_time_s: float | None, style
     return Export(
         name=name,
         title=f"States and parameters of the RC model of {battery.name}: adaptive unscented filter as published",
-        step=trace(at_rate(joint.step), state, EXAMPLE),
-        start=trace(joint.start, EXAMPLE, EXAMPLE_BULK_STD_V),
+        step=trace(at_rate(joint.step), state, EXAMPLE, with_origins=True),
+        start=trace(joint.start, EXAMPLE, EXAMPLE_BULK_STD_V, with_origins=True),
         flags=NoFlag,
         arguments=(EXAMPLE_BULK_STD_V,),
         samples=vector_samples(battery),
@@ -56,7 +56,7 @@ def joint_export(battery: Battery, name: str, sample_time_s: float | None, style
 
 def _loops(joint: TextbookJoint, state: Any, name: str, at_rate: AtRate) -> Loops:
     """Loops of the joint filter of states and parameters."""
-    sanitized = trace(at_rate(joint.sanitize), state, EXAMPLE)
+    sanitized = trace(at_rate(joint.sanitize), state, EXAMPLE, with_origins=True)
     n = len(state.belief.mean)
     w = unscented.pair_weights(n, joint.scaling)
     words = {
@@ -84,7 +84,7 @@ def _functions(joint: TextbookJoint, state: Any, name: str, sanitized: Program) 
 
     n = len(state.belief.mean)
     example = joint.sanitize(state, EXAMPLE)
-    concluded = trace(joint.concluded, state, 0.0, example)
+    concluded = trace(joint.concluded, state, 0.0, example, with_origins=True)
     state_struct, output_struct = (members(s) for s in parts_of(concluded.result_structure))
     in_state, in_output = places("state", state_struct), places("output", output_struct)
     in_clean = places("clean", members(sanitized.result_structure))
@@ -100,7 +100,7 @@ def _functions(joint: TextbookJoint, state: Any, name: str, sanitized: Program) 
         Function(
             "The states that move, after the step.",
             f"static void {name}_move(const float *x, const {name}_clean *clean, float *y)",
-            trace(move, np.zeros(n), example),
+            trace(move, np.zeros(n), example, with_origins=True),
             [f"x[{i}]" for i in range(n)] + in_clean,
             [f"y[{i}]" for i in range(n - PARAMETERS)],
         ),

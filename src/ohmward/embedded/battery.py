@@ -73,11 +73,15 @@ def battery_export(
     state = estimator.init(rest, soc, soc_std)
     at_rate = partial(at_fixed_rate, sample_time_s=sample_time_s)
     traceable = hasattr(estimator, "start")
-    start = trace(estimator.start, EXAMPLE, soc, soc_std) if traceable else trace(lambda sample: state, EXAMPLE)
+    start = (
+        trace(estimator.start, EXAMPLE, soc, soc_std, with_origins=True)
+        if traceable
+        else trace(lambda sample: state, EXAMPLE, with_origins=True)
+    )
     return Export(
         name=name,
         title=title,
-        step=trace(at_rate(estimator.step), state, EXAMPLE),
+        step=trace(at_rate(estimator.step), state, EXAMPLE, with_origins=True),
         start=start,
         flags=SocFlag,
         arguments=(soc, soc_std) if traceable else (),
@@ -91,8 +95,8 @@ def _voltage_start(estimator: Any) -> VoltageStartPrograms:
     """The start of an estimator from the first voltage, traced."""
     start, part = estimator.voltage_start, Hypothesis(1.0, InitialSoc(0.5, 0.3))
     return VoltageStartPrograms(
-        expected=trace(start.expected_voltage, 0.5, EXAMPLE),
-        state=trace(estimator.start_from, EXAMPLE, *[part] * start.count),
+        expected=trace(start.expected_voltage, 0.5, EXAMPLE, with_origins=True),
+        state=trace(estimator.start_from, EXAMPLE, *[part] * start.count, with_origins=True),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import zlib
 from collections.abc import Mapping
 from enum import IntFlag
 from importlib import resources
@@ -124,6 +125,7 @@ def library(export: Export) -> dict[str, str]:
     source = c_source(export.step, export.name, export.start, comments, flags, export.loops)
     files = {f"{export.name}.h": source.header, f"{export.name}.c": source.source}
     words = _words(export, flags, comments)
+    words["IDENTITY"] = f"0x{zlib.crc32((source.header + source.source).encode()):08X}"
     words |= vector_words(export.step, export.start, export.arguments, export.samples)
     for file in templates():
         files[file.removesuffix(".in").replace("NAME", export.name)] = filled(template(file), words)

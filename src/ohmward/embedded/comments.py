@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from enum import IntFlag
 from textwrap import dedent
 
+from ohmward.trace.lower.c_operations import comment_text
 from ohmward.trace.structure import Branch, Leaf, Structure
 
 _ITEM = re.compile(r"^( *)((?:\w+)(?:, \w+)*): +(.*)$")
@@ -84,4 +85,4 @@ def _listed(cls: type) -> dict[str, str]:
 
 def _safe(text: str) -> str:
     """Text that cannot end a comment of C."""
-    return text.strip().rstrip(".").replace("*/", "* /")
+    return comment_text(text.strip().rstrip("."))

@@ -36,7 +36,7 @@ AtRate = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 def textbook_loops(textbook: TextbookFilter, state: Any, name: str, at_rate: AtRate) -> Loops:
     """Loops of the filter of SoC and RC voltages, extended or unscented."""
-    predicted = trace(at_rate(textbook.predicted), state, EXAMPLE)
+    predicted = trace(at_rate(textbook.predicted), state, EXAMPLE, with_origins=True)
     n = len(state.belief.mean)
     w = unscented.pair_weights(n)
     words = {
@@ -57,7 +57,7 @@ def textbook_loops(textbook: TextbookFilter, state: Any, name: str, at_rate: AtR
 def _textbook_functions(textbook: TextbookFilter, state: Any, name: str, predicted: Program) -> list[Function]:
     """Straight lines of the textbook filter: predict, the voltage of a state of charge, the output."""
     example = textbook.predicted(state, EXAMPLE)[1]
-    estimate = trace(textbook.estimate, 0.0, 0.0, 0.0, 0.0, example)
+    estimate = trace(textbook.estimate, 0.0, 0.0, 0.0, 0.0, example, with_origins=True)
     before, clean = parts_of(predicted.result_structure)
     in_state, in_clean = places("state", members(before)), places("clean", members(clean))
     in_sample = places("sample", members(predicted.argument_structure.children[1]))
@@ -94,8 +94,10 @@ def _curve(textbook: TextbookFilter, name: str, example: Any, in_clean: list[str
     prototype = f"{name}_curve(float soc, const {name}_clean *clean"
     comment, inputs = "The voltage without that of the RC pairs.", ["soc", *in_clean]
     if textbook.method == "ukf":
-        return Function(comment, f"static float {prototype})", trace(value, 0.0, example), inputs, ["return"])
-    program = trace(value_and_slope, 0.0, example)
+        return Function(
+            comment, f"static float {prototype})", trace(value, 0.0, example, with_origins=True), inputs, ["return"]
+        )
+    program = trace(value_and_slope, 0.0, example, with_origins=True)
     return Function(comment, f"static void {prototype}, float *y, float *slope)", program, inputs, ["*y", "*slope"])
 
 

@@ -87,8 +87,8 @@ def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", na
     return Export(
         name=name,
         title=f"Speed and slip of {robot.name}: {filter_name}, encoders and motor currents",
-        step=trace(observer.step, state, example),
-        start=trace(lambda sample: state, example),
+        step=trace(observer.step, state, example, with_origins=True),
+        start=trace(lambda sample: state, example, with_origins=True),
         flags=SlipFlag,
         arguments=(),
         samples=_drive(observer),
@@ -106,8 +106,8 @@ def odometry_export(robot: Robot, name: str = ODOMETRY) -> Export:
     return Export(
         name=name,
         title=f"Pose and twist of {robot.name}: wheels and gyro",
-        step=trace(settings.step, state, example),
-        start=trace(lambda sample: state, example),
+        step=trace(settings.step, state, example, with_origins=True),
+        start=trace(lambda sample: state, example, with_origins=True),
         flags=OdometryFlag,
         arguments=(),
         samples=_way(settings),
@@ -139,8 +139,8 @@ def controller_export(robot: Robot, controller: str = "slip-controller", name: s
     return Export(
         name=name,
         title=f"{controller.replace('-', ' ').capitalize()} of a wheel of {robot.name}: sliding mode",
-        step=trace(step, state, example),
-        start=trace(lambda sample: state, example),
+        step=trace(step, state, example, with_origins=True),
+        start=trace(lambda sample: state, example, with_origins=True),
         flags=control.ControlFlag,
         arguments=(),
         samples=_commands(command, wheel.radius_m),

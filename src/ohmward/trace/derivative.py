@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.trace.expression import Expression, Scalar, apply, number, symbol
+from ohmward.trace.expression import Expression, Scalar, apply, next_serial, number, symbol
+from ohmward.trace.origins import recorder
 from ohmward.trace.program import run_traced, schedule
 
 
@@ -60,8 +61,12 @@ def _tangents(nodes: Sequence[Expression], x: Expression) -> dict[int, Scalar]:
 def substitute(entries: Sequence[Scalar], values: Mapping[int, Scalar]) -> list[Scalar]:
     """Entries with other scalars in place of inputs (by serial); constants where only numbers are left."""
     new: dict[int, Scalar] = dict(values)
+    origins = recorder()
     for node in schedule(entries, first=min(values)) if values else ():
         args = tuple([new.get(a.serial, a) if isinstance(a, Expression) else a for a in node.args])
         if any(p is not q for p, q in zip(args, node.args, strict=True)):
-            new[node.serial] = apply(node.operation.name, *args)
+            since = next_serial() if origins else 0
+            made = new[node.serial] = apply(node.operation.name, *args)
+            if origins:
+                origins.carry(node, made, since)
     return [new.get(e.serial, e) if isinstance(e, Expression) else e for e in entries]

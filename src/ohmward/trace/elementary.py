@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ohmward.trace.expression import Expression, Scalar, apply
+from ohmward.trace.expression import Expression, Scalar, apply, next_serial
 from ohmward.trace.expression import select as where
 from ohmward.trace.program import Program, schedule
 
@@ -107,8 +107,10 @@ def expand(program: Program, precision: Precision) -> Program:
 
     for node in program.nodes:
         arguments = [expanded(a) for a in node.args]
-        formula = FORMULAS.get(node.operation.name)
+        formula, since = FORMULAS.get(node.operation.name), next_serial()
         new[node.serial] = formula(precision, *arguments) if formula else apply(node.operation.name, *arguments)
+        if program.origins:
+            program.origins.carry(node, new[node.serial], since)
     outputs = tuple(expanded(y) for y in program.outputs)
     return replace(program, nodes=schedule(outputs), outputs=outputs)
 

@@ -189,6 +189,11 @@ class Expression:
         return f"Expression({describe(self)})"
 
 
+def next_serial() -> int:
+    """Serial between those of the values made before and after."""
+    return next(_serials)
+
+
 def symbol(name: str, boolean: bool = False) -> Expression:
     """Fresh input of a program."""
     return Expression(INPUT, (), name, boolean)

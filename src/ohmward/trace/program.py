@@ -3,8 +3,10 @@
 import inspect
 from collections import Counter
 from collections.abc import Callable, Iterable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
+from heapq import heapify, heappop, heappush
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +14,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.trace.expression import Expression, Scalar, TraceError, condition, number, symbol
 from ohmward.trace.operations import INPUT
+from ohmward.trace.origins import OriginRecorder
 from ohmward.trace.structure import Branch, Leaf, Structure, flatten, leaves, scalar_names, shaped, structure_of
 
 
@@ -35,6 +38,7 @@ class Program:
     argument_structure: Branch
     result_structure: Structure
     name: str  #:     name of the traced function
+    origins: OriginRecorder | None = None  #: where its values come from, if that was recorded
 
     @property
     def operations(self) -> Counter[str]:
@@ -45,6 +49,27 @@ class Program:
     def used(self) -> set[int]:
         """Serials of the inputs and operations whose value another operation or an output takes."""
         return serials(self.outputs) | {serial for node in self.nodes for serial in serials(node.args)}
+
+    @property
+    def in_order_made(self) -> list[Expression]:
+        """The operations in the order of the traced code, each after its arguments."""
+        place = self.origins.place if self.origins else lambda serial: serial
+        order = {node.serial: (place(node.serial), node.serial) for node in self.nodes}
+        waiting = {node.serial: len(serials(node.args) & order.keys()) for node in self.nodes}
+        users: dict[int, list[Expression]] = {serial: [] for serial in order}
+        for node in self.nodes:
+            for serial in serials(node.args) & order.keys():
+                users[serial].append(node)
+        ready = [(order[node.serial], node) for node in self.nodes if not waiting[node.serial]]
+        heapify(ready)
+        done = []
+        while ready:
+            done.append(heappop(ready)[1])
+            for user in users[done[-1].serial]:
+                waiting[user.serial] -= 1
+                if not waiting[user.serial]:
+                    heappush(ready, (order[user.serial], user))
+        return done
 
     @cached_property
     def step_structure(self) -> StepStructure:
@@ -75,24 +100,28 @@ def serials(values: Iterable[Any]) -> set[int]:
     return {x.serial for x in values if isinstance(x, Expression)}
 
 
-def trace(function: Callable[..., Any], *examples: Any, constants: tuple[Any, ...] = ()) -> Program:
+def trace(
+    function: Callable[..., Any], *examples: Any, constants: tuple[Any, ...] = (), with_origins: bool = False
+) -> Program:
     """Run `function(*examples, *constants)` with symbols in place of the numbers in `examples`.
 
     examples:  numbers, arrays, tuples and NamedTuples of these. Their structure, shapes and kinds (number or bool)
                count, not their values.
     constants: further arguments, handed over unchanged.
+    with_origins: record what the values are called and which function made each.
     Raises:    TraceError at what cannot be traced, InputError for examples or results that are not made of numbers.
     """
     names = _argument_names(function, len(examples))
     children = tuple(structure_of(example, name) for name, example in zip(names, examples, strict=True))
     structure = Branch(tuple, names, children)
     inputs = symbols(structure)
-    result = run_traced(function, *shaped(structure, list(inputs), object), *constants)
+    origins = OriginRecorder() if with_origins else None
+    with origins or nullcontext():
+        result = run_traced(function, *shaped(structure, list(inputs), object), *constants)
     result_structure = structure_of(result, "result")
     outputs = _scalars(result_structure, result)
-    return Program(
-        inputs, schedule(outputs), outputs, structure, result_structure, getattr(function, "__name__", "function")
-    )
+    name = getattr(function, "__name__", "function")
+    return Program(inputs, schedule(outputs), outputs, structure, result_structure, name, origins)
 
 
 def run_traced(function: Callable[..., Any], *args: Any) -> Any:

@@ -14,6 +14,8 @@ from ohmward.trace.functions import elementwise, floor, minimum, where
 _MOST_LINES = 255
 #: Second difference of values on one line, relative to the largest value: a few rounding errors.
 _STRAIGHT = 1e-13
+#: Coefficient of a segment that differences of its values leave by rounding alone, relative to the largest value.
+_ROUNDING = 1e-15
 
 
 def table(
@@ -131,7 +133,8 @@ def _polynomials(v: np.ndarray) -> list[np.ndarray]:
     c1 = np.array([m[0], *m])
     c2 = np.array([0.0, *(3 * d - 2 * m[:-1] - m[1:]), 0.0])
     c3 = np.array([0.0, *(m[:-1] + m[1:] - 2 * d), 0.0])
-    return [c0, c1, c2, c3]
+    is_rounding = [np.abs(c) <= _ROUNDING * np.abs(v).max() for c in (c2, c3)]
+    return [c0, c1, np.where(is_rounding[0], 0.0, c2), np.where(is_rounding[1], 0.0, c3)]
 
 
 def _positive_element(u: Any) -> Any:

@@ -1,6 +1,7 @@
 """The C of a step, compiled and run on this machine, against machine code in single precision: the same bits."""
 
 import ctypes
+import re
 import shutil
 import subprocess
 from typing import Any, NamedTuple
@@ -205,3 +206,39 @@ def test_tables_that_overlap_share_an_array():
 def test_a_flat_table_is_a_number():
     program = trace(lambda x: table((2.0, 2.0, 2.0), 0.0, 1.0, x, "hermite"), 0.0)
     assert program.outputs == (2.0,) and not program.nodes
+
+
+def filtered(state, sample):
+    """A first-order filter: the usual one."""
+    share = 1.0 - exp(-sample.w)
+    level = state + share * (sample.u - state)
+    return level, (level * 2.0, level > sample.w)
+
+
+def test_the_text_has_the_names_and_functions_of_the_traced_code():
+    source = c_source(trace(filtered, 0.0, Seen(0.0, False, 0.0), with_origins=True), "low").source
+    assert "    /* filtered (test_c_source.py): A first-order filter */\n" in source
+    assert re.search(
+        r"const float share = 1\.0f - .*;\n    const float level = value \+ \(u - value\) \* share;", source
+    )
+    assert "    state->value = level;\n    output->x0 = 2.0f * level;\n    output->x1 = w < level;\n" in source
+
+
+def test_words_of_c_are_no_names():
+    def step(state, sample):
+        """A step."""
+        double = sample * 2.0
+        gamma = double + 1.0
+        return double * gamma, gamma
+
+    source = c_source(trace(step, 0.0, 0.0, with_origins=True), "words").source
+    assert "const float double2 = " in source and "const float gamma2 = " in source
+
+
+def test_brackets_stand_where_another_order_would_have_other_bits():
+    def step(state, x):
+        return state, (state - (x - 1.0), state * (x / 3.0), state / (x * 3.0), -(state + x), (state + x) * x)
+
+    text = c_source(trace(step, 0.0, 0.0), "order").source
+    for formula in ("value - (value2 - 1.0f)", "value * (value2 / 3.0f)", "value / (3.0f * value2)"):
+        assert formula in text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -59,8 +60,8 @@ def is_whole(node: Expression) -> bool:
     return node.operation.name == "floor" and within(node, 0.0, _LARGEST_WHOLE_SINGLE)
 
 
-def template(node: Expression) -> str:
-    """C of an operation, {0} its first argument; a shorter one where an argument of an extremum cannot be nan."""
+def template(node: Expression) -> Template:
+    """C of an operation; a shorter one where an argument of an extremum cannot be nan."""
     name = node.operation.name
     if name in ("minimum", "maximum"):
         if bounds(node.args[1]):
@@ -81,41 +82,85 @@ def literal(value: object) -> str:
     if np.isinf(single):
         return "INFINITY" if single > 0 else "-INFINITY"
     digits = np.format_float_scientific(single, unique=True, trim="-")
-    digits = np.format_float_positional(single, unique=True, trim="0") if 1e-4 <= abs(single) < 1e7 else digits
+    digits = (
+        np.format_float_positional(single, unique=True, trim="0")
+        if 1e-4 <= abs(single) < 1e7 or single == 0
+        else digits
+    )
     digits = digits if any(c in digits for c in ".e") else f"{digits}.0"
     return f"({digits}f)" if single < 0 or (single == 0 and np.signbit(single)) else f"{digits}f"
 
 
-_TEMPLATES: dict[str, str] = {
-    "add": "{0} + {1}",
-    "subtract": "{0} - {1}",
-    "multiply": "{0} * {1}",
-    "divide": "{0} / {1}",
-    "negative": "-{0}",
-    "remainder": "{0} - {name}_floor({0} / {1}) * {1}",
-    "floor_divide": "{name}_floor({0} / {1})",
-    "absolute": "fabsf({0})",
-    "sqrt": "sqrtf({0})",
-    "floor": "{name}_floor({0})",
-    "minimum": "({0} < {1} || {0} != {0}) ? {0} : {1}",
-    "maximum": "({0} > {1} || {0} != {0}) ? {0} : {1}",
-    "minimum of a number": "({0} < {1}) ? {0} : {1}",
-    "maximum of a number": "({0} > {1}) ? {0} : {1}",
-    "minimum with a number": "({0} >= {1}) ? {1} : {0}",
-    "maximum with a number": "({0} <= {1}) ? {1} : {0}",
-    "where": "{0} ? {1} : {2}",
-    "sign": "({0} > 0.0f) ? 1.0f : ({0} < 0.0f) ? -1.0f : ({0} == 0.0f) ? 0.0f : {0}",
-    "power_of_two": "{name}_power_of_two({0})",
-    "exponent": "{name}_exponent({0})",
-    "less": "{0} < {1}",
-    "less_equal": "{0} <= {1}",
-    "equal": "{0} == {1}",
-    "not_equal": "{0} != {1}",
-    "logical_and": "{0} && {1}",
-    "logical_or": "{0} || {1}",
-    "logical_not": "!{0}",
-    "isfinite": "fabsf({0}) < INFINITY",
+#: How tightly an operator binds. MISRA C 12.1 wants brackets about all but sums and products.
+ATOM, UNARY, PRODUCT, SUM, LOOSE = range(5)
+
+
+class Formula(NamedTuple):
+    """C of a value, and how tightly its outermost operator binds."""
+
+    text: str
+    rank: int
+
+
+class Template(NamedTuple):
+    """C of an operation, {0} its first argument."""
+
+    text: str
+    rank: int = ATOM
+    #: for each argument, the loosest operator that it may have without brackets
+    most: tuple[int, ...] = (LOOSE, LOOSE, LOOSE)
+
+
+_COMPARED, _CHOSEN = (SUM, SUM), (ATOM, SUM, SUM)
+_TEMPLATES: dict[str, Template] = {
+    "add": Template("{0} + {1}", SUM, (SUM, PRODUCT)),
+    "subtract": Template("{0} - {1}", SUM, (SUM, PRODUCT)),
+    "multiply": Template("{0} * {1}", PRODUCT, (PRODUCT, UNARY)),
+    "divide": Template("{0} / {1}", PRODUCT, (PRODUCT, UNARY)),
+    "negative": Template("-{0}", UNARY, (ATOM,)),
+    "remainder": Template("{0} - {name}_floor({0} / {1}) * {1}", SUM, (ATOM, ATOM)),
+    "floor_divide": Template("{name}_floor({0} / {1})", ATOM, (PRODUCT, UNARY)),
+    "absolute": Template("fabsf({0})"),
+    "sqrt": Template("sqrtf({0})"),
+    "floor": Template("{name}_floor({0})"),
+    "minimum": Template("({0} < {1} || {0} != {0}) ? {0} : {1}", LOOSE, _COMPARED),
+    "maximum": Template("({0} > {1} || {0} != {0}) ? {0} : {1}", LOOSE, _COMPARED),
+    "minimum of a number": Template("({0} < {1}) ? {0} : {1}", LOOSE, _COMPARED),
+    "maximum of a number": Template("({0} > {1}) ? {0} : {1}", LOOSE, _COMPARED),
+    "minimum with a number": Template("({0} >= {1}) ? {1} : {0}", LOOSE, _COMPARED),
+    "maximum with a number": Template("({0} <= {1}) ? {1} : {0}", LOOSE, _COMPARED),
+    "where": Template("{0} ? {1} : {2}", LOOSE, _CHOSEN),
+    "sign": Template("({0} > 0.0f) ? 1.0f : ({0} < 0.0f) ? -1.0f : ({0} == 0.0f) ? 0.0f : {0}", LOOSE, (SUM,)),
+    "power_of_two": Template("{name}_power_of_two({0})"),
+    "exponent": Template("{name}_exponent({0})"),
+    "less": Template("{0} < {1}", LOOSE, _COMPARED),
+    "less_equal": Template("{0} <= {1}", LOOSE, _COMPARED),
+    "equal": Template("{0} == {1}", LOOSE, _COMPARED),
+    "not_equal": Template("{0} != {1}", LOOSE, _COMPARED),
+    "logical_and": Template("{0} && {1}", LOOSE, (ATOM, ATOM)),
+    "logical_or": Template("{0} || {1}", LOOSE, (ATOM, ATOM)),
+    "logical_not": Template("!{0}", UNARY, (ATOM,)),
+    "isfinite": Template("fabsf({0}) < INFINITY", LOOSE),
 }
+
+_KEYWORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int long register
+restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool true false asm
+class new delete this
+"""
+_FUNCTIONS = """
+abs acos asin atan ceil cos cosh cbrt div erf exp exp2 expm1 fabs fdim floor fma fmax fmin fmod frexp gamma hypot index
+j0 j1 jn ldexp lgamma log log10 log1p log2 logb main memcpy memset modf nan pow remainder remquo rint round sin sinh
+sqrt tan tanh tgamma time trunc y0 y1 yn
+"""
+#: Words that a local variable cannot have, or would hide.
+NO_NAMES = frozenset((_KEYWORDS + _FUNCTIONS).split())
+
+
+def comment_text(text: str) -> str:
+    """Text that can stand in a comment of C."""
+    return text.replace("*/", "* /").replace("/*", "/ *")
+
 
 #: Functions that a file gets when it needs them; NAME is its prefix.
 HELPERS = {
@@ -126,9 +171,9 @@ static inline float NAME_power_of_two(float n)
     const float lifted = n + 12583039.0f;
     uint32_t bits;
     float result;
-    memcpy(&bits, &lifted, sizeof bits);
+    (void)memcpy(&bits, &lifted, sizeof bits);
     bits <<= 23;
-    memcpy(&result, &bits, sizeof result);
+    (void)memcpy(&result, &bits, sizeof result);
     return result;
 }
 """,
@@ -138,9 +183,9 @@ static inline float NAME_exponent(float x)
 {
     uint32_t bits;
     float result;
-    memcpy(&bits, &x, sizeof bits);
+    (void)memcpy(&bits, &x, sizeof bits);
     bits = (bits >> 23) | 0x4B000000u;
-    memcpy(&result, &bits, sizeof result);
+    (void)memcpy(&result, &bits, sizeof result);
     return result - 8388735.0f;
 }
 """,

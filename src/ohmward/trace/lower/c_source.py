@@ -1,7 +1,10 @@
-"""Lowering to C99 in single precision: start and step as straight lines, for microcontrollers.
+"""Lowering to C99 in single precision: start and step as straight lines, for microcontrollers and their reviewers.
 
     void NAME_start(NAME_state *state, const NAME_sample *sample, ...);
     void NAME_step(NAME_state *state, const NAME_sample *sample, NAME_output *output);
+
+Values have the names of the variables that held them in the traced code, and come in its order; a comment says where
+another of its functions begins (see `origins`). What is used once and has no name stands where it is used.
 
 No heap, no static state, no libm but sqrtf and fabsf; exp, log and their like are those of `elementary`.
 Compiled with -ffp-contract=off the results are those of the machine code in "f32" without contraction, bit by bit, on
@@ -11,14 +14,32 @@ every processor with IEEE 754 singles. Every symbol begins with NAME_.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+import textwrap
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain, count
 from typing import NamedTuple
 
 from ohmward.errors import InputError
 from ohmward.trace.bounds import within
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.expression import Expression
-from ohmward.trace.lower.c_operations import HELPERS, are_bytes, constant_arrays, is_whole, literal, position, template
+from ohmward.trace.lower.c_operations import (
+    ATOM,
+    HELPERS,
+    NO_NAMES,
+    UNARY,
+    Formula,
+    are_bytes,
+    comment_text,
+    constant_arrays,
+    is_whole,
+    literal,
+    position,
+    template,
+)
+from ohmward.trace.operations import INPUT
+from ohmward.trace.origins import Origin
 from ohmward.trace.program import Program, StepStructure, serials
 from ohmward.trace.structure import Leaf, Structure, leaves
 
@@ -28,6 +49,12 @@ _ZEROS = (literal(0.0), literal(False))
 
 #: With this many zeros or more, memset is shorter than setting each of them.
 _WORTH_MEMSET = 8
+
+#: Width of tables and comments, and of the longest formula that stands inside another one.
+_WIDTH, _LONGEST = 110, 60
+
+#: Clang fuses a product and a sum of one expression unless it is told not to; GCC does not know the pragma.
+_NO_CONTRACTION = ("#if defined(__clang__)", "#pragma STDC FP_CONTRACT OFF", "#endif", "")
 
 #: For callers in C++.
 _C_LINKAGE = ("#ifdef __cplusplus", 'extern "C" {', "#endif")
@@ -196,45 +223,73 @@ def _source_of_loops(name: str, started: list[Function], loops: Loops) -> str:
 
 def _source(name: str, functions: list[Function], typedefs: list[str] | None = None) -> str:
     functions = [function._replace(program=expand(function.program, F32)) for function in functions]
-    arrays = constant_arrays([function.program for function in functions])
-    writer = _CWriter(name, {f"{name}_table{k}": values for k, values in enumerate(arrays)})
+    programs = [function.program for function in functions]
+    arrays = constant_arrays(programs)
+    writer = _CWriter(name, {f"{name}_table{k}": values for k, values in enumerate(arrays)}, table_users(programs))
     bodies = [line for function in functions for line in ("", *_body(writer, function))]
     includes = [f'#include "{name}.h"', "", "#include <math.h>", "#include <stdint.h>", "#include <string.h>", ""]
+    includes += _NO_CONTRACTION
     return "\n".join([*includes, *(typedefs or []), *writer.globals(), *bodies[1:], ""])
 
 
 def _body(writer: _CWriter, function: Function) -> Iterator[str]:
-    """Prototype and body: inputs that are used, one line per operation, outputs."""
+    """Prototype and body: inputs that are used, statements in the order of the traced code, outputs."""
     program = function.program
-    writer.begin()
+    writer.begin(program, re.findall(r"(\w+)[,)]", function.prototype))
+    made, others = _outputs(function)
+    used = serials(x for _, x in others).union(*(serials(node.args) for node in program.nodes))
     for symbol, place in zip(program.inputs, function.inputs, strict=True):
-        if symbol.serial in program.used:
-            writer.assign(symbol, place)
-    floats = _used_as_numbers(program)
-    for node in program.nodes:
+        if symbol.serial in used:
+            writer.read(symbol, place)
+    if function.fills and len(zeros := [pair for pair in others if writer.word(pair[1]) in _ZEROS]) >= _WORTH_MEMSET:
+        writer.lines.append(f"(void)memset({function.fills}, 0, sizeof *{function.fills});")
+        others = [pair for pair in others if pair not in zeros]
+    floats, places = _used_as_numbers(program), _places(program)
+    for node in program.in_order_made:
         only_an_index = is_whole(node) and node.serial not in floats
         if not only_an_index:
-            writer.assign(node, writer.formula(node))
-    lines = [*writer.lines, *_results(writer, function)]
-    lines = [*_unused_arguments(function.prototype, lines), *lines]
+            writer.write(node, places[node.serial] == 1, node.serial in made)
+        for place in made.get(node.serial, ()):
+            writer.explain(node)
+            writer.store(place, node)
+    for place, x in others:
+        writer.store(place, x)
+    lines = [*_unused_arguments(function.prototype, writer.lines), *writer.lines]
     yield from (function.prototype, "{", *(f"    {line}" for line in lines), "}")
+
+
+def _outputs(function: Function) -> tuple[dict[int, list[str]], list[tuple[str, object]]]:
+    """Places of the outputs that an operation gives, by its serial; and the others, inputs and constants.
+
+    An input that stays where it is has no part in either.
+    """
+    made: dict[int, list[str]] = {}
+    others: list[tuple[str, object]] = []
+    own = {symbol.serial: place for symbol, place in zip(function.program.inputs, function.inputs, strict=True)}
+    for place, x in zip(function.outputs, function.program.outputs, strict=True):
+        if isinstance(x, Expression) and x.operation is not INPUT:
+            made.setdefault(x.serial, []).append(place)
+        elif not isinstance(x, Expression) or own[x.serial] != place:
+            others.append((place, x))
+    return made, others
+
+
+def _places(program: Program) -> Counter[int]:
+    """Number of places in which the value of a serial is written."""
+    places: Counter[int] = Counter(x.serial for x in program.outputs if isinstance(x, Expression))
+    for node in program.nodes:
+        plain = node.operation.name != "gather" and not is_whole(node)
+        for k, argument in enumerate(node.args):
+            if isinstance(argument, Expression):
+                # an index has a line: GCC makes more code of the cast of a choice
+                places[argument.serial] += template(node).text.count(f"{{{k}}}") if plain else 2
+    return places
 
 
 def _used_as_numbers(program: Program) -> set[int]:
     """Serials of the values that are needed as floats: by an output, or by an operation other than a look-up."""
     others = [node for node in program.nodes if node.operation.name != "gather"]
     return serials(program.outputs) | {serial for node in others for serial in serials(node.args)}
-
-
-def _results(writer: _CWriter, function: Function) -> Iterator[str]:
-    """Lines that store the outputs, many zeros at once, or return them."""
-    pairs = list(zip(function.outputs, map(writer.word, function.program.outputs), strict=True))
-    others = [(place, word) for place, word in pairs if word not in _ZEROS]
-    if function.fills and len(pairs) - len(others) >= _WORTH_MEMSET:
-        yield f"memset({function.fills}, 0, sizeof *{function.fills});"
-        pairs = others
-    for place, word in pairs:
-        yield f"return {word};" if place == "return" else f"{place} = {word};"
 
 
 def _unused_arguments(prototype: str, lines: list[str]) -> Iterator[str]:
@@ -245,43 +300,113 @@ def _unused_arguments(prototype: str, lines: list[str]) -> Iterator[str]:
             yield f"(void){argument};"
 
 
+def table_users(programs: Iterable[Program]) -> dict[tuple[float, ...], list[str]]:
+    """Functions of the traced code that look into each table."""
+    users: dict[tuple[float, ...], list[str]] = {}
+    for program in programs:
+        for node in program.in_order_made:
+            origin = program.origins.origin(node.serial) if program.origins else None
+            if node.operation.name == "gather" and origin:
+                users.setdefault(node.args[1], []).append(f"{origin.name} ({origin.file})")
+    return users
+
+
+def _holds(array: tuple[float, ...], table: tuple[float, ...]) -> bool:
+    """True where an array holds the values of a table in its kind of numbers."""
+    return are_bytes(array) is are_bytes(table) and position(table, array) is not None
+
+
+def _comment(text: str) -> list[str]:
+    """Lines of a comment."""
+    return textwrap.wrap(f"/* {comment_text(text)} */", _WIDTH, subsequent_indent="   ")
+
+
 class _CWriter:
-    """Lines, tables and helpers of a function while it is written.
+    """Lines, tables and helpers of a function while it is written."""
 
-    words:   names of the values, by serial.
-    indices: names of the integers, by what they are the integer of, and the size of the tables that they index.
-    """
-
-    def __init__(self, name: str, tables: Mapping[str, tuple[float, ...]]):
+    def __init__(
+        self, name: str, tables: Mapping[str, tuple[float, ...]], users: Mapping[tuple[float, ...], list[str]]
+    ):
         self.name = name
-        self.lines: list[str] = []
-        self.words: dict[int, str] = {}
-        self.indices: dict[tuple[str, int], str] = {}
         self.tables = tables
+        self.users = users  # functions of the traced code, by the table that they look into
         self.helpers: set[str] = set()
 
-    def begin(self) -> None:
-        """Start another function, with the same tables and helpers."""
-        self.lines, self.words, self.indices = [], {}, {}
+    def begin(self, program: Program, taken: Iterable[str]) -> None:
+        """Start another function, with the same tables and helpers; taken: words that are no names of values."""
+        self.lines: list[str] = []
+        self.origins = program.origins
+        self.block: Origin | None = None
+        self.explained: set[Origin] = set()
+        self.formulas: dict[int, Formula] = {}  # of the values, by serial: names, or what is written in their places
+        self.words: set[str] = {*taken, *NO_NAMES}
+        #: names of the integers, by what they are the integer of, and the size of the tables that they index
+        self.indices: dict[tuple[str, int], str] = {}
 
-    def assign(self, node: Expression, formula: str) -> None:
-        """Give the value of a node a name."""
-        word = self.words[node.serial] = f"t{len(self.lines)}"
-        self.lines.append(f"const {'bool' if node.boolean else 'float'} {word} = {formula};")
+    def read(self, symbol: Expression, place: str) -> None:
+        """An input: an argument by its own name, a member of a struct by one like it."""
+        if "->" in place:
+            self.declare(symbol, Formula(place, ATOM), re.sub(r"\W+", "_", place.split("->")[1]).strip("_"))
+        else:
+            self.formulas[symbol.serial] = Formula(place, ATOM)
+
+    def write(self, node: Expression, only_once: bool, is_output: bool) -> None:
+        """A value: in the only place where it is used if it is short and that place names it, else as a line."""
+        formula = self.formula(node)
+        name = self.origins.name(node.serial) if self.origins else ""
+        if only_once and (is_output or not name) and len(formula.text) <= _LONGEST:
+            self.formulas[node.serial] = formula
+        else:
+            self.explain(node)
+            self.declare(node, formula, name)
+
+    def store(self, place: str, x: object) -> None:
+        """Store an output, or return it."""
+        self.lines.append(f"return {self.word(x)};" if place == "return" else f"{place} = {self.word(x)};")
+
+    def explain(self, node: Expression) -> None:
+        """A comment where another function of the traced code begins."""
+        origin = self.origins.origin(node.serial) if self.origins else None
+        if origin and origin != self.block:
+            text = origin.name if origin in self.explained else f"{origin.name} ({origin.file}): {origin.summary}"
+            self.lines += _comment(text)
+            self.explained.add(origin)
+            self.block = origin
+
+    def declare(self, node: Expression, formula: Formula, name: str) -> None:
+        """Give a value a name."""
+        word = self.formulas[node.serial] = Formula(self.new_word(name), ATOM)
+        self.lines.append(f"const {'bool' if node.boolean else 'float'} {word.text} = {formula.text};")
+
+    def new_word(self, name: str) -> str:
+        """The name, or another one like it if it is taken."""
+        name = name if re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII) else "t"
+        numbered = (f"{name}_{k}" if name[-1].isdigit() else f"{name}{k}" for k in count(2))
+        word = next(w for w in chain([name] if name != "t" else [], numbered) if w not in self.words)
+        self.words.add(word)
+        return word
 
     def word(self, x: object) -> str:
-        """Name of a value, or a literal."""
-        return self.words[x.serial] if isinstance(x, Expression) else literal(x)
+        """C of a value where it is used."""
+        return self.formula_of(x).text
 
-    def formula(self, node: Expression) -> str:
+    def formula_of(self, x: object) -> Formula:
+        """What stands for a value where it is used: its name, its formula or a literal."""
+        return self.formulas[x.serial] if isinstance(x, Expression) else Formula(literal(x), ATOM)
+
+    def formula(self, node: Expression) -> Formula:
         """C of an operation."""
         if is_whole(node):
-            return f"(float){self.whole(node)}"
+            return Formula(f"(float){self.whole(node)}", UNARY)
         if node.operation.name == "gather":
-            return self.entry(node)
-        text = template(node)
-        self.helpers |= {helper for helper in HELPERS if f"{{name}}_{helper}(" in text}
-        return text.format(*(self.word(a) for a in node.args), name=self.name)
+            return Formula(self.entry(node), ATOM)
+        how = template(node)
+        self.helpers |= {helper for helper in HELPERS if f"{{name}}_{helper}(" in how.text}
+        words = [
+            f"({f.text})" if f.rank > most else f.text
+            for f, most in zip(map(self.formula_of, node.args), how.most, strict=False)
+        ]
+        return Formula(how.text.format(*words, name=self.name), how.rank)
 
     def index(self, index: Expression, count: int) -> str:
         """The index in tables of `count` entries, computed once for all of them."""
@@ -290,34 +415,41 @@ class _CWriter:
         word = self.word(index)
         if (word, count) not in self.indices:
             self.helpers.add("index")
-            name = self.indices[word, count] = f"i{len(self.indices)}"
-            self.lines.append(f"const int32_t {name} = {self.name}_index({word}, {count});")
+            self.integer((word, count), f"{self.name}_index({word}, {count})")
         return self.indices[word, count]
 
     def whole(self, node: Expression) -> str:
         """The integer of a value for which `is_whole` holds: an entry of a table of bytes, or a cast for a floor."""
         is_entry = node.operation.name == "gather"
-        word = self.entry(node) if is_entry else self.word(node.args[0])
-        if (word, 0) not in self.indices:
-            name = self.indices[word, 0] = f"i{len(self.indices)}"
-            self.lines.append(f"const int32_t {name} = {word if is_entry else f'(int32_t){word}'};")
-        return self.indices[word, 0]
+        value = Formula(self.entry(node), ATOM) if is_entry else self.formula_of(node.args[0])
+        if (value.text, 0) not in self.indices:
+            cast = f"(int32_t){value.text}" if value.rank <= UNARY else f"(int32_t)({value.text})"
+            self.integer((value.text, 0), value.text if is_entry else cast)
+        return self.indices[value.text, 0]
+
+    def integer(self, of: tuple[str, int], formula: str) -> None:
+        """Give an integer a name."""
+        name = self.indices[of] = self.new_word("i0") if not self.indices else self.new_word(f"i{len(self.indices)}")
+        self.lines.append(f"const int32_t {name} = {formula};")
 
     def entry(self, gather: Expression) -> str:
         """Entry of a table, from the constant array that holds its values."""
         values = gather.args[1]
         index = self.index(gather.args[0], len(values))
-        for name, array in self.tables.items():
-            if are_bytes(array) is are_bytes(values) and (first := position(values, array)) is not None:
-                return f"{name}[{index} + {first}]" if first else f"{name}[{index}]"
-        raise KeyError(values)
+        name, array = next((name, array) for name, array in self.tables.items() if _holds(array, values))
+        first = position(values, array)
+        return f"{name}[{index} + {first}]" if first else f"{name}[{index}]"
 
     def globals(self) -> Iterator[str]:
         """Tables, and the helpers that the functions call."""
         for name, values in self.tables.items():
             kind = "uint8_t" if are_bytes(values) else "float"
             texts = (f"{v:.0f}" if kind == "uint8_t" else literal(v) for v in values)
-            yield f"static const {kind} {name}[{len(values)}] = {{{', '.join(texts)}}};"
+            users = [word for table, words in self.users.items() if _holds(values, table) for word in words]
+            yield from _comment(", ".join(dict.fromkeys(users))) if users else ()
+            yield f"static const {kind} {name}[{len(values)}] = {{"
+            yield from textwrap.wrap(", ".join(texts), _WIDTH, initial_indent="    ", subsequent_indent="    ")
+            yield "};"
         if self.tables:
             yield ""
         for helper in sorted(self.helpers):
