@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,6 +14,7 @@ from ohmward.battery.models.thevenin import next_state as thevenin_next
 from ohmward.battery.models.thevenin import voltage as thevenin_voltage
 from ohmward.energy.points import normal_points
 from ohmward.energy.usable_energy import (
+    BATTERY_DIMENSIONS,
     BatteryState,
     discharge,
     soc_after,
@@ -37,25 +40,37 @@ def test_a_constant_open_circuit_voltage_has_a_closed_form(soc, reserve, r_ohm, 
 
 def test_a_straight_curve_down_to_the_cut_off():
     # U = 20 + 8 z, no resistance: from z = 0.9 to U = 22 at z = 0.25, Q (20 z + 4 z^2)
-    found = energy_J(battery((20.0, 28.0)), BatteryState(0.9, cutoff_V=22.0), 50.0)
+    found = energy_J(battery((20.0, 28.0)), BatteryState(0.9, cutoff_V=22.0, diffusion_lag_s=0.0), 50.0)
     assert found == pytest.approx(36000.0 * (20.0 * 0.65 + 4.0 * (0.81 - 0.0625)), rel=1e-5)
 
 
 def test_a_straight_curve_down_to_where_a_peak_would_meet_the_cut_off():
     # 50 W at 0.1 ohm; a peak of 150 W takes V (U - V) / 0.1 = 150 at V = 22: U = 22 + 15 / 22, z = (U - 20) / 8
     end = (2.0 + 15.0 / 22.0) / 8.0
-    found = energy_J(battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, cutoff_V=22.0, peak_W=150.0), 50.0)
+    found = energy_J(
+        battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, cutoff_V=22.0, diffusion_lag_s=0.0, peak_W=150.0), 50.0
+    )
     above = energy_J(battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, reserve_soc=end), 50.0)
     assert found == pytest.approx(above, rel=1e-4)
     for peak_W in (0.0, 50.0):  # a peak that is the mean is none
-        same = energy_J(battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, cutoff_V=22.0, peak_W=peak_W), 50.0)
-        assert same == energy_J(battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, cutoff_V=22.0), 50.0) > found
+        same = energy_J(
+            battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, cutoff_V=22.0, diffusion_lag_s=0.0, peak_W=peak_W), 50.0
+        )
+        assert (
+            same
+            == energy_J(battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, cutoff_V=22.0, diffusion_lag_s=0.0), 50.0)
+            > found
+        )
 
 
 def test_a_peak_is_short_and_finds_the_slow_pairs_as_the_mean_left_them():
     slow = Thevenin(10.0, OcvCurve((20.0, 28.0)), (0.05,) * 2, (0.05,) * 2, ((0.1, 0.1),), (1e6,))
     peak_W, mean_W, cutoff_V = 150.0, 50.0, 22.0
-    found = energy_J(Battery("test", 10.0, thevenin=slow), BatteryState(0.9, cutoff_V=cutoff_V, peak_W=peak_W), mean_W)
+    found = energy_J(
+        Battery("test", 10.0, thevenin=slow),
+        BatteryState(0.9, cutoff_V=cutoff_V, diffusion_lag_s=0.0, peak_W=peak_W),
+        mean_W,
+    )
     U = cutoff_V + 0.05 * peak_W / cutoff_V  # and the settled pair's share at the mean current
     for _ in range(50):
         mean_V = (U + np.sqrt(U**2 - 4 * 0.15 * mean_W)) / 2
@@ -88,7 +103,7 @@ def test_against_a_discharge_step_by_step():
         current = -power_W / volts
         x = thevenin_next(x, CircuitInput(current, 10.0), model, 5.0)
         given_J += power_W * 5.0
-    charge = BatteryState(0.8, temperature_degC=10.0, cutoff_V=cutoff_V)
+    charge = BatteryState(0.8, temperature_degC=10.0, cutoff_V=cutoff_V, diffusion_lag_s=0.0)
     assert energy_J(Battery("pack", 10.0, thevenin=model), charge, power_W) == pytest.approx(given_J, rel=0.01)
 
 
@@ -106,7 +121,7 @@ def test_the_spread_of_the_capacity_alone():
 @settings(max_examples=10)
 @given(share=st.floats(0.0, 1.0))
 def test_the_state_of_charge_after_an_energy_is_the_inverse(share):
-    z = normal_points(3)
+    z = normal_points(BATTERY_DIMENSIONS)
     found = discharge(
         battery((20.0, 28.0), 0.1), BatteryState(0.8, 0.03, 1.0, 0.02, 1.0, 0.2, reserve_soc=0.1), 40.0, z
     )
@@ -133,5 +148,25 @@ def test_impossible_charges(fields, message):
 
 def test_parts_side_by_side_are_the_whole_to_the_bit():
     pack, state = generic_battery("lfp", 12.0, 4), BatteryState(soc=0.7, soc_std=0.05)
-    z = normal_points(3)
+    z = normal_points(BATTERY_DIMENSIONS)
     np.testing.assert_array_equal(usable_at(pack, state, 30.0, z), usable_J(discharge(pack, state, 30.0, z)))
+
+
+def test_charge_that_was_counted_is_as_uncertain_as_the_capacity():
+    # from full, a tenth less capacity is a tenth of the whole less at any state of charge: d(soc Q) = dQ
+    state = BatteryState(0.4, soc_std=0.6 * 0.1, capacity_std=0.1)
+    alone = usable_energy(battery(), state, 10.0)
+    counted = usable_energy(battery(), replace(state, counted=0.6), 10.0)
+    whole_J = 36000.0 * 12.0 * 2.0
+    assert counted.p50 - counted.p10 == pytest.approx(0.128155 * whole_J, rel=0.02)
+    assert alone.p50 - alone.p10 < 0.75 * (counted.p50 - counted.p10)  # sqrt(.6^2 + .4^2) and what is of second order
+
+
+def test_a_battery_ends_by_its_voltage_while_the_mean_of_its_particles_still_has_charge():
+    watched = BatteryState(0.5, cutoff_V=11.0)
+    at_20_W, at_40_W = (usable_energy(battery(), watched, power_W) for power_W in (20.0, 40.0))
+    free = usable_energy(battery(), replace(watched, cutoff_V=0.0), 20.0)
+    assert free.p50 - at_20_W.p50 == pytest.approx(20.0 * 100.0, rel=0.02)  # P T with the usual T
+    assert free.p50 - at_40_W.p50 == pytest.approx(40.0 * 100.0, rel=0.02)
+    assert free.p50 - at_20_W.p10 == pytest.approx(20.0 * 100.0 * np.exp(1.28155 * 0.7), rel=0.02)
+    assert np.ptp(np.array(free)) == pytest.approx(0.0, abs=1.0)

@@ -19,13 +19,12 @@ from ohmward.battery.battery import Battery
 from ohmward.energy.consumption import Consumption, EnergyDemand, design_row, energy_demand
 from ohmward.energy.leg import Stretch, total_distance_m, total_time_s
 from ohmward.energy.points import Quantiles, normal_points, quantiles, student
-from ohmward.energy.usable_energy import PEAK_LASTS_S, BatteryState, usable_at
+from ohmward.energy.usable_energy import BATTERY_DIMENSIONS, PEAK_LASTS_S, BatteryState, usable_at
 from ohmward.errors import InputError
 
-#: Dimensions of the points: state of charge, capacity and resistance of the battery; then, of the consumption,
-#: coefficients, day effects and scatter.
-DIMENSIONS = 6
-BATTERY, COEFFICIENTS, DAY_EFFECTS, SCATTER = slice(0, 3), 3, 4, 5
+#: Dimensions of the points: those of the battery; then, of the consumption, coefficients, day effects and scatter.
+DIMENSIONS = BATTERY_DIMENSIONS + 3
+BATTERY, COEFFICIENTS, DAY_EFFECTS, SCATTER = slice(0, BATTERY_DIMENSIONS), *range(BATTERY_DIMENSIONS, DIMENSIONS)
 
 
 class Range(NamedTuple):

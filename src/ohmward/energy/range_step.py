@@ -227,6 +227,8 @@ class RangeSettings:
         return BatteryState(
             soc=min(now.soc, 1.0),
             soc_std=now.soc_std,
+            counted=1.0
+            - min(now.soc, 1.0),  # as if since full: where SoC was seen on the way, its own doubt is smaller
             soh_capacity=_known(now.soh_capacity, 1.0),
             capacity_std=noise.capacity_std,
             resistance_ratio=_known(now.resistance_ratio, 1.0),

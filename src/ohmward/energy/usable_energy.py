@@ -12,6 +12,13 @@ V_p(z) = [U_p + sqrt(U_p^2 - 4 R_p P_p)] / 2,      U_p = U - (R - R_p) I.
 
 U is the open-circuit voltage of the discharge branch, R the resistance after all RC pairs have settled, R_p that after
 half a minute.
+
+Where a voltage ends the discharge, it ends before the circuit says so: what is drawn is the surface of the particles,
+which is emptier than their mean. In a sphere of radius r and diffusivity D a steady current leaves the difference
+
+dz = I T / Q,   T = r^2 / (15 D),
+
+and after a step, for a time t, 2 sqrt(15 T t / pi) / 3 - t takes the place of T. T is known to a factor.
 """
 
 from __future__ import annotations
@@ -37,6 +44,14 @@ _RESISTANCES = 33
 _SECONDS_PER_HOUR = 3600.0
 #: Time [s] for which a peak of power holds on: a climb, a patch of mud.
 PEAK_LASTS_S = 30.0
+#: Lag T [s] of diffusion and the standard deviation of its logarithm: published parameter sets of lithium cells have
+#: 43 s (Ai 2020), 69 s (Chen 2020), 83 s (Mohtat 2020) and 171 s (Marquis 2019) for their graphite, 67 to 450 s for the
+#: other electrode.
+USUAL_LAG_S, _LAG_LOG_STD = 100.0, 0.7
+#: Rows of the points of a battery: state of charge, capacity, resistance, lag of diffusion.
+BATTERY_DIMENSIONS = 4
+#: Least capacity over that of the file by which anything is divided.
+_LEAST_CAPACITY = 0.01
 #: Margin of a voltage that does not exist: far below any cut-off.
 _NO_POWER_V = -1e9
 
@@ -47,6 +62,8 @@ class BatteryState:
 
     soc: float  #: state of charge in [0, 1] and its standard deviation
     soc_std: float = 0.0  #: its standard deviation
+    #: charge that was counted since SoC was last known, over the capacity: an error of the capacity is one of SoC too
+    counted: float = 0.0
     #: capacity over that of the battery file, and its standard deviation
     soh_capacity: float = 1.0
     capacity_std: float = 0.0
@@ -58,11 +75,14 @@ class BatteryState:
     cutoff_V: float = 0.0  #: terminal voltage at which the robot stops; 0 where nothing watches it
     #: highest power [W] that has to be given for some seconds now and then; 0 where only the mean is known
     peak_W: float = 0.0
+    diffusion_lag_s: float = USUAL_LAG_S  #: T, to a factor
 
     def __post_init__(self) -> None:
-        for name in ("soc", "reserve_soc"):
+        for name in ("soc", "reserve_soc", "counted"):
             require_between(name, getattr(self, name), 0.0, 1.0)
-        require_each_not_negative("", self, "soc_std", "capacity_std", "resistance_std", "cutoff_V", "peak_W")
+        require_each_not_negative(
+            "", self, "soc_std", "capacity_std", "resistance_std", "cutoff_V", "peak_W", "diffusion_lag_s"
+        )
         require_each_positive("", self, "soh_capacity", "resistance_ratio")
         require_between("temperature_degC", self.temperature_degC, COLDEST_DEGC, HOTTEST_DEGC)
         if self.reserve_soc >= self.soc:
@@ -82,27 +102,28 @@ class Discharge(NamedTuple):
 
 def usable_energy(battery: Battery, state: BatteryState, power_W: float) -> Quantiles:
     """Energy [J] above the reserve at this mean power [W], P10/P50/P90."""
-    return quantiles(usable_at(battery, state, power_W, normal_points(3)))
+    return quantiles(usable_at(battery, state, power_W, normal_points(BATTERY_DIMENSIONS)))
 
 
 def usable_at(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> np.ndarray:
     """(N,) energy [J] that batteries drawn from the distribution of this one give at constant power [W].
 
-    z: (3, N) standard normal points of state of charge, capacity and resistance.
+    z: (4, N) standard normal points of state of charge, capacity, resistance and the lag of diffusion.
     """
     drawn, curves, between = _drawn(battery, state, power_W, z)
     start_J = _at_both(curves.whole_J, drawn.soc, between)
-    return drawn.capacity * np.maximum(start_J - _end_J(curves, state, drawn.soc, between), 0.0)
+    end_J = _end_J(curves, state, drawn, between)
+    return drawn.capacity * np.maximum(start_J - end_J, 0.0)
 
 
 def discharge(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> Discharge:
     """Discharge at constant power [W] of batteries drawn from the distribution of this one.
 
-    z: (3, N) standard normal points of state of charge, capacity and resistance.
+    z: (4, N) standard normal points of state of charge, capacity, resistance and the lag of diffusion.
     """
     drawn, curves, between = _drawn(battery, state, power_W, z)
     whole_J = _at_resistance(curves.whole_J, between)
-    end_J = _end_J(curves, state, drawn.soc, between)
+    end_J = _end_J(curves, state, drawn, between)
     return Discharge(_GRID, drawn.capacity * np.maximum(whole_J - end_J, 0.0), drawn.soc)
 
 
@@ -111,6 +132,7 @@ class _Drawn(NamedTuple):
 
     soc: np.ndarray
     capacity: np.ndarray  #: over the battery file's
+    lag_J: np.ndarray  #: left at the end of a discharge by its voltage, because the surface is empty before the mean
 
 
 class _Curves(NamedTuple):
@@ -128,16 +150,29 @@ class _Between(NamedTuple):
 
 
 def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> tuple[_Drawn, _Curves, _Between]:
-    """Batteries at the points (3, N), and the curves that they lie between: these bend little with the resistance."""
-    z_soc, z_capacity, z_resistance = z
-    soc = np.clip(state.soc + state.soc_std * z_soc, 0.0, 1.0)
-    capacity = np.maximum(state.soh_capacity + state.capacity_std * z_capacity, 0.0)
+    """Batteries at the points (4, N), and the curves that they lie between: these bend little with the resistance."""
+    z_soc, z_capacity, z_resistance, z_lag = z
+    capacity = np.maximum(state.soh_capacity + state.capacity_std * z_capacity, _LEAST_CAPACITY)
+    counted_std = min(state.counted * state.capacity_std / state.soh_capacity, state.soc_std)
+    counted = counted_std / state.capacity_std * state.soh_capacity if state.capacity_std > 0.0 else 0.0
+    with_capacity = counted * (1.0 - state.soh_capacity / capacity)
+    by_itself = np.sqrt(state.soc_std**2 - counted_std**2) * z_soc
+    soc = np.clip(state.soc + with_capacity + by_itself, 0.0, 1.0)
     resistance = np.maximum(state.resistance_ratio + state.resistance_std * z_resistance, 0.0)
     low, high = float(resistance.min()), float(resistance.max())
     grid = np.linspace(low, high, _RESISTANCES) if high > low else np.array([low, low])
     position = (resistance - low) / (grid[1] - grid[0]) if high > low else np.zeros(resistance.shape)
     below = np.minimum(position.astype(int), len(grid) - 2)
-    return _Drawn(soc, capacity), _curves(battery, state, power_W, grid), _Between(below, position - below)
+    lag_J = _lag_J(state, power_W, state.diffusion_lag_s * np.exp(_LAG_LOG_STD * z_lag))
+    return _Drawn(soc, capacity, lag_J), _curves(battery, state, power_W, grid), _Between(below, position - below)
+
+
+def _lag_J(state: BatteryState, power_W: float, lag_s: np.ndarray) -> np.ndarray:
+    """(N,) energy [J] that these lags of diffusion leave in the battery, I T V = P T; 0 where no voltage ends it."""
+    if not state.cutoff_V > 0.0:
+        return np.zeros(lag_s.shape)
+    of_peak_s = np.clip(2.0 / 3.0 * np.sqrt(15.0 / np.pi * lag_s * PEAK_LASTS_S) - PEAK_LASTS_S, 0.0, lag_s)
+    return max(power_W, 0.0) * lag_s + max(state.peak_W - max(power_W, 0.0), 0.0) * of_peak_s
 
 
 def _curves(battery: Battery, state: BatteryState, power_W: float, resistance: np.ndarray) -> _Curves:
@@ -165,10 +200,12 @@ def _ends(whole_J: np.ndarray, margin_V: np.ndarray) -> np.ndarray:
     return np.where(below >= 0, high_J - share * (high_J - low_J), 0.0)
 
 
-def _end_J(curves: _Curves, state: BatteryState, soc: np.ndarray, between: _Between) -> np.ndarray:
-    """(N,) energy at the end of the discharge of each battery, by its voltage or by the reserve."""
+def _end_J(curves: _Curves, state: BatteryState, drawn: _Drawn, between: _Between) -> np.ndarray:
+    """(N,) energy at the end of the discharge of each battery, by its voltage or by the reserve, over its capacity."""
+    soc = drawn.soc
     from_here = curves.end_J[(soc * (len(_GRID) - 1)).astype(int)[:, None], between.below[:, None] + np.arange(2)]
     by_voltage = from_here[:, 0] + between.share * (from_here[:, 1] - from_here[:, 0])
+    by_voltage += drawn.lag_J / drawn.capacity
     return np.maximum(_at_both(curves.whole_J, np.full(soc.shape, state.reserve_soc), between), by_voltage)
 
 
