@@ -73,18 +73,15 @@ def battery_export(
     state = estimator.init(rest, soc, soc_std)
     at_rate = partial(at_fixed_rate, sample_time_s=sample_time_s)
     traceable = hasattr(estimator, "start")
-    start = (
-        trace(estimator.start, EXAMPLE, soc, soc_std, with_origins=True)
-        if traceable
-        else trace(lambda sample: state, EXAMPLE, with_origins=True)
-    )
+    arguments = (soc, soc_std) if traceable else ()
+    start = estimator.start if traceable else lambda sample: state
     return Export(
         name=name,
         title=title,
         step=trace(at_rate(estimator.step), state, EXAMPLE, with_origins=True),
-        start=start,
+        start=trace(start, EXAMPLE, *arguments, with_origins=True),
         flags=SocFlag,
-        arguments=(soc, soc_std) if traceable else (),
+        arguments=arguments,
         samples=vector_samples(battery),
         loops=textbook_loops(estimator, state, name, at_rate) if style == "loops" else None,
         voltage_start=_voltage_start(estimator) if hasattr(estimator, "voltage_start") else None,
@@ -95,8 +92,8 @@ def _voltage_start(estimator: Any) -> VoltageStartPrograms:
     """The start of an estimator from the first voltage, traced."""
     start, part = estimator.voltage_start, Hypothesis(1.0, InitialSoc(0.5, 0.3))
     return VoltageStartPrograms(
-        expected=trace(start.expected_voltage, 0.5, EXAMPLE, with_origins=True),
-        state=trace(estimator.start_from, EXAMPLE, *[part] * start.count, with_origins=True),
+        expected=trace(start.expected_voltage, 0.5, EXAMPLE),
+        state=trace(estimator.start_from, EXAMPLE, *[part] * start.count),
     )
 
 

@@ -94,9 +94,8 @@ def _curve(textbook: TextbookFilter, name: str, example: Any, in_clean: list[str
     prototype = f"{name}_curve(float soc, const {name}_clean *clean"
     comment, inputs = "The voltage without that of the RC pairs.", ["soc", *in_clean]
     if textbook.method == "ukf":
-        return Function(
-            comment, f"static float {prototype})", trace(value, 0.0, example, with_origins=True), inputs, ["return"]
-        )
+        program = trace(value, 0.0, example, with_origins=True)
+        return Function(comment, f"static float {prototype})", program, inputs, ["return"])
     program = trace(value_and_slope, 0.0, example, with_origins=True)
     return Function(comment, f"static void {prototype}, float *y, float *slope)", program, inputs, ["*y", "*slope"])
 
