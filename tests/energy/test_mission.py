@@ -9,7 +9,7 @@ from energy.examples import PRIOR, battery
 from ohmward.energy.consumption import start
 from ohmward.energy.consumption_figures import record_figures, terrain_figures
 from ohmward.energy.leg import Leg
-from ohmward.energy.mission import DEFAULT_RESERVE, MissionSettings, Plan, analyse, battery_state
+from ohmward.energy.mission import DEFAULT_RESERVE, MissionSettings, Plan, analyse, battery_at_end
 from ohmward.errors import InputError
 from ohmward.logs import Log
 
@@ -66,15 +66,15 @@ def test_a_plan_alone_is_looked_ahead_to():
 
 
 def test_the_state_of_the_battery_is_that_of_plan_and_log():
-    of_plan, _ = battery_state(battery(), SOC, PLAN, LOG)
+    of_plan, _ = battery_at_end(battery(), SOC, PLAN, LOG)
     assert (of_plan.reserve_soc, of_plan.cutoff_V, of_plan.temperature_degC) == (0.2, 20.0, 5.0)
-    of_log, notes = battery_state(battery(), SOC, None, LOG)
+    of_log, notes = battery_at_end(battery(), SOC, None, LOG)
     assert (of_log.reserve_soc, of_log.cutoff_V, of_log.temperature_degC) == (DEFAULT_RESERVE, 0.0, 15.0)
     assert notes == []
 
 
 def test_a_log_that_ends_below_the_usual_reserve_reaches_to_empty():
-    state, notes = battery_state(battery(), MissionSettings(soc=0.05), None, LOG)
+    state, notes = battery_at_end(battery(), MissionSettings(soc=0.05), None, LOG)
     assert state.reserve_soc == 0.0
     assert [note.level for note in notes] == ["warning"]
 

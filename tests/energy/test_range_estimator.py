@@ -15,7 +15,7 @@ from ohmward.energy.consumption import energy_demand, with_terrain
 from ohmward.energy.consumption_file import dump_consumption
 from ohmward.energy.leg import stretch_of
 from ohmward.energy.range import ground_std
-from ohmward.energy.range_step import RangeSample
+from ohmward.energy.range_step import RangeSample, usual_ground
 from ohmward.energy.recorded import cut_drive
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
@@ -57,19 +57,29 @@ def test_what_it_learns_is_what_the_recorded_drive_teaches():
     assert isinstance(estimator.consumption, Consumption)
 
 
-def test_a_peak_that_held_shortens_the_range_to_the_cut_off_and_is_forgotten():
-    def after(peak_W: float, of_s: float, hours: float) -> float:
-        """P50 at the end of a drive with a peak of this power and length at its begin."""
+def test_peaks_that_held_shorten_the_range_to_the_cut_off():
+    def after(peak_W: float, of_s: float) -> float:
+        """P10 at the end of an hour with such a peak every three minutes, the mean power being the same."""
         estimator = new(terrain="grass", cutoff_V=20.0, reserve_soc=0.0, refresh_s=1e9)
-        for t in np.arange(0.0, 3600.0 * hours, 1.0):
-            power = peak_W if 60.0 <= t < 60.0 + of_s else 30.0
-            estimator.update(t, 0.8, 0.5, -power / V, V)
-        return estimator.settings.forecast(estimator.state, last_sample(estimator)).distance_m.p50
+        rest_W = (180.0 * 40.0 - peak_W * of_s) / (180.0 - of_s)
+        for t in np.arange(0.0, 3600.0, 1.0):
+            estimator.update(t, 0.5, 0.5, -(peak_W if t % 180.0 < of_s else rest_W) / V, V)
+        return estimator.settings.forecast(estimator.state, last_sample(estimator)).distance_m.p10
 
-    calm = after(30.0, 10.0, 0.1)
-    assert after(300.0, 10.0, 0.1) < 0.9 * calm  # a climb of ten seconds
-    assert after(300.0, 1.0, 0.1) > after(300.0, 10.0, 0.1)  # a second opens no protection
-    assert after(300.0, 10.0, 4.0) > 0.97 * after(30.0, 10.0, 4.0)
+    assert after(300.0, 10.0) < 0.9 * after(41.0, 10.0)  # a climb of ten seconds
+    assert after(300.0, 1.0) > after(300.0, 10.0)  # a second opens no protection
+
+
+def test_the_ground_ahead_is_also_what_the_robot_is_used_to():
+    c = begin_drive(NEW)
+    for _ in range(30):
+        c = learn(c, stretch_of(Leg(50.0, "grass", 0.5)), 3000.0)
+        c = learn(c, stretch_of(Leg(50.0, "asphalt", 0.5)), 1000.0)
+    late = [stretch_of(Leg(50.0, "asphalt", 0.5))] * 10
+    ahead = [*late, *usual_ground(c, late)]
+    lengths = {name: sum(s.distance_m for s in ahead if s.terrain == name) for name in ("grass", "asphalt")}
+    assert lengths["grass"] == pytest.approx(0.25 * sum(lengths.values()))  # half of ten that count beside ten
+    assert usual_ground(NEW, late) == []  # nothing was driven before
 
 
 def test_the_ground_ahead_is_another_sample_of_that_of_late():

@@ -12,6 +12,7 @@ from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.models.thevenin import next_state as thevenin_next
 from ohmward.battery.models.thevenin import voltage as thevenin_voltage
+from ohmward.energy.peaks import Peaks
 from ohmward.energy.points import normal_points
 from ohmward.energy.usable_energy import (
     BATTERY_DIMENSIONS,
@@ -44,23 +45,21 @@ def test_a_straight_curve_down_to_the_cut_off():
     assert found == pytest.approx(36000.0 * (20.0 * 0.65 + 4.0 * (0.81 - 0.0625)), rel=1e-5)
 
 
+def certain(power_W: float) -> Peaks:
+    """A way on which a peak of this power comes at any moment, and none above."""
+    return Peaks(np.array([0.0, power_W]), np.array([1e6, 1e6]))
+
+
 def test_a_straight_curve_down_to_where_a_peak_would_meet_the_cut_off():
     # 50 W at 0.1 ohm; a peak of 150 W takes V (U - V) / 0.1 = 150 at V = 22: U = 22 + 15 / 22, z = (U - 20) / 8
     end = (2.0 + 15.0 / 22.0) / 8.0
-    found = energy_J(
-        battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, cutoff_V=22.0, diffusion_lag_s=0.0, peak_W=150.0), 50.0
-    )
+    watched = BatteryState(0.9, cutoff_V=22.0, diffusion_lag_s=0.0)
+    found = energy_J(battery((20.0, 28.0), r_ohm=0.1), replace(watched, peaks=certain(150.0)), 50.0)
     above = energy_J(battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, reserve_soc=end), 50.0)
-    assert found == pytest.approx(above, rel=1e-4)
-    for peak_W in (0.0, 50.0):  # a peak that is the mean is none
-        same = energy_J(
-            battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, cutoff_V=22.0, diffusion_lag_s=0.0, peak_W=peak_W), 50.0
-        )
-        assert (
-            same
-            == energy_J(battery((20.0, 28.0), r_ohm=0.1), BatteryState(0.9, cutoff_V=22.0, diffusion_lag_s=0.0), 50.0)
-            > found
-        )
+    assert found == pytest.approx(above, rel=2e-3)
+    calm = energy_J(battery((20.0, 28.0), r_ohm=0.1), replace(watched, peaks=certain(50.0)), 50.0)
+    alone = energy_J(battery((20.0, 28.0), r_ohm=0.1), watched, 50.0)
+    assert calm == pytest.approx(alone, rel=5e-3) and calm > 1.03 * found  # a peak that is the mean is none
 
 
 def test_a_peak_is_short_and_finds_the_slow_pairs_as_the_mean_left_them():
@@ -68,7 +67,7 @@ def test_a_peak_is_short_and_finds_the_slow_pairs_as_the_mean_left_them():
     peak_W, mean_W, cutoff_V = 150.0, 50.0, 22.0
     found = energy_J(
         Battery("test", 10.0, thevenin=slow),
-        BatteryState(0.9, cutoff_V=cutoff_V, diffusion_lag_s=0.0, peak_W=peak_W),
+        BatteryState(0.9, cutoff_V=cutoff_V, diffusion_lag_s=0.0, peaks=certain(peak_W)),
         mean_W,
     )
     U = cutoff_V + 0.05 * peak_W / cutoff_V  # and the settled pair's share at the mean current
@@ -76,7 +75,34 @@ def test_a_peak_is_short_and_finds_the_slow_pairs_as_the_mean_left_them():
         mean_V = (U + np.sqrt(U**2 - 4 * 0.15 * mean_W)) / 2
         U = cutoff_V + 0.05 * peak_W / cutoff_V + 0.1 * mean_W / mean_V
     above = energy_J(Battery("test", 10.0, thevenin=slow), BatteryState(0.9, reserve_soc=(U - 20.0) / 8.0), mean_W)
-    assert found == pytest.approx(above, rel=1e-3)
+    assert found == pytest.approx(above, rel=1e-2)
+
+
+def test_rare_peaks_that_a_battery_cannot_give_end_it_after_an_exponential_time():
+    # 24 V behind 0.5 ohm give 2 V / 0.5 ohm * 22 V = 88 W down to 22 V, at any state of charge
+    per_s, power_W = 1.0 / 3600.0, 20.0
+    peaks = Peaks(np.array([0.0, 100.0]), np.array([per_s, per_s]))
+    state = BatteryState(1.0, cutoff_V=22.0, diffusion_lag_s=0.0, peaks=peaks)
+    found = usable_energy(battery(r_ohm=0.5), state, power_W)
+    by_hand = power_W / per_s * -np.log([0.9, 0.5, 0.1])
+    assert np.array(found) == pytest.approx(by_hand, rel=5e-3)
+
+
+def test_a_peak_empties_the_surface_of_the_particles():
+    watched = BatteryState(0.9, cutoff_V=22.0, peaks=certain(150.0))
+    deep, shallow = battery((20.0, 28.0), r_ohm=0.1), replace(watched, diffusion_lag_s=0.0)
+    assert energy_J(deep, watched, 50.0) < energy_J(deep, shallow, 50.0) - 50.0 * 100.0
+
+
+def test_a_battery_that_has_lived_through_its_peaks_has_no_high_resistance():
+    # at 0.1 to 0.5 ohm the peaks come through, above 0.5 ohm they do not: 24 V, 22 V, 88 W
+    now = BatteryState(0.8, resistance_ratio=1.0, resistance_std=0.5, cutoff_V=22.0, diffusion_lag_s=0.0)
+    way = Peaks(np.array([0.0, 88.0]), np.array([1.0 / 60.0, 1.0 / 60.0]))
+    started, came = (
+        usable_energy(battery(r_ohm=0.5), replace(now, peaks=way, began_soc=soc), 20.0) for soc in (0.8, 1.0)
+    )
+    assert started.p10 < 20.0 * 120.0  # one in two fails within a minute or two
+    assert came.p10 > 100 * started.p10
 
 
 def test_a_battery_is_emptied_along_the_discharge_branch():
@@ -113,9 +139,9 @@ def test_the_spread_of_the_state_of_charge_alone():
     assert np.array(found) == pytest.approx(by_hand, rel=2e-3)
 
 
-def test_the_spread_of_the_capacity_alone():
+def test_the_spread_of_the_capacity_alone_is_that_of_ageing():
     found = usable_energy(battery(), BatteryState(0.5, capacity_std=0.1), 10.0)
-    assert np.array(found) == pytest.approx(36000.0 * 12.0 * (1 + 0.128155 * np.array([-1, 0, 1])), rel=2e-3)
+    assert np.array(found) == pytest.approx(36000.0 * 12.0 * (1 + 0.128155 * np.array([-1.5, 0, 0.5])), rel=2e-3)
 
 
 @settings(max_examples=10)
@@ -158,7 +184,7 @@ def test_charge_that_was_counted_is_as_uncertain_as_the_capacity():
     alone = usable_energy(battery(), state, 10.0)
     counted = usable_energy(battery(), replace(state, counted=0.6), 10.0)
     whole_J = 36000.0 * 12.0 * 2.0
-    assert counted.p50 - counted.p10 == pytest.approx(0.128155 * whole_J, rel=0.02)
+    assert counted.p50 - counted.p10 == pytest.approx(1.5 * 0.128155 * whole_J, rel=0.02)
     assert alone.p50 - alone.p10 < 0.75 * (counted.p50 - counted.p10)  # sqrt(.6^2 + .4^2) and what is of second order
 
 
@@ -166,7 +192,7 @@ def test_a_battery_ends_by_its_voltage_while_the_mean_of_its_particles_still_has
     watched = BatteryState(0.5, cutoff_V=11.0)
     at_20_W, at_40_W = (usable_energy(battery(), watched, power_W) for power_W in (20.0, 40.0))
     free = usable_energy(battery(), replace(watched, cutoff_V=0.0), 20.0)
-    assert free.p50 - at_20_W.p50 == pytest.approx(20.0 * 100.0, rel=0.02)  # P T with the usual T
-    assert free.p50 - at_40_W.p50 == pytest.approx(40.0 * 100.0, rel=0.02)
-    assert free.p50 - at_20_W.p10 == pytest.approx(20.0 * 100.0 * np.exp(1.28155 * 0.7), rel=0.02)
+    assert free.p50 - at_20_W.p50 == pytest.approx(20.0 * 150.0, rel=0.02)  # P T with the usual T
+    assert free.p50 - at_40_W.p50 == pytest.approx(40.0 * 150.0, rel=0.02)
+    assert free.p50 - at_20_W.p10 == pytest.approx(20.0 * 150.0 * np.exp(1.28155 * 1.1), rel=0.02)
     assert np.ptp(np.array(free)) == pytest.approx(0.0, abs=1.0)

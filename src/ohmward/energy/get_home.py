@@ -13,7 +13,7 @@ from ohmward.checks import require_between
 from ohmward.energy.consumption import Consumption, energy_demand
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s, way_back
 from ohmward.energy.points import Quantiles, normal_points, quantiles
-from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, with_peak
+from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, with_peaks
 from ohmward.energy.usable_energy import BatteryState, discharge, soc_after, usable_J
 from ohmward.errors import InputError
 
@@ -61,7 +61,7 @@ def get_home(
     if not (duration_s := total_time_s(stretches)) > 0.0:
         raise InputError("the plan takes no time: no leg has a distance or a stop; give one of them")
     power_W = energy_demand(c, stretches).mean_J / duration_s
-    battery_points = discharge(battery, with_peak(state, c, stretches), power_W, z[BATTERY])
+    battery_points = discharge(battery, with_peaks(state, c, stretches), power_W, z[BATTERY])
     usable = usable_J(battery_points)
 
     def milestone(upto: list[Stretch]) -> Milestone:

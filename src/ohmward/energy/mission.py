@@ -10,7 +10,6 @@ result.range.distance_m.p50, result.forecast.probability, result.advice["grass"]
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -30,6 +29,8 @@ from ohmward.energy.drive_record import BodyMotion, DriveRecord, measured_motion
 from ohmward.energy.get_home import MissionForecast, get_home
 from ohmward.energy.leg import Leg, Stretch, stretch_of
 from ohmward.energy.range import Range, range_left
+from ohmward.energy.range_estimator import soc_now
+from ohmward.energy.range_step import SocNow, battery_state
 from ohmward.energy.speed_advice import SpeedAdvice, speed_advice
 from ohmward.energy.usable_energy import BatteryState
 from ohmward.errors import InputError
@@ -174,7 +175,7 @@ def analyse(
         record = record_drive(log, motion, ground, settings.payload_kg)
     learned, notes = learn_drive(before, record)
     consumption, guessed = _with_plan(learned, plan)
-    state, assumed = battery_state(battery, settings, plan, log, estimates)
+    state, assumed = battery_at_end(battery, settings, plan, log, estimates)
     ahead = stretches_ahead(plan, record)
     return MissionResult(
         battery,
@@ -204,7 +205,7 @@ def learn_drive(before: Consumption, record: DriveRecord | None) -> tuple[Consum
     return replace(c, last_drive_unix_s=record.end_unix_s or c.last_drive_unix_s), notes
 
 
-def battery_state(
+def battery_at_end(
     battery: Battery,
     settings: MissionSettings,
     plan: Plan | None = None,
@@ -216,28 +217,16 @@ def battery_state(
     Raises:
         InputError: no state of charge, or one below the reserve.
     """
-    noise = battery.noise
-    soc = settings.soc
-    soc_std = settings.soc_std
-    health: dict[str, float] = {}
+    temperature_degC = _temperature_degC(plan, log)
     if estimates is not None:
-        soc = min(max(float(estimates.soc[-1]), 0.0), 1.0)
-        soc_std = float(estimates.soc_std[-1])
-        ratios = {"soh_capacity": estimates.soh_capacity[-1], "resistance_ratio": estimates.resistance_ratio[-1]}
-        health = {name: float(value) for name, value in ratios.items() if math.isfinite(value)}
-    if soc is None:
+        now = soc_now(SocEstimate(*(column[-1] for column in estimates)), temperature_degC)
+    elif settings.soc is not None:
+        now = SocNow(settings.soc, settings.soc_std, temperature_degC=temperature_degC)
+    else:
         raise InputError("settings.soc is needed with a plan alone: the state of charge now, 0 to 1")
-    reserve_soc, notes = _reserve(settings, plan, log, soc)
-    state = BatteryState(
-        soc=soc,
-        soc_std=soc_std,
-        capacity_std=noise.capacity_std,
-        resistance_std=noise.resistance_std,
-        temperature_degC=_temperature_degC(plan, log),
-        reserve_soc=reserve_soc,
-        cutoff_V=settings.cutoff_V or (plan.cutoff_V if plan else 0.0),
-        **health,
-    )
+    reserve_soc, notes = _reserve(settings, plan, log, now.soc)
+    cutoff_V = settings.cutoff_V or (plan.cutoff_V if plan else 0.0)
+    state = battery_state(battery, now, reserve_soc=reserve_soc, cutoff_V=cutoff_V)
     return state, notes
 
 

@@ -7,6 +7,7 @@ correlations are below 0.014.
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from statistics import NormalDist
 from typing import NamedTuple
@@ -43,6 +44,10 @@ def normal_points(dimensions: int) -> np.ndarray:
     points = np.array([inverse((k + 0.5) / COUNT) for k in range(COUNT)])[place]
     points.flags.writeable = False
     return points
+
+
+#: Probability that a standard normal is above x, for arrays of any shape.
+normal_tail = np.vectorize(lambda x: 0.5 * math.erfc(x / math.sqrt(2.0)), otypes=[float])
 
 
 def student(z: np.ndarray, dof: float) -> np.ndarray:

@@ -18,8 +18,9 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.energy.consumption import Consumption, EnergyDemand, design_row, energy_demand
 from ohmward.energy.leg import Stretch, total_distance_m, total_time_s
+from ohmward.energy.peaks import PeakRatio, peaks_of_way
 from ohmward.energy.points import Quantiles, normal_points, quantiles, student
-from ohmward.energy.usable_energy import BATTERY_DIMENSIONS, PEAK_LASTS_S, BatteryState, usable_at
+from ohmward.energy.usable_energy import BATTERY_DIMENSIONS, BatteryState, usable_at
 from ohmward.errors import InputError
 
 #: Dimensions of the points: those of the battery; then, of the consumption, coefficients, day effects and scatter.
@@ -55,7 +56,7 @@ def range_left(
     whole = way_demand(c, ahead, is_known)
     power_W = whole.mean_J / time_s
     z = normal_points(DIMENSIONS)
-    usable = usable_at(battery, with_peak(state, c, ahead), power_W, z[BATTERY])
+    usable = usable_at(battery, with_peaks(state, c, ahead), power_W, z[BATTERY])
     per_m = certain_part(whole, z) / length_m
     scatter = scattered_part(whole, z) / np.sqrt(length_m)
     distance = distances(per_m, scatter, usable)
@@ -99,11 +100,9 @@ def ground_std(c: Consumption, recent: Sequence[Stretch]) -> float:
     return float(np.sqrt(2.0 * variance / count))
 
 
-def with_peak(state: BatteryState, c: Consumption, ahead: Sequence[Stretch]) -> BatteryState:
-    """The state of a battery that has to give the power of the hardest of these stretches, if none harder is known."""
-    driven = [s for s in ahead if s.time_s > s.standing_s]
-    powers_W = [float(design_row(c, s) @ c.mean) / max(s.time_s - s.standing_s, PEAK_LASTS_S) for s in driven]
-    return replace(state, peak_W=max(state.peak_W, *powers_W, 0.0))
+def with_peaks(state: BatteryState, c: Consumption, way: Sequence[Stretch]) -> BatteryState:
+    """The state of a battery that has to give the peaks of power of this way, unless others are known."""
+    return state if state.peaks is not None else replace(state, peaks=peaks_of_way(c, way, PeakRatio()))
 
 
 def distances(per_m: np.ndarray, scatter: np.ndarray, usable: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from ohmward.energy.consumption_file import dump_consumption, parse_consumption
 from ohmward.energy.consumption_prior import prior_from_robot
 from ohmward.energy.drive_meter import DriveMeter, DriveSample, Measured
 from ohmward.energy.leg import Stretch
+from ohmward.energy.peaks import PeakRatio
 from ohmward.energy.points import Quantiles
 from ohmward.energy.range_step import (
     RangeEstimate,
@@ -200,7 +201,15 @@ def soc_now(soc: float | SocEstimate | None, temperature_degC: float) -> SocNow:
     """
     if isinstance(soc, SocEstimate):
         known = min(max(float(soc.soc), 0.0), 1.0) if soc.soc == soc.soc else math.nan
-        return SocNow(known, float(soc.soc_std), float(soc.soh_capacity), float(soc.resistance_ratio), temperature_degC)
+        return SocNow(
+            known,
+            float(soc.soc_std),
+            float(soc.soh_capacity),
+            float(soc.soh_capacity_std),
+            float(soc.resistance_ratio),
+            float(soc.resistance_ratio_std),
+            temperature_degC,
+        )
     value = number("soc", soc)
     if not math.isnan(value) and not 0.0 <= value <= 1.0:
         raise InputError(f"soc must be between 0 and 1 (0.8 is 80 %), got {value:g}")
@@ -252,10 +261,12 @@ _State = tuple[
     tuple[_Sample, _Measured, _Measured],
     list[_Stretch],
     float,
-    tuple[_Number, _Number, _Number, _Number, _Number],
+    tuple[_Number, _Number, _Number, _Number, _Number, _Number, _Number],
     tuple[_Quantiles, _Quantiles, _Quantiles, _Quantiles, _Number, float, int],
     _Number,
     float,
+    float,
+    tuple[float, float, float],
     float,
 ]
 
@@ -265,8 +276,8 @@ def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
     snapshot.require_version(taken)
     snapshot.require_identity(settings, taken)
     snapshot.require_seal(taken)
-    table, (last, moving, stop), recent, finished_m, soc, forecast, forecast_s, held_W, peak_W = snapshot.typed(
-        _State, "state", taken.get("state")
+    table, (last, moving, stop), recent, finished_m, soc, forecast, forecast_s, held_W, peak_W, ratio, began_soc = (
+        snapshot.typed(_State, "state", taken.get("state"))
     )
     distance_m, duration_s, usable_J, per_m, home, driven_m, flags = forecast
     meter = DriveMeter(DriveSample(*map(_number, last)), _measured(moving), _measured(stop))
@@ -288,6 +299,8 @@ def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
         _number(forecast_s),
         held_W,
         peak_W,
+        PeakRatio(*ratio),
+        began_soc,
     )
 
 

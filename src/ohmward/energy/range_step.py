@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,11 +17,12 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.soc.clean_sample import is_current, is_voltage
 from ohmward.checks import require_between, require_each_not_negative, require_positive
-from ohmward.energy.consumption import Consumption, learn, with_terrain
+from ohmward.energy.consumption import Consumption, learn, moving_time_s, with_terrain
 from ohmward.energy.drive_meter import DriveMeter, DriveSample, advance
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s
+from ohmward.energy.peaks import SHORTEST_S, PeakRatio, mean_power_W, peaks_of_way
 from ohmward.energy.points import Quantiles, normal_points
-from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_left, way_demand, with_peak
+from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_left, way_demand, with_peaks
 from ohmward.energy.recorded import Cut
 from ohmward.energy.usable_energy import BatteryState, usable_at
 from ohmward.errors import InputError
@@ -32,15 +33,20 @@ from ohmward.quantities import FASTEST_M_S, MOST_C
 #: Ground like the last so many stretches lies ahead; with three minutes each, that of the last hour.
 RECENT_STRETCHES = 20
 
+#: All that was ever driven counts as so many further ones.
+USUAL_STRETCHES = 10.0
+
 #: Way ahead of a robot that has hardly moved yet, flat, with the consumption and the band that its table knows before.
 FIRST_LEG_M, FIRST_SPEED_M_S = 100.0, 0.5
 
 #: A shorter drive says nothing of the way ahead: it is a start from rest, at a tenth of the speed that is to come.
 LEAST_DRIVEN_M = 5.0
 
-#: A protection opens after some seconds, so that a peak of power counts that has held for so long; it is remembered for
-#: about so long.
-PEAK_S, PEAK_MEMORY_S = 3.0, 3600.0
+#: A protection opens after some seconds, so that a peak of power counts that has held for so long.
+PEAK_S = 3.0
+
+#: Resistance towards empty over what a resistance that was found on the way there makes it: its standard deviation.
+RESISTANCE_SHARE = 0.15
 
 #: A sample that is late by more than this is not late: the clock was set.
 CLOCK_SET_S = 60.0
@@ -72,7 +78,9 @@ class SocNow(NamedTuple):
     soc: float = math.nan
     soc_std: float = 0.0
     soh_capacity: float = math.nan
+    soh_capacity_std: float = math.nan
     resistance_ratio: float = math.nan
+    resistance_ratio_std: float = math.nan
     temperature_degC: float = math.nan
 
 
@@ -118,9 +126,11 @@ class RangeState(NamedTuple):
     soc: SocNow  #: last one known
     forecast: RangeEstimate  #: last one
     forecast_s: float  #: its time; -inf before the first
-    #: power out of the battery [W] that has held for some seconds, and the highest of late
+    #: power out of the battery [W] that has held for some seconds, and the highest of the stretch under way
     held_W: float = 0.0
     peak_W: float = 0.0
+    peak_ratio: PeakRatio = PeakRatio()  #: of the stretches of this drive
+    began_soc: float = 0.0  #: highest state of charge on this drive
 
 
 @dataclass(frozen=True)
@@ -163,7 +173,7 @@ class RangeSettings:
         """The state after a sample, and what is known then."""
         flags = flags_of_sample(state, sample)
         if math.isfinite(sample.soc.soc):
-            state = state._replace(soc=sample.soc)
+            state = state._replace(soc=sample.soc, began_soc=max(state.began_soc, sample.soc.soc))
         if not flags & RangeFlag.BAD_TIME:
             state = self.drive(state, sample.drive)
         time_s = sample.drive.time_s
@@ -178,14 +188,22 @@ class RangeSettings:
         """The state after a sample of the drive; each stretch that it finishes is learned."""
         meter, finished = advance(state.meter, sample, self.cut)
         held_W, peak_W = held_power(state, sample)
-        consumption, recent, finished_m = state.consumption, state.recent, state.finished_m
+        consumption, recent, finished_m, ratio = state.consumption, state.recent, state.finished_m, state.peak_ratio
         for part in finished:
             stretch = part.stretch._replace(payload_kg=self.payload_kg)
             consumption = learn(consumption, stretch, part.energy_J)
             recent = (*recent, stretch)[-RECENT_STRETCHES:]
             finished_m += stretch.distance_m
+            if moving_time_s(stretch) >= SHORTEST_S:
+                ratio, peak_W = ratio.with_stretch(peak_W, mean_power_W(consumption, stretch)), held_W
         return state._replace(
-            consumption=consumption, meter=meter, recent=recent, finished_m=finished_m, held_W=held_W, peak_W=peak_W
+            consumption=consumption,
+            meter=meter,
+            recent=recent,
+            finished_m=finished_m,
+            held_W=held_W,
+            peak_W=peak_W,
+            peak_ratio=ratio,
         )
 
     def forecast(self, state: RangeState, sample: RangeSample) -> RangeEstimate:
@@ -193,14 +211,26 @@ class RangeSettings:
         if state.soc.soc <= self.reserve_soc:
             home = math.nan if sample.home is None else 0.0
             return RangeEstimate(_NOTHING, _NOTHING, _NOTHING, _UNKNOWN, home, 0.0, RangeFlag(0))
-        ahead, battery_now = self.ahead(state), self.battery_state(state.soc, state.peak_W)
+        battery_now = battery_state(
+            self.battery,
+            state.soc,
+            counted=1.0
+            - min(state.soc.soc, 1.0),  # since full: where SoC was seen on the way, its own doubt is smaller
+            reserve_soc=self.reserve_soc,
+            cutoff_V=self.cutoff_V,
+            began_soc=state.began_soc,
+        )
+        ahead = self.ahead(state)
         home_m = self.way_home(ahead, sample.home)
         known = state.consumption
         for stretch in (*ahead, *home_m):
             known = with_terrain(known, stretch.terrain) if stretch.terrain else known
-        left = range_left(known, ahead, self.battery, battery_now, is_known=False)
+        of_ahead, of_home = (
+            replace(battery_now, peaks=peaks_of_way(known, way, state.peak_ratio)) for way in (ahead, home_m)
+        )
+        left = range_left(known, ahead, self.battery, of_ahead, is_known=False)
         is_planned = isinstance(sample.home, Sequence)
-        probability = reach_probability(known, home_m, self.battery, battery_now, is_planned) if home_m else math.nan
+        probability = reach_probability(known, home_m, self.battery, of_home, is_planned) if home_m else math.nan
         return RangeEstimate(
             left.distance_m, left.time_s, left.usable_J, left.energy_J_per_m, probability, 0.0, RangeFlag(0)
         )
@@ -209,7 +239,7 @@ class RangeSettings:
         """Stretches like those to come: those of late."""
         driven = (*state.recent, *([state.meter.moving.stretch] if state.meter.moving else []))
         if total_distance_m(driven) >= LEAST_DRIVEN_M:
-            return driven
+            return (*driven, *usual_ground(state.consumption, driven))
         return (stretch_of(Leg(FIRST_LEG_M, self.terrain, FIRST_SPEED_M_S, payload_kg=self.payload_kg)),)
 
     def way_home(self, ahead: Sequence[Stretch], home: WayHome) -> tuple[Stretch, ...]:
@@ -221,33 +251,61 @@ class RangeSettings:
         share = max(float(home), 0.0) / total_distance_m(ahead)
         return tuple(part_of(stretch, share) for stretch in ahead)
 
-    def battery_state(self, now: SocNow, peak_W: float) -> BatteryState:
-        """The battery for the forecast; what its estimator does not know is as in the battery file."""
-        noise = self.battery.noise
-        return BatteryState(
-            soc=min(now.soc, 1.0),
-            soc_std=now.soc_std,
-            counted=1.0
-            - min(now.soc, 1.0),  # as if since full: where SoC was seen on the way, its own doubt is smaller
-            soh_capacity=_known(now.soh_capacity, 1.0),
-            capacity_std=noise.capacity_std,
-            resistance_ratio=_known(now.resistance_ratio, 1.0),
-            resistance_std=noise.resistance_std,
-            temperature_degC=_known(now.temperature_degC, BatteryState.temperature_degC),
-            reserve_soc=self.reserve_soc,
-            cutoff_V=self.cutoff_V,
-            peak_W=peak_W,
+
+def battery_state(battery: Battery, now: SocNow, **limits: Any) -> BatteryState:
+    """The battery for a forecast; what its estimator does not know is as in the battery file.
+
+    limits: further fields of `BatteryState`, those that the robot keeps among them.
+    """
+    noise = battery.noise
+    resistance_ratio = _known(now.resistance_ratio, 1.0)
+    of_level = _known(now.resistance_ratio_std, noise.resistance_std)
+    return BatteryState(
+        soc=min(now.soc, 1.0),
+        soc_std=now.soc_std,
+        soh_capacity=_known(now.soh_capacity, 1.0),
+        capacity_std=_known(now.soh_capacity_std, noise.capacity_std),
+        resistance_ratio=resistance_ratio,
+        resistance_std=math.hypot(of_level, RESISTANCE_SHARE * resistance_ratio),
+        temperature_degC=_known(now.temperature_degC, BatteryState.temperature_degC),
+        **limits,
+    )
+
+
+def usual_ground(c: Consumption, driven: Sequence[Stretch]) -> list[Stretch]:
+    """Ground that the robot is used to, for as many stretches as it counts beside those of late.
+
+    The ground ahead is like that of late, and like all that was ever driven: what a robot met in the last hour it will
+    not meet for ever.
+    """
+    usual_m = sum(v.distance_m for v in c.visits)
+    if not usual_m > 0.0:
+        return []
+    length_m = USUAL_STRETCHES * total_distance_m(driven) / max(sum(s.distance_m > 0.0 for s in driven), 1)
+    climbing = sum(s.climb_m for s in driven) / total_distance_m(driven)
+    share = length_m / usual_m
+    return [
+        Stretch(
+            name,
+            share * v.time_s,
+            share * v.distance_m,
+            share * v.distance_m**2 / v.time_s,
+            share * v.distance_m * climbing,
+            share * v.distance_m * climbing,
         )
+        for name, v in zip(c.terrains, c.visits, strict=True)
+        if v.distance_m > 0.0
+    ]
 
 
 def held_power(state: RangeState, sample: DriveSample) -> tuple[float, float]:
-    """Power [W] that has held for some seconds, and the highest of late, after a sample."""
+    """Power [W] that has held for some seconds, and the highest of this stretch, after a sample."""
     last = state.meter.last
     dt_s = math.nan if last is None else sample.time_s - last.time_s
     if not (dt_s > 0.0 and math.isfinite(sample.battery_W)):
         return state.held_W, state.peak_W
     held_W = state.held_W + (1.0 - math.exp(-dt_s / PEAK_S)) * (sample.battery_W - state.held_W)
-    return held_W, max(held_W, state.peak_W * math.exp(-dt_s / PEAK_MEMORY_S))
+    return held_W, max(held_W, state.peak_W)
 
 
 def reach_probability(
@@ -258,7 +316,7 @@ def reach_probability(
     duration_s = total_time_s(way)
     z = normal_points(DIMENSIONS)
     power_W = demand.mean_J / duration_s if duration_s > 0.0 else 0.0
-    usable = usable_at(battery, with_peak(battery_now, c, way), power_W, z[BATTERY])
+    usable = usable_at(battery, with_peaks(battery_now, c, way), power_W, z[BATTERY])
     return float(np.mean(needed_J(demand, z) <= usable))
 
 

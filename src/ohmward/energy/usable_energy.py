@@ -5,24 +5,27 @@ V(z) = [U + sqrt(U^2 - 4 R P)] / 2, and from state of charge z0 down to z1 it gi
 
 E = Q * integral of V dz = Q * integral of (U - R I) dz,
 
-down to the reserve, or to where the highest power P_p that the way asks for cannot be had, or would take the terminals
-below the cut-off voltage. A peak is short: under it
+down to the reserve, to where P cannot be had or would take the terminals below the cut-off voltage V_c, or to the first
+peak of power that would. A peak is short: the highest that the battery gives at z is
 
-V_p(z) = [U_p + sqrt(U_p^2 - 4 R_p P_p)] / 2,      U_p = U - (R - R_p) I.
+P_p(z) = V_c I_p,   I_p = (U - (R - R_p) I - V_c) / R_p,
 
-U is the open-circuit voltage of the discharge branch, R the resistance after all RC pairs have settled, R_p that after
-half a minute.
+with half of U for V_c where that is more. U is the open-circuit voltage of the discharge branch, R the resistance after
+all RC pairs have settled, R_p that of a peak. Peaks above P_p come at a rate (`peaks`), so that a battery lasts from z0
+to z with the probability exp(-integral of that rate over the time between).
 
 Where a voltage ends the discharge, it ends before the circuit says so: what is drawn is the surface of the particles,
 which is emptier than their mean. In a sphere of radius r and diffusivity D a steady current leaves the difference
 
 dz = I T / Q,   T = r^2 / (15 D),
 
-and after a step, for a time t, 2 sqrt(15 T t / pi) / 3 - t takes the place of T. T is known to a factor.
+and after a step, for a time t, 2 sqrt(15 T t / pi) / 3 - t takes the place of T. T is known to a factor; for the peaks
+it is the usual one.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -34,7 +37,8 @@ from ohmward.battery.models.noise import USUAL_C
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.energy.balance import running_integral
-from ohmward.energy.points import Quantiles, normal_points, quantiles
+from ohmward.energy.peaks import Peaks
+from ohmward.energy.points import Quantiles, normal_points, normal_tail, quantiles
 from ohmward.errors import InputError
 from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 
@@ -42,18 +46,24 @@ from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 _GRID = np.linspace(0.0, 1.0, 251)
 _RESISTANCES = 33
 _SECONDS_PER_HOUR = 3600.0
-#: Time [s] for which a peak of power holds on: a climb, a patch of mud.
-PEAK_LASTS_S = 30.0
-#: Lag T [s] of diffusion and the standard deviation of its logarithm: published parameter sets of lithium cells have
-#: 43 s (Ai 2020), 69 s (Chen 2020), 83 s (Mohtat 2020) and 171 s (Marquis 2019) for their graphite, 67 to 450 s for the
-#: other electrode.
-USUAL_LAG_S, _LAG_LOG_STD = 100.0, 0.7
-#: Rows of the points of a battery: state of charge, capacity, resistance, lag of diffusion.
-BATTERY_DIMENSIONS = 4
+#: Time [s] for which a peak of power holds on: rough ground, the begin of a climb.
+PEAK_LASTS_S = 10.0
+#: Lag T [s] of diffusion and the standard deviation of its logarithm. The slower electrode of published parameter sets
+#: of lithium cells has 27 (Ramadass 2004), 59 (Kim 2011), 102 (Mohtat 2020), 111 (Ai 2020), 171 (Marquis 2019), 454
+#: (Chen 2020, O'Kane 2022), 556 (Prada 2013) and 1026 s (Ecker 2015); which one empties first differs.
+USUAL_LAG_S, _LAG_LOG_STD = 150.0, 1.1
+#: Standard deviation of the capacity towards less, over the mean of both sides: ageing takes capacity and gives none.
+_LOSS_SHARE = 1.5
+#: Rows of the points of a battery: state of charge, capacity, resistance, lag of diffusion, luck with the peaks.
+BATTERY_DIMENSIONS = 5
 #: Least capacity over that of the file by which anything is divided.
 _LEAST_CAPACITY = 0.01
+#: Where every battery would have lived with this probability, that it lives says nothing.
+_ALL_LIVED = 0.999
 #: Margin of a voltage that does not exist: far below any cut-off.
 _NO_POWER_V = -1e9
+#: Least resistance [ohm] and time [s] by which anything is divided.
+_LEAST_OHM = _LEAST_S = 1e-9
 
 
 @dataclass(frozen=True)
@@ -73,16 +83,15 @@ class BatteryState:
     temperature_degC: float = ROOM_DEGC  #: of the battery
     reserve_soc: float = 0.0  #: state of charge that is to be left
     cutoff_V: float = 0.0  #: terminal voltage at which the robot stops; 0 where nothing watches it
-    #: highest power [W] that has to be given for some seconds now and then; 0 where only the mean is known
-    peak_W: float = 0.0
+    peaks: Peaks | None = None  #: of power on the way; None where only the mean is known
+    #: state of charge from which the battery has come without a failure, on a way like this one; 0 for none
+    began_soc: float = 0.0
     diffusion_lag_s: float = USUAL_LAG_S  #: T, to a factor
 
     def __post_init__(self) -> None:
         for name in ("soc", "reserve_soc", "counted"):
             require_between(name, getattr(self, name), 0.0, 1.0)
-        require_each_not_negative(
-            "", self, "soc_std", "capacity_std", "resistance_std", "cutoff_V", "peak_W", "diffusion_lag_s"
-        )
+        require_each_not_negative("", self, "soc_std", "capacity_std", "resistance_std", "cutoff_V", "diffusion_lag_s")
         require_each_positive("", self, "soh_capacity", "resistance_ratio")
         require_between("temperature_degC", self.temperature_degC, COLDEST_DEGC, HOTTEST_DEGC)
         if self.reserve_soc >= self.soc:
@@ -108,7 +117,7 @@ def usable_energy(battery: Battery, state: BatteryState, power_W: float) -> Quan
 def usable_at(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> np.ndarray:
     """(N,) energy [J] that batteries drawn from the distribution of this one give at constant power [W].
 
-    z: (4, N) standard normal points of state of charge, capacity, resistance and the lag of diffusion.
+    z: (5, N) standard normal points of state of charge, capacity, resistance, lag of diffusion and luck with the peaks.
     """
     drawn, curves, between = _drawn(battery, state, power_W, z)
     start_J = _at_both(curves.whole_J, drawn.soc, between)
@@ -119,7 +128,7 @@ def usable_at(battery: Battery, state: BatteryState, power_W: float, z: np.ndarr
 def discharge(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> Discharge:
     """Discharge at constant power [W] of batteries drawn from the distribution of this one.
 
-    z: (4, N) standard normal points of state of charge, capacity, resistance and the lag of diffusion.
+    z: (5, N) standard normal points of state of charge, capacity, resistance, lag of diffusion and luck with the peaks.
     """
     drawn, curves, between = _drawn(battery, state, power_W, z)
     whole_J = _at_resistance(curves.whole_J, between)
@@ -133,6 +142,7 @@ class _Drawn(NamedTuple):
     soc: np.ndarray
     capacity: np.ndarray  #: over the battery file's
     lag_J: np.ndarray  #: left at the end of a discharge by its voltage, because the surface is empty before the mean
+    luck: np.ndarray  #: number of peaks to be expected before the first that comes
 
 
 class _Curves(NamedTuple):
@@ -140,6 +150,8 @@ class _Curves(NamedTuple):
 
     whole_J: np.ndarray  #: (K, R) given between empty and each SoC
     end_J: np.ndarray  #: (K, R) of these, what is left where a discharge from each SoC ends by its voltage
+    #: (K, R) number of peaks to be expected from full down to each SoC that the battery cannot give; None for no peaks
+    peaks: np.ndarray | None
 
 
 class _Between(NamedTuple):
@@ -150,9 +162,10 @@ class _Between(NamedTuple):
 
 
 def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> tuple[_Drawn, _Curves, _Between]:
-    """Batteries at the points (4, N), and the curves that they lie between: these bend little with the resistance."""
-    z_soc, z_capacity, z_resistance, z_lag = z
-    capacity = np.maximum(state.soh_capacity + state.capacity_std * z_capacity, _LEAST_CAPACITY)
+    """Batteries at the points (5, N), and the curves that they lie between: these bend little with the resistance."""
+    z_soc, z_capacity, z_resistance, z_lag, z_luck = z
+    sides = np.where(z_capacity < 0.0, _LOSS_SHARE, 2.0 - _LOSS_SHARE)
+    capacity = np.maximum(state.soh_capacity + state.capacity_std * sides * z_capacity, _LEAST_CAPACITY)
     counted_std = min(state.counted * state.capacity_std / state.soh_capacity, state.soc_std)
     counted = counted_std / state.capacity_std * state.soh_capacity if state.capacity_std > 0.0 else 0.0
     with_capacity = counted * (1.0 - state.soh_capacity / capacity)
@@ -161,18 +174,36 @@ def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray)
     resistance = np.maximum(state.resistance_ratio + state.resistance_std * z_resistance, 0.0)
     low, high = float(resistance.min()), float(resistance.max())
     grid = np.linspace(low, high, _RESISTANCES) if high > low else np.array([low, low])
+    curves = _curves(battery, state, power_W, grid)
+    if high > low and state.began_soc > state.soc and curves.peaks is not None:
+        resistance = _of_survivors(state, curves.peaks, grid, resistance, z_resistance)
     position = (resistance - low) / (grid[1] - grid[0]) if high > low else np.zeros(resistance.shape)
     below = np.minimum(position.astype(int), len(grid) - 2)
-    lag_J = _lag_J(state, power_W, state.diffusion_lag_s * np.exp(_LAG_LOG_STD * z_lag))
-    return _Drawn(soc, capacity, lag_J), _curves(battery, state, power_W, grid), _Between(below, position - below)
+    lag_J = max(power_W, 0.0) * state.diffusion_lag_s * np.exp(_LAG_LOG_STD * z_lag) if state.cutoff_V > 0.0 else 0.0
+    drawn = _Drawn(soc, capacity, lag_J + np.zeros(soc.shape), -np.log(normal_tail(z_luck)))
+    return drawn, curves, _Between(below, position - below)
 
 
-def _lag_J(state: BatteryState, power_W: float, lag_s: np.ndarray) -> np.ndarray:
-    """(N,) energy [J] that these lags of diffusion leave in the battery, I T V = P T; 0 where no voltage ends it."""
-    if not state.cutoff_V > 0.0:
-        return np.zeros(lag_s.shape)
-    of_peak_s = np.clip(2.0 / 3.0 * np.sqrt(15.0 / np.pi * lag_s * PEAK_LASTS_S) - PEAK_LASTS_S, 0.0, lag_s)
-    return max(power_W, 0.0) * lag_s + max(state.peak_W - max(power_W, 0.0), 0.0) * of_peak_s
+def _of_survivors(
+    state: BatteryState, peaks: np.ndarray, grid: np.ndarray, resistance: np.ndarray, z: np.ndarray
+) -> np.ndarray:
+    """(N,) resistances of batteries that have come from `began_soc` to here, at normal points z.
+
+    resistance: (N,) those of all, at the same points.
+    A battery lives through peaks, of which so many are to be expected that it cannot give, with the probability
+    exp(-their number); by Bayes' rule its resistance is as likely as before times that.
+    """
+    began, now = (
+        np.array([np.interp(soc, _GRID, column) for column in peaks.T]) for soc in (state.began_soc, state.soc)
+    )
+    failed = now - began
+    lived = np.exp(failed.min() - failed)
+    if lived.min() > _ALL_LIVED:
+        return resistance
+    deviation = (grid - state.resistance_ratio) / state.resistance_std
+    likely = np.exp(-0.5 * deviation**2) * lived
+    upto = np.concatenate([[0.0], np.cumsum(0.5 * (likely[1:] + likely[:-1]))])
+    return np.interp(1.0 - normal_tail(z), upto / upto[-1], grid)
 
 
 def _curves(battery: Battery, state: BatteryState, power_W: float, resistance: np.ndarray) -> _Curves:
@@ -180,12 +211,45 @@ def _curves(battery: Battery, state: BatteryState, power_W: float, resistance: n
     ocv_V, r_ohm, peak_ohm = (row[:, None] for row in discharge_curves(battery, _GRID, state.temperature_degC))
     voltage_V, holds = loaded_voltage(ocv_V, r_ohm * resistance, power_W)
     margin_V = np.where(holds, voltage_V - state.cutoff_V, _NO_POWER_V)
-    if state.peak_W > power_W:
-        settled_V = ocv_V - (r_ohm - peak_ohm) * resistance * power_W / voltage_V
-        under_peak_V, holds = loaded_voltage(settled_V, peak_ohm * resistance, state.peak_W)
-        margin_V = np.minimum(margin_V, np.where(holds, under_peak_V - state.cutoff_V, _NO_POWER_V))
     whole_J = _SECONDS_PER_HOUR * battery.capacity_Ah * running_integral(_GRID, voltage_V)
-    return _Curves(whole_J, _ends(whole_J, margin_V))
+    peaks = None
+    if state.peaks is not None and power_W > 0.0:
+        settled_V = ocv_V - (r_ohm - peak_ohm) * resistance * power_W / voltage_V
+        highest_W = _highest_W(battery, state, power_W, settled_V, peak_ohm * resistance)
+        time_s = (whole_J[-1] - whole_J[::-1]) / power_W
+        peaks = _running(time_s, state.peaks.above(highest_W[::-1]))[::-1]
+    return _Curves(whole_J, _ends(whole_J, margin_V), peaks)
+
+
+def _highest_W(
+    battery: Battery, state: BatteryState, power_W: float, settled_V: np.ndarray, peak_ohm: np.ndarray
+) -> np.ndarray:
+    """(K, R) highest power that a peak may have.
+
+    settled_V: (K, R) voltage of the battery before its resistance to peaks. With diffusion, what holds at the SoC of
+    the surface holds at a mean SoC that is higher by what the mean power and the peak have taken from the surface.
+    """
+    least_V = np.maximum(state.cutoff_V, 0.5 * settled_V)
+    peak_A = np.maximum(settled_V - least_V, 0.0) / np.maximum(peak_ohm, _LEAST_OHM)
+    highest_W = least_V * peak_A
+    if not (state.cutoff_V > 0.0 and state.diffusion_lag_s > 0.0):
+        return highest_W
+    lag_s = state.diffusion_lag_s
+    of_peak_s = min(max(2.0 / 3.0 * math.sqrt(15.0 / math.pi * lag_s * PEAK_LASTS_S) - PEAK_LASTS_S, 0.0), lag_s)
+    mean_A, charge_As = power_W / settled_V, _SECONDS_PER_HOUR * battery.capacity_Ah * state.soh_capacity
+    lead = (mean_A * lag_s + np.maximum(peak_A - mean_A, 0.0) * of_peak_s) / charge_As
+    # below the SoC at which the highest peak empties the surface, the one counts that does
+    emptying_A = mean_A + np.maximum(_GRID[:, None] * charge_As - mean_A * lag_s, 0.0) / max(of_peak_s, _LEAST_S)
+    columns = zip((_GRID[:, None] + lead).T, highest_W.T, (least_V * emptying_A).T, strict=True)
+    return np.stack(
+        [np.where(at[0] > _GRID, emptying, np.interp(_GRID, at, watts)) for at, watts, emptying in columns], axis=1
+    )
+
+
+def _running(x: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """(K, R) integral of a rate over x, down the columns, 0 at the first row."""
+    steps = np.diff(x, axis=0) * 0.5 * (rate[1:] + rate[:-1])
+    return np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(steps, axis=0)])
 
 
 def _ends(whole_J: np.ndarray, margin_V: np.ndarray) -> np.ndarray:
@@ -206,7 +270,24 @@ def _end_J(curves: _Curves, state: BatteryState, drawn: _Drawn, between: _Betwee
     from_here = curves.end_J[(soc * (len(_GRID) - 1)).astype(int)[:, None], between.below[:, None] + np.arange(2)]
     by_voltage = from_here[:, 0] + between.share * (from_here[:, 1] - from_here[:, 0])
     by_voltage += drawn.lag_J / drawn.capacity
-    return np.maximum(_at_both(curves.whole_J, np.full(soc.shape, state.reserve_soc), between), by_voltage)
+    by_reserve = _at_both(curves.whole_J, np.full(soc.shape, state.reserve_soc), between)
+    return np.maximum(np.maximum(by_reserve, by_voltage), _end_by_peaks_J(curves, drawn, between))
+
+
+def _end_by_peaks_J(curves: _Curves, drawn: _Drawn, between: _Between) -> np.ndarray:
+    """(N,) energy over the capacity at the first peak that a battery cannot give; 0 for none."""
+    end_J = np.zeros(drawn.soc.shape)
+    if curves.peaks is None:
+        return end_J
+    upto = _at_both(curves.peaks, drawn.soc, between) + drawn.luck / drawn.capacity
+    for column in range(curves.peaks.shape[1] - 1):
+        here = between.below == column
+        low, high = (
+            np.interp(upto[here], curves.peaks[::-1, k], curves.whole_J[::-1, k], right=0.0)
+            for k in (column, column + 1)
+        )
+        end_J[here] = low + between.share[here] * (high - low)
+    return end_J
 
 
 def _at_resistance(table: np.ndarray, between: _Between) -> np.ndarray:
