@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ohmward.energy.points import normal_points, quantiles, student
+from ohmward.energy.points import normal_points, normal_tail, quantiles, student
 
 
-@pytest.mark.parametrize("dimensions", [1, 3, 6])
+@pytest.mark.parametrize("dimensions", [1, 3, 8])
 def test_every_dimension_is_a_standard_normal(dimensions):
     z = normal_points(dimensions)
     assert z.shape == (dimensions, 4096)
@@ -28,3 +28,8 @@ def test_students_t_against_scipy(dof, error):
 
 def test_infinite_values_have_quantiles():
     assert quantiles(np.array([1.0, 2.0, np.inf, np.inf, np.inf])).p90 == np.inf
+
+
+def test_the_tail_of_a_normal():
+    x = np.linspace(-9.0, 9.0, 1001)
+    assert normal_tail(x) == pytest.approx(stats.norm.sf(x), abs=1e-6)
