@@ -8,10 +8,12 @@ from dataclasses import asdict
 from ohmward.cli.options import CHEMISTRY, add_sensor_options
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import count, positive
+from ohmward.errors import InputError
 
 EXAMPLES = """\
   ohmward generic --chemistry lfp --capacity-ah 12 --n-series 4 -o battery.toml
   ohmward generic --chemistry nmc --capacity-ah 2.0 --name cell -o cell.toml --json
+  ohmward generic --bpx cell.json --chemistry nmc --n-series 4 -o battery.toml
 """
 
 
@@ -23,7 +25,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=CHEMISTRY,
     )
-    parser.add_argument("--capacity-ah", type=positive, required=True, metavar="Q", help="as on the label [Ah]")
+    parser.add_argument(
+        "--capacity-ah", type=positive, metavar="Q", help="as on the label [Ah]; with --bpx, of all strings"
+    )
+    parser.add_argument(
+        "--bpx",
+        metavar="FILE.json",
+        help="parameters of the cell in the Battery Parameter eXchange format: its curve and resistances",
+    )
     parser.add_argument("--n-series", type=count, default=1, metavar="N", help="cells in series (default 1)")
     parser.add_argument("--name", default="", help="what to call the battery; default: generic and the chemistry")
     add_sensor_options(parser, "2.5 %% of 1 C", "1 %%")
@@ -33,13 +42,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> Outcome:
     """Write the battery file."""
+    from ohmward.battery.bpx import battery_from_bpx
     from ohmward.battery.chemistries import generic_battery
     from ohmward.battery.file import replace_battery
     from ohmward.cli.battery_inputs import with_sensor
     from ohmward.cli.wording import written_battery
 
     check_output("--output", args.output, (".toml",))
-    battery = generic_battery(args.chemistry, args.capacity_ah, args.n_series, args.name)
+    if args.bpx:
+        battery = battery_from_bpx(args.bpx, args.chemistry, args.n_series, args.capacity_ah, args.name)
+    elif args.capacity_ah:
+        battery = generic_battery(args.chemistry, args.capacity_ah, args.n_series, args.name)
+    else:
+        raise InputError("--capacity-ah is needed, as on the label, or --bpx with the parameters of a cell")
     battery, _ = with_sensor(battery, args.sensor_offset, args.sensor_gain)
     backup = replace_battery(battery, args.output)
     summary = {
