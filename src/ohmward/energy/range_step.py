@@ -211,11 +211,11 @@ class RangeSettings:
         if state.soc.soc <= self.reserve_soc:
             home = math.nan if sample.home is None else 0.0
             return RangeEstimate(_NOTHING, _NOTHING, _NOTHING, _UNKNOWN, home, 0.0, RangeFlag(0))
+        since_full = 1.0 - min(state.soc.soc, 1.0)  # where SoC was seen on the way, its own doubt is smaller
         battery_now = battery_state(
             self.battery,
             state.soc,
-            counted=1.0
-            - min(state.soc.soc, 1.0),  # since full: where SoC was seen on the way, its own doubt is smaller
+            counted=since_full,
             reserve_soc=self.reserve_soc,
             cutoff_V=self.cutoff_V,
             began_soc=state.began_soc,
@@ -236,7 +236,7 @@ class RangeSettings:
         )
 
     def ahead(self, state: RangeState) -> tuple[Stretch, ...]:
-        """Stretches like those to come: those of late."""
+        """Stretches like those to come: those of late, and ground that the robot is used to."""
         driven = (*state.recent, *([state.meter.moving.stretch] if state.meter.moving else []))
         if total_distance_m(driven) >= LEAST_DRIVEN_M:
             return (*driven, *usual_ground(state.consumption, driven))
