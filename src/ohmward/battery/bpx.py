@@ -34,11 +34,12 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import AGED_RESISTANCE_STD, OCV_POINTS, generic_battery, start_noise
 from ohmward.battery.models.ocv import OcvCurve, monotone
+from ohmward.battery.models.temperature import KELVIN, ROOM_DEGC
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 
-_FARADAY, _GAS, _KELVIN = 96485.33212, 8.314462618, 273.15
+_FARADAY, _GAS = 96485.33212, 8.314462618
 #: Points of the resistances along SoC; they are taken between these shares of it, beyond which j_0 has no end.
 _RESISTANCE_POINTS, _ENDS = 21, 0.01
 #: Half step of a stoichiometry for the slope of a potential.
@@ -100,7 +101,7 @@ def battery_from_bpx(
     area_m2 = source.number(cell, "Electrode area [m2]") * source.number(
         cell, "Number of electrode pairs connected in parallel to make a cell"
     )
-    reference_K = float(cell.get("Reference temperature [K]") or 298.15)
+    reference_K = float(cell.get("Reference temperature [K]") or ROOM_DEGC + KELVIN)
     negative = source.electrode("Negative electrode", area_m2, reference_K, rises=True)
     positive = source.electrode("Positive electrode", area_m2, reference_K, rises=False)
     cell_Ah = min(negative.usable_As, positive.usable_As) / 3600.0
@@ -157,13 +158,13 @@ def _thevenin(
     )
     return Thevenin(
         cell_Ah,
-        OcvCurve(tuple(monotone(ocv_V).tolist()), (), tuple((entropy[1] - entropy[0]).tolist()), reference_K - _KELVIN),
+        OcvCurve(tuple(monotone(ocv_V).tolist()), (), tuple((entropy[1] - entropy[0]).tolist()), reference_K - KELVIN),
         r0_ohm,
         r0_ohm,
         tuple(row for _, row in pairs),
         tuple(tau_s * (1.0 + 1e-6 * k) for k, (tau_s, _) in enumerate(pairs)),
         activation_K=float(np.average(activations_K, weights=shares)),
-        reference_degC=reference_K - _KELVIN,
+        reference_degC=reference_K - KELVIN,
         pair_activation_K=lag_K,
         tau_activation_K=lag_K,
     )
