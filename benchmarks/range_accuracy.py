@@ -107,7 +107,9 @@ def make_mission(seed: int) -> Mission:
     truth = np.array([rng.uniform(0.4, 0.95), 1 + CAPACITY_STD * rng.normal(), 1 + RESISTANCE_STD * rng.normal()])
     soc_std = rng.uniform(0.01, 0.05)
     soc = float(np.clip(truth[0] + soc_std * rng.standard_normal(), RESERVE_SOC + 0.01, 1.0))
-    charge = BatteryState(soc, soc_std, 1.0, CAPACITY_STD, 1.0, RESISTANCE_STD, reserve_soc=RESERVE_SOC)
+    charge = BatteryState(
+        soc, soc_std, capacity_std=CAPACITY_STD, resistance_std=RESISTANCE_STD, reserve_soc=RESERVE_SOC
+    )
     ahead = today.power_W[now:].copy(), today.speed_m_s[now:].copy()
     c = reduce(with_terrain, (leg.terrain for leg in course.legs), taught(c, before))
     return Mission(c, course, charge, *ahead, truth, bands)

@@ -149,7 +149,10 @@ def test_the_spread_of_the_capacity_alone_is_that_of_ageing():
 def test_the_state_of_charge_after_an_energy_is_the_inverse(share):
     z = normal_points(BATTERY_DIMENSIONS)
     found = discharge(
-        battery((20.0, 28.0), 0.1), BatteryState(0.8, 0.03, 1.0, 0.02, 1.0, 0.2, reserve_soc=0.1), 40.0, z
+        battery((20.0, 28.0), 0.1),
+        BatteryState(0.8, 0.03, capacity_std=0.02, resistance_std=0.2, reserve_soc=0.1),
+        40.0,
+        z,
     )
     whole = usable_J(found)
     soc = soc_after(found, share * whole)

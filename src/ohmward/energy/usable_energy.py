@@ -26,7 +26,7 @@ it is the usual one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -72,6 +72,7 @@ class BatteryState:
 
     soc: float  #: state of charge in [0, 1] and its standard deviation
     soc_std: float = 0.0  #: its standard deviation
+    _: KW_ONLY
     #: charge that was counted since SoC was last known, over the capacity: an error of the capacity is one of SoC too
     counted: float = 0.0
     #: capacity over that of the battery file, and its standard deviation
