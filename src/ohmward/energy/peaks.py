@@ -22,7 +22,7 @@ _USUAL_RATIO, _RATIO_LOG_STD, _RATIO_COUNT = 1.6, 0.35, 3.0
 #: What a planned leg has longer than this [s] are further stretches.
 _STRETCH_S = 180.0
 #: A shorter stretch has no peak of its own [s].
-SHORTEST_S = 10.0
+PEAKED_S = 10.0
 #: Powers at which a way is looked at lie so far apart in their logarithm.
 _LOG_STEP = 0.02
 #: The highest of them over the highest that is expected, in standard deviations.
@@ -81,4 +81,4 @@ def peaks_of_way(c: Consumption, way: Sequence[Stretch], ratio: PeakRatio) -> Pe
 
 def mean_power_W(c: Consumption, stretch: Stretch) -> float:
     """Power [W] that a stretch is expected to take under way."""
-    return float(design_row(c, stretch) @ c.mean) / max(moving_time_s(stretch), SHORTEST_S)
+    return float(design_row(c, stretch) @ c.mean) / max(moving_time_s(stretch), PEAKED_S)

@@ -20,7 +20,7 @@ from ohmward.checks import require_between, require_each_not_negative, require_p
 from ohmward.energy.consumption import Consumption, learn, moving_time_s, with_terrain
 from ohmward.energy.drive_meter import DriveMeter, DriveSample, advance
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s
-from ohmward.energy.peaks import SHORTEST_S, PeakRatio, mean_power_W, peaks_of_way
+from ohmward.energy.peaks import PEAKED_S, PeakRatio, mean_power_W, peaks_of_way
 from ohmward.energy.points import Quantiles, normal_points
 from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_left, way_demand, with_peaks
 from ohmward.energy.recorded import Cut
@@ -194,7 +194,7 @@ class RangeSettings:
             consumption = learn(consumption, stretch, part.energy_J)
             recent = (*recent, stretch)[-RECENT_STRETCHES:]
             finished_m += stretch.distance_m
-            if moving_time_s(stretch) >= SHORTEST_S:
+            if moving_time_s(stretch) >= PEAKED_S:
                 ratio, peak_W = ratio.with_stretch(peak_W, mean_power_W(consumption, stretch)), held_W
         return state._replace(
             consumption=consumption,

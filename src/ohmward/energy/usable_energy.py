@@ -53,7 +53,7 @@ PEAK_LASTS_S = 10.0
 #: (Chen 2020, O'Kane 2022), 556 (Prada 2013) and 1026 s (Ecker 2015); which one empties first differs.
 USUAL_LAG_S, _LAG_LOG_STD = 150.0, 1.1
 #: Standard deviation of the capacity towards less, over the mean of both sides: ageing takes capacity and gives none.
-_LOSS_SHARE = 1.5
+_LOWER_SIDE_SHARE = 1.5
 #: Rows of the points of a battery: state of charge, capacity, resistance, lag of diffusion, luck with the peaks.
 BATTERY_DIMENSIONS = 5
 #: Least capacity over that of the file by which anything is divided.
@@ -165,7 +165,7 @@ class _Between(NamedTuple):
 def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> tuple[_Drawn, _Curves, _Between]:
     """Batteries at the points (5, N), and the curves that they lie between: these bend little with the resistance."""
     z_soc, z_capacity, z_resistance, z_lag, z_luck = z
-    sides = np.where(z_capacity < 0.0, _LOSS_SHARE, 2.0 - _LOSS_SHARE)
+    sides = np.where(z_capacity < 0.0, _LOWER_SIDE_SHARE, 2.0 - _LOWER_SIDE_SHARE)
     capacity = np.maximum(state.soh_capacity + state.capacity_std * sides * z_capacity, _LEAST_CAPACITY)
     counted_std = min(state.counted * state.capacity_std / state.soh_capacity, state.soc_std)
     counted = counted_std / state.capacity_std * state.soh_capacity if state.capacity_std > 0.0 else 0.0
