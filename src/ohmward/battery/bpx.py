@@ -43,7 +43,7 @@ _FARADAY, _GAS = 96485.33212, 8.314462618
 #: Points of the resistances along SoC; they are taken between these shares of it, beyond which j_0 has no end.
 _RESISTANCE_POINTS, _ENDS = 21, 0.01
 #: Half step of a stoichiometry for the slope of a potential.
-_HALF_STEP = 1e-3
+_DX = 1e-3
 #: A file whose electrodes hold this much more or less than its nominal capacity is at odds with itself.
 _CAPACITY_OFF = 0.3
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
@@ -174,7 +174,7 @@ def _diffusion_ohm(e: _Electrode, soc: np.ndarray) -> tuple[float, ...]:
     """(M,) resistance of the diffusion in an electrode's particles, the slope taken over a twentieth of SoC."""
     near = np.linspace(-0.025, 0.025, 11)
     x = e.stoichiometry(np.clip(soc[:, None] + near, _ENDS, 1.0 - _ENDS))
-    slopes = np.abs(e.potential_V(x + _HALF_STEP) - e.potential_V(x - _HALF_STEP)) / (2.0 * _HALF_STEP)
+    slopes = np.abs(e.potential_V(x + _DX) - e.potential_V(x - _DX)) / (2.0 * _DX)
     return tuple((slopes.mean(axis=1) * e.lag_s / e.charge_As).tolist())
 
 
