@@ -147,8 +147,9 @@ def _check(log: DriveLog, observed: ObservedMotion, battery_W: np.ndarray | None
 
 
 def running_integral(x: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Integral from the first sample to each of them, 0 at the first; x: (T,), values: (T,) or (T, N)."""
-    widths = np.diff(x).reshape(-1, *[1] * (values.ndim - 1))
+    """Integral from the first sample to each of them, 0 at the first; x: (T,) or as values, values: (T,) or (T, N)."""
+    widths = np.diff(x, axis=0)
+    widths = widths.reshape(*widths.shape, *[1] * (values.ndim - x.ndim))
     areas = 0.5 * widths * (values[1:] + values[:-1])
     return np.concatenate([np.zeros_like(values[:1]), np.cumsum(areas, axis=0)])
 

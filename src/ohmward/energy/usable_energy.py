@@ -218,7 +218,7 @@ def _curves(battery: Battery, state: BatteryState, power_W: float, resistance: n
         settled_V = ocv_V - (r_ohm - peak_ohm) * resistance * power_W / voltage_V
         highest_W = _highest_W(battery, state, power_W, settled_V, peak_ohm * resistance)
         time_s = (whole_J[-1] - whole_J[::-1]) / power_W
-        peaks = _running(time_s, state.peaks.above(highest_W[::-1]))[::-1]
+        peaks = running_integral(time_s, state.peaks.above(highest_W[::-1]))[::-1]
     return _Curves(whole_J, _ends(whole_J, margin_V), peaks)
 
 
@@ -245,12 +245,6 @@ def _highest_W(
     return np.stack(
         [np.where(at[0] > _GRID, emptying, np.interp(_GRID, at, watts)) for at, watts, emptying in columns], axis=1
     )
-
-
-def _running(x: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    """(K, R) integral of a rate over x, down the columns, 0 at the first row."""
-    steps = np.diff(x, axis=0) * 0.5 * (rate[1:] + rate[:-1])
-    return np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(steps, axis=0)])
 
 
 def _ends(whole_J: np.ndarray, margin_V: np.ndarray) -> np.ndarray:
