@@ -34,12 +34,11 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import AGED_RESISTANCE_STD, OCV_POINTS, generic_battery, start_noise
 from ohmward.battery.models.ocv import OcvCurve, monotone
-from ohmward.battery.models.temperature import KELVIN, ROOM_DEGC
+from ohmward.battery.models.temperature import FARADAY_C_PER_MOL, GAS_J_PER_MOL_K, KELVIN, ROOM_DEGC
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 
-_FARADAY, _GAS = 96485.33212, 8.314462618
 #: Points of the resistances along SoC; they are taken between these shares of it, beyond which j_0 has no end.
 _RESISTANCE_POINTS, _ENDS = 21, 0.01
 #: Half step of a stoichiometry for the slope of a potential.
@@ -114,14 +113,15 @@ def battery_from_bpx(
     one = _thevenin(source, cell_Ah, area_m2, reference_K, negative, positive)
     generic = generic_battery(chemistry, capacity_Ah or cell_Ah, n_series, label or source.title)
     strings = generic.capacity_Ah / cell_Ah
+    r0_ohm = tuple(r / strings for r in one.r0_discharge_ohm)
     model = replace(
-        one.in_series(n_series),
+        one,
         capacity_Ah=generic.capacity_Ah,
-        r0_discharge_ohm=tuple(n_series * r / strings for r in one.r0_discharge_ohm),
-        r0_charge_ohm=tuple(n_series * r / strings for r in one.r0_charge_ohm),
-        r_ohm=tuple(tuple(n_series * r / strings for r in row) for row in one.r_ohm),
+        r0_discharge_ohm=r0_ohm,
+        r0_charge_ohm=r0_ohm,
+        r_ohm=tuple(tuple(r / strings for r in row) for row in one.r_ohm),
         ocv_slip=generic.thevenin.ocv_slip,
-    )
+    ).in_series(n_series)
     curve_V = model.ocv.voltage_V
     return replace(
         generic,
@@ -145,17 +145,18 @@ def _thevenin(
     both = (negative, positive)
     ocv_V = positive.potential_V(positive.stoichiometry(fine)) - negative.potential_V(negative.stoichiometry(fine))
     entropy = [e.entropy_V_per_K(e.stoichiometry(fine)) for e in both]
-    transfer_ohm = [_GAS * reference_K / (_FARADAY * e.exchange_A(e.stoichiometry(inside))) for e in both]
+    transfer_ohm = [
+        GAS_J_PER_MOL_K * reference_K / (FARADAY_C_PER_MOL * e.exchange_A(e.stoichiometry(inside))) for e in both
+    ]
     conducted_ohm = source.separator_ohm(area_m2) + sum(e.ohm for e in both)
     r0_ohm = tuple((conducted_ohm + transfer_ohm[0] + transfer_ohm[1]).tolist())
-    pairs = sorted((3.0 * e.lag_s / 7.0, _diffusion_ohm(e, inside)) for e in both)
+    diffusion_ohm = [_diffusion_ohm(e, inside) for e in both]
+    pairs = sorted((3.0 * e.lag_s / 7.0, row) for e, row in zip(both, diffusion_ohm, strict=True))
     middle = _RESISTANCE_POINTS // 2
     shares = [conducted_ohm, *(ohm[middle] for ohm in transfer_ohm)]
     conduction_K = source.activation_K(source.table("Parameterisation", "Electrolyte", optional=True), "Conductivity")
     activations_K = [conduction_K, *(e.rate_K for e in both)]
-    lag_K = float(
-        np.average([e.lag_K for e in both], weights=[sum(row) for row in (_diffusion_ohm(e, inside) for e in both)])
-    )
+    lag_K = float(np.average([e.lag_K for e in both], weights=[sum(row) for row in diffusion_ohm]))
     return Thevenin(
         cell_Ah,
         OcvCurve(tuple(monotone(ocv_V).tolist()), (), tuple((entropy[1] - entropy[0]).tolist()), reference_K - KELVIN),
@@ -234,7 +235,7 @@ class _Source:
 
     def activation_K(self, table: dict[str, Any], of: str) -> float:
         """An activation energy as a temperature; 0 where the file has none."""
-        return max(float(table.get(f"{of} activation energy [J.mol-1]") or 0.0), 0.0) / _GAS
+        return max(float(table.get(f"{of} activation energy [J.mol-1]") or 0.0), 0.0) / GAS_J_PER_MOL_K
 
     def conductivity_S_m(self) -> float:
         """Conductivity of the electrolyte at rest; infinite where the file, of a single particle model, has none."""
@@ -269,7 +270,7 @@ class _Source:
         thickness_m, radius_m = self.number(t, "Thickness [m]"), self.number(t, "Particle radius [m]")
         surface_m2 = self.number(t, "Surface area per unit volume [m-1]") * thickness_m * area_m2
         volume_m3 = surface_m2 * radius_m / 3.0
-        charge_As = _FARADAY * self.number(t, "Maximum concentration [mol.m-3]") * volume_m3
+        charge_As = FARADAY_C_PER_MOL * self.number(t, "Maximum concentration [mol.m-3]") * volume_m3
         middle = np.array([0.5 * (low + high)])
         diffusivity = float(self.function(t, "Diffusivity [m2.s-1]")(middle)[0])
         rate = self.number(t, "Reaction rate constant [mol.m-2.s-1]")
@@ -287,7 +288,7 @@ class _Source:
             charge_As,
             charge_As * (high - low),
             radius_m**2 / (15.0 * diffusivity),
-            lambda x: _FARADAY * rate * np.sqrt(np.clip(x * (1.0 - x), 1e-4, None)) * surface_m2,
+            lambda x: FARADAY_C_PER_MOL * rate * np.sqrt(np.clip(x * (1.0 - x), 1e-4, None)) * surface_m2,
             ohm,
             self.activation_K(t, "Reaction rate constant"),
             self.activation_K(t, "Diffusivity"),

@@ -71,14 +71,13 @@ from ohmward.battery.identification.record import Record, make_records, referenc
 from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, axis_std
 from ohmward.battery.models.noise import BatteryNoise, usual_sensor
 from ohmward.battery.models.ocv import OcvCurve
-from ohmward.battery.models.temperature import KELVIN
+from ohmward.battery.models.temperature import FARADAY_C_PER_MOL, GAS_J_PER_MOL_K, KELVIN
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, LogSource, Note, as_logs
 from ohmward.optional import one_blas_thread
 
-_GAS_J_PER_MOL_K, _FARADAY_C_PER_MOL = 8.314462618, 96485.33212
 #: A bent drop is taken where it leaves less than this share of the squared residuals of a straight one: 0.25 to 0.56 in
 #: pulses, low-rate tests and drives of cells with this law, 1.15 to 2.4 of a measured and a simulated battery without.
 #: The evidence does not tell: its robust weights take the pulses that a straight drop misses for outliers.
@@ -354,7 +353,7 @@ def _check(settings: IdentificationSettings, logs: Sequence[Log]) -> None:
 
 def cells_transfer_V(reference_degC: float, n_series: int) -> float:
     """V_t of cells in series [V]."""
-    return n_series * 2 * _GAS_J_PER_MOL_K * (reference_degC + KELVIN) / _FARADAY_C_PER_MOL
+    return n_series * 2 * GAS_J_PER_MOL_K * (reference_degC + KELVIN) / FARADAY_C_PER_MOL
 
 
 def try_transfer(problem: CircuitProblem, straight: CircuitFit, n_series: int) -> tuple[CircuitFit, Note]:

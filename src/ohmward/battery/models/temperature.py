@@ -9,6 +9,9 @@ from ohmward.trace import exp
 #: 0 degC in kelvin.
 KELVIN = 273.15
 
+#: Gas constant and charge of a mole of electrons: their ratio times T is the thermal voltage.
+GAS_J_PER_MOL_K, FARADAY_C_PER_MOL = 8.314462618, 96485.33212
+
 #: Room temperature [degC]: where tests are made, and what is assumed where nothing measures it.
 ROOM_DEGC = 25.0
 
