@@ -154,21 +154,20 @@ async def while_reading(port, act, **settings):
 
 @pytest.fixture
 def line():
+    """Our end of a serial line, which a test may close, and the path of the other."""
     ours, theirs = os.openpty()
     tty.setraw(theirs)
-    yield ours, os.ttyname(theirs)
-    for descriptor in (ours, theirs):
-        with suppress(OSError):
-            os.close(descriptor)
+    with os.fdopen(ours, "wb", buffering=0) as end, os.fdopen(theirs, "rb", buffering=0):
+        yield end, os.ttyname(theirs)
 
 
 def test_a_line_brings_samples_and_estimates(line, encoder):
     ours, port = line
 
     def send():
-        os.write(ours, b"\x07half a frame\0" + encoder(SerialFrame(1, 0, 5000, (-2.5, 13.25))))
-        os.write(ours, encoder(SerialFrame(2, 1, 6000, (0.75,))) + encoder(SerialFrame(7, 2, 6500, (1.0,))))
-        os.write(ours, encoder(SerialFrame(1, 3, 15000, (math.nan, 13.25))))
+        ours.write(b"\x07half a frame\0" + encoder(SerialFrame(1, 0, 5000, (-2.5, 13.25))))
+        ours.write(encoder(SerialFrame(2, 1, 6000, (0.75,))) + encoder(SerialFrame(7, 2, 6500, (1.0,))))
+        ours.write(encoder(SerialFrame(1, 3, 15000, (math.nan, 13.25))))
 
     got = asyncio.run(while_reading(port, send))
     assert [dict(message.values) for message in got[:2]] == [
@@ -193,7 +192,7 @@ def test_a_plug_that_is_pulled_is_named(line):
         source = SerialSource(port, MESSAGES)
         task = asyncio.create_task(keep_running("source serial", lambda: source.run(print), told.append, 0.1))
         await asyncio.sleep(0.3)
-        os.close(ours)
+        ours.close()
         await asyncio.sleep(0.5)
         task.cancel()
         with suppress(asyncio.CancelledError):

@@ -92,12 +92,12 @@ def to_dataset(log: Log) -> dict[str, np.ndarray]:
 
 def log_of_solution(solution: Any, name: str = "pybamm") -> Log:
     """The log of a `pybamm.Solution`, of any of its models; a moment that two steps share is there once."""
-    time_s, kept = np.unique(solution["Time [s]"].entries, return_index=True)
-    columns = [solution[key].entries[kept] for key in ("Current [A]", "Voltage [V]")]
+    time_s, first = np.unique(solution["Time [s]"].entries, return_index=True)
+    columns = [solution[key].entries[first] for key in ("Current [A]", "Voltage [V]")]
     try:
-        temperature = np.asarray(solution["Volume-averaged cell temperature [C]"].entries)[kept]
+        temperature = np.asarray(solution["Volume-averaged cell temperature [C]"].entries)[first]
     except KeyError:
-        temperature = np.asarray(solution["Cell temperature [degC]"].entries)[kept]
+        temperature = np.asarray(solution["Cell temperature [degC]"].entries)[first]
     return Log(name, time_s, -columns[0], columns[1], temperature_degC=temperature)
 
 
