@@ -58,25 +58,41 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
 def find_block(rows: Sequence[Row]) -> ValueBlock | None:
     """The longest run of rows of values; blank rows do not end one."""
     best: ValueBlock | None = None
-    run: list[int] = []
+    run: dict[int, _Cells] = {}
     for at, row in enumerate([*rows, ("end", "of", "rows")]):
-        if any(cell.strip() for cell in row) or at == len(rows):
-            if at < len(rows) and is_data(row):
-                run.append(at)
-            elif run:
-                (width, _), *_ = Counter(len(rows[k]) for k in run).most_common(1)
-                cells = [cell for k in run for cell in rows[k] if cell.strip()]
-                block = ValueBlock(run[0], len(run), width, sum(map(is_value, cells)) / len(cells))
-                best = block if best is None or block.weight > best.weight else best
-                run = []
+        cells = _cells(row)
+        if cells.filled and at < len(rows) and cells.are_data:
+            run[at] = cells
+        elif cells.filled and run:
+            (width, _), *_ = Counter(counted.width for counted in run.values()).most_common(1)
+            share = sum(counted.values for counted in run.values()) / sum(counted.filled for counted in run.values())
+            block = ValueBlock(min(run), len(run), width, share)
+            best = block if best is None or block.weight > best.weight else best
+            run = {}
     return best
+
+
+class _Cells(NamedTuple):
+    """Numbers of cells of a row: all, those that are filled, and the values among these, which a single cell is not."""
+
+    width: int
+    filled: int
+    values: int
+
+    @property
+    def are_data(self) -> bool:
+        """True where there is a value, and no more texts than values."""
+        return self.values > 0 and 2 * self.values >= self.filled
+
+
+def _cells(row: Row) -> _Cells:
+    filled = [cell for cell in row if cell.strip()]
+    return _Cells(len(row), len(filled), sum(map(is_value, filled)) if len(row) > 1 else 0)
 
 
 def is_data(row: Row) -> bool:
     """True for a row of at least two cells with a value, and no more texts than values."""
-    filled = [cell for cell in row if cell.strip()]
-    values = sum(map(is_value, filled))
-    return len(row) > 1 and values > 0 and 2 * values >= len(filled)
+    return _cells(row).are_data
 
 
 def find_header(rows: Sequence[Row], block: ValueBlock) -> Header:
