@@ -237,8 +237,9 @@ def fit_ageing(
     """
     own_std = np.hypot(track.std, reversible_std)
     used = track._replace(std=own_std)
+    u = track.value + laws.loss(track.days, track.cycles)
     for _ in range(_ROBUST_ROUNDS):
-        weight = _weights(laws, uncertainty, used)
+        weight = _weights(laws.log_prior, u, observed_covariance(uncertainty, used))
         likely = weight > _NEGLIGIBLE * weight.max()
         fit = AgeingFit(laws.chosen(likely), weight[likely] / weight[likely].sum(), uncertainty, used, np.zeros(0))
         residual = (track.value - fit.band(track.days, track.cycles).mean) / own_std
@@ -247,11 +248,9 @@ def fit_ageing(
     return fit
 
 
-def _weights(laws: AgeingLaws, uncertainty: CapacityUncertainty, track: Track) -> np.ndarray:
-    """(H,) posterior probabilities: prior times N(y + loss; 0, K)."""
-    inverse = np.linalg.inv(observed_covariance(uncertainty, track))
-    u = track.value + laws.loss(track.days, track.cycles)
-    log_weight = laws.log_prior - 0.5 * np.einsum("hn,hn->h", u @ inverse, u)
+def _weights(log_prior: np.ndarray, u: np.ndarray, cov: np.ndarray) -> np.ndarray:
+    """(H,) posterior probabilities: prior times N(u; 0, cov) of u = y + loss (H, n)."""
+    log_weight = log_prior - 0.5 * np.einsum("hn,hn->h", u @ np.linalg.inv(cov), u)
     weight = np.exp(log_weight - log_weight.max())
     return weight / weight.sum()
 
