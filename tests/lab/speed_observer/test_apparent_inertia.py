@@ -15,8 +15,8 @@ from ohmward.traction.speed_observer.speed_evidence import SpeedEvidence, grips,
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, drive, zones
+from traction.speed_observer.examples import DT_S, RLMA_ON_FLOOR
 
-from .examples import DT_S, RLMA_ON_FLOOR
 from .mujoco_runs import believed, observed, rmse, samples_of
 from .test_gross_slip import clean
 from .test_ice_on_slopes import on_wheel_speed

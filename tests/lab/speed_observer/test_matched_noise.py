@@ -11,8 +11,8 @@ from ohmward.trace import Kernel
 from ohmward.traction.speed_observer.matched_noise import CLIP, MOST_RATIO, WhiteNoise, first, follow
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
+from traction.speed_observer.examples import DT_S
 
-from .examples import DT_S
 from .mujoco_runs import believed, drive_on, samples_of
 
 GIVEN = first(np.array([0.1]))
