@@ -236,22 +236,25 @@ def fit_ageing(
     reversible_std: of what comes and goes from log to log.
     """
     own_std = np.hypot(track.std, reversible_std)
-    used = track._replace(std=own_std)
     u = track.value + laws.loss(track.days, track.cycles)
+    u_cov = uncertainty.covariance(track.days, track.days)
+    std = own_std
     for _ in range(_ROBUST_ROUNDS):
-        weight = _weights(laws.log_prior, u, observed_covariance(uncertainty, used))
-        likely = weight > _NEGLIGIBLE * weight.max()
-        fit = AgeingFit(laws.chosen(likely), weight[likely] / weight[likely].sum(), uncertainty, used, np.zeros(0))
-        residual = (track.value - fit.band(track.days, track.cycles).mean) / own_std
-        fit = fit._replace(residual=residual)
-        used = track._replace(std=own_std * np.sqrt(np.maximum(1.0, np.abs(residual) / _HUBER)))
-    return fit
+        used = track._replace(std=std)
+        observed_cov = observed_covariance(uncertainty, used)
+        weight = _weights(laws.log_prior, u, observed_cov)
+        mean = weight @ u  # what is expected of a log is linear in u: that of the mixture is that of its mean
+        residual = (mean - u_cov @ np.linalg.solve(observed_cov, mean)) / own_std
+        std = own_std * np.sqrt(np.maximum(1.0, np.abs(residual) / _HUBER))
+    likely = weight > 0.0
+    return AgeingFit(laws.chosen(likely), weight[likely], uncertainty, used, residual)
 
 
 def _weights(log_prior: np.ndarray, u: np.ndarray, cov: np.ndarray) -> np.ndarray:
-    """(H,) posterior probabilities: prior times N(u; 0, cov) of u = y + loss (H, n)."""
+    """(H,) posterior probabilities: prior times N(u; 0, cov) of u = y + loss (H, n); 0 where negligible."""
     log_weight = log_prior - 0.5 * np.einsum("hn,hn->h", u @ np.linalg.inv(cov), u)
     weight = np.exp(log_weight - log_weight.max())
+    weight[weight <= _NEGLIGIBLE] = 0.0
     return weight / weight.sum()
 
 
