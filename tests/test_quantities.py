@@ -104,6 +104,9 @@ def test_a_row_of_the_table_is_read_wired_replayed_stored_sent_and_shown(use, tm
     assert found.returncode == 0, found.stderr
 
 
+NAMES = {name for quantity in QUANTITIES.values() for name in (quantity.name, quantity.field)}
+
+
 def listed(node: ast.AST) -> set[str]:
     """Quantities that a literal lists, as texts in it."""
     parts: list[ast.expr | None] = []
@@ -111,8 +114,7 @@ def listed(node: ast.AST) -> set[str]:
         parts = [*node.elts]
     elif isinstance(node, ast.Dict):
         parts = [*node.keys, *node.values]
-    texts = {part.value for part in parts if isinstance(part, ast.Constant) and isinstance(part.value, str)}
-    return texts & {name for quantity in QUANTITIES.values() for name in (quantity.name, quantity.field)}
+    return NAMES & {part.value for part in parts if isinstance(part, ast.Constant) and isinstance(part.value, str)}
 
 
 def test_no_other_file_lists_the_quantities():
