@@ -247,10 +247,10 @@ def _are_tables(value: Any) -> bool:
 
 def _literal(value: Any) -> str:
     """A value; of a list ten numbers a line, anything else one a line."""
-    tomli_w = require("tomli_w", "writing TOML")
-
+    if type(value) in (int, float):
+        return str(value)
     if not isinstance(value, list):
-        return tomli_w.dumps({"v": value})[4:].strip()
+        return require("tomli_w", "writing TOML").dumps({"v": value})[4:].strip()
     items = [_literal(v) for v in value]
     numbers = all(isinstance(v, float | int) for v in value)
     if numbers and len(items) <= _NUMBERS_PER_LINE:
