@@ -12,7 +12,7 @@ import re
 import sys
 from bisect import bisect_right
 from collections.abc import Iterator
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any, NamedTuple
@@ -117,10 +117,14 @@ class OriginRecorder:
 
 
 def _counts(code: CodeType) -> bool:
-    file = code.co_filename
+    return _file_counts(code.co_filename) and not code.co_name.startswith("<")
+
+
+@cache
+def _file_counts(file: str) -> bool:
     is_pythons = file.startswith(_PYTHONS_OWN) and "site-packages" not in file
     is_callers = file.startswith(_OF_THE_CALLER) and file != _TABLES
-    return not (is_pythons or is_callers or code.co_name.startswith("<"))
+    return not (is_pythons or is_callers)
 
 
 def _scalars(name: str, value: Any) -> Iterator[tuple[str, Expression]]:
