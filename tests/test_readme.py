@@ -10,7 +10,6 @@ from benchmarks.scripts import script
 from markdown_pages import ROOT, command_lines, links, programs, redirected
 from ohmward import make_robot_day, score, write_log
 from ohmward.cli.main import main
-from ohmward.traction import RLMA
 
 README = ROOT / "README.md"
 
@@ -90,15 +89,6 @@ def test_its_day_tells_the_truth():
     assert of_filter and of_counting
     assert of_filter.coverage_95 > 0.95
     assert 2.5 * of_filter.rmse < of_counting.rmse
-
-
-@pytest.mark.slow
-def test_its_drive_tells_the_truth():
-    log, track = script("make_pictures", "docs").drive_home()
-    truth, found = log.extra["speed_true_m_s"], track.estimates.speed_m_s
-    wheels = RLMA.wheel.radius_m * track.estimates.wheel_speed_rad_s.mean(axis=1)
-    rms = [float(np.sqrt(np.mean((v - truth) ** 2))) for v in (found, wheels)]
-    assert 3 * rms[0] < rms[1]
 
 
 def test_its_numbers_are_those_of_the_benchmark():

@@ -1,6 +1,9 @@
+import numpy as np
 import pytest
 
+from benchmarks.scripts import script
 from ohmward.energy.mission import load_plan
+from ohmward.traction import RLMA
 from ohmward_lab.simulate.closed_loop import parse_scenario, run, save_scenario
 from ohmward_lab.simulate.closed_loop.figures import figures
 from ohmward_lab.simulate.robot_drive import WAY_HOME, robot_drive
@@ -30,3 +33,12 @@ def test_it_is_what_it_says():
     assert slip[started_again].max() > 0.2
     assert abs(truth.speed_m_s[-1]) < 0.05
     assert figures(drive).energy_J.climb > 100.0
+
+
+@pytest.mark.slow
+def test_the_picture_of_the_readme_tells_the_truth():
+    log, track = script("make_pictures", "docs").drive_home()
+    truth, found = log.extra["speed_true_m_s"], track.estimates.speed_m_s
+    wheels = RLMA.wheel.radius_m * track.estimates.wheel_speed_rad_s.mean(axis=1)
+    rms = [float(np.sqrt(np.mean((v - truth) ** 2))) for v in (found, wheels)]
+    assert 3 * rms[0] < rms[1]
