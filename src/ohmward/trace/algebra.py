@@ -96,7 +96,8 @@ def _where(apply: Apply, c: Any, a: Any, b: Any) -> Any:
 
 
 def _gather(apply: Apply, index: Any, values: tuple[float, ...]) -> Any:
-    return values[0] if len({repr(v) for v in values}) == 1 else None
+    first = repr(values[0])
+    return values[0] if all(repr(v) == first for v in values) else None
 
 
 def _and(apply: Apply, a: Any, b: Any) -> Any:

@@ -202,7 +202,7 @@ def symbol(name: str, boolean: bool = False) -> Expression:
 def apply(name: str, *args: Any) -> Scalar:
     """Result of an operation on scalars: a constant if all are, else the simplified node, one object for equal ones."""
     operation = OPERATIONS[name]
-    if not any(isinstance(a, Expression) for a in args):
+    if Expression not in map(type, args):
         value: Scalar = operation.compute(*args)
         return value
     if operation.commutative and _order(args[1]) < _order(args[0]):
@@ -216,7 +216,7 @@ _nodes: WeakValueDictionary[tuple[Any, ...], Expression] = WeakValueDictionary()
 
 
 def _node(operation: Operation, args: tuple[Any, ...]) -> Expression:
-    key = (operation.name, *(_key(a) for a in args))
+    key = (operation.name, *map(_key, args))
     node = _nodes.get(key)
     if node is None:
         node = _nodes[key] = Expression(operation, args, "", operation.boolean)

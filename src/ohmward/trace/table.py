@@ -1,14 +1,14 @@
 """Look-up on a uniform grid: the only way for a traced function to use data as an index."""
 
-from collections.abc import Sequence
-from functools import lru_cache, partial
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.trace.expression import apply, number
-from ohmward.trace.functions import elementwise, floor, minimum, where
+from ohmward.trace.functions import elementwise, floor, is_traced, minimum, where
 
 #: Straight lines of a table: the number of a line is stored in a byte.
 _MOST_LINES = 255
@@ -36,19 +36,19 @@ def table(
     """
     if not spacing > 0:
         raise InputError(f"table: spacing must be > 0, got {spacing}")
-    points = tuple((np.asarray(values, dtype=float).ravel() + 0.0).tolist())  # no -0.0: equal tables share memory
+    points = _points(values if isinstance(values, tuple) else tuple(np.asarray(values, dtype=float).ravel().tolist()))
     u = (x - start) * (1.0 / spacing) + 1.0  # 1 at the first value: the segment before it is number 0
     segment = floor(minimum(_positive(u), float(len(points))))
-    t = u - segment
+    t, at_segment = u - segment, _entries_at(segment)
     if kind == "linear" and (lines := _lines(points)):
-        line = _gather(segment, lines.numbers)
-        return _gather(line, lines.offsets) + _gather(line, lines.slopes) * u
+        at_line = _entries_at(at_segment(lines.numbers))
+        return at_line(lines.offsets) + at_line(lines.slopes) * u
     if kind == "linear":
         # from values alone: half the memory of values and slopes
         ends = _ends(points)
-        left = _gather(segment, ends[:-1])
-        return left + t * (_gather(segment, ends[1:]) - left)
-    *lower, y = (_gather(segment, c) for c in _segments(points, kind))
+        left = at_segment(ends[:-1])
+        return left + t * (at_segment(ends[1:]) - left)
+    *lower, y = map(at_segment, _segments(points, kind))
     for c in reversed(lower):
         y = c + t * y
     return y
@@ -75,6 +75,12 @@ def _end_slope(d0: float, d1: float) -> float:
     if slope * d0 <= 0:
         return 0.0
     return 3.0 * d0 if abs(slope) > abs(3.0 * d0) else slope
+
+
+@lru_cache(maxsize=256)
+def _points(values: tuple[float, ...]) -> tuple[float, ...]:
+    """The values without -0.0: equal tables share memory."""
+    return tuple((np.array(values, dtype=float) + 0.0).tolist())
 
 
 @lru_cache(maxsize=256)
@@ -145,10 +151,14 @@ def _positive_element(u: Any) -> Any:
 _positive = elementwise(_positive_element, _positive_element, 1)
 
 
-def _gather(index: Any, values: tuple[float, ...]) -> Any:
-    """Entries of a table at indices that are whole numbers within it; entry 0 at nan."""
-    return elementwise(lambda i: apply("gather", number(i), values), partial(_take, values), 1)(index)
+def _entries_at(index: Any) -> Callable[[tuple[float, ...]], Any]:
+    """Function that gives the entries of a table at indices that are whole numbers within it; entry 0 at nan."""
+    if is_traced(index):
+        return lambda values: np.frompyfunc(lambda i: apply("gather", number(i), values), 1, 1)(index)
+    place = np.where(np.isnan(index), 0, index).astype(int)
+    return lambda values: _array(values)[place]
 
 
-def _take(values: tuple[float, ...], index: Any) -> Any:
-    return np.take(values, np.where(np.isnan(index), 0, index).astype(int))
+@lru_cache(maxsize=1024)
+def _array(values: tuple[float, ...]) -> np.ndarray:
+    return np.array(values)
