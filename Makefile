@@ -9,8 +9,8 @@ BIN    := $(VENV)/bin
 
 help:
 	@echo "make demo      a simulated robot: battery test, day, drive home -> demo/report.html"
-	@echo "make test      every test but those of the laboratory and of Spark"
-	@echo "make test-lab  those of the laboratory: simulators, drives on them, publications, limits of the methods"
+	@echo "make test      every test but those of the laboratory, of the benchmarks and of Spark"
+	@echo "make test-lab  those of the laboratory (simulators, drives on them, publications) and of the benchmarks"
 	@echo "make test-spark  those of the Spark stream, which need Java and 0.5 GB more"
 	@echo "make static    format and lint, types"
 	@echo "make check     static, and the fast tests that the change touches"
@@ -43,7 +43,7 @@ demo: $(VENV)/lab.stamp
 
 test: $(VENV)/test.stamp
 	$(BIN)/python -m pytest -n auto --dist worksteal --ignore=tests/lab
-	@echo "The laboratory (simulators, drives on them, publications) has tests of its own: make test-lab"
+	@echo "Laboratory (simulators, drives on them, publications) and benchmarks have tests of their own: make test-lab"
 
 test-lab: $(VENV)/test.stamp
 	$(BIN)/python -m pytest -n auto --dist worksteal tests/lab

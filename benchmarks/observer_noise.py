@@ -24,7 +24,7 @@ from ohmward_lab.simulate.robot_sensors import RobotTruth
 
 sys.path.extend(str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tests/lab"))
 
-from speed_observer import mujoco_runs as runs
+from observed_drives import mujoco_runs as runs
 
 SEEDS, DURATION_S, FRICTION, GRADE_STD_RAD = range(500, 504), 8.0, 0.8, np.radians(1.0)
 FACTORS = (0.1, 1 / 3, 1.0, 3.0, 10.0)

@@ -1,6 +1,6 @@
 """Speed observer on the robot in MuJoCo, its time per step, and the energy balance of our own plant.
 
-The drives are those of tests/lab/speed_observer with other seeds: radius off by 0.5 %, grade by one degree, the
+The drives are those of tests/lab/observed_drives with other seeds: radius off by 0.5 %, grade by one degree, the
 creep of the ground 1.5 times the assumed one, each as the observer's sigma says.
 """
 
@@ -24,7 +24,7 @@ from ohmward.traction.speed_observer.noise import ObserverNoise
 
 sys.path.extend(str(Path(__file__).resolve().parents[1] / folder) for folder in ("tests", "tests/lab"))
 
-from speed_observer import mujoco_runs as runs
+from observed_drives import mujoco_runs as runs
 
 SEEDS = range(500, 512)
 NEES_LOWER, NEES_UPPER = mean_bounds(1, len(SEEDS), 0.999)

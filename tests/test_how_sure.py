@@ -1,6 +1,6 @@
 """The page on the band: its tables of keys and priors are those of the code."""
 
-from benchmarks.scripts import script
+from scripts import script
 
 fill_how_sure = script("fill_how_sure", "docs")
 

@@ -2,7 +2,7 @@
 
 import re
 
-from benchmarks.scripts import script
+from scripts import script
 
 fill_keys = script("fill_keys", "docs")
 

@@ -1,6 +1,6 @@
 """The tables of formats in docs/logs.md are those of the formats that the tests read."""
 
-from benchmarks.scripts import script
+from scripts import script
 
 fill_formats = script("fill_formats", "docs")
 

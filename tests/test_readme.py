@@ -6,10 +6,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from benchmarks.scripts import script
 from markdown_pages import ROOT, command_lines, links, programs, redirected
 from ohmward import make_robot_day, score, write_log
 from ohmward.cli.main import main
+from scripts import script
 
 README = ROOT / "README.md"
 

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from benchmarks.scripts import script
+from scripts import script
 
 FUZZ = script("on_board_fuzz")
 HTTP = script("on_board_http")

@@ -1,8 +1,8 @@
 import pytest
 
-from benchmarks.scripts import script
 from ohmward.errors import InputError
 from ohmward_lab.reproduce.publications import PUBLICATIONS, select
+from scripts import script
 
 fill = script("fill_publications", "docs")
 THESIS = PUBLICATIONS["thesis"]

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from benchmarks.scripts import script
 from ohmward.energy.mission import load_plan
 from ohmward.traction import RLMA
 from ohmward_lab.simulate.closed_loop import parse_scenario, run, save_scenario
 from ohmward_lab.simulate.closed_loop.figures import figures
 from ohmward_lab.simulate.robot_drive import WAY_HOME, robot_drive
+from scripts import script
 
 
 def test_it_can_be_written_and_read(tmp_path):

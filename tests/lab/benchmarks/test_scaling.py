@@ -5,8 +5,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from benchmarks.scripts import script
 from ohmward.trace import Kernel
+from scripts import script
 
 pytest.importorskip("llvmlite")
 scaling = script("scaling")

@@ -1,6 +1,6 @@
 import pytest
 
-from benchmarks.scripts import script
+from scripts import script
 
 pytest.importorskip("llvmlite")
 peak_flops = script("peak").peak_flops

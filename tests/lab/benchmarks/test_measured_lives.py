@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.scripts import script
 from ohmward.battery.chemistries import generic_battery
 from ohmward.errors import InputError
+from scripts import script
 
 cells = script("measured_cells")
 measured = script("measured_lives")

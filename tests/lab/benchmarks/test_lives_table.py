@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.scripts import script
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.registry import DEFAULT
 from ohmward.battery.soc.score import Score
 from ohmward.logs import Log
+from scripts import script
 
 lives = script("lives_table")
 peers = script("lives_peers")

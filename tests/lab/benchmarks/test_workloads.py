@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.scripts import script
 from ohmward.battery.models.ocv import OcvCurve
+from scripts import script
 
 workloads = script("workloads")
 

@@ -6,7 +6,7 @@ from itertools import groupby
 
 import pytest
 
-from benchmarks.scripts import script
+from scripts import script
 
 timing = script("timing")
 

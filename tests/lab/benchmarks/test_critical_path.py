@@ -5,10 +5,10 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from benchmarks.scripts import script
 from ohmward.errors import InputError
 from ohmward.trace import floor, sqrt, trace, where
 from ohmward.trace.expression import apply
+from scripts import script
 
 critical_path = script("critical_path")
 least_step_s = critical_path.least_step_s

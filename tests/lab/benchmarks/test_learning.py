@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from benchmarks.scripts import script
 from ohmward.battery.chemistries import Normal, generic_battery
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.logs import Log
+from scripts import script
 
 figure = script("figure")
 score = script("learning_score")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.scripts import script
+from scripts import script
 
 pytest.importorskip("llvmlite")
 speed = script("speed")

@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from benchmarks.scripts import script
 from ohmward.filters.belief import unpack
+from scripts import script
 
 pytest.importorskip("scipy")
 pytest.importorskip("llvmlite")

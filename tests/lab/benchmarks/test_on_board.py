@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks.scripts import script
+from scripts import script
 
 on_board = script("on_board")
 on_board_load = script("on_board_load")

@@ -6,8 +6,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from benchmarks.scripts import script
 from ohmward.report import TIME, Band, Figure, Marker, Series, Span
+from scripts import script
 
 to_svg = script("svg").to_svg
 

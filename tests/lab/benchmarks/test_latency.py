@@ -1,7 +1,7 @@
 import pytest
 
-from benchmarks.scripts import script
 from ohmward.trace.lower.llvm_operations import SPELLINGS
+from scripts import script
 
 pytest.importorskip("llvmlite")
 latency = script("latency")

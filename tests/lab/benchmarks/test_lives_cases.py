@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks.scripts import script
 from ohmward.logs import Log
 from ohmward_lab.simulate.electrochemical import CellTruth
+from scripts import script
 
 cases = script("lives_cases")
 cells = script("lives_cells")
