@@ -33,7 +33,7 @@ from ohmward.report import TIME, Band, Figure, Series
 from ohmward.traction import RLMA, hard_terrain
 from ohmward.traction.speed_observer.estimator import SlipRun, observe
 from ohmward.traction.speed_observer.make_observer import make_observer
-from ohmward_lab.simulate.closed_loop import drive_log, run
+from ohmward_lab.simulate.closed_loop import ClosedLoopRun, drive_log, run
 from ohmward_lab.simulate.robot_drive import robot_drive
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
@@ -46,7 +46,7 @@ PICTURES = Path(__file__).parent / "pictures"
 def main() -> None:
     """Write every picture."""
     day = robot_day()
-    drive = drive_home()
+    drive = drive_home(run(robot_drive()))
     left = range_of_a_day()
     PICTURES.mkdir(exist_ok=True)
     (PICTURES / "robot-day.svg").write_text(to_svg(soc_figure(*day), error_figure(*day)), encoding="utf-8")
@@ -66,9 +66,9 @@ def estimate(log: Log, battery: Battery, name: str) -> SocEstimate:
     return SocEstimator(make_estimator(name, battery), initial_soc=1.0).run(log).estimates
 
 
-def drive_home() -> tuple[DriveLog, SlipRun]:
+def drive_home(drive: ClosedLoopRun) -> tuple[DriveLog, SlipRun]:
     """The log of the drive home, and what the observer makes of it."""
-    log = drive_log(run(robot_drive()))
+    log = drive_log(drive)
     return log, observe(make_observer(RLMA, log, hard_terrain("dry asphalt")).observer, log)
 
 

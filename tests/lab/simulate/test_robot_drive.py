@@ -21,10 +21,13 @@ def test_the_way_home_is_a_plan(tmp_path):
     assert plan.reserve_soc == 0.1
 
 
+@pytest.fixture(scope="module")
+def drive():
+    return run(robot_drive())
+
+
 @pytest.mark.slow
-def test_it_is_what_it_says():
-    scenario = robot_drive()
-    drive = run(scenario)
+def test_it_is_what_it_says(drive):
     truth, slip = drive.history.truth, drive.rows.truth.slip_ratio[:, 0]
     assert drive.warnings == ()
     assert set(truth.friction[:, 0]) == {0.8, 0.1}
@@ -36,8 +39,8 @@ def test_it_is_what_it_says():
 
 
 @pytest.mark.slow
-def test_the_picture_of_the_readme_tells_the_truth():
-    log, track = script("make_pictures", "docs").drive_home()
+def test_the_picture_of_the_readme_tells_the_truth(drive):
+    log, track = script("make_pictures", "docs").drive_home(drive)
     truth, found = log.extra["speed_true_m_s"], track.estimates.speed_m_s
     wheels = RLMA.wheel.radius_m * track.estimates.wheel_speed_rad_s.mean(axis=1)
     rms = [float(np.sqrt(np.mean((v - truth) ** 2))) for v in (found, wheels)]
