@@ -43,7 +43,7 @@ FIRST_LEG_M, FIRST_SPEED_M_S = 100.0, 0.5
 LEAST_DRIVEN_M = 5.0
 
 #: A protection opens after some seconds, so that a peak of power counts that has held for so long.
-PEAK_S = 3.0
+PROTECTION_OPENS_S = 3.0
 
 #: Resistance towards empty over what a resistance that was found on the way there makes it: its standard deviation.
 RESISTANCE_SHARE = 0.15
@@ -304,7 +304,7 @@ def held_power(state: RangeState, sample: DriveSample) -> tuple[float, float]:
     dt_s = math.nan if last is None else sample.time_s - last.time_s
     if not (dt_s > 0.0 and math.isfinite(sample.battery_W)):
         return state.held_W, state.peak_W
-    held_W = state.held_W + (1.0 - math.exp(-dt_s / PEAK_S)) * (sample.battery_W - state.held_W)
+    held_W = state.held_W + (1.0 - math.exp(-dt_s / PROTECTION_OPENS_S)) * (sample.battery_W - state.held_W)
     return held_W, max(held_W, state.peak_W)
 
 
