@@ -92,7 +92,7 @@ def edge_notes(edges: Sequence[Edge]) -> tuple[Note, ...]:
 
 
 #: Shortest rest [s] and fewest samples in which two time constants may show.
-_SHORTEST_REST_S = 120.0
+_SHORTEST_RELAXATION_S = 120.0
 _FEWEST_OF_A_REST = 8
 #: Samples of a longer rest that are used, denser at its start.
 _MOST_OF_A_REST = 200
@@ -139,7 +139,7 @@ class Relaxation(NamedTuple):
 
 def find_relaxations(record: Record, soc: np.ndarray) -> tuple[Relaxation, ...]:
     """Fits of every rest of at least 2 minutes and 8 samples; soc: (T,) along the record."""
-    rests = [p for p in find_rests(record.phases, _SHORTEST_REST_S) if p.last - p.first >= _FEWEST_OF_A_REST]
+    rests = [p for p in find_rests(record.phases, _SHORTEST_RELAXATION_S) if p.last - p.first >= _FEWEST_OF_A_REST]
     found = (_relaxation(record, soc, rest) for rest in rests)
     return tuple(r for r in found if r is not None)
 
