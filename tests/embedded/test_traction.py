@@ -30,9 +30,8 @@ def test_controllers(controller, tmp_path):
 
 
 @needs_gcc
-@pytest.mark.parametrize("robot", [RLMA, ROBOTINO], ids=lambda robot: robot.name)
-def test_the_observer(robot, tmp_path):
-    passes(observer_export(robot, ASPHALT, "ekf"), tmp_path)
+def test_the_observer(tmp_path):
+    passes(observer_export(RLMA, ASPHALT, "ekf"), tmp_path)
 
 
 @pytest.mark.parametrize("robot", [RLMA, ROBOTINO], ids=lambda robot: robot.name)
@@ -42,8 +41,9 @@ def test_odometry(robot, tmp_path):
 
 @needs_gcc
 @pytest.mark.slow
-def test_the_adaptive_unscented_observer(tmp_path):
-    passes(observer_export(RLMA, ASPHALT, "aukf"), tmp_path)
+@pytest.mark.parametrize("robot", [RLMA, ROBOTINO], ids=lambda r: r.name)
+def test_the_adaptive_unscented_observer(robot, tmp_path):
+    passes(observer_export(robot, ASPHALT, "aukf"), tmp_path)
 
 
 def test_the_readme_asks_for_a_flag_where_the_controller_has_it():

@@ -413,7 +413,7 @@ def test_the_charge_goes_on_after_every_kill(tmp_path, battery):
     """Kill the process under load at random moments; after each the snapshot loads and the charge goes on."""
     setup, draw = make_setup(tmp_path, battery), random.Random(2)
     before = None
-    for _ in range(int(os.environ.get("OHMWARD_KILLS", "4"))):
+    for _ in range(int(os.environ.get("OHMWARD_KILLS", "6"))):
         with subprocess.Popen([sys.executable, "-c", PROCESS, str(setup)]) as process:
             try:
                 wait_for(tmp_path / "state" / NAME, process)

@@ -22,8 +22,8 @@ def test_no_sample_is_lost_at_1_khz():
 
 @pytest.mark.slow
 def test_memory_and_handles_stay_flat_along_simulated_hours():
-    looks = on_board_day.drive_a_day(0.11)
-    assert len(looks) == 3
+    looks = on_board_day.drive_a_day(0.21)
+    assert len(looks) == 6
     assert on_board_day.growth([look.memory_MB for look in looks]) < 1.05
     assert on_board_day.growth([float(look.handles) for look in looks]) == 1.0
 

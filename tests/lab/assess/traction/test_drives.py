@@ -52,9 +52,9 @@ def test_the_motion_is_that_of_the_plant():
     truth = drives("rlma", world, RUNS, 1)
     plant = TractionPlant(ROBOTS["rlma"], [Patch("gravel")], longest_step_s=SAMPLE_S)
     # Torques change within the time kept; over a cruise they hardly do, so the plant follows from the start of a ramp.
-    torque = np.diff(truth.impulse_Nms[:, :, 0], axis=0, prepend=0.0)[: len(truth.speed_m_s) // 2] / INTERVAL_S
+    torque = np.diff(truth.impulse_Nms[:, :, 0], axis=0, prepend=0.0) / INTERVAL_S
     found = [plant.step(each, INTERVAL_S).speed_m_s for each in torque]
-    np.testing.assert_allclose(found, truth.speed_m_s[: len(found), 0], atol=0.03)
+    np.testing.assert_allclose(found, truth.speed_m_s[:, 0], atol=0.03)
 
 
 def test_ice_lies_under_the_left_wheels_alone():
