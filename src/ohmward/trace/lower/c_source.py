@@ -17,7 +17,7 @@ import re
 import textwrap
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import chain, count
+from itertools import count
 from typing import NamedTuple
 
 from ohmward.errors import InputError
@@ -340,6 +340,7 @@ class _CWriter:
         self.explained: set[Origin] = set()
         self.formulas: dict[int, Formula] = {}  # of the values, by serial: names, or what is written in their places
         self.words: set[str] = {*taken, *NO_NAMES}
+        self.free_numbers: dict[str, int] = {}  # by name, from where on a number behind it may be free
         #: names of the integers, by what they are the integer of, and the size of the tables that they index
         self.indices: dict[tuple[str, int], str] = {}
 
@@ -381,9 +382,13 @@ class _CWriter:
     def new_word(self, name: str) -> str:
         """The name, or another one like it if it is taken."""
         name = name if re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII) else "t"
-        numbered = (f"{name}_{k}" if name[-1].isdigit() else f"{name}{k}" for k in count(2))
-        word = next(w for w in chain([name] if name != "t" else [], numbered) if w not in self.words)
-        self.words.add(word)
+        if name != "t" and name not in self.words:
+            self.words.add(name)
+            return name
+        joint = "_" if name[-1].isdigit() else ""
+        number = next(k for k in count(self.free_numbers.get(name, 2)) if f"{name}{joint}{k}" not in self.words)
+        self.free_numbers[name] = number + 1  # words are never given back
+        self.words.add(word := f"{name}{joint}{number}")
         return word
 
     def word(self, x: object) -> str:
