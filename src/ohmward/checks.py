@@ -13,26 +13,29 @@ from ohmward.errors import InputError
 
 def require_finite(name: str, values: float | Sequence[float]) -> None:
     """Raise InputError unless every value is a finite number."""
-    bad = [v for v in np.atleast_1d(np.asarray(values, dtype=float)) if not np.isfinite(v)]
-    if bad:
-        raise InputError(f"{name} must be finite, got {bad[0]}")
+    numbers = np.asarray(values, dtype=float)
+    finite = np.isfinite(numbers)
+    if not finite.all():
+        raise InputError(f"{name} must be finite, got {numbers[~finite][0]}")
 
 
 def require_between(name: str, values: float | Sequence[float], low: float, high: float) -> None:
     """Raise InputError unless every value is finite and low <= value <= high."""
     require_finite(name, values)
-    for v in np.atleast_1d(np.asarray(values, dtype=float)):
-        if not low <= v <= high:
-            rule = f">= {low:g}" if high == np.inf else f"between {low:g} and {high:g}"
-            raise InputError(f"{name} must be {rule}, got {v:g}")
+    numbers = np.asarray(values, dtype=float)
+    outside = (numbers < low) | (numbers > high)
+    if outside.any():
+        rule = f">= {low:g}" if high == np.inf else f"between {low:g} and {high:g}"
+        raise InputError(f"{name} must be {rule}, got {numbers[outside][0]:g}")
 
 
 def require_positive(name: str, values: float | Sequence[float]) -> None:
     """Raise InputError unless every value is finite and > 0."""
     require_finite(name, values)
-    for v in np.atleast_1d(np.asarray(values, dtype=float)):
-        if not v > 0:
-            raise InputError(f"{name} must be > 0, got {v:g}")
+    numbers = np.asarray(values, dtype=float)
+    outside = numbers <= 0
+    if outside.any():
+        raise InputError(f"{name} must be > 0, got {numbers[outside][0]:g}")
 
 
 def require_length(name: str, values: Sequence[float], length: int, why: str) -> None:
