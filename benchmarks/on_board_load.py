@@ -150,7 +150,7 @@ async def run_until_quiet(process: Process) -> None:
 def start(folder: str) -> Process:
     """The process, with its steps in machine code."""
     process = assemble(SETUP_FILE.load(f"{folder}/robot.toml"))
-    process.estimation.compile(from_disk=True)
+    process.estimation.compile()
     return process
 
 

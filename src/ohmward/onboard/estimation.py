@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import nullcontext
 from copy import copy
 from typing import Any, NamedTuple
 
@@ -28,7 +27,6 @@ from ohmward.onboard.message_parts import MessageSorter
 from ohmward.onboard.robot_state import RobotState
 from ohmward.onboard.totals import Totals
 from ohmward.quantities import GROUPS
-from ohmward.trace.lower.kept_steps import keeping
 from ohmward.traction.inbox import HEADING, SensorInbox
 from ohmward.traction.odometry.estimator import Odometry, by_wheels_and_gyro, force_known, with_slip_of
 from ohmward.traction.odometry.sample import OdometryFlag
@@ -119,15 +117,8 @@ class Estimation:
         """Forget every sample, as where a simulation was reset or a bag begins again."""
         vars(self).update(vars(Estimation(*self._settings)))
 
-    def compile(self, from_disk: bool = False) -> None:
-        """Compile what the first samples would wait for, on copies; takes a second or two.
-
-        from_disk: take the whole steps from the disk, in some hundredths of a second, where they were left before.
-        """
-        with keeping() if from_disk else nullcontext():
-            self._compile()
-
-    def _compile(self) -> None:
+    def compile(self) -> None:
+        """Compile what the first samples would wait for, on copies: a second or two, some hundredths from the disk."""
         if self.soc and self.battery:
             middle_V = 0.5 * (self.battery.voltage_min_V + self.battery.voltage_max_V)
             copy(self.soc).update(0.0, 0.0, middle_V)

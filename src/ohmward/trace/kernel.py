@@ -58,7 +58,8 @@ class Kernel:
         require_one_of("lowering", self.lowering, LOWERINGS)
         self._scanned = 0  # steps of all logs; threads may lose some of each other's, which only delays the compilation
         self._key = kept_steps.key_of(function, examples, constants)
-        if self._key is None:
+        self._at_hand = self.lowering != "python" and kept_steps.is_kept(self._key)  # its machine code costs nothing
+        if not self._at_hand:
             _ = self.program  # faults are told here
 
     @cached_property
@@ -84,12 +85,15 @@ class Kernel:
         Returns:  the state after the last sample, and the outputs with a leading time axis.
         Raises:   InputError if the function is no step, or a shape does not fit.
         """
-        length, _ = self._steps(samples)
-        self._scanned += length
+        worth = self._at_hand
+        if not worth:
+            length, _ = self._steps(samples)
+            self._scanned += length
+            worth = length >= WORTH_STEPS or self._scanned >= self._worth_scanned
         return self._run(
-            lambda: llvm_logs.run_log(self.machine, state, samples, progress),
+            lambda: llvm_logs.run_log(self._one_machine, state, samples, progress),
             lambda: scan.run(self._scan, self.program.step_structure, state, samples, progress),
-            length >= WORTH_STEPS or self._scanned >= self._worth_scanned,
+            worth,
         )
 
     def scan_lanes(self, state: Any, samples: Any, progress: Progress | None = None) -> tuple[Any, Any]:
@@ -119,7 +123,8 @@ class Kernel:
         """
 
         def in_machine_code() -> Live:
-            return MachineLive(self._live_step, self._live_step.program.step_structure.state, state, flags)
+            step = self._one_machine
+            return MachineLive(step, step.program.step_structure.state, state, flags)
 
         def in_python() -> Live:
             return PythonLive(self, self.program.step_structure.state, state, flags)
@@ -158,14 +163,15 @@ class Kernel:
         return MachineStep(self.program, self._state_size)
 
     @cached_property
-    def _live_step(self) -> MachineStep:
-        """The same for live samples, from the disk where it is kept there."""
+    def _one_machine(self) -> MachineStep:
+        """The same for one log and for live samples, from the disk where it is kept there."""
         if self._key is None:
             return self.machine
-        # traced for this only: a process that runs for months does not hold the trace
-        return kept_steps.kept_step(
-            self._key, lambda: Kernel(self.function, *self.examples, constants=self.constants).machine
-        )
+        step = kept_steps.kept_step(self._key, lambda: self.machine)
+        self._at_hand = True
+        for traced in ("program", "machine"):  # a process that runs for months does not hold the trace
+            self.__dict__.pop(traced, None)
+        return step
 
     def _run(self, in_machine_code: Callable[[], T], otherwise: Callable[[], T], worth: bool) -> T:
         """Run in machine code if asked for, or if left open and worth it; warn once where there is none."""

@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> Outcome:
             process = lab("onboard.demonstration").demo_process(args.drive)
         else:
             process = assemble(SETUP_FILE.load(args.setup))
-        process.estimation.compile(from_disk=True)
+        process.estimation.compile()
         asyncio.run(_run(process, args.seconds))
     except OhmwardError as error:
         if args.log_format == TEXT:

@@ -86,6 +86,14 @@ def cached(key: str, make: Callable[[], bytes]) -> bytes:
     return code
 
 
+def is_cached(key: str) -> bool:
+    """True where the folder has an entry of a key; `cached` judges whether it is whole and safe."""
+    try:
+        return (folder() / f"{key}.o").is_file()
+    except OSError:
+        return False
+
+
 @contextmanager
 def _opened(path: Path) -> Iterator[OpenFolder]:
     """The folder, made where it is missing, open and checked.

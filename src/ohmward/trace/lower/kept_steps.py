@@ -1,8 +1,8 @@
-"""Live steps in machine code kept whole on disk: a process that starts again neither traces nor compiles them.
+"""Steps in machine code kept whole on disk: a process that starts again neither traces nor compiles them.
 
-A step is known by its function and settings, and by every file of this package, the processor and the compiler, as all
-of these make its code. Only functions of ohmward itself are kept, and only while `keeping` is in force: whoever changes
-a constant at run time would find the step of before.
+A step is known by its function and settings, and by what these can reach in this process: the files of their modules,
+the constants there as they are now, the processor and the compiler, as all of these make its code. Only functions of
+ohmward itself are kept.
 """
 
 from __future__ import annotations
@@ -12,32 +12,27 @@ import io
 import pickle
 import pickletools
 import platform
-import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
-from functools import cache
-from importlib.resources import files
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.trace.lower.code_cache import cached
+from ohmward.trace.lower.code_cache import cached, is_cached
 from ohmward.trace.lower.llvm_machine_code import NoMachineCodeError, compiled, linked, this_machine
 from ohmward.trace.lower.llvm_run import STEP_NAME, MachineStep
+from ohmward.trace.lower.reach import OURS, UnknownReachError, reach_of
 from ohmward.trace.program import Program, symbols
 from ohmward.trace.structure import Branch, Structure
 
-_KEEPING = ContextVar("_KEEPING", default=False)
-
-#: Packages whose functions and classes a step may name: their versions are in its key.
-_KNOWN = {"ohmward", "numpy", "functools", "collections", "builtins", "__builtin__", "copy_reg", "copyreg", "_codecs"}
+#: Packages whose functions and classes a step may name beside ours: their versions are in its key.
+_KNOWN = {"numpy", "functools", "collections", "builtins", "__builtin__", "copy_reg", "copyreg", "_codecs"}
+#: What makes the code of every step.
+_COMPILER = "ohmward.trace.lower.llvm_run"
 
 
 class _Stored(NamedTuple):
-    """A live step on disk: the shape of its program and the object file; see `Program`."""
+    """A step on disk: the shape of its program and the object file; see `Program`."""
 
     argument_structure: Branch
     result_structure: Structure
@@ -47,27 +42,18 @@ class _Stored(NamedTuple):
     code: bytes
 
 
-@contextmanager
-def keeping() -> Iterator[None]:
-    """While in force, kernels take their live steps from the disk, or leave them there."""
-    token = _KEEPING.set(True)
-    try:
-        yield
-    finally:
-        _KEEPING.reset(token)
-
-
 def key_of(function: Callable[..., Any], examples: tuple[Any, ...], constants: tuple[Any, ...]) -> str | None:
     """Key of a step; None where it is not stored."""
-    if not _KEEPING.get():
-        return None
     try:
         content = _content((function, examples, constants))
-        parts = (content, package_digest(), np.__version__.encode(), platform.python_version().encode(), this_machine())
-    except (pickle.PicklingError, AttributeError, TypeError, NoMachineCodeError):
+        modules = {str(word).split()[0] for code, word, _ in pickletools.genops(content) if code.name == "GLOBAL"}
+        if not {module.split(".")[0] for module in modules} <= _KNOWN | OURS:
+            return None
+        reach = reach_of({_COMPILER, *(module for module in modules if module.split(".")[0] in OURS)})
+        parts = (content, reach, np.__version__.encode(), platform.python_version().encode(), this_machine())
+    except (pickle.PicklingError, AttributeError, TypeError, NoMachineCodeError, UnknownReachError):
         return None
-    named = {re.split("[. ]", str(word))[0] for code, word, _ in pickletools.genops(content) if code.name == "GLOBAL"}
-    return hashlib.sha256(b"\0".join(parts)).hexdigest() if named <= _KNOWN else None
+    return hashlib.sha256(b"\0".join(parts)).hexdigest()
 
 
 class _Pickler(pickle.Pickler):
@@ -87,8 +73,13 @@ def _content(tree: Any) -> bytes:
     return file.getvalue()
 
 
+def is_kept(key: str | None) -> bool:
+    """True where the step of a key is on disk."""
+    return key is not None and is_cached(key)
+
+
 def kept_step(key: str, make: Callable[[], MachineStep]) -> MachineStep:
-    """The step of a key, for live samples only; `make` gives one that is not on disk.
+    """The step of a key, for one log and for live samples; `make` gives one that is not on disk.
 
     Raises:
         NoMachineCodeError: there is none for this program or processor.
@@ -115,14 +106,3 @@ def _outline(step: MachineStep) -> _Stored:
         step.state_size,
         compiled(step.source(1, (False,) * step.columns)),
     )
-
-
-@cache
-def package_digest() -> bytes:
-    """SHA-256 of every file of this distribution that is Python."""
-    found = hashlib.sha256()
-    for package in ("ohmward", "ohmward_lab"):
-        root = Path(str(files(package)))
-        for path in sorted(root.rglob("*.py")):
-            found.update(f"{package}/{path.relative_to(root)}\0".encode() + path.read_bytes() + b"\0")
-    return found.digest()

@@ -1,0 +1,112 @@
+"""What a function of ohmward can reach in this process: the files of its modules, and their constants as they are now.
+
+Whoever changes a constant, a function or a class at run time changes this digest with it. Beyond it are containers that
+can be changed in place, such as caches, and modules that are imported inside of functions; no traced step has any.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+import time
+from collections.abc import Iterable
+from dataclasses import fields, is_dataclass
+from functools import cache, partial
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+OURS = frozenset({"ohmward", "ohmward_lab"})
+
+_STARTED_UNIX_S = time.time()
+
+
+class UnknownReachError(Exception):
+    """What code would do cannot be told from files: somebody else's stands in it, or a file was edited meanwhile."""
+
+
+def reach_of(names: Iterable[str]) -> bytes:
+    """SHA-256 of these modules of ohmward, and of all of ohmward that they name.
+
+    Raises:
+        UnknownReachError: see there.
+    """
+    waiting, seen = list(names), set()
+    found = {}
+    while waiting:
+        name = waiting.pop()
+        if name not in seen:
+            seen.add(name)
+            found[name], named = _described(sys.modules[name])
+            waiting += named
+    return hashlib.sha256("\0".join(found[name] for name in sorted(found)).encode()).digest()
+
+
+def _described(module: ModuleType) -> tuple[str, set[str]]:
+    """Text of a module's file and of its constants, and the modules of ohmward that it names."""
+    description = _Description()
+    lines = [_file_digest(str(module.__file__))]
+    for word, value in vars(module).items():
+        if not word.startswith("__"):
+            lines.append(f"{word}={description.of(value)}")
+            if isinstance(value, type) and value.__module__ == module.__name__:
+                lines += [f"{w}={description.of(v)}" for w, v in vars(value).items() if not w.startswith("__")]
+    return "\n".join(lines), description.modules
+
+
+class _Description:
+    """Texts of values; equal ones are equal in every process.
+
+    modules: of ohmward, named so far.
+    """
+
+    def __init__(self) -> None:
+        self.modules: set[str] = set()
+
+    def of(self, value: Any) -> str:
+        """Text of a value.
+
+        Raises:
+            UnknownReachError: it is a function or class of a program that is none of the known ones.
+        """
+        if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
+            return repr(value)
+        if isinstance(value, np.ndarray):
+            return f"{value.dtype}{value.shape}{value.tobytes()!r}"
+        if isinstance(value, tuple):
+            return f"({', '.join(map(self.of, value))})"
+        if isinstance(value, frozenset):
+            return f"{{{', '.join(sorted(map(self.of, value)))}}}"
+        if isinstance(value, partial):
+            return self.of((value.func, value.args, *value.keywords.items()))
+        if isinstance(value, ModuleType):
+            return self._named(value.__name__, "")
+        home, name = getattr(value, "__module__", None), getattr(value, "__qualname__", None)
+        if isinstance(home, str) and isinstance(name, str):
+            return self._named(home, name)
+        if is_dataclass(value):
+            return self.of((type(value), *(getattr(value, field.name) for field in fields(value))))
+        return type(value).__qualname__
+
+    def _named(self, module: str, name: str) -> str:
+        package = module.split(".")[0]
+        if package in OURS:
+            self.modules.add(module)
+        elif package != "numpy" and package not in sys.stdlib_module_names:
+            raise UnknownReachError(f"{module}.{name}")
+        return f"{module}.{name}"
+
+
+@cache
+def _file_digest(path: str) -> str:
+    """SHA-256 of a file from which a module of this process came.
+
+    Raises:
+        UnknownReachError: it was written since this process started.
+    """
+    file = Path(path)
+    if file.stat().st_mtime > _STARTED_UNIX_S:
+        raise UnknownReachError(path)
+    return hashlib.sha256(file.read_bytes()).hexdigest()
