@@ -27,12 +27,23 @@ help:
 	@echo "make house     size of the package by room -> docs/house.md"
 	@echo "make docs      the documentation -> docs/_build/html/index.html"
 
-# One stamp per set of extras: touched again only when pyproject.toml changes.
-$(VENV)/%.stamp: pyproject.toml
+# One stamp for each extra of pyproject.toml (lab, spark), and for each of its groups of packages for those who work on
+# ohmward; touched again only when that file changes.
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
+
+$(VENV)/%.stamp: pyproject.toml | $(VENV)/pip.stamp
+	$(INSTALL) '.[$*]'
+	@touch $@
+
+$(addprefix $(VENV)/,test.stamp dev.stamp docs.stamp bench.stamp): $(VENV)/%.stamp: pyproject.toml | $(VENV)/pip.stamp
+	$(INSTALL) . --group $*
+	@touch $@
+
+$(VENV)/pip.stamp:
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	    { echo "ohmward needs Python 3.11 or newer; name one with: make PYTHON=python3.12 ..."; exit 1; }
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade 'pip>=25.1'
 	@touch $@
 
 # Small matrices: more threads than one only fight each other, above all when tests run in parallel.

@@ -4,7 +4,7 @@
     python benchmarks/speed.py --against COMMIT    and this checkout beside another commit, in turns
     python benchmarks/speed.py --quick             a little of each, to see that it runs; writes nothing
 
-Every peer is optional; `pip install '.[bench]'` installs them all. Each runs the same model on the same samples and
+Every peer is optional; `pip install --group bench` installs them all. Each runs the same model on the same samples and
 must come to the same numbers. Times are medians of what one core takes in one run: they belong to the machine, ratios
 are what travels.
 """

@@ -76,7 +76,7 @@ def test_every_page_can_be_found_from_the_index():
 @pytest.mark.slow
 def test_the_documentation_builds_without_a_warning_and_reads_without_a_network(tmp_path):
     for needed in ("sphinx", "myst_nb", "sphinx_design", "furo"):
-        pytest.importorskip(needed, reason="pip install 'ohmward[docs]' to build the documentation")
+        pytest.importorskip(needed, reason="pip install --group docs to build the documentation")
     # the notebooks run in a test of their own
     built = [
         sys.executable,
