@@ -37,7 +37,7 @@ def run(end: End) -> int:
     LOG.propagate = False
     try:
         process = assemble(setup_of(read_parameters(node), node.get_name(), node.get_namespace()), node)
-        process.estimation.compile(from_disk=True)
+        process.estimation.compile()
         asyncio.run(_run(process, end))
     except OhmwardError as error:
         return _refuse(error)
