@@ -1,5 +1,6 @@
 """Logs side by side are the logs one by one."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,16 @@ def test_logs_of_many_lengths_are_the_logs_one_by_one(estimator, lowering):
         for name in alone._fields:
             assert getattr(found, name).shape == (len(log),)
             np.testing.assert_allclose(getattr(found, name), getattr(alone, name), rtol=1e-7, atol=1e-9, err_msg=name)
+
+
+def test_each_log_begins_on_its_own_day():
+    noise = replace(NOISE, capacity_std=0.1, capacity_known_unix_s=1.79e9, capacity_known_std=0.02)
+    logs = [replace(log, start_unix_s=1.79e9 + 86400.0 * 60 * k) for k, log in enumerate(LOGS[:3])]
+    together = estimate_logs(TheveninFilter(NMC, noise), logs)
+    for log, found in zip(logs, together, strict=True):
+        alone = SocEstimator(TheveninFilter(NMC, noise)).run(log).estimates
+        np.testing.assert_allclose(found.soh_capacity_std, alone.soh_capacity_std, rtol=1e-7)
+    assert together[0].soh_capacity_std[0] < together[1].soh_capacity_std[0] < together[2].soh_capacity_std[0]
 
 
 def test_a_given_start_is_that_of_every_log():

@@ -32,7 +32,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.chemistries import AGED_RESISTANCE_STD, OCV_POINTS, generic_battery, start_noise
+from ohmward.battery.chemistries import OCV_POINTS, generic_battery, start_noise
+from ohmward.battery.models.noise import AGED_RESISTANCE_STD
 from ohmward.battery.models.ocv import OcvCurve, monotone
 from ohmward.battery.models.temperature import FARADAY_C_PER_MOL, GAS_J_PER_MOL_K, KELVIN, ROOM_DEGC
 from ohmward.battery.models.thevenin import Thevenin

@@ -24,10 +24,6 @@ from ohmward.filters.consistency import BAND_95
 #: which over the label's were 0.3 to 3.6 on ten measured cells and packs.
 _LABEL_CAPACITY_STD = 0.1
 _LABEL_RESISTANCE_STD = 0.8
-#: A file does not know how old its battery will get: relative error of the capacity, and error of the logarithm of the
-#: resistances. Cells with 80 % of their capacity have about 1.5 times the resistance.
-AGED_CAPACITY_STD = 0.1
-AGED_RESISTANCE_STD = 0.3
 #: Voltage of a lithium-ion cell [V].
 CELL_V = 3.7
 #: Points of the uniform SoC grid of an OCV curve made here.

@@ -7,6 +7,7 @@ zero of its clock, and so has, almost, a log with every tenth sample: both are f
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -110,8 +111,8 @@ def _profile(log: Log) -> LogProfile:
     bin_s = _bin_s(log)
     means = _integrals(log).means(np.linspace(0.0, log.duration_s, round(log.duration_s / bin_s) + 1))
     level = np.maximum(np.ptp(means, axis=1, keepdims=True) / _LEVELS, 1e-7)
-    start_unix_s = np.nan if log.start_unix_s is None else log.start_unix_s + log.time_s[0]
-    return LogProfile(bin_s, float(np.median(log.dt_s)), float(start_unix_s), means, level)
+    begin_unix_s = math.nan if log.begin_unix_s is None else log.begin_unix_s
+    return LogProfile(bin_s, float(np.median(log.dt_s)), begin_unix_s, means, level)
 
 
 def _integrals(log: Log) -> LogIntegrals:
@@ -232,9 +233,9 @@ def _tolerances(seen: LogProfile, log: Log, shift_s: float, edges_s: np.ndarray)
 
 def _clock_shift(seen: LogProfile, log: Log) -> list[float]:
     """The shift that the wall clocks tell, where both have one."""
-    if log.start_unix_s is None or not np.isfinite(seen.start_unix_s):
+    if log.begin_unix_s is None or not np.isfinite(seen.start_unix_s):
         return []
-    return [seen.start_unix_s - log.start_unix_s - float(log.time_s[0])]
+    return [seen.start_unix_s - log.begin_unix_s]
 
 
 def _change_in_bins(log: Log, values: np.ndarray, lag: int, edges_s: np.ndarray) -> np.ndarray:

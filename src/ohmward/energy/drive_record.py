@@ -62,11 +62,6 @@ class DriveRecord(NamedTuple):
     balance: RecordedBalance | None  #: None without wheels and motor currents
     notes: tuple[Note, ...]  #: everything that was assumed
 
-    @property
-    def end_unix_s(self) -> float | None:
-        """Unix time of the last sample, None without a wall clock."""
-        return None if self.log.start_unix_s is None else self.log.start_unix_s + float(self.log.time_s[-1])
-
 
 def observe_motion(
     robot: Robot,

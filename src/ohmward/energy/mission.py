@@ -202,7 +202,7 @@ def learn_drive(before: Consumption, record: DriveRecord | None) -> tuple[Consum
     c = begin_drive(before, days)
     for driven in record.driven:
         c = learn(c, driven.stretch, driven.energy_J)
-    return replace(c, last_drive_unix_s=record.end_unix_s or c.last_drive_unix_s), notes
+    return replace(c, last_drive_unix_s=record.log.end_unix_s or c.last_drive_unix_s), notes
 
 
 def battery_at_end(

@@ -172,7 +172,7 @@ class RobotJob:
         for text, log in read:
             if log.start_unix_s is None:
                 rows[text] = failed(text, f"{log.name}: no wall clock, but other logs of this robot have one")
-        dated = sorted((first, text, log) for text, log in read if (first := _first_unix_s(log)) is not None)
+        dated = sorted((first, text, log) for text, log in read if (first := log.begin_unix_s) is not None)
         usable: list[_Dated] = []
         end_s, before = -math.inf, ""
         for first_s, text, log in dated:
@@ -204,14 +204,10 @@ def _one_after_the_other(read: Sequence[tuple[str, Log]]) -> list[_Dated]:
     return found
 
 
-def _first_unix_s(log: Log) -> float | None:
-    return None if log.start_unix_s is None else log.start_unix_s + float(log.time_s[0])
-
-
 def _date(log: Log) -> str | None:
     """The time of the first sample in ISO 8601, UTC."""
-    first_s = _first_unix_s(log)
-    return None if first_s is None else datetime.fromtimestamp(first_s, UTC).isoformat(timespec="seconds")
+    begin_s = log.begin_unix_s
+    return None if begin_s is None else datetime.fromtimestamp(begin_s, UTC).isoformat(timespec="seconds")
 
 
 def _fingerprint(texts: Sequence[str]) -> str:

@@ -14,7 +14,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ohmward.battery.soc.estimator import samples_of
+from ohmward.battery.soc.estimator import on_day, samples_of
 from ohmward.battery.soc.sample import Estimator, SocEstimate, SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
@@ -43,7 +43,8 @@ def estimate_logs(
     lengths = np.array([len(logs[i]) for i in order])
     columns = SocSample(*(_padded([samples[i][k] for i in order], lengths[0]) for k in range(len(SocSample._fields))))
     firsts = [SocSample(*(float(column[0]) for column in samples[i])) for i in order]
-    states = [estimator.init(first, initial_soc, initial_soc_std) for first in firsts]
+    on_days = [on_day(estimator, logs[i].begin_unix_s) for i in order]
+    states = [e.init(first, initial_soc, initial_soc_std) for e, first in zip(on_days, firsts, strict=True)]
     kernel = _kernel(cast(Hashable, estimator), lowering)
     found = SocEstimate(*(np.empty((len(logs), lengths[0])) for _ in SocEstimate._fields))
     state = side_by_side(states)

@@ -111,6 +111,16 @@ class Log(TimeSeries):
             columns["unix_time_s"] = self.start_unix_s + self.time_s
         return columns
 
+    @property
+    def begin_unix_s(self) -> float | None:
+        """Unix time [s] of the first sample, None without a wall clock."""
+        return None if self.start_unix_s is None else self.start_unix_s + float(self.time_s[0])
+
+    @property
+    def end_unix_s(self) -> float | None:
+        """Unix time [s] of the last sample, None without a wall clock."""
+        return None if self.start_unix_s is None else self.start_unix_s + float(self.time_s[-1])
+
     def throughput_Ah(self) -> float:
         """Charge [Ah] that went in and out; nothing over an interval that ends without a current."""
         return float(np.nansum(np.abs(self.current_A[1:]) * self.dt_s)) / SECONDS_PER_HOUR

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -185,4 +186,5 @@ def estimation_of(setup: Setup, folder: StateFolder | None) -> Estimation:
         setup.delay_s,
         setup.counts_per_turn,
         days,
+        time.time(),
     )

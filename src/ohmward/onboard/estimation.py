@@ -67,6 +67,7 @@ class Estimation:
         delay_s: messages of the drive wait so long for others with an earlier time.
         counts_per_turn: of the encoders, where they send counts; without it counts are passed over.
         days: since the last drive that the consumption knows.
+        unix_s: Unix time at which the estimators begin [s], see `SocEstimator`.
     """
 
     def __init__(
@@ -77,10 +78,11 @@ class Estimation:
         delay_s: float = 0.0,
         counts_per_turn: float | None = None,
         days: float = 0.0,
+        unix_s: float | None = None,
     ):
-        self._settings = battery, robot, consumption, delay_s, counts_per_turn, days
-        self.battery, self.robot = battery, robot
-        self.soc = SocEstimator(battery) if battery else None
+        self._settings = battery, robot, consumption, delay_s, counts_per_turn, days, unix_s
+        self.battery, self.robot, self.unix_s = battery, robot, unix_s
+        self.soc = SocEstimator(battery, unix_s=unix_s) if battery else None
         self.cells: PackEstimator | None = None
         self.slip = SlipEstimator(robot) if robot else None
         self.odometry = Odometry(robot) if robot else None

@@ -105,7 +105,7 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
         estimation.soc = SocEstimator.restore(estimation.battery, content["soc"])
     except InputError:
         begin = min(max(known.soc, 0.0), 1.0), known.std
-        estimation.soc = SocEstimator(estimation.battery, *begin)
+        estimation.soc = SocEstimator(estimation.battery, *begin, unix_s=estimation.unix_s)
         return ["the battery file has changed since: the charge goes on, what the filter had learnt begins anew"]
     passed_s = away_s if away_s <= SHORT_ABSENCE_S else max(away_s, _GAP_S)
     if away_s > SHORT_ABSENCE_S and takes_given_soc(estimation.soc.settings):

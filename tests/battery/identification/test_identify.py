@@ -16,9 +16,9 @@ from battery.identification.examples import (
     pulse_log,
     steps,
 )
-from ohmward.battery.chemistries import AGED_CAPACITY_STD
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.battery.identification import MODELS, IdentificationSettings
+from ohmward.battery.models.noise import AGED_CAPACITY_STD
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.rc import rc_of_thevenin
 from ohmward.errors import InputError
@@ -104,6 +104,15 @@ def test_low_rate_and_drive():
     std_V = battery.noise.model_std_V
     # the drive has no rest that shows its lasting overpotential, so that it is known less where it went, too
     assert 1.2 * std_V[-3] < std_V[4] < np.hypot(std_V[-3], 0.015)  # the branches have shown the curve there
+
+
+def test_a_dated_test_of_the_whole_capacity_is_known_on_its_day():
+    tests = [replace(log, start_unix_s=1.79e9) for log in low_rate_logs(cell())]
+    noise = identify(tests, capacity_Ah=2.0, chemistry="nmc").noise
+    assert noise.capacity_known_unix_s == pytest.approx(1.79e9 + tests[0].time_s[-1])
+    assert noise.capacity_known_std == pytest.approx(0.02, abs=0.002)
+    assert identify(tests, capacity_Ah=1.9, chemistry="nmc").noise.capacity_known_std == pytest.approx(0.053, abs=0.002)
+    assert identify(low_rate_logs(cell()), capacity_Ah=2.0, chemistry="nmc").noise.capacity_known_unix_s == 0.0
 
 
 def test_low_rate_alone_gives_the_curve_only():

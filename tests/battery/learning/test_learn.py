@@ -163,6 +163,17 @@ def test_a_circuit_without_rc_pairs_learns_too():
     assert abs(update.capacity_Ah.mean - 12.0) < 2 * update.capacity_Ah.std
 
 
+def test_what_was_learnt_has_the_date_of_the_last_log_that_has_one():
+    label = generic_battery("nmc", 12.0, 3)
+    dated, undated = replace(day(MODEL, 1), start_unix_s=1.79e9), day(MODEL, 2)
+    once = learn(label, [dated]).battery.noise
+    assert once.capacity_known_unix_s == dated.end_unix_s
+    assert once.capacity_known_std == once.capacity_std < label.noise.capacity_std
+    twice = learn(label, [dated, undated]).battery.noise
+    assert twice.capacity_known_unix_s == dated.end_unix_s
+    assert learn(label, [undated]).battery.noise.capacity_known_unix_s == 0.0
+
+
 def test_the_order_of_the_logs_does_not_matter():
     label = generic_battery("nmc", 12.0, 3)
     one = learn(label, [day(MODEL, 1), day(MODEL, 2)]).battery

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from ohmward.battery.models.noise import BatteryNoise
@@ -19,3 +21,41 @@ def test_overpotential_share_is_one_number_or_stands_on_a_grid():
 def test_a_negative_share_is_refused():
     with pytest.raises(InputError, match="overpotential_share"):
         BatteryNoise(overpotential_share=(0.1, -0.1))
+
+
+DAY_S = 86400.0
+TESTED_UNIX_S = 1.79e9
+DATED = BatteryNoise(
+    capacity_std=0.1,
+    resistance_std=0.3,
+    ageing_correlation=0.6,
+    capacity_known_unix_s=TESTED_UNIX_S,
+    capacity_known_std=0.02,
+)
+
+
+def test_a_capacity_is_known_on_the_day_of_its_test_and_doubted_with_the_days_since():
+    assert DATED.on(TESTED_UNIX_S).capacity_std == 0.02
+    assert DATED.on(TESTED_UNIX_S + 73 * DAY_S).capacity_std == pytest.approx(math.hypot(0.02, 0.2 * 0.1))
+    assert DATED.on(TESTED_UNIX_S - 73 * DAY_S) == DATED.on(TESTED_UNIX_S + 73 * DAY_S)
+    assert DATED.on(TESTED_UNIX_S + 365 * DAY_S).capacity_std == DATED.on(0.0).capacity_std == 0.1
+    assert DATED.on(TESTED_UNIX_S).resistance_std == 0.3
+
+
+def test_only_the_loss_by_age_goes_with_the_resistances():
+    then = DATED.on(TESTED_UNIX_S + 73 * DAY_S)
+    assert then.ageing_covariance == pytest.approx(0.2 * DATED.ageing_covariance)
+    assert DATED.on(TESTED_UNIX_S).ageing_covariance == 0.0
+
+
+def test_what_was_learnt_is_doubted_again_with_age():
+    learnt = BatteryNoise(
+        capacity_std=0.03, resistance_std=0.1, capacity_known_unix_s=TESTED_UNIX_S, capacity_known_std=0.03
+    )
+    year = learnt.on(TESTED_UNIX_S + 365 * DAY_S)
+    assert (year.capacity_std, year.resistance_std) == (0.1, 0.3)
+
+
+def test_without_a_date_the_noise_is_that_of_the_file():
+    assert BatteryNoise(capacity_std=0.07).on(TESTED_UNIX_S) == BatteryNoise(capacity_std=0.07)
+    assert DATED.on(math.nan) == DATED

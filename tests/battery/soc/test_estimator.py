@@ -3,6 +3,7 @@
 import json
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,6 +48,32 @@ def test_a_log_at_once_is_its_samples_one_by_one(estimator, lowering):
     one_by_one = live(SocEstimator(estimator, 0.8, lowering=lowering), LOG)
     at_once = SocEstimator(estimator, 0.8, lowering=lowering).run(LOG).estimates
     assert np.array_equal(one_by_one, at_once, True)
+
+
+DATED = replace(NOISE, capacity_std=0.1, capacity_known_unix_s=1.79e9, capacity_known_std=0.02)
+
+
+@pytest.mark.parametrize("days", [0, 73, 1000])
+@pytest.mark.parametrize("sums", [False, True], ids=["ekf", "gsf"])
+def test_a_dated_log_begins_with_the_doubt_of_its_day(sums, days):
+    def settings(noise):
+        one = TheveninFilter(LFP, noise)
+        return GaussianSumFilter(one) if sums else one
+
+    day = replace(LOG, start_unix_s=1.79e9 + 86400.0 * days - LOG.time_s[0])
+    first = SocEstimator(settings(DATED), 0.8).run(day).estimates
+    expected = SocEstimator(settings(DATED.on(1.79e9 + 86400.0 * days)), 0.8).run(LOG).estimates
+    np.testing.assert_allclose(first.soh_capacity_std[:50], expected.soh_capacity_std[:50], rtol=1e-9)
+    given = SocEstimator(settings(DATED), 0.8, unix_s=1.79e9 + 86400.0 * days)
+    assert given.update(0.0, *map(float, row(COLUMNS, 0)[1:3])).soh_capacity_std == first.soh_capacity_std[0]
+
+
+def test_an_undated_log_begins_with_the_doubt_of_the_file():
+    undated, plain = (
+        SocEstimator(TheveninFilter(LFP, noise), 0.8).run(LOG).estimates
+        for noise in (DATED, replace(NOISE, capacity_std=0.1))
+    )
+    np.testing.assert_allclose(undated.soh_capacity_std, plain.soh_capacity_std, rtol=1e-9)
 
 
 @each

@@ -64,11 +64,12 @@ def in_order_of_time(logs: Sequence[Log]) -> DatedLogs:
     Raises:
         InputError: some have a clock and some have none.
     """
-    without = [log.name for log in logs if log.start_unix_s is None]
+    dated = [(log.begin_unix_s, log) for log in logs if log.begin_unix_s is not None]
+    without = [log.name for log in logs if log.begin_unix_s is None]
     if not without:
-        ordered = sorted(logs, key=_first_unix_s)
-        return DatedLogs(tuple(ordered), np.array([_first_unix_s(log) for log in ordered]), True)
-    if len(without) < len(logs):
+        begins, ordered = zip(*sorted(dated, key=lambda pair: pair[0]), strict=True)
+        return DatedLogs(ordered, np.array(begins), True)
+    if dated:
         raise InputError(
             f"{without[0]}: no wall clock in this log, but there is one in others, so their order cannot be told; give "
             "it dates (a column of times of day or Unix time), or leave it out"
@@ -76,11 +77,6 @@ def in_order_of_time(logs: Sequence[Log]) -> DatedLogs:
     ends_s = np.cumsum([log.duration_s for log in logs])
     note = "no log has a wall clock: they were taken as given, one right after the other"
     return DatedLogs(tuple(logs), ends_s - [log.duration_s for log in logs], False, (note,))
-
-
-def _first_unix_s(log: Log) -> float:
-    assert log.start_unix_s is not None
-    return log.start_unix_s + float(log.time_s[0])
 
 
 def unlearnt(battery: Battery) -> Battery:

@@ -23,13 +23,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.battery import Provenance as Provenance
-from ohmward.battery.chemistries import (
-    AGED_CAPACITY_STD,
-    CHEMISTRIES,
-    chemistry_name,
-    start_model,
-    start_noise,
-)
+from ohmward.battery.chemistries import CHEMISTRIES, chemistry_name, start_model, start_noise
 from ohmward.battery.fingerprint import fingerprint
 from ohmward.battery.identification.circuit import circuit_of, curve_notes, slow_shape, start_of
 from ohmward.battery.identification.circuit_fit import (
@@ -69,7 +63,7 @@ from ohmward.battery.identification.noise_from_fit import current_noise_A, noise
 from ohmward.battery.identification.ocv_from_logs import OcvBranch
 from ohmward.battery.identification.record import Record, make_records, reference_degC
 from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, axis_std
-from ohmward.battery.models.noise import BatteryNoise, usual_sensor
+from ohmward.battery.models.noise import AGED_CAPACITY_STD, BatteryNoise, usual_sensor
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import FARADAY_C_PER_MOL, GAS_J_PER_MOL_K, KELVIN
 from ohmward.battery.models.thevenin import Thevenin
@@ -82,6 +76,8 @@ from ohmward.optional import one_blas_thread
 #: pulses, low-rate tests and drives of cells with this law, 1.15 to 2.4 of a measured and a simulated battery without.
 #: The evidence does not tell: its robust weights take the pulses that a straight drop misses for outliers.
 _CLEARLY_BETTER = 0.8
+#: Relative error of a capacity on the day on which a log showed the whole of it.
+TESTED_CAPACITY_STD = 0.02
 
 
 Progress = Callable[[str, float], None]
@@ -320,10 +316,22 @@ def _battery(prepared: Preparation, settings: IdentificationSettings, model: The
         voltage_min_V=float(np.nanmin(voltage_V)),
         voltage_max_V=float(np.nanmax(voltage_V)),
         idle_current_A=settings.idle_current_A,
-        noise=noise,
+        noise=_with_known_capacity(noise, prepared, settings.capacity_Ah),
         sensor=usual_sensor(settings.capacity_Ah, noise_A),
         thevenin=model,
     )
+
+
+def _with_known_capacity(noise: BatteryNoise, prepared: Preparation, capacity_Ah: float) -> BatteryNoise:
+    """The noise with the day on which a log showed the whole capacity, where there is such a log and it has a date."""
+    complete = [branch for branch in prepared.first.branches if branch.complete]
+    discharges = [branch for branch in complete if branch.direction == "discharge"] or complete  # charges may gas
+    logs = {record.log.name: record.log for record in prepared.records}
+    ends = [end for branch in discharges if (end := logs[branch.log_name].end_unix_s) is not None]
+    if not ends:
+        return noise
+    off = abs(float(np.mean([branch.moved_Ah for branch in discharges])) / capacity_Ah - 1.0)
+    return replace(noise, capacity_known_unix_s=max(ends), capacity_known_std=max(TESTED_CAPACITY_STD, off))
 
 
 def _provenance(prepared: Preparation, settings: IdentificationSettings) -> Provenance:

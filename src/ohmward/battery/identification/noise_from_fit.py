@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ohmward.battery.chemistries import AGED_RESISTANCE_STD
 from ohmward.battery.identification.circuit_design import RESISTANCE_GRID
 from ohmward.battery.identification.circuit_fit import CircuitFit
 from ohmward.battery.identification.circuit_solve import (
@@ -24,7 +23,7 @@ from ohmward.battery.identification.confidence import (
 )
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
 from ohmward.battery.identification.record import SETTLED_REST_S
-from ohmward.battery.models.noise import BatteryNoise
+from ohmward.battery.models.noise import AGED_RESISTANCE_STD, BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve, hat
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.battery.posterior import OCV_KNOTS

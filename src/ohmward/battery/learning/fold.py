@@ -198,6 +198,15 @@ def folded_noise(battery: Battery, p: Parameters, covariance: np.ndarray) -> Bat
     )
 
 
+def known_since(battery: Battery, unix_s: float | None) -> Battery:
+    """The battery whose capacity is known as well as its noise says since that day; as it is where nobody knows it."""
+    if unix_s is None:
+        return battery
+    noise = battery.noise
+    dated = replace(noise, capacity_known_unix_s=unix_s, capacity_known_std=noise.capacity_std)
+    return replace(battery, noise=dated)
+
+
 def never_anchored(battery: Battery, before: Battery) -> Battery:
     """The battery whose SoC axis is known no better than curves tell it, as no log has shown it full or empty."""
     least = _UNANCHORED_SHARE * chemistry_prior(battery.chemistry).curve.soc_std

@@ -23,6 +23,7 @@ from ohmward.battery.learning.fold import (
     ageing_direction,
     fold,
     known,
+    known_since,
     model_floor_V,
     never_anchored,
     not_identified_sentences,
@@ -57,7 +58,6 @@ from ohmward.battery.learning.start import (
     new_parts,
     prior_of_age,
     soc_anchors,
-    span_of,
 )
 from ohmward.battery.learning.voltage_model import VoltageModel, nuisance_covariance
 from ohmward.battery.models.noise import SOC_UNKNOWN_STD
@@ -144,7 +144,8 @@ def learn_log(
     if not new.parts:
         return battery, _not_learnt(battery, log, "seen", "the battery has learnt from it before")
     try:
-        ready = reduce(full_at_charger_limit, new.parts, battery)
+        today = battery if log.begin_unix_s is None else replace(battery, noise=battery.noise.on(log.begin_unix_s))
+        ready = reduce(full_at_charger_limit, new.parts, today)
         anchors = tuple(anchor for part in new.parts for anchor in find_anchors(part, ready))
         cycles = 0.5 * log.throughput_Ah() / ready.capacity_Ah
         before = aged(ready, hours_since_last(ready, log), cycles)
@@ -169,12 +170,11 @@ def learn_log(
 
 def _seen(log: Log, fingerprint: str, update: LogUpdate, anchored: int) -> SeenLog:
     """A log as the battery file remembers it; anchored: times at which something else than the voltage told its SoC."""
-    start_unix_s, end_unix_s = span_of(log)
     return SeenLog(
         name=log.name,
         fingerprint=fingerprint,
-        start_unix_s=start_unix_s,
-        end_unix_s=end_unix_s,
+        start_unix_s=log.begin_unix_s,
+        end_unix_s=log.end_unix_s,
         hours=update.hours,
         summary=update.reason,
         anchors=anchored,
@@ -188,7 +188,7 @@ def _remember(before: Battery, after: Battery, log: SeenLog) -> Battery:
     """The battery with the log among those that it has learnt."""
     assert after.knowledge is not None
     logs = (*(() if before.knowledge is None else before.knowledge.logs), log)
-    learnt = replace(after, knowledge=replace(after.knowledge, logs=logs))
+    learnt = known_since(replace(after, knowledge=replace(after.knowledge, logs=logs)), log.end_unix_s)
     if not any(seen.anchors for seen in logs):
         learnt = never_anchored(learnt, before)
     return replace(learnt, not_identified=not_identified_sentences(learnt))
@@ -239,7 +239,7 @@ def aged(battery: Battery, hours: float, cycles: float) -> Battery:
 
 def hours_since_last(battery: Battery, log: Log) -> float:
     """Hours between the last log that the battery has seen and this one; 0 where no clock tells."""
-    start, _ = span_of(log)
+    start = log.begin_unix_s
     ends = [seen.end_unix_s for seen in battery.knowledge.logs if seen.end_unix_s] if battery.knowledge else []
     return max(start - max(ends), 0.0) / SECONDS_PER_HOUR if ends and start is not None else 0.0
 

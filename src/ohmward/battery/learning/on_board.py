@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery, SeenLog
-from ohmward.battery.learning.fold import fold
+from ohmward.battery.learning.fold import fold, known_since
 from ohmward.battery.learning.learn import aged
 from ohmward.battery.learning.parameters import Parameters, parameters_of, prior_covariance
 from ohmward.battery.models.thevenin import CircuitInput
@@ -60,14 +60,16 @@ def learnt_on_board(battery: Battery, estimator: SocEstimator) -> Battery:
             "is where the estimator began"
         )
     hours = max(estimator.time_s - estimator.memory.start_s, 0.0) / _SECONDS_PER_HOUR
+    hours = hours if math.isfinite(hours) else 0.0
     p = parameters_of(battery)
     names, H = seen_by_filter(p, system)
     information = _information(system, belief, names)
-    before = aged(battery, hours if math.isfinite(hours) else 0.0, 0.0)
+    before = aged(battery, hours, 0.0)
     theta, covariance = _posterior(prior_covariance(before), H, information)
     logs = () if battery.knowledge is None else battery.knowledge.logs
     on_board = SeenLog("on board", hours=hours, summary="capacity, resistances and offset, as the filter found them")
-    return fold(before, theta, covariance, 1.0, (*logs, on_board))
+    end_unix_s = None if estimator.unix_s is None else estimator.unix_s + _SECONDS_PER_HOUR * hours
+    return known_since(fold(before, theta, covariance, 1.0, (*logs, on_board)), end_unix_s)
 
 
 def seen_by_filter(p: Parameters, system: AugmentedThevenin) -> tuple[list[str], np.ndarray]:

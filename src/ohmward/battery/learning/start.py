@@ -53,7 +53,7 @@ def given_at_start(battery: Battery, log: Log, initial_soc: float | None) -> tup
     """
     if initial_soc is not None:
         return (SocAnchor(0, initial_soc, _GIVEN_STD),)
-    start, _ = span_of(log)
+    start = log.begin_unix_s
     if start is None or battery.knowledge is None:
         return ()
     for seen in reversed(battery.knowledge.logs):
@@ -80,13 +80,6 @@ def soc_anchors(anchors: Sequence[Anchor], samples: Samples) -> tuple[SocAnchor,
     """The anchors within a part; a rest tells no more than its voltage, which is used anyway."""
     inside = [a for a in anchors if a.kind != "rest" and samples.time_s[0] <= a.time_s <= samples.time_s[-1]]
     return tuple(SocAnchor(int(np.searchsorted(samples.time_s, a.time_s)), a.soc, a.soc_std) for a in inside)
-
-
-def span_of(log: Log) -> tuple[float | None, float | None]:
-    """Unix time of the first and the last sample."""
-    if log.start_unix_s is None:
-        return None, None
-    return log.start_unix_s + float(log.time_s[0]), log.start_unix_s + float(log.time_s[-1])
 
 
 #: Scale of ageing over a change: the median of p(lambda | q) for a change of 0.2.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Self
+from dataclasses import dataclass, replace
+from typing import Any, Self, cast
 
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_battery
+from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.charge_history import FULL_WITHIN, ChargeHistory, ChargeMemory
 from ohmward.battery.soc.clean_sample import LONGEST_PAUSE_S
@@ -62,6 +63,8 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
         filter: name of the estimator of a battery, see `ohmward.available`; by default the one that wins for its
             chemistry.
+        unix_s: Unix time of the first sample [s], for what the battery's file knows of its capacity becomes doubtful
+            with age; None where nobody knows. `run` takes that of the log.
     """
 
     flag_type = SocFlag
@@ -75,12 +78,14 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         initial_soc_std: float = 0.03,
         lowering: str | None = None,
         filter: str = DEFAULT,
+        unix_s: float | None = None,
     ):
         if initial_soc is not None and not 0.0 <= number("initial_soc", initial_soc) <= 1.0:
             raise InputError(f"initial_soc must be between 0 and 1 (0.8 is 80 %), got {initial_soc:g}")
         super().__init__(estimator_of(battery, filter), lowering)
         self.initial_soc = initial_soc
         self.initial_soc_std = initial_soc_std
+        self.unix_s = unix_s
         self.title = _title(battery, filter)
         self.memory = _NO_MEMORY
 
@@ -123,10 +128,13 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         progress: called now and then with (steps done, T).
         """
         log = as_log(log)
+        if self._state is None and log.begin_unix_s is not None:
+            self.unix_s = log.begin_unix_s
         estimates, seconds = self._scan_log(log, progress)
         self.memory = self.memory.after_log(log.time_s, estimates)
         history = self.memory.history(self.time_s)
-        return SocRun(log.time_s, estimates, seconds, self.settings, self.kernel, self.state, history, self.title)
+        settings = on_day(self.settings, self.unix_s)
+        return SocRun(log.time_s, estimates, seconds, settings, self.kernel, self.state, history, self.title)
 
     def tell_soc(self, soc: float = 1.0, soc_std: float | None = None) -> SocEstimate:
         """Estimate after something else than a sample has told the state of charge, such as the flag of a charger.
@@ -182,7 +190,8 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         """
         if self.last is None:
             raise InputError("explain needs an estimate: give update() a sample first")
-        return explain(self.settings, self.kernel, self.state, self.last, self.memory.history(self.time_s))
+        settings = on_day(self.settings, self.unix_s)
+        return explain(settings, self.kernel, self.state, self.last, self.memory.history(self.time_s))
 
     def snapshot(self) -> dict[str, Any]:
         """The state and the memory as a dict for JSON, see `LiveEstimator.snapshot`."""
@@ -198,7 +207,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
 
     def init(self, first: SocSample) -> Any:
         """State before the first sample."""
-        return self.settings.init(first, self.initial_soc, self.initial_soc_std)
+        return on_day(self.settings, self.unix_s).init(first, self.initial_soc, self.initial_soc_std)
 
     def init_again(self, sample: SocSample) -> Any:
         """State before a sample of which nothing is known: what was said of the start no longer holds."""
@@ -222,6 +231,20 @@ def estimator_of(battery: Battery | Estimator, filter: str) -> Estimator:
     if not isinstance(battery, Battery) and hasattr(battery, "step") and hasattr(battery, "init"):
         return battery
     return make_estimator(filter, require_battery(battery, " or an estimator"))
+
+
+def on_day(settings: Estimator, unix_s: float | None) -> Estimator:
+    """The estimator that begins at a Unix time [s], with what its battery's file knows of the capacity by then.
+
+    Its step is the same; only the state that it begins with is not. None is a day that nobody knows.
+    """
+    if unix_s is None:
+        return settings
+    of_one: Any = settings
+    if hasattr(of_one, "member"):
+        return cast(Estimator, replace(of_one, member=on_day(of_one.member, unix_s)))
+    noise = getattr(of_one, "noise", None)
+    return cast(Estimator, replace(of_one, noise=noise.on(unix_s))) if isinstance(noise, BatteryNoise) else settings
 
 
 def _from(begin: int, steps: int, progress: Progress | None) -> Progress | None:

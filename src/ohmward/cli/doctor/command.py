@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
+from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ohmward.battery.battery import Battery, LogFit
 from ohmward.battery.file import BATTERY_FILE, load_battery
+from ohmward.battery.models.noise import AGED_AFTER_DAYS, BatteryNoise
 from ohmward.battery.soc.band_forecast import (
     TEMPERATURES_DEGC,
     BandForecast,
@@ -340,11 +342,28 @@ def sources(battery: Battery) -> dict[str, str]:
         "tests": "; ".join(logs) or "none",
         "learnt from": f"{counted(len(learnt), 'log')}, {sum(log.hours for log in learnt):.1f} h" if learnt else "none",
         "model": f"thevenin-{battery.thevenin.pairs}rc",
+        "capacity": capacity_doubt(battery.noise),
         "rest current": "not declared" if idle is None else f"{idle:g} A",
         "current sensor": f"offset ± {BAND_95 * battery.sensor.offset_std_A:.2g} A, "
         f"gain ± {100 * BAND_95 * battery.sensor.gain_std:.2g} % (95 %)",
     }
     return rows | ({"taken as exact": f"{', '.join(exact)}: 0 in [noise]"} if exact else {})
+
+
+def capacity_doubt(noise: BatteryNoise) -> str:
+    """How well a file knows the capacity, on the day of its last log and since."""
+
+    def within(std: float) -> str:
+        return f"± {100 * BAND_95 * std:.2g} %"
+
+    if not noise.capacity_known_unix_s:
+        return f"known within {within(noise.capacity_std)} (95 %)"
+    day = datetime.fromtimestamp(noise.capacity_known_unix_s, UTC).date()
+    later = noise.on(noise.capacity_known_unix_s + timedelta(days=AGED_AFTER_DAYS).total_seconds())
+    return (
+        f"known within {within(noise.capacity_known_std)} on {day}, {within(later.capacity_std)} a year later, "
+        f"{within(noise.capacity_std)} in a log without a date (95 %)"
+    )
 
 
 def _soc_range(fit: LogFit) -> str:
