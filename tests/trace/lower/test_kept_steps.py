@@ -1,6 +1,9 @@
 """Steps that a process finds on disk, against those that it traces."""
 
 import copy
+import os
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -70,6 +73,22 @@ def test_a_short_log_takes_the_kept_step_too():
     kept = new(make)
     np.testing.assert_allclose(kept.run(LOG).estimates.soc, expected, rtol=1e-9)
     assert not is_traced(kept)
+
+
+KEYS = """
+from ohmward import Odometry, SlipEstimator, SocEstimator, generic_battery
+for estimator in SocEstimator(generic_battery("lfp", 12.0, 4)), SlipEstimator("rlma"), Odometry("robotino"):
+    print(estimator.compiled()._key)
+"""
+
+
+def test_every_process_finds_the_same_key_whatever_else_it_has_loaded():
+    programs = KEYS, f"import ohmward.cli.soc.command, ohmward.energy\n{KEYS}"
+    one, other = (
+        subprocess.check_output([sys.executable, "-c", program], text=True, env=os.environ | {"PYTHONHASHSEED": seed})
+        for program, seed in zip(programs, "12", strict=True)
+    )
+    assert one == other and len(set(one.split())) == 3 and "None" not in one
 
 
 def test_every_setting_is_in_the_key():
