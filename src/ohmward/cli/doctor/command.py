@@ -342,7 +342,7 @@ def sources(battery: Battery) -> dict[str, str]:
         "tests": "; ".join(logs) or "none",
         "learnt from": f"{counted(len(learnt), 'log')}, {sum(log.hours for log in learnt):.1f} h" if learnt else "none",
         "model": f"thevenin-{battery.thevenin.pairs}rc",
-        "capacity": capacity_doubt(battery.noise),
+        "capacity": capacity_uncertainty(battery.noise),
         "rest current": "not declared" if idle is None else f"{idle:g} A",
         "current sensor": f"offset ± {BAND_95 * battery.sensor.offset_std_A:.2g} A, "
         f"gain ± {100 * BAND_95 * battery.sensor.gain_std:.2g} % (95 %)",
@@ -350,7 +350,7 @@ def sources(battery: Battery) -> dict[str, str]:
     return rows | ({"taken as exact": f"{', '.join(exact)}: 0 in [noise]"} if exact else {})
 
 
-def capacity_doubt(noise: BatteryNoise) -> str:
+def capacity_uncertainty(noise: BatteryNoise) -> str:
     """How well a file knows the capacity, on the day of its last log and since."""
 
     def within(std: float) -> str:
