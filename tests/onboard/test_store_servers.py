@@ -3,6 +3,8 @@
 import asyncio
 import http.server
 import json
+import subprocess
+import sys
 import threading
 import time
 import urllib.parse
@@ -16,7 +18,7 @@ import pytest
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.sinks.server import InfluxSink, PostgresqlSink, lines, write_lines, write_rows
-from ohmward.onboard.store.delivery import deliver, send_batch
+from ohmward.onboard.store.delivery import deliver, done_in_thread, send_batch
 from ohmward.onboard.store.rows import Row
 from ohmward.onboard.store.spool import Spool
 from onboard.page_server import drive
@@ -53,6 +55,56 @@ def test_a_spool_keeps_its_rows_over_a_restart_and_gives_them_in_order(tmp_path)
     again = Spool(tmp_path / "spool", 1000)
     assert first == rows(3) and again.waiting == 2
     assert again.oldest(10)[1] == rows(2, 3)
+
+
+CLOSED_WHILE_READ = """
+import sqlite3, sys, threading
+from pathlib import Path
+from ohmward.onboard.store.rows import Row
+from ohmward.onboard.store.spool import Spool
+
+def read(spool):
+    try:
+        while True:
+            spool.oldest(500)
+    except sqlite3.ProgrammingError:  # it is closed
+        pass
+
+for k in range(100):
+    spool = Spool(Path(sys.argv[1]) / f"{k}", 1000)
+    spool.put([Row("drive", n, {"speed_m_s": 0.1 * n}) for n in range(500)])
+    reader = threading.Thread(target=read, args=[spool])
+    reader.start()
+    spool.close()
+    reader.join()
+"""
+
+
+def test_a_spool_that_is_closed_while_a_thread_reads_does_not_take_the_process_with_it(tmp_path):
+    done = subprocess.run([sys.executable, "-c", CLOSED_WHILE_READ, tmp_path], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_who_is_cancelled_while_a_thread_writes_goes_on_when_it_is_done():
+    entered, release, events = threading.Event(), threading.Event(), []
+
+    def write():
+        entered.set()
+        release.wait(10.0)
+        events.append("written")
+
+    async def run():
+        writing = asyncio.create_task(done_in_thread(write))
+        await asyncio.to_thread(entered.wait, 10.0)
+        writing.cancel()
+        await asyncio.sleep(0.05)
+        release.set()
+        with pytest.raises(asyncio.CancelledError):
+            await writing
+        events.append("cancelled")
+
+    asyncio.run(run())
+    assert events == ["written", "cancelled"]
 
 
 def test_a_spool_ends_and_counts_what_it_leaves_out(tmp_path):

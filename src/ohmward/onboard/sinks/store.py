@@ -12,7 +12,7 @@ from ohmward.checks import require_between, require_positive
 from ohmward.errors import OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.part import LOG
-from ohmward.onboard.store.delivery import until_taken
+from ohmward.onboard.store.delivery import done_in_thread, until_taken
 from ohmward.onboard.store.rows import RowMaker
 from ohmward.onboard.store.store import Store
 
@@ -60,7 +60,7 @@ class StoreSink:
     async def _clean(self, store: Store, unix_s: float, feed: Feed) -> None:
         """Clean; what hinders it is named, and rows go on being stored."""
         try:
-            await asyncio.to_thread(self.clean, store, unix_s)
+            await done_in_thread(partial(self.clean, store, unix_s))
             feed.trouble = ""
         except (OhmwardError, OSError) as error:
             feed.trouble = f"rows are stored, older ones cannot be archived: {error}"

@@ -61,7 +61,7 @@ async def until_taken(take: Callable[[], None], feed: Feed, states: list[RobotSt
     refused = False
     while True:
         try:
-            await asyncio.to_thread(take)
+            await done_in_thread(take)
             feed.trouble = "" if refused else feed.trouble
             return
         except OhmwardError as error:
@@ -70,6 +70,16 @@ async def until_taken(take: Callable[[], None], feed: Feed, states: list[RobotSt
                 raise
             refused, feed.trouble = True, str(error)
             await asyncio.sleep(FIRST_PAUSE_S)
+
+
+async def done_in_thread(work: Callable[[], None]) -> None:
+    """Do work in a thread; who cancels it waits until it is done, and may then close what it worked on."""
+    task = asyncio.ensure_future(asyncio.to_thread(work))
+    try:
+        await asyncio.shield(task)
+    except asyncio.CancelledError:
+        await asyncio.wait([task])
+        raise
 
 
 async def _send_all(spool: Spool, send: Send, feed: Feed) -> None:

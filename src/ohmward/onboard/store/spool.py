@@ -85,5 +85,6 @@ class Spool:
             self.waiting -= gone
 
     def close(self) -> None:
-        """Close the database."""
-        self._database.close()
+        """Close the database; a thread that still sends finds it closed."""
+        with self._lock:  # SQLite takes the process with it where another thread is inside
+            self._database.close()
