@@ -128,6 +128,11 @@ def test_nothing_is_kept_of_a_file_that_was_edited_meanwhile(monkeypatch):
     assert key_of(SocEstimator(BATTERY).settings.step, (0.0,), ()) is None
 
 
+def test_nothing_is_kept_of_a_module_without_a_file(monkeypatch):
+    monkeypatch.setattr(thevenin_filter, "__file__", "/nowhere/package.zip/thevenin_filter.py")
+    assert key_of(SocEstimator(BATTERY).settings.step, (0.0,), ()) is None
+
+
 def step(state, sample):
     return state + sample, state
 

@@ -104,9 +104,12 @@ def _file_digest(path: str) -> str:
     """SHA-256 of a file from which a module of this process came.
 
     Raises:
-        UnknownReachError: it was written since this process started.
+        UnknownReachError: it was written since this process started, or is none, as in an archive.
     """
     file = Path(path)
-    if file.stat().st_mtime > _STARTED_UNIX_S:
-        raise UnknownReachError(path)
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+    try:
+        if file.stat().st_mtime > _STARTED_UNIX_S:
+            raise UnknownReachError(path)
+        return hashlib.sha256(file.read_bytes()).hexdigest()
+    except OSError as error:
+        raise UnknownReachError(path) from error
