@@ -57,8 +57,8 @@ class Kernel:
         self.lowering = lowering or os.environ.get("OHMWARD_LOWERING") or "auto"
         require_one_of("lowering", self.lowering, LOWERINGS)
         self._scanned = 0  # steps of all logs; threads may lose some of each other's, which only delays the compilation
-        self._key = kept_steps.key_of(function, examples, constants)
-        self._at_hand = self.lowering != "python" and kept_steps.is_kept(self._key)  # its machine code costs nothing
+        self._key = None if self.lowering == "python" else kept_steps.key_of(function, examples, constants)
+        self._at_hand = kept_steps.is_kept(self._key)  # its machine code costs nothing
         if not self._at_hand:
             _ = self.program  # faults are told here
 
