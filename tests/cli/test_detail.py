@@ -14,8 +14,10 @@ WARNING = "--sensor-offset 0.2 A was used"
 def terminal(here, monkeypatch, capsys):
     """What a command prints at a terminal of so many columns."""
 
-    def run(*words: str, columns: int = 60) -> str:
+    def run(*words: str, columns: int = 60, colour: bool = False) -> str:
         monkeypatch.setenv("COLUMNS", str(columns))
+        monkeypatch.setenv("NO_COLOR", "" if colour else "1")
+        monkeypatch.setenv("TERM", "xterm")
         with monkeypatch.context() as patch:
             patch.setattr(sys.stdout, "isatty", lambda: True)
             assert main(list(words)) == 0
@@ -49,3 +51,17 @@ def test_the_answer_alone(terminal):
 
 def test_the_doctor_says_what_it_took_for_what(terminal):
     assert "current from 'current_A' in A" in terminal("doctor", "day.csv")
+
+
+def test_a_terminal_emphasises_the_answer_and_the_warnings(terminal):
+    out = terminal(*SOC, colour=True)
+    assert out.split("\n\n")[1].startswith("\x1b[1mSoC ") and "\x1b[1;33mWarnings:\x1b[0m" in out
+    assert "\x1b" not in terminal(*SOC)
+
+
+def test_a_terminal_shows_errors_in_red(monkeypatch, capsys):
+    monkeypatch.setenv("NO_COLOR", "")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert main(["soc", "no-such-log.csv", "--battery", "battery.toml"]) == 2
+    assert "\x1b[1;31mohmward: error:\x1b[0m " in capsys.readouterr().err

@@ -16,7 +16,7 @@ from types import ModuleType
 
 from ohmward import __version__
 from ohmward.cli.outcome import Outcome, carry_out, close_output, show
-from ohmward.cli.paragraphs import Detail
+from ohmward.cli.paragraphs import Detail, styled
 from ohmward.cli.parser import Parser
 from ohmward.errors import InputError, OhmwardError
 
@@ -88,6 +88,10 @@ def _show_warning(message: Warning | str, *_where: object, **_more: object) -> N
     print(f"ohmward: note: {message}", file=sys.stderr)
 
 
+def _say_error(text: str) -> None:
+    print(f"{styled('ohmward: error:', 'error', sys.stderr)} {text}", file=sys.stderr)
+
+
 def _status(words: Sequence[str]) -> int:
     """Exit status of a command line, after everything is said."""
     try:
@@ -96,12 +100,12 @@ def _status(words: Sequence[str]) -> int:
         show(outcome, as_json=getattr(arguments, "json", False), detail=_detail(arguments))
         return outcome.status
     except OhmwardError as error:
-        print(f"ohmward: error: {error}", file=sys.stderr)
+        _say_error(str(error))
         if options := getattr(error, "options", ()):
             print(f"ohmward: try: ohmward {shlex.join([*words, *options])}", file=sys.stderr)
         return REFUSED
     except MemoryError as error:
-        print(f"ohmward: error: out of memory ({error}); cut the log into parts, or free memory", file=sys.stderr)
+        _say_error(f"out of memory ({error}); cut the log into parts, or free memory")
         return REFUSED
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -110,10 +114,9 @@ def _status(words: Sequence[str]) -> int:
         return BROKEN_PIPE
     except Exception as error:
         traceback.print_exc()
-        print(
-            f"ohmward: error: this is a fault of ohmward, not of your input ({type(error).__name__}: {error}); please "
-            "report the lines above with the command and, if you can, the file",
-            file=sys.stderr,
+        _say_error(
+            f"this is a fault of ohmward, not of your input ({type(error).__name__}: {error}); please report the lines "
+            "above with the command and, if you can, the file"
         )
         return BUG
 

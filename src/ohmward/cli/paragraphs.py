@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 import textwrap
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, TextIO
 
 #: How much of what was assumed is printed: all of it, the warnings and the number of the rest, the warnings alone.
 Detail = Literal["all", "usual", "answer"]
 
 _WIDEST, _NARROWEST = 100, 40
+#: Select Graphic Rendition of ECMA-48.
+_STYLES = {"strong": "1", "warning": "1;33", "error": "1;31"}
 
 
 def width() -> int:
@@ -20,13 +23,24 @@ def width() -> int:
     return min(max(columns, _NARROWEST), _WIDEST)
 
 
-def bullets(title: str, lines: Sequence[str]) -> str:
+def styled(text: str, style: Literal["strong", "warning", "error"] = "strong", stream: TextIO | None = None) -> str:
+    """The text as a terminal emphasises it; plain in a file, a pipe, or where NO_COLOR asks for it.
+
+    stream: where it will be printed; None is standard output.
+    """
+    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+    if plain or not (stream or sys.stdout).isatty():
+        return text
+    return f"\x1b[{_STYLES[style]}m{text}\x1b[0m"
+
+
+def bullets(title: str, lines: Sequence[str], style: Literal["strong", "warning"] = "strong") -> str:
     """A title and wrapped lines below it; nothing without lines."""
     if not lines:
         return ""
     columns = width()
     wrapped = (textwrap.fill(line, columns, initial_indent="  - ", subsequent_indent="    ") for line in lines)
-    return "\n".join([textwrap.fill(f"{title}:", columns), *wrapped])
+    return "\n".join([styled(textwrap.fill(f"{title}:", columns), style), *wrapped])
 
 
 def paragraphs(*parts: str) -> str:
@@ -41,4 +55,6 @@ def assumptions(notes: Sequence[str], detail: Detail) -> str:
     warnings = [note.removeprefix("warning: ") for note in notes if note.startswith("warning: ")]
     rest = len(notes) - len(warnings)
     more = f"Assumed {rest} thing{'s' if rest > 1 else ''} that the input tells or leaves open; -v lists them."
-    return paragraphs(bullets("Warnings", warnings), textwrap.fill(more, width()) if rest and detail == "usual" else "")
+    return paragraphs(
+        bullets("Warnings", warnings, "warning"), textwrap.fill(more, width()) if rest and detail == "usual" else ""
+    )

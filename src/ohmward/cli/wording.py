@@ -9,6 +9,7 @@ from ohmward import __version__
 from ohmward.cli.paragraphs import assumptions as assumptions
 from ohmward.cli.paragraphs import bullets as bullets
 from ohmward.cli.paragraphs import paragraphs as paragraphs
+from ohmward.cli.paragraphs import styled as styled
 from ohmward.cli.paragraphs import width as width
 from ohmward.figures.numbers import band as band
 from ohmward.figures.numbers import duration as duration
@@ -43,7 +44,7 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Columns aligned under their header, the first to the left, the others to the right."""
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     rule = "  ".join("-" * width for width in widths)
-    return "\n".join([_line(header, widths), rule, *(_line(row, widths) for row in rows)])
+    return "\n".join([styled(_line(header, widths)), rule, *(_line(row, widths) for row in rows)])
 
 
 def _line(cells: Sequence[str], widths: Sequence[int]) -> str:

@@ -154,7 +154,7 @@ def describe(figures: dict[str, Any], states: Sequence[RobotRecord] = ()) -> str
     return wording.paragraphs(
         wording.fields(rows),
         wording.table(ROBOTS, [robot_row(state) for state in states[:_MOST_RANKED]]) if states else "",
-        wording.bullets("Alarms", _cut(alarms, "see the page")),
+        wording.bullets("Alarms", _cut(alarms, "see the page"), "warning"),
         wording.bullets("Not used", _first(figures["errors"], "error")),
         "" if states else wording.bullets("Not to be trusted", _first(figures["misfits"], "misfit")),
     )

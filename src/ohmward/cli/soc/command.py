@@ -125,7 +125,7 @@ def describe(f: Mapping[str, Any]) -> str:
     drifting = [warning["text"] for warning in cells["warnings"]] if cells else []
     return wording.paragraphs(
         f"{f['log']} with battery {f['battery']!r}\n{f['filter']}: {title_of(f['filter'])}",
-        textwrap.fill(headline(f), wording.width()),
+        wording.styled(textwrap.fill(headline(f), wording.width())),
         wording.fields(result(f)),
         wording.bullets(_ANCHORS, anchors),
         f"Cells\n{wording.fields(pack_rows(cells))}" if cells else "",
