@@ -15,8 +15,9 @@ from ohmward.energy.consumption import energy_demand, with_terrain
 from ohmward.energy.consumption_file import dump_consumption
 from ohmward.energy.leg import stretch_of
 from ohmward.energy.range import ground_std
-from ohmward.energy.range_step import RangeSample, usual_ground
+from ohmward.energy.range_step import RangeSample, battery_state, usual_ground
 from ohmward.energy.recorded import cut_drive
+from ohmward.energy.usable_energy import discharge_curves
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
 from ohmward.traction import RLMA
@@ -254,3 +255,15 @@ def test_until_some_metres_are_driven_the_way_ahead_is_assumed():
     for k in range(20, 40):
         driving = starting.update(float(k), 0.8, 0.5, -1.0, V)
     assert not driving.assumed
+
+
+def test_peaks_meet_the_resistance_that_the_loads_have_shown():
+    """The file's resistance is of another temperature: the voltage sags four times as much, or a quarter."""
+    for times in (0.25, 4.0):
+        estimator, file_ohm = new(terrain="grass"), float(discharge_curves(BATTERY, np.array([0.8]), 25.0)[2][0])
+        for k, t in enumerate(T):
+            current_A = -2.0 - 6.0 * (k // 20 % 2)
+            estimator.update(t, 0.8, 0.5, current_A, 26.4 + times * file_ohm * current_A, terrain="grass")
+        now = battery_state(BATTERY, estimator.state.soc, estimator.state.sag.ohm)
+        assert now.peak_resistance_ratio == pytest.approx(times, rel=0.1)
+        assert now.resistance_ratio == 1.0  # to lasting loads it is the estimate's

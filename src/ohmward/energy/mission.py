@@ -31,6 +31,7 @@ from ohmward.energy.leg import Leg, Stretch, stretch_of
 from ohmward.energy.range import Range, range_left
 from ohmward.energy.range_estimator import soc_now
 from ohmward.energy.range_step import SocNow, battery_state
+from ohmward.energy.sag import NO_SAG, sag_along
 from ohmward.energy.speed_advice import SpeedAdvice, speed_advice
 from ohmward.energy.usable_energy import BatteryState
 from ohmward.errors import InputError
@@ -226,7 +227,8 @@ def battery_at_end(
         raise InputError("settings.soc is needed with a plan alone: the state of charge now, 0 to 1")
     reserve_soc, notes = _reserve(settings, plan, log, now.soc)
     cutoff_V = settings.cutoff_V or (plan.cutoff_V if plan else 0.0)
-    state = battery_state(battery, now, reserve_soc=reserve_soc, cutoff_V=cutoff_V)
+    sag_ohm = sag_along(log).ohm if log is not None and estimates is not None else NO_SAG
+    state = battery_state(battery, now, sag_ohm, reserve_soc=reserve_soc, cutoff_V=cutoff_V)
     return state, notes
 
 

@@ -28,6 +28,7 @@ from ohmward.energy.range_step import (
     SocNow,
     WayHome,
 )
+from ohmward.energy.sag import Sag
 from ohmward.errors import InputError
 from ohmward.filters.estimator import Progress, number
 from ohmward.filters.run import Run
@@ -116,16 +117,20 @@ class RangeEstimator:
         Raises:
             InputError: something else than numbers, or a state of charge outside [0, 1].
         """
+        amperes, volts = number("current_A", current_A), number("voltage_V", voltage_V)
+        battery_W = self.settings.battery_W(amperes, volts)
+        if math.isnan(battery_W):
+            amperes = volts = math.nan
         drive = DriveSample(
             number("time_s", time_s),
             self.settings.speed_m_s(number("speed_m_s", speed_m_s)),
-            self.settings.battery_W(number("current_A", current_A), number("voltage_V", voltage_V)),
+            battery_W,
             number("grade_rad", grade_rad),
             terrain or self.settings.terrain,
         )
         now = soc_now(soc, number("temperature_degC", temperature_degC))
         way = home if home is None or isinstance(home, Sequence) else number("home", home)
-        self.state, estimate = self.settings.step(self.state, RangeSample(drive, now, way))
+        self.state, estimate = self.settings.step(self.state, RangeSample(drive, now, way, amperes, volts))
         return estimate
 
     def run(
@@ -268,6 +273,7 @@ _State = tuple[
     float,
     tuple[float, float, float],
     float,
+    tuple[_Number, _Number, float, float, float, float],
 ]
 
 
@@ -276,9 +282,20 @@ def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
     snapshot.require_version(taken)
     snapshot.require_identity(settings, taken)
     snapshot.require_seal(taken)
-    table, (last, moving, stop), recent, finished_m, soc, forecast, forecast_s, held_W, peak_W, ratio, began_soc = (
-        snapshot.typed(_State, "state", taken.get("state"))
-    )
+    (
+        table,
+        (last, moving, stop),
+        recent,
+        finished_m,
+        soc,
+        forecast,
+        forecast_s,
+        held_W,
+        peak_W,
+        ratio,
+        began_soc,
+        sag,
+    ) = snapshot.typed(_State, "state", taken.get("state"))
     distance_m, duration_s, usable_J, per_m, home, driven_m, flags = forecast
     meter = DriveMeter(DriveSample(*map(_number, last)), _measured(moving), _measured(stop))
     return RangeState(
@@ -301,6 +318,7 @@ def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
         peak_W,
         PeakRatio(*ratio),
         began_soc,
+        Sag(*map(_number, sag)),
     )
 
 

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery, require_battery
+from ohmward.battery.chemistries import Normal
 from ohmward.battery.soc.clean_sample import is_current, is_voltage
 from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.energy.consumption import Consumption, learn, moving_time_s, with_terrain
@@ -24,7 +25,8 @@ from ohmward.energy.peaks import PEAKED_S, PeakRatio, mean_power_W, peaks_of_way
 from ohmward.energy.points import Quantiles, normal_points
 from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_left, way_demand, with_peaks
 from ohmward.energy.recorded import Cut
-from ohmward.energy.usable_energy import BatteryState, usable_at
+from ohmward.energy.sag import NO_SAG, Sag
+from ohmward.energy.usable_energy import BatteryState, discharge_curves, usable_at
 from ohmward.errors import InputError
 from ohmward.filters.flags import SampleFlag
 from ohmward.filters.sanitize import within
@@ -90,6 +92,8 @@ class RangeSample(NamedTuple):
     drive: DriveSample
     soc: SocNow
     home: WayHome = None
+    current_A: float = math.nan  #: of the battery; > 0 charges
+    voltage_V: float = math.nan
 
 
 class RangeEstimate(NamedTuple):
@@ -131,6 +135,7 @@ class RangeState(NamedTuple):
     peak_W: float = 0.0
     peak_ratio: PeakRatio = PeakRatio()  #: of the stretches of this drive
     began_soc: float = 0.0  #: highest state of charge on this drive
+    sag: Sag = Sag()  #: of the battery under its loads
 
 
 @dataclass(frozen=True)
@@ -175,7 +180,7 @@ class RangeSettings:
         if math.isfinite(sample.soc.soc):
             state = state._replace(soc=sample.soc, began_soc=max(state.began_soc, sample.soc.soc))
         if not flags & RangeFlag.BAD_TIME:
-            state = self.drive(state, sample.drive)
+            state = self.drive(state, sample)
         time_s = sample.drive.time_s
         if not state.forecast_s <= time_s < state.forecast_s + self.refresh_s and math.isfinite(state.soc.soc):
             state = state._replace(forecast=self.forecast(state, sample), forecast_s=time_s)
@@ -184,10 +189,11 @@ class RangeSettings:
             flags |= RangeFlag.RESERVE
         return state, state.forecast._replace(driven_m=state.finished_m + moving_m, flags=flags)
 
-    def drive(self, state: RangeState, sample: DriveSample) -> RangeState:
+    def drive(self, state: RangeState, sample: RangeSample) -> RangeState:
         """The state after a sample of the drive; each stretch that it finishes is learned."""
-        meter, finished = advance(state.meter, sample, self.cut)
-        held_W, peak_W = held_power(state, sample)
+        meter, finished = advance(state.meter, sample.drive, self.cut)
+        held_W, peak_W = held_power(state, sample.drive)
+        since_s = sample.drive.time_s - state.meter.last.time_s if state.meter.last else math.nan
         consumption, recent, finished_m, ratio = state.consumption, state.recent, state.finished_m, state.peak_ratio
         for part in finished:
             stretch = part.stretch._replace(payload_kg=self.payload_kg)
@@ -204,6 +210,7 @@ class RangeSettings:
             held_W=held_W,
             peak_W=peak_W,
             peak_ratio=ratio,
+            sag=state.sag.with_sample(since_s, sample.current_A, sample.voltage_V),
         )
 
     def forecast(self, state: RangeState, sample: RangeSample) -> RangeEstimate:
@@ -215,6 +222,7 @@ class RangeSettings:
         battery_now = battery_state(
             self.battery,
             state.soc,
+            state.sag.ohm,
             counted=since_full,
             reserve_soc=self.reserve_soc,
             cutoff_V=self.cutoff_V,
@@ -252,14 +260,19 @@ class RangeSettings:
         return tuple(part_of(stretch, share) for stretch in ahead)
 
 
-def battery_state(battery: Battery, now: SocNow, **limits: Any) -> BatteryState:
+def battery_state(battery: Battery, now: SocNow, sag_ohm: Normal = NO_SAG, **limits: Any) -> BatteryState:
     """The battery for a forecast; what its estimator does not know is as in the battery file.
 
+    sag_ohm: resistance to short loads as they have shown it.
     limits: further fields of `BatteryState`, those that the robot keeps among them.
     """
     noise = battery.noise
     resistance_ratio = _known(now.resistance_ratio, 1.0)
     of_level = _known(now.resistance_ratio_std, noise.resistance_std)
+    temperature_degC = _known(now.temperature_degC, BatteryState.temperature_degC)
+    _, _, file_ohm = discharge_curves(battery, np.array([min(now.soc, 1.0)]), temperature_degC)
+    shown = Normal(*(value / float(file_ohm[0]) for value in sag_ohm)) if file_ohm[0] > 0.0 else NO_SAG
+    of_peaks = both(Normal(resistance_ratio, of_level), shown)
     return BatteryState(
         soc=min(now.soc, 1.0),
         soc_std=now.soc_std,
@@ -267,9 +280,17 @@ def battery_state(battery: Battery, now: SocNow, **limits: Any) -> BatteryState:
         capacity_std=_known(now.soh_capacity_std, noise.capacity_std),
         resistance_ratio=resistance_ratio,
         resistance_std=math.hypot(of_level, RESISTANCE_SHARE * resistance_ratio),
-        temperature_degC=_known(now.temperature_degC, BatteryState.temperature_degC),
+        peak_resistance_ratio=of_peaks.mean,
+        peak_resistance_std=math.hypot(of_peaks.std, RESISTANCE_SHARE * of_peaks.mean),
+        temperature_degC=temperature_degC,
         **limits,
     )
+
+
+def both(one: Normal, other: Normal) -> Normal:
+    """What two independent sources say of one quantity; the other may know nothing, with an infinite deviation."""
+    share = one.std**2 / (one.std**2 + other.std**2) if one.std > 0.0 else 0.0
+    return Normal(one.mean + share * (other.mean - one.mean), one.std * math.sqrt(1.0 - share))
 
 
 def usual_ground(c: Consumption, driven: Sequence[Stretch]) -> list[Stretch]:

@@ -78,9 +78,11 @@ class BatteryState:
     #: capacity over that of the battery file, and its standard deviation
     soh_capacity: float = 1.0
     capacity_std: float = 0.0
-    #: resistance over that of the battery file, likewise
+    #: resistance over that of the battery file, likewise; to peaks of power it is another one where loads have shown it
     resistance_ratio: float = 1.0
     resistance_std: float = 0.0
+    peak_resistance_ratio: float | None = None
+    peak_resistance_std: float = 0.0
     temperature_degC: float = ROOM_DEGC  #: of the battery
     reserve_soc: float = 0.0  #: state of charge that is to be left
     cutoff_V: float = 0.0  #: terminal voltage at which the robot stops; 0 where nothing watches it
@@ -172,25 +174,20 @@ def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray)
     with_capacity = counted * (1.0 - state.soh_capacity / capacity)
     by_itself = np.sqrt(state.soc_std**2 - counted_std**2) * z_soc
     soc = np.clip(state.soc + with_capacity + by_itself, 0.0, 1.0)
-    resistance = np.maximum(state.resistance_ratio + state.resistance_std * z_resistance, 0.0)
-    low, high = float(resistance.min()), float(resistance.max())
-    grid = np.linspace(low, high, _RESISTANCES) if high > low else np.array([low, low])
+    grid = np.linspace(float(z_resistance.min()), float(z_resistance.max()), _RESISTANCES)
     curves = _curves(battery, state, power_W, grid)
-    if high > low and state.began_soc > state.soc and curves.peaks is not None:
-        resistance = _of_survivors(state, curves.peaks, grid, resistance, z_resistance)
-    position = (resistance - low) / (grid[1] - grid[0]) if high > low else np.zeros(resistance.shape)
+    if state.began_soc > state.soc and curves.peaks is not None:
+        z_resistance = _of_survivors(state, curves.peaks, grid, z_resistance)
+    position = (z_resistance - grid[0]) / (grid[1] - grid[0])
     below = np.minimum(position.astype(int), len(grid) - 2)
     lag_J = max(power_W, 0.0) * state.diffusion_lag_s * np.exp(_LAG_LOG_STD * z_lag) if state.cutoff_V > 0.0 else 0.0
     drawn = _Drawn(soc, capacity, lag_J + np.zeros(soc.shape), -np.log(normal_tail(z_luck)))
     return drawn, curves, _Between(below, position - below)
 
 
-def _of_survivors(
-    state: BatteryState, peaks: np.ndarray, grid: np.ndarray, resistance: np.ndarray, z: np.ndarray
-) -> np.ndarray:
-    """(N,) resistances of batteries that have come from `began_soc` to here, at normal points z.
+def _of_survivors(state: BatteryState, peaks: np.ndarray, grid: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """(N,) deviations of the resistance of batteries that have come from `began_soc` to here, at normal points z.
 
-    resistance: (N,) those of all, at the same points.
     A battery lives through peaks, of which so many are to be expected that it cannot give, with the probability
     exp(-their number); by Bayes' rule its resistance is as likely as before times that.
     """
@@ -200,23 +197,26 @@ def _of_survivors(
     failed = now - began
     lived = np.exp(failed.min() - failed)
     if lived.min() > _ALL_LIVED:
-        return resistance
-    deviation = (grid - state.resistance_ratio) / state.resistance_std
-    likely = np.exp(-0.5 * deviation**2) * lived
+        return z
+    likely = np.exp(-0.5 * grid**2) * lived
     upto = np.concatenate([[0.0], np.cumsum(0.5 * (likely[1:] + likely[:-1]))])
     return np.interp(1.0 - normal_tail(z), upto / upto[-1], grid)
 
 
-def _curves(battery: Battery, state: BatteryState, power_W: float, resistance: np.ndarray) -> _Curves:
-    """Energy at constant power [W] of batteries with these resistances (R,) over that of the file."""
+def _curves(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> _Curves:
+    """Energy at constant power [W] of batteries whose resistances deviate by so much (R,) in standard deviations."""
     ocv_V, r_ohm, peak_ohm = (row[:, None] for row in discharge_curves(battery, _GRID, state.temperature_degC))
-    voltage_V, holds = loaded_voltage(ocv_V, r_ohm * resistance, power_W)
+    ratio = np.maximum(state.resistance_ratio + state.resistance_std * z, 0.0)
+    slow_ohm, fast_ohm = (r_ohm - peak_ohm) * ratio, peak_ohm * ratio
+    if state.peak_resistance_ratio is not None:
+        fast_ohm = peak_ohm * np.maximum(state.peak_resistance_ratio + state.peak_resistance_std * z, 0.0)
+    voltage_V, holds = loaded_voltage(ocv_V, slow_ohm + fast_ohm, power_W)
     margin_V = np.where(holds, voltage_V - state.cutoff_V, _NO_POWER_V)
     whole_J = _SECONDS_PER_HOUR * battery.capacity_Ah * running_integral(_GRID, voltage_V)
     peaks = None
     if state.peaks is not None and power_W > 0.0:
-        settled_V = ocv_V - (r_ohm - peak_ohm) * resistance * power_W / voltage_V
-        highest_W = _highest_W(battery, state, power_W, settled_V, peak_ohm * resistance)
+        settled_V = ocv_V - slow_ohm * power_W / voltage_V
+        highest_W = _highest_W(battery, state, power_W, settled_V, fast_ohm)
         time_s = (whole_J[-1] - whole_J[::-1]) / power_W
         peaks = running_integral(time_s, state.peaks.above(highest_W[::-1]))[::-1]
     return _Curves(whole_J, _ends(whole_J, margin_V), peaks)
