@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from energy.examples import battery, certain, learned
 from ohmward.energy.leg import Leg, Stretch, stretch_of
-from ohmward.energy.range import distances, range_left, time_left
+from ohmward.energy.range import distances, range_along, range_left, time_left
 from ohmward.energy.usable_energy import BatteryState
 from ohmward.errors import InputError
 
@@ -56,3 +56,35 @@ def test_standing_it_is_energy_over_idle_power():
 def test_no_distance_ahead_is_refused():
     with pytest.raises(InputError, match="the way ahead has no distance"):
         range_left(certain(), [Stretch("", 10.0)], battery(), BatteryState(0.5))
+
+
+@pytest.mark.parametrize("length_m", [10.0, 9000.0, 90_000.0])
+def test_along_even_ground_the_plan_makes_no_difference(length_m):
+    """12,960 m are left, which is beyond the end of two of the plans; there the ground is not known."""
+    plan = [stretch_of(Leg(length_m / 50, "grass", 0.5))] * 50
+    found = range_along(certain(), plan, [LEG], battery(), BatteryState(0.8, reserve_soc=0.2))
+    expected = range_left(certain(), [LEG], battery(), BatteryState(0.8, reserve_soc=0.2))
+    assert found.distance_m.p50 == pytest.approx(expected.distance_m.p50, rel=1e-3)
+    assert found.time_s.p50 == pytest.approx(expected.time_s.p50, rel=1e-3)
+    wide = found.distance_m.p90 - found.distance_m.p10 > 1.0
+    assert wide == (length_m < expected.distance_m.p50)
+
+
+def test_a_climb_ahead_is_where_the_battery_ends():
+    """Level ground takes 40 J/m of the 100 kJ that are left, the climb the weight of 40 kg besides."""
+    level, climb = Leg(2000.0, "grass", 0.5), Leg(200.0, "grass", 0.5, grade_rad=0.2)
+    charge = BatteryState(100e3 / (36000.0 * 24.0))
+    found = range_along(certain(), [stretch_of(level), stretch_of(climb)], [LEG], battery(), charge)
+    rise_J_per_m = 40.0 * 9.80665 * np.sin(0.2)
+    assert found.distance_m.p50 == pytest.approx(2000.0 + 20e3 / (40.0 + rise_J_per_m), rel=1e-3)
+    found = range_along(certain(), [stretch_of(climb), stretch_of(level)], [LEG], battery(), charge)
+    assert found.distance_m.p50 == pytest.approx(200.0 + (100e3 - 200.0 * (40.0 + rise_J_per_m)) / 40.0, rel=1e-3)
+
+
+def test_a_way_down_gives_nothing_that_was_not_there_before():
+    """A robot whose battery ends on the climb does not reach the way down behind it."""
+    up, down = (stretch_of(Leg(200.0, "grass", 0.5, grade_rad=g)) for g in (0.2, -0.2))
+    c = certain(idle_W=0.1, regeneration=1.0)
+    half_J = 0.5 * 200.0 * (20.2 + 40.0 * 9.80665 * np.sin(0.2))
+    found = range_along(c, [up, down], [LEG], battery(), BatteryState(half_J / (36000.0 * 24.0)))
+    assert found.distance_m.p50 == pytest.approx(100.0, rel=1e-3)

@@ -267,3 +267,13 @@ def test_peaks_meet_the_resistance_that_the_loads_have_shown():
         now = battery_state(BATTERY, estimator.state.soc, estimator.state.sag.ohm)
         assert now.peak_resistance_ratio == pytest.approx(times, rel=0.1)
         assert now.resistance_ratio == 1.0  # to lasting loads it is the estimate's
+
+
+def test_a_plan_takes_the_place_of_ground_like_that_of_late():
+    as_before = driven(new(terrain="grass"))[-1].distance_m
+    for grade, longer in ((0.08, False), (-0.01, True)):
+        estimator = new(terrain="grass")
+        driven(estimator)
+        plan = [Leg(50.0, "grass", 0.5, grade_rad=grade)] * 2000
+        now = estimator.update(T[-1] + 700.0, 0.8, 0.5, -30.0 / V, V, terrain="grass", plan=plan)
+        assert (now.distance_m.p50 > as_before.p50) == longer

@@ -18,12 +18,15 @@ from ohmward.energy.usable_energy import (
     BATTERY_DIMENSIONS,
     BatteryState,
     discharge,
+    discharge_curves,
     soc_after,
     usable_at,
     usable_energy,
     usable_J,
 )
 from ohmward.errors import InputError
+
+LABEL = generic_battery("lfp", 2.3, 8)
 
 
 def energy_J(a_battery, charge, power_W):
@@ -199,3 +202,20 @@ def test_a_battery_ends_by_its_voltage_while_the_mean_of_its_particles_still_has
     assert free.p50 - at_40_W.p50 == pytest.approx(40.0 * 150.0, rel=0.02)
     assert free.p50 - at_20_W.p10 == pytest.approx(20.0 * 150.0 * np.exp(1.28155 * 1.1), rel=0.02)
     assert np.ptp(np.array(free)) == pytest.approx(0.0, abs=1.0)
+
+
+def test_resistance_settles_with_the_time_under_load():
+    soc = np.array([0.5])
+    _, settled, of_peak = discharge_curves(LABEL, soc, 25.0)
+    for loaded_s, share in ((60.0, 1.0 - np.exp(-60.0 / 1500.0)), (6000.0, 1.0 - np.exp(-4.0))):
+        slow_ohm = LABEL.thevenin.r_ohm[1][0]
+        assert LABEL.thevenin.tau_s == (20.0, 1500.0)
+        _, after, same_peak = discharge_curves(LABEL, soc, 25.0, loaded_s)
+        fast = 1.0 - np.exp(-loaded_s / 20.0)
+        by_hand = settled - (1.0 - share) * slow_ohm - (1.0 - fast) * LABEL.thevenin.r_ohm[0][0]
+        assert after == pytest.approx(by_hand, rel=1e-9) and same_peak == of_peak
+
+
+def test_a_short_way_needs_no_settled_resistance():
+    soon, late = (usable_energy(LABEL, BatteryState(0.5, cutoff_V=22.0, loaded_s=t), 40.0).p50 for t in (60.0, np.inf))
+    assert soon > late

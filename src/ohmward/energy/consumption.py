@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -113,15 +113,20 @@ class Consumption:
 
 
 class EnergyDemand(NamedTuple):
-    """Energy that stretches will take: mean, and variances by their cause."""
+    """Energy that stretches will take: mean, and variances by their cause; numbers, or (K,) along a way."""
 
-    mean_J: float  #: expected
-    learned_J2: float  #: coefficients and model
-    day_J2: float  #: day effects, which differ from drive to drive
-    scatter_J2: float  #: uneven ground, which differs from place to place
+    mean_J: Any  #: expected
+    learned_J2: Any  #: coefficients and model
+    day_J2: Any  #: day effects, which differ from drive to drive
+    scatter_J2: Any  #: uneven ground, which differs from place to place
     #: degrees of freedom of the last two
     day_dof: float
     scatter_dof: float
+
+    def at(self, rows: Any) -> EnergyDemand:
+        """Up to some places of a way, by their numbers."""
+        along = {name: getattr(self, name)[rows] for name in ("mean_J", "learned_J2", "day_J2", "scatter_J2")}
+        return self._replace(**along)
 
     @property
     def std_J(self) -> float:
@@ -186,18 +191,23 @@ def energy_demand(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand:
     Raises:
         InputError: a terrain that is not known; `with_terrain` adds one with the prior's uncertainty.
     """
-    mean_J = np.sum([design_row(c, s) for s in stretches], axis=0) @ c.mean
-    H = np.sum([jacobian(c, s) for s in stretches], axis=0)
+    return energy_demands(c, stretches).at(-1)
+
+
+def energy_demands(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand:
+    """Energy from the begin of the stretches to the end of each, (K,); raises as `energy_demand`."""
     effects = c.day_effects
-    all_J2 = H @ c.cov @ H
-    slope_J = sum(energy_of_slope_J(c, s) for s in stretches)
-    day_J2 = H[effects] @ c.cov[np.ix_(effects, effects)] @ H[effects]
-    weight = sum(scatter_weight(c, s) for s in stretches)
+    mean_J = np.cumsum([design_row(c, s) for s in stretches], axis=0) @ c.mean
+    H = np.cumsum([jacobian(c, s) for s in stretches], axis=0)
+    all_J2 = np.einsum("ki,ij,kj->k", H, c.cov, H)
+    day_J2 = np.einsum("ki,ij,kj->k", H[:, effects], c.cov[np.ix_(effects, effects)], H[:, effects])
+    slope_J = np.cumsum([energy_of_slope_J(c, s) for s in stretches])
+    model_J2 = (c.prior.model_std * mean_J) ** 2 + (c.prior.slope_std * slope_J) ** 2
     return EnergyDemand(
-        float(mean_J),
-        float(max(all_J2 - day_J2, 0.0) + (c.prior.model_std * mean_J) ** 2 + (c.prior.slope_std * slope_J) ** 2),
-        float(min(day_J2, all_J2)),
-        c.scatter.value * weight,
+        mean_J,
+        np.maximum(all_J2 - day_J2, 0.0) + model_J2,
+        np.minimum(day_J2, all_J2),
+        c.scatter.value * np.cumsum([scatter_weight(c, s) for s in stretches]),
         c.day.dof,
         c.scatter.dof,
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.checks import require_between
-from ohmward.energy.consumption import Consumption, energy_demand
+from ohmward.energy.consumption import Consumption, energy_demand, energy_demands
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s, way_back
 from ohmward.energy.points import Quantiles, normal_points, quantiles
 from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, with_peaks
@@ -60,22 +60,17 @@ def get_home(
     z = normal_points(DIMENSIONS)
     if not (duration_s := total_time_s(stretches)) > 0.0:
         raise InputError("the plan takes no time: no leg has a distance or a stop; give one of them")
-    power_W = energy_demand(c, stretches).mean_J / duration_s
+    demands = energy_demands(c, stretches)
+    power_W = float(demands.mean_J[-1]) / duration_s
     battery_points = discharge(battery, with_peaks(state, c, stretches), power_W, z[BATTERY])
     usable = usable_J(battery_points)
 
-    def milestone(upto: list[Stretch]) -> Milestone:
-        energy = needed_J(energy_demand(c, upto), z)
+    def milestone(distance_m: float, time_s: float, energy: np.ndarray) -> Milestone:
         soc = soc_after(battery_points, np.maximum(energy, 0.0))
-        return Milestone(
-            total_distance_m(upto),
-            total_time_s(upto),
-            quantiles(energy),
-            quantiles(soc),
-            float(np.mean(energy <= usable)),
-        )
+        return Milestone(distance_m, time_s, quantiles(energy), quantiles(soc), float(np.mean(energy <= usable)))
 
-    milestones = tuple(milestone(upto) for upto in accumulate([s] for s in stretches))
+    lengths, times = accumulate(s.distance_m for s in stretches), accumulate(s.time_s for s in stretches)
+    milestones = tuple(map(milestone, lengths, times, needed_J(demands, z)))
     turn_m = point_of_return(c, stretches, usable, confidence)
     return MissionForecast(milestones[-1].probability, milestones, quantiles(usable), power_W, turn_m)
 

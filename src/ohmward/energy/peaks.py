@@ -18,7 +18,7 @@ from ohmward.energy.points import normal_tail
 
 #: Ratio of peak and mean before any was seen: what a stretch of three minutes over uneven ground with starts has, the
 #: standard deviation of its logarithm, and for how many stretches that counts.
-_USUAL_RATIO, _RATIO_LOG_STD, _RATIO_COUNT = 1.6, 0.35, 3.0
+_USUAL_RATIO, _RATIO_LOG_STD, _RATIO_COUNT = 1.6, 0.35, 1.0
 #: What a planned leg has longer than this [s] are further stretches.
 _STRETCH_S = 180.0
 #: A shorter stretch has no peak of its own [s].

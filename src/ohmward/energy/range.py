@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.energy.consumption import Consumption, EnergyDemand, design_row, energy_demand
-from ohmward.energy.leg import Stretch, total_distance_m, total_time_s
+from ohmward.energy.consumption import Consumption, EnergyDemand, design_row, energy_demand, energy_demands
+from ohmward.energy.leg import Stretch, part_of, total_distance_m, total_time_s
 from ohmward.energy.peaks import PeakRatio, peaks_of_way
 from ohmward.energy.points import Quantiles, normal_points, quantiles, student
 from ohmward.energy.usable_energy import BATTERY_DIMENSIONS, BatteryState, usable_at
@@ -26,6 +26,8 @@ from ohmward.errors import InputError
 #: Dimensions of the points: those of the battery; then, of the consumption, coefficients, day effects and scatter.
 DIMENSIONS = BATTERY_DIMENSIONS + 3
 BATTERY, COEFFICIENTS, DAY_EFFECTS, SCATTER = slice(0, BATTERY_DIMENSIONS), *range(BATTERY_DIMENSIONS, DIMENSIONS)
+#: Least energy [J] by which anything is divided.
+_LEAST_J = 1e-9
 
 
 class Range(NamedTuple):
@@ -67,6 +69,76 @@ def range_left(
         quantiles(per_m + scatter / np.sqrt(length_m)),
         power_W,
     )
+
+
+#: Places along a plan at which the energy is looked at, and parts of the ground beyond its end.
+_LOOKED_AT, _PARTS = 65, 8
+
+
+def range_along(
+    c: Consumption,
+    plan: Sequence[Stretch],
+    then: Sequence[Stretch],
+    battery: Battery,
+    state: BatteryState,
+    ratio: PeakRatio = PeakRatio(),  # noqa: B008, a tuple
+) -> Range:
+    """Distance and time left along a plan, and beyond its end over ground like `then`, which is not known.
+
+    Each of the points ends where the energy that it has needed is first more than what its battery gives.
+
+    ratio: of the peaks of power to the mean, as far as they were seen.
+
+    Raises:
+        InputError: no distance in `then`, or a terrain that is not known.
+    """
+    z, way = normal_points(DIMENSIONS), planned_way(c, plan, then, battery, state)
+    length_m, time_s = (np.cumsum(column) for column in zip(*((s.distance_m, s.time_s) for s in way), strict=True))
+    unknown_J = ground_std(c, then) * np.maximum(length_m - total_distance_m(plan), 0.0)
+    demand = energy_demands(c, way)
+    demand = demand._replace(learned_J2=demand.learned_J2 + unknown_J**2)
+    power_W = float(demand.mean_J[-1] / time_s[-1])
+    usable = usable_at(battery, replace(state, peaks=peaks_of_way(c, way, ratio)), power_W, z[BATTERY])
+    looked_at = np.unique(np.linspace(0, len(way) - 1, _LOOKED_AT).astype(int))
+    needed = np.maximum.accumulate(np.vstack([np.zeros(usable.shape), needed_J(demand.at(looked_at), z)]), axis=0)
+    place = places(needed, usable)
+    distance, seconds = (
+        np.interp(place, np.arange(len(looked_at) + 1), [0.0, *values[looked_at]]) for values in (length_m, time_s)
+    )
+    beyond = np.maximum(usable / np.maximum(needed[-1], _LEAST_J), 1.0)  # of a battery that gives more than all of it
+    return Range(
+        quantiles(distance * beyond),
+        quantiles(seconds * beyond),
+        quantiles(usable),
+        quantiles(needed[-1] / length_m[-1]),
+        power_W,
+    )
+
+
+def planned_way(
+    c: Consumption, plan: Sequence[Stretch], then: Sequence[Stretch], battery: Battery, state: BatteryState
+) -> list[Stretch]:
+    """The plan as far as the battery can reach, and from its end on ground like `then` in some parts."""
+    full_V = battery.thevenin.ocv.voltage_V[-1]
+    most_J = 3600.0 * battery.capacity_Ah * state.soh_capacity * state.soc * full_V
+    mean_J = np.cumsum([design_row(c, s) @ c.mean for s in plan])
+    reached = int(np.searchsorted(np.maximum.accumulate(mean_J), most_J))
+    if reached < len(plan):
+        return list(plan[: reached + 1])
+    of_then = energy_demand(c, then).mean_J
+    share = max((most_J - float(mean_J[-1])) / max(of_then, _LEAST_J), 1.0) / _PARTS
+    return [*plan, *(part_of(stretch, share) for _ in range(_PARTS) for stretch in then)]
+
+
+def places(needed: np.ndarray, usable: np.ndarray) -> np.ndarray:
+    """(N,) number of stretches that each point reaches, with the share of the one in which it ends.
+
+    needed: (K + 1, N) energy up to the end of each stretch, from 0, never falling; usable: (N,) what there is.
+    """
+    ends = np.minimum(np.sum(needed <= usable, axis=0), len(needed) - 1)
+    low, high = (np.take_along_axis(needed, rows[None], axis=0)[0] for rows in (ends - 1, ends))
+    share = (usable - low) / np.where(high > low, high - low, np.inf)
+    return ends - 1 + np.where(high > usable, share, 1.0)
 
 
 def way_demand(c: Consumption, way: Sequence[Stretch], is_known: bool) -> EnergyDemand:
@@ -126,15 +198,17 @@ def time_left(c: Consumption, battery: Battery, state: BatteryState) -> Quantile
 
 
 def certain_part(n: EnergyDemand, z: np.ndarray) -> np.ndarray:
-    """(N,) energy [J] at the points, without the scatter, which averages out on the way."""
-    return n.mean_J + np.sqrt(n.learned_J2) * z[COEFFICIENTS] + np.sqrt(n.day_J2) * student(z[DAY_EFFECTS], n.day_dof)
+    """(N,) energy [J] at the points, without the scatter, which averages out on the way; (K, N) of a demand (K,)."""
+    of_day = np.multiply.outer(np.sqrt(n.day_J2), student(z[DAY_EFFECTS], n.day_dof))
+    learned = np.multiply.outer(np.sqrt(n.learned_J2), z[COEFFICIENTS])
+    return np.multiply.outer(n.mean_J, np.ones(z.shape[1])) + learned + of_day
 
 
 def scattered_part(n: EnergyDemand, z: np.ndarray) -> np.ndarray:
-    """(N,) deviation [J] at the points by the scatter."""
-    return np.sqrt(n.scatter_J2) * student(z[SCATTER], n.scatter_dof)
+    """(N,) deviation [J] at the points by the scatter; (K, N) of a demand (K,)."""
+    return np.multiply.outer(np.sqrt(n.scatter_J2), student(z[SCATTER], n.scatter_dof))
 
 
 def needed_J(n: EnergyDemand, z: np.ndarray) -> np.ndarray:
-    """(N,) energy [J] at the points."""
+    """(N,) energy [J] at the points; (K, N) of a demand (K,)."""
     return certain_part(n, z) + scattered_part(n, z)

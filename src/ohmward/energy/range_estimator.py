@@ -16,7 +16,7 @@ from ohmward.energy.consumption import Consumption, begin_drive, start
 from ohmward.energy.consumption_file import dump_consumption, parse_consumption
 from ohmward.energy.consumption_prior import prior_from_robot
 from ohmward.energy.drive_meter import DriveMeter, DriveSample, Measured
-from ohmward.energy.leg import Stretch
+from ohmward.energy.leg import Leg, Stretch
 from ohmward.energy.peaks import PeakRatio
 from ohmward.energy.points import Quantiles
 from ohmward.energy.range_step import (
@@ -102,6 +102,7 @@ class RangeEstimator:
         terrain: str | None = None,
         home: WayHome = None,
         temperature_degC: float | None = None,
+        plan: Sequence[Leg] = (),
     ) -> RangeEstimate:
         """Range after one live sample; None and nan are missing values.
 
@@ -113,6 +114,7 @@ class RangeEstimator:
         terrain: name of the ground; None is that of the settings.
         home: length of the way home [m] over ground like that of late, or its legs.
         temperature_degC: of the battery.
+        plan: the legs ahead, nearest first, as far as they are known; beyond them the ground is like that of late.
 
         Raises:
             InputError: something else than numbers, or a state of charge outside [0, 1].
@@ -130,7 +132,7 @@ class RangeEstimator:
         )
         now = soc_now(soc, number("temperature_degC", temperature_degC))
         way = home if home is None or isinstance(home, Sequence) else number("home", home)
-        self.state, estimate = self.settings.step(self.state, RangeSample(drive, now, way, amperes, volts))
+        self.state, estimate = self.settings.step(self.state, RangeSample(drive, now, way, amperes, volts, plan))
         return estimate
 
     def run(
@@ -274,6 +276,7 @@ _State = tuple[
     tuple[float, float, float],
     float,
     tuple[_Number, _Number, float, float, float, float],
+    _Number,
 ]
 
 
@@ -295,6 +298,7 @@ def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
         ratio,
         began_soc,
         sag,
+        began_s,
     ) = snapshot.typed(_State, "state", taken.get("state"))
     distance_m, duration_s, usable_J, per_m, home, driven_m, flags = forecast
     meter = DriveMeter(DriveSample(*map(_number, last)), _measured(moving), _measured(stop))
@@ -319,6 +323,7 @@ def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
         PeakRatio(*ratio),
         began_soc,
         Sag(*map(_number, sag)),
+        _number(began_s),
     )
 
 

@@ -23,7 +23,7 @@ from ohmward.energy.drive_meter import DriveMeter, DriveSample, advance
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s
 from ohmward.energy.peaks import PEAKED_S, PeakRatio, mean_power_W, peaks_of_way
 from ohmward.energy.points import Quantiles, normal_points
-from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_left, way_demand, with_peaks
+from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_along, range_left, way_demand, with_peaks
 from ohmward.energy.recorded import Cut
 from ohmward.energy.sag import NO_SAG, Sag
 from ohmward.energy.usable_energy import BatteryState, discharge_curves, usable_at
@@ -94,6 +94,7 @@ class RangeSample(NamedTuple):
     home: WayHome = None
     current_A: float = math.nan  #: of the battery; > 0 charges
     voltage_V: float = math.nan
+    plan: Sequence[Leg] = ()  #: the legs ahead, nearest first, as far as they are known
 
 
 class RangeEstimate(NamedTuple):
@@ -105,7 +106,7 @@ class RangeEstimate(NamedTuple):
     True
     """
 
-    #: until the reserve, over ground like that of late
+    #: until the reserve, along the plan and then over ground like that of late
     distance_m: Any
     duration_s: Any
     usable_J: Any  #: energy above the reserve
@@ -136,6 +137,7 @@ class RangeState(NamedTuple):
     peak_ratio: PeakRatio = PeakRatio()  #: of the stretches of this drive
     began_soc: float = 0.0  #: highest state of charge on this drive
     sag: Sag = Sag()  #: of the battery under its loads
+    began_s: float = math.nan  #: time of the first sample
 
 
 @dataclass(frozen=True)
@@ -211,6 +213,7 @@ class RangeSettings:
             peak_W=peak_W,
             peak_ratio=ratio,
             sag=state.sag.with_sample(since_s, sample.current_A, sample.voltage_V),
+            began_s=state.began_s if state.began_s <= sample.drive.time_s else sample.drive.time_s,
         )
 
     def forecast(self, state: RangeState, sample: RangeSample) -> RangeEstimate:
@@ -228,15 +231,22 @@ class RangeSettings:
             cutoff_V=self.cutoff_V,
             began_soc=state.began_soc,
         )
-        ahead = self.ahead(state)
+        ahead, plan = self.ahead(state), tuple(map(stretch_of, sample.plan))
         home_m = self.way_home(ahead, sample.home)
         known = state.consumption
-        for stretch in (*ahead, *home_m):
+        for stretch in (*ahead, *plan, *home_m):
             known = with_terrain(known, stretch.terrain) if stretch.terrain else known
-        of_ahead, of_home = (
-            replace(battery_now, peaks=peaks_of_way(known, way, state.peak_ratio)) for way in (ahead, home_m)
+        driven_s = sample.drive.time_s - state.began_s if math.isfinite(state.began_s) else math.inf
+        of_home = replace(
+            battery_now,
+            peaks=peaks_of_way(known, home_m, state.peak_ratio),
+            loaded_s=driven_s + total_time_s(home_m),
         )
-        left = range_left(known, ahead, self.battery, of_ahead, is_known=False)
+        if plan:
+            left = range_along(known, plan, ahead, self.battery, battery_now, state.peak_ratio)
+        else:
+            of_ahead = replace(battery_now, peaks=peaks_of_way(known, ahead, state.peak_ratio))
+            left = range_left(known, ahead, self.battery, of_ahead, is_known=False)
         is_planned = isinstance(sample.home, Sequence)
         probability = reach_probability(known, home_m, self.battery, of_home, is_planned) if home_m else math.nan
         return RangeEstimate(

@@ -58,6 +58,8 @@ _LOWER_SIDE_SHARE = 1.5
 BATTERY_DIMENSIONS = 5
 #: Least capacity over that of the file by which anything is divided.
 _LEAST_CAPACITY = 0.01
+#: After so long [s] every pair has settled.
+_SETTLED_S = 1e6
 #: Where every battery would have lived with this probability, that it lives says nothing.
 _ALL_LIVED = 0.999
 #: Margin of a voltage that does not exist: far below any cut-off.
@@ -90,6 +92,8 @@ class BatteryState:
     #: state of charge from which the battery has come without a failure, on a way like this one; 0 for none
     began_soc: float = 0.0
     diffusion_lag_s: float = USUAL_LAG_S  #: T, to a factor
+    #: time for which the battery will have been under load at the end of the way: RC pairs settle in their own times
+    loaded_s: float = math.inf
 
     def __post_init__(self) -> None:
         for name in ("soc", "reserve_soc", "counted"):
@@ -205,7 +209,9 @@ def _of_survivors(state: BatteryState, peaks: np.ndarray, grid: np.ndarray, z: n
 
 def _curves(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> _Curves:
     """Energy at constant power [W] of batteries whose resistances deviate by so much (R,) in standard deviations."""
-    ocv_V, r_ohm, peak_ohm = (row[:, None] for row in discharge_curves(battery, _GRID, state.temperature_degC))
+    ocv_V, r_ohm, peak_ohm = (
+        row[:, None] for row in discharge_curves(battery, _GRID, state.temperature_degC, state.loaded_s)
+    )
     ratio = np.maximum(state.resistance_ratio + state.resistance_std * z, 0.0)
     slow_ohm, fast_ohm = (r_ohm - peak_ohm) * ratio, peak_ohm * ratio
     if state.peak_resistance_ratio is not None:
@@ -325,17 +331,22 @@ def soc_after(found: Discharge, energy_J: np.ndarray) -> np.ndarray:
 
 
 def discharge_curves(
-    battery: Battery, soc: np.ndarray, temperature_degC: float
+    battery: Battery, soc: np.ndarray, temperature_degC: float, loaded_s: float = math.inf
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Along SoC (K,): voltage [V] of the discharge branch, and resistance [ohm], settled and of a peak."""
+    """Along SoC (K,): voltage [V] of the discharge branch, and resistance [ohm], after so long a load and to a peak."""
     model = battery.thevenin
     ocv_V = model.ocv.mean_V(soc, temperature_degC) - model.ocv.hysteresis_at(soc)
     usual_A = USUAL_C * model.capacity_Ah
     u = thevenin.CircuitInput(-usual_A, temperature_degC)
     ohmic, pairs = -thevenin.ohmic_drop(soc, u, model) / usual_A, thevenin.pair_resistances(soc, u, model)
-    shares = [1.0 - decay for decay in thevenin.pair_decays(u, model, PEAK_LASTS_S)]
-    of_peak = (share * pair for share, pair in zip(shares, pairs, strict=True))
-    return ocv_V, sum(pairs, ohmic + np.zeros(soc.shape)), sum(of_peak, ohmic + np.zeros(soc.shape))
+
+    def after(seconds: float) -> np.ndarray:
+        decays = thevenin.pair_decays(u, model, seconds) if math.isfinite(seconds) else [0.0] * len(pairs)
+        return (
+            ohmic + np.zeros(soc.shape) + sum((1.0 - decay) * pair for decay, pair in zip(decays, pairs, strict=True))
+        )
+
+    return ocv_V, after(max(loaded_s, PEAK_LASTS_S)), after(PEAK_LASTS_S)
 
 
 def _rows(columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
