@@ -32,7 +32,8 @@ Written by `make lives`. A battery is tested once, in a warm room, and then live
 for years. Each row identifies a battery with the defaults from the tests in its first column, and estimates another
 record. Simulated cells are those of [PyBaMM](https://www.pybamm.org), which no model of this package describes exactly:
 with its single particle model and electrolyte (SPMe), the model of Doyle, Fuller and Newman (DFN), and its full model
-of lead-acid. Nothing is tuned per cell or record.
+of lead-acid. Nothing is tuned per cell or record. Tests and lives have dates: a new cell lives on the day after, one
+that has aged to 90 or 80 % two or four years later.
 
 A day has eight hours and more of drives with regeneration and idle draw, rests, and two charges in between, with the
 temperature named and 3 K to either side. After a restart in mid-drive the estimator has seen no current before, as in

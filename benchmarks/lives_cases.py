@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lives_cells import (
+    DAYS_AFTER,
     EVERYDAY,
     LABEL,
     PULSES,
@@ -189,7 +190,8 @@ def recorded(cell: LifeCell, case: Case) -> tuple[Log, np.ndarray]:
     life = case.life(cell.chemistry)
     fast = case.interval_s < 1.0
     truth = truth_of_life(cell, life, case.interval_s, _FAST_HOURS) if fast else truth_of_life(cell, life)
-    log = measured(truth, cell, case.words, make_sensors(cell, case.offset, case.gain, case.voltage_step_V))
+    sensors = make_sensors(cell, case.offset, case.gain, case.voltage_step_V)
+    log = measured(truth, cell, case.words, sensors, DAYS_AFTER[case.capacity_ratio])
     if case.interval_s > 1.0:
         return averaged(log, truth, round(case.interval_s))
     if not case.restart:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -37,8 +38,11 @@ _EVERYDAY = (DayPlan(22.0, 4.0, charged_fully=True), DayPlan(20.0, 4.0, load=1.2
 #: Step [s] of a charger that counts.
 _CHARGER_S = 10.0
 _HOUR_S = 3600.0
-#: Resistance of a cell that has kept this share of its capacity, over a new one's.
+#: Resistance of a cell that has kept this share of its capacity, over a new one's, and days since the tests.
 RESISTANCE_AT = {1.0: 1.0, 0.9: 1.2, 0.8: 1.5}
+DAYS_AFTER = {1.0: 1.0, 0.9: 730.0, 0.8: 1461.0}
+#: Unix time [s] of the tests.
+_TESTED_UNIX_S = 1.7e9
 
 
 class LifeCell(NamedTuple):
@@ -152,10 +156,16 @@ def truth_of_life(cell: LifeCell, life: Life, interval_s: float = 1.0, hours: fl
     return truth_of(older, profile, np.arange(start_s, end_s, interval_s), f"life {life}")
 
 
-def measured(truth: CellTruth, cell: LifeCell, name: str, sensors: BatterySensors | None = None) -> Log:
-    """Log of the truth, its time from 0, its noise drawn by the names; with the sensors of a bench by default."""
+def measured(
+    truth: CellTruth, cell: LifeCell, name: str, sensors: BatterySensors | None = None, days_after: float = 0.0
+) -> Log:
+    """Log of the truth, its time from 0, its noise drawn by the names; with the sensors of a bench by default.
+
+    days_after: since the tests.
+    """
     rng = np.random.default_rng(int(hashlib.sha256(f"{cell.name} {name}".encode()).hexdigest()[:8], 16))
-    return log_of(truth, sensors or make_sensors(cell), rng, name)
+    log = log_of(truth, sensors or make_sensors(cell), rng, name)
+    return replace(log, start_unix_s=_TESTED_UNIX_S + 86400.0 * days_after)
 
 
 def make_sensors(

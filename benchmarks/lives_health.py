@@ -9,6 +9,7 @@ import numpy as np
 from figure import Figure, at_least, at_most, verdict
 from lives_cells import (
     CELLS,
+    DAYS_AFTER,
     PULSES,
     Life,
     LifeCell,
@@ -43,7 +44,7 @@ def health_table(figures: list[Figure]) -> list[str]:
 
 def _of_cell(cell: LifeCell) -> Iterator[Figure]:
     truth = truth_of_life(cell, _DAYS)
-    log = measured(truth, cell, "five cycles")
+    log = measured(truth, cell, "five cycles", days_after=DAYS_AFTER[_RATIO])
     battery = battery_from(cell, PULSES)
     estimates = SocEstimator(battery, float(truth.soc[0])).run(log).estimates
     found = score(estimates.soc, truth.soc, estimates.soc_std)
