@@ -281,8 +281,8 @@ def battery_state(battery: Battery, now: SocNow, sag_ohm: Normal = NO_SAG, **lim
     of_level = _known(now.resistance_ratio_std, noise.resistance_std)
     temperature_degC = _known(now.temperature_degC, BatteryState.temperature_degC)
     _, _, file_ohm = discharge_curves(battery, np.array([min(now.soc, 1.0)]), temperature_degC)
-    shown = Normal(*(value / float(file_ohm[0]) for value in sag_ohm)) if file_ohm[0] > 0.0 else NO_SAG
-    of_peaks = both(Normal(resistance_ratio, of_level), shown)
+    measured = Normal(*(value / float(file_ohm[0]) for value in sag_ohm)) if file_ohm[0] > 0.0 else NO_SAG
+    of_peaks = both(Normal(resistance_ratio, of_level), measured)
     return BatteryState(
         soc=min(now.soc, 1.0),
         soc_std=now.soc_std,
