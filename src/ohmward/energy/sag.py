@@ -46,17 +46,17 @@ class Sag(NamedTuple):
             return self
         if not (math.isfinite(self.mean_A) and 0.0 < dt_s <= _GAP_S):
             return self._replace(mean_A=current_A, mean_V=voltage_V)
-        share, kept = 1.0 - math.exp(-dt_s / _FAST_S), math.exp(-dt_s / _REMEMBERED_S)
+        share, decay = 1.0 - math.exp(-dt_s / _FAST_S), math.exp(-dt_s / _REMEMBERED_S)
         mean_A = self.mean_A + share * (current_A - self.mean_A)
         mean_V = self.mean_V + share * (voltage_V - self.mean_V)
         fast_A, fast_V = current_A - mean_A, voltage_V - mean_V
         return Sag(
             mean_A,
             mean_V,
-            kept * self.current2 + dt_s * fast_A**2,
-            kept * self.product + dt_s * fast_A * fast_V,
-            kept * self.voltage2 + dt_s * fast_V**2,
-            kept * self.seconds + dt_s,
+            decay * self.current2 + dt_s * fast_A**2,
+            decay * self.product + dt_s * fast_A * fast_V,
+            decay * self.voltage2 + dt_s * fast_V**2,
+            decay * self.seconds + dt_s,
         )
 
     @property
