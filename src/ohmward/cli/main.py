@@ -8,6 +8,7 @@ import io
 import os
 import shlex
 import sys
+import textwrap
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
@@ -16,39 +17,55 @@ from types import ModuleType
 
 from ohmward import __version__
 from ohmward.cli.outcome import Outcome, carry_out, close_output, show
-from ohmward.cli.paragraphs import Detail, styled
+from ohmward.cli.paragraphs import Detail, styled, width
 from ohmward.cli.parser import Parser
 from ohmward.errors import InputError, OhmwardError
 
-#: The commands in the order of the help. Each is a module `cli.NAME` with EXAMPLES, `add_arguments` and `run`, loaded
-#: only when it is typed; a `run` that imports much stands in `cli/NAME/command.py`, loaded once the arguments are read.
-COMMANDS = {
-    "doctor": "what is in a log and what is wrong with it; what a battery file does not know",
-    "identify": "from logs of tests to a battery file",
-    "learn": "from everyday logs to a battery file that knows more, log by log",
-    "generic": "a battery file from chemistry and capacity alone, to start with",
-    "health": "capacity and resistance of a battery over months of logs, and when it will be worn out",
-    "soc": "state of charge along a log, with its uncertainty",
-    "compare": "all estimators on one log, side by side",
-    "robot": "a robot file from sizes, a URDF or the name of a known robot; what is in one",
-    "calibrate": "radius, motors and floors of a robot, from drives whose true motion is known",
-    "slip": "speed and wheel slip along a drive, with their uncertainty",
-    "mission": "where a drive's energy went, what the ground takes, how far the rest reaches",
-    "setup": "the setup of `run` from a CAN database, a recording, or what is heard on a bus, a broker or a line",
-    "run": "the process on the robot: sensors in, charge, speed, slip, pose and range out",
-    "service": "`ohmward run` as a service of systemd, begun with the machine",
-    "drive": "drive a robot that `ohmward run` controls, by keys or joystick: set speed and slip, see its state, stop",
-    "store": "what the process on the robot has stored: list, query, export",
-    "simulate": "a robot and its battery driven in closed loop on a ground; or a battery alone",
-    "fleet": "state of charge of many logs, one row for each; can be resumed",
-    "export": "a filter or controller as a C99 library for a microcontroller",
-    "twin": "a log through an exported C library on this machine: the firmware's own bits",
-    "demo": "a simulated robot, from pulse test to the way home",
-    "assess": "limits of the methods: chemistries, sensors and faults on simulated shifts, and which method for which",
-    "reproduce": "tables and figures of the two publications, printed numbers beside those found here; their errata",
+#: The commands by what they are for, in the order of the help. Each is a module `cli.NAME` with EXAMPLES,
+#: `add_arguments` and `run`, loaded only when it is typed; a `run` that imports much stands in `cli/NAME/command.py`,
+#: loaded once the arguments are read.
+GROUPS = {
+    "a log or a file, whatever it is": {
+        "doctor": "what is in a log and what is wrong with it; what a battery file does not know",
+    },
+    "a battery": {
+        "identify": "from logs of tests to a battery file",
+        "learn": "from everyday logs to a battery file that knows more, log by log",
+        "generic": "a battery file from chemistry and capacity alone, to start with",
+        "soc": "state of charge along a log, with its uncertainty",
+        "compare": "all estimators on one log, side by side",
+        "health": "capacity and resistance of a battery over months of logs, and when it will be worn out",
+    },
+    "a robot": {
+        "robot": "a robot file from sizes, a URDF or the name of a known robot; what is in one",
+        "calibrate": "radius, motors and floors of a robot, from drives whose true motion is known",
+        "slip": "speed and wheel slip along a drive, with their uncertainty",
+        "mission": "where a drive's energy went, what the ground takes, how far the rest reaches",
+    },
+    "the process on the robot": {
+        "setup": "the setup of `run` from a CAN database, a recording, or what is heard on a bus, a broker or a line",
+        "run": "the process on the robot: sensors in, charge, speed, slip, pose and range out",
+        "service": "`ohmward run` as a service of systemd, begun with the machine",
+        "drive": "drive a robot that `run` controls, by keys or joystick: set speed and slip, see its state, stop",
+        "store": "what the process on the robot has stored: list, query, export",
+    },
+    "a fleet": {
+        "fleet": "state of charge of many logs, one row for each; can be resumed",
+    },
+    "a chip": {
+        "export": "a filter or controller as a C99 library for a microcontroller",
+        "twin": "a log through an exported C library on this machine: the firmware's own bits",
+    },
+    "the laboratory": {
+        "demo": "a simulated robot, from pulse test to the way home",
+        "simulate": "a robot and its battery driven in closed loop on a ground; or a battery alone",
+        "assess": "limits of the methods: chemistries, sensors and faults on simulated shifts; which method for which",
+        "reproduce": "tables and figures of the two publications, printed numbers beside those found; their errata",
+    },
 }
+COMMANDS = {name: what for group in GROUPS.values() for name, what in group.items()}
 #: Those whose package is in `ohmward_lab`.
-OF_THE_LABORATORY = {"simulate", "demo", "assess", "reproduce"}
+OF_THE_LABORATORY = set(GROUPS["the laboratory"])
 REFUSED, BUG, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
 
 _EPILOG = """\
@@ -139,19 +156,18 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     parser = Parser(
         prog="ohmward",
         description="Charge, wheel slip and range of battery-powered robots, with uncertainties that hold.",
-        epilog=_EPILOG,
+        epilog=f"{_groups()}\n\n{_EPILOG}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
     parser.add_argument("--version", action="version", version=f"ohmward {__version__}")
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
+    commands = parser.add_subparsers(metavar="COMMAND", dest="command", required=True, help="one of those below")
     typed = next((word for word in words if word in COMMANDS), None)
     if typed is None:
         _require_command(words)
     for name, what in COMMANDS.items():
         command = commands.add_parser(
             name,
-            help=what,
             description=f"{what[:1].upper()}{what[1:]}.",
             formatter_class=argparse.RawDescriptionHelpFormatter,
             allow_abbrev=False,
@@ -161,6 +177,18 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
             command.epilog = f"examples:\n{module.EXAMPLES}"
             module.add_arguments(command)
     return parser.parse_args(words)
+
+
+def _groups() -> str:
+    """The commands and what they do, by what they are for."""
+    indent = max(map(len, COMMANDS)) + 4
+    lines = []
+    for title, group in GROUPS.items():
+        lines.append(f"{title}:")
+        for name, what in group.items():
+            text = f"  {name}".ljust(indent) + what
+            lines.append(textwrap.fill(text, width(), subsequent_indent=" " * indent))
+    return "\n".join(lines)
 
 
 def _require_command(words: Sequence[str]) -> None:
