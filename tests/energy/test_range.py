@@ -88,3 +88,11 @@ def test_a_way_down_gives_nothing_that_was_not_there_before():
     half_J = 0.5 * 200.0 * (20.2 + 40.0 * 9.80665 * np.sin(0.2))
     found = range_along(c, [up, down], [LEG], battery(), BatteryState(half_J / (36000.0 * 24.0)))
     assert found.distance_m.p50 == pytest.approx(100.0, rel=1e-3)
+
+
+def test_a_stop_may_outlast_the_battery():
+    """At 10 W of electronics, 864 kJ last for a day."""
+    found = range_along(
+        certain(), [stretch_of(Leg(0.0, "grass", 0.5, stop_s=1e6))], [LEG], battery(), BatteryState(1.0)
+    )
+    assert found.distance_m == (0.0, 0.0, 0.0) and found.time_s.p50 == pytest.approx(86_400.0, rel=1e-3)

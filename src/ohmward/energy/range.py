@@ -26,8 +26,8 @@ from ohmward.errors import InputError
 #: Dimensions of the points: those of the battery; then, of the consumption, coefficients, day effects and scatter.
 DIMENSIONS = BATTERY_DIMENSIONS + 3
 BATTERY, COEFFICIENTS, DAY_EFFECTS, SCATTER = slice(0, BATTERY_DIMENSIONS), *range(BATTERY_DIMENSIONS, DIMENSIONS)
-#: Least energy [J] by which anything is divided.
-_LEAST_J = 1e-9
+#: Least energy [J] and distance [m] by which anything is divided.
+_LEAST_J = _LEAST_M = 1e-9
 
 
 class Range(NamedTuple):
@@ -110,7 +110,7 @@ def range_along(
         quantiles(distance * beyond),
         quantiles(seconds * beyond),
         quantiles(usable),
-        quantiles(needed[-1] / length_m[-1]),
+        quantiles(needed[-1] / max(float(length_m[-1]), _LEAST_M)),
         power_W,
     )
 
