@@ -14,6 +14,7 @@ from battery.identification.examples import (
     low_rate_logs,
     play,
     pulse_log,
+    pulse_phases,
     steps,
 )
 from ohmward.battery.file import BATTERY_FILE
@@ -113,6 +114,19 @@ def test_a_dated_test_of_the_whole_capacity_is_known_on_its_day():
     assert noise.capacity_known_std == pytest.approx(0.02, abs=0.002)
     assert identify(tests, capacity_Ah=1.9, chemistry="nmc").noise.capacity_known_std == pytest.approx(0.053, abs=0.002)
     assert identify(low_rate_logs(cell()), capacity_Ah=2.0, chemistry="nmc").noise.capacity_known_unix_s == 0.0
+
+
+def test_dated_pulses_from_full_to_empty_show_the_capacity_less_well():
+    down_to_3_percent = pulse_phases(2.0)
+    to_empty = play(cell(), *steps([*down_to_3_percent, (0.028 * 7200.0, -1.0, 20.0)]), soc=1.0, name="pulses")
+    dated = replace(to_empty, start_unix_s=1.79e9)
+    noise = identify(dated, capacity_Ah=2.0, chemistry="nmc").noise
+    assert (noise.capacity_known_unix_s, noise.capacity_known_std) == (dated.end_unix_s, 0.04)
+    cold = replace(dated, temperature_degC=np.full(len(dated), 0.0))
+    half = dated.between(0.0, 0.5 * dated.time_s[-1])
+    for log, given_Ah in ((cold, 2.0), (half, 2.0), (dated, 2.12)):
+        found = identify(log, capacity_Ah=given_Ah, chemistry="nmc", initial_soc={"pulses": 1.0})
+        assert found.noise.capacity_known_std == 0.0
 
 
 def test_low_rate_alone_gives_the_curve_only():

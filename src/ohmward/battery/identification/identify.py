@@ -76,8 +76,8 @@ from ohmward.optional import one_blas_thread
 #: pulses, low-rate tests and drives of cells with this law, 1.15 to 2.4 of a measured and a simulated battery without.
 #: The evidence does not tell: its robust weights take the pulses that a straight drop misses for outliers.
 _CLEARLY_BETTER = 0.8
-#: Relative error of a capacity on the day on which a log showed the whole of it.
-TESTED_CAPACITY_STD = 0.02
+#: Relative error of a capacity on the day on which a low-rate test showed the whole of it, and another test.
+TESTED_CAPACITY_STD, PULSED_CAPACITY_STD = 0.02, 0.04
 
 
 Progress = Callable[[str, float], None]
@@ -237,6 +237,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
         *not_identified(fit, samples, settings.capacity_Ah, hysteresis),
         *untested_sentences(fit, problem, settings.chemistry),
     )
+    noise = _with_known_capacity(noise, prepared, settings.capacity_Ah, details)
     battery = _battery(prepared, settings, model, noise)
     battery = replace(battery, identification=provenance, not_identified=missing)
     return Identified(battery, prepared.first.branches, prepared.first.curve, details, fit)
@@ -295,7 +296,8 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
         model = Thevenin(Q, ocv, (0.0, 0.0), (0.0, 0.0), (), (), reference_degC=ocv.reference_degC)
         missing += " in the logs; taken as 0 (name a chemistry for start values)"
     one_way = "hysteresis: one direction only; taken as none"
-    battery = _battery(prepared, settings, model, start_noise(settings.chemistry, n, ocv_known=True))
+    noise = _with_known_capacity(start_noise(settings.chemistry, n, ocv_known=True), prepared, Q)
+    battery = _battery(prepared, settings, model, noise)
     battery = replace(
         battery,
         identification=_provenance(prepared, settings),
@@ -316,22 +318,25 @@ def _battery(prepared: Preparation, settings: IdentificationSettings, model: The
         voltage_min_V=float(np.nanmin(voltage_V)),
         voltage_max_V=float(np.nanmax(voltage_V)),
         idle_current_A=settings.idle_current_A,
-        noise=_with_known_capacity(noise, prepared, settings.capacity_Ah),
+        noise=noise,
         sensor=usual_sensor(settings.capacity_Ah, noise_A),
         thevenin=model,
     )
 
 
-def _with_known_capacity(noise: BatteryNoise, prepared: Preparation, capacity_Ah: float) -> BatteryNoise:
+def _with_known_capacity(
+    noise: BatteryNoise, prepared: Preparation, capacity_Ah: float, details: Sequence[LogDetails] = ()
+) -> BatteryNoise:
     """The noise with the day on which a log showed the whole capacity, where there is such a log and it has a date."""
     complete = [branch for branch in prepared.first.branches if branch.complete]
     discharges = [branch for branch in complete if branch.direction == "discharge"] or complete  # charges may gas
     logs = {record.log.name: record.log for record in prepared.records}
-    ends = [end for branch in discharges if (end := logs[branch.log_name].end_unix_s) is not None]
-    if not ends:
-        return noise
-    off = abs(float(np.mean([branch.moved_Ah for branch in discharges])) / capacity_Ah - 1.0)
-    return replace(noise, capacity_known_unix_s=max(ends), capacity_known_std=max(TESTED_CAPACITY_STD, off))
+    if ends := [end for branch in discharges if (end := logs[branch.log_name].end_unix_s) is not None]:
+        off = abs(float(np.mean([branch.moved_Ah for branch in discharges])) / capacity_Ah - 1.0)
+        return replace(noise, capacity_known_unix_s=max(ends), capacity_known_std=max(TESTED_CAPACITY_STD, off))
+    if ends := [end for d in details if d.is_whole and (end := d.record.log.end_unix_s) is not None]:
+        return replace(noise, capacity_known_unix_s=max(ends), capacity_known_std=PULSED_CAPACITY_STD)
+    return noise
 
 
 def _provenance(prepared: Preparation, settings: IdentificationSettings) -> Provenance:

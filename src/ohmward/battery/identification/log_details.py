@@ -21,6 +21,7 @@ from ohmward.battery.identification.record import Phase, Record, find_pulses, fi
 from ohmward.battery.identification.soc_axis import SocAxis
 from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Note
@@ -31,6 +32,8 @@ SLOWEST_EDGE_S = 2.0
 _SMALLEST_RATE = 1 / 10
 #: Fewest edges for a resistance with a standard error.
 _FEWEST_EDGES = 3
+#: A log goes from full to empty within this of either, is not colder [degC], and falls to the voltage of this SoC.
+_WHOLE_WITHIN, _COLDEST_WHOLE_DEGC, _EMPTY_SOC = 0.03, 15.0, 0.02
 
 
 class Edge(NamedTuple):
@@ -210,6 +213,18 @@ class LogDetails:
     parts: tuple[FitSamples, ...]  #: samples used by the fit, divided at gaps
     simulated_V: tuple[np.ndarray, ...]  #: voltage of the circuit along each part, (N,) each
     model: Thevenin  #: the circuit
+
+    @property
+    def is_whole(self) -> bool:
+        """True where the log goes from full to empty: its charge ends where its voltage has fallen to that of empty.
+
+        A load in the cold takes the voltage there before.
+        """
+        soc, degC = self.axis.soc, self.record.typical_degC()
+        warm = degC is None or degC >= _COLDEST_WHOLE_DEGC
+        ends = soc.max() >= 1.0 - _WHOLE_WITHIN and abs(soc.min()) <= _WHOLE_WITHIN
+        empty_V = float(self.model.ocv.mean_V(_EMPTY_SOC, ROOM_DEGC))
+        return bool(warm and ends and np.nanmin(self.record.log.voltage_V) <= empty_V)
 
     @property
     def pulses(self) -> tuple[Phase, ...]:
