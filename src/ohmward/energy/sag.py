@@ -20,7 +20,7 @@ _FAST_S, _REMEMBERED_S = 10.0, 1800.0
 #: Residuals hold on for so long [s].
 _CORRELATION_S = 2.0 * _FAST_S
 #: After a longer gap [s] the means begin anew.
-_GAP_S = 10.0
+_INTERRUPTED_S = 10.0
 #: Of a log, the end counts: what is older is forgotten but for 5 %.
 _COUNTED_S = 3.0 * _REMEMBERED_S
 #: Of a battery that has not been loaded yet.
@@ -44,7 +44,7 @@ class Sag(NamedTuple):
         """
         if not (math.isfinite(current_A) and math.isfinite(voltage_V)):
             return self
-        if not (math.isfinite(self.mean_A) and 0.0 < dt_s <= _GAP_S):
+        if not (math.isfinite(self.mean_A) and 0.0 < dt_s <= _INTERRUPTED_S):
             return self._replace(mean_A=current_A, mean_V=voltage_V)
         share, decay = 1.0 - math.exp(-dt_s / _FAST_S), math.exp(-dt_s / _REMEMBERED_S)
         mean_A = self.mean_A + share * (current_A - self.mean_A)
