@@ -18,9 +18,9 @@ BATTERY = generic_battery("nmc", 2.0)
 #: out, and what a bank's members do alike in one vector counted once.
 OPERATIONS = {
     "textbook-ekf": (149, 241),
-    "ekf": (1250, 1894),
-    "gsf": (3712, 2478),
-    "ukf": (4670, 8166),
+    "ekf": (1262, 1906),
+    "gsf": (3745, 2489),
+    "ukf": (4682, 8178),
 }
 
 

@@ -214,6 +214,15 @@ class TheveninFilter:
         done = self.advance(state, taken, self.has_diverged(state) | taken.misled)
         return done.state, with_misfit(done.estimate, self.sensor)
 
+    def with_new_curve_errors(self, belief: Belief) -> Belief:
+        """The belief with the errors of the curve as at a start: a voltage that contradicts it has driven them off."""
+        mean, cov = belief.mean.copy(), belief.cov.copy()
+        for name in ("model_error", "level_error"):
+            if name in self.state_names:
+                k = self.state_names.index(name)
+                mean[k], cov[k, :], cov[:, k], cov[k, k] = 0.0, 0.0, 0.0, 1.0
+        return Belief(mean, cov)
+
     def has_diverged(self, state: FilterState) -> Any:
         """True where the voltage has contradicted the belief for too long."""
         return state.rejected_s > self.reset_after_s
@@ -230,7 +239,7 @@ class TheveninFilter:
         rest_s = self.rest_s(state, prior, clean)
         resting = self.is_resting(rest_s)
         prior = self.zero_current_update(prior, clean, resting)
-        prior = choose(diverged, forget_soc(prior), prior)
+        prior = choose(diverged, self.with_new_curve_errors(forget_soc(prior)), prior)
         update = self.correct(state, prior, clean, taken.event)
         posterior, limited = self.within_limits(update.belief)
 
