@@ -115,6 +115,14 @@ def widen(belief: Belief, i: int, variance: Scalar) -> Belief:
     return inflate(belief, i, variance - belief.cov[i, i])
 
 
+def begin_anew(belief: Belief, i: int, mean: Scalar, variance: Scalar) -> Belief:
+    """The belief with another mean and variance of element i, independent of all else."""
+    means, cov = belief.mean.copy(), belief.cov.copy()
+    means[i], cov[i, :], cov[:, i] = mean, 0.0, 0.0
+    cov[i, i] = variance
+    return Belief(means, cov)
+
+
 def apply_gain(prior: Belief, innovation: Innovation, K: np.ndarray) -> Belief:
     """The prior corrected with the gain K (n, m): the filter's own, or zeros where the measurement is not used.
 

@@ -37,7 +37,7 @@ from ohmward.checks import require_between, require_finite, require_one_of, requ
 from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, Innovation, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
-from ohmward.filters.gate import apply_gain, choose, inflate, passes, require_gate, time_rejected
+from ohmward.filters.gate import apply_gain, begin_anew, choose, inflate, passes, require_gate, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import clip, logical_not, maximum, minimum, where
@@ -216,12 +216,10 @@ class TheveninFilter:
 
     def with_new_curve_errors(self, belief: Belief) -> Belief:
         """The belief with the errors of the curve as at a start: a voltage that contradicts it has driven them off."""
-        mean, cov = belief.mean.copy(), belief.cov.copy()
         for name in ("model_error", "level_error"):
             if name in self.state_names:
-                k = self.state_names.index(name)
-                mean[k], cov[k, :], cov[:, k], cov[k, k] = 0.0, 0.0, 0.0, 1.0
-        return Belief(mean, cov)
+                belief = begin_anew(belief, self.state_names.index(name), 0.0, 1.0)
+        return belief
 
     def has_diverged(self, state: FilterState) -> Any:
         """True where the voltage has contradicted the belief for too long."""
