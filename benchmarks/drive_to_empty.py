@@ -26,6 +26,7 @@ import numpy as np
 import ohmward as ow
 from energy_world import DT_S, TERRAINS, Course, Record, World, draw_course, draw_day, draw_world, drive
 from figure import HERE, Figure, at_most, between, verdict
+from ohmward.battery.soc.estimator import SocRun
 from ohmward.energy import Consumption, Leg, begin_drive, prior_from_robot, start, with_terrain
 from ohmward.energy.points import Quantiles
 from ohmward.energy.range_step import RangeEstimate
@@ -153,7 +154,8 @@ def driven(case: Case) -> Drive:
         out = drive(rng, world, course, HOURS * 3600.0, day=day)
         log, soc, stop = driven_log(case, out.power_W, rng, world)
     assert stop < len(out.power_W), "the battery outlasts the drive"
-    estimates, planned = (asked(case, log, out, known, course, is_planned) for is_planned in (False, True))
+    run = ow.SocEstimator(battery_of(case.chemistry, case.is_tested)).run(log)
+    estimates, planned = (asked(case, log, run, out, known, course, is_planned) for is_planned in (False, True))
     place_m = DT_S * np.cumsum(out.speed_m_s)
     questions = tuple(question(k, e, planned[k], place_m, soc, log, stop, case) for k, e in estimates.items())
     home, given_up = zip(
@@ -194,11 +196,10 @@ def driven_log(case: Case, power_W: np.ndarray, rng: np.random.Generator, world:
 
 
 def asked(
-    case: Case, log: Log, out: Record, known: Consumption, course: Course, is_planned: bool
+    case: Case, log: Log, run: SocRun, out: Record, known: Consumption, course: Course, is_planned: bool
 ) -> dict[int, RangeEstimate]:
     """What the robot says each minute, by the second; is_planned: it knows the course."""
     battery = battery_of(case.chemistry, case.is_tested)
-    run = ow.SocEstimator(battery).run(log)
     cutoff_V = CELLS[case.chemistry][2] * battery.n_series
     estimator = ow.RangeEstimator(battery, known, reserve_soc=0.0, cutoff_V=cutoff_V, refresh_s=REFRESH_S)
     place_m, found = DT_S * np.cumsum(out.speed_m_s), {}

@@ -58,8 +58,6 @@ _LOWER_SIDE_SHARE = 1.5
 BATTERY_DIMENSIONS = 5
 #: Least capacity over that of the file by which anything is divided.
 _LEAST_CAPACITY = 0.01
-#: After so long [s] every pair has settled.
-_ALL_SETTLED_S = 1e6
 #: Where every battery would have lived with this probability, that it lives says nothing.
 _ALL_LIVED = 0.999
 #: Margin of a voltage that does not exist: far below any cut-off.
