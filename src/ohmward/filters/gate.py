@@ -115,7 +115,7 @@ def widen(belief: Belief, i: int, variance: Scalar) -> Belief:
     return inflate(belief, i, variance - belief.cov[i, i])
 
 
-def begin_anew(belief: Belief, i: int, mean: Scalar, variance: Scalar) -> Belief:
+def restarted_at(belief: Belief, i: int, mean: Scalar, variance: Scalar) -> Belief:
     """The belief with another mean and variance of element i, independent of all else."""
     means, cov = belief.mean.copy(), belief.cov.copy()
     means[i], cov[i, :], cov[:, i] = mean, 0.0, 0.0

@@ -189,7 +189,7 @@ def test_no_weight_underflows_and_every_state_stays_finite():
     assert abs(found.soc - truth.soc)[-1] < 0.05
 
 
-def test_the_voltage_of_another_battery_makes_it_diverge_and_begin_anew():
+def test_the_voltage_of_another_battery_makes_it_diverge_and_restart():
     truth, columns = drive_of(NMC, 0.6, 3000)
     faulty = columns._replace(voltage_V=np.where(np.arange(3000) < 400, columns.voltage_V, columns.voltage_V - 0.35))
     _, found = scan(GaussianSumFilter(TheveninFilter(NMC, NOISE)), faulty, 0.6)

@@ -36,7 +36,7 @@ from ohmward.battery.soc.start_density import WRONG_SHARE, Hypothesis
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter, TheveninUpdate, forget_soc, with_misfit
 from ohmward.checks import require_between
 from ohmward.filters.belief import Belief, Innovation, pack, unpack
-from ohmward.filters.gate import begin_anew, choose
+from ohmward.filters.gate import choose, restarted_at
 from ohmward.trace import clip, exp, log, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 
@@ -165,7 +165,7 @@ class GaussianSumFilter:
         """Functions that declare SoC unknown in each hypothesis: one cell of it for each, of equal width."""
         if self.count == 1:
             return [forget_soc]
-        return [partial(begin_anew, i=SOC, mean=soc, variance=std**2) for soc, std in equal_cells(self.count)]
+        return [partial(restarted_at, i=SOC, mean=soc, variance=std**2) for soc, std in equal_cells(self.count)]
 
     def merged(self, state: GaussianSumState) -> FilterState:
         """The state of one filter whose belief has the mean and the covariance of the sum; the rest as most likely."""

@@ -37,7 +37,7 @@ from ohmward.checks import require_between, require_finite, require_one_of, requ
 from ohmward.filters import adaptive, extended, unscented
 from ohmward.filters.belief import Belief, Correction, Innovation, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
-from ohmward.filters.gate import apply_gain, begin_anew, choose, inflate, passes, require_gate, time_rejected
+from ohmward.filters.gate import apply_gain, choose, inflate, passes, require_gate, restarted_at, time_rejected
 from ohmward.filters.kalman import correct_state
 from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import clip, logical_not, maximum, minimum, where
@@ -218,7 +218,7 @@ class TheveninFilter:
         """The belief with the errors of the curve as at a start: a voltage that contradicts it has driven them off."""
         for name in ("model_error", "level_error"):
             if name in self.state_names:
-                belief = begin_anew(belief, self.state_names.index(name), 0.0, 1.0)
+                belief = restarted_at(belief, self.state_names.index(name), 0.0, 1.0)
         return belief
 
     def has_diverged(self, state: FilterState) -> Any:
