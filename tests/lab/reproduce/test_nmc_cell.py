@@ -32,13 +32,16 @@ def test_without_the_records_the_item_names_the_file(tmp_path):
 
 
 def test_on_a_real_cell_voltage_and_charge_part():
-    """The joint filter follows the voltage closer than the default and loses the charge; the default does not."""
+    """The joint EKF follows the voltage closer than the default and loses the charge; the default does not.
+
+    Not the UKF: what becomes of it once it has lost the charge hangs on the last digits.
+    """
     if not (DATA / FOLDER).is_dir():
         pytest.skip(f"{DATA / FOLDER} is absent; set OHMWARD_DATA to the folder of the measured data")
     rows = {row.quantity: row for row in nmc_item(DATA).make().rows}
     assert len(rows) == 16
-    voltage, charge = rows["Voltage before the sample, UKF: mean"], rows["SoC, UKF: mean"]
-    assert voltage.printed == 0.012 and charge.printed == 0.11
+    voltage, charge = rows["Voltage before the sample, EKF: mean"], rows["SoC, EKF: mean"]
+    assert voltage.printed == 0.02 and charge.printed == 0.18
     assert voltage.corrected and voltage.default and charge.corrected and charge.default
     assert voltage.corrected < 0.5 * voltage.default
     assert charge.default < 3.0 < charge.corrected
