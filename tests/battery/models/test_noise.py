@@ -38,8 +38,16 @@ def test_a_capacity_is_known_on_the_day_of_its_test_and_doubted_with_the_days_si
     assert DATED.on(TESTED_UNIX_S).capacity_std == 0.02
     assert DATED.on(TESTED_UNIX_S + 73 * DAY_S).capacity_std == pytest.approx(math.hypot(0.02, 0.2 * 0.1))
     assert DATED.on(TESTED_UNIX_S - 73 * DAY_S) == DATED.on(TESTED_UNIX_S + 73 * DAY_S)
-    assert DATED.on(TESTED_UNIX_S + 365 * DAY_S).capacity_std == DATED.on(0.0).capacity_std == 0.1
+    assert DATED.on(TESTED_UNIX_S + 365 * DAY_S).capacity_std == 0.1
     assert DATED.on(TESTED_UNIX_S).resistance_std == 0.3
+
+
+def test_after_a_year_the_error_grows_with_the_root_of_time_up_to_four_years():
+    two, four, ten = (DATED.on(TESTED_UNIX_S + years * 365 * DAY_S) for years in (2, 4, 10))
+    assert (two.capacity_std, two.resistance_std) == pytest.approx((0.1 * math.sqrt(2), 0.3 * math.sqrt(2)))
+    assert (four.capacity_std, four.resistance_std) == pytest.approx((0.2, 0.6))
+    assert ten == four
+    assert four.ageing_correlation == DATED.ageing_correlation
 
 
 def test_only_the_loss_by_age_goes_with_the_resistances():

@@ -46,8 +46,10 @@ LEVEL_SOC_LENGTH = 1.0
 AGED_CAPACITY_STD = 0.1
 AGED_RESISTANCE_STD = 0.3
 #: They are as large so many days after a log that showed them, and grow with the days until then: in daily use a
-#: battery loses 5 to 10 % of its capacity in a year.
+#: battery loses 5 to 10 % of its capacity in a year. From there on they grow with the root of time, up to twice as
+#: large in four years, after which most batteries have been replaced.
 AGED_AFTER_DAYS = 365
+OLDEST_YEARS = 4
 
 #: A shorter step counts as this one [s] where errors hold on from sample to sample, so that R stays finite at dt = 0.
 _SHORTEST_STEP_S = 1e-3
@@ -117,14 +119,17 @@ class BatteryNoise:
         """
         if not (self.capacity_known_unix_s and math.isfinite(unix_s)):
             return self
-        age = min(abs(unix_s - self.capacity_known_unix_s) // _DAY_S / AGED_AFTER_DAYS, 1.0)
-        of_age_std, most = age * AGED_CAPACITY_STD, max(self.capacity_std, AGED_CAPACITY_STD)
-        capacity_std = min(math.hypot(self.capacity_known_std, of_age_std), most)
+        years = min(abs(unix_s - self.capacity_known_unix_s) // _DAY_S / AGED_AFTER_DAYS, OLDEST_YEARS)
+        age = min(years, math.sqrt(years))
+        of_age_std = age * AGED_CAPACITY_STD
+        most_capacity_std = max(1.0, age) * max(self.capacity_std, AGED_CAPACITY_STD)
+        most_resistance_std = max(1.0, age) * max(self.resistance_std, AGED_RESISTANCE_STD)
+        capacity_std = min(math.hypot(self.capacity_known_std, of_age_std), most_capacity_std)
         resistance_std = math.hypot(self.resistance_std, age * AGED_RESISTANCE_STD)
         return replace(
             self,
             capacity_std=capacity_std,
-            resistance_std=min(resistance_std, max(self.resistance_std, AGED_RESISTANCE_STD)),
+            resistance_std=min(resistance_std, most_resistance_std),
             ageing_correlation=self.ageing_correlation * min(of_age_std / capacity_std, 1.0) if capacity_std else 0.0,
         )
 
