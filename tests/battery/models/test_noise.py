@@ -67,3 +67,7 @@ def test_what_was_learnt_is_doubted_again_with_age():
 def test_without_a_date_the_noise_is_that_of_the_file():
     assert BatteryNoise(capacity_std=0.07).on(TESTED_UNIX_S) == BatteryNoise(capacity_std=0.07)
     assert DATED.on(math.nan) == DATED
+
+
+def test_a_clock_that_nobody_has_set_is_no_date():
+    assert DATED.on(0.0) == DATED.on(math.inf) == DATED

@@ -115,11 +115,12 @@ class BatteryNoise:
     def on(self, unix_s: float) -> BatteryNoise:
         """The noise on a day: the capacity is known as on that of its last log, the more age lies between the less.
 
-        Without a date of either, it is the noise itself.
+        Without a date of either, or where the clock of the day has not been set, it is the noise itself.
         """
-        if not (self.capacity_known_unix_s and math.isfinite(unix_s)):
+        days = (unix_s - self.capacity_known_unix_s) / _DAY_S
+        if not (self.capacity_known_unix_s and -OLDEST_YEARS * AGED_AFTER_DAYS < days < math.inf):
             return self
-        years = min(abs(unix_s - self.capacity_known_unix_s) // _DAY_S / AGED_AFTER_DAYS, OLDEST_YEARS)
+        years = min(abs(days) // 1.0 / AGED_AFTER_DAYS, OLDEST_YEARS)
         age = min(years, math.sqrt(years))
         of_age_std = age * AGED_CAPACITY_STD
         most_capacity_std = max(1.0, age) * max(self.capacity_std, AGED_CAPACITY_STD)
