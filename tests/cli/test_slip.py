@@ -107,7 +107,7 @@ def test_a_fault_of_the_log_is_told_first(folder, as_json):
 def test_the_report(folder):
     assert main([*SLIP, *TRUTH, "--report", "slip.html"]) == 0
     page = (folder / "slip.html").read_text(encoding="utf-8")
-    for part in ("Slip, front left", "Friction over the believed", "Slip episodes", "Against the truth", "Grade"):
+    for part in ("Slip, front left", "Friction over the assumed", "Slip episodes", "Against the truth", "Grade"):
         assert part in page
 
 
@@ -115,7 +115,7 @@ def test_a_report_without_motor_currents(folder):
     write_drive(folder / "drive.csv", **{f"{wheel}_motor_current_A": None for wheel in WHEELS})
     assert main([*SLIP, "--report", "slip.html"]) == 0
     page = (folder / "slip.html").read_text(encoding="utf-8")
-    assert "Friction over the believed" not in page and "no motor currents" in page
+    assert "Friction over the assumed" not in page and "no motor currents" in page
 
 
 def test_the_estimates_are_a_drive_again(folder):
@@ -161,6 +161,6 @@ def test_not_a_table_at_all(folder, refused):
 
 def test_a_friction_that_the_drive_does_not_tell_has_no_number():
     """83 % known within a factor of four says nothing, whatever its 83."""
-    assert _friction(0.83, 0.7) == "not told by this drive (within a factor of 3.9): no wheel pushed hard enough"
+    assert _friction(0.83, 0.7) == "not known from this drive (within a factor of 3.9): no wheel pushed hard enough"
     assert _friction(0.83, 0.1) == "83.0 % (68.2 % to 101.0 %) of the ground's"
     assert _friction(None, math.nan) == ""

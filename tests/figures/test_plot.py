@@ -46,7 +46,7 @@ def test_of_slip():
     observer = SpeedObserver(scene(RLMA, hard_terrain("gravel")), States(radius=False, rolling=False), method="ekf")
     run = SlipEstimator(observer, "python").run(DriveLog("x", TIME_S, wheels, np.full((T, 2), 0.2)))
     plot = run.plot()
-    assert titles(plot) == ["Speed", "Slip, wheel 0", "Slip, wheel 1", "Friction over the believed", "Grade"]
+    assert titles(plot) == ["Speed", "Slip, wheel 0", "Slip, wheel 1", "Friction over the assumed", "Grade"]
     assert plot.figures[0].series[0].y == pytest.approx(run.speed_m_s)
 
 

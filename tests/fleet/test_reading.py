@@ -52,7 +52,7 @@ def test_a_log_that_tells_nothing_has_the_sign_of_its_battery(tmp_path, sign):
         read_one_of(path, ReadOptions())
     log = read_one_of(path, ReadOptions(), battery=BATTERY)
     np.testing.assert_array_equal(log.current_A, ramp().current_A)
-    assert [str(note) for note in log.notes if "by the battery file" in note.text]
+    assert [str(note) for note in log.notes if "according to the battery file" in note.text]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -26,7 +26,7 @@ def test_a_plain_log(write_text, pulses):
     for values, expected in zip((log.time_s, log.current_A, log.voltage_V), pulses, strict=True):
         np.testing.assert_array_equal(values, expected)
     assert log.temperature_degC is None
-    assert "positive current charges the battery, told from the data" in texts(log)
+    assert "positive current charges the battery, as the data show" in texts(log)
 
 
 def test_a_file_in_which_positive_discharges_is_turned_around(write_text, pulses):
@@ -36,7 +36,7 @@ def test_a_file_in_which_positive_discharges_is_turned_around(write_text, pulses
     np.testing.assert_allclose(log.time_s, time_s, rtol=1e-12)
     np.testing.assert_allclose(log.current_A, current_A, rtol=1e-12)
     np.testing.assert_allclose(log.voltage_V, voltage_V, rtol=1e-12)
-    assert "positive current discharges the battery, told from the data" in texts(log)
+    assert "positive current discharges the battery, as the data show" in texts(log)
 
 
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -91,7 +91,7 @@ def test_what_never_came_is_named(battery):
 
     found = findings(cut, battery, promised={"robot": (WHEELS[0],), "other": ()})
     assert "never came from robot" in found[WHEELS[0]] or "wheel is driven" in found[WHEELS[0]]
-    assert "cannot be counted" in found["battery_current_A"]
+    assert "the charge needs it" in found["battery_current_A"]
     assert "sent nothing" in found["other"]
 
 

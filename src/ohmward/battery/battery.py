@@ -48,7 +48,7 @@ class Knowledge:
         if len(self.covariance) != size * (size + 1) // 2:
             raise InputError(
                 f"knowledge.covariance must be the lower triangle of {size} by {size} parameters, "
-                f"{size * (size + 1) // 2} numbers, got {len(self.covariance)}; remove [knowledge] to begin anew"
+                f"{size * (size + 1) // 2} numbers, got {len(self.covariance)}; remove [knowledge] to start again"
             )
         require_finite("knowledge.covariance", self.covariance)
         require_between("knowledge.seen_from_soc", self.seen_from_soc, 0.0, 1.0)

@@ -75,7 +75,7 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
         "--terrain",
         default=DEFAULT_TERRAIN,
         metavar="NAME",
-        help="ground that is believed at first, 'gravel' or 'soft soil' for example (default: %(default)s)",
+        help="ground that is assumed at first, 'gravel' or 'soft soil' for example (default: %(default)s)",
     )
 
 
@@ -91,7 +91,7 @@ def add_soc_options(parser: argparse.ArgumentParser) -> None:
         "--rest-current",
         type=rest_current,
         metavar="A",
-        help="true current of a rest: 0 in a laboratory, minus the idle draw on a robot, 'unknown' teaches the filter "
+        help="true current of a rest: 0 in a laboratory, minus the idle draw on a robot, 'unknown' tells the filter "
         "nothing; default: the battery file's",
     )
     group.add_argument(

@@ -276,7 +276,7 @@ def _run_compiler(command: list[str]) -> str:
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode:
         lines = "\n".join(result.stderr.splitlines()[:10])
-        raise OhmwardError(f"the C compiler refuses the library; export it anew\n{' '.join(command)}\n{lines}")
+        raise OhmwardError(f"the C compiler refuses the library; export it again\n{' '.join(command)}\n{lines}")
     return result.stdout
 
 

@@ -72,7 +72,7 @@ def observe_motion(
 ) -> BodyMotion:
     """Speed and grade at the times of a log, by an observer of wheels, motors and whatever else the drive has.
 
-    terrain: ground that is believed at first.
+    terrain: ground that is assumed at first.
     """
     drive = with_signed_speed(robot, drive)
     chosen = make_observer(robot, drive, terrain)

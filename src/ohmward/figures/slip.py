@@ -107,7 +107,7 @@ def friction_figure(run: SlipRun) -> Figure:
     share, std = 100 * run.friction_ratio[:, 0], run.friction_std[:, 0]
     band = Band(run.time_s, share * np.exp(-BAND_95 * std), share * np.exp(BAND_95 * std), "95 % band")
     series = [Series(run.time_s, share, "estimate", role="estimate")]
-    return Figure("Friction over the believed", TIME, "Share [%]", series, [band], log_y=True, height_px=200)
+    return Figure("Friction over the assumed", TIME, "Share [%]", series, [band], log_y=True, height_px=200)
 
 
 def grade_figure(run: SlipRun) -> Figure:

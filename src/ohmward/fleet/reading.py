@@ -52,7 +52,7 @@ def read_one_of(
             sign, by = sign_by_model(log, battery), "the battery file: the other sign explains the voltage worse"
         if sign is None:
             raise
-        note = Note(f"positive current {sign}s the battery, told by {by}; its own data do not tell")
+        note = Note(f"positive current {sign}s the battery, according to {by}; its own data do not show it")
         notes = tuple(note for note in log.notes if not note.text.startswith("positive current "))
         return replace(log, current_A=log.current_A if sign == "charge" else 0.0 - log.current_A, notes=(*notes, note))
 

@@ -221,7 +221,7 @@ def _faults_of_drive(s: DriveSurvey) -> Iterator[Finding]:
         yield Finding(
             "warning",
             "neither motor currents nor a speed from outside",
-            "a wheel that slips cannot be told from one that rolls; log the motors' currents, or GNSS or visual speed",
+            "a wheel that slips looks like one that rolls; log the motors' currents, or GNSS or visual speed",
         )
     if "yaw_rate_rad_s" not in s.body:
         yield Finding("info", "no gyro", "the heading then follows from the wheels, and drifts; log the yaw rate")
@@ -277,7 +277,7 @@ def _faults_of_current(s: Survey) -> Iterator[Finding]:
     elif s.sign.edges == 0:
         yield Finding(
             "warning",
-            "the current has no edges: resistances cannot be told from the open-circuit voltage",
+            "the current has no edges: resistances cannot be separated from the open-circuit voltage",
             "record a log with steps of the current, for example a pulse test",
         )
 

@@ -174,7 +174,7 @@ def read_drive(
     rows = read_recording(file, found.columns, wanted, lambda table: _to_numbers(table, found.columns))
     order: tuple[Note, ...] = ()
     if found.by_number and not all(any(c.isdigit() for c in place) for place in wheels.places):
-        text = f"wheels told by their numbers, in the robot's order: {', '.join(wheels.places)}; check it"
+        text = f"wheels identified by their numbers, in the robot's order: {', '.join(wheels.places)}; check it"
         order = (Note(text, "warning"),)
     return _as_log(file, rows, found, wheels, mechanics, order).part(file.hints)
 

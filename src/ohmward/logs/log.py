@@ -372,7 +372,7 @@ def _temperature(
             *notes,
             Note(f"temperature of {given_degC:g} degC not used: the log has its own", "warning"),
         )
-    return np.full(samples, given_degC), (*notes, Note(f"temperature of {given_degC:g} degC throughout, as told"))
+    return np.full(samples, given_degC), (*notes, Note(f"temperature of {given_degC:g} degC throughout, as given"))
 
 
 def _further(measured: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[Note, ...]]:

@@ -45,7 +45,7 @@ def charging_current(
         raise UnknownSignError(f"{file.stem}: {directions}", evidence.likely, is_lost=True)
     elif evidence.verdict != "undecidable":
         sign = evidence.verdict
-        note = Note(f"positive current {sign}s the battery, told from the data: {evidence}")
+        note = Note(f"positive current {sign}s the battery, as the data show: {evidence}")
     elif bdf.has_columns(file.names):
         sign = "charge"
         note = Note("positive current charges the battery (by definition of BDF, whose column names these are)")

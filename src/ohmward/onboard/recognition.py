@@ -185,7 +185,7 @@ class _Finder:
                 self._unclear[kind.name] = error
                 continue
             if found.by_number:
-                self.notes.append(f"each {kind.name} told by its number alone, in the order {', '.join(places)}")
+                self.notes.append(f"each {kind.name} identified by its number alone, in the order {', '.join(places)}")
             for place, quantity in wheels.of(kind).items():
                 if column := found.columns.get(quantity):
                     self._add_wheel(kind, place if robot else str(places.index(place)), column, texts)

@@ -98,7 +98,7 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
     except InputError as error:
         return [f"the snapshot cannot be used: {error}"]
     if is_another(label, estimation.battery):
-        return ["the battery file is that of another battery than before: its charge begins anew"]
+        return ["the battery file is of another battery than before: its charge starts afresh"]
     moved_std = _moved_std(charge, estimation.battery.capacity_Ah, away_s)
     known = SocNormal(charge["soc"], math.hypot(charge["std"], moved_std))
     try:
@@ -106,7 +106,7 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
     except InputError:
         begin = min(max(known.soc, 0.0), 1.0), known.std
         estimation.soc = SocEstimator(estimation.battery, *begin, unix_s=estimation.unix_s)
-        return ["the battery file has changed since: the charge goes on, what the filter had learnt begins anew"]
+        return ["the battery file has changed since: the charge goes on, the rest of the filter starts afresh"]
     passed_s = away_s if away_s <= SHORT_ABSENCE_S else max(away_s, _GAP_S)
     if away_s > SHORT_ABSENCE_S and takes_given_soc(estimation.soc.settings):
         soc = estimation.soc
@@ -174,7 +174,7 @@ def _resume_cells(estimation: Estimation, content: Mapping[str, Any]) -> list[st
     try:
         estimation.cells = PackEstimator.restore(estimation.battery, content["cells"])
     except InputError as error:
-        return [f"the estimate of the cells begins anew: {error}"]
+        return [f"the estimate of the cells starts afresh: {error}"]
     return []
 
 

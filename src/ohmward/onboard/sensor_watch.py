@@ -249,7 +249,7 @@ class SensorWatch:
     def _conditions(self, name: str, delivery: Delivery, now_s: float) -> Iterator[Diagnostic]:
         """Conditions of a source: its clock, its delay, what it has promised and does not send."""
         if now_s - delivery.step_s < 60.0:
-            yield Diagnostic(f"clock of {name}", Level.WARN, "was set; its times are counted anew from there")
+            yield Diagnostic(f"clock of {name}", Level.WARN, "was set; its times count from there")
         elif delivery.step_s > -math.inf:
             yield Diagnostic(f"clock of {name}", Level.OK, "goes on")
         late = delivery.delay_s > LATE_S

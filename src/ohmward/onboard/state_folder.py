@@ -170,7 +170,7 @@ class StateFolder:
                 "leave state out, or name another folder"
             )
         self.before = {}
-        self.notes.append(f"{self.path} is the state of a replay or a simulation: the robot begins anew")
+        self.notes.append(f"{self.path} is the state of a replay or a simulation: the robot starts afresh")
 
     def _content(self, estimation: Estimation, now_s: float) -> dict[str, object]:
         clocks = {"boot": boot_id(), "monotonic_s": self.clock.now_s(), "unix_s": self.clock.unix_s()}

@@ -116,9 +116,9 @@ def _needed(
     wired = [*found, *(signal for signals in promised.values() for signal in signals)]
     cells = any(signal.startswith("cell_voltage_V.") for signal in wired)
     if battery and "battery_current_A" not in wired:
-        yield Diagnostic("battery_current_A", Level.ERROR, "no source sends it; the charge cannot be counted without")
+        yield Diagnostic("battery_current_A", Level.ERROR, "no source sends it; the charge needs it")
     if battery and "battery_voltage_V" not in wired and not cells:
-        yield Diagnostic("battery_voltage_V", Level.ERROR, "no source sends it; the charge cannot be told without")
+        yield Diagnostic("battery_voltage_V", Level.ERROR, "no source sends it; the charge needs it")
     if robot:
         places = [place.name for place in robot.places]
         measured = {
@@ -176,7 +176,7 @@ def _wheel_signs(found: Mapping[str, SignalRecord], robot: Robot) -> Iterator[Di
         return
     motion, together = motion_of(robot, speeds, yaw_rate), "signs of wheels and gyro"
     if motion.values.shape[1] < FEWEST:
-        yield Diagnostic(together, Level.WARN, "cannot be told at rest; drive a little, with a turn")
+        yield Diagnostic(together, Level.WARN, "cannot be checked at rest; drive a little, with a turn")
         return
     signs = [(names[k], finding) for k, finding in check_signs(robot, motion, "setup")]
     faults = signs or [(together, finding) for finding in check_units(robot, motion, "setup")]
@@ -215,6 +215,6 @@ def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str
         pitch = found.get("pitch_rad")
         pitch_rad = np.interp(current.time_s, pitch.time_s, pitch.values) if pitch else np.zeros_like(speed)
         if np.sum((np.abs(speed) > TURNING_RAD_S) & np.isfinite(current.values)) < FEWEST:
-            yield Diagnostic(signal, Level.WARN, "its sign cannot be told at rest; drive a little")
+            yield Diagnostic(signal, Level.WARN, "its sign cannot be checked at rest; drive a little")
         elif only_brakes(robot, current.time_s, speed, current.values, pitch_rad):
             yield Diagnostic(signal, Level.ERROR, brakes_all_the_way("it", "scale = -1"))

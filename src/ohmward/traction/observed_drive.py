@@ -282,7 +282,7 @@ def observe_drive(
 ) -> ObservedDrive:
     """Speed and slip by an observer of wheels, motors and whatever else the log has.
 
-    terrain: ground that is believed at first.
+    terrain: ground that is assumed at first.
     method: "ekf", "aekf", "ukf" or "aukf".
     progress: called now and then with (steps done, T).
 
@@ -376,7 +376,7 @@ def as_estimates(run: FloorRun, robot: Robot) -> SlipEstimate:
 
 def _floor_notes(robot: Robot, known: Floors, track: FloorRun, on: Sequence[str]) -> list[Note]:
     names = ", ".join(on or [floor.name for floor in known.floor]) or "none"
-    others = ", and no other: the robot is told so" if on else " or one that was never met"
+    others = ", and no other: the robot is given it" if on else " or one that was never met"
     notes = [Note(f"slip follows from motor currents on learnt floors ({names}){others}")]
     if known.robot != robot.name:
         notes.append(Note(f"the floors were learnt by {known.robot!r}, the robot is {robot.name!r}", "warning"))

@@ -105,7 +105,7 @@ def test_longer_rests_count_more():
 
 @pytest.mark.parametrize("soc", [[], [0.5], [0.5, 0.6]])
 def test_too_few_rests_are_refused(soc):
-    with pytest.raises(InputError, match="open-circuit voltage cannot be told"):
+    with pytest.raises(InputError, match="open-circuit voltage cannot be separated"):
         ocv_from_rests(points(soc), 3.0, 25.0)
 
 

@@ -71,7 +71,7 @@ def in_order_of_time(logs: Sequence[Log]) -> DatedLogs:
         return DatedLogs(ordered, np.array(begins), True)
     if dated:
         raise InputError(
-            f"{without[0]}: no wall clock in this log, but there is one in others, so their order cannot be told; give "
+            f"{without[0]}: no wall clock in this log, but there is one in others, so their order is not known; give "
             "it dates (a column of times of day or Unix time), or leave it out"
         )
     ends_s = np.cumsum([log.duration_s for log in logs])

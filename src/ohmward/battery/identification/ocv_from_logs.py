@@ -308,7 +308,7 @@ def ocv_from_rests(points: Sequence[RestPoint], empty_V: float, reference_degC: 
         span = np.ptp(soc) if soc.size else 0.0
         raise InputError(
             f"only {soc.size} rests of {SETTLED_REST_S:g} s or more, over {span:.0%} of SoC: the open-circuit "
-            "voltage cannot be told from the voltage under load; give it (--ocv, ocv=), add a log with a low-rate "
+            "voltage cannot be separated from the voltage under load; give it (--ocv, ocv=), add a log with a low-rate "
             "discharge and charge, or one with rests at several states of charge, or name the chemistry and the SoC at "
             "the start (--chemistry nmc --initial-soc 0.9)"
         )

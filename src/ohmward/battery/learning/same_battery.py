@@ -144,7 +144,7 @@ def _other_sensor(known: KnownBattery, found: LogUpdate, std_A: float) -> str:
     return (
         f"its current sensor shows {_band(found.offset_A)} A where none flows, that of the file "
         f"{_band(known.offset_A)} A (95 %); check the sensor; "
-        "with another one begin anew with `ohmward generic` and the present capacity"
+        "for another one start again with `ohmward generic` and the present capacity"
     )
 
 
@@ -164,7 +164,7 @@ def _contradiction(known: KnownBattery, found: LogUpdate, z: list[float], limit:
 def _refusal(difference: str) -> str:
     return (
         f"this is not the battery of the file: {difference} (95 %); keep a file for each battery. If "
-        "it is the same one nevertheless, begin anew with `ohmward generic` and its present capacity"
+        "it is the same one nevertheless, start again with `ohmward generic` and its present capacity"
     )
 
 

@@ -218,7 +218,7 @@ def make_page(files: BatteryFiles, f: Mapping[str, Any]) -> Page:
     if anchors:
         header = ["log", "time", "anchor", "state of charge"]
         page = page.heading("Anchors").table(
-            header, anchors, "What told the state of charge beside the voltage, once each"
+            header, anchors, "What showed the state of charge beside the voltage, once each"
         )
     return with_assumptions(page, f["notes"]) if f["notes"] else page
 

@@ -91,7 +91,7 @@ async def _run(process: Process, seconds: float | None) -> None:
 
 _TITLES = {
     Level.ERROR: "Wrong, with the fix",
-    Level.WARN: "Not told yet",
+    Level.WARN: "Not known yet",
     Level.OK: "In order",
 }
 

@@ -42,7 +42,7 @@ _KNOWN_WITHIN = 2.0
 
 
 class SlipTask(NamedTuple):
-    """One drive to observe: the robot and the ground that is believed at first, and the truth if there is one."""
+    """One drive to observe: the robot and the ground that is assumed at first, and the truth if there is one."""
 
     robot: Robot
     terrain: Terrain
@@ -153,7 +153,7 @@ def _friction(ratio: float | None, relative_std: float) -> str:
         return ""
     factor = math.exp(BAND_95 * relative_std)
     if factor > _KNOWN_WITHIN:
-        return f"not told by this drive (within a factor of {factor:.2g}): no wheel pushed hard enough"
+        return f"not known from this drive (within a factor of {factor:.2g}): no wheel pushed hard enough"
     return f"{percent(ratio, 1)} ({percent(ratio / factor, 1)} to {percent(ratio * factor, 1)}) of the ground's"
 
 

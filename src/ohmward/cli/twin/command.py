@@ -120,7 +120,7 @@ def start_arguments(twin: Twin, given: dict[str, float]) -> dict[str, float]:
     if missing := [word for word in twin.arguments if word not in known]:
         raise InputError(
             f"library {twin.name!r} needs {', '.join(missing)} to start, and its folder lacks test_{twin.name}.c, "
-            "which says what it was exported with; export it anew"
+            "which says what it was exported with; export it again"
         )
     return {word: known[word] for word in twin.arguments}
 

@@ -180,7 +180,7 @@ def _warn(error: OSError) -> None:
         place = "for this user"
     say_once(
         f"compiled programs cannot be kept {place} ({error.strerror}); name a folder of your own, that nobody else may "
-        "write to, in OHMWARD_CACHE; until then every start compiles anew"
+        "write to, in OHMWARD_CACHE; until then every start compiles again"
     )
 
 

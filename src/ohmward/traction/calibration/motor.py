@@ -125,9 +125,7 @@ def _losses(fit: Regression, robot: Robot, prior_std: np.ndarray) -> tuple[Param
         else "it is small, or the speeds are too much alike"
     )
     return (
-        _loss(
-            "motor.friction_Nm", FRICTION, fit, motor.friction_Nm, "it is not told from the floor's rolling resistance"
-        ),
+        _loss("motor.friction_Nm", FRICTION, fit, motor.friction_Nm, "the rolling resistance of the floor hides it"),
         _loss("motor.damping_Nms_per_rad", DAMPING, fit, motor.damping_Nms_per_rad, alike),
     )
 

@@ -47,7 +47,7 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
         robot: a robot, the path of its file, or the name of a packaged one: "rlma", "robotino", "seeder". Or the
             settings of an observer; `make_observer` finds some for a robot and a log, whose noise it measures.
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
-        terrain: ground that is believed at first, by name; its friction is estimated.
+        terrain: ground that is assumed at first, by name; its friction is estimated.
         filter: "ekf", "aekf", "ukf" or "aukf".
     """
 

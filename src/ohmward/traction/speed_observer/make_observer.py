@@ -220,7 +220,7 @@ class Chosen(NamedTuple):
 def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "ukf") -> Chosen:
     """The observer for this robot on this ground with the sensors of the log.
 
-    terrain: ground that is believed at first.
+    terrain: ground that is assumed at first.
     name: "ekf", "aekf", "ukf" or "aukf".
 
     Raises:
@@ -354,7 +354,7 @@ def notes_of(observer: SpeedObserver, log: DriveLog, robot: Robot, disturbance_g
     if disturbance_g > LARGE_DISTURBANCE_G:
         notes.append(Note(LARGE_DISTURBANCE.format(disturbance_g), "warning"))
     estimated = "; its friction and stiffness are estimated" if observer.states.stiffness else ""
-    notes.append(Note(f"ground believed to be {observer.scene.terrains[0].name}{estimated}"))
+    notes.append(Note(f"ground assumed to be {observer.scene.terrains[0].name}{estimated}"))
     if robot.chassis.scrubs:
         notes.append(Note(SCRUBBING))
     return (*notes, *sensor_notes(observer.noise, log))
