@@ -6,6 +6,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.logs.clock import read_clock
 from ohmward.logs.columns import Column
+from ohmward.logs.dates import format_of
 from ohmward.logs.table import Table
 from ohmward.logs.units import UNITS
 
@@ -130,3 +131,38 @@ def test_a_clock_that_was_set_after_the_start_is_joined(epoch, unit):
 @pytest.mark.parametrize("seconds", [[START - 1e8, START - 1e8 + 5.0, START, START + 5.0], [0.0, 5.0, 4e7, 4e7 + 5.0]])
 def test_a_pause_of_years_is_no_clock_that_was_set(seconds):
     assert np.diff(clock(np.array(seconds)).time_s).max() > 3e7
+
+
+def test_minutes_and_seconds_are_told_from_hours_and_minutes_by_what_no_day_has():
+    np.testing.assert_array_equal(clock(text("00:00", "00:30", "25:00")).time_s, [0.0, 30.0, 1500.0])
+    np.testing.assert_array_equal(clock(text("14:03", "14:04", "14:06")).time_s, 60.0 * np.array([843, 844, 846]))
+    with pytest.raises(InputError, match=r"minutes and seconds\? say --time-format '%H:%M' or --time-format '%M:%S'"):
+        clock(text("00:00", "00:01", "00:02"))
+
+
+def test_days_alone_are_no_time_of_several_rows():
+    with pytest.raises(InputError, match="'Date' names the day alone"):
+        clock(text("2026-05-21", "2026-05-21"), name="Date")
+    with pytest.raises(InputError, match="'Date' names the day alone"):
+        clock(np.array(["2026-05-21", "2026-05-21"], "M8[D]"), name="Date")
+    np.testing.assert_array_equal(clock(text("2026-05-21", "2026-05-22"), name="Date").time_s, [0.0, 86400.0])
+
+
+@pytest.mark.parametrize(
+    ("cell", "written"),
+    [
+        ("10.03.2026 08:00:00", "%d.%m.%Y %H:%M:%S"),
+        ("3/4/26 8:05", "%d/%m/%y %H:%M"),
+        ("2026-03-10 08:00:00.25", "%Y-%m-%d %H:%M:%S.%f"),
+        ("noon", "%d.%m.%Y %H:%M:%S"),
+    ],
+)
+def test_advice_on_a_date_is_in_its_own_notation(cell, written):
+    assert format_of(cell) == written
+
+
+def test_a_date_that_may_be_read_in_two_ways_comes_with_a_format_that_works():
+    (note,) = clock(text("10.03.2026 08:00:00", "10.03.2026 08:00:01")).notes
+    assert "--time-format '%d.%m.%Y %H:%M:%S'" in str(note)
+    with pytest.raises(InputError, match="leave out the name of the zone and give it with --timezone"):
+        clock(text("2026-03-10 08:00:00 CET"))

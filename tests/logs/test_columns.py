@@ -86,7 +86,7 @@ def test_overrides_win():
     [
         ("time I_1 current voltage", {"columns": {"current": "I_2"}}, r"no column 'I_2' .*did you mean 'I_1'\?"),
         ("time left_current right_current voltage", {}, r"both 'left_current' and 'right_current'.*--column current="),
-        ("time a_current voltage b_current", {}, r"columns=\{'current': 'a_current'\}"),
+        ("time a_current voltage b_current", {}, r"columns=\{'current': 'NAME'\}"),
         ("time voltage power", {}, r"no column for the current found; it has: 'time', 'voltage', 'power'"),
         ("time curLeft voltage", {}, r"choose with --column current=curLeft"),
         (
@@ -94,7 +94,12 @@ def test_overrides_win():
             {},
             "time found; no column for the current found; no column for the voltage found.*time=NAME --column cur",
         ),
-        ("time I_1 I_2 spannugn", {}, "both 'I_1' and 'I_2' .*current=I_1 --column voltage=spannugn"),
+        ("time I_1 I_2 spannugn", {}, "both 'I_1' and 'I_2' .*current=NAME --column voltage=spannugn"),
+        (
+            "time Charge_(Ah) voltage",
+            {"columns": {"current": "Charge_(Ah)"}},
+            "is in Ah, which is no unit",
+        ),
         ("time current voltage", {"units": {"current": "mV"}}, r"unit 'mV' of the current is not known; use .*mA"),
         ("time current voltage", {"units": {"soc": "%"}}, r"unknown quantity 'soc'"),
         ("time current voltage", {"columns": {"amps": "current"}}, r"unknown quantity 'amps'; ohmward knows time, cur"),
@@ -189,3 +194,7 @@ def test_a_choice_of_last_resort_stands_back(better, worse):
     names = ["time", "voltage", "current"]
     names = [name for name in names if name != quantity]
     assert find_columns("log.csv", [*names, worse, better])[quantity].name == better
+
+
+def test_how_a_time_is_written_is_no_part_of_its_name():
+    assert found(["Record", "Test Time(h:min:s)", "I(A)", "U(V)"])["time"] == ("Test Time(h:min:s)", None)

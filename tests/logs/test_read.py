@@ -395,3 +395,12 @@ def test_another_time_than_that_of_the_step_is_taken(write_text, name):
 def test_the_time_that_is_named_is_taken(write_text):
     path = write_text(cycler_text({"Test Time": list(range(900))}))
     assert read_log(path, columns={"time": "Time"}).duration_s == 4495.0
+
+
+@pytest.mark.parametrize("names", ["Date,Heure", "Fecha,Hora", "Data,Ora", "Datum,Tijd", "日付,時刻", "Date,UTC"])
+def test_the_time_of_day_stands_beside_the_date_in_any_language(write_text, names):
+    times = [f"2026-05-21,14:{k // 60:02d}:{k % 60:02d}" for k in range(600)]
+    rows = "".join(f"{time},{-5 * (k // 30 % 2)},{12.8 - 0.05 * (k // 30 % 2)}\n" for k, time in enumerate(times))
+    log = read_log(write_text(f"{names},Courant (A),Tension (V)\n{rows}"))
+    np.testing.assert_array_equal(log.time_s, np.arange(600.0))
+    assert log.begin_unix_s == 1_779_372_000.0

@@ -202,3 +202,13 @@ def test_a_charger_that_tapers_off_does_not_tell_the_wrong_sign(sign, creeps_V):
     current_A, voltage_V = sign * 4.0 * fading, np.round(4.2 - creeps_V * fading, 4)
     assert change_test(current_A, voltage_V) == 0
     assert sign_evidence(10.0 * np.arange(700), current_A, voltage_V).verdict == "undecidable"
+
+
+@pytest.mark.parametrize("late", [0, 1, 2, 3])
+def test_a_voltage_that_is_some_samples_late_never_tells_the_wrong_sign(late):
+    rng = np.random.default_rng(1)
+    levels = rng.choice([-2.0, -30.0, -70.0, -100.0, 30.0], 900, p=[0.3, 0.25, 0.2, 0.15, 0.1])
+    current_A = np.repeat(levels, 1 + rng.geometric(0.5, levels.size) % 4)
+    voltage_V = np.round(13.2 + 1e-3 * np.concatenate([np.full(late, current_A[0]), current_A])[: current_A.size], 2)
+    edges = edge_test(current_A, voltage_V)
+    assert edges.sign == (1 if late == 0 else 0)

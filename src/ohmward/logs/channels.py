@@ -116,6 +116,7 @@ TIME = Channel(
              "ts", "realtime", "run time", "prog time", "program time", "date and time", "last changed", "last updated",
              "test", "x value", "cumulative time", "absolute time", "record time", "system time",
              "zeit", "datum", "temps", "tiempo", "tempo", "czas", "время", "时间", "時間", "시간",
+             "uhrzeit", "zeitpunkt", "heure", "fecha", "hora", "ora", "godzina", "tijd", "時刻",
              "dpt time"),
     _BESIDE_BATTERY, letters, required=True,
 )  # fmt: skip

@@ -16,6 +16,7 @@ from ohmward.logs.dates import (
     EXCEL_DAYS,
     Dates,
     duration_s,
+    format_of,
     from_compact,
     from_excel,
     has_date,
@@ -36,6 +37,9 @@ _UNIX_S = (946_684_800.0, 4_102_444_800.0)
 _COMPACT = (2.0e13, 2.1e13)
 #: A time of day that falls by more than this has gone over midnight.
 _OVER_MIDNIGHT_S = 0.9 * DAY_S
+#: 14:03 and 00:14, of hours and minutes or of minutes and seconds.
+_TWO_NUMBERS = re.compile(r"^\s*\d+:\d\d(?:[.,]\d+)?\s*$")
+_HOURS_OF_DAY = 24
 #: A clock that jumps by this was set.
 _SET_FROM_S = 365.0 * DAY_S
 #: Serial dates a hundred seconds apart at most; as seconds they would be a hundred thousandth of that.
@@ -64,16 +68,18 @@ def date_column(file: TableFile, name: str) -> str | None:
     cells = [cell for cell in file.head.get(name, ()) if cell.strip()]
     if not cells or has_date(cells[0]) == has_time_of_day(cells[0]):
         return None
-    wanted = has_time_of_day if has_date(cells[0]) else has_date
-    named = (n for n in file.head if n != name and _TIME_WORDS & set(letters(n)) and "step" not in letters(n))
-    for other in named:
-        first = next((cell for cell in file.head[other] if cell.strip()), "")
-        if wanted(first) and not (has_date(first) and has_time_of_day(first)):
-            return other
-    return None
+    is_day = has_date(cells[0])
+    others = [n for n in file.head if n != name and "step" not in letters(n) and _are_parts(file.head[n], not is_day)]
+    return next((n for n in others if _TIME_WORDS & set(letters(n))), next(iter(others), None))
 
 
-_TIME_WORDS = frozenset(word for words in TIME.words for word in words) | {"uhrzeit", "hour", "day", "clock"}
+_TIME_WORDS = frozenset(word for words in TIME.words for word in words) | {"hour", "day", "clock"}
+
+
+def _are_parts(cells: Sequence[str], of_days: bool) -> bool:
+    """True where all cells are days without a time (of_days), or times of day without a day."""
+    filled = [cell for cell in cells if cell.strip()]
+    return bool(filled) and all(has_date(c) == of_days and has_time_of_day(c) != of_days for c in filled)
 
 
 def read_clock(table: Table, column: Column, hints: FileHints | None = None, date: str | None = None) -> Clock:
@@ -133,7 +139,10 @@ def _read_clock(table: Table, column: Column, hints: FileHints, date: str | None
     if (nanoseconds := nanosecond_column(tuple(table.columns), column.name)) is not None:
         values = _with_nanoseconds(numbers(table, column.name), numbers(table, nanoseconds))
     if values.dtype.kind in "mM":
-        return clock_of_dates(values)
+        clock = clock_of_dates(values)
+        if np.datetime_data(values.dtype)[0] == "D":
+            _require_one_row_a_day(table, column, clock.time_s)
+        return clock
     if values.dtype == object:
         return _from_text(table, column, values, hints)
     return _from_numbers(table, column, values, hints)
@@ -222,12 +231,41 @@ def _from_text(table: Table, column: Column, values: np.ndarray, hints: FileHint
     first = next((cell for cell in values if cell.strip()), "")
     if hints.time_format is None and can_read(number, first):
         return _from_numbers(table, column, numbers(table, column.name), hints)
+    if hints.time_format is None and _TWO_NUMBERS.match(first):
+        return _of_two_numbers(table, column, values, hints)
     if hints.time_format is None and can_read(duration_s, first):
         return _over_midnight(table, column, _each(table, column, values, duration_s, first))
     if hints.time_format is None and has_time_of_day(first) and not has_date(first):
-        days = [f"1970-01-01 {cell}" if cell.strip() else "" for cell in values]
-        return _over_midnight(table, column, _dates(table, column, days, first, hints).seconds)
+        return _times_of_day(table, column, values, first, hints)
     return _from_dates(table, column, _dates(table, column, values, first, hints), hints, "dates", first)
+
+
+def _times_of_day(table: Table, column: Column, values: np.ndarray, first: str, hints: FileHints) -> Clock:
+    days = [f"1970-01-01 {cell}" if cell.strip() else "" for cell in values]
+    return _over_midnight(table, column, _dates(table, column, days, first, hints).seconds)
+
+
+def _of_two_numbers(table: Table, column: Column, values: np.ndarray, hints: FileHints) -> Clock:
+    """Seconds of hours and minutes, or of minutes and seconds where the first number goes beyond a day's hours.
+
+    Raises:
+        InputError: it does not, and a log from 0:00 on in steps of one may be either.
+    """
+    first = next(cell for cell in values if cell.strip())
+    if any(_TWO_NUMBERS.match(cell) is None for cell in values if cell.strip()):
+        return _times_of_day(table, column, values, first, hints)
+    pairs = np.array([cell.replace(",", ".").split(":") if cell.strip() else ("nan", "nan") for cell in values], float)
+    if np.nanmax(pairs[:, 0]) >= _HOURS_OF_DAY:
+        note = Note(f"column {column.name!r} read as minutes and seconds")
+        return Clock(pairs @ (60.0, 1.0), None, (note,))
+    steps = np.diff(pairs @ (60.0, 1.0))
+    if not pairs[0].any() and steps.size > 1 and np.all(steps == 1.0):
+        raise InputError(
+            f"{table.source}: column {column.name!r} runs from {first} to {values[-1]} in steps of one: hours and "
+            "minutes, or minutes and seconds? say --time-format '%H:%M' or --time-format '%M:%S' "
+            "(FileHints(time_format=...))"
+        )
+    return _times_of_day(table, column, values, first, hints)
 
 
 def _dates(table: Table, column: Column, cells: Any, first: str, hints: FileHints) -> Dates:
@@ -259,9 +297,22 @@ def _over_midnight(table: Table, column: Column, seconds: np.ndarray) -> Clock:
     return Clock(seconds + DAY_S * days, None, (note,))
 
 
+def _require_one_row_a_day(table: Table, column: Column, seconds: np.ndarray) -> None:
+    """Raise InputError where days without a time (T,) [s] have several rows."""
+    known = seconds[np.isfinite(seconds)]
+    if np.unique(known).size < known.size:
+        raise InputError(
+            f"{table.source}: column {column.name!r} names the day alone, and {table.place}s share one; name the "
+            "column of the time of day with --column time=NAME (columns={'time': NAME}), or give the interval between "
+            "rows with --sample-time 1 (FileHints(sample_time_s=1))"
+        )
+
+
 def _from_dates(table: Table, column: Column, dates: Dates, hints: FileHints, what: str, first: object = None) -> Clock:
     """Seconds since the first of dates, which are UTC, of the zone that was told, or taken as UTC."""
     seconds = dates.seconds
+    if isinstance(first, str) and not has_time_of_day(first):
+        _require_one_row_a_day(table, column, seconds)
     zone, time_zone = "", "UTC"
     if not dates.is_utc and hints.timezone:
         seconds = to_utc(seconds, hints.timezone)
@@ -277,7 +328,7 @@ def _from_dates(table: Table, column: Column, dates: Dates, hints: FileHints, wh
         return Clock(seconds - start, start, (note,), time_zone=time_zone)
     unsure = Note(
         f"column {column.name!r}: {excerpt} may name the day or the month first, so the date is left out; say it with "
-        "--time-format '%d/%m/%Y %H:%M:%S' (FileHints(time_format=...))",
+        f"--time-format '{format_of(excerpt)}' (FileHints(time_format=...))",
         "warning",
     )
     return Clock(seconds - start, None, (unsure,))

@@ -20,7 +20,7 @@ from ohmward.logs.channels import (
     letters,
     word_set,
 )
-from ohmward.logs.units import Unit, split_unit, unit_in_name, unit_of
+from ohmward.logs.units import Unit, split_unit, unit_in_brackets, unit_in_name, unit_of, without_notation
 
 # Words that make a column something else than a measurement of the battery.
 _OTHER_WORDS = word_set(
@@ -28,7 +28,7 @@ _OTHER_WORDS = word_set(
     "model step open circuit ocv delta offset bias nanosec nsecs nsec"
 )
 # Words of clocks that may be set while a log runs.
-_WALL_CLOCK = ("stamp", "date", "unix", "epoch", "dpt", "realtime", "datum", "changed")
+_WALL_CLOCK = ("stamp", "date", "unix", "epoch", "dpt", "realtime", "datum", "fecha", "changed")
 # Words of the time since the start of a test, beside which `Time` is that of a step.
 _WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute")
 _IN, _OUT = word_set("in input"), word_set("out output")
@@ -36,7 +36,7 @@ _IN, _OUT = word_set("in input"), word_set("out output")
 _SHORTEST_MISSPELLED, _ALIKE = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
 _BESIDE = (0, 1, 2, 4)
-_BARE_LETTER, _WALL_CLOCK_TIME, _OF_AUXILIARY, _LAST_WORD, _NEVER = 2, 3, 3, 5, 99
+_BARE_LETTER, _WALL_CLOCK_TIME, _OF_AUXILIARY, _NOTATED, _LAST_WORD, _NEVER = 2, 3, 3, 4, 5, 99
 #: The temperature, beside a column of the time.
 _TEMPERATURE = "T"
 #: The battery beside that of a vehicle's drive.
@@ -116,7 +116,7 @@ def find_columns(
         faults = {quantity: fault for error in unclear for quantity, fault in error.faults.items()}
         choice = {quantity: name for error in unclear for quantity, name in error.choice.items()}
         free = [name for name in names if name not in {column.name for column in chosen.values()}]
-        choice |= {q: _nearest(free, channel_of(q)) for q, name in choice.items() if name not in free}
+        choice |= {q: _nearest(free, channel_of(q)) for q, name in choice.items() if name and name not in free}
         if "time" in choice and choice["time"] is None:
             choice["time"] = next((name for name in free if _counts_up((head or {}).get(name, ()))), None)
         raise UnclearColumnsError(source, names, faults, choice)
@@ -169,7 +169,7 @@ def find_column(
     quantity = channel.name
     free = [name for name in names if name not in {*columns.values(), *leave}]
     if quantity in columns:
-        column = named_column(source, names, quantity, columns[quantity])
+        column = named_column(source, names, quantity, columns[quantity], quantity in units)
     elif fitting := _best(source, free, channel):
         column = fitting
     elif channel.required:
@@ -180,11 +180,11 @@ def find_column(
     return column._replace(unit=given_unit(quantity, units[quantity])) if quantity in units else column
 
 
-def named_column(source: str, names: Sequence[str], quantity: str, wanted: str) -> Column:
+def named_column(source: str, names: Sequence[str], quantity: str, wanted: str, unit_is_given: bool = False) -> Column:
     """The column that the caller named, upper or lower case.
 
     Raises:
-        InputError: there is none.
+        InputError: there is none, or it names the unit of another quantity and no other unit is given.
     """
     exact = [name for name in names if name == wanted] or [n for n in names if n.lower() == str(wanted).lower()]
     exact = exact or [name for name in names if name.startswith(f"{wanted} [")]  # the unit stood in a row or in cells
@@ -193,7 +193,15 @@ def named_column(source: str, names: Sequence[str], quantity: str, wanted: str) 
             f"{source}: there is no column {wanted!r} for the {quantity}{guess(str(wanted), names)}; "
             f"it has: {listed(names)}"
         )
-    return Column(exact[0], unit_in_name(exact[0], channel_of(quantity).dimensions))
+    dimensions = channel_of(quantity).dimensions
+    unit = unit_in_name(exact[0], dimensions)
+    stated = unit or unit_in_brackets(exact[0])
+    if stated and stated.dimension not in dimensions and not unit_is_given:
+        raise InputError(
+            f"{source}: column {exact[0]!r} is in {stated.symbol}, which is no unit of the {quantity}; choose another "
+            f"column, or give its unit with --unit {quantity}={channel_of(quantity).example.split()[0]}"
+        )
+    return Column(exact[0], unit)
 
 
 def given_unit(quantity: str, spelling: str) -> Unit:
@@ -218,16 +226,20 @@ def only_one(source: str, names: Sequence[str], quantity: str, fits: Sequence[Co
     first = fits[0].name
     if others := [column.name for column in fits if column.name != first]:
         fault = f"both {first!r} and {others[0]!r} may be the {quantity}"
-        if quantity == CURRENT.name:
-            fault += " (if one charges and the other discharges, call them charge_current and discharge_current)"
-        raise UnclearColumnsError(source, names, {quantity: fault}, {quantity: first})
+        if quantity != CURRENT.name:
+            raise UnclearColumnsError(source, names, {quantity: fault}, {quantity: first})
+        fault += (
+            " (if one charges and the other discharges, call them charge_current and discharge_current; those of "
+            "parallel strings add up: write their sum)"
+        )
+        raise UnclearColumnsError(source, names, {quantity: fault}, {quantity: None})
     return fits[0]
 
 
 def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
     ranked = [(rank, column) for name in names for rank, column in _ranks(channel, name)]
     best = min((rank for rank, _ in ranked), default=_NEVER)
-    if best == _NEVER:
+    if best >= _NEVER:
         return None
     fits = [column for rank, column in ranked if rank == best]
     if channel is TIME:
@@ -249,6 +261,8 @@ def _ranks(channel: Channel, name: str) -> Iterator[tuple[int, Column]]:
     for stem, unit in split_unit(name):
         if unit is None or unit.dimension in channel.dimensions:
             yield _rank(channel, stem, unit), Column(name, unit)
+    if channel is TIME and (bare := without_notation(name)) != name:
+        yield _rank(channel, bare, None) + _NOTATED, Column(name, None)
 
 
 def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:

@@ -219,11 +219,35 @@ def _month(name: str) -> int:
 
 def unreadable(source: str, place: str, column: str, cell: str, first: str) -> InputError:
     """The error for a cell that is no time."""
+    like = "" if cell == first else f" like {first!r}"
+    how = f"or say how it is written with --time-format '{format_of(first)}' (FileHints(time_format=...))"
+    if _ZONE_NAME.search(cell):
+        how = "or leave out the name of the zone and give it with --timezone Europe/Berlin (FileHints(timezone=...))"
     return InputError(
-        f"{source}, {place}, column {column!r}: {cell!r} is not a time like {first!r}; write seconds or ISO 8601 "
-        "(2026-01-31T12:00:00.5Z), or say how it is written with --time-format '%d.%m.%Y %H:%M:%S' "
-        "(FileHints(time_format=...))"
+        f"{source}, {place}, column {column!r}: {cell!r} is not a time{like}; write seconds or ISO 8601 "
+        f"(2026-01-31T12:00:00.5Z), {how}"
     )
+
+
+def format_of(cell: str) -> str:
+    """How a date is probably written, in the notation of `strptime`, the day before the month where it may be."""
+    text = _ZONE_NAME.sub("", cell.strip())
+    for pattern, directives in _DIRECTIVES:
+        text = pattern.sub(directives, text, count=1)
+    return text if "%d" in text and not any(c.isdigit() for c in text) else "%d.%m.%Y %H:%M:%S"
+
+
+#: A time zone's name behind a time, as CET.
+_ZONE_NAME = re.compile(r"(?<=\d)\s+[A-Z]{3,5}$")
+#: Parts of a date and of a time, and how `strptime` calls them.
+_DIRECTIVES = (
+    (re.compile(r"\d{4}([-./])\d{1,2}\1\d{1,2}"), r"%Y\1%m\1%d"),
+    (re.compile(r"\d{1,2}([-./])\d{1,2}\1\d{4}"), r"%d\1%m\1%Y"),
+    (re.compile(r"\d{1,2}([-./])\d{1,2}\1\d{2}\b"), r"%d\1%m\1%y"),
+    (re.compile(r"\d{1,2}:\d\d:\d\d"), "%H:%M:%S"),
+    (re.compile(r"\d{1,2}:\d\d"), "%H:%M"),
+    (re.compile(r"(?<=%S)\.\d+"), ".%f"),
+)
 
 
 def text_of(seconds: float) -> str:

@@ -18,7 +18,7 @@ from ohmward.runs import runs
 from ohmward.signals.checks import Finding, Severity, beyond_limits, in_order, no_numbers, too_seldom
 from ohmward.signals.current_sign import SignEvidence, check_current_sign, sign_evidence
 from ohmward.signals.current_size import check_hidden_charge
-from ohmward.signals.survey import Sampling, Signal, sampling_of, signal_of
+from ohmward.signals.survey import Sampling, Signal, find_gaps, sampling_of, signal_of
 
 # A rest: less than this fraction of the largest current, for at least this time.
 _REST_FRACTION = 0.05
@@ -151,13 +151,22 @@ def _resting(log: Log) -> np.ndarray:
 
 
 def _charge_Ah(log: Log, sign: float) -> float:
-    """Charge [Ah] that went in (sign 1) or out (sign -1), trapezoids over the samples that have a current."""
+    """Charge [Ah] that went in (sign 1) or out (sign -1), trapezoids over the samples that have a current.
+
+    Gaps are left out: nobody knows the current there.
+    """
     known = np.isfinite(log.current_A)
     if known.sum() < 2:
         return 0.0
     one_way = np.maximum(sign * log.current_A[known], 0.0)
-    return float(0.5 * (one_way[1:] + one_way[:-1]) @ np.diff(log.time_s[known])) / SECONDS_PER_HOUR
+    time_s = log.time_s[known]
+    step_s = np.diff(time_s)
+    step_s[find_gaps(time_s)] = 0.0
+    return float(0.5 * (one_way[1:] + one_way[:-1]) @ step_s) / SECONDS_PER_HOUR
 
+
+#: A battery is seldom warmer than this throughout a log [degC].
+_WARM_DEGC = 45.0
 
 S = TypeVar("S", Survey, DriveSurvey)
 
@@ -236,6 +245,12 @@ def _faults_of_battery(s: Survey, evidence: SignEvidence) -> Iterator[Finding]:
         quantity = next(q for q in QUANTITIES.values() if q.owner == "battery" and q.channel == name)
         what = f"the {name} "
         yield from beyond_limits(quantity, signal.minimum, signal.maximum, quantity.limits, "log", what)
+        if signal is s.temperature and signal.minimum > _WARM_DEGC:
+            yield Finding(
+                "warning",
+                f"the temperature never falls below {signal.minimum:.4g} degC",
+                "seldom so in a battery; degrees Fahrenheit? use --unit temperature=degF",
+            )
         if quantity.required:
             yield from no_numbers(signal.missing, s.samples, f"{name}: ")
     yield from _faults_of_voltage(s.voltage)
@@ -308,5 +323,5 @@ def _gaps(sampling: Sampling) -> Iterator[Finding]:
         yield Finding(
             "warning" if sampling.longest_gap_s > 60.0 else "info",
             f"{counted(sampling.gaps, 'gap')} without samples, the longest {sampling.longest_gap_s:g} s",
-            "charge that flowed there is only guessed; estimates are less sure after a gap",
+            "charge that flowed there is not counted; estimates are less sure after a gap",
         )

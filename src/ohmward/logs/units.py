@@ -30,15 +30,21 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("mA", "current", 1e-3): ("ma", "ма", "mamp", "mamps", "milliamp", "milliamps", "milliampere", "milliamperes"),
     Unit("uA", "current", 1e-6): ("ua", "µa", "μa", "microamp", "microamps", "microampere"),
     Unit("cA", "current", 1e-2): ("ca",),
+    Unit("0.1 A", "current", 0.1): ("0.1a",),
     Unit("kA", "current", 1e3): ("ka", "kiloampere"),
     Unit("V", "voltage", 1.0): ("v", "volt", "volts", "в"),
     Unit("mV", "voltage", 1e-3): ("mv", "мв", "mvolt", "mvolts", "millivolt", "millivolts"),
     Unit("uV", "voltage", 1e-6): ("uv", "µv", "μv", "microvolt", "microvolts"),
     Unit("cV", "voltage", 1e-2): ("cv",),
+    Unit("0.1 V", "voltage", 0.1): ("0.1v",),
     Unit("kV", "voltage", 1e3): ("kv", "kilovolt"),
     Unit("W", "power", 1.0): ("w", "watt", "watts"),
     Unit("mW", "power", 1e-3): ("mw", "milliwatt", "milliwatts"),
     Unit("kW", "power", 1e3): ("kw", "kilowatt", "kilowatts"),
+    Unit("Ah", "charge", 3600.0): ("ah", "amp hours", "ampere hours"),
+    Unit("mAh", "charge", 3.6): ("mah",),
+    Unit("Wh", "energy", 3600.0): ("wh", "watt hours"),
+    Unit("kWh", "energy", 3.6e6): ("kwh",),
     Unit("s", "time", 1.0): ("s", "sec", "secs", "second", "seconds", "с", "сек"),
     Unit("ms", "time", 1e-3): ("ms", "мс", "msec", "msecs", "millis", "millisecond", "milliseconds"),
     Unit("us", "time", 1e-6): ("us", "µs", "μs", "usec", "usecs", "micros", "microsecond", "microseconds"),
@@ -122,6 +128,21 @@ def split_unit(name: str) -> Iterator[tuple[str, Unit | None]]:
     if (len(name) >= _SHORTEST_UNIT_AS_NAME or name in _UNITS_AS_NAMES) and (unit := unit_of(name)):
         yield unit.dimension, unit
     yield name, None
+
+
+def unit_in_brackets(name: str) -> Unit | None:
+    """The unit of any dimension that a column's name has in brackets, or None."""
+    found = _BRACKETS.match(name.strip())
+    return unit_of(found["unit"]) if found else None
+
+
+#: How a time is written, behind its name: `(h:min:s)`, `[hh:mm:ss.SSS]`.
+_NOTATION = re.compile(r"\s*[(\[]\s*h+:(?:m+|min):s+(?:\.[a-z0]+)?\s*[)\]]\s*$", re.IGNORECASE)
+
+
+def without_notation(name: str) -> str:
+    """The name of a time without how it is written: `Test Time(h:min:s)` is `Test Time`."""
+    return _NOTATION.sub("", name)
 
 
 def unit_in_name(name: str, dimensions: Collection[str]) -> Unit | None:

@@ -41,11 +41,15 @@ class Scale(NamedTuple):
 
 #: By the unit of the quantity; the first that fits is proposed.
 _SCALES = {
-    "V": (Scale(1e-3, "millivolts", "mV"), Scale(1e-2, "hundredths of a volt", "cV"), Scale(0.1, "tenths of a volt")),
+    "V": (
+        Scale(1e-3, "millivolts", "mV"),
+        Scale(1e-2, "hundredths of a volt", "cV"),
+        Scale(0.1, "tenths of a volt", "0.1V"),
+    ),
     "A": (
         Scale(1e-3, "milliamperes", "mA"),
         Scale(1e-2, "hundredths of an ampere", "cA"),
-        Scale(0.1, "tenths of an ampere"),
+        Scale(0.1, "tenths of an ampere", "0.1A"),
         Scale(1e-6, "microamperes", "uA"),
     ),
     "degC": (
@@ -60,6 +64,8 @@ _SCALES = {
     ),
 }
 
+#: 0 K, and a room: a temperature nearer to that is likelier [degC].
+_KELVIN_DEGC, _ROOM_DEGC = -273.15, 25.0
 #: What is lost where a quantity comes too seldom, by its owner.
 _TOO_SLOW = {
     "battery": "ohmic resistance and fast time constants blur into one; sample at 1 Hz or faster",
@@ -115,13 +121,18 @@ def _unit_advice(
     quantity: Quantity, lowest: float, highest: float, limits: ValueLimits, place: Place, radius_m: float | None
 ) -> str:
     low, high = limits
-    if quantity.unit == "degC" and low <= lowest - 273.15 and highest - 273.15 <= high:
-        return "kelvins? then offset = -273.15" if place == "setup" else f"kelvins? use --unit {quantity.channel}=K"
     fits = [
         scale
         for scale in scales_of(quantity, radius_m)
         if low <= scale.factor * lowest and scale.factor * highest <= high
     ]
+    if quantity.unit == "degC" and low <= lowest + _KELVIN_DEGC and highest + _KELVIN_DEGC <= high:
+        middle = 0.5 * (lowest + highest)
+        tenths = abs(0.1 * middle - _ROOM_DEGC) < abs(middle + _KELVIN_DEGC - _ROOM_DEGC)
+        if place == "setup":
+            return "tenths of a degree? then scale = 0.1" if tenths else f"kelvins? then offset = {_KELVIN_DEGC}"
+        option = f"use --unit {quantity.channel}="
+        return f"tenths of a degree, or kelvins? {option}0.1degC or K" if tenths else f"kelvins? {option}K"
     symbols = [scale.symbol for scale in fits if scale.symbol]
     if radius_m and place == "log" and len(symbols) > 1:  # units of wheels are alike in size
         return f"in another unit? use --unit {quantity.channel}={', '.join(symbols[:-1])} or {symbols[-1]}"

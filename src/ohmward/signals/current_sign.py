@@ -44,6 +44,8 @@ _TREND_LEAST_S = 300.0
 # answers the longer ones only.
 _CHANGE_PARTS, _FEWEST_CHANGES = 10, 6
 _CHANGES_OVER = (1, 4)
+# So many samples a voltage may be older than its current, as where they are polled one after the other.
+_MOST_LATE = 3
 
 
 class EdgeTest(NamedTuple):
@@ -168,9 +170,24 @@ def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:
     error = max(spread(dV[some]), drift, resolution(voltage_V[some]) / np.sqrt(6.0)) / np.sqrt(squares)
     slope = float(products.sum()) / squares
     total = float(np.abs(products).sum())
-    if total == 0.0 or error == 0.0:
+    if total == 0.0 or error == 0.0 or _answers_later(dI, dV, slope):
         return EdgeTest(slope, int(edge.sum()), 0.0, 0.0)
     return EdgeTest(slope, int(edge.sum()), slope / error, float(products.sum()) / total)
+
+
+def _answers_later(dI: np.ndarray, dV: np.ndarray, slope_ohm: float) -> bool:
+    """True where the voltage answers the changes of the current some samples later, and with the other sign.
+
+    dV_k = sum of R_j dI_{k-j} over the samples k: the voltage of a current that turns back soon seems to answer the
+    way back at once.
+    """
+    count = dI.size - _MOST_LATE
+    if count <= _MOST_LATE:
+        return False
+    earlier = np.column_stack([dI[_MOST_LATE - j : _MOST_LATE - j + count] for j in range(_MOST_LATE + 1)])
+    answers_ohm = np.linalg.lstsq(earlier.T @ earlier, earlier.T @ dV[_MOST_LATE:], rcond=None)[0]
+    clearest_ohm = answers_ohm[np.argmax(np.abs(answers_ohm))]
+    return bool(clearest_ohm * slope_ohm < 0.0 and abs(clearest_ohm) >= abs(slope_ohm))
 
 
 def trend_test(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> int:

@@ -71,8 +71,9 @@ def in_order_of_time(logs: Sequence[Log]) -> DatedLogs:
         return DatedLogs(ordered, np.array(begins), True)
     if dated:
         raise InputError(
-            f"{without[0]}: no wall clock in this log, but there is one in others, so their order is not known; give "
-            "it dates (a column of times of day or Unix time), or leave it out"
+            f"{without[0]}: no date in this log, or one that may name the day or the month first, but there is one in "
+            "others, so their order is not known; give it dates (a column of dates or Unix time), say how they are "
+            "written with --time-format '%d.%m.%Y %H:%M:%S', or leave it out"
         )
     ends_s = np.cumsum([log.duration_s for log in logs])
     note = "no log has a wall clock: they were taken as given, one right after the other"
