@@ -1,11 +1,13 @@
 import tomllib
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ohmward import generic_battery
 from ohmward.battery.battery import Battery, ConfidenceInterval, LogFit, Provenance
 from ohmward.battery.file import BATTERY_FILE, load_battery, replace_battery, save_battery
 from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
@@ -234,3 +236,14 @@ def test_a_file_that_is_replaced_stays_beside_the_new_one(tmp_path):
     assert load_battery(path).name == "second"
     assert load_battery(tmp_path / "battery.toml.bak").name == "first"
     assert sorted(file.name for file in tmp_path.iterdir()) == ["battery.toml", "battery.toml.bak"]
+
+
+def test_numbers_of_numpy_are_saved_and_cells_are_whole(tmp_path):
+    four: Any = np.int64(4)
+    half: Any = 4.5
+    battery = replace(generic_battery("lfp", 12.0, 4), n_series=four, capacity_Ah=np.float64(12.0))
+    save_battery(battery, tmp_path / "battery.toml")
+    loaded = load_battery(tmp_path / "battery.toml")
+    assert (loaded.n_series, loaded.capacity_Ah) == (4, 12.0)
+    with pytest.raises(InputError, match="n_series must be a whole number of cells"):
+        generic_battery("lfp", 12.0, half)

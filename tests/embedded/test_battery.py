@@ -191,3 +191,13 @@ def test_a_folder_that_cannot_be_made_is_an_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OhmwardError, match="cannot be made"):
         write_library({"a.c": ""}, tmp_path / "file" / "folder")
+
+
+def test_files_that_no_export_wrote_are_kept(tmp_path):
+    files = library(battery_export(BATTERY, "coulomb", "soc"))
+    write_library(files, tmp_path / "own")
+    write_library(files, tmp_path / "own")
+    (tmp_path / "Makefile").write_text("all: mine")
+    with pytest.raises(OhmwardError, match=r"Makefile was not written by ohmward, and is kept; choose another folder"):
+        write_library(files, tmp_path)
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["Makefile"]

@@ -131,3 +131,8 @@ def test_none_is_a_missing_value():
 def test_what_is_no_number_is_refused(changes, message):
     with pytest.raises(InputError, match=message):
         log(**changes)
+
+
+def test_what_numpy_masks_is_missing():
+    current = np.ma.masked_array([-1.0, 999.0, -1.0], [False, True, False])
+    np.testing.assert_array_equal(Log("m", np.arange(3.0), current, np.full(3, 13.0)).current_A, [-1.0, np.nan, -1.0])

@@ -202,3 +202,11 @@ def test_keys_of_signals_and_keys_that_are_quantities_stand_beside_each_other():
     wheels = {"wheel_speed_rad_s.0": 1.0, "wheel_speed_rad_s.1": 2.0}
     values = {"battery_current_A": -3.2, "battery_voltage_V": 13.1, "battery_temperature_degC": 21.0}
     assert found.values == pytest.approx(values | wheels)
+
+
+def test_a_line_that_broke_off_in_the_file_is_ended_before_the_next(tmp_path):
+    path = tmp_path / "states.jsonl"
+    path.write_text('{"a": 1}\n{"half": ')
+    with JsonLinesSink(str(path))._opened() as file:
+        file.write('{"b": 2}\n')
+    assert path.read_text() == '{"a": 1}\n{"half": \n{"b": 2}\n'

@@ -7,6 +7,7 @@ import pytest
 from ohmward import generic_battery
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.sensor_watch import MOST_SENSORS, SensorWatch
+from ohmward.traction.motion_check import MotionCheck
 from ohmward.traction.robot.packaged import RLMA
 
 PLACES = [place.name for place in RLMA.places]
@@ -124,6 +125,15 @@ def test_wheels_that_spin_in_place_accuse_nobody(battery):
         return values | free
 
     assert Robot(battery, ice).run().wrong() == {}
+
+
+def test_a_gyro_that_repeats_itself_while_the_wheels_turn_the_robot_is_stuck():
+    check = MotionCheck(RLMA)
+    turning = RLMA.rolling @ [0.0, 1.0] / RLMA.wheel.radius_m
+    wheels = {f"wheel_speed_rad_s.{name}": (float(speed), False) for name, speed in zip(PLACES, turning, strict=True)}
+    assert list(check.stuck(wheels | {"yaw_rate_rad_s": (0.0, True)})) == ["yaw_rate_rad_s"]
+    assert list(check.stuck(wheels | {"yaw_rate_rad_s": (1.0, True)})) == []
+    assert list(check.stuck(wheels | {"yaw_rate_rad_s": (0.0, False)})) == []
 
 
 def test_a_quantity_from_two_sources_is_named_and_the_first_is_used(battery):

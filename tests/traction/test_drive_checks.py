@@ -9,7 +9,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, Differential, SkidSteer
-from ohmward.traction.drive_checks import check_drive, with_signed_speed
+from ohmward.traction.drive_checks import check_drive, mended, with_signed_speed
 from ohmward.traction.robot.generic import generic_robot
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop import drive_log, find_scenario
@@ -56,6 +56,24 @@ def test_a_stuck_encoder_is_named():
     log = changed(good(), "wheel_speed_rad_s", 1, lambda v: np.where(np.isnan(stuck), v, stuck))
     (text,) = texts(RLMA, log)
     assert "encoder of front right is at 1.5 rad/s, stuck: the same to the last bit from 5.04 s to 8.98 s" in text
+
+
+def test_a_dead_gyro_is_left_out_and_a_good_one_is_not():
+    log = good()
+    assert mended(RLMA, log) is log
+    dead = mended(RLMA, good(yaw_rate_rad_s=np.zeros(TIME.size)))
+    assert np.isnan(np.asarray(dead.yaw_rate_rad_s)).all()
+    assert "the gyro is stuck: the same to the last bit from 0 s to 19.98 s" in str(dead.notes[-1])
+    rate = np.asarray(good().yaw_rate_rad_s)
+    frozen = mended(RLMA, good(yaw_rate_rad_s=np.where(TIME > 12.0, rate[600], rate)))
+    np.testing.assert_array_equal(np.isnan(np.asarray(frozen.yaw_rate_rad_s)), TIME >= 12.0)
+
+
+def test_a_gyro_without_noise_is_not_dead_while_wheels_spin_or_turn_evenly():
+    still = replace(good(), yaw_rate_rad_s=np.where((TIME > 5.0) & (TIME < 9.0), 0.0, 0.8 * np.sin(0.7 * TIME)))
+    assert mended(RLMA, still) is still
+    even = replace(good(), wheel_speed_rad_s=np.tile([4.0, 6.0, 4.0, 6.0], (TIME.size, 1)), yaw_rate_rad_s=0 * TIME)
+    assert mended(RLMA, even) is even
 
 
 def test_an_encoder_that_never_turns_is_unplugged_but_a_wheel_may_stand():

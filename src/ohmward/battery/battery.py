@@ -147,6 +147,10 @@ class Battery(RichDisplay):
     def __post_init__(self) -> None:
         require_positive("capacity_Ah", self.capacity_Ah)
         require_between("n_series", self.n_series, 1, float("inf"))
+        if isinstance(self.n_series, bool) or self.n_series != int(self.n_series):
+            raise InputError(f"n_series must be a whole number of cells, got {self.n_series!r}")
+        object.__setattr__(self, "n_series", int(self.n_series))
+        object.__setattr__(self, "capacity_Ah", float(self.capacity_Ah))
         if self.idle_current_A is not None:
             require_between("idle_current_A", self.idle_current_A, -self.capacity_Ah, 0.0)
         if not self.voltage_min_V < self.voltage_max_V:

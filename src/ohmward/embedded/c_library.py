@@ -155,12 +155,20 @@ def _words(export: Export, flags: Mapping[str, int], comments: Mapping[str, str]
     }
 
 
+#: The file that names its author, where there are several.
+_SIGNED = "README.md"
+
+
 def write_library(files: Mapping[str, str], folder: Path) -> list[Path]:
     """Write the files into a folder, which is made if it does not exist; each file is whole or as it was.
 
     Raises:
-        OhmwardError: the folder or a file cannot be written.
+        OhmwardError: the folder or a file cannot be written, or a file of that name is there that no export wrote.
     """
+    there = [folder / name for name in files if (folder / name).exists()]
+    signed = folder / (_SIGNED if _SIGNED in files else next(iter(files)))
+    if there and not (signed.is_file() and "ohmward" in signed.read_text(encoding="utf-8", errors="replace")):
+        raise OhmwardError(f"{there[0]} was not written by ohmward, and is kept; choose another folder with -o")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

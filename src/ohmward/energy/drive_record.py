@@ -12,7 +12,7 @@ from ohmward.energy.recorded import Driven, cut_drive
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log, Note
-from ohmward.traction.drive_checks import with_signed_speed
+from ohmward.traction.drive_checks import mended
 from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.dynamics.forces import Scene
 from ohmward.traction.friction.terrain import Terrain
@@ -74,7 +74,7 @@ def observe_motion(
 
     terrain: ground that is assumed at first.
     """
-    drive = with_signed_speed(robot, drive)
+    drive = mended(robot, drive)
     chosen = make_observer(robot, drive, terrain)
     track = observe(chosen.observer, drive, progress)
     speed_m_s, grade_rad = track.estimates.speed_m_s, track.estimates.grade_rad

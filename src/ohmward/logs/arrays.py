@@ -12,11 +12,13 @@ import numpy as np
 def plain_array(values: Any) -> np.ndarray:
     """The values as numbers (int or float), datetime64[ns] in UTC, timedelta64[ns] or text (dtype object).
 
-    None, NaN, NaT and pandas' NA are missing: NaN among numbers, NaT among dates and durations, an empty text. Dates
-    with a time zone become UTC, dates without one are taken as UTC. An array of numbers is not copied.
+    None, NaN, NaT, pandas' NA and what NumPy masks are missing: NaN among numbers, NaT among dates and durations, an
+    empty text. Dates with a time zone become UTC, dates without one are taken as UTC. Numbers are not copied.
     """
     if hasattr(values, "isna") and not isinstance(values.dtype, np.dtype):
         values = _from_extension(values)
+    if isinstance(values, np.ma.MaskedArray):
+        values = np.ma.filled(values.astype(float), np.nan) if values.dtype.kind in "iufb" else values.filled()
     array = np.asarray(values)
     if array.dtype.kind == "M":
         return array.astype("datetime64[ns]", copy=False)

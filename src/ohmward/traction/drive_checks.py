@@ -48,6 +48,9 @@ BRAKES = -0.3
 #: and torque constant of a robot file may be wrong.
 TAKES = 2.0
 
+#: A gyro that repeats 0 while the wheels turn the robot for longer is dead [s].
+DEAD_AT_ZERO_S = 10.0
+
 #: A spike is so many times the usual speed of a wheel.
 SPIKE = 10.0
 
@@ -84,6 +87,38 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
         _wrong_units,
     )
     return tuple(Note(text, "warning") for check in checks for text in check(robot, log))
+
+
+def mended(robot: Robot, log: DriveLog) -> DriveLog:
+    """The log without what a gyro repeats while it is dead, and with the sign of a speed from outside."""
+    return with_signed_speed(robot, without_dead_gyro(robot, log))
+
+
+def without_dead_gyro(robot: Robot, log: DriveLog) -> DriveLog:
+    """The log without the yaw rates of a gyro that repeats one to the last bit while wheels turn the robot unevenly.
+
+    Wheels that slip turn no robot, and a gyro without noise then repeats its 0: that counts where it lasts for long, or
+    where the gyro never shows another number.
+    """
+    if log.yaw_rate_rad_s is None or robot.freedoms < 2:
+        return log
+    wheels = np.isfinite(log.wheel_speed_rad_s[:, : robot.driven]).all(axis=1)
+    rows = np.flatnonzero(wheels & np.isfinite(log.yaw_rate_rad_s))
+    time_s, yaw_rate = log.time_s[rows], log.yaw_rate_rad_s[rows]
+    by_wheels = yaw_rate_of_wheels(robot, log.wheel_speed_rad_s[rows])
+    differs = (np.abs(by_wheels - yaw_rate) > YAWS_RAD_S) & (np.diff(by_wheels, prepend=np.nan) != 0.0)
+    dead = np.zeros(len(log), dtype=bool)
+    for first, stop in long_runs(np.append(False, np.diff(yaw_rate) == 0.0), time_s, LASTS_S, FEWEST):
+        turned_s = differs[first:stop].mean() * (time_s[stop - 1] - time_s[first])
+        never_moves = stop - first >= rows.size - 1
+        if turned_s > (LASTS_S if never_moves or yaw_rate[first] else DEAD_AT_ZERO_S):
+            dead[rows[first - 1 : stop]] = True
+    if not dead.any():
+        return log
+    when = f" {_from_to(log.time_s[dead])}"
+    text = f"{stuck('the gyro is ', when, 'the robot')}; its yaw rates there are left out"
+    left = np.where(dead, np.nan, log.yaw_rate_rad_s)
+    return replace(log, yaw_rate_rad_s=left, notes=(*log.notes, Note(text, "warning")))
 
 
 def with_signed_speed(robot: Robot, log: DriveLog) -> DriveLog:

@@ -171,16 +171,18 @@ class MotionCheck:
         self.rows = np.vstack([rolling, self.scale * np.array(turn)])
 
     def stuck(self, sensors: Mapping[str, tuple[float, bool]]) -> Iterator[str]:
-        """Signals of wheels that are stuck.
+        """Signals of wheels that are stuck, and of a gyro.
 
         sensors: signal -> value, and True where it has been the same to the last bit for long.
         """
         rows, values = self._known(sensors)
+        gyro = len(self.rows) - 1
         for signal, (value, same) in sensors.items():
-            k = self._signals.get(signal)
-            if same and k is not None and (value != 0.0 or k < self.driven):
+            k = gyro if signal == _YAW_RATE else self._signals.get(signal)
+            if same and k is not None and (value != 0.0 or k < self.driven or k == gyro):
                 expected = self._expected(k, rows, values)
-                if expected is not None and abs(expected - value) > DIFFERENCE_RAD_S:
+                measured = self.scale * value if k == gyro else value
+                if expected is not None and abs(expected - measured) > DIFFERENCE_RAD_S:
                     yield signal
 
     def _known(self, sensors: Mapping[str, tuple[float, bool]]) -> tuple[list[int], list[float]]:

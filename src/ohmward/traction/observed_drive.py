@@ -18,7 +18,7 @@ import numpy as np
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
-from ohmward.traction.drive_checks import check_drive, with_signed_speed
+from ohmward.traction.drive_checks import check_drive, mended
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.odometry.estimator import Odometry, OdometryRun, by_wheels_and_gyro, force_known, with_slip_of
@@ -290,7 +290,7 @@ def observe_drive(
         InputError: no such method, or a log that cannot be of this robot.
     """
     faults = check_drive(robot, log)
-    log = with_signed_speed(robot, log)
+    log = mended(robot, log)
     chosen = make_observer(robot, log, terrain, method)
     track = observe(chosen.observer, log, progress)
     path = odometry_for(robot, log).run(log, track.estimates)
@@ -332,7 +332,7 @@ def observe_on_floors(
             current.
     """
     faults = check_drive(robot, log)
-    log = with_signed_speed(robot, log)
+    log = mended(robot, log)
     began = time.perf_counter()
     estimator = slip_on_floors(robot, known.named(on).floor if on else known.floor, method, known_only=bool(on))
     on_floors = estimator.run(log)

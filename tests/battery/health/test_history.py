@@ -33,7 +33,7 @@ def test_logs_without_a_clock_follow_each_other():
 
 
 def test_a_log_without_a_clock_among_others_is_refused():
-    with pytest.raises(InputError, match="a: no wall clock in this log"):
+    with pytest.raises(InputError, match="a: no date in this log"):
         in_order_of_time([log("b", 1e9), log("a")])
 
 

@@ -254,3 +254,10 @@ def test_low_rate_branches_tell_the_hysteresis_of_iron_phosphate():
     middle = slice(40, 160)
     assert battery.thevenin.ocv.hysteresis_V[middle] == pytest.approx(p.ocv.hysteresis_V[middle], rel=0.1)
     assert battery.noise.hysteresis_std == pytest.approx(0.15)
+
+
+def test_the_initial_soc_of_one_log_needs_no_name(pulses):
+    with pytest.raises(InputError, match="initial_soc of 'pulses' must be between 0 and 1"):
+        identify(pulses, capacity_Ah=2.0, initial_soc=80.0)
+    with pytest.raises(InputError, match="initial_soc of 2 logs must be by their names"):
+        identify([pulses, pulses], capacity_Ah=2.0, initial_soc=1.0)

@@ -13,6 +13,7 @@ from ohmward.traction import RLMA, ROBOTINO, RobotInput, SkidSteer, hard_terrain
 from ohmward.traction.calibration import CalibrationDrive, calibrate, calibrate_radius, calibrate_track
 from ohmward.traction.calibration.calibrate import usual_parts
 from ohmward.traction.robot.robot import free_sideways, motion_from_wheels
+from ohmward.traction.speed_observer.make_observer import RADIUS_STD
 
 SKID = replace(RLMA, chassis=SkidSteer(0.314, 0.314, 0.30))
 RADIUS_M, EFFECTIVE_M = 0.118, 0.51
@@ -79,6 +80,14 @@ def test_one_speed_is_enough_for_a_robot_that_does_not_move_sideways_at_will():
     found = calibrate(logs, SKID, parts=("radius", "track")).robot
     assert found.wheel.radius_m == pytest.approx(RADIUS_M, rel=1e-9)
     assert chassis(found).effective_track_m == pytest.approx(EFFECTIVE_M, rel=1e-9)
+
+
+def test_the_track_is_known_no_better_than_the_radius():
+    drives = [kinematic(*motion) for motion in MOTIONS]
+    radius, track = calibrate(drives, SKID, parts=("radius", "track")).parameters
+    assert track.std / track.value == pytest.approx(radius.std / radius.value, rel=1e-6)
+    alone = calibrate_track(drives, SKID)
+    assert alone.std / alone.value == pytest.approx(RADIUS_STD, rel=1e-6)
 
 
 def test_the_robot_file_keeps_the_effective_track(tmp_path):

@@ -119,7 +119,7 @@ def identify(
     chemistry: str = "",
     n_series: int = 1,
     name: str = "",
-    initial_soc: Mapping[str, float] | None = None,
+    initial_soc: float | Mapping[str, float] | None = None,
     idle_current_A: float | None = None,
     ocv: OcvCurve | str | PathLike[str] | Any = None,
     progress: Progress | None = None,
@@ -134,7 +134,7 @@ def identify(
     capacity_Ah: charge between full and empty, > 0.
     model: one of MODELS.
     chemistry, n_series, name: for the battery file; the chemistry also gives start values where the logs give none.
-    initial_soc: state of charge at the start of a log, by its name, where the log does not tell.
+    initial_soc: state of charge at the start of the log, or of several by their names, where they do not show it.
     idle_current_A: what the battery delivers at rest, <= 0, where it is known; None finds rests about 0 A and declares
         nothing to the estimators.
     ocv: the open-circuit voltage where it is known: an OcvCurve, or a table as `load_ocv` reads it. Then no low-rate
@@ -144,6 +144,11 @@ def identify(
     Raises:
         InputError: a log is too short, has no current, no rest, a gap of unknown charge, or contradicts the capacity.
     """
+    logs = as_logs(logs)
+    if initial_soc is not None and not isinstance(initial_soc, Mapping):
+        if len(logs) > 1:
+            raise InputError(f"initial_soc of {len(logs)} logs must be by their names: {{{logs[0].name!r}: 0.9}}")
+        initial_soc = {log.name: initial_soc for log in logs}
     settings = IdentificationSettings(
         capacity_Ah, model, chemistry, n_series, name, initial_soc or {}, idle_current_A, ocv
     )

@@ -26,7 +26,7 @@ from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise, C
 from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
 from ohmward.battery.soc.clean_sample import CleanSocSample, Rest, continue_rest
-from ohmward.trace import clip, exp, maximum, minimum, sqrt, table, where
+from ohmward.trace import clip, exp, logical_not, maximum, minimum, sqrt, table, where
 from ohmward.trace.expression import Scalar
 
 #: A voltage at the limit of a charger stays within this share of itself; that of a sensor errs by as much.
@@ -59,6 +59,8 @@ _RELAXED, _LONG_REST_S = 4.0, 3600.0
 _WITHOUT_PAIRS_S = 1.0
 #: A longer step [s] says nothing about the voltage between its ends.
 _LONGEST_ANCHOR_STEP_S = 3600.0
+#: A charging current that falls by this share of its largest in a shorter step [s] was switched off.
+_SUDDEN_S, _SUDDEN_SHARE = 60.0, 0.5
 #: An event that says less about the state of charge is none.
 _MOST_STD = 0.1
 #: Points of the inverse of the curve.
@@ -162,10 +164,15 @@ class AnchorRule:
         ), event
 
     def hold_limit(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
-        """The memory with the voltage that stands still, its largest current, and the charge that flowed."""
+        """The memory with the voltage that stands still, its largest current, and the charge that flowed.
+
+        A current that stops at once is no taper: until the RC pairs relax, the voltage hardly falls.
+        """
         current_A, share = clean.now.current_A, clean.mean.current_A * clean.dt_s / self.model.capacity_As
         same = usable & (abs(clean.voltage_V - memory.limit_V) < _FLAT_SHARE * memory.limit_V)
         same = same & (clean.dt_s < _LONGEST_ANCHOR_STEP_S) & (current_A > -self.load_A)
+        fell_A = 2.0 * (clean.mean.current_A - current_A)
+        same = same & logical_not((clean.dt_s < _SUDDEN_S) & (fell_A > _SUDDEN_SHARE * memory.peak_A))
         return memory._replace(
             limit_V=where(same, memory.limit_V, clean.voltage_V),
             held_s=where(same, memory.held_s + clean.dt_s, 0.0),

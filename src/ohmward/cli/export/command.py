@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -125,7 +126,7 @@ def run(args: argparse.Namespace) -> Outcome:
     text = wording.paragraphs(
         f"{args.output}: {export.title}",
         wording.fields(rows),
-        f"compile and check it here:\n  make -C {args.output} test",
+        f"compile and check it here:\n  make -C {shlex.quote(str(args.output))} test",
     )
     return Outcome(figures, text, notes)
 

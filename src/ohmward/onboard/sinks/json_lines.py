@@ -38,6 +38,10 @@ class JsonLinesSink:
             raise OhmwardError(f"{self.path} cannot be written ({error.strerror or error}); {fix}") from error
 
     def _opened(self) -> TextIO:
-        """The file, in a folder that is made where there is none."""
-        Path(self.path).parent.mkdir(parents=True, exist_ok=True)
-        return Path(self.path).open("a", encoding="utf-8")
+        """The file, in a folder that is made where there is none; a line that broke off in it is ended."""
+        path = Path(self.path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = path.open("a", encoding="utf-8")
+        if path.is_file() and path.stat().st_size and not path.read_bytes().endswith(b"\n"):
+            file.write("\n")
+        return file

@@ -16,7 +16,7 @@ from ohmward.traction.calibration.radius import calibrate_radius, calibrate_trac
 from ohmward.traction.calibration.regression import Parameter, unidentified_floor, with_parameters
 from ohmward.traction.calibration.stretches import LENGTH_S, cut, stuck
 from ohmward.traction.calibration.truth import CalibrationDrive, motion_from_speed
-from ohmward.traction.drive_checks import with_signed_speed
+from ohmward.traction.drive_checks import mended
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.terrain.floor import Floor
@@ -70,7 +70,8 @@ def calibrate(
         found.append(calibrate_radius(known, robot))
         robot = with_parameters(robot, found)
     if "track" in parts:
-        found.append(calibrate_track(known, robot))
+        radius = [parameter.std / parameter.value for parameter in found if parameter.identified]
+        found.append(calibrate_track(known, robot, *radius))
         robot = with_parameters(robot, found)
     if "motor" in parts:
         found += calibrate_motor(known, robot, rolling)
@@ -111,7 +112,7 @@ def with_measured_speed(robot: Robot, log: DriveLog) -> CalibrationDrive:
         raise InputError(
             f"log {log.name!r} has no speed from outside; give CalibrationDrive(log, motion) with the true motion"
         )
-    log = with_signed_speed(robot, log)
+    log = mended(robot, log)
     assert log.speed_m_s is not None
     return CalibrationDrive(log, motion_from_speed(robot, log.time_s, log.speed_m_s, log.yaw_rate_rad_s))
 

@@ -11,6 +11,7 @@ the radius, which straight stretches tell.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -22,6 +23,7 @@ from ohmward.traction.calibration.truth import CalibrationDrive
 from ohmward.traction.robot.chassis import Mecanum, Omni
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import Robot
+from ohmward.traction.speed_observer.make_observer import RADIUS_STD
 from ohmward.traction.terrain.demand import static_loads, travel_speed
 from ohmward.traction.terrain.floor import STIFFNESS
 
@@ -79,12 +81,15 @@ def _creep(robot: Robot, rows: Stretches) -> float:
     return float(np.nanmean(share)) / STIFFNESS if np.isfinite(share).any() else 0.02
 
 
-def calibrate_track(drives: Sequence[CalibrationDrive], robot: Robot) -> Parameter:
+def calibrate_track(
+    drives: Sequence[CalibrationDrive], robot: Robot, radius_share_std: float = RADIUS_STD
+) -> Parameter:
     """The track with which the difference of the sides' speeds gives the true yaw rate.
 
     Args:
         drives: with the motion of the body, turns among them.
         robot: with its radius calibrated.
+        radius_share_std: relative error of that radius, which the track shares.
 
     Raises:
         InputError: a robot whose wheels have rollers, or no steady stretch.
@@ -102,4 +107,4 @@ def calibrate_track(drives: Sequence[CalibrationDrive], robot: Robot) -> Paramet
     share, std = float(fit.beta[0]), float(np.sqrt(fit.cov[0, 0]))
     if not is_identified(name, share, std):
         return unknown
-    return Parameter(name, track_m / share, track_m * std / share**2)
+    return Parameter(name, track_m / share, track_m / share * math.hypot(std / share, radius_share_std))

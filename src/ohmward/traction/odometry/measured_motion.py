@@ -264,7 +264,7 @@ def show(
         by_gyro=by_gyro,
         comparable=by_gyro & (free | rolls & logical_not(jump | speed.named | is_held | spins)),
         count_rad=turn_per_slip(robot) * counted_m,
-        unobserved_s=unobserved(now.intervals, rolls | free | observed, by_gyro),
+        unobserved_s=unobserved(now.intervals, rolls | free | observed, by_gyro, clean),
         usual_turn_rad_s=now.usual_turn_rad_s,
         turn_scale=x[TURN_SCALE],
         slip_sigmas=x[SLIP],
@@ -357,11 +357,15 @@ def side_std(speed_std_m_s: Scalar, rim_m_s: Scalar, turn_rad_s: Scalar, robot: 
     return hypot(side, speed_std_m_s) if rim_matrix(robot)[1].any() else side
 
 
-def unobserved(intervals: Intervals, moves: Scalar, by_gyro: Scalar) -> np.ndarray:
-    """Time (3,) [s] for which nothing has shown each motion, since the start at most."""
+def unobserved(intervals: Intervals, moves: Scalar, by_gyro: Scalar, clean: CleanSample) -> np.ndarray:
+    """Time (3,) [s] for which nothing has shown each motion, since the start at most.
+
+    A gyro that has missed samples shows the yaw rate at both ends of the gap: half of it is as unobserved.
+    """
     age_s, seen = intervals.age_s[WHEELS], was_seen(intervals)[WHEELS]
     since_s = where(moves, 0.0, age_s - where(seen, 0.0, NEVER_S))
-    return np.array([since_s, since_s, where(by_gyro, 0.0, since_s)])
+    missed = clean.gap & (clean.dt_s > (LOST + 1) * intervals.usual_s[GYRO])
+    return np.array([since_s, since_s, where(by_gyro, where(missed, 0.5 * clean.dt_s, 0.0), since_s)])
 
 
 def hypot(a: Scalar, b: Scalar) -> Scalar:
