@@ -15,7 +15,7 @@ TIME_S = np.arange(100.0)
 
 
 def log(voltage_V):
-    return Log("day", TIME_S, 0.0 * TIME_S, np.broadcast_to(voltage_V, TIME_S.shape))
+    return Log("day", TIME_S, 0.0 * TIME_S, np.broadcast_to(voltage_V, TIME_S.shape), np.full(TIME_S.size, 25.0))
 
 
 def test_a_log_within_the_tests_stays_as_it_is():
@@ -51,5 +51,10 @@ def test_a_temperature_that_the_tests_do_not_show_is_a_warning_and_no_refusal():
     assert note.level == "warning" and note.text.startswith("the log goes to -30 degC, where the resistance follows")
     (note,) = check_log(replace(warm, temperature_degC=np.full(100, -0.04)), BATTERY).notes
     assert note.text.startswith("the log goes to 0 degC")
-    unmeasured = replace(warm, temperature_degC=np.full(100, np.nan))
-    assert check_log(unmeasured, BATTERY) is unmeasured
+
+
+@pytest.mark.parametrize("unmeasured", [None, np.full(100, np.nan)])
+def test_a_log_without_a_temperature_says_which_one_is_taken(unmeasured):
+    half = replace(log(0.5 * (BATTERY.voltage_min_V + BATTERY.voltage_max_V)), temperature_degC=unmeasured)
+    (note,) = check_log(half, BATTERY).notes
+    assert note.level == "info" and note.text.startswith("no temperature: the battery is taken to be at 25 degC")

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.models.temperature import coldness_per_K
+from ohmward.battery.models.temperature import ROOM_DEGC, coldness_per_K
 from ohmward.battery.soc.anchor_rule import REST_C
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_voltage
 from ohmward.errors import InputError
@@ -345,9 +345,13 @@ def medians(values: np.ndarray) -> np.ndarray:
 
 
 def _check_temperature(log: Log, battery: Battery) -> Log:
-    """The log, with a warning where the resistance is doubtful at its temperatures."""
+    """The log, with a warning where the resistance is doubtful at its temperatures, and a note where it has none."""
     if log.temperature_degC is None or not np.isfinite(log.temperature_degC).any():
-        return log
+        text = (
+            f"no temperature: the battery is taken to be at {ROOM_DEGC:g} degC throughout; where it was colder, charge "
+            "and band are wrong: give it with --temperature 5 (FileHints(temperature_degC=5))"
+        )
+        return log.with_notes(Note(text))
     degC, reference_degC = log.temperature_degC, battery.thevenin.reference_degC
     spread = battery.noise.activation_std_K * np.abs(coldness_per_K(degC, reference_degC))
     worst = int(np.nanargmax(spread))

@@ -2,11 +2,13 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.health.history import used_capacities
+from ohmward.battery.health.history import DatedLogs, Newness, points_of, used_capacities
 from ohmward.battery.learning.log_update import LogUpdate
+from ohmward.logs import Log
 
 NOTHING = Normal(math.nan, math.inf)
 
@@ -69,3 +71,16 @@ def test_a_curve_that_was_learnt_moves_capacity_and_end_together_and_not_their_p
 def test_a_log_that_was_set_aside_changes_nothing():
     updates = [update("one", 0.1), update("two", math.nan)]
     assert [each.latest.log for each in used_capacities(updates) if each.latest] == ["one", "one"]
+
+
+def test_a_deeper_discharge_is_no_growth_and_a_curve_that_was_learnt_no_loss():
+    new = Newness(10.0, 0.1, ())
+    logs = [Log(name, 3600.0 * np.arange(2.0), np.zeros(2), np.full(2, 13.0)) for name in ("one", "two", "three")]
+    dated = DatedLogs(tuple(logs), np.array([0.0, 1e6, 2e6]), True)
+    learnt = update("three", 0.13)
+    updates = [update("one", 0.17), update("two", 0.03, 9.3), learnt]
+    points = points_of(dated, updates, new)
+    assert math.exp(points[1].log_capacity.mean) == pytest.approx(0.93, abs=0.01)
+    same = update("two", 0.07)._replace(given_Ah=updates[0].given_Ah)
+    points = points_of(dated, [updates[0], same, learnt], new)
+    assert math.exp(points[1].log_capacity.mean) == pytest.approx(1.0, abs=0.01)

@@ -111,7 +111,7 @@ def points_of(dated: DatedLogs, updates: Sequence[LogUpdate], new: Newness) -> l
     """One point a log; one that taught nothing has its time and throughput.
 
     The capacity is that of a discharge as the battery is used, over what a new one would have given down to the end of
-    its first discharge; where it is never emptied, all of its capacity.
+    its first discharge; of a deeper one the share down to there. Where it is never emptied, it is all of its capacity.
     """
     used = used_capacities(updates)
     first = next((each.latest for each in used if each.latest), None)
@@ -120,7 +120,7 @@ def points_of(dated: DatedLogs, updates: Sequence[LogUpdate], new: Newness) -> l
     for log, start_s, update, each in zip(dated.logs, dated.start_s, updates, used, strict=True):
         point = _point(log, start_s, update, new)
         if update.verdict != "set aside":
-            own_Ah = update.own_capacity_Ah if first is None else _own_discharge(update, each)
+            own_Ah = update.own_capacity_Ah if first is None else _own_discharge(update, each, first)
             point = point._replace(
                 log_capacity=logarithm(own_Ah, new_Ah),
                 log_resistance=logarithm(update.own_resistance_ohm, new.resistance_ohm),
@@ -140,10 +140,14 @@ def common_error(battery: Battery, updates: Sequence[LogUpdate]) -> float:
     return math.hypot(battery.sensor.gain_std, battery.noise.soc_axis_std)
 
 
-def _own_discharge(update: LogUpdate, used: UsedCapacity) -> Normal:
-    """Capacity of a discharge, where this log is the one that shows its end."""
-    shows = used.latest is not None and used.latest.log == update.log
-    return used.capacity_Ah if shows else Normal(used.capacity_Ah.mean, math.inf)
+def _own_discharge(update: LogUpdate, used: UsedCapacity, first: FullDischarge) -> Normal:
+    """Capacity of a discharge as deep as the first at most, where this log is the one that shows its end."""
+    mean, std = used.capacity_Ah.mean, used.capacity_Ah.std
+    if used.latest is None or used.latest.log != update.log:
+        return Normal(mean, math.inf)
+    is_deeper = used.latest.given_Ah.mean > first.given_Ah.mean
+    share = min((1.0 - first.soc) / (1.0 - used.latest.soc), 1.0) if is_deeper else 1.0
+    return Normal(share * mean, share * std)
 
 
 def _point(log: Log, start_s: float, update: LogUpdate, new: Newness) -> HealthPoint:
