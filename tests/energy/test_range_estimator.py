@@ -277,3 +277,8 @@ def test_a_plan_takes_the_place_of_ground_like_that_of_late():
         plan = [Leg(50.0, "grass", 0.5, grade_rad=grade)] * 2000
         now = estimator.update(T[-1] + 700.0, 0.8, 0.5, -30.0 / V, V, terrain="grass", plan=plan)
         assert (now.distance_m.p50 > as_before.p50) == longer
+
+
+def test_an_option_that_it_does_not_have_is_named_with_those_that_it_has():
+    with pytest.raises(InputError, match="RangeEstimator has no option 'reserve'; it has"):
+        RangeEstimator(BATTERY, "husky", reserve=0.1)

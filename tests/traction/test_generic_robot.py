@@ -32,3 +32,8 @@ def test_its_motors_pull_the_weight_at_standstill_and_run_free_at_two_and_a_half
 def test_a_size_that_cannot_be_is_refused():
     with pytest.raises(InputError, match="track_m must be"):
         generic_robot(60.0, 0.1, -0.45)
+
+
+def test_wheels_in_millimetres_are_refused():
+    with pytest.raises(InputError, match=r"must be at most 3, got 65; in millimetres\? then it is 0\.065"):
+        generic_robot(mass_kg=5.0, wheel_radius_m=65.0, track_m=300.0)

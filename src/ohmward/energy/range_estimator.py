@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -38,6 +39,14 @@ from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import Robot
 
 
+def _settings(battery: Battery, options: Mapping[str, Any]) -> RangeSettings:
+    """The settings; InputError for an option that they do not have."""
+    known = [field.name for field in fields(RangeSettings) if field.name != "battery"]
+    if unknown := [name for name in options if name not in known]:
+        raise InputError(f"RangeEstimator has no option {unknown[0]!r}; it has {', '.join(known)}")
+    return RangeSettings(battery, **options)
+
+
 class RangeRun(Run[RangeEstimate]):
     """Range along a whole log; every field (T,), quantiles as three of them."""
 
@@ -66,7 +75,7 @@ class RangeEstimator:
         if not isinstance(consumption, Consumption):
             robot = consumption if isinstance(consumption, Robot) else load_robot(consumption)
             consumption = start(prior_from_robot(robot))
-        self.settings = RangeSettings(battery, **options)
+        self.settings = _settings(battery, options)
         self.state = self.settings.init(begin_drive(consumption, days))
 
     @classmethod
@@ -77,7 +86,7 @@ class RangeEstimator:
             InputError: the snapshot is of another version, another battery or other settings, or damaged.
         """
         estimator = object.__new__(cls)
-        estimator.settings = RangeSettings(battery, **options)
+        estimator.settings = _settings(battery, options)
         estimator.state = _state_of(estimator.settings, snapshot)
         return estimator
 

@@ -58,6 +58,7 @@ _SPELLINGS: dict[Unit, tuple[str, ...]] = {
     Unit("degF", "temperature", 5 / 9, -160 / 9): ("f", "degf", "deg f", "deg_f", "°f", "ºf", "℉", "fahrenheit"),
     Unit("rad/s", "rotation", 1.0): ("rad/s", "rad/sec", "radps", "rad_per_s", "rad_per_sec", "rads"),
     Unit("deg/s", "rotation", math.pi / 180): ("deg/s", "deg/sec", "degps", "dps", "deg_per_s", "°/s"),
+    Unit("mdeg/s", "rotation", math.pi / 180e3): ("mdeg/s", "mdps", "mdegps"),
     Unit("rpm", "rotation", math.pi / 30): ("rpm", "rev/min", "1/min"),
     Unit("m/s", "speed", 1.0): ("m/s", "m/sec", "mps", "m_per_s"),
     Unit("mm/s", "speed", 1e-3): ("mm/s", "mmps"),

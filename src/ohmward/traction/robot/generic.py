@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from ohmward.checks import require_one_of, require_positive
+from ohmward.errors import InputError
 from ohmward.traction.robot.chassis import Mecanum, Omni, SkidSteer, TwoWheeled
 from ohmward.traction.robot.motor import Motor
 from ohmward.traction.robot.robot import GRAVITY, Robot, Wheel, solid_box_yaw_inertia
@@ -12,6 +13,8 @@ from ohmward.traction.robot.robot import GRAVITY, Robot, Wheel, solid_box_yaw_in
 #: Layouts of the wheels of a generic robot.
 LAYOUTS = ("two-wheel", "skid-steer", "mecanum", "omni")
 
+#: No robot has larger wheels [m].
+_LARGEST_WHEEL_M = 3.0
 #: Assumed of a robot: width of a wheel over its radius, mass of one over that of the robot, share of the wheelbase
 #: that the driven axle of two stands from the centre of gravity.
 WIDTH, WHEEL_MASS, AXLE = 0.4, 0.02, 0.25
@@ -45,6 +48,11 @@ def generic_robot(
     base_m = track_m if wheelbase_m is None else wheelbase_m
     for size, value in (("mass_kg", mass_kg), ("wheel_radius_m", wheel_radius_m), ("track_m", track_m)):
         require_positive(size, value)
+    if wheel_radius_m > _LARGEST_WHEEL_M:
+        raise InputError(
+            f"wheel_radius_m must be at most {_LARGEST_WHEEL_M:g}, got {wheel_radius_m:g}; in millimetres? then it is "
+            f"{1e-3 * wheel_radius_m:g}"
+        )
     require_positive("wheelbase_m", base_m)
     require_positive("gear_ratio", gear_ratio)
     require_one_of("layout", layout, LAYOUTS)
