@@ -45,7 +45,7 @@ _TREND_LEAST_S = 300.0
 _CHANGE_PARTS, _FEWEST_CHANGES = 10, 6
 _CHANGES_OVER = (1, 4)
 # So many samples a voltage may be older than its current, as where they are polled one after the other.
-_MOST_LATE = 3
+_LATE_SAMPLES = 3
 
 
 class EdgeTest(NamedTuple):
@@ -181,11 +181,11 @@ def _answers_later(dI: np.ndarray, dV: np.ndarray, slope_ohm: float) -> bool:
     dV_k = sum of R_j dI_{k-j} over the samples k: the voltage of a current that turns back soon seems to answer the
     way back at once.
     """
-    count = dI.size - _MOST_LATE
-    if count <= _MOST_LATE:
+    count = dI.size - _LATE_SAMPLES
+    if count <= _LATE_SAMPLES:
         return False
-    earlier = np.column_stack([dI[_MOST_LATE - j : _MOST_LATE - j + count] for j in range(_MOST_LATE + 1)])
-    answers_ohm = np.linalg.lstsq(earlier.T @ earlier, earlier.T @ dV[_MOST_LATE:], rcond=None)[0]
+    earlier = np.column_stack([dI[_LATE_SAMPLES - j : _LATE_SAMPLES - j + count] for j in range(_LATE_SAMPLES + 1)])
+    answers_ohm = np.linalg.lstsq(earlier.T @ earlier, earlier.T @ dV[_LATE_SAMPLES:], rcond=None)[0]
     clearest_ohm = answers_ohm[np.argmax(np.abs(answers_ohm))]
     return bool(clearest_ohm * slope_ohm < 0.0 and abs(clearest_ohm) >= abs(slope_ohm))
 
