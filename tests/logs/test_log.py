@@ -6,6 +6,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.logs import Log, Note
+from ohmward.logs.arrays import plain_array
 
 
 def log(**changes):
@@ -135,4 +136,6 @@ def test_what_is_no_number_is_refused(changes, message):
 
 def test_what_numpy_masks_is_missing():
     current = np.ma.masked_array([-1.0, 999.0, -1.0], [False, True, False])
+    dates = np.ma.masked_array(np.array(["2026-01-01", "2026-01-02"], "M8[ns]"), [False, True])
+    np.testing.assert_array_equal(np.isnat(plain_array(dates)), [False, True])
     np.testing.assert_array_equal(Log("m", np.arange(3.0), current, np.full(3, 13.0)).current_A, [-1.0, np.nan, -1.0])

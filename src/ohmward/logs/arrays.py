@@ -18,7 +18,7 @@ def plain_array(values: Any) -> np.ndarray:
     if hasattr(values, "isna") and not isinstance(values.dtype, np.dtype):
         values = _from_extension(values)
     if isinstance(values, np.ma.MaskedArray):
-        values = np.ma.filled(values.astype(float), np.nan) if values.dtype.kind in "iufb" else values.filled()
+        values = _without_masked(values)
     array = np.asarray(values)
     if array.dtype.kind == "M":
         return array.astype("datetime64[ns]", copy=False)
@@ -27,6 +27,16 @@ def plain_array(values: Any) -> np.ndarray:
     if array.dtype.kind == "b":
         return array.astype(float)
     return array if array.dtype.kind in "iuf" else _from_objects(array)
+
+
+def _without_masked(values: np.ma.MaskedArray) -> np.ndarray:
+    """The values, those that are masked missing."""
+    plain, mask = np.asarray(values.data), np.ma.getmaskarray(values)
+    if plain.dtype.kind in "iufb":
+        return np.where(mask, np.nan, plain)
+    if plain.dtype.kind in "mM":
+        return np.where(mask, np.array("NaT", plain.dtype), plain)
+    return np.where(mask, np.array(None, object), plain.astype(object))
 
 
 def _from_extension(values: Any) -> Any:

@@ -165,6 +165,7 @@ class MotionCheck:
         self.driven = robot.driven
         self._signals = {f"{_SPEED}.{place.name}": k for k, place in enumerate(robot.places)}
         self._signals |= {f"{_SPEED}.{k}": k for k in range(len(robot.places))}
+        self._gyro = self._signals[_YAW_RATE] = len(robot.places)
         turn = [1.0 if name == PLANAR[2] else 0.0 for name in robot.chassis.freedoms]
         rolling = robot.rolling / robot.wheel.radius_m
         self.scale = float(np.abs(rolling[:, -1]).max()) or 1.0
@@ -176,26 +177,26 @@ class MotionCheck:
         sensors: signal -> value, and True where it has been the same to the last bit for long.
         """
         rows, values = self._known(sensors)
-        gyro = len(self.rows) - 1
         for signal, (value, same) in sensors.items():
-            k = gyro if signal == _YAW_RATE else self._signals.get(signal)
-            if same and k is not None and (value != 0.0 or k < self.driven or k == gyro):
+            k = self._signals.get(signal)
+            if same and k is not None and (value != 0.0 or k < self.driven or k == self._gyro):
                 expected = self._expected(k, rows, values)
-                measured = self.scale * value if k == gyro else value
-                if expected is not None and abs(expected - measured) > DIFFERENCE_RAD_S:
+                if expected is not None and abs(expected - self._scaled(k, value)) > DIFFERENCE_RAD_S:
                     yield signal
 
     def _known(self, sensors: Mapping[str, tuple[float, bool]]) -> tuple[list[int], list[float]]:
         """Rows of G of the sensors that move, and their values; of the others only those that stand still."""
         rows, values = [], []
         for signal, (value, same) in sensors.items():
-            if signal in self._signals and (not same or value == 0.0):
-                rows.append(self._signals[signal])
-                values.append(value)
-            elif signal == _YAW_RATE and not same:
-                rows.append(len(self.rows) - 1)
-                values.append(self.scale * value)
+            k = self._signals.get(signal)
+            if k is not None and (not same or (value == 0.0 and k != self._gyro)):
+                rows.append(k)
+                values.append(self._scaled(k, value))
         return rows, values
+
+    def _scaled(self, k: int, value: float) -> float:
+        """Value of the sensor of row k, of the size of wheel speeds."""
+        return self.scale * value if k == self._gyro else value
 
     def _expected(self, k: int, rows: list[int], values: list[float]) -> float | None:
         """Speed [rad/s] of wheel k from all others; None where they do not tell it or contradict each other."""

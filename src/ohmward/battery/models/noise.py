@@ -123,8 +123,9 @@ class BatteryNoise:
         years = min(abs(days) // 1.0 / AGED_AFTER_DAYS, OLDEST_YEARS)
         age = min(years, math.sqrt(years))
         of_age_std = age * AGED_CAPACITY_STD
-        most_capacity_std = max(1.0, age) * max(self.capacity_std, AGED_CAPACITY_STD)
-        most_resistance_std = max(1.0, age) * max(self.resistance_std, AGED_RESISTANCE_STD)
+        most = max(1.0, age)
+        most_capacity_std = most * max(self.capacity_std, AGED_CAPACITY_STD)
+        most_resistance_std = most * max(self.resistance_std, AGED_RESISTANCE_STD)
         capacity_std = min(math.hypot(self.capacity_known_std, of_age_std), most_capacity_std)
         resistance_std = math.hypot(self.resistance_std, age * AGED_RESISTANCE_STD)
         return replace(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -42,6 +43,12 @@ class JsonLinesSink:
         path = Path(self.path)
         path.parent.mkdir(parents=True, exist_ok=True)
         file = path.open("a", encoding="utf-8")
-        if path.is_file() and path.stat().st_size and not path.read_bytes().endswith(b"\n"):
+        if path.is_file() and path.stat().st_size and _last_byte(path) != b"\n":
             file.write("\n")
         return file
+
+
+def _last_byte(path: Path) -> bytes:
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read()
