@@ -14,7 +14,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ohmward.battery.soc.estimator import on_day, samples_of
+from ohmward.battery.soc.estimator import SocEstimator, after_long_gaps, on_day, samples_of, says_full_at
 from ohmward.battery.soc.sample import Estimator, SocEstimate, SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel
@@ -36,8 +36,29 @@ def estimate_logs(
     initial_soc: of every log; None takes it from each log's first voltage.
     lowering: see `ohmward.trace.Kernel`.
     """
-    if not logs:
-        return []
+    alone = {i for i, log in enumerate(logs) if not _in_one_piece(estimator, log)}
+    together = [log for i, log in enumerate(logs) if i not in alone]
+    found = iter(_side_by_side(estimator, together, initial_soc, initial_soc_std, lowering) if together else ())
+
+    def run(log: Log) -> SocEstimate:
+        return SocEstimator(estimator, initial_soc, initial_soc_std, lowering).run(log).estimates
+
+    return [run(log) if i in alone else next(found) for i, log in enumerate(logs)]
+
+
+def _in_one_piece(estimator: Estimator, log: Log) -> bool:
+    """True for a log whose estimates are those of steps alone."""
+    return not says_full_at(estimator, log) and not after_long_gaps(estimator, samples_of(log).dt_s)
+
+
+def _side_by_side(
+    estimator: Estimator,
+    logs: Sequence[Log],
+    initial_soc: float | None,
+    initial_soc_std: float,
+    lowering: str | None,
+) -> list[SocEstimate]:
+    """Estimates for each log, every field (T,), a log in each lane."""
     samples = [samples_of(log) for log in logs]
     order = np.argsort([-len(log) for log in logs], kind="stable")
     lengths = np.array([len(logs[i]) for i in order])

@@ -7,7 +7,8 @@ std^2 = std_before^2 + (I t / Q)^2 + (c t)^2
 where the robot may have gone on for a while with its last current I, and electronics that are off draw a share c of the
 capacity. What the filter knows of the errors of its curve stays, together with how they go with the charge: the first
 voltage after the absence errs as the last one before it, and many restarts tell no more than none. Where that voltage
-contradicts the charge, somebody has charged or used the battery, and the voltage alone counts.
+contradicts the charge, somebody has charged or used the battery, and the voltage alone counts. After hours that is as
+likely as not: the estimator itself then begins again, as after any gap in which nothing is known of the current.
 Speed and pose begin anew: the robot may have been moved.
 """
 
@@ -22,7 +23,7 @@ from ohmward.battery.cells.pack_estimator import PackEstimator
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S
 from ohmward.battery.soc.estimator import SocEstimator
-from ohmward.battery.soc.given_soc import after_absence, takes_given_soc
+from ohmward.battery.soc.given_soc import STANDBY_PER_HOUR, after_absence, takes_given_soc
 from ohmward.checks import require_between, require_positive
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.errors import InputError
@@ -42,9 +43,6 @@ _GAP_S = CURRENT_GAP_S + 1.0
 
 #: A robot goes on for so long at most with its last current before it is switched off.
 _STILL_ON_S = 600.0
-
-#: Drawn by electronics that are off, as a share of the capacity per hour: ten times that of a good protection board.
-_STANDBY_PER_HOUR = 0.01
 
 #: A drive that was interrupted for longer has ended; the next one begins with what is known of the consumption.
 DRIVE_S = 3600.0
@@ -108,8 +106,8 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
         estimation.soc = SocEstimator(estimation.battery, *begin, unix_s=estimation.unix_s)
         return ["the battery file has changed since: the charge goes on, the rest of the filter starts afresh"]
     passed_s = away_s if away_s <= SHORT_ABSENCE_S else max(away_s, _GAP_S)
-    if away_s > SHORT_ABSENCE_S and takes_given_soc(estimation.soc.settings):
-        soc = estimation.soc
+    soc = estimation.soc
+    if SHORT_ABSENCE_S < away_s <= soc.known_gap_s and takes_given_soc(soc.settings):
         soc.state = after_absence(soc.settings, soc.state, away_s, moved_std)
         soc.time_s += passed_s
         estimation.absence = away_s, known
@@ -164,7 +162,7 @@ def is_another(label: Mapping[str, Any], battery: Battery) -> bool:
 def _moved_std(charge: _Charge, capacity_Ah: float, away_s: float) -> float:
     """Standard deviation of what the charge moved by in the absence; the equation at the head."""
     drawn = abs(charge["current_A"] or 0.0) * min(away_s, _STILL_ON_S) / _SECONDS_PER_HOUR / capacity_Ah
-    standby = _STANDBY_PER_HOUR * away_s / _SECONDS_PER_HOUR
+    standby = STANDBY_PER_HOUR * away_s / _SECONDS_PER_HOUR
     return math.hypot(drawn, standby)
 
 

@@ -15,7 +15,7 @@ from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.charge_history import FULL_WITHIN, ChargeHistory, ChargeMemory
 from ohmward.battery.soc.clean_sample import LONGEST_PAUSE_S
 from ohmward.battery.soc.explanation import Explanation, explain
-from ohmward.battery.soc.given_soc import full_charge, takes_given_soc, tell_soc
+from ohmward.battery.soc.given_soc import after_gap, full_charge, longest_known_gap_s, takes_given_soc, tell_soc
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
 from ohmward.battery.soc.sample import Estimator, SocEstimate, SocFlag, SocSample
 from ohmward.checks import require_between, require_positive
@@ -87,6 +87,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         self.initial_soc_std = initial_soc_std
         self.unix_s = unix_s
         self.title = _title(battery, filter)
+        self.known_gap_s = longest_known_gap_s(self.settings)
         self.memory = _NO_MEMORY
 
     def update(
@@ -113,10 +114,29 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         before_s = self.time_s
         dt_s = 0.0 if self._state is None else time_s - before_s
         clock_s = time_s if before_s <= time_s < math.inf else self._clock(time_s)
-        estimate = self._advance((dt_s, current_A, voltage_V, temperature_degC), clock_s)
+        sample = (dt_s, current_A, voltage_V, temperature_degC)
+        estimate = self._advance(sample, clock_s) if dt_s <= self.known_gap_s else self._after_gap(sample, clock_s)
         if estimate[0] >= 1.0 - FULL_WITHIN or estimate[-1] is not self._no_flags or self.memory is _NO_MEMORY:
             self.memory = self.memory.after(clock_s, estimate)
         return estimate
+
+    def step(self, sample: SocSample) -> SocEstimate:
+        """Estimate after one live sample, see `LiveEstimator.step`."""
+        before_s = 0.0 if math.isnan(self.time_s) else self.time_s
+        if self._state is not None and self.known_gap_s < sample.dt_s <= LONGEST_PAUSE_S:
+            return self._after_gap(sample, before_s + sample.dt_s)
+        return super().step(sample)
+
+    def _after_gap(self, sample: Any, clock_s: float) -> SocEstimate:
+        """Estimate after a sample of a gap in which nothing is known of the current: it is a new start."""
+        dt_s, *measured = sample
+        if not dt_s <= LONGEST_PAUSE_S:
+            return self._advance(sample, clock_s)
+        self.state = after_gap(self.settings, self.state, SocSample(0.0, *measured), dt_s)
+        estimate = self._advance((0.0, *measured), clock_s)
+        self.memory = _NO_MEMORY
+        self.last = estimate._replace(flags=estimate.flags | SocFlag.GAP)
+        return self.last
 
     def run(self, log: LogSource, progress: Progress | None = None) -> SocRun:
         """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start.
@@ -131,7 +151,6 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         if self._state is None and log.begin_unix_s is not None:
             self.unix_s = log.begin_unix_s
         estimates, seconds = self._scan_log(log, progress)
-        self.memory = self.memory.after_log(log.time_s, estimates)
         history = self.memory.history(self.time_s)
         settings = on_day(self.settings, self.unix_s)
         return SocRun(log.time_s, estimates, seconds, settings, self.kernel, self.state, history, self.title)
@@ -164,18 +183,26 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         return estimate
 
     def _scan_log(self, log: Log, progress: Progress | None) -> tuple[SocEstimate, float]:
-        """Estimates along a log in pieces that end where a column says that the battery is full, and the seconds."""
+        """Estimates along a log and the seconds; a piece of it ends where a column says full, or at a long gap."""
         samples = samples_of(log, self.time_s)
-        says_full = {k for _, k in log.full_charges()} if takes_given_soc(self.settings) else set()
+        says_full = says_full_at(self.settings, log)
+        gaps = {k: float(samples.dt_s[k]) for k in after_long_gaps(self.settings, samples.dt_s)}
         pieces, seconds, begin = [], 0.0, 0
-        for stop in sorted({k + 1 for k in says_full} | {len(log)}):
+        for stop in sorted(({k + 1 for k in says_full} | gaps.keys() | {len(log)}) - {0}):
             rows = SocSample(*(column[begin:stop] for column in samples))
+            if begin in gaps:
+                rows = rows._replace(dt_s=np.where(np.arange(stop - begin) > 0, rows.dt_s, 0.0))
             first = SocSample(*(float(column[0]) for column in rows))
+            if begin in gaps:
+                self.state, self.memory = after_gap(self.settings, self.state, first, gaps[begin]), _NO_MEMORY
             piece, took_s = self._scan(rows, first, float(log.time_s[stop - 1]), _from(begin, len(log), progress))
+            if begin in gaps:
+                piece.flags[0] = int(piece.flags[0]) | SocFlag.GAP
             if stop - 1 in says_full:
                 self.last = self._with_given()
                 for column, value in zip(piece, self.last, strict=True):
                     column[-1] = value
+            self.memory = self.memory.after_log(log.time_s[begin:stop], piece)
             pieces.append(piece)
             seconds, begin = seconds + took_s, stop
         if len(pieces) == 1:
@@ -231,6 +258,16 @@ def estimator_of(battery: Battery | Estimator, filter: str) -> Estimator:
     if not isinstance(battery, Battery) and hasattr(battery, "step") and hasattr(battery, "init"):
         return battery
     return make_estimator(filter, require_battery(battery, " or an estimator"))
+
+
+def says_full_at(settings: Estimator, log: Log) -> set[int]:
+    """Rows at which a column of the log tells this estimator that the battery is full."""
+    return {k for _, k in log.full_charges()} if takes_given_soc(settings) else set()
+
+
+def after_long_gaps(settings: Estimator, dt_s: np.ndarray) -> list[int]:
+    """Rows after a gap in which nothing is known of the current; dt_s: steps (T,)."""
+    return np.flatnonzero((dt_s > longest_known_gap_s(settings)) & (dt_s <= LONGEST_PAUSE_S)).tolist()
 
 
 def on_day(settings: Estimator, unix_s: float | None) -> Estimator:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ohmward.battery.models.noise import SOC_UNKNOWN_STD, USUAL_C
 from ohmward.battery.soc.anchor_rule import SocNormal
 from ohmward.battery.soc.augmented_thevenin import SOC
 from ohmward.battery.soc.clean_sample import first_input, sanitize
@@ -25,6 +26,16 @@ from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.gate import inflate
 from ohmward.filters.kalman import correct_state
+
+#: After a longer gap the battery may be full or empty [s]: a usual current has by then moved all that can be unknown.
+NOTHING_KNOWN_AFTER_S = 3600.0 * SOC_UNKNOWN_STD / USUAL_C
+
+#: Share of the prior for "the charge is another than before such a gap": a logger or a computer that was off tells
+#: nothing of a charger.
+WRONG_AFTER_GAP = 0.5
+
+#: Drawn by electronics that are off, as a share of the capacity per hour: ten times that of a good protection board.
+STANDBY_PER_HOUR = 0.01
 
 #: A voltage that moves the charge of before an absence by so many of its standard deviations contradicts it.
 CONTRADICTS_STD = 3.0
@@ -71,6 +82,35 @@ def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: So
         return member._replace(belief=pack(filter_.correct(member, belief, clean).belief))
 
     return _of_each(seen, settings, state)
+
+
+def longest_known_gap_s(settings: Any) -> float:
+    """Longest step [s] after which something is known of the charge without `after_gap`; inf where that cannot help."""
+    return max(_single(settings).gap_s, NOTHING_KNOWN_AFTER_S) if takes_given_soc(settings) else math.inf
+
+
+def after_gap(settings: TheveninFilter | GaussianSumFilter, state: Any, first: SocSample, gap_s: float) -> Any:
+    """State before the first sample of a gap of `gap_s` [s] in which nothing is known of the current.
+
+    Either the robot was off, and the charge is that of before but for what its electronics drew, or it is any other. In
+    this a gap is a start with a value that is as likely wrong as right, and its first voltage is weighed in the same
+    way. What was learnt of capacity and resistances is the battery's and goes on.
+    """
+    before = unpack((settings.merged(state) if isinstance(settings, GaussianSumFilter) else state).belief)
+    soc, variance = min(max(float(before.mean[SOC]), 0.0), 1.0), float(before.cov[SOC, SOC])
+    drawn = STANDBY_PER_HOUR * gap_s / 3600.0
+    known = settings.voltage_start.hypotheses(first, soc, math.sqrt(variance + drawn * drawn), WRONG_AFTER_GAP)
+    learnt = [settings.state_names.index(name) for name in ("charge_gain", "ohmic_log_ratio", "pair_log_ratio")]
+
+    def with_learnt(member: FilterState) -> FilterState:
+        belief = unpack(member.belief)
+        mean, cov = belief.mean.copy(), belief.cov.copy()
+        mean[learnt] = before.mean[learnt]
+        cov[learnt, :] = cov[:, learnt] = 0.0
+        cov[np.ix_(learnt, learnt)] = before.cov[np.ix_(learnt, learnt)]
+        return member._replace(belief=pack(Belief(mean, cov)))
+
+    return _of_each(with_learnt, settings, settings.start_from(first, *known))
 
 
 def _of_each(change: Callable[[FilterState], FilterState], settings: Any, state: Any) -> Any:

@@ -23,6 +23,7 @@ from ohmward.battery.soc.clean_sample import first_input
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.start_density import (
     GRID_STEP,
+    WRONG_SHARE,
     ExpectedVoltage,
     Hypothesis,
     soc_grid,
@@ -46,17 +47,20 @@ class VoltageStart:
     current_limit_A: float = math.inf  #: a larger first current is a fault of its sensor
     count: int = 1  #: number of hypotheses
 
-    def hypotheses(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> tuple[Hypothesis, ...]:
+    def hypotheses(
+        self, first: SocSample, soc: float | None = None, soc_std: float = 0.03, wrong_share: float = WRONG_SHARE
+    ) -> tuple[Hypothesis, ...]:
         """The density of SoC given the first sample and, where there is one, a value, in `count` parts.
 
         first: its voltage may be nan.  soc: value in [0, 1] from the user, from a full charge, from storage; None when
-        unknown.  soc_std: standard deviation of that value.
+        unknown.  soc_std: standard deviation of that value.  wrong_share: prior probability that it is wrong.
         """
         if soc is not None:
             require_between("initial_soc", soc, 0.0, 1.0)
             require_positive("initial_soc_std", soc_std)
         grid = soc_grid(soc)
-        return start_hypotheses(grid, first.voltage_V, self.expected_voltage(grid, first), soc, soc_std, self.count)
+        expected = self.expected_voltage(grid, first)
+        return start_hypotheses(grid, first.voltage_V, expected, soc, soc_std, self.count, wrong_share)
 
     def expected_voltage(self, soc: Any, first: SocSample) -> ExpectedVoltage:
         """First voltage OCV + R_0 i expected at `soc`, and what can be wrong about it; float, array or traced."""

@@ -71,15 +71,22 @@ def soc_grid(soc: float | None) -> np.ndarray:
 
 
 def start_hypotheses(
-    grid: np.ndarray, voltage_V: float, expected: ExpectedVoltage, soc: float | None, soc_std: float, count: int
+    grid: np.ndarray,
+    voltage_V: float,
+    expected: ExpectedVoltage,
+    soc: float | None,
+    soc_std: float,
+    count: int,
+    wrong_share: float = WRONG_SHARE,
 ) -> tuple[Hypothesis, ...]:
     """The density of SoC in `count` parts: "the value is right", and cells of equal mass of "nothing is known".
 
     grid: as of `soc_grid`.  voltage_V: first one, nan when there is none.  soc, soc_std: value, None when unknown.
+    wrong_share: prior probability that the value is wrong.
     One part is the whole density.
     """
     first = _first_voltage(grid, voltage_V, expected)
-    *given, anywhere = _priors(grid, soc, soc_std)
+    *given, anywhere = _priors(grid, soc, soc_std, wrong_share)
     if count == 1:
         priors = [sum(given) + anywhere]
     else:
@@ -139,10 +146,10 @@ def _cells_of_equal_mass(density: np.ndarray, count: int) -> np.ndarray:
     return np.where(above > below, inside / np.maximum(above - below, np.finfo(float).tiny), 1.0 / count)
 
 
-def _priors(grid: np.ndarray, soc: float | None, soc_std: float) -> tuple[np.ndarray, ...]:
+def _priors(grid: np.ndarray, soc: float | None, soc_std: float, wrong_share: float) -> tuple[np.ndarray, ...]:
     """Densities on the grid, up to a factor: around the value where there is one, and flat for "nothing is known"."""
     possible = ((grid >= 0.0) & (grid <= 1.0)) / np.count_nonzero((grid >= 0.0) & (grid <= 1.0))
     if soc is None:
         return (possible,)
     peak = np.exp(-0.5 * ((grid - soc) / soc_std) ** 2)
-    return (1 - WRONG_SHARE) * peak / peak.sum(), WRONG_SHARE * possible
+    return (1 - wrong_share) * peak / peak.sum(), wrong_share * possible
