@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -112,7 +111,7 @@ def samples(truth: Truth, offset_A: float = 0.0, noise: BatteryNoise | None = No
         np.diff(truth.time_s, prepend=truth.time_s[0]),
         truth.current_A + offset_A + current_std_A * rng.standard_normal(count),
         truth.voltage_V + voltage_std_V * rng.standard_normal(count),
-        np.full(count, math.nan),
+        np.full(count, 25.0),
     )
 
 

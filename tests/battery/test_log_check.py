@@ -57,4 +57,4 @@ def test_a_temperature_that_the_tests_do_not_show_is_a_warning_and_no_refusal():
 def test_a_log_without_a_temperature_says_which_one_is_taken(unmeasured):
     half = replace(log(0.5 * (BATTERY.voltage_min_V + BATTERY.voltage_max_V)), temperature_degC=unmeasured)
     (note,) = check_log(half, BATTERY).notes
-    assert note.level == "info" and note.text.startswith("no temperature: the battery is taken to be at 25 degC")
+    assert note.level == "info" and note.text.startswith("no temperature: the battery is taken to be at 25 ± 15 degC")

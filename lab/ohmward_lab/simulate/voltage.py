@@ -54,7 +54,7 @@ def simulate_voltage(model: Thevenin, log: Log, initial_soc: float, hysteresis: 
         return after, Simulated(circuit[0], voltage(circuit, clean.now, model)[0])
 
     samples = samples_of(log)
-    first = CircuitInput(_finite_or(samples.current_A[0], 0.0), _finite_or(samples.temperature_degC[0], ROOM_DEGC))
+    first = _finite_or(samples.current_A[0], 0.0), _finite_or(samples.temperature_degC[0], ROOM_DEGC)
     start = np.array([initial_soc, *(0.0 for _ in range(model.pairs)), hysteresis])
     kernel = Kernel(step, SimulationState(start, 0.0, 0.0), SocSample(0.0, 0.0, 0.0, 0.0))
     return kernel.scan(SimulationState(start, *first), samples)[1]

@@ -18,7 +18,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC, coldness_per_K
 from ohmward.battery.soc.anchor_rule import REST_C
-from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, is_current, is_voltage
+from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, WEATHER_STD_K, is_current, is_voltage
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note
@@ -348,8 +348,8 @@ def _check_temperature(log: Log, battery: Battery) -> Log:
     """The log, with a warning where the resistance is doubtful at its temperatures, and a note where it has none."""
     if log.temperature_degC is None or not np.isfinite(log.temperature_degC).any():
         text = (
-            f"no temperature: the battery is taken to be at {ROOM_DEGC:g} degC throughout; where it was colder, charge "
-            "and band are wrong: give it with --temperature 5 (FileHints(temperature_degC=5))"
+            f"no temperature: the battery is taken to be at {ROOM_DEGC:g} ± {WEATHER_STD_K:g} degC, which widens the "
+            "band; where you know it, give it with --temperature 5 (FileHints(temperature_degC=5))"
         )
         return log.with_notes(Note(text))
     degC, reference_degC = log.temperature_degC, battery.thevenin.reference_degC

@@ -5,7 +5,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ohmward.battery.models.thevenin import CircuitInput
-from ohmward.battery.soc.clean_sample import HOLD_S, LONGEST_PAUSE_S, SampleLimits, first_input, sanitize, sanitize_bare
+from ohmward.battery.soc.clean_sample import (
+    HOLD_S,
+    LONGEST_PAUSE_S,
+    WEATHER_STD_K,
+    SampleLimits,
+    first_input,
+    sanitize,
+    sanitize_bare,
+)
 from ohmward.battery.soc.sample import SocFlag, SocSample
 
 NAN, INF = math.nan, math.inf
@@ -22,8 +30,8 @@ def cleaned(sample, unknown_s=0.0):
 def test_a_good_sample_stays_as_it_is():
     clean = cleaned(SocSample(1.0, -3.0, 3.7, 25.0))
     assert clean.dt_s == 1.0
-    assert clean.mean == (-2.5, 25.0)
-    assert clean.now == (-3.0, 25.0)
+    assert clean.mean == (-2.5, 25.0, 0.0)
+    assert clean.now == (-3.0, 25.0, 0.0)
     assert (clean.change_A, clean.current_known, clean.current_measured, clean.unknown_s) == (-1.0, True, True, 0.0)
     assert (clean.voltage_V, clean.voltage_measured) == (3.7, True)
     assert clean.flags == 0
@@ -91,6 +99,6 @@ def test_every_number_is_finite(dt_s, current_A, voltage_V, temperature_degC):
 
 
 def test_the_first_sample_gives_an_input_whatever_it_holds():
-    assert first_input(SocSample(0.0, 3.0, 3.7, 10.0), 40.0) == (3.0, 10.0)
-    assert first_input(SocSample(0.0, NAN, 3.7, NAN), 40.0) == (0.0, 25.0)
-    assert first_input(SocSample(0.0, 900.0, 3.7, -127.0), 40.0) == (0.0, 25.0)
+    assert first_input(SocSample(0.0, 3.0, 3.7, 10.0), 40.0) == (3.0, 10.0, 0.0)
+    assert first_input(SocSample(0.0, NAN, 3.7, NAN), 40.0) == (0.0, 25.0, WEATHER_STD_K)
+    assert first_input(SocSample(0.0, 900.0, 3.7, -127.0), 40.0) == (0.0, 25.0, WEATHER_STD_K)

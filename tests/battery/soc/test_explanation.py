@@ -36,7 +36,7 @@ def columns_of(model, soc, steps=STEPS):
 
 
 def log_of(columns):
-    return Log("drive", np.cumsum(columns.dt_s), columns.current_A, columns.voltage_V)
+    return Log("drive", np.cumsum(columns.dt_s), columns.current_A, columns.voltage_V, columns.temperature_degC)
 
 
 def run(settings, columns, soc=None, std=0.03):
@@ -171,7 +171,7 @@ def test_live_it_remembers_what_the_log_shows_also_over_a_restart(soc):
     for k, (time_s, current_A, voltage_V) in enumerate(zip(log.time_s, log.current_A, log.voltage_V, strict=True)):
         if k == 400:
             live = SocEstimator.restore(live.settings, json.loads(json.dumps(live.snapshot())), lowering="python")
-        live.update(float(time_s), float(current_A), float(voltage_V))
+        live.update(float(time_s), float(current_A), float(voltage_V), 25.0)
     assert live.memory == pytest.approx(whole.memory, nan_ok=True)
     assert str(live.explain()) == str(said)
     assert live.explain().causes == said.causes

@@ -43,6 +43,7 @@ class CircuitInput(NamedTuple):
 
     current_A: Any
     temperature_degC: Any
+    unknown_K: Any = 0.0  #: standard deviation of a temperature that nobody measures; no model looks at it
 
 
 class StateOfHealth(NamedTuple):
@@ -326,6 +327,12 @@ def open_circuit(x: np.ndarray, u: CircuitInput, p: Thevenin) -> Any:
     """Open-circuit voltage with hysteresis, OCV(soc, T) + M(soc) h [V]."""
     soc, *_, h = x
     return p.ocv.mean_V(soc, u.temperature_degC) + p.hysteresis_V_at(soc, u.temperature_degC) * h
+
+
+def log_ratio_by_weather(u: CircuitInput, p: Thevenin) -> Any:
+    """Standard deviation of ln R by a temperature that nobody measures, that of a colder battery; 0 where it is."""
+    activation_K = max(p.activation_K, p.pair_activation_K or 0.0)
+    return activation_K * coldness_per_K(u.temperature_degC - u.unknown_K, u.temperature_degC)
 
 
 def overpotentials(

@@ -47,6 +47,7 @@ from ohmward.battery.models.thevenin import (
     StateOfHealth,
     Thevenin,
     emptiness,
+    log_ratio_by_weather,
     next_state,
     ohmic_resistance,
     open_circuit,
@@ -59,7 +60,7 @@ from ohmward.battery.soc.clean_sample import CleanSocSample
 from ohmward.battery.soc.coulomb import charge_variance, growth_while_unknown
 from ohmward.battery.soc.initial_soc import lasting_std_V
 from ohmward.filters.belief import Belief
-from ohmward.trace import clip, exp, linearize, maximum, minimum, sign, where
+from ohmward.trace import clip, exp, linearize, maximum, minimum, sign, sqrt, where
 from ohmward.trace.expression import Scalar
 
 #: Standard deviation [V] that an RC voltage has at the start at least, so that no variance is zero: far below a sensor.
@@ -174,14 +175,17 @@ class AugmentedThevenin:
         """Belief before the first sample, at this SoC with current and temperature u."""
         noise = self.noise
         likely_A = abs(u.current_A) + self.sensor.offset_std_A
-        wider = exp(noise.resistance_variance(self.coldness(u)))  # root of the second moment of a log-normal ratio
+        weather = log_ratio_by_weather(u, self.model)
+        # root of the second moment of a log-normal ratio
+        wider = exp(noise.resistance_variance(self.coldness(u)) + weather * weather)
+        resistance_std = sqrt(noise.resistance_std**2 + weather * weather)
         pairs = [wider * r * likely_A + LEAST_PAIR_STD_V for r in pair_resistances(soc, u, self.model)]
         std = AugmentedState(
             circuit=[soc_std, *pairs, HYSTERESIS_UNKNOWN_STD],
             offset_A=self.sensor.offset_std_A,
             charge_gain=math.hypot(noise.capacity_std, self.sensor.gain_std),
-            ohmic_log_ratio=noise.resistance_std,
-            pair_log_ratio=noise.resistance_std,
+            ohmic_log_ratio=resistance_std,
+            pair_log_ratio=resistance_std,
             model_error=1.0,
             level_error=1.0,
             ohmic_activation_error_K=noise.activation_std_K,
@@ -192,7 +196,7 @@ class AugmentedThevenin:
         cov = np.diag(np.square(self.vector(std)))
         names = ("ohmic_log_ratio", "pair_log_ratio", "charge_gain")
         ohmic, pair, gain = (self.state_names.index(name) for name in names)
-        cov[ohmic, pair] = cov[pair, ohmic] = RESISTANCE_CORRELATION * noise.resistance_std**2
+        cov[ohmic, pair] = cov[pair, ohmic] = RESISTANCE_CORRELATION * noise.resistance_std**2 + weather * weather
         for ratio in (ohmic, pair):
             cov[gain, ratio] = cov[ratio, gain] = noise.ageing_covariance
         return Belief(self.vector(mean), cov)
@@ -215,13 +219,16 @@ class AugmentedThevenin:
         return np.array([*state.circuit, *(getattr(state, name) for name in self.error_names)])
 
     def coldness(self, u: CircuitInput) -> Scalar:
-        """Distance from the temperature of the file in an Arrhenius law, 1/T - 1/T_reference [1/K]."""
-        return coldness_per_K(u.temperature_degC, self.model.reference_degC)
+        """Distance from the temperature of the file in an Arrhenius law, 1/T - 1/T_reference [1/K].
+
+        Where nobody measures T, errors are those of a battery that is colder by its standard deviation.
+        """
+        return coldness_per_K(u.temperature_degC - u.unknown_K, self.model.reference_degC)
 
     def next_state(self, x: np.ndarray, clean: CleanSocSample) -> np.ndarray:
         """Mean of the state after the step."""
         before = self.split(x)
-        u = CircuitInput(clean.mean.current_A - before.offset_A, clean.mean.temperature_degC)
+        u = clean.mean._replace(current_A=clean.mean.current_A - before.offset_A)
         soc, *rest = next_state(before.circuit, u, self.model, clean.dt_s, before.pair(self.coldness(u)))
         charged = before.circuit[SOC] + before.charge_gain * (soc - before.circuit[SOC])
         model_decay, level_decay = self.error_decays(u.current_A, clean)
@@ -236,7 +243,7 @@ class AugmentedThevenin:
     def voltage(self, x: np.ndarray, clean: CleanSocSample, error: VoltageError) -> np.ndarray:
         """Terminal voltage [V] expected in state x, (1,)."""
         state = self.split(x)
-        u = CircuitInput(clean.now.current_A - state.offset_A, clean.now.temperature_degC)
+        u = clean.now._replace(current_A=clean.now.current_A - state.offset_A)
         _, *v, h = state.circuit
         circuit = np.array([self.curve_soc(state), *v, h * exp(state.hysteresis_log_ratio)])
         circuit_V = voltage(circuit, u, self.model, state.ohmic(self.coldness(u)))
@@ -329,7 +336,7 @@ class AugmentedThevenin:
     def voltage_error(self, prior: Belief, clean: CleanSocSample) -> VoltageError:
         """Errors of the voltage that the model gives in the state that is believed."""
         noise, state = self.noise, self.split(prior.mean)
-        u = CircuitInput(clean.now.current_A - state.offset_A, clean.now.temperature_degC)
+        u = clean.now._replace(current_A=clean.now.current_A - state.offset_A)
         soc = state.circuit[SOC]
         inside = np.array([clip(self.curve_soc(state), END_MARGIN, 1 - END_MARGIN)])
         slope = self.ocv_slope(inside, state.circuit, u)
@@ -339,7 +346,7 @@ class AugmentedThevenin:
         uncertain_V2 = self.axis_variance(state) * slope[0] ** 2 + self.overpotential_share(soc, u) ** 2 * over_V2
         momentary_V = self.total_ohm(state, u) * (MOMENTARY_C * self.model.capacity_Ah)
         unmeasured_V = where(clean.current_measured, 0.0, momentary_V)
-        curve_V, level_V = noise.curve_stds(soc, u.temperature_degC - self.model.ocv.reference_degC)
+        curve_V, level_V = noise.curve_stds(soc, u.temperature_degC - u.unknown_K - self.model.ocv.reference_degC)
         return VoltageError(
             model_std_V=np.sqrt(curve_V**2 + uncertain_V2),
             variance=noise.voltage_std_V**2 + uncertain_V2 + tangent_V2 + unmeasured_V * unmeasured_V,
@@ -354,7 +361,7 @@ class AugmentedThevenin:
         """Shares of the errors that stay in the standard deviation of their sum at rest; their squares add to 1."""
         if not self.noise.level_std_V:
             return {"model_error": 1.0}
-        _, level_V = self.noise.curve_stds(soc, u.temperature_degC - self.model.ocv.reference_degC)
+        _, level_V = self.noise.curve_stds(soc, u.temperature_degC - u.unknown_K - self.model.ocv.reference_degC)
         level = level_V / lasting_std_V(soc, u, self.model, self.noise)
         return {"model_error": np.sqrt(1.0 - level * level), "level_error": level}
 
@@ -378,8 +385,9 @@ class AugmentedThevenin:
         base = self.noise.overpotential_share_at(soc)
         cold = self.coldness(u)
         uneven = UNEVEN_ACTIVATION * self.noise.activation_std_K * cold
+        weather = UNEVEN_ACTIVATION * log_ratio_by_weather(u, self.model)
         empty = self.noise.empty_activation_std_K * maximum(cold, 0.0) * emptiness(soc)
-        return np.sqrt(base**2 + uneven * uneven + empty * empty)
+        return np.sqrt(base**2 + uneven * uneven + weather * weather + empty * empty)
 
     def curve_soc(self, state: AugmentedState) -> Scalar:
         """SoC at which the curve of the file has the voltage of the aged battery."""

@@ -24,8 +24,8 @@ import numpy as np
 
 from ohmward.battery.models.noise import USUAL_C
 from ohmward.battery.models.temperature import coldness_per_K
-from ohmward.battery.models.thevenin import CircuitInput
-from ohmward.battery.soc.augmented_thevenin import SOC, AugmentedState
+from ohmward.battery.models.thevenin import CircuitInput, log_ratio_by_weather
+from ohmward.battery.soc.augmented_thevenin import SOC, UNEVEN_ACTIVATION, AugmentedState
 from ohmward.battery.soc.charge_history import ChargeHistory
 from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
 from ohmward.filters.belief import Belief, unpack
@@ -236,7 +236,7 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
         "resistance": float(known["resistance_ratio_std"] / known["resistance_ratio"]),
     }
     x = settings.system.split(belief.mean)
-    u = CircuitInput(float(state.current_A) - x.offset_A, float(state.temperature_degC))
+    u = CircuitInput(float(state.current_A) - x.offset_A, float(state.temperature_degC), float(state.unknown_K))
     slope_V = float(settings.system.ocv_slope(np.array([x.circuit[SOC]]), x.circuit, u)[0])
     now_V = float(np.linalg.norm([float(v) for v in settings.system.overpotentials(x, u)]))
     usual_V = float(settings.system.total_ohm(x, u)) * USUAL_C * settings.model.capacity_Ah
@@ -269,13 +269,15 @@ def voltage_errors(settings: TheveninFilter, x: AugmentedState, u: CircuitInput,
     noise, model = settings.noise, settings.model
     soc = x.circuit[SOC]
     at_test, here = float(noise.overpotential_share_at(soc)), float(settings.system.overpotential_share(soc, u))
-    elsewhere_V = math.sqrt(max(here**2 - at_test**2, 0.0)) * over_V
+    weather = UNEVEN_ACTIVATION * float(log_ratio_by_weather(u, model))
+    elsewhere_V = math.sqrt(max(here**2 - at_test**2 - weather**2, 0.0)) * over_V
     tested = noise.activation_std_K == 0.0  # then the cold alone is to blame, not what nobody knows of it
     return {
         "curve": math.hypot(float(noise.model_std_at(soc)), noise.level_std_V),
         "overpotential": math.hypot(at_test * over_V, elsewhere_V if tested else 0.0),
         "activation": 0.0 if tested else elsewhere_V,
-        "ocv_temperature": noise.ocv_std_V_per_K * abs(u.temperature_degC - model.ocv.reference_degC),
+        "weather": weather * over_V,
+        "ocv_temperature": noise.ocv_std_V_per_K * abs(u.temperature_degC - u.unknown_K - model.ocv.reference_degC),
     }
 
 
@@ -390,6 +392,9 @@ WORDINGS: dict[str, Wording] = {
         lambda now: "an hour of driving with changing current",
     ),
     "activation": Wording(_activation, lambda now: f"a pulse test at {5 * round(now.temperature_degC / 5):.0f} degC"),
+    "weather": Wording(
+        lambda now: "temperature of the battery not measured", lambda now: "a temperature sensor at the battery"
+    ),
     "relaxation": Wording(lambda now: "voltage not settled after the last load", _settling),
 }
 

@@ -27,6 +27,9 @@ LONGEST_PAUSE_S = 365 * 86400.0
 #: Largest voltage of a cell over its highest open-circuit voltage; a sensor without its wire shows 0.
 HIGHEST_VOLTAGE_RATIO = 2.0
 
+#: Standard deviation of a temperature that nobody has measured yet [K]: a robot works indoors and in the field.
+WEATHER_STD_K = 15.0
+
 #: Where the largest current is not given, a number from here on is none: squares and sums of it overflow.
 _NO_NUMBER_A = 1e9
 
@@ -94,12 +97,14 @@ def sanitize(
     current_known = current_measured & logical_not(step.gap)
     voltage_measured = is_voltage(sample.voltage_V, limits.highest_ocv_V)
     current_A = hold(sample.current_A, current_measured, before.current_A, step.dt_s, HOLD_S)
-    temperature_degC = hold(sample.temperature_degC, is_temperature(sample.temperature_degC), before.temperature_degC)
+    temperature_measured = is_temperature(sample.temperature_degC)
+    temperature_degC = hold(sample.temperature_degC, temperature_measured, before.temperature_degC)
+    unknown_K = where(temperature_measured, 0.0, before.unknown_K)
     line_share = limits.gap_s / maximum(step.dt_s, limits.gap_s)
     return CleanSocSample(
         dt_s=step.dt_s,
-        mean=CircuitInput(0.5 * (current_A + before.current_A) * line_share, temperature_degC),
-        now=CircuitInput(current_A, temperature_degC),
+        mean=CircuitInput(0.5 * (current_A + before.current_A) * line_share, temperature_degC, unknown_K),
+        now=CircuitInput(current_A, temperature_degC, unknown_K),
         change_A=current_A - before.current_A,
         current_measured=current_measured,
         current_known=current_known,
@@ -135,8 +140,9 @@ def sanitize_bare(
 def first_input(first: SocSample, current_limit_A: float = math.inf) -> CircuitInput:
     """Current and temperature of the first sample: no current and room temperature where it says nothing credible."""
     current_A = hold(first.current_A, is_current(first.current_A, current_limit_A), 0.0)
-    temperature_degC = hold(first.temperature_degC, is_temperature(first.temperature_degC), ROOM_DEGC)
-    return CircuitInput(current_A, temperature_degC)
+    measured = is_temperature(first.temperature_degC)
+    temperature_degC = hold(first.temperature_degC, measured, ROOM_DEGC)
+    return CircuitInput(current_A, temperature_degC, where(measured, 0.0, WEATHER_STD_K))
 
 
 def continue_rest(before: Rest, resting: Any, dt_s: Scalar, settle_s: float, usable: Any = True) -> tuple[Rest, Any]:

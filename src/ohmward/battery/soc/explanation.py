@@ -115,7 +115,7 @@ def _measured_A(settings: TheveninFilter, x: np.ndarray, true_A: Any) -> Any:
 def _steady(state: FilterState, current_A: float, duration_s: float) -> SocSample:
     """Samples (T,) of a steady current at the present temperature, without a voltage."""
     count = int(np.ceil(duration_s / REHEARSAL_STEP_S))
-    temperature_degC = np.full(count, float(state.temperature_degC))
+    temperature_degC = np.full(count, math.nan if state.unknown_K else float(state.temperature_degC))
     return SocSample(
         np.full(count, REHEARSAL_STEP_S), np.full(count, current_A), np.full(count, np.nan), temperature_degC
     )

@@ -80,6 +80,7 @@ class FilterState(NamedTuple):
     rejected_s: Scalar  #: time for which the voltage has contradicted the belief
     unknown_s: Scalar  #: time for which the current has not been known
     anchors: AnchorMemory  #: memory for the events that tell SoC
+    unknown_K: Scalar = 0.0  #: standard deviation of the temperature, 0 once it has been measured
     held: HeldVoltage = HeldVoltage()  #: for a voltage that stands still
 
 
@@ -206,7 +207,7 @@ class TheveninFilter:
         u = first_input(first, self.limits.current_A)
         belief = pack(self.system.start(soc, soc_std, u))
         moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
-        return FilterState(belief, moments, u.current_A, u.temperature_degC, 0.0, 0.0, 0.0, AnchorMemory())
+        return FilterState(belief, moments, u.current_A, u.temperature_degC, 0.0, 0.0, 0.0, AnchorMemory(), u.unknown_K)
 
     def step(self, state: FilterState, sample: SocSample) -> tuple[FilterState, SocEstimate]:
         """State and estimate after a sample."""
@@ -251,6 +252,7 @@ class TheveninFilter:
             time_rejected(state.rejected_s, clean.dt_s, contradicts_still, clean.voltage_measured),
             clean.unknown_s,
             taken.anchors,
+            clean.now.unknown_K,
             taken.held,
         )
         flags = clean.flags + flags_of(
@@ -272,7 +274,7 @@ class TheveninFilter:
 
     def sanitize(self, state: FilterState, sample: SocSample) -> CleanSocSample:
         """The sample with what cannot be true replaced and flagged."""
-        before = CircuitInput(state.current_A, state.temperature_degC)
+        before = CircuitInput(state.current_A, state.temperature_degC, state.unknown_K)
         return sanitize(sample, before, self.limits, state.unknown_s)
 
     def without_frozen(self, before: HeldVoltage, clean: CleanSocSample) -> tuple[HeldVoltage, Any, CleanSocSample]:
