@@ -122,7 +122,7 @@ class Conditions(NamedTuple):
     history: ChargeHistory
     #: largest standard deviation of the states of each cause; of capacity and resistance as the estimate has them
     std: Mapping[str, float]
-    temperature_degC: float  #: of the battery
+    temperature_degC: float  #: of the battery; where nobody measures it, that for which the errors are taken
     slope_V: float  #: change of the open-circuit voltage per unit of SoC
     #: standard deviation of each part of the model's voltage error [V], by cause; usual_error_V: the same under a usual
     #: load
@@ -247,7 +247,7 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
         settings,
         history,
         std,
-        u.temperature_degC,
+        u.temperature_degC - u.unknown_K,
         slope_V,
         error_V,
         slopes_V | voltage_errors(settings, x, u, usual_V),
