@@ -48,7 +48,7 @@ def estimate_logs(
 
 def _in_one_piece(estimator: Estimator, log: Log) -> bool:
     """True for a log whose estimates are those of steps alone."""
-    return not says_full_at(estimator, log) and not after_long_gaps(estimator, samples_of(log).dt_s)
+    return not says_full_at(estimator, log) and not after_long_gaps(estimator, np.diff(log.time_s))
 
 
 def _side_by_side(

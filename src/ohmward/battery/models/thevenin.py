@@ -45,6 +45,11 @@ class CircuitInput(NamedTuple):
     temperature_degC: Any
     unknown_K: Any = 0.0  #: standard deviation of a temperature that nobody measures; no model looks at it
 
+    @property
+    def error_degC(self) -> Any:
+        """Temperature for which errors are taken: that of a colder battery where nobody measures it."""
+        return self.temperature_degC - self.unknown_K
+
 
 class StateOfHealth(NamedTuple):
     """Capacity, and all resistances together, over those of the file; 1 for a battery as it was identified.
@@ -332,7 +337,7 @@ def open_circuit(x: np.ndarray, u: CircuitInput, p: Thevenin) -> Any:
 def log_ratio_by_weather(u: CircuitInput, p: Thevenin) -> Any:
     """Standard deviation of ln R by a temperature that nobody measures, that of a colder battery; 0 where it is."""
     activation_K = max(p.activation_K, p.pair_activation_K or 0.0)
-    return activation_K * coldness_per_K(u.temperature_degC - u.unknown_K, u.temperature_degC)
+    return activation_K * coldness_per_K(u.error_degC, u.temperature_degC)
 
 
 def overpotentials(

@@ -223,7 +223,7 @@ class AugmentedThevenin:
 
         Where nobody measures T, errors are those of a battery that is colder by its standard deviation.
         """
-        return coldness_per_K(u.temperature_degC - u.unknown_K, self.model.reference_degC)
+        return coldness_per_K(u.error_degC, self.model.reference_degC)
 
     def next_state(self, x: np.ndarray, clean: CleanSocSample) -> np.ndarray:
         """Mean of the state after the step."""
@@ -346,7 +346,7 @@ class AugmentedThevenin:
         uncertain_V2 = self.axis_variance(state) * slope[0] ** 2 + self.overpotential_share(soc, u) ** 2 * over_V2
         momentary_V = self.total_ohm(state, u) * (MOMENTARY_C * self.model.capacity_Ah)
         unmeasured_V = where(clean.current_measured, 0.0, momentary_V)
-        curve_V, level_V = noise.curve_stds(soc, u.temperature_degC - u.unknown_K - self.model.ocv.reference_degC)
+        curve_V, level_V = noise.curve_stds(soc, u.error_degC - self.model.ocv.reference_degC)
         return VoltageError(
             model_std_V=np.sqrt(curve_V**2 + uncertain_V2),
             variance=noise.voltage_std_V**2 + uncertain_V2 + tangent_V2 + unmeasured_V * unmeasured_V,
@@ -361,7 +361,7 @@ class AugmentedThevenin:
         """Shares of the errors that stay in the standard deviation of their sum at rest; their squares add to 1."""
         if not self.noise.level_std_V:
             return {"model_error": 1.0}
-        _, level_V = self.noise.curve_stds(soc, u.temperature_degC - u.unknown_K - self.model.ocv.reference_degC)
+        _, level_V = self.noise.curve_stds(soc, u.error_degC - self.model.ocv.reference_degC)
         level = level_V / lasting_std_V(soc, u, self.model, self.noise)
         return {"model_error": np.sqrt(1.0 - level * level), "level_error": level}
 

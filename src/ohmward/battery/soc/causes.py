@@ -247,7 +247,7 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
         settings,
         history,
         std,
-        u.temperature_degC - u.unknown_K,
+        u.error_degC,
         slope_V,
         error_V,
         slopes_V | voltage_errors(settings, x, u, usual_V),
@@ -277,7 +277,7 @@ def voltage_errors(settings: TheveninFilter, x: AugmentedState, u: CircuitInput,
         "overpotential": math.hypot(at_test * over_V, elsewhere_V if tested else 0.0),
         "activation": 0.0 if tested else elsewhere_V,
         "weather": weather * over_V,
-        "ocv_temperature": noise.ocv_std_V_per_K * abs(u.temperature_degC - u.unknown_K - model.ocv.reference_degC),
+        "ocv_temperature": noise.ocv_std_V_per_K * abs(u.error_degC - model.ocv.reference_degC),
     }
 
 

@@ -122,21 +122,25 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
 
     def step(self, sample: SocSample) -> SocEstimate:
         """Estimate after one live sample, see `LiveEstimator.step`."""
-        before_s = 0.0 if math.isnan(self.time_s) else self.time_s
         if self._state is not None and self.known_gap_s < sample.dt_s <= LONGEST_PAUSE_S:
+            before_s = 0.0 if math.isnan(self.time_s) else self.time_s
             return self._after_gap(sample, before_s + sample.dt_s)
         return super().step(sample)
 
     def _after_gap(self, sample: Any, clock_s: float) -> SocEstimate:
-        """Estimate after a sample of a gap in which nothing is known of the current: it is a new start."""
+        """Estimate after a sample that a gap comes before in which nothing is known of the current."""
         dt_s, *measured = sample
         if not dt_s <= LONGEST_PAUSE_S:
             return self._advance(sample, clock_s)
-        self.state = after_gap(self.settings, self.state, SocSample(0.0, *measured), dt_s)
-        estimate = self._advance((0.0, *measured), clock_s)
-        self.memory = _NO_MEMORY
+        first = SocSample(0.0, *measured)
+        self._begin_after_gap(first, dt_s)
+        estimate = self._advance(first, clock_s)
         self.last = estimate._replace(flags=estimate.flags | SocFlag.GAP)
         return self.last
+
+    def _begin_after_gap(self, first: SocSample, gap_s: float) -> None:
+        """Begin again before the first sample that follows such a gap."""
+        self.state, self.memory = after_gap(self.settings, self.state, first, gap_s), _NO_MEMORY
 
     def run(self, log: LogSource, progress: Progress | None = None) -> SocRun:
         """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start.
@@ -187,14 +191,13 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         samples = samples_of(log, self.time_s)
         says_full = says_full_at(self.settings, log)
         gaps = {k: float(samples.dt_s[k]) for k in after_long_gaps(self.settings, samples.dt_s)}
+        samples.dt_s[list(gaps)] = 0.0
         pieces, seconds, begin = [], 0.0, 0
         for stop in sorted(({k + 1 for k in says_full} | gaps.keys() | {len(log)}) - {0}):
             rows = SocSample(*(column[begin:stop] for column in samples))
-            if begin in gaps:
-                rows = rows._replace(dt_s=np.where(np.arange(stop - begin) > 0, rows.dt_s, 0.0))
             first = SocSample(*(float(column[0]) for column in rows))
             if begin in gaps:
-                self.state, self.memory = after_gap(self.settings, self.state, first, gaps[begin]), _NO_MEMORY
+                self._begin_after_gap(first, gaps[begin])
             piece, took_s = self._scan(rows, first, float(log.time_s[stop - 1]), _from(begin, len(log), progress))
             if begin in gaps:
                 piece.flags[0] = int(piece.flags[0]) | SocFlag.GAP

@@ -74,7 +74,7 @@ def lasting_std_V(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -
     """Standard deviation [V] of the model at rest where it stays with SoC: of curve, level, axis and temperature."""
     above_V = p.ocv.mean_V(soc + GRID_STEP, u.temperature_degC)
     slope = (above_V - p.ocv.mean_V(soc - GRID_STEP, u.temperature_degC)) * (0.5 / GRID_STEP)
-    curve_V, level_V = noise.curve_stds(soc, u.temperature_degC - u.unknown_K - p.ocv.reference_degC)
+    curve_V, level_V = noise.curve_stds(soc, u.error_degC - p.ocv.reference_degC)
     return sqrt(curve_V**2 + (noise.soc_axis_std * slope) ** 2 + level_V**2)
 
 
@@ -82,7 +82,7 @@ def first_voltage_std(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNois
     """Standard deviation [V] of the first voltage about OCV + R_0 i: sensor, model, OCV, drop, hysteresis, past."""
     past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + sensor.offset_std_A)
     weather = log_ratio_by_weather(u, p)
-    coldness = coldness_per_K(u.temperature_degC - u.unknown_K, p.reference_degC)
+    coldness = coldness_per_K(u.error_degC, p.reference_degC)
     resistance_std = sqrt(noise.resistance_variance(coldness) + weather * weather)
     drop = resistance_std * abs(ohmic_drop(soc, u, p))
     hysteresis = HYSTERESIS_UNKNOWN_STD * np.exp(noise.hysteresis_std**2) * p.hysteresis_V_at(soc, u.temperature_degC)
