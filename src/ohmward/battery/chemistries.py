@@ -102,6 +102,8 @@ class ChemistryPrior(NamedTuple):
     hysteresis_on_branches: HysteresisPrior | None = None
     measured_curve: CurvePrior = CurvePrior((0.004,) * 2, 0.01, 0.05)  #: of a curve as given, or by low-rate tests
     rested_curve: CurvePrior = CurvePrior((0.010,) * 2, 0.02, 0.05)  #: of a curve through rests
+    #: of a curve that was measured, but on a battery that the circuit was not fitted to; its level errs as much besides
+    unfitted_curve: CurvePrior = CurvePrior((0.008,) * 2, 0.01, 0.1)
     discharging_factor: float = 1.0  #: error of the model over that of a lithium-ion cell, in a discharge
     charging_factor: float = 1.0  #: of it in a charge and the rest after it
     gassing_factor: float = 1.0  #: of it there, where part of the charge makes gas
@@ -122,8 +124,6 @@ class ChemistryPrior(NamedTuple):
         return self.activation_K, self.pair_activation_K, self.tau_activation_K
 
 
-#: Of a curve that was measured, but on a battery that the circuit was not fitted to.
-_KNOWN_CURVE = CurvePrior((0.008,) * 2, 0.01, 0.1)
 #: Root mean square of the difference between published open-circuit curves of cells and the curve here, in tenths of
 #: SoC and times the 1.2 to 1.4 by which so few cells may tell it too small (quantile of Student's t over that of a
 #: normal distribution). NCA and LCO, of six: Panasonic PF, two of Samsung, NCA_Kim2011, Ramadass2004, Ai2020.
@@ -170,6 +170,7 @@ _IRON_PHOSPHATE = _LITHIUM._replace(
     slow_tau_log_std=0.3,
     hysteresis=HysteresisPrior(Normal(0.4, 0.05), 15.0, 0.5),
     hysteresis_on_branches=HysteresisPrior(Normal(0.8, 0.15), 18.0, 0.3),
+    unfitted_curve=CurvePrior((0.012,) * 2, 0.01, 0.1),
     model_V=0.004,
     unmeasured_model_V=0.008,
 )
@@ -201,6 +202,7 @@ _NICKEL = ChemistryPrior(
     CurvePrior((0.12, 0.04, *(0.025,) * 7, 0.03, 0.04), 0.05, 0.5),
     0.07,
     ageing_correlation=(0.0, 0.0),
+    unfitted_curve=CurvePrior((0.015,) * 2, 0.03, 0.3),
 )
 #: Near full more and more of a charge makes oxygen instead.
 _NICKEL_EFFICIENCY = 0.95
@@ -224,6 +226,7 @@ _LEAD_ACID = ChemistryPrior(
     slow_tau_log_std=0.3,
     measured_curve=CurvePrior((0.020,) * 2, 0.03, 0.3),
     rested_curve=CurvePrior((0.020,) * 2, 0.03, 0.3),
+    unfitted_curve=CurvePrior((0.020,) * 2, 0.03, 0.3),
     discharging_factor=2.0,
     charging_factor=6.0,
     gassing_factor=100.0,
@@ -478,12 +481,13 @@ def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str
 def start_noise(name: str = "", n_series: int = 1, ocv_known: bool = False) -> BatteryNoise:
     """Noise of a battery of the chemistry `name` without a test; `ocv_known` where its OCV curve was measured."""
     prior, cell_V = chemistry_prior(name), float(np.mean(chemistry(name).ocv_V)) if name else CELL_V
-    curve = _KNOWN_CURVE if ocv_known else prior.curve
+    curve = prior.unfitted_curve if ocv_known else prior.curve
     return BatteryNoise(
         voltage_std_V=0.005 * n_series,
         model_std_V=tuple(n_series * std_V for std_V in curve.std_V),
         model_soc_length=curve.soc_length,
         overpotential_share=0.15,
+        level_std_V=n_series * max(curve.std_V) if ocv_known else 0.0,
         soc_axis_std=curve.soc_std,
         capacity_std=_LABEL_CAPACITY_STD,
         resistance_std=_LABEL_RESISTANCE_STD,

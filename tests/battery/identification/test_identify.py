@@ -139,6 +139,21 @@ def test_low_rate_alone_gives_the_curve_only():
     assert started.thevenin.pairs == 2 and any("start values for nmc" in s for s in started.not_identified)
 
 
+@pytest.mark.parametrize(("k", "sign"), [(0, 1.0), (1, -1.0)])
+def test_one_low_rate_branch_lies_half_a_usual_gap_beside_the_curve(k, sign):
+    branch = low_rate_logs(cell())[k]
+    plain = identify(branch, capacity_Ah=2.0)
+    beside = identify(branch, capacity_Ah=2.0, chemistry="lfp")
+    rate_A = abs(np.median(branch.current_A[branch.current_A != 0.0]))
+    half_V = 0.010 + (0.05 + 0.03 + 0.10) / 2.0 * rate_A  # of LFP: hysteresis, and resistances times capacity
+    shift_V = np.subtract(beside.thevenin.ocv.voltage_V, plain.thevenin.ocv.voltage_V)
+    assert shift_V == pytest.approx(sign * half_V, rel=1e-3)
+    assert set(beside.thevenin.ocv.hysteresis_V) == {0.010}
+    both = identify(low_rate_logs(cell()), capacity_Ah=2.0, chemistry="lfp")
+    assert beside.noise.level_std_V == pytest.approx(np.hypot(both.noise.level_std_V, 0.5 * half_V))
+    assert any("hysteresis: one direction only; that of lfp cells was taken" in s for s in beside.not_identified)
+
+
 def test_a_pack_is_so_many_cells(pulses, found):
     pack = Log("pack", pulses.time_s, pulses.current_A, 4 * pulses.voltage_V)
     battery = identify(pack, capacity_Ah=2.0, n_series=4, chemistry="nmc")
