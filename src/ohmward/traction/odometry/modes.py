@@ -88,12 +88,18 @@ class Turning(NamedTuple):
 
 
 def slip_modes(robot: Robot) -> list[tuple[int, ...]]:
-    """The driven wheels that slip in each mode: each one, and those of each side; none where wheels roll sideways."""
+    """The driven wheels that slip in each mode: each one, and those of a side; none where rims show sideways speed."""
     n = robot.driven
-    if PLANAR[1] in robot.chassis.freedoms or n < 2:
+    if rims_show_sideways(robot) or n < 2:
         return []
     sides = [tuple(i for i in range(n) if (robot.places[i].y_m > 0.0) is left) for left in (True, False)]
     return list(dict.fromkeys([*((i,) for i in range(n)), *(side for side in sides if 0 < len(side) < n)]))
+
+
+def rims_show_sideways(robot: Robot) -> bool:
+    """True where the driven wheels roll sideways too, so that the forward speed by each depends on the sideways one."""
+    axes = robot.chassis.freedoms
+    return PLANAR[1] in axes and bool(np.any(robot.rolling[: robot.driven, axes.index(PLANAR[1])]))
 
 
 def first_modes(robot: Robot) -> ModeState:
@@ -129,9 +135,10 @@ def weigh(
     rate = turning.rad_s / (1.0 + turning.scale)
     by_wheel = np.asarray(rims_m_s - robot.rolling[:n, -1] * rate)
     rolling = [[i for i in range(n) if i not in slipping] for slipping in modes]
-    sideways = PLANAR[1] in robot.chassis.freedoms  # what a rim shows of the forward speed depends on the sideways one
+    sideways = rims_show_sideways(robot)
     speeds = np.array([mean_m_s] if sideways else [by_wheel[part].mean() for part in rolling])
-    known, speed_variance, slip_variance = variances(before, rate, turning, since_s, count_m_s, robot, noise)
+    by_rims = turn_of_rims(rims_m_s, robot)
+    known, speed_variance, slip_variance = variances(before, rate, by_rims, turning, since_s, count_m_s, robot, noise)
     changes = np.array([(by_wheel - before.forward_m_s)[part].mean() for part in rolling])
     change_variance = maximum(changes[0] * changes[0] + count_m_s * count_m_s, LEAST_CHANGE_M_S**2)
     logs = np.array([
@@ -180,6 +187,13 @@ def weigh(
     return after, ModeSpeed(forward, sqrt(spread + beyond * beyond), slips, named, loose_m_s, counted)
 
 
+def turn_of_rims(rims_m_s: np.ndarray, robot: Robot) -> Scalar:
+    """Yaw rate [rad/s] that driven rims of these speeds show, by least squares; 0 of rims that show none."""
+    arms_m = robot.rolling[: robot.driven, -1]
+    square = float(arms_m @ arms_m)
+    return (arms_m @ rims_m_s) / square if square else 0.0
+
+
 def mixed(probability: np.ndarray, time_s: Scalar) -> np.ndarray:
     """Probabilities (modes,) after a time in which modes begin and end: between slips the wheels roll."""
     time_s = minimum(time_s, LASTS_S)
@@ -191,19 +205,25 @@ def mixed(probability: np.ndarray, time_s: Scalar) -> np.ndarray:
 def variances(
     before: ModeState,
     rate_rad_s: Scalar,
+    by_rims_rad_s: Scalar,
     turning: Turning,
     since_s: Scalar,
     count_m_s: Scalar,
     robot: Robot,
     noise: OdometryNoise,
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """Variances [m2/s2] of forward speeds about their mean: by turn and counting, of rolling and of slipping wheels."""
+    """Variances [m2/s2] of forward speeds about their mean: by turn and counting, of rolling and of slipping wheels.
+
+    rate_rad_s, by_rims_rad_s: of the robot by the gyro, and by the rims: wheels that begin to turn it slip first.
+    """
     ahead_s = math.hypot(noise.gyro_delay_std_s, noise.wheels_ahead_std_s)
     sooner = ahead_s * (turning.rad_s - before.turn_rad_s) / maximum(since_s, LEAST_STEP_S)
     # Wheels that turn the robot by another share than they should scrub, each in its own way.
     scrubbing = (turning.scale * turning.scale + turning.scale_std * turning.scale_std) / (1.0 + turning.scale) ** 2
-    share = noise.turn_share * noise.turn_share + scrubbing
-    turn_variance = lever_m(robot) ** 2 * (share * rate_rad_s * rate_rad_s + sooner * sooner)
+    slip_rad_s = noise.turn_share * maximum(abs(rate_rad_s), abs(by_rims_rad_s))
+    turn_variance = lever_m(robot) ** 2 * (
+        slip_rad_s * slip_rad_s + scrubbing * rate_rad_s * rate_rad_s + sooner * sooner
+    )
     along = abs(before.followed_m_s)
     known = 2.0 * count_m_s * count_m_s + turn_variance
     rolling = known + ROLLING_M_S**2 + (ROLLING_SHARE * along) ** 2
