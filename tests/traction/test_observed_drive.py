@@ -7,7 +7,9 @@ from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, hard_terrain
 from ohmward.traction.observed_drive import drive_figures, floor_figures, observe_drive, observe_on_floors
+from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.terrain.floor import Floor, Floors
+from traction.odometry.examples import one_side_spins
 
 TIME_S = np.arange(0.0, 3.0, 0.01)
 SPIN_RAD_S = np.where((TIME_S > 1.0) & (TIME_S < 1.5), 9.0, 0.0)
@@ -71,6 +73,25 @@ def test_without_motor_currents_slip_is_what_wheels_and_gyro_show():
     assert np.mean(np.abs(e.speed_m_s - 0.4) < 1.96 * e.speed_std_m_s) > 0.95
     assert e.slip_speed_m_s[325, 1] == pytest.approx(0.3, abs=0.02)
     assert e.slip_speed_m_s[325, 0] == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("current_A", [np.nan, 3.0])
+def test_a_skid_steered_robot_slips_as_wheels_and_gyro_show_whatever_its_motors_draw(current_A):
+    husky = load_robot("husky")
+    _, given, spins = one_side_spins(0, True, np.random.default_rng(3))
+    log = DriveLog(
+        "yard",
+        0.02 * np.arange(len(spins)),
+        given.robot.wheel_speed_rad_s,
+        np.full((len(spins), 4), current_A),
+        yaw_rate_rad_s=given.robot.yaw_rate_rad_s,
+        speed_m_s=given.robot.speed_m_s,
+    )
+    observed = observe_drive(husky, log, hard_terrain("gravel"))
+    e = observed.track.estimates
+    assert np.sqrt(np.mean((e.speed_m_s - 0.8)[spins] ** 2)) < 0.06
+    wheels = {episode.wheel for episode in drive_figures(observed).slip_episodes}
+    assert wheels == {"front_left", "rear_left"}
 
 
 @pytest.mark.parametrize("interval", [10, 50])

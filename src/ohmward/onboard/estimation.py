@@ -282,7 +282,7 @@ class Estimation:
         self._measured |= sample.keys()
         robot = self.odometry.settings.robot
         heard = not int(slip.flags) & SlipFlag.NO_ENCODER and not int(pose.flags) & OdometryFlag.NO_GYRO
-        if by_wheels_and_gyro(robot, self._measured) and not force_known(slip):
+        if by_wheels_and_gyro(robot, self._measured) and not force_known(robot, slip):
             slip = with_slip_of(robot, slip, pose, heard)
         measured = {**self._signals(sample), **self._taken_beside("drive")}
         return self._after(sample["time_s"], measured, slip=slip, pose=pose, drive_time_s=sample["time_s"])

@@ -294,7 +294,7 @@ def observe_drive(
     chosen = make_observer(robot, log, terrain, method)
     track = observe(chosen.observer, log, progress)
     path = odometry_for(robot, log).run(log, track.estimates)
-    if by_wheels_and_gyro(robot, log.channels) and not force_known(track.estimates).any():
+    if by_wheels_and_gyro(robot, log.channels) and not force_known(robot, track.estimates).any():
         without_gyro = path.estimates.flags.astype(int) & OdometryFlag.NO_GYRO > 0
         heard = ~(_are_silent(log, robot.driven) | without_gyro)
         track = SlipRun(track.time_s, with_slip_of(robot, track.estimates, path.estimates, heard), track.seconds)

@@ -6,9 +6,10 @@ import numpy as np
 
 from ohmward.traction import RLMA
 from ohmward.traction.motion.sample import RobotSample
-from ohmward.traction.odometry.model import OdometryNoise
+from ohmward.traction.odometry.model import SCRUBBING, OdometryNoise
 from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import Observed, OdometrySample
+from ohmward.traction.robot.packaged import load_robot
 
 DT_S = 0.02
 NOISE = OdometryNoise()
@@ -83,3 +84,22 @@ def drive(settings: PoseFilter, seed: int, distance_m: float = 50.0) -> Drive:
     speeds = motion @ RLMA.rolling[: RLMA.driven].T / RLMA.wheel.radius_m
     given = {"dt_s": np.full(T, DT_S), "wheel_speed_rad_s": speeds, "yaw_rate_rad_s": gyro}
     return Drive(samples(settings, **given), integrate(v, left, w), float(offset[-1]))
+
+
+def one_side_spins(side, outside, rng):
+    """Samples of a skid-steered robot on a winding way, one side of which spins twice, and the conditions that it does.
+
+    outside: with a speed of GNSS, 5 times a second.
+    """
+    robot = load_robot("husky")
+    time_s = DT_S * np.arange(1500)
+    turn = 0.3 * np.sin(2.0 * np.pi * time_s / 17.0)
+    spins = ((time_s > 10.0) & (time_s < 13.0)) | ((time_s > 20.0) & (time_s < 22.0))
+    ramp = np.convolve(spins, np.full(15, 1.0 / 15.0), "same")
+    scrubbed_m = 1.3 * robot.rolling[:, -1]  # the effective track is another than the file's
+    speeds = 0.8 + np.outer(turn, scrubbed_m) + 0.5 * np.outer(ramp, [i % 2 == side for i in range(4)])
+    settings = PoseFilter(robot, SCRUBBING)
+    gnss = np.where(np.arange(1500) % 10 == 0, 0.8 + 0.05 * rng.standard_normal(1500), np.nan)
+    sensors = {"yaw_rate_rad_s": turn + 0.002 * rng.standard_normal(1500), **({"speed_m_s": gnss} if outside else {})}
+    given = samples(settings, wheel_speed_rad_s=speeds / robot.wheel.radius_m, **sensors)
+    return settings, given, ramp > 0.0

@@ -12,7 +12,7 @@ from ohmward.trace import Kernel
 from ohmward.traction import RLMA, ROBOTINO
 from ohmward.traction.motion.outside_speed import OutsideSpeed
 from ohmward.traction.odometry.corrections import OVERRUN_S, Overrun, run_over
-from ohmward.traction.odometry.model import SCRUBBING, OdometryNoise
+from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.odometry.modes import (
     COUNTED,
     EVIDENCE_S,
@@ -33,7 +33,7 @@ from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.chassis import Differential
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import GRAVITY
-from traction.odometry.examples import DT_S, samples
+from traction.odometry.examples import DT_S, one_side_spins, samples
 from traction.odometry.test_counts_and_gyro import INDOOR, TRACK_M, stop_and_go
 
 FILTER = PoseFilter(RLMA, OdometryNoise())  # rims without creep
@@ -244,25 +244,6 @@ def test_a_gyro_that_glitches_does_not_move_the_robot():
 
 def test_the_lever_is_half_the_track():
     assert lever_m(RLMA) == pytest.approx(HALF_TRACK_M)
-
-
-def one_side_spins(side, outside, rng):
-    """Samples of a skid-steered robot on a winding way, one side of which spins twice, and the conditions that it does.
-
-    outside: with a speed of GNSS, 5 times a second.
-    """
-    robot = load_robot("husky")
-    time_s = DT_S * np.arange(1500)
-    turn = 0.3 * np.sin(2.0 * np.pi * time_s / 17.0)
-    spins = ((time_s > 10.0) & (time_s < 13.0)) | ((time_s > 20.0) & (time_s < 22.0))
-    ramp = np.convolve(spins, np.full(15, 1.0 / 15.0), "same")
-    scrubbed_m = 1.3 * robot.rolling[:, -1]  # the effective track is another than the file's
-    speeds = 0.8 + np.outer(turn, scrubbed_m) + 0.5 * np.outer(ramp, [i % 2 == side for i in range(4)])
-    settings = PoseFilter(robot, SCRUBBING)
-    gnss = np.where(np.arange(1500) % 10 == 0, 0.8 + 0.05 * rng.standard_normal(1500), np.nan)
-    sensors = {"yaw_rate_rad_s": turn + 0.002 * rng.standard_normal(1500), **({"speed_m_s": gnss} if outside else {})}
-    given = samples(settings, wheel_speed_rad_s=speeds / robot.wheel.radius_m, **sensors)
-    return settings, given, ramp > 0.0
 
 
 @pytest.mark.parametrize("outside", [True, False])

@@ -106,7 +106,7 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
         """
         time_s = number("time_s", time_s)
         speeds = numbers("wheel_speed_rad_s", wheel_speed_rad_s, self._wheels, self._driven)
-        if observed is not None and not force_known(observed):
+        if observed is not None and not force_known(self.settings.robot, observed):
             observed = None
         robot = RobotSample(
             self._since_last(time_s),
@@ -174,19 +174,20 @@ def odometry_samples(
     }
     motion = Observed(*(np.broadcast_to(value, T) for value in nothing.observed))
     if observed is not None:
-        known, motion = force_known(observed), motion_of_observer(settings, observed)
+        known, motion = force_known(settings.robot, observed), motion_of_observer(settings, observed)
         motion = motion._replace(speed_m_s=np.where(known, motion.speed_m_s, np.nan))
         robot = robot._replace(speed_m_s=np.where(known, np.nan, robot.speed_m_s))
     return OdometrySample(robot, **other, observed=motion)
 
 
-def force_known(observed: SlipEstimate) -> np.ndarray:
-    """Conditions (...) that the observer knew the force of every motor.
+def force_known(robot: Robot, observed: SlipEstimate) -> np.ndarray:
+    """Conditions (...) that the observer knew the force of every motor; it never does where wheels scrub.
 
     Without it any torque counts as possible: then the wheels may slip at any time, which opens the band, and are never
     compared with the gyro, whose offset stays unknown.
     """
-    return np.asarray(observed.flags, dtype=int) & SlipFlag.NO_CURRENT == 0
+    measured = np.asarray(observed.flags, dtype=int) & SlipFlag.NO_CURRENT == 0
+    return measured & (not robot.chassis.scrubs)
 
 
 def by_wheels_and_gyro(robot: Robot, measured: Collection[str]) -> bool:
