@@ -112,6 +112,26 @@ def test_a_fault_is_named_kept_out_and_forgotten_when_it_is_over(battery, name):
     assert math.isfinite(robot.clean[-1][signal])
 
 
+def test_an_encoder_that_counts_no_more_is_stuck_until_it_counts_again(battery):
+    class Counting(Robot):
+        counts = dict.fromkeys(PLACES, 4000)
+
+        def sample(self, t):
+            values = super().sample(t)
+            speeds = {name: values.pop(f"wheel_speed_rad_s.{name}") for name in PLACES}
+            self.counts = {name: (self.counts[name] + round(163.0 * 0.02 * w)) % 65536 for name, w in speeds.items()}
+            return values | {f"wheel_counts.{name}": float(count) for name, count in self.counts.items()}
+
+    counter = f"wheel_counts.{PLACES[0]}"
+    robot = Counting(battery, stuck(counter), until_s=12.0)
+    robot.watch = SensorWatch(battery, RLMA, counts_per_turn=1024)
+    robot.run(end_s=11.0)
+    assert set(robot.wrong()) == {counter}
+    assert math.isnan(robot.clean[-1][counter])
+    robot.run(11.0, 14.0)
+    assert robot.wrong() == {}
+
+
 def test_the_unit_that_would_fit_is_named_as_in_the_trial(battery):
     (message,) = Robot(battery, constant("battery_voltage_V", 13100.0)).run().wrong().values()
     assert message.endswith("millivolts? then scale = 0.001")

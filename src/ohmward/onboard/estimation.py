@@ -81,7 +81,7 @@ class Estimation:
         unix_s: float | None = None,
     ):
         self._settings = battery, robot, consumption, delay_s, counts_per_turn, days, unix_s
-        self.battery, self.robot, self.unix_s = battery, robot, unix_s
+        self.battery, self.robot, self.unix_s, self.counts_per_turn = battery, robot, unix_s, counts_per_turn
         self.soc = SocEstimator(battery, unix_s=unix_s) if battery else None
         self.cells: PackEstimator | None = None
         self.slip = SlipEstimator(robot) if robot else None

@@ -157,7 +157,8 @@ class Process:
         self._ahead_s, self._received_s, self._simulated_s = 0.0, -math.inf, math.nan
         self._calendar_s = math.nan
         promised = {s.name: getattr(s, "signals", ()) for s in self.sources if s.name not in self._own}
-        self.watch = SensorWatch(self.estimation.battery, self.estimation.robot, promised)
+        known = self.estimation
+        self.watch = SensorWatch(known.battery, known.robot, promised, counts_per_turn=known.counts_per_turn)
 
     def add_sink(self, sink: Sink) -> None:
         """Add a sink before the process runs."""

@@ -18,7 +18,7 @@ from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
 from ohmward.onboard.evidence import EVIDENCE, Age
 from ohmward.onboard.message_parts import no_such_part
 from ohmward.onboard.robot_state import Diagnostic, Level
-from ohmward.quantities import EVENTS, ValueLimits, limits_of, quantity_of
+from ohmward.quantities import EVENTS, QUANTITIES, ValueLimits, limits_of, quantity_of
 from ohmward.signals.checks import beyond_limits, doubled, missing, no_number, stuck
 from ohmward.traction.motion_check import FEWEST, LASTS_S, MotionCheck
 from ohmward.traction.robot.robot import Robot
@@ -77,6 +77,7 @@ class WatchedSensor:
     bad: values since the last look that cannot be true, and the last of them; good: all others since then.
     absent: sentence where the robot has no such wheel or motor; plausible: lowest and highest value on this robot.
     doubled_by: other source that sends it too; doubled_s: when it last did.
+    looked_at, looked_s: value at the last look, and its time.
     """
 
     signal: str
@@ -106,6 +107,8 @@ class WatchedSensor:
     doubled_by: str = ""
     doubled_s: float = -math.inf
     repeated: int = 0
+    looked_at: float = math.nan
+    looked_s: float = math.nan
 
     @property
     def silent_after_s(self) -> float:
@@ -170,6 +173,12 @@ class WatchedSensor:
             if self.pauses > 1:  # no outage: the first two values came in haste
                 self.interval_s = gap_s
 
+    def change_since_look(self) -> float:
+        """Change of the value a second since the last look, from now on since this one; nan where none was before."""
+        passed_s, change = self.last_s - self.looked_s, self.value - self.looked_at
+        self.looked_at, self.looked_s = self.value, self.last_s
+        return change / passed_s if passed_s > 0.0 else math.nan
+
     @property
     def is_same(self) -> bool:
         """True where the value has been the same for as long as a fault in a log lasts."""
@@ -196,6 +205,7 @@ class SensorWatch:
     #: names of the sources, and of the signals that each says it sends
     promised: Mapping[str, Iterable[str]] = field(default_factory=dict)
     began_s: float = 0.0  #: time from which on they are expected
+    counts_per_turn: float | None = None  #: of the wheels' encoders, where they send counts
 
     def __post_init__(self) -> None:
         self.sensors: dict[str, WatchedSensor] = {}
@@ -307,9 +317,18 @@ class SensorWatch:
             if sensor.is_same and sensor.partner and sensor.partner.turns - sensor.partner_turns >= TURNS:
                 sensor.stuck = True
         if self._motion:
-            speeds = {s.signal: (s.value, s.is_same) for s in self.sensors.values() if s.good}
+            speeds = {s.signal: (self._speed(s), s.is_same) for s in self.sensors.values() if s.good}
             for signal in self._motion.stuck(speeds):
                 self.sensors[signal].stuck = True
+
+    def _speed(self, sensor: WatchedSensor) -> float:
+        """Value of a sensor; of one that counts its speed [rad/s] since the last look, nan after an overflow."""
+        if not sensor.signal.startswith("wheel_counts"):
+            return sensor.value
+        if self.counts_per_turn is None:
+            return math.nan
+        speed = 2.0 * math.pi / self.counts_per_turn * sensor.change_since_look()
+        return speed if abs(speed) <= QUANTITIES["wheel_speed_rad_s"].limits.highest else math.nan
 
 
 def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:

@@ -40,7 +40,7 @@ MOST_FASTER, SCRUBS = 1.5, 3.0
 #: A unit is a factor, which leaves the yaw rates of wheels and gyro correlated by this much at least.
 CORRELATED = 0.8
 
-_SPEED, _YAW_RATE = "wheel_speed_rad_s", "yaw_rate_rad_s"
+_WHEEL, _YAW_RATE = ("wheel_speed_rad_s", "wheel_counts"), "yaw_rate_rad_s"
 
 
 def contradiction(rows: np.ndarray, values: np.ndarray) -> float:
@@ -163,8 +163,8 @@ class MotionCheck:
 
     def __init__(self, robot: Robot):
         self.driven = robot.driven
-        self._signals = {f"{_SPEED}.{place.name}": k for k, place in enumerate(robot.places)}
-        self._signals |= {f"{_SPEED}.{k}": k for k in range(len(robot.places))}
+        self._signals = {f"{wheel}.{place.name}": k for wheel in _WHEEL for k, place in enumerate(robot.places)}
+        self._signals |= {f"{wheel}.{k}": k for wheel in _WHEEL for k in range(len(robot.places))}
         self._gyro = self._signals[_YAW_RATE] = len(robot.places)
         turn = [1.0 if name == PLANAR[2] else 0.0 for name in robot.chassis.freedoms]
         rolling = robot.rolling / robot.wheel.radius_m
@@ -174,7 +174,7 @@ class MotionCheck:
     def stuck(self, sensors: Mapping[str, tuple[float, bool]]) -> Iterator[str]:
         """Signals of wheels that are stuck, and of a gyro.
 
-        sensors: signal -> value, and True where it has been the same to the last bit for long.
+        sensors: signal -> speed or yaw rate [rad/s], and True where it has been the same to the last bit for long.
         """
         rows, values = self._known(sensors)
         for signal, (value, same) in sensors.items():
@@ -189,7 +189,7 @@ class MotionCheck:
         rows, values = [], []
         for signal, (value, same) in sensors.items():
             k = self._signals.get(signal)
-            if k is not None and (not same or (value == 0.0 and k != self._gyro)):
+            if k is not None and math.isfinite(value) and (not same or (value == 0.0 and k != self._gyro)):
                 rows.append(k)
                 values.append(self._scaled(k, value))
         return rows, values
