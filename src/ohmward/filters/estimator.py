@@ -12,7 +12,7 @@ import time
 from abc import ABC
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from threading import Lock
-from typing import Any, ClassVar, Generic, Self, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -29,8 +29,9 @@ Progress = Callable[[int, int], None]
 #: Measured values of wheels or motors, in their order; None or nan where there is none.
 PerWheel = Sequence[float | None] | np.ndarray
 
-#: A sample that is late by more than this is not late: the clock was set.
-CLOCK_SET_S = 60.0
+#: A sample that is late by more than this is not late: the clock was set. So it was where so many in a row are late,
+#: each later than the one before.
+CLOCK_SET_S, CLOCK_SET_SAMPLES = 60.0, 5
 
 #: Compiled steps that are kept for further estimators, those used last; each takes some megabytes.
 MOST_KERNELS = 8
@@ -39,6 +40,17 @@ _KERNELS_LOCK = Lock()
 
 S = TypeVar("S", bound=tuple[Any, ...])
 E = TypeVar("E", bound=tuple[Any, ...])
+
+
+class LateSamples(NamedTuple):
+    """Samples in a row whose times are before that of the clock, each later than the one before."""
+
+    clock_s: float  #: the clock, which they leave
+    time_s: float  #: of the last one
+    in_a_row: int  #: their number
+
+
+_NOT_LATE = LateSamples(math.nan, math.nan, 0)
 
 
 class LiveEstimator(ABC, Generic[S, E]):
@@ -64,6 +76,7 @@ class LiveEstimator(ABC, Generic[S, E]):
         self.settings = settings
         self.lowering = lowering
         self.time_s = math.nan
+        self._late = _NOT_LATE
         self.last: E | None = None
         self._state: Any = None
         self._live: Live | None = None
@@ -158,10 +171,18 @@ class LiveEstimator(ABC, Generic[S, E]):
     def _clock(self, time_s: float) -> float:
         """The clock after a sample at `time_s`.
 
-        A late one leaves it; one that is earlier by more than `CLOCK_SET_S` sets it, and time goes on from there.
+        A late one leaves it; one that is earlier by more than `CLOCK_SET_S` sets it, as does the last of
+        `CLOCK_SET_SAMPLES` late ones that follow each other in time, and time goes on from there.
         """
-        late = self.time_s - CLOCK_SET_S <= time_s < self.time_s
-        return time_s if math.isfinite(time_s) and not late else self.time_s
+        if not math.isfinite(time_s):
+            return self.time_s
+        if self.time_s - CLOCK_SET_S <= time_s < self.time_s:
+            before = self._late
+            follows = before.clock_s == self.time_s and before.time_s < time_s
+            self._late = LateSamples(self.time_s, time_s, before.in_a_row + 1 if follows else 1)
+            if self._late.in_a_row < CLOCK_SET_SAMPLES:
+                return self.time_s
+        return time_s
 
     def _advance(self, sample: Any, clock_s: float) -> E:
         """Estimate after one live sample (dt_s, ...), and the clock then."""

@@ -187,6 +187,20 @@ def test_a_late_sample_takes_no_time_and_a_clock_that_was_set_goes_on():
     assert estimator.state.elapsed_s == 10.0 + 1.0 + 1.0 + 1.0
 
 
+def test_a_clock_that_is_set_back_by_less_than_a_minute_loses_few_samples():
+    estimator = SocEstimator(ESTIMATORS["coulomb"], 0.8)
+    late = [estimator.update(t, -1.0, 3.3).flags for t in (*range(100), *range(70, 170))]
+    assert estimator.state.elapsed_s == 99.0 + 95.0
+    assert [k for k, flags in enumerate(late) if flags & SocFlag.BAD_TIME] == [100, 101, 102, 103, 104]
+
+
+def test_late_samples_out_of_order_set_no_clock():
+    estimator = SocEstimator(ESTIMATORS["coulomb"], 0.8)
+    for t in (0.0, 10.0, 4.0, 5.0, 6.0, 11.0, 7.0, 8.0, 9.0, 8.5, 9.5, 12.0):
+        estimator.update(t, -1.0, 3.3)
+    assert estimator.state.elapsed_s == 12.0
+
+
 def test_the_first_time_may_be_missing():
     estimator = SocEstimator(ESTIMATORS["coulomb"], 0.8)
     estimator.update(math.nan, -1.0, 3.3)

@@ -100,7 +100,8 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         """Estimate after one live sample. A bad one is survived and flagged, see `SocFlag`; None and nan are missing.
 
         time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
-            where it is earlier by more than a minute, the clock was set, and time goes on from there.
+            where it is earlier by more than a minute, or the fifth late one in a row, the clock was set, and time goes
+            on from there.
         current_A: > 0 charges.
 
         Raises:

@@ -93,7 +93,8 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
         """Estimate after one live sample; None and nan are missing. A bad one is survived and flagged (`OdometryFlag`).
 
         time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
-            where it is earlier by more than a minute, the clock was set, and time goes on from there.
+            where it is earlier by more than a minute, or the fifth late one in a row, the clock was set, and time goes
+            on from there.
         wheel_speed_rad_s: (wheels,) or (driven,), driven wheels first. Wheels that are not driven
             tell the motion, as they neither creep nor spin.
         observed: estimate of a speed observer after the same sample. Where it knows the motor currents, it is the

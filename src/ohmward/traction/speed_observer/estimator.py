@@ -85,7 +85,8 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
         `ohmward.traction.SensorInbox` makes such samples of messages that come one by one, late and out of order.
 
         time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
-            where it is earlier by more than a minute, the clock was set, and time goes on from there.
+            where it is earlier by more than a minute, or the fifth late one in a row, the clock was set, and time goes
+            on from there.
         wheel_speed_rad_s: (wheels,) or (driven,) from encoders, driven wheels first.
         current_A: (driven,) of the motors, > 0 drives forward.
         All others: see `RobotSample`. What the observer has no noise for is not used.

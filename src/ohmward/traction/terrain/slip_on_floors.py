@@ -466,7 +466,8 @@ class FloorSlipEstimator(LiveEstimator[RobotSample, FloorEstimate]):
         """Estimate after one live sample. A bad one is survived and flagged, see `FloorFlag`; None and nan are missing.
 
         time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
-            where it is earlier by more than a minute, the clock was set, and time goes on from there.
+            where it is earlier by more than a minute, or the fifth late one in a row, the clock was set, and time goes
+            on from there.
         wheel_speed_rad_s, current_A: (driven,) of each driven wheel and its motor.
         speed_m_s, speed_std_m_s, speed_age_s: outside speed, forward, where there is one; 0.05 m/s and 0 s unless
             given. The slip that it shows tells floors apart that ask for like forces, and narrows the band.
