@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,9 +13,19 @@ import numpy as np
 from ohmward.errors import InputError
 
 
+def as_numbers(name: str, values: Any, what: str = "an array of numbers") -> np.ndarray:
+    """The numbers as an array of floats; InputError where they are none, or of rows of different lengths."""
+    try:
+        if np.asarray(values).dtype.kind not in "SU":  # text would become a number too
+            return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        pass
+    raise InputError(f"{name} must be {what}, got {values!r:.80}")
+
+
 def require_finite(name: str, values: float | Sequence[float]) -> None:
     """Raise InputError unless every value is a finite number."""
-    numbers = np.asarray(values, dtype=float)
+    numbers = as_numbers(name, values, "a number")
     finite = np.isfinite(numbers)
     if not finite.all():
         raise InputError(f"{name} must be finite, got {numbers[~finite][0]}")
@@ -49,6 +61,20 @@ def require_one_of(name: str, value: object, known: Iterable[str]) -> None:
     known = tuple(known)
     if value not in known:
         raise InputError(f"{name} must be one of {', '.join(known)}, got {value!r}")
+
+
+def require_mappings(**values: Mapping[str, Any] | None) -> None:
+    """Raise InputError unless each value is a mapping, or None."""
+    for name, value in values.items():
+        if not isinstance(value, Mapping | None):
+            raise InputError(f"{name} must be a dict, such as {{name: value}}, or None, got {value!r:.80}")
+
+
+def path_of(path: str | PathLike[str]) -> Path:
+    """The path; InputError where it is something else."""
+    if not isinstance(path, str | PathLike):
+        raise InputError(f"the path of a file must be text or a Path, got {path!r:.80}")
+    return Path(path)
 
 
 def require_each_positive(prefix: str, owner: object, *names: str) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args, get_origin, get_type_hints
 
 from ohmward.atomic import write_text
-from ohmward.checks import require_credible
+from ohmward.checks import path_of, require_credible
 from ohmward.errors import InputError
 from ohmward.optional import require
 from ohmward.toml_comments import with_comments
@@ -59,10 +59,10 @@ class TomlFile(Generic[T]):
         Raises:
             OhmwardError: the file cannot be written.
         """
-        text = self.dump(value)
+        path, text = path_of(path), self.dump(value)
         if noun_of(path) == self.noun:
             text = with_comments(text, text_of(path))
-        write_text(Path(path), text)
+        write_text(path, text)
 
     def load(self, path: str | PathLike[str]) -> T:
         """The value in the file.
@@ -70,7 +70,7 @@ class TomlFile(Generic[T]):
         Raises:
             InputError: it cannot be read or holds what cannot be; names file, key, rule and fix.
         """
-        return parse_file(path, partial(self.parse, folder=Path(path).parent), f"{self.noun} file")
+        return parse_file(path, partial(self.parse, folder=path_of(path).parent), f"{self.noun} file")
 
     def dump(self, value: T) -> str:
         """The text of the file; numbers are rounded to `digits`, fields that are None left out."""

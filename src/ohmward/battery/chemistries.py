@@ -398,6 +398,8 @@ def chemistry_name(name: str) -> str:
     """
     if not name:
         return ""
+    if not isinstance(name, str):
+        raise InputError(f"chemistry must be the name of one, {', '.join(CHEMISTRIES)}, got {name!r:.80}")
     words = name.lower().replace("_", " ").replace("-", " ").split()
     known = _NAMES.get("-".join(words))
     if known is None:

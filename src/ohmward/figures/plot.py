@@ -14,6 +14,7 @@ from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.health.of_logs import BatteryHealth
 from ohmward.battery.soc.comparison import Comparison
 from ohmward.battery.soc.estimator import SocRun
+from ohmward.checks import as_numbers
 from ohmward.energy.range_estimator import RangeRun
 from ohmward.errors import InputError
 from ohmward.figures import battery, slip
@@ -45,7 +46,7 @@ def plot(result: Any, *others: Any, truth: Any = None) -> Plot | Map:
         InputError: something else, runs of other kinds or lengths, or a truth of another length.
     """
     runs = [result, *others]
-    known = None if truth is None else np.asarray(truth, dtype=float)
+    known = None if truth is None else as_numbers("truth", truth)
     lengths = {len(run.time_s) for run in runs if isinstance(run, Run)} | (set() if known is None else {known.size})
     if others and (len({type(run) for run in runs}) > 1 or not isinstance(result, Run)):
         raise InputError(f"plot draws runs of one kind together, got {', '.join(type(run).__name__ for run in runs)}")

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from ohmward.checks import require_mappings
 from ohmward.errors import InputError
 from ohmward.logs.channels import BODY as BODY_CHANNELS
 from ohmward.logs.channels import MOTOR_CURRENT, WHEEL, WHEEL_SPEED, channel_of
@@ -163,6 +164,7 @@ def read_drive(
         InputError: the file cannot be read as a drive; the message names the file, the place and the fix.
         OhmwardError: Parquet without pyarrow, a recording of ROS without rosbags.
     """
+    require_mappings(columns=columns, units=units, where=where)
     wheels = _wheels(robot, driven)
     if hasattr(robot, "places"):
         radius_m = robot.wheel.radius_m if radius_m is None else radius_m

@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from ohmward.checks import require_mappings
 from ohmward.errors import InputError
 from ohmward.logs import bdf
 from ohmward.logs.battery_columns import (
@@ -192,6 +193,7 @@ def read_log(
         InputError: the file cannot be read as a log; the message names the file, the place and the fix.
         OhmwardError: Parquet without pyarrow, a recording of ROS without rosbags.
     """
+    require_mappings(columns=columns, units=units, where=where)
     opened = open_table(source, hints)
     file = opened.part("battery", where)
     file = with_power(with_both_ways(with_pack_voltage(file, columns), columns), columns, units)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ohmward.atomic import replacing
+from ohmward.checks import path_of, require_mappings
 from ohmward.errors import InputError
 from ohmward.logs import bdf, csv_arrow
 from ohmward.logs.bags.bag_table import TABLE_TYPE
@@ -117,7 +118,7 @@ def write_log(log: LogSource, path: str | PathLike[str]) -> None:
         InputError: an unknown suffix, or an extra column with the name of a measured one.
         OhmwardError: the disk refused, Parquet without pyarrow, MCAP without mcap.
     """
-    path = Path(path)
+    path = path_of(path)
     log = as_log(log)
     own = log.measured()
     if bdf.is_bdf(path.name):
@@ -139,7 +140,11 @@ def write_table(columns: Mapping[str, np.ndarray], path: str | PathLike[str], pr
         InputError: an unknown suffix, or columns of different lengths.
         OhmwardError: the disk refused, Parquet without pyarrow, MCAP without mcap.
     """
-    path = Path(path)
+    require_mappings(columns=columns)
+    path, columns = path_of(path), {name: np.asarray(values) for name, values in columns.items()}
+    if many := [name for name, values in columns.items() if values.ndim != 1]:
+        shape = columns[many[0]].shape
+        raise InputError(f"{path.name}: column {many[0]!r} has the shape {shape}; give every column one value per row")
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
         raise InputError(f"{path.name}: columns differ in length: {lengths}; give every column one value per row")

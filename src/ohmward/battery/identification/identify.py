@@ -67,7 +67,7 @@ from ohmward.battery.models.noise import AGED_CAPACITY_STD, BatteryNoise, usual_
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import FARADAY_C_PER_MOL, GAS_J_PER_MOL_K, KELVIN
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.checks import require_one_of, require_positive
+from ohmward.checks import require_finite, require_one_of, require_positive
 from ohmward.errors import InputError
 from ohmward.logs.log import Log, LogSource, Note, as_logs
 from ohmward.optional import one_blas_thread
@@ -389,6 +389,7 @@ def _check(settings: IdentificationSettings, logs: Sequence[Log]) -> None:
     for name, soc in settings.initial_soc.items():
         if name not in names:
             raise InputError(f"initial_soc names {name!r}, but the logs are {', '.join(map(repr, names))}")
+        require_finite(f"initial_soc of {name!r}", soc)
         if not 0.0 <= soc <= 1.0:
             raise InputError(f"initial_soc of {name!r} must be between 0 and 1 (0.8 is 80 %), got {soc:g}")
 

@@ -178,6 +178,7 @@ class Thevenin:
 
     def in_series(self, cells: int) -> Thevenin:
         """The pack of `cells` equal cells in series: the same capacity, `cells` times each voltage and resistance."""
+        require_finite("cells in series", cells)
         if cells < 1:
             raise InputError(f"cells in series must be at least 1, got {cells}")
 

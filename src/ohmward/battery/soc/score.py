@@ -13,6 +13,7 @@ import numpy as np
 
 from ohmward.battery.identification.record import find_counter, find_gaps
 from ohmward.battery.soc.sample import LEARNT, SocEstimate, SocFlag
+from ohmward.checks import as_numbers
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Log
@@ -67,6 +68,8 @@ def score(estimate: np.ndarray, truth: np.ndarray, std: np.ndarray | None = None
     Raises:
         InputError: shapes differ.
     """
+    estimate, truth = as_numbers("estimate", estimate), as_numbers("truth", truth)
+    std = None if std is None else np.broadcast_to(as_numbers("std", std), estimate.shape)
     if np.shape(estimate) != np.shape(truth):
         raise InputError(
             f"estimate and truth must have the same length, got {np.shape(estimate)} and {np.shape(truth)}"
