@@ -39,6 +39,8 @@ def test_it_writes_a_library_and_says_what_it_takes(battery, tmp_path, capsys):
         (["--name", "My Filter"], "name must be small letters"),
         (["--flash-kb", "2"], "more than the 2048 there are"),
         (["--style", "loops"], "ekf has no loops, only textbook-ekf, textbook-ukf, textbook-joint have"),
+        (["--terrain", "ice"], "is the ground under a robot, and .* is a battery"),
+        (["--truth", "soc"], "are of the logs that --score names"),
         (["--curve-error", "1"], "a curve error is for textbook-ekf, textbook-ukf"),
         (["--initial-soc", "80"], "0 to 1|between 0 and 1"),
     ],

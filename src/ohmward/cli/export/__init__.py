@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     blind.add_argument("--truth", metavar="COLUMN", help="of these logs: a share, percent or Ah counter, as in soc")
     blind.add_argument("--truth-start", type=share, metavar="S", help="state of charge at which an Ah counter starts")
-    parser.add_argument("--terrain", default="dry asphalt", metavar="NAME", help="of a robot (default %(default)s)")
+    parser.add_argument("--terrain", metavar="NAME", help="ground under a robot (default dry asphalt)")
     _add_target_options(parser)
     add_log_options(parser, interval=False)
     add_detail_options(parser)

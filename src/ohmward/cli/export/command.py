@@ -20,7 +20,7 @@ from ohmward.cli.battery_inputs import (
     read_battery_log,
     read_options,
 )
-from ohmward.cli.options import BUILT_IN
+from ohmward.cli.options import BUILT_IN, DEFAULT_TERRAIN
 from ohmward.cli.outcome import Outcome, check_output, progress
 from ohmward.embedded import blind
 from ohmward.embedded.battery import WITH_LOOPS, battery_export, curve_error_of_pack_V
@@ -41,6 +41,10 @@ def run(args: argparse.Namespace) -> Outcome:
     """Write the library, the file, or the archive for a blind benchmark."""
     is_robot = _is_robot(args.file)
     notes: list[str] = []
+    if args.terrain and not is_robot:
+        raise InputError(f"--terrain is the ground under a robot, and {args.file} is a battery; leave it out")
+    if (args.truth or args.truth_start is not None) and not args.score:
+        raise InputError("--truth and --truth-start are of the logs that --score names; leave them out")
     if args.benchmark:
         only_c = (args.name, args.sample_time, args.curve_error, args.flash_kb, args.ram_kb)
         if any(only_c) or args.style != "lines" or is_robot:
@@ -75,7 +79,7 @@ def run(args: argparse.Namespace) -> Outcome:
             raise InputError("a curve error is for the open-circuit voltage of a battery; leave out --curve-error")
         if args.style != "lines":
             raise InputError(f"{filter_name} of a robot has no loops, only {', '.join(WITH_LOOPS)} of a battery have")
-        export = robot_export(load_robot(args.file), filter_name, name, args.terrain)
+        export = robot_export(load_robot(args.file), filter_name, name, args.terrain or DEFAULT_TERRAIN)
     else:
         battery, notes = load_with_sensor(args.file, args)
         export = battery_export(
