@@ -16,19 +16,23 @@ def log_text(time, names=NAMES):
 
 
 @pytest.mark.parametrize(
-    ("scale", "message"),
+    ("scale", "message", "unit"),
     [
-        (1e3, "which names no unit, gives a sample every 1e"),
-        (1e2, "which names no unit, gives a sample every 100 s"),
-        (1e6, "which names no unit, gives a sample every 1e"),
-        (1e9, "which names no unit, gives a sample every 1e|gives a log of"),
-        (1e-6, "which names no unit, gives a sample every 1e-06 s"),
+        (1e3, "which names no unit, gives a sample every 1e", "ms"),
+        (1e2, "which names no unit, gives a sample every 100 s", "ms"),
+        (1e6, "which names no unit, gives a sample every 1e", "ms"),
+        (1e9, "which names no unit, gives a sample every 1e|gives a log of", "ms"),
+        (1e-6, "which names no unit, gives a sample every 1e-06 s", "h"),
+        (1 / 3600, "which names no unit, gives a sample every 0.000278 s", "h"),
+        (1 / 360, "which names no unit, gives a sample every 0.00278 s", "min"),
+        (1 / 60, "which names no unit, gives a sample every 0.0167 s", "min"),
+        (1 / 6, "which names no unit, gives a sample every 0.167 s", "min"),
     ],
 )
-def test_an_interval_that_no_log_has_asks_for_the_unit(write_text, scale, message):
+def test_an_interval_that_no_log_has_asks_for_the_unit(write_text, scale, message, unit):
     with pytest.raises(InputError, match=message) as refused:
         read_log(write_text(log_text(lambda t: scale * t + 5.2)))
-    assert "--unit time=ms" in str(refused.value)
+    assert f"--unit time={unit}" in str(refused.value)
 
 
 def test_a_unit_that_is_told_is_believed(write_text):
@@ -37,7 +41,7 @@ def test_a_unit_that_is_told_is_believed(write_text):
     assert read_log(path, units={"time": "s"}).duration_s == 299e3
 
 
-@pytest.mark.parametrize("interval_s", [0.001, 1.0, 60.0, 300.0, 900.0])
+@pytest.mark.parametrize("interval_s", [0.001, 0.01, 0.02, 1 / 30, 0.1, 0.2, 1.0, 5.0, 60.0, 300.0, 900.0])
 def test_intervals_that_people_choose_are_read(write_text, interval_s):
     assert read_log(write_text(log_text(lambda t: interval_s * t))).dt_s[0] == pytest.approx(interval_s)
 

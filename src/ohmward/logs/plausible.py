@@ -18,8 +18,13 @@ LONGEST_S = 50.0 * YEAR_S
 LONGEST_FLOW_H = 1000.0
 #: The same where the unit of the time is a guess: curves of open-circuit voltage are taken in 50 h.
 LONGEST_FLOW_GUESSED_H = 60.0
-#: Shortest interval between samples of a time whose unit is a guess: 20 kHz.
-SHORTEST_INTERVAL_S = 5e-5
+#: Shortest interval between samples of a time whose unit is a guess, of batteries and of drives: hours and minutes read
+#: as seconds are shorter.
+SHORTEST_INTERVAL_S, SHORTEST_DRIVE_S = 1e-3, 5e-4
+#: Seconds a sample in minutes or hours are no round number of samples a second: 1, 5 and 10 s are 1/60 to 1/6 of a
+#: minute, 5 s to a minute 1/720 to 1/60 of an hour. 1/30 and 1/120 s are those of cameras.
+_IN_MINUTES_S = (1 / 720, 1 / 360, 1 / 180, 1 / 60, 1 / 12, 1 / 6)
+_ALIKE = 0.004
 #: Intervals from this on are chosen by people, as full half minutes; others are milliseconds or microseconds.
 CHOSEN_FROM_S, HALF_MINUTE_S = 90.0, 30.0
 #: Longest interval between samples of the wheels of a drive: slower ones show no slip.
@@ -28,7 +33,7 @@ SLOWEST_DRIVE_S = 5.0
 DOUBTFUL_FROM_S = 10.0
 #: Share of an interval by which loggers are late.
 _JITTER = 0.1
-_ADVICE = "say its unit with --unit time=ms (units={'time': 'ms'}), us, ns, min, h or d, or, if it is right, time=s"
+_UNITS = ("ms", "us", "ns", "min", "h", "d")
 
 
 def require_plausible(source: str, time: Column, time_s: np.ndarray, current_A: np.ndarray, guessed: bool) -> None:
@@ -43,7 +48,7 @@ def require_plausible(source: str, time: Column, time_s: np.ndarray, current_A: 
     if time_s.size < 2:
         return
     interval, duration = usual_interval_s(time_s), float(time_s[-1] - time_s[0])
-    advice, what = _ADVICE, f"{source}: column {time.name!r}"
+    advice, what = _advice(interval), f"{source}: column {time.name!r}"
     if duration > LONGEST_S:
         raise InputError(f"{what} gives a log of {duration / YEAR_S:,.0f} years; {advice}")
     if guessed and not _is_interval(interval):
@@ -69,11 +74,11 @@ def require_plausible_drive(source: str, time: Column, time_s: np.ndarray, guess
     if (
         guessed
         and time_s.size > 1
-        and not SHORTEST_INTERVAL_S <= (interval := usual_interval_s(time_s)) <= SLOWEST_DRIVE_S
+        and not SHORTEST_DRIVE_S <= (interval := usual_interval_s(time_s)) <= SLOWEST_DRIVE_S
     ):
         raise InputError(
             f"{source}: column {time.name!r}, which names no unit, gives a drive with a sample every {interval:.3g} s; "
-            f"{_ADVICE}"
+            f"{_advice(interval)}"
         )
 
 
@@ -91,10 +96,18 @@ def guess_notes(time: Column, time_s: np.ndarray, guessed: bool) -> tuple[Note, 
     )
 
 
+def _advice(interval_s: float) -> str:
+    """How to say the unit of a time that gives this interval in seconds, the likeliest first."""
+    first = "ms" if interval_s > 1.0 else "min" if interval_s >= SHORTEST_INTERVAL_S else "h"
+    others = ", ".join(unit for unit in _UNITS if unit != first)
+    return f"say its unit with --unit time={first} (units={{'time': '{first}'}}), {others}, or, if it is right, time=s"
+
+
 def _is_interval(seconds: float) -> bool:
     """True where people let a logger take a sample so often."""
     if seconds < CHOSEN_FROM_S:
-        return seconds >= SHORTEST_INTERVAL_S
+        in_minutes = any(abs(seconds - other) < _ALIKE * other for other in _IN_MINUTES_S)
+        return seconds >= SHORTEST_INTERVAL_S and not in_minutes
     return seconds <= _HOUR_S and abs(seconds / HALF_MINUTE_S - round(seconds / HALF_MINUTE_S)) < _JITTER
 
 
