@@ -83,6 +83,16 @@ def test_the_estimates_file_is_a_log(here):
     assert log.voltage_V == pytest.approx(drive().voltage_V, nan_ok=True)
 
 
+def test_a_log_is_not_written_over_and_older_results_are(here, capsys):
+    log = here / "another-day.csv"
+    log.write_text("time_s,current_A,voltage_V\n0,1,3.3\n")
+    assert main([*SOC, "-o", log.name]) == 2
+    assert "there is another file of this name, without the column soc_std" in capsys.readouterr().err
+    assert log.read_text().endswith("0,1,3.3\n")
+    for ending in (".csv", ".parquet", ".mcap"):
+        assert [main([*SOC, "-o", f"again{ending}"]) for _ in range(2)] == [0, 0]
+
+
 @pytest.mark.parametrize("name", ["coulomb", "ocv", "ekf", "published.aekf"])
 def test_every_filter_runs(name, here, as_json):
     found = as_json(*SOC, "--filter", name, "--initial-soc", str(START_SOC), "--truth", "soc_true")

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ohmward.cli.paragraphs import Detail, assumptions, paragraphs
 from ohmward.errors import InputError, OhmwardError
 
+#: The names of the columns of a table are within so many bytes from its start, or, in Parquet, from its end.
+_ENDS_BYTES = 1 << 16
 #: Called with the name of a task and the share of it that is done, from 0 to 1.
 Report = Callable[[str, float], None]
 
@@ -151,6 +153,30 @@ def check_output(option: str, path: str | None, suffixes: Sequence[str], inputs:
     if any(Path(other).exists() and file.exists() and file.samefile(other) for other in inputs):
         raise InputError(f"{option} {path}: this file is an input; choose another name")
     _try_folder(option, file)
+
+
+def check_results(path: str | None, endings: Sequence[str], inputs: Sequence[str], column: str) -> None:
+    """Refuse, before the work begins, a table of results that could not be written, or would take the place of a log.
+
+    endings: of tables.  column: that every such table has, by which an older one is known.
+
+    Raises:
+        InputError: see `check_output`; or another table is there.
+    """
+    check_output("--output", path, endings, inputs)
+    if path and (file := Path(path)).exists() and file.stat().st_size and column.encode() not in _both_ends(file):
+        raise InputError(
+            f"--output {path}: there is another file of this name, without the column {column} that results have; "
+            "choose another name, or delete it first"
+        )
+
+
+def _both_ends(file: Path) -> bytes:
+    """First and last bytes of a table, in which the names of its columns are."""
+    with file.open("rb") as stream:
+        first = stream.read(_ENDS_BYTES)
+        stream.seek(max(file.stat().st_size - _ENDS_BYTES, 0))
+        return first + stream.read()
 
 
 def _try_folder(option: str, file: Path) -> None:

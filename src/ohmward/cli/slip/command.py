@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from ohmward.cli import wording
 from ohmward.cli.drive_inputs import DriveReference, drive_options, read_drive_truth, truth_names
-from ohmward.cli.outcome import Outcome, check_output, counting, progress
+from ohmward.cli.outcome import Outcome, check_results, counting, progress
 from ohmward.cli.wording import FOOTER, duration, percent, quantity, with_assumptions
 from ohmward.errors import InputError
 from ohmward.figures.parts import wall_clock
@@ -52,7 +52,7 @@ class SlipTask(NamedTuple):
 
 def run(args: argparse.Namespace) -> Outcome:
     """Observe, compare with the truth, write the estimates; the exit status is 1 if the model does not fit the log."""
-    check_output("--output", args.output, TABLES, [args.log, args.robot])
+    check_results(args.output, TABLES, [args.log, args.robot], "speed_std_m_s")
     if args.floor and not args.floors:
         raise InputError("--floor NAME chooses from --floors FILE.toml; give that too")
     robot = load_robot(args.robot)

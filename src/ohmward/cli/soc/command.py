@@ -21,7 +21,7 @@ from ohmward.battery.soc.sample import LEARNT, STD_OF
 from ohmward.battery.soc.score import rejected_voltages, soc_figures, soc_scores
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask, make_soc_task
-from ohmward.cli.outcome import Outcome, check_output, counting, progress
+from ohmward.cli.outcome import Outcome, check_results, counting, progress
 from ohmward.cli.wording import FOOTER, band, duration, lognormal, normal, percent, quantity, sentence, with_assumptions
 from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock
@@ -42,7 +42,7 @@ _CELLS = ("Cell", "SoC [%]", "minus typical [points]", "Capacity over typical [%
 
 def run(args: argparse.Namespace) -> Outcome:
     """Estimate, compare with the truth, write the estimates; the exit status is 1 if the battery file does not fit."""
-    check_output("--output", args.output, TABLES, [args.log, args.battery])
+    check_results(args.output, TABLES, [args.log, args.battery], "soc_std")
     with progress() as report:
         task = make_soc_task(args, report)
         name = chosen_name(args.filter.lower())
