@@ -1,3 +1,4 @@
+import re
 import tomllib
 from dataclasses import replace
 from typing import Any
@@ -16,7 +17,7 @@ from ohmward.battery.models.rc import RcModel, equivalent_thevenin, four_numbers
 from ohmward.battery.models.thevenin import Thevenin
 from ohmward.errors import InputError, OhmwardError
 
-OCV = OcvCurve((3.0, 3.5, 4.1), (0.01, 0.0, 0.0), (0.0, 1e-4, 2e-4), 20.0)
+OCV = OcvCurve((12.0, 13.2, 14.1), (0.01, 0.0, 0.0), (0.0, 1e-4, 2e-4), 20.0)
 THEVENIN = Thevenin(2.0, OCV, (0.05, 0.04), (0.05, 0.04), ((0.01, 0.02), (0.03, 0.01)), (10.0, 500.0))
 RC = RcModel(80000.0, 500.0, 0.004, 0.004, 0.003, OcvCurve((3.0, 4.0)), 2.0, 1500.0)
 PROVENANCE = Provenance(
@@ -153,7 +154,7 @@ def test_a_file_from_a_data_sheet_needs_little():
         ("tau_s = [10.0, 500.0]", "tau_s = [500.0, 10.0]", r"thevenin\.tau_s must increase"),
         ("tau_s = [10.0, 500.0]", 'tau_s = [10.0, "500 s"]', r"thevenin\.tau_s\[1\]: expected `float`, got `str`"),
         ("tau_s = [10.0, 500.0]", "tau_s = 10.0", r"thevenin\.tau_s: expected `array`"),
-        ("voltage_V = [3.0, 3.5, 4.1]", "voltage_V = [3.0, 4.5, 4.1]", r"ocv\.voltage_V must not fall with SoC"),
+        ("voltage_V = [12.0, 13.2, 14.1]", "voltage_V = [12.0, 14.5, 14.1]", r"ocv\.voltage_V must not fall with SoC"),
         ("voltage_std_V = 0.005", "voltage_std_V = -0.005", r"noise\.voltage_std_V must be > 0, got -0.005"),
         ("voltage_std_V = 0.005", "voltage_std_V = nan", r"noise\.voltage_std_V must be finite"),
         ("n_series = 4", "n_series = 0", "n_series must be >= 1"),
@@ -169,6 +170,21 @@ def test_a_file_from_a_data_sheet_needs_little():
 def test_refusals_name_key_rule_and_value(old, new, message):
     with pytest.raises(InputError, match=message):
         BATTERY_FILE.parse(edited(old, new))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("n_series = 4", "n_series = 8", "1.65 V at half charge with n_series = 8, but cells of lfp have 3.29 V"),
+        ('chemistry = "lfp"', 'chemistry = "lead-acid"', "but cells of lead-acid have 2.04 V: correct n_series, or"),
+        ("capacity_Ah = 2.0\nchem", "capacity_Ah = 2000.0\nchem", "is the capacity in Ah, not mAh"),
+    ],
+)
+def test_a_key_that_was_edited_against_the_others_is_refused(old, new, message, tmp_path):
+    path = tmp_path / "battery.toml"
+    path.write_text(edited(old, new), encoding="utf-8")
+    with pytest.raises(InputError, match=f"{re.escape(str(path))}: .*{message}"):
+        load_battery(path)
 
 
 def test_a_battery_without_a_circuit_is_refused():

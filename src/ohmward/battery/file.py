@@ -7,10 +7,13 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ohmward.atomic import back_up
 from ohmward.battery.battery import Battery, require_battery
-from ohmward.battery.chemistries import chemistry_name
+from ohmward.battery.chemistries import chemistry, chemistry_name
 from ohmward.battery.models.rc import RcModel, equivalent_thevenin
+from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
 from ohmward.toml_file import TomlFile
 
@@ -20,6 +23,10 @@ _HEADER = """\
 # A list along SoC stands on a uniform grid from SoC 0 to SoC 1, ends included. *_std are standard deviations.
 """
 _FORMAT = "ohmward-battery/3"
+#: Cells of one chemistry differ in voltage and in resistance times capacity by less than these factors: two to four
+#: cells for one, or a pack for its cell, do not; nor does a thousand, of milliampere hours. Old and cold cells have ten
+#: times the usual resistance.
+_OTHER_VOLTAGE, _OTHER_RESISTANCE = 1.4, 100.0
 
 
 def _as_thevenin(table: dict[str, Any]) -> dict[str, Any]:
@@ -76,6 +83,32 @@ def load_battery(path: str | PathLike[str]) -> Battery:
     """
     battery = BATTERY_FILE.load(path)
     try:
-        return replace(battery, chemistry=chemistry_name(battery.chemistry))
+        battery = replace(battery, chemistry=chemistry_name(battery.chemistry))
+        _require_agreement(battery)
+        return battery
     except InputError as error:
         raise InputError(f"battery file {path}: {error}") from error
+
+
+def _require_agreement(battery: Battery) -> None:
+    """Refuse numbers that contradict each other, as a key does that was edited in another unit or alone.
+
+    Raises:
+        InputError: cells of this chemistry have another voltage by far, or another resistance for this capacity.
+    """
+    if not battery.chemistry:
+        return
+    usual, model, n = chemistry(battery.chemistry), battery.thevenin, battery.n_series
+    middle_V, usual_V = model.ocv.mean_V(0.5, ROOM_DEGC) / n, float(np.interp(0.5, usual.soc, usual.ocv_V))
+    if not usual_V / _OTHER_VOLTAGE < middle_V < usual_V * _OTHER_VOLTAGE:
+        raise InputError(
+            f"thevenin.ocv.voltage_V gives a cell {middle_V:.3g} V at half charge with n_series = {n}, but cells of "
+            f"{battery.chemistry} have {usual_V:.3g} V: correct n_series, or the chemistry"
+        )
+    r0_ohm_Ah = max(model.r0_discharge_ohm) * battery.capacity_Ah / n
+    if r0_ohm_Ah > _OTHER_RESISTANCE * usual.r0_ohm_Ah:
+        raise InputError(
+            f"capacity_Ah = {battery.capacity_Ah:g} and r0_discharge_ohm do not go together: a cell of "
+            f"{battery.chemistry} of that capacity has some {usual.r0_ohm_Ah / battery.capacity_Ah:.2g} ohm, not "
+            f"{r0_ohm_Ah / battery.capacity_Ah:.2g}; is the capacity in Ah, not mAh, and the resistance in ohm?"
+        )
