@@ -21,8 +21,9 @@ LONGEST_FLOW_GUESSED_H = 60.0
 #: Shortest interval between samples of a time whose unit is a guess, of batteries and of drives: hours and minutes read
 #: as seconds are shorter.
 SHORTEST_INTERVAL_S, SHORTEST_DRIVE_S = 1e-3, 5e-4
-#: Seconds a sample in minutes or hours are no round number of samples a second: 1, 5 and 10 s are 1/60 to 1/6 of a
-#: minute, 5 s to a minute 1/720 to 1/60 of an hour. 1/30 and 1/120 s are those of cameras.
+#: Intervals of times in minutes and in hours that are read as seconds: 1, 5 and 10 s are 1/60 to 1/6 of a minute, and
+#: 5 s to a minute are 1/720 to 1/60 of an hour. So many samples a second are no round number; 30 and 120 are those of
+#: cameras.
 _IN_MINUTES_S = (1 / 720, 1 / 360, 1 / 180, 1 / 60, 1 / 12, 1 / 6)
 _ALIKE = 0.004
 #: Intervals from this on are chosen by people, as full half minutes; others are milliseconds or microseconds.
