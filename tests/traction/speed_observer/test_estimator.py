@@ -12,7 +12,7 @@ from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, ROBOTINO, scene
 from ohmward.traction.motion.sample import RobotSample, samples_of
-from ohmward.traction.robot.robot import wheel_speeds
+from ohmward.traction.robot.robot import GRAVITY, wheel_speeds
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of, observe
 from ohmward.traction.speed_observer.noise import ObserverNoise
@@ -231,3 +231,28 @@ def test_the_motion_of_an_omni_robot_has_three_parts():
     assert motion[:, 0] == pytest.approx(estimates.speed_m_s, abs=1e-9)
     assert motion[:, 2] == pytest.approx(estimates.yaw_rate_rad_s, abs=1e-9)
     assert motion[-1] == pytest.approx(true, abs=0.02)
+
+
+@pytest.mark.parametrize("with_pitch", [False, True])
+def test_a_long_slope_stays_in_the_band_of_the_grade(with_pitch, grade_rad=0.1):
+    """Half a metre a second uphill for six minutes: the force may be a slope or a resistance; only a pitch tells."""
+    rng = np.random.default_rng(1)
+    time_s = 0.02 * np.arange(20_000)
+    speed_m_s = 0.5 * np.clip(time_s / 3.0, 0.0, 1.0)
+    uphill = time_s > 40.0
+    force_N = RLMA.mass_kg * (np.gradient(speed_m_s, time_s) + GRAVITY * math.sin(grade_rad) * uphill)
+    current_A = RLMA.wheel.radius_m * force_N / RLMA.driven / RLMA.motor.wheel_constant_Nm_per_A
+    wheels = speed_m_s[:, None] / RLMA.wheel.radius_m + 0.005 * rng.standard_normal((20_000, 4))
+    log = DriveLog(
+        "uphill",
+        time_s,
+        wheels,
+        current_A[:, None] + 0.05 * rng.standard_normal((20_000, 2)),
+        yaw_rate_rad_s=0.002 * rng.standard_normal(20_000),
+        pitch_rad=grade_rad * uphill + 0.003 * rng.standard_normal(20_000) if with_pitch else None,
+    )
+    run = SlipEstimator(RLMA).run(log)
+    late = time_s > 70.0
+    error = np.abs(run.grade_rad - grade_rad)[late]
+    assert np.all(error < 2.5 * run.grade_std_rad[late])
+    assert run.grade_std_rad[-1] < (0.005 if with_pitch else 0.07)

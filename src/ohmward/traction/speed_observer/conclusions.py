@@ -21,9 +21,9 @@ import numpy as np
 from ohmward.checks import require_each_not_negative, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
-from ohmward.filters.linear_algebra import std
+from ohmward.filters.linear_algebra import TINY, std
 from ohmward.filters.sanitize import every, some
-from ohmward.trace import linearize, sqrt, where
+from ohmward.trace import linearize, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.motion.held import STUCK_SHARE, TURNS_M_S
@@ -159,7 +159,7 @@ def conclude(
         friction_ratio=parts.friction,
         friction_std=np.array([std_of(model.layout.friction_name(k), P, model) for k in range(model.driven)]),
         grade_rad=model.input(x, clean).grade_rad,
-        grade_std_rad=std_of("grade_rad", P, model),
+        grade_std_rad=grade_std(belief, clean, model),
         radius_ratio=parts.radius_ratio,
         radius_std=std_of("radius_ratio", P, model),
         grip=wheels.grip,
@@ -168,6 +168,23 @@ def conclude(
         immobilised=where(some([timers.stuck_s > alarm.stuck_s, held]), 1.0, 0.0),
         flags=0.0,
     )
+
+
+def grade_std(belief: Belief, clean: CleanSample, model: Model) -> Scalar:
+    """Standard deviation [rad] of the grade, and of what may be grade in an unusual rolling resistance.
+
+    In a steady drive a long slope and another resistance look alike, and slopes of the prior are short: what a long one
+    takes goes to the resistance. So what is unusual of that, over the weight, counts as far as both are not told apart,
+    by their correlation.
+    """
+    (x, P), names = belief, model.layout.names
+    if not {"grade_rad", "rolling_excess"} <= set(names):
+        return std_of("grade_rad", P, model)
+    i, j = model.layout.index("grade_rad"), model.layout.index("rolling_excess")
+    alike = P[i, j] * P[i, j] / maximum(P[j, j], TINY)  # the squared correlation times the variance of the grade
+    share = minimum(alike / maximum(P[i, i], TINY), 1.0)
+    may_be_rad = x[j] * model.usual_rolling_rad(x, clean)
+    return std(P[i, i] + share * may_be_rad * may_be_rad)
 
 
 def std_of(name: str, P: np.ndarray, model: Model) -> Scalar:

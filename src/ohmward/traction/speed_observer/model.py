@@ -237,6 +237,12 @@ class Model:
         """Grip (driven,) in [0, 1] of wheels at these slip speeds (driven,)."""
         return grip(slip_m_s, self.layout.split(x), self.static_load_N, self.scene)
 
+    def usual_rolling_rad(self, x: np.ndarray, clean: CleanSample) -> Scalar:
+        """Usual rolling resistance in state x over the weight: the slope [rad] that it is taken for."""
+        parts = self.layout.split(x)._replace(rolling_ratio=1.0)
+        rolling_N = without_traction(parts, self.input(x, clean), self.scene, self.static_load_N).rolling_N
+        return abs(self.scene.robot.rolling[:, 0] @ rolling_N) / (GRAVITY * self.scene.robot.inertia[0])
+
     def specific_force(self, x: np.ndarray, clean: CleanSample) -> np.ndarray:
         """Output (1,) [m/s^2] of an accelerometer along x in state x."""
         parts, robot = self.layout.split(x), self.scene.robot
