@@ -64,7 +64,7 @@ def test_the_rc_filter_of_a_generic_battery_covers_a_cell_of_its_chemistry(name)
 )
 def test_a_chemistry_has_the_names_that_labels_have(name, known, tmp_path):
     assert chemistry_name(name) == known
-    save_battery(replace(generic_battery(known, 2.0), chemistry=name), tmp_path / "b.toml")
+    save_battery(replace(generic_battery(known or "lfp", 2.0), chemistry=name), tmp_path / "b.toml")
     assert load_battery(tmp_path / "b.toml").chemistry == known
 
 
