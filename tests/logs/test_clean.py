@@ -97,6 +97,34 @@ def test_a_temperature_on_rows_of_its_own_is_interpolated():
     assert "2 rows with neither current nor voltage: dropped" in texts(cleaned)
 
 
+def changes_alone(values):
+    """The values (T,) where they differ from the one before."""
+    return np.where(np.diff(values, prepend=np.nan) == 0.0, NAN, values)
+
+
+def test_a_recorder_of_changes_holds_each_value_until_the_next():
+    """A load of an hour: between two rows of the current the battery gave no ramp."""
+    rng, time_s = np.random.default_rng(1), np.arange(7200.0)
+    current_A = np.where(time_s < 3600, 0.0, -5.0)
+    voltage_V = np.round(13.2 + 0.03 * current_A + 0.004 * rng.standard_normal(7200), 2)
+    sparse = [changes_alone(values) for values in (current_A, voltage_V)]
+    rows = np.isfinite(sparse).any(axis=0)
+    cleaned = merge_rates(table(time=time_s[rows], I=sparse[0][rows], U=sparse[1][rows], T=[25.0] * rows.sum()), CHOSEN)
+    at = np.searchsorted(time_s, cleaned.columns["time"] + 1e-9) - 1
+    np.testing.assert_array_equal(cleaned.columns["I"], current_A[at])
+    np.testing.assert_array_equal(cleaned.columns["U"], voltage_V[at])
+    assert np.diff(cleaned.columns["time"]).max() <= np.median(np.diff(time_s[rows]))  # no silence is left
+    assert "'I': only changes are written, each value holds until the next one" in texts(cleaned)
+
+
+def test_missing_values_of_a_coarse_sensor_are_no_changes():
+    rng = np.random.default_rng(2)
+    voltage_V = np.round(13.2 + 0.01 * rng.standard_normal(400), 2)
+    voltage_V[::7] = NAN
+    cleaned = merge_rates(table(time=np.arange(400.0), I=np.full(400, -1.0), U=voltage_V, T=[25.0] * 400), CHOSEN)
+    np.testing.assert_array_equal(cleaned.columns["U"], voltage_V)
+
+
 def test_a_current_on_rows_of_its_own_is_interpolated():
     cleaned = merge_rates(
         table(time=[0.0, 1.0, 2.0, 3.0], I=[1.0, NAN, 3.0, NAN], U=[NAN, 12.0, NAN, 12.1], T=[1.0] * 4), CHOSEN

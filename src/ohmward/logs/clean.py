@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -27,6 +27,10 @@ _HUGE, _ANSWERS = 3.0, 0.2
 _ALONE = "no measurement, far from the rows around"
 # Where fewer than this fraction of the currents have a voltage in their row, each has a rate of its own.
 _TOGETHER_FRACTION = 0.5
+# Silences of a recorder of changes up to so long [s] are filled, with so many rows at most.
+_UNCHANGED_S, _MOST_COPIES = 60.0, 600
+# Fewest values of a column of changes, and the most different ones among them, over their number.
+_FEWEST_CHANGES, _DIFFERENT = 30, 0.25
 # Current and voltage come in turn where this fraction of so many rows or more follow one of the other.
 _IN_TURN, _TURNS = 0.9, 20
 
@@ -155,10 +159,12 @@ def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
 
     The temperature, and whatever else the battery has, is always interpolated linearly over rows that lack it. The
     current is, where the file samples it on other rows than the voltage; where the two come in turn, from one sensor,
-    rows of the current alone go. Single missing values of both stay NaN.
+    rows of the current alone go. Single missing values of both stay NaN. Where the recorder writes changes alone, a
+    value holds until the next one.
     """
     time = chosen["time"].name
     current = chosen["current"].name
+    table = _hold_changes(table, time, [chosen[quantity].name for quantity in ("current", "voltage")])
     has_current = np.isfinite(table.columns[current])
     has_voltage = np.isfinite(table.columns[chosen["voltage"].name])
     measured = has_current | has_voltage
@@ -179,6 +185,41 @@ def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
     if nothing := (~has_current & ~has_voltage).sum():
         table = table.with_notes(Note(f"{counted(nothing, 'row')} with neither current nor voltage: dropped"))
     return table.pick(measured)
+
+
+def _hold_changes(table: Table, time: str, names: Sequence[str]) -> Table:
+    """The table with these columns held from change to change, where changes are all that was written.
+
+    A silence in which nothing has changed is no gap: rows are added in it, as often as usual.
+    """
+    columns = {name: table.columns[name] for name in names}
+    sparse = {name: values for name, values in columns.items() if not np.isfinite(values).all()}
+    repeated = any((np.diff(values[np.isfinite(values)]) == 0.0).any() for values in columns.values())
+    if not sparse or repeated or not any(_are_changes(values) for values in columns.values()):
+        return table
+    held = {}
+    for name, values in sparse.items():
+        rows = np.where(np.isfinite(values), np.arange(values.size), -1)
+        last = np.maximum.accumulate(rows)
+        held[name] = np.where(last < 0, np.nan, values[np.maximum(last, 0)])
+    text = f"{listed(sorted(held))}: only changes are written, each value holds until the next one"
+    table = table.with_columns(held, Note(text))
+    time_s = table.columns[time]
+    steps = np.diff(time_s, append=np.nan)
+    usual_s = float(np.nanmedian(steps))
+    silent = (steps > usual_s) & (steps <= _UNCHANGED_S) if usual_s > 0.0 else np.zeros(steps.size, dtype=bool)
+    copies = np.where(silent, np.ceil(steps / max(usual_s, _UNCHANGED_S / _MOST_COPIES)), 1.0).astype(int)
+    which = np.repeat(np.arange(time_s.size), copies)
+    nth = np.arange(which.size) - np.repeat(np.cumsum(copies) - copies, copies)
+    share = nth / copies[which]
+    times = time_s[which] + np.where(nth > 0, share * steps[which], 0.0)
+    return table.pick(which).with_columns({time: times})
+
+
+def _are_changes(values: np.ndarray) -> bool:
+    """True of few different values, none of which comes twice in a row: a sensor of that resolution repeats itself."""
+    known = values[np.isfinite(values)]
+    return known.size >= _FEWEST_CHANGES and bool(np.unique(known).size <= _DIFFERENT * known.size)
 
 
 def _interpolate(table: Table, time: str, name: str, rows: np.ndarray) -> Table:
