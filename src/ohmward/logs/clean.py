@@ -9,7 +9,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.channels import BATTERY, TIME
 from ohmward.logs.columns import Column, listed
-from ohmward.logs.table import Note, Table, counted, numbers
+from ohmward.logs.table import Note, Table, counted, held, numbers
 from ohmward.signals.checks import no_numbers
 from ohmward.signals.current_sign import edge_test
 from ohmward.signals.survey import find_gaps
@@ -197,13 +197,8 @@ def _hold_changes(table: Table, time: str, names: Sequence[str]) -> Table:
     repeated = any((np.diff(values[np.isfinite(values)]) == 0.0).any() for values in columns.values())
     if not sparse or repeated or not any(_are_changes(values) for values in columns.values()):
         return table
-    held = {}
-    for name, values in sparse.items():
-        rows = np.where(np.isfinite(values), np.arange(values.size), -1)
-        last = np.maximum.accumulate(rows)
-        held[name] = np.where(last < 0, np.nan, values[np.maximum(last, 0)])
-    text = f"{listed(sorted(held))}: only changes are written, each value holds until the next one"
-    table = table.with_columns(held, Note(text))
+    text = f"{listed(sorted(sparse))}: only changes are written, each value holds until the next one"
+    table = table.with_columns({name: held(values) for name, values in sparse.items()}, Note(text))
     time_s = table.columns[time]
     steps = np.diff(time_s, append=np.nan)
     usual_s = float(np.nanmedian(steps))

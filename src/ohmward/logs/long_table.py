@@ -11,7 +11,7 @@ from ohmward.errors import InputError
 from ohmward.logs.clock import read_clock
 from ohmward.logs.columns import Column
 from ohmward.logs.plausible import LONGEST_S, YEAR_S
-from ohmward.logs.table import Note, Table, TableFile, file_of, row_numbers
+from ohmward.logs.table import Note, Table, TableFile, file_of, held, row_numbers
 
 _TIME = "time"
 
@@ -74,14 +74,10 @@ def _wide(table: Table, columns: LongColumns, file: TableFile) -> Table:
         of_name = names == name
         column = np.full(time_s.size, np.nan)
         column[row[of_name]] = values[known][of_name]
-        known_rows = np.isfinite(column)
-        if columns.holds and known_rows.any():
-            last = np.maximum.accumulate(np.where(known_rows, np.arange(column.size), -1))
-            column = np.where(last >= 0, column[np.maximum(last, 0)], np.nan)
-        if known_rows.any():
-            wide[name] = column
-    held = ", each of which holds until the next" if columns.holds else ""
-    note = Note(f"a row for each value: columns made of the names in {columns.name!r}{held}")
+        if np.isfinite(column).any():
+            wide[name] = held(column) if columns.holds else column
+    until = ", each of which holds until the next" if columns.holds else ""
+    note = Note(f"a row for each value: columns made of the names in {columns.name!r}{until}")
     return Table(table.source, wide, row_numbers(1, time_s.size), "time", (*table.notes, note))
 
 

@@ -216,6 +216,12 @@ def can_read(read: Callable[[str], object], cell: str) -> bool:
     return True
 
 
+def held(values: np.ndarray) -> np.ndarray:
+    """Values (T,), each of which holds until the next one; NaN before the first."""
+    last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(values.size), -1))
+    return np.where(last >= 0, values[np.maximum(last, 0)], np.nan)
+
+
 def numbers(table: Table, name: str) -> np.ndarray:
     """(T,) the column as float64, durations in seconds.
 
