@@ -137,7 +137,7 @@ def weigh(
     rolling = [[i for i in range(n) if i not in slipping] for slipping in modes]
     sideways = rims_show_sideways(robot)
     speeds = np.array([mean_m_s] if sideways else [by_wheel[part].mean() for part in rolling])
-    by_rims = turn_of_rims(rims_m_s, robot)
+    by_rims = robot.motion_by_rims[-1] @ rims_m_s
     known, speed_variance, slip_variance = variances(before, rate, by_rims, turning, since_s, count_m_s, robot, noise)
     changes = np.array([(by_wheel - before.forward_m_s)[part].mean() for part in rolling])
     change_variance = maximum(changes[0] * changes[0] + count_m_s * count_m_s, LEAST_CHANGE_M_S**2)
@@ -185,13 +185,6 @@ def weigh(
     named = largest(probability[1:]) > 0.5 if len(modes) > 1 else False
     counted = probability @ np.array([1.0 / len(part) for part in rolling])
     return after, ModeSpeed(forward, sqrt(spread + beyond * beyond), slips, named, loose_m_s, counted)
-
-
-def turn_of_rims(rims_m_s: np.ndarray, robot: Robot) -> Scalar:
-    """Yaw rate [rad/s] that driven rims of these speeds show, by least squares; 0 of rims that show none."""
-    arms_m = robot.rolling[: robot.driven, -1]
-    square = float(arms_m @ arms_m)
-    return (arms_m @ rims_m_s) / square if square else 0.0
 
 
 def mixed(probability: np.ndarray, time_s: Scalar) -> np.ndarray:
