@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+from ohmward.battery.models.temperature import coldness_per_K
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, log_ratio_by_weather
 from ohmward.checks import require_between, require_each_not_negative, require_finite, require_positive
 from ohmward.trace import clip, maximum, sqrt, table
 from ohmward.trace.expression import Scalar
@@ -176,6 +178,11 @@ class BatteryNoise:
     def resistance_variance(self, coldness_per_K: Any) -> Any:
         """Variance of ln R at this distance from the temperature of the test (`temperature.coldness_per_K`)."""
         return self.resistance_std**2 + (self.activation_std_K * coldness_per_K) ** 2
+
+    def resistance_variance_at(self, u: CircuitInput, p: Thevenin) -> Any:
+        """Variance of ln R at this temperature, which may not be known itself."""
+        weather = log_ratio_by_weather(u, p)
+        return self.resistance_variance(coldness_per_K(u.error_degC, p.reference_degC)) + weather * weather
 
     def samples_per_error(self, dt_s: Scalar) -> Scalar:
         """Number of samples that share one error that holds on for `correlation_s`, at least 1: R is so much larger."""

@@ -1,10 +1,12 @@
 """Rule for the events that anchor the state of charge: a full charge, a cut-off under load, a long rest.
 
     full    the voltage has stood still at that of a full battery while the charging current fell to a small share
+    top     the voltage of a charge has left the flat part of the curve, whether a charger holds it there or not
     empty   a load ended at a voltage that, but for its overpotential, is that of an empty battery
     rest    no current for so long that the RC pairs are gone
 
     soc_full  = 1 - d/2 +- hypot(width, d/2)     d = 1 - OCV^-1(V - R i): full by the charger, or by the curve
+    soc_top   = 0.985 - u +- hypot(width, 0.015, std of u)
     soc_empty = OCV^-1(V + R |i|) + u +- hypot(width, std of u, what a doubt of R and of the curve adds)
                 u = |i| tau / Q, the charge that diffusion keeps from a strong load
     soc_rest  = OCV^-1(V) +- half of OCV^-1 between V + std and V - std
@@ -16,6 +18,7 @@ its voltage once more. Each is seen once; traceable.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -23,9 +26,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise, CurrentSensor
-from ohmward.battery.models.temperature import coldness_per_K
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_resistance, pair_resistances
 from ohmward.battery.soc.clean_sample import CleanSocSample, Rest, continue_rest
+from ohmward.filters.gate import choose
 from ohmward.trace import clip, exp, logical_not, maximum, minimum, sqrt, table, where
 from ohmward.trace.expression import Scalar
 
@@ -34,6 +37,11 @@ _FLAT_SHARE = 0.004
 #: A charger has reached its limit where the voltage is that of at least this state of charge at rest, and at most this
 #: share below that of full: on a flat curve the branch of a charge alone reaches the former.
 _FULL_SOC, _BELOW_FULL = 0.985, 0.015
+#: At the end of a flat curve the voltage of a charge rises over that of this share of the capacity before, by more than
+#: the curve does between these states of charge.
+_RISE_SOC, _BETWEEN_ENDS = 0.03, (0.1, 0.9)
+#: An end is steep where the curve rises by so many times as much there.
+_STEEP = 2.0
 #: A charger may have a lower limit of its own. It holds the voltage where the drop of its current would have moved it
 #: by so many times the width in which it stands still: resistances of a label are known within a factor of two.
 _HELD_DROPS = 2.0
@@ -45,7 +53,8 @@ BEYOND_SIGMAS, _LOWEST_LIMIT_SOC = 2.0, 0.8
 _TAPERED = 0.5
 #: A current is a load, or ends a charge, beyond this rate over the capacity [1/h], and a rest below that one.
 _LOAD_C, REST_C = 0.02, 0.01
-#: A cut-off is below this state of charge by the curve, and stays there for this time [s]: peaks of a load do not.
+#: A cut-off is below this state of charge by the curve, and stays there for this time [s]; the end of a flat curve is
+#: passed for as long. Peaks of a load or a charge are shorter.
 _EMPTY_SOC, _LOW_S = 0.03, 30.0
 #: Lead-acid runs out of acid, and its voltage falls far below the line of the curve: 1.80 V a cell of 1.88 V at rest.
 _DEPLETED_SHARE = 0.96
@@ -86,6 +95,17 @@ LITHIUM_LIMITS = AnchorLimits(0.05, 120.0, 0.01, 0.02, 100.0, 250.0)
 GASSING_LIMITS = AnchorLimits(0.03, 1800.0, 0.03, 0.05, 600.0, 600.0)
 
 
+class TopMemory(NamedTuple):
+    """Memory of a charge that reaches the steep end of a flat curve, plain numbers."""
+
+    #: voltage but for the drop, and current, over the last `_RISE_SOC` of charge; 0 before the first
+    usual_V: Any = 0.0
+    usual_A: Any = 0.0
+    high_s: Any = 0.0  #: time for which the voltage has been above that
+    #: charge taken out since that told the state of charge, over the capacity, at most 1
+    discharged: Any = 1.0
+
+
 class AnchorMemory(NamedTuple):
     """Memory between two samples, plain numbers."""
 
@@ -102,6 +122,8 @@ class AnchorMemory(NamedTuple):
     #: state of charge of that cut-off
     low_soc: Any = 0.0
     low_std: Any = 1.0
+    #: of a charge on a flat curve
+    top: TopMemory = TopMemory()
 
 
 class AnchorEvent(NamedTuple):
@@ -111,11 +133,16 @@ class AnchorEvent(NamedTuple):
     empty: Any
     soc: Any
     std: Any
+    top: Any = False  #: the condition that a charge has reached the end of the curve
 
     @property
     def tells_soc(self) -> Any:
         """The condition that there is an event."""
-        return self.full | self.empty
+        return self.full | self.empty | self.top
+
+    def or_else(self, other: AnchorEvent) -> AnchorEvent:
+        """This event, and the other one where this is none."""
+        return choose(self.tells_soc, self, other)
 
 
 #: Nothing has happened.
@@ -162,6 +189,54 @@ class AnchorRule:
         return after._replace(
             discharged=where(full, 0.0, after.discharged), charged=where(empty, 0.0, after.charged)
         ), event
+
+    def reach_top(self, before: TopMemory, clean: CleanSocSample) -> tuple[TopMemory, AnchorEvent]:
+        """The memory after a sample, and the event that a charge has reached the steep end of a flat curve.
+
+        It has where the voltage rises by more than the curve does elsewhere. The level of the curve, by which plateaus
+        of cells differ more than they rise, has no part in that.
+        """
+        u, usable = clean.now, clean.voltage_measured & clean.current_measured
+        begun, ohm = before.usual_V > 0.0, self.steady_ohm(1.0, u)
+        still_V = clean.voltage_V - ohm * u.current_A
+        rise_V = where(begun, still_V - before.usual_V, 0.0)
+        drop_V = ohm * where(begun, u.current_A - before.usual_A, 0.0)
+        high = usable & (u.current_A > self.load_A) & (still_V > self.nearly_full_V)
+        high = high & (rise_V > self.usual_rise_V + self.spurious_rise_V(drop_V, u))
+        high_s = where(high, before.high_s + clean.dt_s, 0.0)
+        end = self.nearly_full(u)
+        top = high & (high_s > _LOW_S) & (before.discharged > AGAIN) & (end.std < _MOST_STD)
+
+        share = clean.mean.current_A * clean.dt_s / self.model.capacity_As
+        decay = where(begun, exp(abs(share) * (-1.0 / _RISE_SOC)), 0.0)
+        decay = where(usable, decay, 1.0)
+        after = TopMemory(
+            usual_V=still_V + decay * (before.usual_V - still_V),
+            usual_A=u.current_A + decay * (before.usual_A - u.current_A),
+            high_s=high_s,
+            discharged=where(top, 0.0, minimum(before.discharged + maximum(-share, 0.0), 1.0)),
+        )
+        return after, AnchorEvent(False, False, *end, top)
+
+    def spurious_rise_V(self, drop_V: Scalar, u: CircuitInput) -> Scalar:
+        """Rise [V] that noise, hysteresis and a change of the drop, if resistances are as high as may be, can feign."""
+        still_V = _hypot(self.noise.voltage_std_V, self.model.hysteresis_V_at(1.0, u.temperature_degC))
+        most = exp(BEYOND_SIGMAS * sqrt(self.noise.resistance_variance_at(u, self.model)))
+        return BEYOND_SIGMAS * still_V + (most - 1.0) * abs(drop_V)
+
+    def nearly_full(self, u: CircuitInput) -> SocNormal:
+        """State of charge at which the voltage of this charge leaves the flat part of the curve."""
+        rate_per_s = u.current_A / self.model.capacity_As
+        slower = maximum(1.0 / self.model.rate_arrhenius_factor(u.temperature_degC), 1.0)
+        width = math.hypot(self.limits.full_std, 1.0 - _FULL_SOC)
+        return SocNormal(
+            _FULL_SOC - rate_per_s * self.limits.left_s * slower,
+            _hypot(width, rate_per_s * self.limits.left_std_s * slower),
+        )
+
+    def fade(self, clean: CleanSocSample) -> Scalar:
+        """Share of what a current has left in the slowest RC pair that is there after the step."""
+        return exp(clean.dt_s * self.model.rate_arrhenius_factor(clean.now.temperature_degC) * (-1 / self.slowest_s))
 
     def hold_limit(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
         """The memory with the voltage that stands still, its largest current, and the charge that flowed.
@@ -221,8 +296,8 @@ class AnchorRule:
     def hold_low(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
         """The memory with the load, and the time for which its end would be a cut-off."""
         loaded = usable & (clean.now.current_A < -self.load_A)
-        fade = exp(clean.dt_s * self.model.rate_arrhenius_factor(clean.now.temperature_degC) * (-1 / self.slowest_s))
-        peak = CircuitInput(minimum(clean.now.current_A, fade * memory.peak_load_A), clean.now.temperature_degC)
+        strongest_A = minimum(clean.now.current_A, self.fade(clean) * memory.peak_load_A)
+        peak = CircuitInput(strongest_A, clean.now.temperature_degC)
         at_cut_off = self.cut_off(clean.voltage_V, peak)
         low = loaded & (self.but_for_drop_V(clean.voltage_V, peak) < self.empty_V)
         return memory._replace(
@@ -240,8 +315,8 @@ class AnchorRule:
     def cut_off(self, voltage_V: Scalar, u: CircuitInput) -> SocNormal:
         """State of charge at which a load is cut off at this voltage."""
         still_V = self.but_for_drop_V(voltage_V, u)
-        variance = self.noise.resistance_variance(coldness_per_K(u.temperature_degC, self.model.reference_degC))
-        uncertain_V = sqrt(variance) * (still_V - voltage_V) + self.noise.model_std_V[0]
+        of_drop = sqrt(self.noise.resistance_variance_at(u, self.model))
+        uncertain_V = of_drop * (still_V - voltage_V) + self.noise.model_std_V[0]
         soc = self.soc_at(still_V)
         rate_per_s = maximum(-u.current_A, 0.0) / self.model.capacity_As
         slower = maximum(1.0 / self.model.rate_arrhenius_factor(u.temperature_degC), 1.0)
@@ -303,11 +378,29 @@ class AnchorRule:
         return GASSING_LIMITS if self.gases else LITHIUM_LIMITS
 
     @property
+    def has_steep_end(self) -> bool:
+        """True where the curve is flat and rises steeply at its end."""
+        if self.gases:
+            return False
+        before_V, end_V = self.model.ocv.mean_V(np.array([1.0 - _RISE_SOC, 1.0]), self.model.ocv.reference_degC)
+        return bool(end_V - before_V > _STEEP * self.usual_rise_V)
+
+    @property
+    def usual_rise_V(self) -> float:
+        """Largest rise of the curve [V] between its ends, over `_RISE_SOC` of charge."""
+        soc, step = np.linspace(*_BETWEEN_ENDS, 81, retstep=True)
+        rises_V = np.diff(self.model.ocv.mean_V(soc, self.model.ocv.reference_degC))
+        return float(rises_V.max()) * _RISE_SOC / float(step)
+
+    @property
     def full_V(self) -> float:
         """Least voltage of a charger that has reached its limit [V]."""
-        ocv = self.model.ocv
-        nearly_full_V = float(ocv.mean_V(_FULL_SOC, ocv.reference_degC))
-        return self.model.gassing_V or max(nearly_full_V, (1.0 - _BELOW_FULL) * ocv.voltage_V[-1])
+        return self.model.gassing_V or max(self.nearly_full_V, (1.0 - _BELOW_FULL) * self.model.ocv.voltage_V[-1])
+
+    @property
+    def nearly_full_V(self) -> float:
+        """Voltage [V] at rest of a battery that is nearly full."""
+        return float(self.model.ocv.mean_V(_FULL_SOC, self.model.ocv.reference_degC))
 
     @property
     def empty_V(self) -> float:

@@ -177,7 +177,7 @@ class AugmentedThevenin:
         likely_A = abs(u.current_A) + self.sensor.offset_std_A
         weather = log_ratio_by_weather(u, self.model)
         # root of the second moment of a log-normal ratio
-        wider = exp(noise.resistance_variance(self.coldness(u)) + weather * weather)
+        wider = exp(noise.resistance_variance_at(u, self.model))
         resistance_std = sqrt(noise.resistance_std**2 + weather * weather)
         pairs = [wider * r * likely_A + LEAST_PAIR_STD_V for r in pair_resistances(soc, u, self.model)]
         std = AugmentedState(

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, BatteryNoise, CurrentSensor
-from ohmward.battery.models.temperature import coldness_per_K
-from ohmward.battery.models.thevenin import CircuitInput, Thevenin, log_ratio_by_weather, ohmic_drop, pair_resistances
+from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop, pair_resistances
 from ohmward.battery.soc.clean_sample import first_input
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.start_density import (
@@ -81,9 +80,7 @@ def lasting_std_V(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -
 def first_voltage_std(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise, sensor: CurrentSensor) -> Any:
     """Standard deviation [V] of the first voltage about OCV + R_0 i: sensor, model, OCV, drop, hysteresis, past."""
     past = sum(pair_resistances(soc, u, p)) * (abs(u.current_A) + sensor.offset_std_A)
-    weather = log_ratio_by_weather(u, p)
-    coldness = coldness_per_K(u.error_degC, p.reference_degC)
-    resistance_std = sqrt(noise.resistance_variance(coldness) + weather * weather)
+    resistance_std = sqrt(noise.resistance_variance_at(u, p))
     drop = resistance_std * abs(ohmic_drop(soc, u, p))
     hysteresis = HYSTERESIS_UNKNOWN_STD * np.exp(noise.hysteresis_std**2) * p.hysteresis_V_at(soc, u.temperature_degC)
     terms = (

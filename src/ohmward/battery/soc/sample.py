@@ -84,7 +84,7 @@ class SocFlag(SampleFlag):
     NOT_POSITIVE_DEFINITE = 128  # the covariance had to be repaired
     DIVERGED = 256  # the voltage has contradicted the estimate for too long: SoC was declared unknown
     RESTARTED = 512  # in Python: the state was no longer a number, a new one was started from this sample
-    ANCHORED = 1024  # a full charge or the cut-off of a load told SoC
+    ANCHORED = 1024  # a full charge, the steep end of a flat curve or the cut-off of a load told SoC
     MISFIT = 2048  # an offset or a capacity that sensor and battery cannot have: another battery's file?
 
 

@@ -270,6 +270,9 @@ class TheveninFilter:
         """The sample sanitised, and what it completes; voltages of a battery that gases complete a charge."""
         held, misled, clean = self.without_frozen(state.held, self.sanitize(state, sample))
         anchors, event = self.anchor_rule.step(state.anchors, clean) if self.anchors else (state.anchors, NO_EVENT)
+        if self.anchor_rule.has_steep_end:
+            top, reached = self.anchor_rule.reach_top(anchors.top, clean)
+            anchors, event = anchors._replace(top=top), event.or_else(reached)
         return CleanInput(self.without_gassing(clean, anchors), event, anchors, held, misled)
 
     def sanitize(self, state: FilterState, sample: SocSample) -> CleanSocSample:
