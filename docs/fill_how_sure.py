@@ -1,8 +1,7 @@
 """Fill the tables of `docs/how-sure.md` from the code: `python docs/fill_how_sure.py`.
 
-The meaning of the keys and the priors come from the records and tables that the filter uses; the bands are those of
-`ohmward doctor` for batteries of which only chemistry and capacity are known, and for the battery of the demo after its
-pulse test.
+The priors and their meaning come from the table that the filter uses; the bands are those of `ohmward doctor` for
+batteries of which only chemistry and capacity are known, and for the battery of the demo after its pulse test.
 """
 
 from __future__ import annotations
@@ -24,7 +23,6 @@ from ohmward.battery.chemistries import (
     Normal,
     chemistry_prior,
 )
-from ohmward.battery.models.noise import BatteryNoise, CurrentSensor
 from ohmward.battery.soc.band_forecast import TEMPERATURES_DEGC, BandForecast, forecast, forecasts_after_tests
 from ohmward.embedded.comments import field_comments
 
@@ -39,15 +37,8 @@ def main() -> None:
 
 
 def described(text: str) -> str:
-    """The text of the page with the tables of keys and priors made anew."""
-    text = replaced(text, "noise", key_table(BatteryNoise))
-    text = replaced(text, "sensor", key_table(CurrentSensor))
+    """The text of the page with the table of priors made anew."""
     return replaced(text, "priors", prior_table())
-
-
-def key_table(cls: type) -> list[str]:
-    """A row for each field of a record: its name and its meaning."""
-    return ["| key | |", "|---|---|", *(f"| `{name}` | {text} |" for name, text in attributes(cls).items())]
 
 
 def attributes(cls: type) -> dict[str, str]:
@@ -57,16 +48,22 @@ def attributes(cls: type) -> dict[str, str]:
 
 
 def prior_table() -> list[str]:
-    """A row for each doubt and a column for each chemistry."""
-    names = [*CHEMISTRIES, ""]
+    """A row for each prior: of NMC, and of the chemistries that have another."""
     meaning = attributes(ChemistryPrior)
     rows = []
     for key in ChemistryPrior._fields:
         text = next((text for shown, text in meaning.items() if key in shown.split("`, `")), "")
-        values = (value_of(getattr(chemistry_prior(name), key)) for name in names)
-        rows.append(f"| `{key}` | {text} | {' | '.join(values)} |")
-    titles = " | ".join(name or "not named" for name in names)
-    return [f"| | | {titles} |", "|---|---|" + "---|" * len(names), *rows]
+        rows.append(f"| `{key}` | {text} | {' | '.join(values_of(key))} |")
+    return ["| prior | | nmc | others |", "|---|---|---|---|", *rows]
+
+
+def values_of(key: str) -> tuple[str, str]:
+    """A prior of NMC, and each other value with the chemistries that have it."""
+    usual = value_of(getattr(chemistry_prior("nmc"), key))
+    others: dict[str, list[str]] = {}
+    for name in (*CHEMISTRIES, ""):
+        others.setdefault(value_of(getattr(chemistry_prior(name), key)), []).append(name or "not named")
+    return usual, "; ".join(f"{', '.join(names)} {value}" for value, names in others.items() if value != usual)
 
 
 def value_of(value: Any) -> str:
@@ -96,7 +93,7 @@ def band_table() -> list[str]:
         lines.append(f"| **{title}** | {cells(before)} |")
         for after in forecasts_after_tests(battery):
             if total(after.bands) < 0.95 * total(before):
-                lines.append(f"| at best, {after.test} | {cells(after.bands)} |")
+                lines.append(f"| {after.test} | {cells(after.bands)} |")
     return lines
 
 
@@ -113,7 +110,7 @@ def batteries() -> dict[str, Battery]:
 
 def cells(bands: Iterable[BandForecast]) -> str:
     """Half widths with a known and an unknown start, one cell for each temperature."""
-    return " | ".join(f"± {band.known_start:.1f} / {band.unknown_start:.1f}" for band in bands)
+    return " | ".join(f"{band.known_start:.1f}, {band.unknown_start:.1f}" for band in bands)
 
 
 def total(bands: Iterable[BandForecast]) -> float:

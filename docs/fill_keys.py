@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import types
+from collections import defaultdict
 from collections.abc import Iterator
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -19,16 +21,17 @@ PAGE = Path(__file__).parent / "keys.md"
 INTRODUCTION = """\
 # Every key of every file
 
-Written by `python docs/fill_keys.py` from the records that read the files. A key without a default must be there. Every
-key carries its unit; an unknown key is refused with the nearest that there is. `ohmward setup`, `robot`, `generic` and
-`identify` write these files, so that none of them has to be typed.
+Written by `python docs/fill_keys.py` from the records that read the files. The second column is the default of a key
+or, where it has none, its type: in **bold** if the key must be there. Keys carry their unit; an unknown key is refused
+with the nearest that there is. `ohmward setup`, `robot`, `generic` and `identify` write these files.
 """
 FILES: tuple[tuple[str, str, TomlFile[Any]], ...] = (
     ("battery.toml", "[How a battery file comes about](identification.md).", BATTERY_FILE),
     ("robot.toml", "[How a robot is described](slip.md).", ROBOT_FILE),
     (
         "setup.toml",
-        "[The process on the robot](on-board.md): which messages there are, and who gets the estimates.",
+        "[The process on the robot](on-board.md): which messages there are, and who gets the estimates. Every source "
+        "and sink also has a `name` for diagnostics, its kind unless given.",
         SETUP_FILE,
     ),
     ("plan.toml", "[The way ahead](energy.md).", PLAN_FILE),
@@ -42,29 +45,50 @@ def main() -> None:
 
 def page() -> str:
     """The text of the page."""
-    blocks = [INTRODUCTION]
+    blocks = [INTRODUCTION.rstrip()]
     for name, about, file in FILES:
         blocks.append(
-            "\n".join([f"## {name}", "", f'`format = "{file.format}"`. {about}', *_tables(file, file.cls, "")])
+            "\n".join([f"## {name}", "", f'`format = "{file.format}"`. {about}', *_tables(file, file.cls, "", {})])
         )
     return "\n\n".join(blocks) + "\n"
 
 
-def _tables(file: TomlFile[Any], record: type, path: str, kind: str | None = None) -> Iterator[str]:
-    """Lines of the table of a record, then of those that stand in it."""
+def _tables(
+    file: TomlFile[Any], record: type, path: str, places: dict[tuple[str, str, str], str], kind: str | None = None
+) -> Iterator[str]:
+    """Lines of the table of a record, then of those in it; `places` has where each row of the file stands first."""
     hints, said = get_type_hints(record), _meanings(record)
-    yield from ("", f"### {path or 'At the head'}" + (f', kind = "{kind}"' if kind else ""), "")
-    yield from ("| key | value | default | meaning |", "|---|---|---|---|")
-    inner = []
+    title = (path or "At the head") + (f' of kind "{kind}"' if kind else "")
+    rows, repeated, inner = [], defaultdict[str, list[str]](list), []
     for field in dataclasses.fields(record):
         records = [cls for cls in _parts(hints[field.name]) if dataclasses.is_dataclass(cls)]
         below = f"{path.strip('[]`')}.{field.name}" if path else field.name
         below = f"`[[{below}]]`" if _is_list(hints[field.name]) else f"`[{below}]`"
         inner += [(cls, below, file.kinds.get(cls)) for cls in records]
-        value = f"table {below}" if records else _words(hints[field.name])
-        yield f"| `{field.name}` | {value} | {_default(field)} | {_cell(said.get(field.name, ''))} |"
+        value = below if records else _words(hints[field.name])
+        row = (f"`{field.name}`", _default(field, value), _cell(said.get(field.name, "")))
+        if field.name == "name" and field.default == kind:
+            continue
+        if row in places:
+            repeated[places[row]].append(row[0])
+        else:
+            rows.append(row)
+            places[row] = f"in {title}" if path else "at the head"
+    yield from ("", f"### {title}", "")
+    if rows:
+        yield from ("| key | default | meaning |", "|---|---|---|", *_merged(rows))
+    if repeated:
+        yield from ("",) * bool(rows)
+        yield "; ".join(f"{', '.join(keys)} as {where}" for where, keys in repeated.items()) + "."
     for cls, below, of_kind in inner:
-        yield from _tables(file, cls, below, of_kind)
+        yield from _tables(file, cls, below, places, of_kind)
+
+
+def _merged(rows: list[tuple[str, str, str]]) -> Iterator[str]:
+    """Lines of a table, one for neighbours of one meaning."""
+    for meaning, group in groupby(rows, key=lambda row: row[2]):
+        keys, defaults, _ = zip(*group, strict=True)
+        yield f"| {', '.join(keys)} | {', '.join(dict.fromkeys(defaults))} | {meaning} |"
 
 
 def _meanings(record: type) -> dict[str, str]:
@@ -103,17 +127,14 @@ def _words(hint: Any) -> str:
     )
 
 
-def _default(field: dataclasses.Field[Any]) -> str:
-    """Its default, empty where it must be there."""
-    if field.default is dataclasses.MISSING:
-        return "" if field.default_factory is dataclasses.MISSING else "empty"
-    if field.default is None:
-        return "none"
+def _default(field: dataclasses.Field[Any], value: str) -> str:
+    """Its default, else its type, in bold where it must be there."""
     if isinstance(field.default, bool):
         return f"`{str(field.default).lower()}`"
     if isinstance(field.default, int | float | str):
         return f"`{field.default!r}`".replace("'", '"')
-    return "as usual"
+    required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+    return f"**{value}**" if required else value
 
 
 def _cell(text: str) -> str:
