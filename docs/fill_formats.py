@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,8 @@ sys.path.insert(0, str(ROOT / "tests"))
 from logs.formats.population import FORMATS  # noqa: E402
 
 PAGE = ROOT / "docs" / "logs.md"
+#: Families that the page describes in a paragraph: their names are those of notations, not of programs.
+NOTATIONS = ("text tables", "time")
 
 
 def main() -> None:
@@ -29,9 +32,15 @@ def filled(text: str) -> str:
 def format_lines() -> Iterator[str]:
     """A line for each family of formats that are read at once."""
     yield from ("| | read at once |", "|---|---|")
-    for family in dict.fromkeys(about.family for about in FORMATS):
+    for family in dict.fromkeys(about.family for about in FORMATS if about.family not in NOTATIONS):
         names = [about.name for about in FORMATS if about.family == family and not about.flags]
-        yield f"| {family} ({len(names)}) | {'; '.join(names)} |"
+        yield f"| {family} ({len(names)}) | {'; '.join(without_variants(names))} |"
+
+
+def without_variants(names: list[str]) -> list[str]:
+    """Names, those that differ behind the first comma only as one."""
+    heads = Counter(name.partition(", ")[0] for name in names)
+    return list(dict.fromkeys(head if heads[head := name.partition(", ")[0]] > 1 else name for name in names))
 
 
 def flag_lines() -> Iterator[str]:
