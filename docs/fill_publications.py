@@ -64,8 +64,7 @@ def every(share: float) -> bool:
     return share == 100.0
 
 
-RC = r"$\hat x^+ = \hat x + K (y - \hat y)$, (19)-(25)"
-UKF = r"$\hat x^+ = \hat x + L (y - \hat y)$, (26)-(44)"
+RC, UKF = "(19)-(25)", "(26)-(44)"
 CLAIMS = {
     "[T]": (
         Claim(
@@ -85,21 +84,21 @@ CLAIMS = {
         Claim(
             "table 3.1",
             "the model found offline errs by 0.018 V in the mean",
-            "$V_t = (R_t + R_e / 2) I + (V_{cb} + V_{cs}) / 2$, (3.1)",
+            "(3.1)",
             {"rule": ("Voltage, offline model: mean", "as printed")},
             lambda error: error <= 0.018,
         ),
         Claim(
             "table 3.2",
             "the AUKF errs by 0.002 V in the mean (after the sample)",
-            "$Q = K C K^T$, (3.49)",
+            "(3.49)",
             {"AUKF": after("AUKF")},
             lambda error: error <= 0.002,
         ),
         Claim(
             "table 3.2",
             "the same, before the sample",
-            "$e_k = z_k - H \\hat x_k^-$, (3.13)",
+            "(3.13)",
             {"AUKF": before("AUKF"), "8 bit": before("AUKF, 8 bit oscilloscope")},
             lambda error, scope: error <= 0.002,
         ),
@@ -129,7 +128,7 @@ CLAIMS = {
         Claim(
             "table 3.3",
             "the AUKF's state of charge errs by 0.028 % in the mean",
-            r"$SoC_k = SoC_{k-1} + \eta \Delta t \, i / C_N$, 3.4.2",
+            "3.4.2",
             {"AUKF": soc("AUKF"), "EKF": soc("EKF"), "default": ("SoC, 98 to 90 %, AUKF: mean", "default")},
             lambda aukf, ekf, default: aukf <= 0.028,
         ),
@@ -219,7 +218,7 @@ CLAIMS = {
         Claim(
             "2.3, figure 5",
             "two time constants fit a relaxation better than one",
-            r"$V_o = V_{start} + \sum V_j (e^{-t/\tau_j} - 1)$, (18)",
+            "(18)",
             {
                 "one [mV]": (f"{SLA}: one time constant, RMS of ", "corrected"),
                 "two": (f"{SLA}: two time constants, RMS", "corrected"),
@@ -388,7 +387,7 @@ def claim_lines(claims: tuple[Claim, ...], rows: dict[str, dict[str, str]]) -> I
     for claim in claims:
         cells = [cell(rows, *where) for where in claim.numbers.values()]
         here = "; ".join(f"{name} {value}" for name, value in zip(claim.numbers, cells, strict=True))
-        verdict = "holds" if claim.holds(*map(float, cells)) else "**does not hold here**"
+        verdict = "holds" if claim.holds(*map(float, cells)) else "**does not**"
         yield f"| {claim.place} | {claim.claim} | {claim.equation} | {here} | {verdict} |"
 
 

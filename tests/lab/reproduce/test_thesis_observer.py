@@ -1,4 +1,4 @@
-"""Adaptive filters of docs/dissertation-figures.md, on one drive."""
+"""Adaptive filters of docs/reproduce-thesis.md, on one drive."""
 
 import numpy as np
 import pytest
