@@ -48,12 +48,14 @@ def attributes(cls: type) -> dict[str, str]:
 
 
 def prior_table() -> list[str]:
-    """A row for each prior: of NMC, and of the chemistries that have another."""
+    """A row for each prior that differs between chemistries: of NMC, and of those that have another."""
     meaning = attributes(ChemistryPrior)
     rows = []
     for key in ChemistryPrior._fields:
         text = next((text for shown, text in meaning.items() if key in shown.split("`, `")), "")
-        rows.append(f"| `{key}` | {text} | {' | '.join(values_of(key))} |")
+        usual, others = values_of(key)
+        if others:
+            rows.append(f"| `{key}` | {text} | {usual} | {others} |")
     return ["| prior | | nmc | others |", "|---|---|---|---|", *rows]
 
 

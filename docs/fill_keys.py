@@ -21,7 +21,7 @@ PAGE = Path(__file__).parent / "keys.md"
 INTRODUCTION = """\
 # Every key of every file
 
-Written by `python docs/fill_keys.py` from the records that read the files. The second column is the default of a key
+Written by `python docs/fill_keys.py` from the records that read the files. In parentheses stands the default of a key
 or, where it has none, its type: in **bold** if the key must be there. Keys carry their unit; an unknown key is refused
 with the nearest that there is. `ohmward setup`, `robot`, `generic` and `identify` write these files.
 """
@@ -56,7 +56,7 @@ def page() -> str:
 def _tables(
     file: TomlFile[Any], record: type, path: str, places: dict[tuple[str, str, str], str], kind: str | None = None
 ) -> Iterator[str]:
-    """Lines of the table of a record, then of those in it; `places` has where each row of the file stands first."""
+    """Lines on the table of a record, then on those in it; `places` has where each key of the file stands first."""
     hints, said = get_type_hints(record), _meanings(record)
     title = (path or "At the head") + (f' of kind "{kind}"' if kind else "")
     rows, repeated, inner = [], defaultdict[str, list[str]](list), []
@@ -66,7 +66,7 @@ def _tables(
         below = f"`[[{below}]]`" if _is_list(hints[field.name]) else f"`[{below}]`"
         inner += [(cls, below, file.kinds.get(cls)) for cls in records]
         value = below if records else _words(hints[field.name])
-        row = (f"`{field.name}`", _default(field, value), _cell(said.get(field.name, "")))
+        row = (f"`{field.name}`", _default(field, value), said.get(field.name, "").replace("\n", " "))
         if field.name == "name" and field.default == kind:
             continue
         if row in places:
@@ -75,20 +75,17 @@ def _tables(
             rows.append(row)
             places[row] = f"in {title}" if path else "at the head"
     yield from ("", f"### {title}", "")
-    if rows:
-        yield from ("| key | default | meaning |", "|---|---|---|", *_merged(rows))
-    if repeated:
-        yield from ("",) * bool(rows)
-        yield "; ".join(f"{', '.join(keys)} as {where}" for where, keys in repeated.items()) + "."
+    yield from _merged(rows)
+    yield from (f"- {', '.join(keys)}: as {where}" for where, keys in repeated.items())
     for cls, below, of_kind in inner:
         yield from _tables(file, cls, below, places, of_kind)
 
 
 def _merged(rows: list[tuple[str, str, str]]) -> Iterator[str]:
-    """Lines of a table, one for neighbours of one meaning."""
+    """Lines of a list, one for neighbours of one meaning."""
     for meaning, group in groupby(rows, key=lambda row: row[2]):
         keys, defaults, _ = zip(*group, strict=True)
-        yield f"| {', '.join(keys)} | {', '.join(dict.fromkeys(defaults))} | {meaning} |"
+        yield f"- {', '.join(keys)} ({', '.join(dict.fromkeys(defaults))}): {meaning}"
 
 
 def _meanings(record: type) -> dict[str, str]:
@@ -135,10 +132,6 @@ def _default(field: dataclasses.Field[Any], value: str) -> str:
         return f"`{field.default!r}`".replace("'", '"')
     required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
     return f"**{value}**" if required else value
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("\n", " ")
 
 
 if __name__ == "__main__":

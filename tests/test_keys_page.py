@@ -12,4 +12,4 @@ def test_the_page_is_that_of_the_records():
 
 
 def test_every_key_has_a_meaning():
-    assert re.findall(r"^\| `(\w+)` .*\|  \|$", fill_keys.page(), re.MULTILINE) == []
+    assert re.findall(r"^- `(\w+)`.*: *$", fill_keys.page(), re.MULTILINE) == []
