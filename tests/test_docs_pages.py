@@ -95,6 +95,8 @@ def test_the_documentation_builds_without_a_warning_and_reads_without_a_network(
     for page in tmp_path.rglob("*.html"):
         assert re.findall(r"<(?:script|link|img)[^>]*https?://[^>]*>", page.read_text(encoding="utf-8")) == []
     assert "<math" in (tmp_path / "theory" / "rc-model.html").read_text(encoding="utf-8")
+    filters = (tmp_path / "reference" / "filters.html").read_text(encoding="utf-8")
+    assert 'id="ohmward.filters.kalman.predict"' in filters
 
 
 def children(page: Path) -> list[Path]:

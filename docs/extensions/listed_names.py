@@ -12,7 +12,7 @@ from sphinx.application import Sphinx
 
 import ohmward
 
-BLOCK = re.compile(r"^```\{(modules|names)\} *(.*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+BLOCK = re.compile(r"^```\{(modules|names)\} *([^\n]*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
