@@ -1,4 +1,4 @@
-"""Write `docs/keys.md`, every key of the files that people edit, from their records: `python docs/fill_keys.py`."""
+"""Write `docs/keys.md`, the keys of the files that people edit, from their records: `python docs/fill_keys.py`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
+from ohmward.battery.battery import Knowledge, Provenance
 from ohmward.battery.file import BATTERY_FILE
 from ohmward.embedded.comments import field_comments
 from ohmward.energy.mission import PLAN_FILE
@@ -19,14 +20,21 @@ from ohmward.traction.robot.robot import ROBOT_FILE
 
 PAGE = Path(__file__).parent / "keys.md"
 INTRODUCTION = """\
-# Every key of every file
+# Keys of the files
 
 Written by `python docs/fill_keys.py` from the records that read the files. In parentheses stands the default of a key
 or, where it has none, its type: in **bold** if the key must be there. Keys carry their unit; an unknown key is refused
 with the nearest that there is. `ohmward setup`, `robot`, `generic` and `identify` write these files.
 """
+#: Tables that no one edits.
+WRITTEN = (Provenance, Knowledge)
 FILES: tuple[tuple[str, str, TomlFile[Any]], ...] = (
-    ("battery.toml", "[How a battery file comes about](identification.md).", BATTERY_FILE),
+    (
+        "battery.toml",
+        "[How a battery file comes about](identification.md). `identify` and `learn` write `[identification]` and "
+        "`[knowledge]`: `Provenance` and `Knowledge` in the [reference](reference/battery.md).",
+        BATTERY_FILE,
+    ),
     ("robot.toml", "[How a robot is described](slip.md).", ROBOT_FILE),
     (
         "setup.toml",
@@ -77,7 +85,7 @@ def _tables(
     yield from ("", f"### {title}", "")
     yield from _merged(rows)
     yield from (f"- {', '.join(keys)}: as {where}" for where, keys in repeated.items())
-    for cls, below, of_kind in inner:
+    for cls, below, of_kind in (table for table in inner if table[0] not in WRITTEN):
         yield from _tables(file, cls, below, places, of_kind)
 
 
