@@ -1,9 +1,9 @@
-"""The examples of docs/rc-model.md run from top to bottom."""
+"""The examples of docs/theory/rc-model.md run from top to bottom."""
 
 import re
 from pathlib import Path
 
-PAGE = Path(__file__).parents[3] / "docs" / "rc-model.md"
+PAGE = Path(__file__).parents[3] / "docs" / "theory" / "rc-model.md"
 
 
 def test_the_page_runs_from_top_to_bottom(capsys):
