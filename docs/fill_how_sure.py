@@ -6,10 +6,10 @@ batteries of which only chemistry and capacity are known, and for the battery of
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from marked_block import replaced
 
@@ -26,6 +26,7 @@ from ohmward.battery.chemistries import (
 from ohmward.battery.soc.band_forecast import TEMPERATURES_DEGC, BandForecast, forecast, forecasts_after_tests
 from ohmward.embedded.comments import field_comments
 
+T = TypeVar("T")
 PAGE = Path(__file__).parent / "how-sure.md"
 CAPACITY_AH, N_SERIES = 12.0, 4
 
@@ -87,16 +88,21 @@ def value_of(value: Any) -> str:
 
 
 def band_table() -> list[str]:
-    """Bands of four battery files as they are, and after each test that narrows them."""
-    header = " | ".join(f"{T:g} degC" for T in TEMPERATURES_DEGC)
-    lines = [f"| battery file | {header} |", "|---|" + "---|" * len(TEMPERATURES_DEGC)]
+    """Bands of four battery files as they are, and after each test that narrows them, warm and cold."""
+    header = " | ".join(f"{degC:g} degC" for degC in ends(TEMPERATURES_DEGC))
+    lines = [f"| battery file | {header} |", "|---|---|---|"]
     for title, battery in batteries().items():
         before = forecast(battery)
-        lines.append(f"| **{title}** | {cells(before)} |")
+        lines.append(f"| **{title}** | {cells(ends(before))} |")
         for after in forecasts_after_tests(battery):
             if total(after.bands) < 0.95 * total(before):
-                lines.append(f"| {after.test} | {cells(after.bands)} |")
+                lines.append(f"| {after.test} | {cells(ends(after.bands))} |")
     return lines
+
+
+def ends(values: Sequence[T]) -> tuple[T, T]:
+    """The first and the last."""
+    return values[0], values[-1]
 
 
 def batteries() -> dict[str, Battery]:
