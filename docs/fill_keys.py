@@ -66,7 +66,7 @@ def _tables(
 ) -> Iterator[str]:
     """Lines on the table of a record, then on those in it; `places` has where each key of the file stands first."""
     hints, said = get_type_hints(record), _meanings(record)
-    title = (path or "At the head") + (f' of kind "{kind}"' if kind else "")
+    title = (path or "At the head") + (f", kind `{kind}`" if kind else "")
     rows, repeated, inner = [], defaultdict[str, list[str]](list), []
     for field in dataclasses.fields(record):
         records = [cls for cls in _parts(hints[field.name]) if dataclasses.is_dataclass(cls)]
