@@ -376,7 +376,7 @@ def claim_lines(claims: tuple[Claim, ...], rows: dict[str, dict[str, str]]) -> I
     for claim in claims:
         cells = [cell(rows, *where) for where in claim.numbers.values()]
         here = "; ".join(f"{name} {value}" for name, value in zip(claim.numbers, cells, strict=True))
-        verdict = "holds" if claim.holds(*map(float, cells)) else "**does not**"
+        verdict = "holds" if claim.holds(*map(float, cells)) else "**not here**"
         yield f"| {claim.place} | {claim.claim} | {claim.equation} | {here} | {verdict} |"
 
 
