@@ -21,6 +21,12 @@ def long_runs(condition: np.ndarray, time_s: np.ndarray, least_s: float, fewest:
     return list(zip(first[enough].tolist(), stop[enough].tolist(), strict=True))
 
 
+def from_to(time_s: np.ndarray) -> str:
+    """The time of a run in words: "from 12.5 s to 80 s"."""
+    first, last = (f"{at_s:.4g}" if abs(at_s) < 1e4 else f"{at_s:.0f}" for at_s in (time_s[0], time_s[-1]))
+    return f"from {first} s to {last} s"
+
+
 def _ends(condition: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First indices of the runs, and those after their last."""
     padded = np.concatenate([[False], np.asarray(condition, dtype=bool), [False]])

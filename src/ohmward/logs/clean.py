@@ -10,9 +10,10 @@ from ohmward.errors import InputError
 from ohmward.logs.channels import BATTERY, TIME
 from ohmward.logs.columns import Column, listed
 from ohmward.logs.table import Note, Table, counted, held, numbers
-from ohmward.signals.checks import no_numbers
+from ohmward.runs import from_to, long_runs
+from ohmward.signals.checks import no_numbers, stuck
 from ohmward.signals.current_sign import edge_test
-from ohmward.signals.survey import find_gaps
+from ohmward.signals.survey import find_gaps, spread
 
 #: No instrument shows a larger number, in whatever unit; squares of it are finite.
 LARGEST_READING = 1e18
@@ -24,6 +25,11 @@ _FAR_K = 20.0
 #: A current that may be none stands alone and is larger than so many times all but the largest hundredth; the voltage
 #: answers one that flows by this share of the resistance at least.
 _HUGE, _ANSWERS = 3.0, 0.2
+#: A current that stays the same for this time [s] and so many rows is stuck where the voltage makes large moves that
+#: turn back so often, and by this share as often as elsewhere.
+_STUCK_S, _STUCK_ROWS, _STUCK_TURNS, _STUCK_SHARE = 60.0, 30, 6, 0.25
+#: A move is large that is by this share that of the largest edge of the current, and by so many times the noise.
+_LARGE_MOVE, _BEYOND_NOISE = 0.1, 6.0
 _ALONE = "no measurement, far from the rows around"
 # Where fewer than this fraction of the currents have a voltage in their row, each has a rate of its own.
 _TOGETHER_FRACTION = 0.5
@@ -103,6 +109,39 @@ def without_silent_spikes(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple
         np.where(np.isnan(answer_V), 0.0, answer_V).max(axis=1) < _ANSWERS * expected_V
     )
     return without_rows(current_A, rows[silent], "current", "A", "no measurement, the voltage does not answer")
+
+
+def without_stuck_current(
+    time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray
+) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """The currents (T,) [A] with NaN where they stay the same to the last digit and the load goes on, with a note each.
+
+    In a rest or at a steady load the voltage relaxes; a load that goes on unseen moves it back and forth as before.
+    """
+    steady = long_runs(np.diff(current_A, prepend=np.nan) == 0.0, time_s, _STUCK_S, _STUCK_ROWS)
+    if not steady:
+        return current_A, ()
+    known = np.isfinite(current_A) & np.isfinite(voltage_V)
+    largest_A = np.abs(np.diff(current_A[known])).max(initial=0.0)
+    edge_V = edge_test(current_A[known], voltage_V[known]).resistance_ohm * largest_A
+    moves_V = np.diff(voltage_V, prepend=np.nan)
+    large = np.abs(moves_V) > max(_LARGE_MOVE * abs(edge_V), _BEYOND_NOISE * spread(moves_V[np.isfinite(moves_V)]))
+    elsewhere = np.isfinite(moves_V)
+    for first, stop in steady:
+        elsewhere[first:stop] = False
+    usual = large[elsewhere].mean() if large[elsewhere].any() else np.inf
+    rest_A = current_A
+    notes: list[Note] = []
+    for first, stop in steady:
+        upwards = moves_V[first:stop][large[first:stop]] > 0.0
+        turns = np.count_nonzero(upwards[1:] != upwards[:-1])
+        if turns >= _STUCK_TURNS and turns >= _STUCK_SHARE * usual * (stop - first):
+            rest_A = rest_A if notes else current_A.copy()
+            rest_A[first:stop] = np.nan
+            when = f" {from_to(time_s[first:stop])}"
+            what = f"the current of {current_A[first]:g} A is "
+            notes.append(Note(f"{stuck(what, when, 'the voltage')}; its values there are left out", "warning"))
+    return rest_A, tuple(notes)
 
 
 def _alone(values: np.ndarray, usual: float, far: float) -> tuple[np.ndarray, np.ndarray]:

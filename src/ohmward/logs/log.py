@@ -29,6 +29,7 @@ from ohmward.logs.clean import (
     without_rows,
     without_silent_spikes,
     without_spikes,
+    without_stuck_current,
     without_temperature_spikes,
 )
 from ohmward.logs.columns import Column, UnclearColumnsError, find_columns
@@ -304,6 +305,7 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
     clock = chosen["time"], time_s
     voltage_V, spikes = without_spikes(measured["voltage"])
     current_A, silent = without_silent_spikes(measured["current"], voltage_V)
+    current_A, dead = without_stuck_current(time_s, current_A, voltage_V)
     require_plausible(file.source, *clock, current_A, rows.guessed_unit)
     warnings = guess_notes(*clock, rows.guessed_unit)
     if chosen["current"].unit is None and (forgotten := forgotten_scale(current_A, voltage_V)):
@@ -330,6 +332,7 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
             *warnings,
             *spikes,
             *silent,
+            *dead,
             *given_degC,
             *missing_notes(table, chosen),
             *gap_notes(time_s),

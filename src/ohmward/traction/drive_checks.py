@@ -16,7 +16,7 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.quantities import QUANTITIES, limits_of
-from ohmward.runs import long_runs
+from ohmward.runs import from_to, long_runs
 from ohmward.signals.checks import beyond_limits, stuck
 from ohmward.traction.motion.held import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import require_wheels
@@ -115,7 +115,7 @@ def without_dead_gyro(robot: Robot, log: DriveLog) -> DriveLog:
             dead[rows[first - 1 : stop]] = True
     if not dead.any():
         return log
-    when = f" {_from_to(log.time_s[dead])}"
+    when = f" {from_to(log.time_s[dead])}"
     text = f"{stuck('the gyro is ', when, 'the robot')}; its yaw rates there are left out"
     left = np.where(dead, np.nan, log.yaw_rate_rad_s)
     return replace(log, yaw_rate_rad_s=left, notes=(*log.notes, Note(text, "warning")))
@@ -160,7 +160,7 @@ def _stuck_encoders(robot: Robot, log: DriveLog) -> Iterator[str]:
         for first, stop in long_runs(same, log.time_s[rows], LASTS_S, FEWEST):
             may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or robot.chassis.rollers)
             if not may_stand and moving[first:stop].mean() > 0.5 and turning[first:stop].mean() > 0.5:
-                what, when = f"the encoder of {name} is ", f" {_from_to(log.time_s[rows[first:stop]])}"
+                what, when = f"the encoder of {name} is ", f" {from_to(log.time_s[rows[first:stop]])}"
                 fault = stuck(f"{what}at {speed[first]:.4g} rad/s, ", when, "another wheel")
                 yield f"{fault}, or cut this part out"
                 break
@@ -317,7 +317,7 @@ def _blocked_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
         for first, stop in long_runs(stands & works, log.time_s, LASTS_S, FEWEST)[:1]:
             current_A = float(np.median(np.abs(log.motor_current_A[first:stop, k])))
             yield (
-                f"the motor of {name} takes {current_A:.3g} A {_from_to(log.time_s[first:stop])} and its wheel does "
+                f"the motor of {name} takes {current_A:.3g} A {from_to(log.time_s[first:stop])} and its wheel does "
                 "not turn: blocked, or its encoder is unplugged"
             )
 
@@ -345,7 +345,7 @@ def _stuck_robot(robot: Robot, log: DriveLog) -> Iterator[str]:
     stands = np.abs(speed[turn]) < STUCK_SHARE * np.abs(wheels[turn])
     for first, stop in long_runs(stands, time_s, STUCK_S, FEWEST_STUCK):
         yield (
-            f"the robot stands by the speed from outside {_from_to(time_s[first:stop])} while its wheels turn: stuck, "
+            f"the robot stands by the speed from outside {from_to(time_s[first:stop])} while its wheels turn: stuck, "
             "or that speed is dead; the robot is taken to stand between two of its samples, too"
         )
 
@@ -370,7 +370,3 @@ def _wrong_units(robot: Robot, log: DriveLog) -> Iterator[str]:
 
 def _names(robot: Robot) -> list[str]:
     return [place.name.replace("_", " ") for place in robot.places]
-
-
-def _from_to(time_s: np.ndarray) -> str:
-    return f"from {time_s[0]:.4g} s to {time_s[-1]:.4g} s"

@@ -1,0 +1,67 @@
+"""A current sensor that stands still while the robot drives on: its values are left out, and the log says so."""
+
+import numpy as np
+import pytest
+
+from ohmward.logs.clean import without_stuck_current
+from ohmward.logs.log import read_log
+
+DEAD = slice(1200, 3600)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def driven(rng, noise_V=0.003, step_V=0.001, load_s=20):
+    """Time, current and voltage (T,) of loads that change every 20 s, by a resistance and a pair of 100 s."""
+    time_s = np.arange(3600.0)
+    current_A = np.repeat(rng.choice([-0.5, -2.0, -6.0, 1.0], size=3600 // load_s), load_s)
+    slow_V = np.zeros(3600)
+    for k in range(1, 3600):
+        slow_V[k] = slow_V[k - 1] + (0.03 * current_A[k] - slow_V[k - 1]) / 100.0
+    voltage_V = 13.2 + 0.05 * current_A + slow_V + noise_V * rng.standard_normal(3600)
+    return time_s, current_A + 0.02 * rng.standard_normal(3600), np.round(voltage_V / step_V) * step_V
+
+
+@pytest.mark.parametrize("held_A", (0.0, -2.013))
+def test_values_that_stand_still_under_load_are_left_out_and_counted(rng, held_A):
+    time_s, current_A, voltage_V = driven(rng)
+    current_A[DEAD] = held_A
+    found_A, (note,) = without_stuck_current(time_s, current_A, voltage_V)
+    assert np.isnan(found_A[1201:3600]).all() and np.isfinite(found_A[:1200]).all()
+    assert note.level == "warning"
+    assert f"the current of {held_A:g} A is stuck" in note.text and "from 1201 s to 3599 s" in note.text
+
+
+def test_a_log_that_is_read_says_so(rng, tmp_path):
+    time_s, current_A, voltage_V = driven(rng)
+    current_A[DEAD] = 0.0
+    path = tmp_path / "day.csv"
+    header = "time_s,current_A,voltage_V"
+    np.savetxt(path, np.c_[time_s, current_A, voltage_V], delimiter=",", header=header, comments="", fmt="%.4f")
+    log = read_log(path)
+    assert np.isnan(log.current_A).sum() == 2399
+    assert any("is stuck" in note.text for note in log.notes)
+
+
+@pytest.mark.parametrize(("noise_V", "step_V"), ((0.0, 0.001), (0.0004, 0.001), (0.003, 0.0), (0.02, 0.01)))
+def test_a_rest_is_no_fault_however_its_last_digit_flickers(rng, noise_V, step_V):
+    time_s, current_A, voltage_V = driven(rng, noise_V, step_V or 1e-9)
+    still_V = 13.2 + 0.1 * np.exp(-np.arange(2400) / 300.0) + noise_V * rng.standard_normal(2400)
+    current_A[DEAD], voltage_V[DEAD] = 0.0, np.round(still_V / (step_V or 1e-9)) * (step_V or 1e-9)
+    found_A, notes = without_stuck_current(time_s, current_A, voltage_V)
+    assert found_A is current_A and not notes
+
+
+def test_a_steady_charge_is_no_fault(rng):
+    time_s, current_A, voltage_V = driven(rng)
+    current_A[DEAD] = 5.0
+    voltage_V[DEAD] = 13.4 + 1e-4 * np.arange(2400) + 0.003 * rng.standard_normal(2400)
+    assert not without_stuck_current(time_s, current_A, voltage_V)[1]
+
+
+def test_a_current_of_few_digits_is_no_fault(rng):
+    time_s, current_A, voltage_V = driven(rng)
+    assert not without_stuck_current(time_s, np.round(current_A), voltage_V)[1]
