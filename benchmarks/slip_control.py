@@ -16,11 +16,9 @@ from ohmward.traction.control import (
     SpeedController,
     WheelSpeedDrive,
 )
-from ohmward_lab.published.fuzzy_sliding_mode import FuzzySlidingMode
-from ohmward_lab.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, uniform
 from ohmward_lab.simulate.robot_sensors import RobotTruth
-from ohmward_lab.traction.slip_pid import SlipPid
+from ohmward_lab.traction.compared_slip_laws import FuzzySlidingMode, SlipPid, SlipRatioSlidingMode
 from slip_cases import case_rows
 from slip_loops import (
     COASTED_DOWN,

@@ -24,7 +24,7 @@ from ohmward_lab.simulate.closed_loop.ground import Patch
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, uniform
 from ohmward_lab.simulate.robot_sensors import RobotTruth, stack
-from ohmward_lab.traction.slip_pid import SlipPid
+from ohmward_lab.traction.compared_slip_laws import SlipPid
 from slip_loops import (
     COASTED_DOWN,
     DT,

@@ -1,1 +1,1 @@
-"""Methods of [T] and [P], kept for comparison: joint filters, the hybrid, control laws."""
+"""Methods of [T] and [P], kept for comparison: joint filters, the hybrid."""

@@ -10,7 +10,7 @@ import pytest
 from markdown_pages import ROOT
 from ohmward.traction.control import SlipCommand, SlipController
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, uniform
-from ohmward_lab.traction.slip_pid import SlipPid
+from ohmward_lab.traction.compared_slip_laws import SlipPid
 
 pytest.importorskip("mujoco", reason="the plant needs MuJoCo: pip install mujoco")
 sys.path.insert(0, str(ROOT / "benchmarks"))

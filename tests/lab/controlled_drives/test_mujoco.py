@@ -17,11 +17,9 @@ from ohmward.traction.control import (
     SpeedController,
 )
 from ohmward.traction.control.slip_law import SlipLaw
-from ohmward_lab.published.fuzzy_sliding_mode import FuzzySlidingMode
-from ohmward_lab.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
 from ohmward_lab.simulate.mujoco_plant import RlmaParameters, RlmaPlant, switching, uniform
 from ohmward_lab.simulate.robot_sensors import stack
-from ohmward_lab.traction.slip_pid import SlipPid
+from ohmward_lab.traction.compared_slip_laws import FuzzySlidingMode, SlipPid, SlipRatioSlidingMode
 from traction.control.examples import LIMITS, SLIDING, UNSURE, WHEEL
 
 DRAG = RlmaParameters(drag_N_s2_per_m2=32.0)

@@ -5,8 +5,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction.control import SlidingMode, Uncertainty
-from ohmward_lab.published.fuzzy_sliding_mode import FuzzySlidingMode
-from ohmward_lab.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
+from ohmward_lab.traction.compared_slip_laws import FuzzySlidingMode, SlipRatioSlidingMode
 from traction.control.examples import LIMITS, SLIDING, UNSURE, WHEEL, motion
 
 RNG = np.random.default_rng(1)

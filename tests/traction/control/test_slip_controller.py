@@ -19,9 +19,7 @@ from ohmward.traction.control import (
     SlipController,
 )
 from ohmward.traction.control.slip_law import SlipLaw
-from ohmward_lab.published.fuzzy_sliding_mode import FuzzySlidingMode
-from ohmward_lab.published.slip_ratio_sliding_mode import SlipRatioSlidingMode
-from ohmward_lab.traction.slip_pid import SlipPid
+from ohmward_lab.traction.compared_slip_laws import FuzzySlidingMode, SlipPid, SlipRatioSlidingMode
 from traction.control.examples import DRY, LIMITS, SLIDING, SLIPPERY, UNSURE, WHEEL, Truth, drive, measured
 
 LAWS: dict[str, SlipLaw] = {

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ohmward.errors import InputError
-from ohmward_lab.published.fuzzy_sliding_mode import GAIN_RULES, LAYER_RULES, FuzzySlidingMode, infer
+from ohmward_lab.traction.compared_slip_laws import GAIN_RULES, LAYER_RULES, FuzzySlidingMode, infer
 from traction.control.examples import SLIDING, WHEEL, motion
 
 ONES = ((1.0, 1.0, 1.0),) * 3
