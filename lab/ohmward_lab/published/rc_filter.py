@@ -41,15 +41,11 @@ from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.flags import flags_of
 from ohmward.filters.gate import choose, require_gate, time_rejected
-from ohmward.lab import lab
-from ohmward.trace import clip, exp, logical_not, maximum, sqrt, where
+from ohmward.trace import clip, exp, logical_not, maximum, sqrt, table, where
 from ohmward.trace.expression import Scalar
 from ohmward_lab.published import rc_circuit
 
 BULK, SURFACE, MODEL_ERROR, OFFSET, RESISTANCE, SOC = range(6)
-
-#: Links between state of charge and voltage by name: `SocAsState`, and the one of [P], which is in the laboratory.
-LINKS = ("state", "curve")
 
 
 @dataclass(frozen=True)
@@ -115,6 +111,80 @@ class SocAsState:
         return tuple(np.hypot(np.maximum(curvature_V, usual_V), on_soc_grid(self.noise.model_std_V, soc)).tolist())
 
 
+#: Points of the inverse curve over voltage.
+_CURVE_POINTS = 1001
+
+
+@dataclass(frozen=True)
+class SocByCurve:
+    """SoC is where the OCV curve passes the mean voltage of both capacitors ([P] 3.1, which takes that of the bulk).
+
+    The capacitance is one number, so charge moves the voltages along a straight line while the curve has bends. The
+    difference of the slopes is process noise of both voltages, which then follow the measured voltage rather than the
+    charge where the curve is not straight.
+    """
+
+    model: RcModel
+    noise: BatteryNoise
+    soc_is_state = False
+
+    def ocv_V(self, soc: Scalar) -> Scalar:
+        """Open-circuit voltage [V] at the curve's reference temperature."""
+        return self.model.ocv.mean_V(soc, self.model.ocv.reference_degC)
+
+    def slope_V(self, soc: Scalar) -> Scalar:
+        """Slope of the open-circuit voltage [V per unit of SoC]."""
+        return on_soc_grid(self._slopes_V, soc)
+
+    def curvature_variance_V2(self, soc: Scalar) -> Scalar:
+        """Process variance of both voltages [V^2 per unit of SoC moved] where the curve is not the straight line."""
+        curvature_V = self.slope_V(soc) - line_slope_V(self.model, self.model.capacity_As)
+        return curvature_V**2 * 2 * self.noise.model_soc_length
+
+    def model_std_V(self, soc: Scalar) -> Scalar:
+        """Standard deviation of the model's voltage error [V]."""
+        return self.noise.model_std_at(soc)
+
+    def soc(self, x: np.ndarray) -> Scalar:
+        """State of charge in [0, 1] in state x."""
+        return clip(self.soc_beyond(self.open_circuit @ x), 0.0, 1.0)
+
+    def soc_variance(self, belief: Belief) -> Scalar:
+        """Variance of SoC: half the width that one sigma of the open-circuit voltage has on the curve, squared."""
+        ocv_V = self.open_circuit @ belief.mean
+        std_V = np.sqrt(maximum(self.open_circuit @ belief.cov @ self.open_circuit, 0.0))
+        half_width = 0.5 * (self.soc_beyond(ocv_V + std_V) - self.soc_beyond(ocv_V - std_V))
+        return half_width**2
+
+    def project(self, belief: Belief) -> tuple[Belief, Scalar]:
+        """The belief with its open-circuit voltage on the curve, and the condition that it was not."""
+        return project(belief, self.open_circuit, self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1])
+
+    def soc_beyond(self, ocv_V: Scalar) -> Scalar:
+        """SoC at which the curve passes `ocv_V`, without limits: the inverse curve goes on as a straight line."""
+        low, high = self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1]
+        return table(self._inverse_curve, low, (high - low) / (_CURVE_POINTS - 1), ocv_V)
+
+    @cached_property
+    def open_circuit(self) -> np.ndarray:
+        """Row (5,) that gives the open-circuit voltage of a state: the mean of both capacitors by charge."""
+        total_F = self.model.c_bulk_F + self.model.c_surface_F
+        return np.array([self.model.c_bulk_F, self.model.c_surface_F, 0.0, 0.0, 0.0]) / total_F
+
+    @cached_property
+    def _inverse_curve(self) -> tuple[float, ...]:
+        """SoC on a uniform grid of voltage between the ends of the OCV curve."""
+        ocv = self.model.ocv
+        grid_V = np.linspace(ocv.voltage_V[0], ocv.voltage_V[-1], _CURVE_POINTS)
+        return tuple(ocv.soc_at(v, ocv.reference_degC) for v in grid_V)
+
+    @cached_property
+    def _slopes_V(self) -> tuple[float, ...]:
+        """Slope of the OCV curve on a uniform grid of SoC."""
+        soc, ocv_V = curve_on_grid(self.model)
+        return tuple(np.gradient(ocv_V, soc).tolist())
+
+
 def line_slope_V(p: Circuit | RcModel, capacity_As: float) -> Scalar:
     """Slope Q / (C_b + C_s) [V per unit of SoC] of the straight OCV line for which the capacitances stand."""
     return capacity_As / (p.c_bulk_F + p.c_surface_F)
@@ -134,6 +204,10 @@ def curve_on_grid(model: RcModel) -> tuple[np.ndarray, np.ndarray]:
     """OCV curve at its reference temperature on a uniform grid of SoC."""
     soc = np.linspace(0.0, 1.0, 101)
     return soc, model.ocv.mean_V(soc, model.ocv.reference_degC)
+
+
+#: Links between state of charge and voltage, by the name that `RcFilter.soc_as` has for them.
+_LINKS: dict[str, type[SocAsState | SocByCurve]] = {"state": SocAsState, "curve": SocByCurve}
 
 
 class RcFilterState(NamedTuple):
@@ -180,7 +254,7 @@ class RcFilter:
     reset_after_s: float = 60.0  #: time of rejection after which the filter has diverged and inflates its covariance
 
     def __post_init__(self) -> None:
-        require_one_of("soc_as", self.soc_as, LINKS)
+        require_one_of("soc_as", self.soc_as, _LINKS)
         require_positive("gap_s", self.gap_s)
         require_gate(self.gate, self.reset_after_s)
 
@@ -201,10 +275,9 @@ class RcFilter:
         return sample_limits(self.model, self.gap_s)
 
     @cached_property
-    def link(self) -> Any:
-        """The link between state of charge and voltage, `SocAsState` or with its methods."""
-        cls = SocAsState if self.soc_as == "state" else lab("published.soc_by_curve").SocByCurve
-        return cls(self.model, self.noise)
+    def link(self) -> SocAsState | SocByCurve:
+        """The link between state of charge and voltage."""
+        return _LINKS[self.soc_as](self.model, self.noise)
 
     @cached_property
     def thevenin(self) -> Thevenin:

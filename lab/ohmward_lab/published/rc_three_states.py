@@ -30,7 +30,7 @@ from ohmward.filters.belief import Belief, PackedBelief, pack, unpack
 from ohmward.filters.gate import choose
 from ohmward.trace import clip, where
 from ohmward_lab.published import rc_circuit
-from ohmward_lab.published.soc_by_curve import SocByCurve
+from ohmward_lab.published.rc_filter import SocByCurve
 
 #: Row that shows V_o of the state.
 _H = np.array([[0.0, 0.0, 1.0]])

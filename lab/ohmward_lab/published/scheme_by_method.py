@@ -38,8 +38,8 @@ from ohmward.filters import adaptive
 from ohmward.filters.belief import Belief
 from ohmward.trace import clip, maximum, where
 from ohmward_lab.published import rc_circuit
+from ohmward_lab.published.rc_filter import SocByCurve
 from ohmward_lab.published.rc_joint import Nominal, nominal_of, require_nominal
-from ohmward_lab.published.soc_by_curve import SocByCurve
 
 METHODS = ("ekf", "aekf", "ukf", "aukf")
 #: [T] (3.51): diagonals of P0 and Q0, in the squared units of the state, and R0 [V^2]; L of (3.50).

@@ -21,10 +21,18 @@ from ohmward.filters import kalman
 from ohmward.filters.belief import unpack
 from ohmward.trace import Kernel
 from ohmward_lab.published import rc_circuit
-from ohmward_lab.published.rc_filter import BULK, MODEL_ERROR, OFFSET, RESISTANCE, SOC, RcFilter, RcParameters
+from ohmward_lab.published.rc_filter import (
+    BULK,
+    MODEL_ERROR,
+    OFFSET,
+    RESISTANCE,
+    SOC,
+    RcFilter,
+    RcParameters,
+    SocByCurve,
+)
 from ohmward_lab.published.rc_identification import identify_rc
 from ohmward_lab.published.rc_joint import adaptive_soc_of, nominal_of
-from ohmward_lab.published.soc_by_curve import SocByCurve
 from published.rc_examples import EVEN, UNEVEN, log_of, measured_log, model_of, row, simulate
 
 NAN = math.nan
