@@ -60,22 +60,6 @@ REST_STD_V = 1e-3
 _TERMINAL = 2
 
 
-class JointByMethodEstimate(NamedTuple):
-    """Estimate of the first stage after a sample."""
-
-    circuit: rc.Circuit  #: the parameters, as the circuit sees them
-    innovation_V: Any  #: measured minus expected voltage; nan when there was none
-    residual_V: Any  #: measured voltage minus the filter's after the sample
-    voltage_variance_V2: Any  #: of the filter's voltage after the sample
-
-
-class SocByMethodEstimate(NamedTuple):
-    """State of charge of the second stage after a sample, and its variance."""
-
-    soc: Any
-    soc_variance: Any
-
-
 class SchemeByMethodState(NamedTuple):
     """Belief, noise and moments of both stages, and the current [A] of the sample before."""
 
@@ -85,10 +69,14 @@ class SchemeByMethodState(NamedTuple):
 
 
 class SchemeByMethodEstimate(NamedTuple):
-    """Estimates of both stages after a sample."""
+    """Estimates after a sample: of the first stage, then the state of charge of the second and its variance."""
 
-    joint: JointByMethodEstimate
-    soc: SocByMethodEstimate
+    circuit: rc.Circuit  #: the parameters, as the circuit sees them
+    innovation_V: Any  #: measured minus expected voltage; nan when there was none
+    residual_V: Any  #: measured voltage minus the filter's after the sample
+    voltage_variance_V2: Any  #: of the filter's voltage after the sample
+    soc: Any
+    soc_variance: Any
 
 
 @dataclass(frozen=True)
@@ -141,33 +129,37 @@ class SchemeByMethod:
         """State and estimates after a sample; one without a voltage is predicted over."""
         clean = sanitize_bare(sample, state.current_A, np.inf)
         voltage_V = where(clean.measured, clean.voltage_V, np.nan)
-        joint, found = self.joint_step(state.joint, voltage_V, clean)
-        soc, estimate = self.soc_step(state.soc, voltage_V, clean, found.circuit)
-        return SchemeByMethodState(joint, soc, clean.current_A), SchemeByMethodEstimate(found, estimate)
+        joint, innovation_V = self.joint_step(state.joint, voltage_V, clean)
+        mean, cov = joint.belief
+        per_bulk, per_surface, per_ohm, r_terminal_ohm = mean[_TERMINAL + 1 :]
+        r_ohm = 1.0 / per_ohm
+        circuit = rc.Circuit(1.0 / per_bulk, 1.0 / per_surface, r_ohm, r_ohm, r_terminal_ohm)
+        soc = self.soc_step(state.soc, voltage_V, clean, circuit)
+        after = SchemeByMethodState(adaptive.pack(joint), adaptive.pack(soc), clean.current_A)
+        return after, SchemeByMethodEstimate(
+            circuit,
+            innovation_V,
+            voltage_V - mean[_TERMINAL],
+            cov[_TERMINAL, _TERMINAL],
+            soc.belief.mean[2],
+            soc.belief.cov[2, 2],
+        )
 
     def joint_step(
         self, state: adaptive.PackedAdaptiveState, voltage_V: Any, clean: CleanBareSample
-    ) -> tuple[adaptive.PackedAdaptiveState, JointByMethodEstimate]:
-        """The first stage."""
+    ) -> tuple[adaptive.AdaptiveState, Any]:
+        """State of the first stage after a sample, its parameters within the limit, and the innovation [V]."""
         before, parameters = adaptive.unpack(state), slice(_TERMINAL + 1, None)
         after, innovation = self.filter_step(
             before, lambda x: self.next_state(x, clean), lambda x: x[_TERMINAL : _TERMINAL + 1], voltage_V, np.diag(Q0)
         )
         mean = np.array([*after.belief.mean[: _TERMINAL + 1], *self.limited(after.belief.mean[parameters])])
-        after = after._replace(belief=after.belief._replace(mean=mean))
-        per_bulk, per_surface, per_ohm, r_terminal_ohm = mean[parameters]
-        r_ohm = 1.0 / per_ohm
-        return adaptive.pack(after), JointByMethodEstimate(
-            rc.Circuit(1.0 / per_bulk, 1.0 / per_surface, r_ohm, r_ohm, r_terminal_ohm),
-            innovation.value[0],
-            voltage_V - mean[_TERMINAL],
-            after.belief.cov[_TERMINAL, _TERMINAL],
-        )
+        return after._replace(belief=after.belief._replace(mean=mean)), innovation.value[0]
 
     def soc_step(
         self, state: adaptive.PackedAdaptiveState, voltage_V: Any, clean: CleanBareSample, p: rc.Circuit
-    ) -> tuple[adaptive.PackedAdaptiveState, SocByMethodEstimate]:
-        """The second stage, with these parameters."""
+    ) -> adaptive.AdaptiveState:
+        """State of the second stage after a sample, with these parameters."""
         current_A = clean.mean_A if self.corrected else before_A(clean)
         instant_ohm = rc.instant_resistance(p) if self.corrected else p.r_terminal_ohm + p.r_bulk_ohm
 
@@ -180,7 +172,7 @@ class SchemeByMethod:
 
         Q = SOC_WALK**2 * np.outer(self.charge_direction, self.charge_direction)
         after, _ = self.filter_step(adaptive.unpack(state), f, h, voltage_V, Q)
-        return adaptive.pack(after), SocByMethodEstimate(after.belief.mean[2], after.belief.cov[2, 2])
+        return after
 
     def filter_step(
         self, before: adaptive.AdaptiveState, f: Any, h: Any, voltage_V: Any, Q: np.ndarray
@@ -264,5 +256,5 @@ class SchemeSoc:
         """State and estimate after a sample."""
         after, found = self.scheme.step(state, sample)
         unknown = SocEstimate(*[math.nan] * len(SocEstimate._fields))
-        soc_std = np.sqrt(maximum(found.soc.soc_variance, 0.0))
-        return after, unknown._replace(soc=found.soc.soc, soc_std=soc_std, flags=0.0)
+        soc_std = np.sqrt(maximum(found.soc_variance, 0.0))
+        return after, unknown._replace(soc=found.soc, soc_std=soc_std, flags=0.0)

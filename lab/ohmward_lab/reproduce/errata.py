@@ -265,7 +265,7 @@ def _free_parameters() -> bool:
     def ends_in_no_number(method: str, corrected: bool) -> bool:
         scheme = SchemeByMethod(model, method, corrected)
         start = scheme.init(first, 0.6, 0.005)
-        innovation_V = Kernel(scheme.step, start, first).scan(start, samples)[1].joint.innovation_V
+        innovation_V = Kernel(scheme.step, start, first).scan(start, samples)[1].innovation_V
         return not float(np.abs(innovation_V).max()) < 1e6
 
     printed = [ends_in_no_number(method, False) for method in ("ekf", "aekf", "ukf", "aukf")]

@@ -23,8 +23,8 @@ from ohmward.figures.battery import current_figure, voltage_figure
 from ohmward.logs import read_log
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 from ohmward.report import TIME, Figure, Series
-from ohmward_lab.published.scheme_by_method import METHODS, SchemeByMethodEstimate
-from ohmward_lab.reproduce.row import Errors, Item, Result, ResultRow, error_rows, errors
+from ohmward_lab.published.scheme_by_method import METHODS
+from ohmward_lab.reproduce.row import Item, Result, ResultRow, error_rows, errors
 from ohmward_lab.reproduce.thesis_battery import SOC_PERCENT, START_STD, VOLTAGE_V, run_along
 
 _WHY = (
@@ -55,19 +55,17 @@ def measured(log: Log, battery: Battery, start_soc: float, why: str = _WHY) -> R
     default_V = errors((log.voltage_V - default.voltage_V)[there & np.isfinite(default.voltage_V)])
     default_soc = errors(100.0 * (default.soc - counted)[there])
 
-    def soc_error(found: SchemeByMethodEstimate) -> Errors:
-        return errors(100.0 * (found.soc.soc - counted)[there])
-
     rows: list[ResultRow] = []
     lines = []
     for method in METHODS:
         printed, corrected = (run_along(log, model, method, form, start_soc) for form in (False, True))
         name = method.upper()
-        voltage = (errors(printed.joint.innovation_V[there]), errors(corrected.joint.innovation_V[there]), default_V)
-        rows += error_rows(f"Voltage before the sample, {name}", "V", VOLTAGE_V[method], *voltage)
-        soc = (soc_error(printed), soc_error(corrected), default_soc)
-        rows += error_rows(f"SoC, {name}", "%", SOC_PERCENT[method], *soc)
-        lines.append(Series(log.time_s, 1e3 * corrected.joint.innovation_V, name))
+        printed_V, corrected_V = ([errors(found.innovation_V[there])] for found in (printed, corrected))
+        what = f"Voltage before the sample, {name}"
+        rows += error_rows(what, "V", VOLTAGE_V[method], printed_V, corrected_V, [default_V])
+        printed_soc, corrected_soc = ([errors(100.0 * (found.soc - counted)[there])] for found in (printed, corrected))
+        rows += error_rows(f"SoC, {name}", "%", SOC_PERCENT[method], printed_soc, corrected_soc, [default_soc])
+        lines.append(Series(log.time_s, 1e3 * corrected.innovation_V, name))
     rows[0] = rows[0]._replace(why=why)
     drawn = Figure("Voltage error before the sample", TIME, "Error [mV]", lines)
     return Result(tuple(rows), (current_figure(log), voltage_figure(log), drawn))

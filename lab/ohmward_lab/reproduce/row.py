@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -70,20 +70,24 @@ def error_rows(
     what: str,
     unit: str,
     printed: Errors | None,
-    as_printed: Errors,
-    corrected: Errors,
-    default: Errors | None,
+    as_printed: Sequence[Errors],
+    corrected: Sequence[Errors],
+    default: Sequence[Errors],
     why: str = "",
 ) -> list[ResultRow]:
-    """Rows of the largest and of the mean error; the reason stands beside the first."""
+    """Rows of the largest and of the mean error, means over the runs; the reason stands beside the first.
+
+    default: empty where there is none.
+    """
+    found = [mean_errors(runs) if runs else None for runs in (as_printed, corrected, default)]
 
     def row(which: str) -> ResultRow:
-        p, a, c, d = (getattr(of, which) if of else None for of in (printed, as_printed, corrected, default))
+        p, a, c, d = (getattr(of, which) if of else None for of in (printed, *found))
         return ResultRow(f"{what}: {which}", unit, p, a, c, d)
 
     return [row("largest")._replace(why=why), row("mean")]
 
 
-def mean_errors(parts: list[Errors]) -> Errors:
+def mean_errors(parts: Sequence[Errors]) -> Errors:
     """The mean over several runs."""
     return Errors(*(float(np.mean(column)) for column in zip(*parts, strict=True)))

@@ -24,7 +24,7 @@ from ohmward.trace import Kernel
 from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.rc_identification import RcIdentification, identify_rc
 from ohmward_lab.published.scheme_by_method import METHODS, SchemeByMethod, SchemeByMethodEstimate
-from ohmward_lab.reproduce.batteries import TestedBattery, joystick_drive
+from ohmward_lab.reproduce.batteries import joystick_drive
 from ohmward_lab.reproduce.row import Errors, Result, ResultRow, error_rows, errors, mean_errors
 from ohmward_lab.simulate.cells import lithium_polymer_pack
 
@@ -39,21 +39,12 @@ _SCOPE_V = 42.0 / 256
 
 
 class ThesisCase(NamedTuple):
-    """The pack: its recording, the battery that the default estimator has, and the RC model found offline."""
+    """The pack on its drive, the battery that the default estimator has, and the RC model found offline."""
 
-    recording: TestedBattery
+    log: Log  #: the drive
+    truth: np.ndarray  #: state of charge (T,)
     battery: Battery
     offline: RcIdentification
-
-    @property
-    def log(self) -> Log:
-        """The drive."""
-        return self.recording.drive
-
-    @property
-    def truth(self) -> np.ndarray:
-        """True state of charge (T,)."""
-        return self.recording.truth
 
 
 @cache
@@ -63,7 +54,8 @@ def case(soc: tuple[float, float] = NARROW, seed: int = SEEDS[0]) -> ThesisCase:
     pack = recording.battery
     capacity_Ah = pack.circuit.capacity_Ah
     battery = identify(recording.bench, capacity_Ah=capacity_Ah, chemistry=pack.chemistry, n_series=pack.n_series)
-    return ThesisCase(recording, battery, identify_rc(recording.bench, battery.thevenin.ocv, capacity_Ah, 1.0))
+    offline = identify_rc(recording.bench, battery.thevenin.ocv, capacity_Ah, 1.0)
+    return ThesisCase(recording.drive, recording.truth, battery, offline)
 
 
 @cache
@@ -179,12 +171,12 @@ def offline_and_updated() -> Result:
         measured_V = here.log.voltage_V
         by_rule.append(errors(measured_V - offline_voltage(here, here.offline.rule)))
         by_fit.append(errors(measured_V - offline_voltage(here, here.offline.model)))
-        printed.append(errors(run("aukf", False, NARROW, seed).joint.innovation_V))
-        updated.append(errors(run("aukf", True, NARROW, seed).joint.innovation_V))
+        printed.append(errors(run("aukf", False, NARROW, seed).innovation_V))
+        updated.append(errors(run("aukf", True, NARROW, seed).innovation_V))
         default.append(errors(_expected_error(here, seed)))
     rows = [
-        *_mean_rows("Voltage, offline model", "V", OFFLINE_V, by_rule, by_fit, default, _OFFLINE),
-        *_mean_rows("Voltage, model updated by AUKF", "V", VOLTAGE_V["aukf"], printed, updated, default, _BEFORE),
+        *error_rows("Voltage, offline model", "V", OFFLINE_V, by_rule, by_fit, default, _OFFLINE),
+        *error_rows("Voltage, model updated by AUKF", "V", VOLTAGE_V["aukf"], printed, updated, default, _BEFORE),
     ]
     here, found = case(), run("aukf", True)
     drawn = (current_figure(here.log), voltage_figure(here.log), *_parameter_figures(here, found))
@@ -196,23 +188,9 @@ def _expected_error(here: ThesisCase, seed: int) -> np.ndarray:
     return (here.log.voltage_V - default_run(NARROW, seed).voltage_V)[1:]
 
 
-def _mean_rows(
-    what: str,
-    unit: str,
-    printed: Errors | None,
-    as_printed: list[Errors],
-    corrected: list[Errors],
-    default: list[Errors] | None,
-    why: str,
-) -> list[ResultRow]:
-    """Rows of the errors' means over the seeds."""
-    found = (mean_errors(as_printed), mean_errors(corrected), mean_errors(default) if default else None)
-    return error_rows(what, unit, printed, *found, why)
-
-
 def _parameter_figures(here: ThesisCase, found: SchemeByMethodEstimate) -> list[Figure]:
     """Figure 3.7: the four parameters over time."""
-    p, t = found.joint.circuit, here.log.time_s
+    p, t = found.circuit, here.log.time_s
     named = {
         "C_b [kF]": 1e-3 * p.c_bulk_F,
         "C_s [F]": p.c_surface_F,
@@ -231,16 +209,16 @@ def voltage_by_method() -> Result:
     default = [errors(_expected_error(case(NARROW, seed), seed)) for seed in SEEDS]
     for method in METHODS:
         for when, of in (("before", _innovation), ("after", _residual)):
-            rows += _mean_rows(
+            rows += error_rows(
                 f"Voltage {when} the sample, {method.upper()}",
                 "V",
                 VOLTAGE_V[method],
                 [errors(of(run(method, False, NARROW, seed), case(NARROW, seed))) for seed in SEEDS],
                 [errors(of(run(method, True, NARROW, seed), case(NARROW, seed))) for seed in SEEDS],
-                default if when == "before" else None,
+                default if when == "before" else [],
                 _BEFORE if when == "before" else _AFTER,
             )
-    scoped = [scope_run("aukf", seed).joint for seed in SEEDS]
+    scoped = [scope_run("aukf", seed) for seed in SEEDS]
     for when, found in (("before", [f.innovation_V for f in scoped]), ("after", [f.residual_V for f in scoped])):
         mean = mean_errors([errors(error) for error in found]).mean
         rows.append(
@@ -251,7 +229,7 @@ def voltage_by_method() -> Result:
     rows += _variance_rows(
         "Standard deviation of the voltage",
         "mV",
-        lambda found, _: 1e3 * _root(found.joint.voltage_variance_V2),
+        lambda found, _: 1e3 * _root(found.voltage_variance_V2),
         _VARIANCE,
     )
     return Result(tuple(rows), _method_figures())
@@ -272,7 +250,7 @@ def _variance_rows(
 
 
 def _soc_std(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
-    return 100.0 * _root(found.soc.soc_variance)
+    return 100.0 * _root(found.soc_variance)
 
 
 def _root(variance: np.ndarray) -> np.ndarray:
@@ -281,15 +259,15 @@ def _root(variance: np.ndarray) -> np.ndarray:
 
 
 def _innovation(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
-    return found.joint.innovation_V
+    return found.innovation_V
 
 
 def _residual(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
-    return found.joint.residual_V
+    return found.residual_V
 
 
 def _soc_error(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
-    return 100.0 * (found.soc.soc - here.truth)
+    return 100.0 * (found.soc - here.truth)
 
 
 def _order(of: Callable[[SchemeByMethodEstimate, ThesisCase], np.ndarray], what: str, why: str = "") -> list[ResultRow]:
@@ -311,7 +289,7 @@ def _method_figures() -> tuple[Figure, ...]:
     t = case().log.time_s
     found = {m: run(m, True) for m in METHODS}
     innovation = [Series(t, 1e3 * _innovation(f, case()), m.upper()) for m, f in found.items()]
-    variance = [Series(t, np.sqrt(f.joint.voltage_variance_V2) * 1e3, m.upper()) for m, f in found.items()]
+    variance = [Series(t, np.sqrt(f.voltage_variance_V2) * 1e3, m.upper()) for m, f in found.items()]
     return (
         Figure("Voltage error before the sample", TIME, "Error [mV]", innovation),
         Figure("Standard deviation of the voltage", TIME, "sigma [mV]", variance),
@@ -328,7 +306,7 @@ def soc_by_method() -> Result:
     rows += _variance_rows("Standard deviation of SoC", "%", _soc_std, _VARIANCE)
     here = case()
     t, found = here.log.time_s, {m: run(m, True) for m in METHODS}
-    soc = [Series(t, 100 * f.soc.soc, m.upper()) for m, f in found.items()]
+    soc = [Series(t, 100 * f.soc, m.upper()) for m, f in found.items()]
     soc.append(Series(t, 100 * here.truth, "truth", "dashed", "reference"))
     wrong = [Series(t, _soc_error(f, here), m.upper()) for m, f in found.items()]
     stds = [Series(t, _soc_std(f, here), m.upper()) for m, f in found.items()]
@@ -346,7 +324,7 @@ def _soc_rows(method: str, soc: tuple[float, float], printed: Errors | None, why
         by[corrected] = [errors(_soc_error(run(method, corrected, soc, seed), case(soc, seed))) for seed in SEEDS]
     default = [errors(100.0 * (default_run(soc, seed).soc - case(soc, seed).truth)) for seed in SEEDS]
     what = f"SoC, {100 * soc[0]:g} to {100 * soc[1]:g} %, {method.upper()}"
-    return _mean_rows(what, "%", printed, by[False], by[True], default, why)
+    return error_rows(what, "%", printed, by[False], by[True], default, why)
 
 
 _WHOLE = "[T] shows 98 to 90 % only, where a straight line is a good open-circuit voltage"

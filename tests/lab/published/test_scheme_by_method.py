@@ -40,15 +40,15 @@ def along(method, column=None, corrected=True):
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_follows_the_voltage_and_keeps_the_parameters_within_a_decade(method):
     found = along(method)
-    assert np.abs(found.joint.residual_V).mean() < 0.01
-    assert (found.joint.voltage_variance_V2 > 0).all()
-    for name, value in found.joint.circuit._asdict().items():
+    assert np.abs(found.residual_V).mean() < 0.01
+    assert (found.voltage_variance_V2 > 0).all()
+    for name, value in found.circuit._asdict().items():
         ratio = value / getattr(TRUE, name)
         assert ratio.min() > 0.099 and ratio.max() < 10.01
 
 
 def test_as_printed_the_unscented_two_end_in_no_number_and_the_extended_two_do_not():
-    ended = {m: not np.abs(along(m, corrected=False).joint.innovation_V).max() < 1e6 for m in METHODS}
+    ended = {m: not np.abs(along(m, corrected=False).innovation_V).max() < 1e6 for m in METHODS}
     assert ended == {"ekf": False, "aekf": False, "ukf": True, "aukf": True}
 
 
@@ -57,9 +57,9 @@ def test_a_missing_voltage_is_predicted_over(corrected):
     column = samples()
     column.voltage_V[1000] = np.nan
     found = along("ekf", column, corrected)
-    there = np.delete(found.joint.innovation_V, 1000)
-    assert math.isnan(found.joint.innovation_V[1000]) and np.isfinite(there).all()
-    assert np.isfinite(found.soc.soc).all() or not corrected
+    there = np.delete(found.innovation_V, 1000)
+    assert math.isnan(found.innovation_V[1000]) and np.isfinite(there).all()
+    assert np.isfinite(found.soc).all() or not corrected
 
 
 def test_mistakes_are_refused():
@@ -75,8 +75,8 @@ def test_as_an_estimator_of_charge_the_scheme_is_the_same_and_finds_its_start_by
     first = SocSample(0.0, *(float(c[0]) for c in column[1:]))
     start = estimator.init(first, 0.6, 0.005)
     found = Kernel(estimator.step, start, first).scan(start, column)[1]
-    np.testing.assert_array_equal(found.soc, along("ekf", column).soc.soc)
-    np.testing.assert_allclose(found.soc_std**2, along("ekf", column).soc.soc_variance)
+    np.testing.assert_array_equal(found.soc, along("ekf", column).soc)
+    np.testing.assert_allclose(found.soc_std**2, along("ekf", column).soc_variance)
     rest = SocSample(0.0, 0.0, float(rc_circuit.at_rest(TRUE, 0.6)[0]), math.nan)
     assert adaptive.unpack(estimator.init(rest).soc).belief.mean[2] == pytest.approx(0.6, abs=1e-3)
     silent = rest._replace(voltage_V=math.nan)

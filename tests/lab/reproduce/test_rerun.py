@@ -144,9 +144,9 @@ def test_tables_3_2_and_3_3_of_T(method):
     ours = thesis_battery.run(method, True, thesis_battery.NARROW, SEED)
     innovation_V, residual_V, soc = thesis(method, True)
     # rounding differs by 2e-9 V in a few of the samples
-    np.testing.assert_allclose(ours.joint.innovation_V, innovation_V, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(ours.joint.residual_V, residual_V, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(ours.soc.soc, soc, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(ours.innovation_V, innovation_V, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(ours.residual_V, residual_V, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(ours.soc, soc, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("method", ["ekf", "aekf"])
@@ -155,7 +155,7 @@ def test_table_3_2_of_T_as_printed(method):
     ours = thesis_battery.run(method, False, thesis_battery.NARROW, SEED)
     with np.errstate(all="ignore"):
         innovation_V, *_ = thesis(method, False)
-    np.testing.assert_allclose(ours.joint.innovation_V[:80], innovation_V[:80], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(ours.innovation_V[:80], innovation_V[:80], rtol=0, atol=1e-9)
 
 
 @pytest.mark.slow
