@@ -25,7 +25,7 @@ from ohmward.filters.consistency import BAND_95
 from ohmward.trace import Kernel
 from ohmward.trace.structure import side_by_side
 from ohmward_lab.assess.draws import generator, signs
-from ohmward_lab.assess.recommendation import Processor, Remedy, Situation, as_in_the_base_case
+from ohmward_lab.assess.recommendation import Improvement, Processor, Situation, as_in_the_base_case
 from ohmward_lab.published.rc_three_states import RcThreeState, RcThreeStates
 from ohmward_lab.published.registry import GivenStart
 from ohmward_lab.published.scheme_by_method import SchemeByMethod, SchemeSoc
@@ -37,7 +37,7 @@ from ohmward_lab.simulate.robot_day import record, run_on_bench
 from ohmward_lab.simulate.sensors import BatterySensors, Sensor
 
 
-class Truth(NamedTuple):
+class TrueBattery(NamedTuple):
     """State of the battery and of its surroundings, beside those of its test."""
 
     temperature_degC: float = 25.0  #: of the air
@@ -53,7 +53,7 @@ class Condition(NamedTuple):
     #: in words
     factor: str
     level: str
-    truth: Truth = Truth()  #: of the battery
+    truth: TrueBattery = TrueBattery()  #: of the battery
     start_error: float | None = 0.05  #: of the initial value; None where it is unknown
     #: of the current sensor. The signs of these three alternate from run to run.
     offset_C: float = 0.005
@@ -85,11 +85,11 @@ CONDITIONS: tuple[Condition, ...] = (
     *(Condition("current noise", f"{100 * share:g} % of C", current_noise_C=share) for share in (0.02, 0.1)),
     *(Condition("voltage noise", f"{1e3 * volt:g} mV a cell", voltage_noise_V=volt) for volt in (0.005, 0.02)),
     *(Condition("voltage converter", f"{1e3 * volt:g} mV a cell", voltage_step_V=volt) for volt in (0.005, 0.02)),
-    Condition("interval", "0.1 s", Truth(step_s=0.1), interval_s=0.1),
+    Condition("interval", "0.1 s", TrueBattery(step_s=0.1), interval_s=0.1),
     *(Condition("interval", f"{seconds:g} s", interval_s=seconds) for seconds in (10.0, 60.0)),
-    *(Condition("temperature", f"{degC:g} degC", Truth(degC)) for degC in (40.0, 5.0, -10.0)),
-    *(Condition("capacity less", f"{100 * (1 - r):g} %", Truth(capacity_ratio=r)) for r in (0.95, 0.9)),
-    Condition("age", "80 %, resistance x 1.5", Truth(capacity_ratio=0.8, resistance_ratio=1.5)),
+    *(Condition("temperature", f"{degC:g} degC", TrueBattery(degC)) for degC in (40.0, 5.0, -10.0)),
+    *(Condition("capacity less", f"{100 * (1 - r):g} %", TrueBattery(capacity_ratio=r)) for r in (0.95, 0.9)),
+    Condition("age", "80 %, resistance x 1.5", TrueBattery(capacity_ratio=0.8, resistance_ratio=1.5)),
     *(Condition("lost samples", f"{100 * share:g} %", missing=share) for share in (0.05, 0.3)),
     *(Condition("voltage late", f"{seconds:g} s", delay_s=seconds) for seconds in (1.0, 5.0)),
 )
@@ -100,7 +100,9 @@ _SENSOR = ("base", "current noise", "voltage noise", "voltage converter", "lost 
 SITUATIONS = (
     Situation("laboratory", ("laboratory",)),
     Situation(
-        "everyday sensors, noisy or coarse", _SENSOR, (Remedy("sensor and start of the laboratory", ("laboratory",)),)
+        "everyday sensors, noisy or coarse",
+        _SENSOR,
+        (Improvement("sensor and start of the laboratory", ("laboratory",)),),
     ),
     Situation("the start is wrong or not known", ("start",), as_in_the_base_case("a start that is right to 5 points")),
     Situation(
@@ -160,7 +162,7 @@ def _bench_sensors(battery: SimulatedBattery) -> BatterySensors:
 
 
 @lru_cache(maxsize=2)
-def shifts(chemistry: str, truth: Truth, runs: int, seed: int) -> Shifts:
+def shifts(chemistry: str, truth: TrueBattery, runs: int, seed: int) -> Shifts:
     """Shifts of a battery in this state, one for each run."""
     battery = in_state(BATTERIES[chemistry], truth)
     time_s = np.arange(0.0, DURATION_S, truth.step_s)
@@ -175,7 +177,7 @@ def shifts(chemistry: str, truth: Truth, runs: int, seed: int) -> Shifts:
     return Shifts(time_s, found.current_A, found.voltage_V, found.temperature_degC, found.soc)
 
 
-def in_state(battery: SimulatedBattery, truth: Truth) -> SimulatedBattery:
+def in_state(battery: SimulatedBattery, truth: TrueBattery) -> SimulatedBattery:
     """The battery with another capacity and resistance than when it was tested."""
     circuit, k = battery.circuit, truth.resistance_ratio
     return replace(

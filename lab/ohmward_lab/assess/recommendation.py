@@ -27,16 +27,16 @@ WORSE = 1.05
 MethodFigures = Any
 
 
-class Remedy(NamedTuple):
+class Improvement(NamedTuple):
     """What a situation lacks, in words, and the conditions that have it: factors, or names of single ones."""
 
     name: str
     conditions: tuple[str, ...]
 
 
-def as_in_the_base_case(name: str) -> tuple[Remedy, ...]:
-    """The remedy of this name: what the base case of a study has."""
-    return (Remedy(name, ("base",)),)
+def as_in_the_base_case(name: str) -> tuple[Improvement, ...]:
+    """The improvement of this name: what the base case of a study has."""
+    return (Improvement(name, ("base",)),)
 
 
 class Situation(NamedTuple):
@@ -44,7 +44,7 @@ class Situation(NamedTuple):
 
     name: str
     factors: tuple[str, ...]
-    remedies: tuple[Remedy, ...] = ()
+    improvements: tuple[Improvement, ...] = ()
 
 
 class Processor(NamedTuple):
@@ -166,16 +166,18 @@ def _helps(
     processors: Sequence[Processor],
     rules: Rules,
 ) -> tuple[str, ...]:
-    """Remedies, a larger processor, or where neither helps by itself both, that make a method possible."""
+    """Improvements, a larger processor, or where neither helps by itself both, that make a method possible."""
     larger = [each for each in processors if each.operations > processor.operations]
 
     def possible(conditions: Sequence[str], on: Sequence[Processor]) -> bool:
         return any(rules.best(_judged(of, conditions, each)) for each in on)
 
-    helps = [remedy.name for remedy in situation.remedies if possible(remedy.conditions, [processor])]
+    helps = [
+        improvement.name for improvement in situation.improvements if possible(improvement.conditions, [processor])
+    ]
     if possible(situation.factors, larger):
         helps.append("a larger processor")
-    both = [remedy.name for remedy in situation.remedies if possible(remedy.conditions, larger)]
+    both = [each.name for each in situation.improvements if possible(each.conditions, larger)]
     return tuple(helps or [f"{name} and a larger processor" for name in both])
 
 

@@ -32,7 +32,7 @@ from ohmward.traction.speed_observer.estimator import considered_step
 from ohmward.traction.speed_observer.make_observer import DEFAULT_TERRAIN, default_observer
 from ohmward.traction.speed_observer.speed_observer import ObserverState, SpeedObserver
 from ohmward_lab.assess.draws import generator, signs
-from ohmward_lab.assess.recommendation import Processor, Remedy, Situation, as_in_the_base_case
+from ohmward_lab.assess.recommendation import Improvement, Processor, Situation, as_in_the_base_case
 from ohmward_lab.simulate.closed_loop.scenario import ROBOTS as PACKAGED
 from ohmward_lab.simulate.closed_loop.sensing import ExternalSpeed
 from ohmward_lab.simulate.closed_loop.traction_plant import PlantInput, observed_step
@@ -129,16 +129,16 @@ GROUND_PAIRS = tuple(
 
 
 _FOR_ICE = (
-    Remedy("encoders on free wheels", ("ice and more sensors: encoders on free wheels",)),
-    Remedy("a speed from outside at 10 Hz", ("ice and more sensors: speed from outside at 10 Hz",)),
+    Improvement("encoders on free wheels", ("ice and more sensors: encoders on free wheels",)),
+    Improvement("a speed from outside at 10 Hz", ("ice and more sensors: speed from outside at 10 Hz",)),
 )
 DRIVE_SITUATIONS = (
     Situation("ground and robot as in their files", ("base",)),
-    Situation("another ground than told", ("ground",), (Remedy("the ground told right", ("ground told",)),)),
+    Situation("another ground than told", ("ground",), (Improvement("the ground told right", ("ground told",)),)),
     Situation("another ground than asphalt, told", ("ground told",)),
     Situation("patches of ice", ("patches of ice",), _FOR_ICE),
     Situation("patches of ice, more sensors", ("ice and more sensors",), _FOR_ICE),
-    Situation("slopes", ("slope",), (Remedy("an attitude filter", ("IMU: with pitch, slope 15 %",)),)),
+    Situation("slopes", ("slope",), (Improvement("an attitude filter", ("IMU: with pitch, slope 15 %",)),)),
     Situation("worn wheels, a load", ("wheel radius", "mass"), as_in_the_base_case("calibration")),
     Situation("motor currents wrong, noisy or none", ("motor current",), as_in_the_base_case("better current sensors")),
     Situation("gyro off or none, or an attitude filter", ("IMU",), as_in_the_base_case("level ground and a gyro")),

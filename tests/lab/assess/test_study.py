@@ -152,7 +152,7 @@ def test_the_pairs_of_grounds_differ_in_what_is_told_alone():
 
 
 @pytest.mark.parametrize("study", STUDIES.values(), ids=list(STUDIES))
-def test_every_remedy_names_conditions_that_there_are(study):
+def test_every_improvement_names_conditions_that_there_are(study):
     known = {name for condition in study.conditions for name in (condition.name, condition.factor)}
-    remedies = [remedy for situation in study.situations for remedy in situation.remedies]
-    assert remedies and all(set(remedy.conditions) <= known for remedy in remedies)
+    improvements = [improvement for situation in study.situations for improvement in situation.improvements]
+    assert improvements and all(set(improvement.conditions) <= known for improvement in improvements)

@@ -8,7 +8,7 @@ from ohmward_lab.assess.battery import (
     CHEMISTRIES,
     CONDITIONS,
     Condition,
-    Truth,
+    TrueBattery,
     identified,
     measured,
     shifts,
@@ -21,7 +21,7 @@ EXACT = BASE._replace(offset_C=0.0, gain=0.0, current_noise_C=0.0, voltage_noise
 
 @pytest.mark.parametrize("chemistry", CHEMISTRIES)
 def test_a_shift_stays_within_its_battery(chemistry):
-    found, battery = shifts(chemistry, Truth(), 3, 1), BATTERIES[chemistry]
+    found, battery = shifts(chemistry, TrueBattery(), 3, 1), BATTERIES[chemistry]
     assert found.soc.shape == (28_800, 3) and (found.soc >= 0.0).all() and (found.soc <= 1.0).all()
     assert found.soc.min() < 0.5 < 0.8 <= found.soc[0].min()
     assert (
@@ -30,22 +30,22 @@ def test_a_shift_stays_within_its_battery(chemistry):
 
 
 def test_charge_is_the_integral_of_the_current():
-    found = shifts("nca", Truth(), 2, 1)
+    found = shifts("nca", TrueBattery(), 2, 1)
     mean_A = 0.5 * (found.current_A[1:] + found.current_A[:-1])
     moved = np.cumsum(mean_A, axis=0) / 3600.0 / BATTERIES["nca"].circuit.capacity_Ah
     np.testing.assert_allclose(found.soc[1:] - found.soc[0], moved, atol=1e-6)
 
 
 def test_a_condition_of_the_battery_is_in_its_truth():
-    base, smaller = shifts("nca", Truth(), 2, 1), shifts("nca", Truth(capacity_ratio=0.9), 2, 1)
+    base, smaller = shifts("nca", TrueBattery(), 2, 1), shifts("nca", TrueBattery(capacity_ratio=0.9), 2, 1)
     fall = [found.soc[0] - found.soc[7200] for found in (base, smaller)]
     np.testing.assert_allclose(fall[1], fall[0] / 0.9, rtol=1e-6)
-    cold = shifts("nca", Truth(-10.0), 2, 1)
+    cold = shifts("nca", TrueBattery(-10.0), 2, 1)
     assert cold.temperature_degC[0].max() == -10.0 and cold.voltage_V[600].max() < base.voltage_V[600].min()
 
 
 def test_sensors_have_the_errors_of_the_condition():
-    truth = shifts("lfp", Truth(), 4, 1)
+    truth = shifts("lfp", TrueBattery(), 4, 1)
     plain, soc = measured("lfp", EXACT, 4, 1)
     np.testing.assert_allclose(plain.current_A, truth.current_A)
     np.testing.assert_allclose(plain.voltage_V, truth.voltage_V, atol=1e-8)
