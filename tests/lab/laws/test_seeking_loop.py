@@ -11,8 +11,7 @@ from ohmward.traction.control import Limits, SlipCommand, SlipController
 from ohmward.traction.friction.law import TractionLaw
 from ohmward.traction.friction.terrain import ROADS
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
-from ohmward_lab.traction.set_point_seeker import SetPointSeeker
-from ohmward_lab.traction.set_points import best_slip, driving_force, peak
+from ohmward_lab.traction.set_points import SetPointSeeker, best_slip, driving_force, peak
 from traction.control.examples import SLIDING, WHEEL, Truth, measured, turn
 
 DT = 1e-3

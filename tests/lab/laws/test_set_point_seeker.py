@@ -9,8 +9,7 @@ from ohmward.errors import InputError
 from ohmward.traction.friction.law import CoulombCreep, TractionLaw
 from ohmward.traction.friction.terrain import ROADS
 from ohmward.traction.friction.ward_iagnemma import WardIagnemma
-from ohmward_lab.traction.set_point_seeker import SetPointSeeker
-from ohmward_lab.traction.set_points import best_slip, driving_force, peak
+from ohmward_lab.traction.set_points import SetPointSeeker, best_slip, driving_force, peak
 
 LOAD_N, SPEED, DT = 100.0, 0.5, 0.01
 LAWS: dict[str, TractionLaw] = {

@@ -32,7 +32,7 @@ from ohmward.traction.control.slip_law import SlipLaw
 from ohmward.traction.control.wheel_speed_cascade import DriveState
 from ohmward.traction.robot.robot import Robot
 from ohmward_lab.traction.compared_slip_laws import FuzzySlidingMode, SlipPid, SlipRatioSlidingMode
-from ohmward_lab.traction.set_point_seeker import OBJECTIVES, SeekerState, SetPointSeeker
+from ohmward_lab.traction.set_points import OBJECTIVES, SeekerState, SetPointSeeker
 
 #: Keys of a command that each mode takes; the first one is required.
 MODES: dict[str, tuple[str, ...]] = {
