@@ -16,7 +16,7 @@ import numpy as np
 from figure import Figure, at_least, at_most
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop import Scenario
-from ohmward_lab.simulate.closed_loop.figures import score
+from ohmward_lab.simulate.closed_loop.run import score
 
 SEEDS = range(1, 4)
 COVERED = 0.9

@@ -19,7 +19,7 @@ from ohmward.traction import hard_terrain
 from ohmward.traction.speed_observer.estimator import observe
 from ohmward.traction.speed_observer.make_observer import FILTERS, make_observer
 from ohmward_lab.simulate import closed_loop
-from ohmward_lab.simulate.closed_loop.figures import score
+from ohmward_lab.simulate.closed_loop.run import score
 from ohmward_lab.simulate.robot_drive import robot_drive
 
 #: Share of glitches: most RMSE over that of the clean drive, and least coverage.

@@ -11,7 +11,7 @@ from ohmward.errors import InputError
 from ohmward.traction import RLMA, SkidSteer, scene
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.simulate import closed_loop
-from ohmward_lab.simulate.closed_loop.figures import score
+from ohmward_lab.simulate.closed_loop.run import score
 from ohmward_lab.traction.momentum_observer import MomentumFlag, MomentumNoise, MomentumObserver, count_std_rad
 from traction.speed_observer.examples import FLOOR
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from ohmward_lab.simulate import closed_loop
-from ohmward_lab.simulate.closed_loop.figures import score
+from ohmward_lab.simulate.closed_loop.run import score
 
 CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "passive wheels under a robot that accelerates": ("slip-steps", {}),

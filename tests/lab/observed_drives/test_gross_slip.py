@@ -20,7 +20,7 @@ from ohmward.traction.speed_observer.speed_evidence import (
 )
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, States
 from ohmward_lab.simulate import closed_loop
-from ohmward_lab.simulate.closed_loop.figures import score
+from ohmward_lab.simulate.closed_loop.run import score
 from traction.speed_observer.examples import RLMA_ON_FLOOR
 
 MODEL = Model(RLMA_ON_FLOOR, States(), ObserverNoise())

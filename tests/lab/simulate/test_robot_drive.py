@@ -4,7 +4,7 @@ import pytest
 from ohmward.energy.mission import load_plan
 from ohmward.traction import RLMA
 from ohmward_lab.simulate.closed_loop import parse_scenario, run, save_scenario
-from ohmward_lab.simulate.closed_loop.figures import figures
+from ohmward_lab.simulate.closed_loop.run import figures
 from ohmward_lab.simulate.robot_drive import WAY_HOME, robot_drive
 from scripts import script
 

@@ -22,7 +22,7 @@ from ohmward.traction.score import score_figures
 from ohmward_lab.cli.simulate import OF_CELLS, cell
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop import ClosedLoopRun
-from ohmward_lab.simulate.closed_loop.figures import figures, true_slip
+from ohmward_lab.simulate.closed_loop.run import figures, true_slip
 from ohmward_lab.simulate.closed_loop.scenario import EXAMPLE, packaged_text
 
 

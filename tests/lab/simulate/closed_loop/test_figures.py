@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from ohmward_lab.simulate.closed_loop.figures import track_command
+from ohmward_lab.simulate.closed_loop.run import track_command
 
 TIME_S = np.arange(0.01, 2.001, 0.01)
 

@@ -8,8 +8,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop import Command, Control, Grade, Observing, Pack, Patch, Scenario, Sensing
-from ohmward_lab.simulate.closed_loop.figures import figures, true_slip
-from ohmward_lab.simulate.closed_loop.run import columns, drive_log
+from ohmward_lab.simulate.closed_loop.run import columns, drive_log, figures, true_slip
 
 FLOOR = Patch(friction=0.5, rolling=0.01)
 ICE = Patch(friction=0.08, rolling=0.01, from_m=0.5, to_m=1.2)
