@@ -32,8 +32,15 @@ from ohmward.energy.points import Quantiles
 from ohmward.energy.range_step import RangeEstimate
 from ohmward.logs import Log
 from ohmward.traction import RLMA
-from ohmward_lab.simulate.electrochemical import ElectrochemicalCell, aged, record_cell, simulate_cell
-from ohmward_lab.simulate.electrochemical.run import capacity_Ah, log_of, usual_sensors
+from ohmward_lab.simulate.electrochemical import (
+    ElectrochemicalCell,
+    aged,
+    capacity_Ah,
+    log_of,
+    record_cell,
+    simulate_cell,
+    usual_sensors,
+)
 from ohmward_lab.simulate.profile import Profile
 from range_accuracy import LEARNING_S, taught
 

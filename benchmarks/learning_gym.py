@@ -47,8 +47,7 @@ from ohmward.battery.learning.learn import Learnt, learn
 from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.score import score
-from ohmward_lab.simulate.electrochemical import DayPlan
-from ohmward_lab.simulate.mission import days
+from ohmward_lab.simulate.mission import DayPlan, days
 
 #: Everyday: a mean temperature of the air and a load for each day, and a full charge in the night after.
 _LEARNT = tuple(

@@ -29,8 +29,8 @@ from lives_cells import (
 from lives_table import METHODS, LifeRow, life_row
 from ohmward.errors import InputError
 from ohmward.logs import Log
-from ohmward_lab.simulate.electrochemical import CellTruth, DayPlan
-from ohmward_lab.simulate.electrochemical.run import FINE_V
+from ohmward_lab.simulate.electrochemical import FINE_V, CellTruth
+from ohmward_lab.simulate.mission import DayPlan
 
 #: RMSE to reach from a right start, at 25, 5 and -10 degC, with a file from pulses at 25 degC.
 _BARS = {

@@ -18,15 +18,17 @@ from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.identification import identify
 from ohmward.logs import Log
 from ohmward_lab.simulate.electrochemical import (
+    FINE_V,
     CellTruth,
-    DayPlan,
     ElectrochemicalCell,
     aged,
     capacity_Ah,
+    log_of,
     simulate_cell,
+    until_cut_off,
+    usual_sensors,
 )
-from ohmward_lab.simulate.electrochemical.run import FINE_V, log_of, until_cut_off, usual_sensors
-from ohmward_lab.simulate.mission import days, first_discharged
+from ohmward_lab.simulate.mission import DayPlan, days, first_discharged
 from ohmward_lab.simulate.profile import Profile, bench_times, low_rate_profile, pulse_profile
 from ohmward_lab.simulate.sensors import BatterySensors
 

@@ -23,7 +23,8 @@ from lives_cells import (
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import DEFAULT
 from ohmward.battery.soc.score import score
-from ohmward_lab.simulate.electrochemical import DayPlan, ElectrochemicalCell
+from ohmward_lab.simulate.electrochemical import ElectrochemicalCell
+from ohmward_lab.simulate.mission import DayPlan
 from ohmward_lab.simulate.profile import steps
 
 _RATIO = 0.8

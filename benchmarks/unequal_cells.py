@@ -24,9 +24,8 @@ from ohmward.battery.cells.pack_estimator import PackEstimator, PackRun
 from ohmward.battery.chemistries import generic_battery
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.logs import Log
-from ohmward_lab.simulate.electrochemical import CellTruth, DayPlan, ElectrochemicalCell, aged
-from ohmward_lab.simulate.electrochemical.run import usual_sensors
-from ohmward_lab.simulate.mission import days, first_discharged
+from ohmward_lab.simulate.electrochemical import CellTruth, ElectrochemicalCell, aged, usual_sensors
+from ohmward_lab.simulate.mission import DayPlan, days, first_discharged
 from ohmward_lab.simulate.profile import Profile, join
 
 RMSE_BAR, COVERAGE_BAR, SECONDS_BAR = 0.015, 0.90, 5.0

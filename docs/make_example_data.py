@@ -20,8 +20,15 @@ from rosbags.typesys import Stores, get_typestore
 from ohmward.logs import Log, write_log
 from ohmward.traction import load_robot
 from ohmward_lab.examples import FOLDER
-from ohmward_lab.simulate.electrochemical import ElectrochemicalCell, aged, record_cell, simulate_cell
-from ohmward_lab.simulate.electrochemical.run import capacity_Ah, log_of, usual_sensors
+from ohmward_lab.simulate.electrochemical import (
+    ElectrochemicalCell,
+    aged,
+    capacity_Ah,
+    log_of,
+    record_cell,
+    simulate_cell,
+    usual_sensors,
+)
 from ohmward_lab.simulate.mission import DayPlan, working_day
 
 #: Monday, 2026-03-02, 08:00 UTC.

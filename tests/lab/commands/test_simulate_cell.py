@@ -12,8 +12,7 @@ from ohmward.cli.main import main
 from ohmward.logs import Log, read_log
 from ohmward_lab.cli import simulate as arguments
 from ohmward_lab.cli.simulate import cell as command
-from ohmward_lab.simulate.electrochemical.cell import MODELS
-from ohmward_lab.simulate.electrochemical.run import RECORDS
+from ohmward_lab.simulate.electrochemical import MODELS, RECORDS
 
 CELL = ("simulate", "--cell", "Prada2013")
 

@@ -16,8 +16,7 @@ from ohmward.figures.battery import current_figure, temperature_figure, voltage_
 from ohmward.logs import Log, write_log
 from ohmward.logs.write import TABLES
 from ohmward.report import TIME, Figure, Page, Series
-from ohmward_lab.simulate.electrochemical import ElectrochemicalCell, aged, capacity_Ah, record_cell
-from ohmward_lab.simulate.electrochemical.cell import usual_model
+from ohmward_lab.simulate.electrochemical import ElectrochemicalCell, aged, capacity_Ah, record_cell, usual_model
 
 
 def run(args: argparse.Namespace) -> Outcome:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward_lab.simulate.electrochemical import CellTruth, ElectrochemicalCell, record_cell, run
-from ohmward_lab.simulate.electrochemical.cell import usual_model
+from ohmward_lab.simulate import electrochemical
+from ohmward_lab.simulate.electrochemical import CellTruth, ElectrochemicalCell, record_cell, usual_model
 
 RAMP_S = np.arange(0.0, 3600.0)
 
@@ -24,14 +24,14 @@ def asked(monkeypatch):
         voltage_V = cell.n_series * np.linspace(3.6, 1.9, time_s.size)
         return CellTruth(time_s, np.interp(time_s, *profile[:2]), voltage_V, 0.0 * time_s, time_s / time_s[-1])
 
-    monkeypatch.setattr(run, "simulate_cell", simulate_cell)
-    monkeypatch.setattr(run, "capacity_Ah", lambda cell: 2.0)
+    monkeypatch.setattr(electrochemical, "simulate_cell", simulate_cell)
+    monkeypatch.setattr(electrochemical, "capacity_Ah", lambda cell: 2.0)
     return loads
 
 
 def test_sensors_show_their_errors_and_their_steps():
-    sensors = run.usual_sensors(4.6, n_series=2, offset=0.1 / 4.6, gain=0.02, voltage_step_V=0.01)
-    log = run.log_of(truth(np.full(3600, 7.4)), sensors, np.random.default_rng(1), "cheap")
+    sensors = electrochemical.usual_sensors(4.6, n_series=2, offset=0.1 / 4.6, gain=0.02, voltage_step_V=0.01)
+    log = electrochemical.log_of(truth(np.full(3600, 7.4)), sensors, np.random.default_rng(1), "cheap")
     assert log.time_s[0] == 0.0
     assert np.mean(log.current_A) == pytest.approx(-1.02 + 0.1, abs=1e-3)
     assert np.std(log.current_A) == pytest.approx(0.002 * 4.6, rel=0.05)
@@ -40,7 +40,7 @@ def test_sensors_show_their_errors_and_their_steps():
     assert list(log.extra["soc_true"]) == list(truth(RAMP_S).soc)
 
 
-@pytest.mark.parametrize("record", run.RECORDS)
+@pytest.mark.parametrize("record", electrochemical.RECORDS)
 def test_each_record_is_of_the_cell_from_full(record, asked):
     log = record_cell(ElectrochemicalCell("Prada2013"), record, ambient_degC=5.0)
     profile, time_s = asked[0]
@@ -65,9 +65,9 @@ def test_a_test_of_lead_acid_ends_at_its_cut_off():
     lead = ElectrochemicalCell("Sulzer2019", "lead-acid", n_series=6, voltage_min_V=1.75, voltage_max_V=2.42)
     falling = truth(np.linspace(12.5, 10.0, 3600))
     pytest.importorskip("pybamm")
-    cut = run.until_cut_off(falling, lead)
+    cut = electrochemical.until_cut_off(falling, lead)
     assert 10.5 < cut.voltage_V[-1] <= 10.53 and len(cut.soc) == len(cut.voltage_V)
-    assert run.until_cut_off(falling, ElectrochemicalCell("Prada2013")) is falling
+    assert electrochemical.until_cut_off(falling, ElectrochemicalCell("Prada2013")) is falling
 
 
 def test_the_usual_model_is_that_of_the_chemistry():

@@ -6,8 +6,7 @@ import pytest
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.optional import MissingPackageError
-from ohmward_lab.simulate.electrochemical import ElectrochemicalCell, aged, capacity_Ah, simulate_cell
-from ohmward_lab.simulate.electrochemical.run import _run
+from ohmward_lab.simulate.electrochemical import ElectrochemicalCell, _run, aged, capacity_Ah, simulate_cell
 from ohmward_lab.simulate.profile import steps
 
 LFP = ElectrochemicalCell("Prada2013")

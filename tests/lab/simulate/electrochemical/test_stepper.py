@@ -5,7 +5,7 @@ import pytest
 
 ca = pytest.importorskip("casadi")
 
-from ohmward_lab.simulate.electrochemical.stepper import (  # noqa: E402
+from ohmward_lab.simulate.electrochemical_step import (  # noqa: E402
     CellEquations,
     VoltageLimits,
     _solver,
