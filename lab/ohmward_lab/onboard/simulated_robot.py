@@ -13,11 +13,9 @@ import numpy as np
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.part import LOG, EndedError
 from ohmward.onboard.sources.simulation import SimulationSource
-from ohmward.quantities import BODY
-from ohmward.traction.inbox import HEADING
 from ohmward_lab.simulate.closed_loop import Command, Control, Grade, Pack, Patch, Scenario, Sensing, find_scenario
 from ohmward_lab.simulate.closed_loop.loop import ClosedLoopDrive, Records
-from ohmward_lab.simulate.closed_loop.run import RunRow
+from ohmward_lab.simulate.closed_loop.run import RunRow, body_signals
 
 #: Simulated at once before anything else is done [s]; messages come in time all the same.
 _CHUNK_S = 0.1
@@ -144,7 +142,4 @@ def signals_of(rows: RunRow, places: list[str]) -> dict[str, np.ndarray]:
     found |= {f"wheel_speed_rad_s.{name}": sample.wheel_speed_rad_s[:, k] for k, name in enumerate(places)}
     driven = places[: sample.current_A.shape[1]]
     found |= {f"motor_current_A.{name}": sample.current_A[:, k] for k, name in enumerate(driven)}
-    found |= {name: getattr(sample, name) for name in BODY if name not in HEADING}
-    found["speed_age_s"] = np.where(np.isfinite(sample.speed_m_s), sample.speed_age_s, np.nan)
-    found["heading_rad"] = rows.heading_rad
-    return found
+    return found | body_signals(rows)

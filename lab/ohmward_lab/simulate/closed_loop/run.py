@@ -12,9 +12,11 @@ import numpy as np
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
+from ohmward.quantities import BODY
 from ohmward.traction.control import Report
 from ohmward.traction.dynamics.energy_balance import EnergyBalance
 from ohmward.traction.dynamics.slip import driving_slip_ratio
+from ohmward.traction.inbox import HEADING
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.robot import Robot, free_sideways
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
@@ -84,24 +86,23 @@ def truths(run: ClosedLoopRun) -> dict[str, np.ndarray]:
     }
 
 
+def body_signals(rows: RunRow) -> dict[str, Any]:
+    """Measurements (T,) of the body by signal, nan where nothing was measured."""
+    found = {name: getattr(rows.sample, name) for name in BODY if name not in HEADING}
+    found["speed_age_s"] = np.where(np.isfinite(rows.sample.speed_m_s), rows.sample.speed_age_s, np.nan)
+    found["heading_rad"] = rows.heading_rad
+    return found
+
+
 def drive_log(run: ClosedLoopRun) -> DriveLog:
     """The log as `read_drive` would read it from a file."""
     rows, sample = run.rows, run.rows.sample
-    body: dict[str, Any] = {
-        "yaw_rate_rad_s": sample.yaw_rate_rad_s,
-        "acceleration_m_s2": sample.acceleration_m_s2,
-        "pitch_rad": sample.pitch_rad,
-        "speed_m_s": sample.speed_m_s,
-        "speed_std_m_s": sample.speed_std_m_s,
-        "speed_age_s": np.where(np.isfinite(sample.speed_m_s), sample.speed_age_s, np.nan),
-        "heading_rad": rows.heading_rad,
-    }
     return DriveLog(
         run.scenario.name or "simulated drive",
         np.round(rows.time_s, _TIME_DIGITS),
         sample.wheel_speed_rad_s,
         sample.current_A,
-        **{name: values for name, values in body.items() if np.isfinite(values).any()},
+        **{name: values for name, values in body_signals(rows).items() if np.isfinite(values).any()},
         extra={"current_A": rows.current_A, "voltage_V": rows.voltage_V, **truths(run)},
         notes=(Note(f"simulated, not measured: {run.scenario.model.name}, seed {run.scenario.seed}"),),
     )
