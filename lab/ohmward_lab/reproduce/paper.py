@@ -67,7 +67,7 @@ END_SOC = {"lead-acid": 0.60, "lfp": 0.20}
 LOAD_OHM = {"lead-acid": 13.5, "lfp": 12.0}
 PULSES = {"lead-acid": 7, "lfp": 9}
 NAMES = {"lead-acid": "sealed lead-acid 12 V 5 Ah", "lfp": "LFP 12 V 6 Ah"}
-#: The straight line of a curve is the best one between these states of charge, as in `rc_elements`.
+#: The straight line of a curve, whose slope gives the capacitance, is the best one between these states of charge.
 _LINE_SOC = (0.1, 0.9)
 #: Mean current of the robot [A]: [P]'s 83 mAh are 0.2 A over 25 minutes, in which the first battery gave 2 Ah; and a
 #: slow drive, on which a battery polarises little.
@@ -120,9 +120,11 @@ def _case(chemistry: str, seed: int, mean_A: float) -> PaperCase:
         capacity_Ah, "thevenin-2rc", chemistry, simulated.n_series, initial_soc={recording.bench.name: 1.0}
     )
     found = identify_in_detail(recording.bench, settings)
-    model = thevenin_of(found)
+    model = found.battery.thevenin
     rc = identify_rc(recording.bench, model.ocv, capacity_Ah, 1.0)
-    total_F = model.capacity_As / line_slope_V(model)
+    soc = np.linspace(*_LINE_SOC, 81)
+    slope_V = float(np.polyfit(soc, model.ocv.mean_V(soc, model.ocv.reference_degC), 1)[0])
+    total_F = model.capacity_As / slope_V
     rule = RcModel(*circuit_by_rule(rc.response.r_total_ohm, rc.tau.tau_s, total_F), model.ocv, capacity_Ah)
     # a linear model suits lead-acid, which is nearly linear, best on the straight line of its own log
     line = identify_rc(recording.bench, None, capacity_Ah, 1.0) if chemistry == "lead-acid" else rc
@@ -131,27 +133,16 @@ def _case(chemistry: str, seed: int, mean_A: float) -> PaperCase:
     return PaperCase(recording, found, rc, rule, noise)
 
 
-def thevenin_of(found: Identified) -> Thevenin:
-    """The circuit with two RC pairs."""
-    return found.battery.thevenin
-
-
-def line_slope_V(model: Thevenin) -> float:
-    """Slope [V per unit of SoC] of the best straight line through the curve."""
-    soc = np.linspace(*_LINE_SOC, 81)
-    return float(np.polyfit(soc, model.ocv.mean_V(soc, model.ocv.reference_degC), 1)[0])
-
-
 def estimators(case: PaperCase) -> dict[str, Battery | Estimator]:
     """The published filters on the identified models, and the default estimator."""
-    model, battery = thevenin_of(case.found), case.battery
+    battery = case.battery
     return {
         "RC + KF": RcThreeStates(case.rule),
         "RC + KF, P0 = 100 I": RcThreeStates(case.rule, start_variance_V2=100.0),
         "RC + KF, corrected": RcThreeStates(case.rule, jumps=True),
-        "T2RC + UKF": GivenStart(model, battery.noise, battery.sensor),
+        "T2RC + UKF": GivenStart(battery.thevenin, battery.noise, battery.sensor),
         "hybrid": Hybrid(
-            TheveninFilter(model, battery.noise, battery.sensor, idle_current_A=battery.idle_current_A),
+            TheveninFilter(battery.thevenin, battery.noise, battery.sensor, idle_current_A=battery.idle_current_A),
             RcFilter(case.rule, case.rule_noise, battery.sensor, "curve"),
         ),
         "default": battery,
@@ -310,7 +301,7 @@ def fit() -> Result:
     rows, figures = [], []
     for chemistry in CHEMISTRIES:
         here = case(chemistry)
-        log, after = here.recording.bench, thevenin_of(here.found)
+        log, after = here.recording.bench, here.battery.thevenin
         voltages = {
             "before": simulate_voltage(first_circuit(here), log, 1.0).voltage_V,
             "after": simulate_voltage(after, log, 1.0, hysteresis=1.0).voltage_V,
@@ -330,7 +321,7 @@ def fit() -> Result:
 
 def first_circuit(here: PaperCase) -> Thevenin:
     """The circuit as edges and relaxations show it, one value each for all states of charge ([P] 2.3, first stage)."""
-    after = thevenin_of(here.found)
+    after = here.battery.thevenin
     rests = [rest for rest in rests_of(here) if rest.time_s[-1] > _LONG_REST_S and rest.before_A != 0.0]
     tau_s = tuple(float(t) for t in np.median([r.double.tau_s for r in rests], axis=0))
     pair_ohm = np.median([np.abs(r.double.amplitude_V) / abs(r.before_A) for r in rests], axis=0)
@@ -367,7 +358,7 @@ def open_circuit() -> Result:
     rows, figures = [], []
     for chemistry in CHEMISTRIES:
         here = case(chemistry)
-        curves = thevenin_of(here.found).ocv, here.recording.battery.circuit.ocv
+        curves = here.battery.thevenin.ocv, here.recording.battery.circuit.ocv
         soc = np.linspace(here.recording.bench.extra["soc_true"][-1], 1.0, 91)
         found_V, true_V = (ocv.mean_V(soc, ocv.reference_degC) for ocv in curves)
         rms = 1e3 * float(np.sqrt(np.mean((found_V - true_V) ** 2)))

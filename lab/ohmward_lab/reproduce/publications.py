@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from ohmward.errors import InputError
 from ohmward_lab.reproduce import paper, thesis_battery, thesis_cases, thesis_observer
-from ohmward_lab.reproduce.row import Item, Result
+from ohmward_lab.reproduce.row import Item
 
 
 class Publication(NamedTuple):
@@ -17,13 +17,6 @@ class Publication(NamedTuple):
     short: str  #: as the documentation cites it
     title: str  #: with author and year
     items: tuple[Item, ...]  #: its tables and figures with results, in its order
-
-
-class Reproduced(NamedTuple):
-    """An item and its result."""
-
-    item: Item
-    result: Result
 
 
 #: Chapters 3 to 5.

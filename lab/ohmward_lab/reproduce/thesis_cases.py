@@ -68,21 +68,19 @@ def case_1() -> Result:
     """Figures 5.6 and 5.7: braking at -0.18 on the slippery floor; and how long it can be held from [T]'s speed."""
     time_s = stop_on_ice().time_s
     row = ResultRow("Case I, from 0.2 m/s on ice: time at -0.18", "s", _PRINTED_S, time_s, time_s, None, _STOPS)
-    result = _case("slip-case-1", "Case I")
-    return Result((row, *result.rows), result.figures)
+    return _case("slip-case-1", "Case I", row)
 
 
 def case_2() -> Result:
     """Figures 5.8 and 5.9: 0.12 on the normal floor, from 6 s on -0.18 on the slippery one."""
     way_m = stop_on_ice().way_m
     row = ResultRow("Case II, from 0.2 m/s on ice: way at -0.18", "m", _PRINTED_M, way_m, way_m, None, _STOPS)
-    result = _case("slip-case-2", "Case II")
-    return Result((row, *result.rows), result.figures)
+    return _case("slip-case-2", "Case II", row)
 
 
-def _case(scenario: str, name: str) -> Result:
+def _case(scenario: str, name: str, stop: ResultRow) -> Result:
     published, default = drive(scenario, "aukf"), drive(scenario, "ukf")
-    rows = []
+    rows = [stop]
     for k, (ours, theirs) in enumerate(zip(figures(published).slip, figures(default).slip, strict=True)):
         what = f"{name}, slip of {ours.slip_ratio:g}"
         why = _WHY[scenario] if k == 0 else ""

@@ -117,13 +117,6 @@ def currents(drive: CurrentDrive, time_s: np.ndarray) -> np.ndarray:
     return (push_N * RADIUS / (2 * CONSTANT))[:, None] + drive.steer_A(time_s)[:, None] * np.array([-0.5, 0.5])
 
 
-class FilteredDrive(NamedTuple):
-    """Estimates of a drive by a filter: mean (T, 4) and variance (T, 4) of the state."""
-
-    mean: np.ndarray
-    variance: np.ndarray
-
-
 def observer(kind: MatchingFilter, wrong: WrongNoise) -> Kernel:
     """The filter, compiled; its samples are the wheels' speeds and the currents, each (2,)."""
 
@@ -134,7 +127,7 @@ def observer(kind: MatchingFilter, wrong: WrongNoise) -> Kernel:
         floors = Q, R * (FLOOR if kind.match_R else wrong.R)
         matching = adaptive.Matching(*floors, match_Q=kind.match_Q, match_R=kind.match_R)
         state, _ = adaptive.unscented_step(state, lambda x: follow(x, current_A, step), lambda x: x[2:], y, matching)
-        return adaptive.pack(state), FilteredDrive(state.belief.mean, np.diag(state.belief.cov))
+        return adaptive.pack(state), (state.belief.mean, np.diag(state.belief.cov))
 
     return Kernel(one, start(np.zeros(4), wrong), (np.zeros(2), np.zeros(2)))
 
@@ -145,8 +138,8 @@ def start(x: np.ndarray, wrong: WrongNoise) -> adaptive.PackedAdaptiveState:
     return adaptive.pack(adaptive.init(first, wrong.Q * np.diag([1e-6, 1e-6, 1e-5, 1e-5]), wrong.R * R))
 
 
-def estimate(filter_: Kernel, drive: RecordedDrive, wrong: WrongNoise) -> FilteredDrive:
-    """Estimates along a drive, from its first state."""
+def estimate(filter_: Kernel, drive: RecordedDrive, wrong: WrongNoise) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (T, 4) and variance (T, 4) of the state along a drive, from its first state."""
     return filter_.scan(start(drive.truth[0], wrong), (drive.speed_rad_s, drive.current_A))[1]
 
 
@@ -176,9 +169,10 @@ def errors(drives: list[RecordedDrive], kind: MatchingFilter, wrong: WrongNoise)
     """Errors of a filter over several drives."""
     filter_ = observer(kind, wrong)
     found = [estimate(filter_, d, wrong) for d in drives]
-    e = np.concatenate([f.mean - d.truth for f, d in zip(found, drives, strict=True)])
-    slip = np.concatenate([slip_speed(f.mean) - slip_speed(d.truth) for f, d in zip(found, drives, strict=True)])
-    nees = e[:, 0] ** 2 / np.concatenate([f.variance for f in found])[:, 0]
+    mean, variance = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    truth = np.concatenate([d.truth for d in drives])
+    e, slip = mean - truth, slip_speed(mean) - slip_speed(truth)
+    nees = e[:, 0] ** 2 / variance[:, 0]
     return ObserverErrors(1e3 * rms(e[:, 0]), rms(e[:, 2:]), 1e3 * rms(slip), 1e3 * rms(e[:, 1]), float(nees.mean()))
 
 
@@ -195,7 +189,7 @@ def rms(error: np.ndarray) -> float:
 def pictures(title: str, drive: RecordedDrive, wrong: WrongNoise) -> tuple[Figure, ...]:
     """Speed, wheel speed, slip, yaw rate and the error of the speed, of UKF and AUKF with the same wrong start."""
     t = drive.time_s
-    found = {kind: estimate(observer(kind, wrong), drive, wrong).mean for kind in (UKF, AUKF)}
+    found = {kind: estimate(observer(kind, wrong), drive, wrong)[0] for kind in (UKF, AUKF)}
 
     def figure(heading: str, label: str, of: Callable[[np.ndarray], np.ndarray]) -> Figure:
         lines = [

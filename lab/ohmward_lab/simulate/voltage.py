@@ -61,5 +61,4 @@ def simulate_voltage(model: Thevenin, log: Log, initial_soc: float, hysteresis: 
 
 
 def _finite_or(value: float, otherwise: float) -> float:
-    """The value, or something else where it is no number."""
     return float(value) if math.isfinite(value) else otherwise

@@ -202,7 +202,7 @@ def test_figures_11_and_13_of_P_by_RC_and_KF(chemistry, name, jumps):
 def test_figures_11_to_13_of_P_by_T2RC_and_UKF(chemistry, start):
     """(26)-(44) on SoC and the two RC voltages, sigma points drawn anew for the output."""
     here = paper.case(chemistry, SEED)
-    model, noise, sensor = paper.thevenin_of(here.found), here.battery.noise, here.battery.sensor
+    model, noise, sensor = here.battery.thevenin, here.battery.noise, here.battery.sensor
     degC = model.reference_degC
     R = noise.voltage_std_V**2 + max(noise.model_std_V) ** 2
     x = np.array([start, 0.0, 0.0])

@@ -19,8 +19,8 @@ from ohmward.logs.log import ReadOptions
 from ohmward.report import Page
 from ohmward_lab.reproduce.errata import ERRATA, check
 from ohmward_lab.reproduce.measured import measured_item, nmc_item
-from ohmward_lab.reproduce.publications import PUBLICATIONS, Publication, Reproduced, label, select
-from ohmward_lab.reproduce.row import ResultRow
+from ohmward_lab.reproduce.publications import PUBLICATIONS, Publication, label, select
+from ohmward_lab.reproduce.row import Item, Result, ResultRow
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -37,12 +37,12 @@ def run(args: argparse.Namespace) -> Outcome:
         for done, item in enumerate(items):
             if report:
                 report(item.title, done / len(items))
-            results.append(Reproduced(item, item.make()))
+            results.append((item, item.make()))
     figures = {
         "command": "reproduce",
         "publication": publication.title,
         # one row for each number, with its item
-        "rows": [{"item": label(r.item), **row._asdict()} for r in results for row in r.result.rows],
+        "rows": [{"item": label(item), **row._asdict()} for item, result in results for row in result.rows],
     }
     return Outcome(figures, describe(publication, results), page=partial(make_page, publication, results))
 
@@ -93,7 +93,7 @@ HEADER = ["quantity", "unit", "printed", "as printed", "corrected", "default"]
 _ERRATA = ["Text", "Place", "In the text we worked from", "Must be", "Check"]
 
 
-def describe(publication: Publication, results: Sequence[Reproduced]) -> str:
+def describe(publication: Publication, results: Sequence[tuple[Item, Result]]) -> str:
     """Text for people: a table for each item, and why its numbers differ."""
     parts = [publication.title]
     for item, result in results:
@@ -124,7 +124,7 @@ _COLUMNS = (
 )
 
 
-def make_page(publication: Publication, results: Sequence[Reproduced]) -> Page:
+def make_page(publication: Publication, results: Sequence[tuple[Item, Result]]) -> Page:
     """Table and figures of each item, then the errata of the publication."""
     page = Page(f"{publication.title}, made again", f"{len(results)} tables and figures", FOOTER).text(_COLUMNS)
     for item, result in results:
@@ -139,7 +139,6 @@ def make_page(publication: Publication, results: Sequence[Reproduced]) -> Page:
 
 
 def _errata() -> Outcome:
-    """The errata of both publications, each checked."""
     found = check(ERRATA)
     entries = [e._asdict() | {"holds": ok} for e, ok in zip(ERRATA, found, strict=True)]
     figures = [{name: value for name, value in entry.items() if name != "check"} for entry in entries]

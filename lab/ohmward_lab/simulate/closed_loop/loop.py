@@ -15,7 +15,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from enum import IntFlag
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -181,15 +181,6 @@ def make_plant(scenario: Scenario) -> Plant:
     return kind(scenario.model, scenario.ground, scenario.grade, scenario.drag_N_s2_per_m2)
 
 
-class SampleOnTheWay(NamedTuple):
-    """Truth of the robot and measurements of the battery at the time of a sample that has not arrived yet."""
-
-    truth: RobotTruth
-    current_A: float
-    voltage_V: float
-    soc: float
-
-
 class ClosedLoopDrive:
     """A drive under way."""
 
@@ -210,7 +201,8 @@ class ClosedLoopDrive:
         self._mode, self._state = "", None
         self._torque_Nm = np.zeros(self.robot.driven)
         self._history_s = max(scenario.controller.interval_s, _SHORTEST_INSTANT_S, scenario.duration_s / _INSTANTS)
-        self._on_the_way: dict[float, SampleOnTheWay] = {}
+        #: of each sample that has not arrived: truth of the robot, current, voltage and SoC of the battery, by its time
+        self._on_the_way: dict[float, tuple[RobotTruth, float, float, float]] = {}
         self.history: Records[Instant] = Records()
         self.rows: Records[RunRow] = Records()
 
@@ -228,7 +220,7 @@ class ClosedLoopDrive:
         arrivals = self.sensors.sample(self.truth)
         if self.sensors.sampled:
             soc = float(self.supply.now.soc)
-            self._on_the_way[self.truth.time_s] = SampleOnTheWay(self.truth, *self.pack.sample(), soc)
+            self._on_the_way[self.truth.time_s] = (self.truth, *self.pack.sample(), soc)
         for arrival in arrivals:
             estimate = self.observation.update(arrival)
             at = self._on_the_way[arrival.taken_s]
