@@ -30,7 +30,6 @@ from ohmward.traction.score import DriveScore, DriveTruth, score_drive
 from ohmward.traction.speed_observer.estimate import SlipEstimate, unknown_ground
 from ohmward.traction.speed_observer.estimator import considered_step
 from ohmward.traction.speed_observer.make_observer import DEFAULT_TERRAIN, default_observer
-from ohmward.traction.speed_observer.speed_observer import ObserverState, SpeedObserver
 from ohmward_lab.assess.draws import generator, signs
 from ohmward_lab.assess.recommendation import Improvement, Processor, Situation, as_in_the_base_case
 from ohmward_lab.simulate.closed_loop.scenario import ROBOTS as PACKAGED
@@ -389,30 +388,29 @@ def _outside_speed(condition: DriveCondition, speed_m_s: np.ndarray, rng: np.ran
     return found
 
 
+#: State before the first sample, which it is given; and state after a sample with the estimate.
+InitAndStep = tuple[Callable[[RobotSample], Any], Callable[[Any, RobotSample], tuple[Any, SlipEstimate]]]
+
+
 class SlipMethod(NamedTuple):
     """A method by its name, in words, and the function that makes it for a robot and the name of a ground."""
 
     name: str
     title: str
-    make: Callable[[Robot, str], WheelsAlone | ConsideredObserver]
+    make: Callable[[Robot, str], InitAndStep]
 
 
-class WheelsAlone(NamedTuple):
-    """The wheels are believed to roll without slip; a lost value holds the one before."""
+def wheels_alone(robot: Robot, ground: str) -> InitAndStep:
+    """The wheels are believed to roll without slip; a lost value holds the one before.
 
-    robot: Robot
+    The state is the speeds (driven,) of the wheels [rad/s], the estimate the motion of the body that fits them best.
+    """
+    n = robot.driven
 
-    def init(self, sample: RobotSample) -> np.ndarray:
-        """(driven,) speeds of the wheels [rad/s]."""
-        del sample
-        return np.zeros(self.robot.driven)
-
-    def step(self, state: np.ndarray, sample: RobotSample) -> tuple[np.ndarray, SlipEstimate]:
-        """Speeds after a sample, and the motion of the body that fits them best."""
-        n = self.robot.driven
+    def step(state: np.ndarray, sample: RobotSample) -> tuple[np.ndarray, SlipEstimate]:
         pairs = zip(sample.wheel_speed_rad_s[:n], state, strict=True)
         speeds = np.array([where(new == new, new, old) for new, old in pairs])
-        motion = motion_from_wheels(self.robot, speeds)
+        motion = motion_from_wheels(robot, speeds)
         return speeds, unknown_ground(n)._replace(
             speed_m_s=motion[0],
             yaw_rate_rad_s=motion[-1],
@@ -421,30 +419,24 @@ class WheelsAlone(NamedTuple):
             slip_ratio=np.zeros(n),
         )
 
-
-class ConsideredObserver(NamedTuple):
-    """A speed observer, with the doubt about the wheels' radius in its bands."""
-
-    observer: SpeedObserver
-
-    def init(self, sample: RobotSample) -> ObserverState:
-        """State before the first sample."""
-        return self.observer.init(sample)
-
-    def step(self, state: ObserverState, sample: RobotSample) -> tuple[ObserverState, SlipEstimate]:
-        """State after a sample, and the estimate."""
-        return considered_step(self.observer, state, sample)
+    return lambda sample: np.zeros(n), step
 
 
 def _of_filter(name: str, title: str) -> SlipMethod:
-    return SlipMethod(name, title, lambda robot, ground: ConsideredObserver(default_observer(robot, ground, name)))
+    """A speed observer, with the doubt about the wheels' radius in its bands."""
+
+    def make(robot: Robot, ground: str) -> InitAndStep:
+        observer = default_observer(robot, ground, name)
+        return observer.init, partial(considered_step, observer)
+
+    return SlipMethod(name, title, make)
 
 
 #: The method without a filter.
 PLAIN = "wheels"
 
 SLIP_METHODS: tuple[SlipMethod, ...] = (
-    SlipMethod(PLAIN, "the wheels are believed to roll without slip", lambda robot, ground: WheelsAlone(robot)),
+    SlipMethod(PLAIN, "the wheels are believed to roll without slip", wheels_alone),
     _of_filter("ekf", "extended Kalman filter"),
     _of_filter("aekf", "extended, the encoders' noise is matched"),
     _of_filter("ukf", "unscented Kalman filter, the default"),
@@ -494,9 +486,9 @@ class SlipFigures(NamedTuple):
 def slip_cell(name: str, condition: DriveCondition, method: SlipMethod, runs: int, seed: int) -> SlipFigures:
     """Run the method along every drive of this condition."""
     samples, truth = measured(name, condition, runs, seed)
-    kernel, observer = _compiled(name, condition.assumed, method.name)
+    kernel, init = _compiled(name, condition.assumed, method.name)
     firsts = [RobotSample(0.0, *(values[0, ..., run] for values in samples[1:])) for run in range(runs)]
-    states = side_by_side([observer.init(first) for first in firsts])
+    states = side_by_side([init(first) for first in firsts])
     began = time.perf_counter()
     _, found = kernel.scan_lanes(states, samples)
     ns = 1e9 * (time.perf_counter() - began) / truth.speed_m_s.size
@@ -517,12 +509,12 @@ def slip_cell(name: str, condition: DriveCondition, method: SlipMethod, runs: in
 
 @lru_cache(maxsize=2 * len(SLIP_METHODS))
 def _compiled(name: str, ground: str, method: str) -> tuple[Kernel, Any]:
-    """The step in machine code where it can be, since it serves many conditions; and the observer."""
-    observer = next(m for m in SLIP_METHODS if m.name == method).make(ROBOTS[name], ground)
+    """The step in machine code where it can be, since it serves many conditions; and the state before the first."""
     robot = ROBOTS[name]
+    init, step = next(m for m in SLIP_METHODS if m.name == method).make(robot, ground)
     example = RobotSample(0.0, np.zeros(len(robot.places)), np.zeros(robot.driven))
     lowering = "python" if llvm_machine_code.reason_for_none() else "machine"
-    return Kernel(observer.step, observer.init(example), example, lowering=lowering), observer
+    return Kernel(step, init(example), example, lowering=lowering), init
 
 
 def figures(scores: Sequence[DriveScore], has_band: bool) -> dict[str, float]:

@@ -72,7 +72,9 @@ async def run(settings: SimulationSource, put: Put) -> None:
         for at_s, values in rows:
             late_s = time.monotonic() - began_s - lost_s - at_s / settings.rate
             if late_s > _MOST_LATE_S:
-                _say_slow(settings, lost_s)
+                if not lost_s:
+                    message = "source %s: the simulation is slower than rate = %g; this machine is busy"
+                    LOG.warning(message, settings.name, settings.rate)
                 lost_s, late_s = lost_s + late_s, 0.0
             await asyncio.sleep(max(-late_s, 0.0))
             put(Message(at_s, began_s + at_s, settings.name, values))
@@ -80,13 +82,6 @@ async def run(settings: SimulationSource, put: Put) -> None:
             break
         rows = await asyncio.to_thread(_advance, drive, _CHUNK_S)
     raise EndedError("the battery is empty" if drive.empty else "the drive has come to its end")
-
-
-def _say_slow(settings: SimulationSource, lost_s: float) -> None:
-    """Log, the first time, that the machine does not keep up."""
-    if not lost_s:
-        message = "source %s: the simulation is slower than rate = %g; this machine is busy"
-        LOG.warning(message, settings.name, settings.rate)
 
 
 async def drive(settings: SimulationSource, put: Put, torque_Nm: Callable[[Sequence[str]], np.ndarray]) -> None:

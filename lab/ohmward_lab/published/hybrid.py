@@ -53,7 +53,10 @@ class Hybrid:
         """State and estimate after a sample; `SocFlag.REST` marks a correction."""
         thevenin, estimate = self.thevenin.step(state.thevenin, sample)
         rc, by_rc = self.rc.step(state.rc, sample)
-        rest, due = self.continue_rest(state, thevenin, sample)
+        threshold_A = self.thevenin.sensor.rest_threshold_A(self.thevenin.model.capacity_Ah, self.rest_share)
+        resting = abs(thevenin.current_A) < threshold_A
+        dt_s = self.thevenin.sanitize(state.thevenin, sample).dt_s
+        rest, due = continue_rest(state.rest, resting, dt_s, self.settle_s)
         before = unpack(thevenin.belief)
         corrected, surer = _surer(before, by_rc.soc, by_rc.soc_std)
         belief = choose(due, corrected, before)
@@ -64,13 +67,6 @@ class Hybrid:
             soc_std=np.sqrt(maximum(belief.cov[0, 0], 0.0)),
             flags=estimate.flags + flags_of({SocFlag.REST: due & surer & logical_not(flagged_already)}),
         )
-
-    def continue_rest(self, state: HybridState, thevenin: FilterState, sample: SocSample) -> tuple[Rest, Any]:
-        """The rest after a step, and the condition that the correction is due."""
-        threshold_A = self.thevenin.sensor.rest_threshold_A(self.thevenin.model.capacity_Ah, self.rest_share)
-        resting = abs(thevenin.current_A) < threshold_A
-        dt_s = self.thevenin.sanitize(state.thevenin, sample).dt_s
-        return continue_rest(state.rest, resting, dt_s, self.settle_s)
 
 
 def _surer(belief: Belief, soc: Scalar, soc_std: Scalar) -> tuple[Belief, Any]:

@@ -392,7 +392,7 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
     model = rule if fit is None else RcModel(*circuit_of(*fit.numbers), curve, capacity_Ah)
     line_slope_V = 0.0 if ocv else curve.voltage_V[-1] - curve.voltage_V[0]
     noise = BatteryNoise() if fit is None else _noise(fit, response, soc, line_slope_V)
-    notes = (*_part_notes(samples, len(log)), *_response_notes(response), *_fit_notes(fit, total_F))
+    notes = _notes(response, fit, 1 - len(samples.time_s) / len(log), total_F)
     rule_rms_V = voltage_fit(samples, ocv_V, rc.four_numbers(rule)).rms_V
     missing = _missing(response, tau, fit, (float(np.median(samples.dt_s[1:])), longest_tau_s))
     return RcIdentification(model, noise, rule, rule_rms_V, response, tau, fit, notes, missing)
@@ -480,31 +480,22 @@ def _resistance_std(response: EdgeResponse, fit: VoltageFit) -> float:
     return abs(at_edges - fitted) / (at_edges + fitted)
 
 
-def _part_notes(samples: RcSamples, count: int) -> tuple[str, ...]:
-    left_out = 1 - len(samples.time_s) / count
-    if left_out == 0.0:
-        return ()
-    return (f"{100 * left_out:.2g} % of the samples left out: long charges or no voltage",)
-
-
-def _response_notes(response: EdgeResponse) -> tuple[str, ...]:
+def _notes(response: EdgeResponse, fit: VoltageFit | None, left_out: float, total_F: float) -> tuple[str, ...]:
+    """Sentences on what was done; left_out: share of the samples.  total_F: C_b + C_s by the ends of the curve."""
+    notes = [f"{100 * left_out:.2g} % of the samples left out: long charges or no voltage"] if left_out else []
     first = f"R_total = {1e3 * response.r_total_ohm:.3g} mohm from {response.edges} edges, seen after "
-    notes = [f"{first}{response.delay_s:g} s (what relaxes within is in it)"]
+    notes.append(f"{first}{response.delay_s:g} s (what relaxes within is in it)")
     if response.window_s > FIRST_S:
         notes.append(
             f"the sampling is too slow for the first {1e3 * FIRST_S:g} ms after an edge; the time constant was sought "
             f"in the first {response.window_s:g} s"
         )
+    if fit is not None:
+        notes.append(
+            f"least squares leave {1e3 * fit.rms_V:.3g} mV (rms); C_b + C_s = {fit.capacitance_F:.4g} F along the log, "
+            f"{total_F:.4g} F by the ends of the OCV curve"
+        )
     return tuple(notes)
-
-
-def _fit_notes(fit: VoltageFit | None, total_F: float) -> tuple[str, ...]:
-    if fit is None:
-        return ()
-    return (
-        f"least squares leave {1e3 * fit.rms_V:.3g} mV (rms); C_b + C_s = {fit.capacitance_F:.4g} F along the log, "
-        f"{total_F:.4g} F by the ends of the OCV curve",
-    )
 
 
 def _missing(

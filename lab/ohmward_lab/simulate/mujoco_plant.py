@@ -320,8 +320,11 @@ class RlmaPlant:
         self.ground = ground or uniform(0.8)
         self._longest_step_s = longest_step_s
         self._mujoco = require("mujoco", "this plant")
-        self._model = _model(self.parameters, self._mujoco)
-        stable_s = stable_step_s(self.parameters, self._model.body_invweight0[_WHEELS, 0])
+        self._model = self._mujoco.MjModel.from_xml_string(robot_xml(self.parameters))
+        inverse_mass_per_kg = self._model.body_invweight0[_WHEELS, 0]
+        contact = contact_stiffness(self.parameters, inverse_mass_per_kg)
+        self._model.pair_solref[:], self._model.pair_solreffriction[:] = contact
+        stable_s = stable_step_s(self.parameters, inverse_mass_per_kg)
         require_between("longest_step_s", longest_step_s, 1e-5, stable_s)
         self._data = self._mujoco.MjData(self._model)
         self._friction = self._model.pair_friction[:, :2].T
@@ -395,7 +398,8 @@ def drive(
 
 
 def _truth(d: Any, p: RlmaParameters, friction: np.ndarray, grade_rad: float) -> RobotTruth:
-    cos, sin = _heading(d)
+    x, y = d.xmat[_BODY, 0], d.xmat[_BODY, 3]  # the body's x axis, seen from above
+    cos, sin = x / math.hypot(x, y), y / math.hypot(x, y)
     forward, left = np.array([cos, sin, 0.0]), np.array([-sin, cos, 0.0])
     speed, yaw_rate = float(d.qvel[:3] @ forward), float(d.sensordata[2])
     wheel_speed = d.qvel[6:].copy()
@@ -435,21 +439,8 @@ def ground_forces(d: Any) -> np.ndarray:
     return force
 
 
-def _heading(d: Any) -> tuple[float, float]:
-    """Cosine and sine of the heading: the body's x axis, seen from above."""
-    x, y = d.xmat[_BODY, 0], d.xmat[_BODY, 3]
-    length = math.hypot(x, y)
-    return x / length, y / length
-
-
 def _check_ground(friction: list[float], grade_rad: float) -> None:
     if not all(0 < mu <= ROUGHEST for mu in friction):
         raise InputError(f"ground.friction must return values in (0, {ROUGHEST:g}], got {friction}")
     if not abs(grade_rad) <= STEEPEST_GRADE_RAD:
         raise InputError(f"ground.grade_rad must return a value within ± {STEEPEST_GRADE_RAD:g}, got {grade_rad}")
-
-
-def _model(p: RlmaParameters, mujoco: Any) -> Any:
-    model = mujoco.MjModel.from_xml_string(robot_xml(p))
-    model.pair_solref[:], model.pair_solreffriction[:] = contact_stiffness(p, model.body_invweight0[_WHEELS, 0])
-    return model

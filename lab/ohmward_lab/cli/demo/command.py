@@ -39,7 +39,10 @@ def run(args: argparse.Namespace) -> Outcome:
     folder = _prepare(Path(args.out))
     print(f"{_WELCOME}\n", flush=True)
     days = {chemistry: make_robot_day(chemistry, args.seed) for chemistry in N_SERIES}
-    worked = {chemistry: work_through(chemistry, day, folder) for chemistry, day in days.items()}
+    worked = {}
+    for chemistry, day in days.items():
+        files = write_robot_day(day, folder)
+        worked[chemistry] = _play(steps(chemistry, folder, str(files.pulse_test), str(files.mission)))
     home = drive_home(folder, days[DRIVEN], worked[DRIVEN]["soc"].summary, args.seed)
     of_days = {
         chemistry: {name: dict(outcome.summary) for name, outcome in outcomes.items()}
@@ -49,12 +52,6 @@ def run(args: argparse.Namespace) -> Outcome:
     page = make_page(worked[DRIVEN] | home, drive_figures(results))
     page.write(folder / "report.html")
     return Outcome({"command": "demo", "folder": str(folder), **results}, describe(results, folder))
-
-
-def work_through(chemistry: str, day: RobotDay, folder: Path) -> dict[str, Outcome]:
-    """Write the logs of one battery and run every command on them; outcomes by the name of the step."""
-    files = write_robot_day(day, folder)
-    return _play(steps(chemistry, folder, str(files.pulse_test), str(files.mission)))
 
 
 def steps(chemistry: str, folder: Path, test: str, day: str) -> list[tuple[str, ...]]:
@@ -141,7 +138,7 @@ def drive_figures(results: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _play(steps: Sequence[tuple[str, ...]]) -> dict[str, Outcome]:
-    """Print each command line, run it exactly as the shell would, print the beginning of its text."""
+    """Print each command line, run it as the shell would, print the beginning of its text; outcomes by command."""
     outcomes = {}
     for words in steps:
         print(f"$ ohmward {shlex.join(words)}", flush=True)

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.resources import files
-from importlib.resources.abc import Traversable
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
@@ -159,8 +158,7 @@ def parse_scenario(text: str) -> Scenario:
 
 def packaged() -> Mapping[str, str]:
     """The scenarios that come with the package: name -> its first line."""
-    texts = {file.name.removesuffix(".toml"): file.read_text(encoding="utf-8") for file in _folder()}
-    return {name: text.partition("\n")[0].lstrip("# ") for name, text in sorted(texts.items())}
+    return {name: text.partition("\n")[0].lstrip("# ") for name, text in sorted(_packaged_texts().items())}
 
 
 def packaged_text(name: str) -> str:
@@ -169,10 +167,10 @@ def packaged_text(name: str) -> str:
     Raises:
         InputError: there is none of that name.
     """
-    for file in _folder():
-        if file.name == f"{name}.toml":
-            return file.read_text(encoding="utf-8")
-    raise InputError(f"{name}: no such file, and no scenario of that name; there are: {', '.join(packaged())}")
+    texts = _packaged_texts()
+    if name not in texts:
+        raise InputError(f"{name}: no such file, and no scenario of that name; there are: {', '.join(sorted(texts))}")
+    return texts[name]
 
 
 def find_scenario(name: str) -> Scenario:
@@ -187,6 +185,7 @@ def find_scenario(name: str) -> Scenario:
     return scenario if scenario.name else replace(scenario, name=name)
 
 
-def _folder() -> list[Traversable]:
+def _packaged_texts() -> dict[str, str]:
     folder = files("ohmward_lab.simulate").joinpath("scenarios")
-    return [file for file in folder.iterdir() if file.name.endswith(".toml")]
+    found = [file for file in folder.iterdir() if file.name.endswith(".toml")]
+    return {file.name.removesuffix(".toml"): file.read_text(encoding="utf-8") for file in found}
