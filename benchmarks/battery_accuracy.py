@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+import measured_cells as cells
 from figure import data_file, verdict
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import start_model, start_noise
@@ -25,7 +26,6 @@ from ohmward.logs import Log, read_log
 from ohmward_lab.simulate.voltage import simulate_voltage
 
 USUAL_METHODS = ("coulomb", DEFAULT, "ekf", "ukf")
-HOUR = 3600.0
 INTRODUCTION = """\
 Every battery is identified with the defaults, from the tests that its user would have, and estimated on another
 recording; nothing is tuned per file. Errors of SoC in points of percent, of voltage in mV; coverage is the share of
@@ -70,14 +70,14 @@ def a123() -> Iterator[Row]:
             for script in (1, 3)
         ]
         half = run.between(run.time_s[0], run.time_s[len(run.time_s) // 2])
-        battery = identify([*tests, half], capacity_Ah=2.03, chemistry="lfp")
-        capacity_Ah = float(_discharged_Ah(run)[-1] + _discharged_Ah(rest)[-1])
-        truth = 1 - _discharged_Ah(run) / capacity_Ah
+        battery = identify([*tests, half], capacity_Ah=cells.A123_AH, chemistry="lfp")
+        capacity_Ah = float(cells.discharged_Ah(run)[-1] + cells.discharged_Ah(rest)[-1])
+        truth = 1 - cells.discharged_Ah(run) / capacity_Ah
         name = f"A123 LFP dynamic, {temperature} degC"
         rmse, low = (0.006, 0.01) if temperature == 25 else (None, None)
         cases = [
             Case("right", 1.0, rmse_bar=rmse),
-            Case("30 points low", 0.7, after_s=HOUR, rmse_bar=low),
+            Case("30 points low", 0.7, after_s=cells.HOUR, rmse_bar=low),
             Case("unknown", None),
         ]
         bars = {"rmse_bar": 0.012, "coverage_bar": 0.85} if temperature == 25 else {}
@@ -85,21 +85,19 @@ def a123() -> Iterator[Row]:
         yield from _estimates(name, battery, run, truth, cases, all_methods=temperature == 25)
         bars = {"rmse_bar": 0.008, "coverage_bar": 0.85}
         cases = [Case(f"right, {1000 * a:+.0f} mA offset", 1.0, a, **bars) for a in (0.05, -0.05)]
-        cases += [Case(f"30 points low, {1000 * a:+.0f} mA offset", 0.7, a, HOUR, **bars) for a in (0.05, -0.05)]
+        cases += [Case(f"30 points low, {1000 * a:+.0f} mA offset", 0.7, a, cells.HOUR, **bars) for a in (0.05, -0.05)]
         currentless = replace(battery, idle_current_A=0.0)
         yield from _estimates(f"{name}, rests declared currentless", currentless, run, truth, cases)
 
 
 def panasonic() -> Iterator[Row]:
     """NCA: HPPC and C/20 identify; two drive cycles are estimated."""
-    tests = [_read(f"panasonic_18650pf/25degC_{test}.parquet") for test in ("C20_OCV", "HPPC")]
-    battery = identify(tests, capacity_Ah=2.9, chemistry="nca")
+    battery = cells.panasonic_battery(25)
     for cycle in ("Cycle_1", "HWFTa"):
-        run = _read(f"panasonic_18650pf/25degC_{cycle}.parquet")
-        truth = 1 + run.extra["ah"] / 2.9
+        run, truth = cells.panasonic(f"25degC_{cycle}")
         cases = [
             Case("right", 1.0, rmse_bar=0.015),
-            Case("20 points low", 0.8, after_s=HOUR, rmse_bar=0.02),
+            Case("20 points low", 0.8, after_s=cells.HOUR, rmse_bar=0.02),
             Case("unknown", None),
             Case("right, +50 mA offset", 1.0, 0.05),
         ]
@@ -108,30 +106,26 @@ def panasonic() -> Iterator[Row]:
 
 def inr20r() -> Iterator[Row]:
     """NMC without any test: generic start values with the OCV polynomial that comes with the data."""
-    run = _read("calce_inr18650_20r/DST_25C_80SOC.parquet")
+    run, truth = cells.calce()
     soc = np.linspace(0, 1, 201)
     polynomial = [6.22208, -19.90939, 23.98139, -12.65667, 3.29470, 3.24331]
     ocv = OcvCurve(tuple(np.maximum.accumulate(np.polyval(polynomial, soc)).tolist()))
     model, noise = start_model("nmc", 2.0, ocv=ocv), start_noise("nmc", ocv_known=True)
     battery = Battery(name="generic NMC", chemistry="nmc", capacity_Ah=2.0, thevenin=model, noise=noise)
     cases = [Case("right", 0.8), Case("50 points low", 0.3, after_s=1800.0, rmse_bar=0.03), Case("unknown", None)]
-    yield from _estimates("Samsung 20R NMC DST, start values only", battery, run, run.extra["soc"], cases)
+    yield from _estimates("Samsung 20R NMC DST, start values only", battery, run, truth, cases)
 
 
 def vrla() -> Iterator[Row]:
     """Sealed lead-acid: the first two discharges identify, the third is estimated."""
-    log = _read("bboxx_vrla_12v_17ah/telemetry_2017-03-25_2017-03-29.csv")
-    third = (47.0 * HOUR, 57.5 * HOUR)
-    battery = identify([log.between(0.0, 47.0 * HOUR)], capacity_Ah=19.5, chemistry="lead-acid", n_series=6)
-    run = log.between(*third)
-    truth = _full_to_cut_off(run)
+    battery, (run, truth) = cells.vrla_battery(), cells.vrla()
     cases = [Case("right", 1.0, mae_bar=0.022), Case("unknown", None)]
     yield from _estimates("BBOXX VRLA telemetry, third discharge", battery, run, truth, cases, all_methods=True)
 
 
 def ornl() -> Iterator[Row]:
     """Li-ion pouch: HPPC identifies, the voltage of a 1C discharge is simulated."""
-    battery = identify([_read("ornl_nissan_leaf_cell/cell-low-current-hppc-25c-2.parquet")], capacity_Ah=30.34)
+    battery = identify([_read("ornl_nissan_leaf_cell/cell-low-current-hppc-25c-2.parquet")], capacity_Ah=cells.ORNL_AH)
     log = _read("ornl_nissan_leaf_cell/cell-discharge-bitrode-1c.parquet")
     run = log.between(9500.0, 13655.0)
     began = time.perf_counter()
@@ -188,18 +182,6 @@ def _judge(found: Score, case: Case) -> tuple[str, bool | None]:
 
 def _read(path: str, **options) -> Log:
     return read_log(data_file(path), **options)
-
-
-def _discharged_Ah(log: Log) -> np.ndarray:
-    """Net charge taken out, by the cycler's own counters [Ah]."""
-    return log.extra["dis_Ah"] - log.extra["chg_Ah"]
-
-
-def _full_to_cut_off(run: Log) -> np.ndarray:
-    """SoC by coulomb count from full at the start of the log to the 10.45 V cut-off at its lowest voltage."""
-    mean_A = 0.5 * (run.current_A[1:] + run.current_A[:-1])
-    charge = np.concatenate([[0.0], np.cumsum(mean_A * np.diff(run.time_s))])
-    return np.clip(1 - charge / charge[np.argmin(run.voltage_V)], None, 1.0)
 
 
 def line(row: Row) -> str:

@@ -76,14 +76,14 @@ def _a123_tests(degC: int) -> list[Log]:
 def a123(degC: int) -> Recording:
     """Ten hours of drives with rests, from full to empty; the charge counters of the cycler are the truth."""
     drive, rest = _a123_drive(degC, 1), _a123_drive(degC, 2)
-    capacity_Ah = _counted_Ah(drive)[-1] + _counted_Ah(rest)[-1]
-    return Recording(_at(drive, degC), 1 - _counted_Ah(drive) / capacity_Ah)
+    capacity_Ah = discharged_Ah(drive)[-1] + discharged_Ah(rest)[-1]
+    return Recording(_at(drive, degC), 1 - discharged_Ah(drive) / capacity_Ah)
 
 
 def a123_charge(degC: int) -> Recording:
     """From empty to full at 25 degC with a dither at the end, after the drive at this temperature."""
     charge = _a123_drive(degC, 3)
-    moved_Ah = -_counted_Ah(charge)
+    moved_Ah = -discharged_Ah(charge)
     return Recording(_at(charge, 25.0), 1 + (moved_Ah - moved_Ah[-1]) / A123_AH)
 
 
@@ -91,7 +91,7 @@ def _a123_drive(degC: int, script: int) -> Log:
     return _table("plett_a123_lfp/a123_dyn.parquet", temp_C=degC, script=script)
 
 
-def _counted_Ah(log: Log) -> np.ndarray:
+def discharged_Ah(log: Log) -> np.ndarray:
     """Net charge taken out, by the cycler's own counters [Ah]."""
     return log.extra["dis_Ah"] - log.extra["chg_Ah"]
 

@@ -77,7 +77,7 @@ def measured(k: int, t: float) -> Iterator[dict[str, float]]:
 
 
 def resident_MB() -> float:
-    """Memory of this process that is in use."""
+    """Memory of this process that is resident."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 

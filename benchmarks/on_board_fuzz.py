@@ -7,7 +7,6 @@ bytes. `make soak` takes a million of each (`python benchmarks/on_board.py fuzz-
 from __future__ import annotations
 
 import random
-import resource
 import shutil
 import sqlite3
 import sys
@@ -38,6 +37,7 @@ from ohmward.onboard.sources.json_lines import JsonLinesSource
 from ohmward.onboard.sources.mqtt import MqttSource
 from ohmward.onboard.sources.ros2 import Ros2Source
 from ohmward.onboard.sources.serial import SerialSource
+from on_board_day import resident_MB
 
 DBC = str(Path(__file__).parents[1] / "tests" / "onboard" / "robot.dbc")
 
@@ -230,9 +230,3 @@ def fuzz(name: str, inputs: int, seed: int = 1) -> Fuzzed:
             crashes += 1
         slowest_s = max(slowest_s, time.thread_time() - from_s)
     return Fuzzed(inputs, slowest_s, resident_MB() - first_MB, time.perf_counter() - began_s, crashes)
-
-
-def resident_MB() -> float:
-    """Memory of this process that is resident."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * resource.getpagesize() / 1e6
