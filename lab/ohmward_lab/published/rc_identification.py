@@ -89,9 +89,8 @@ def find_response(samples: RcSamples, capacity_Ah: float) -> EdgeResponse:
             f"the log has no edge of current above C/20 = {_EDGE_RATE * capacity_Ah:.3g} A, so no resistance can be "
             "found; record a few pulses"
         )
-    typical_s = _typical_step_s(samples)
-    enough = typical_s * _FEWEST_OF_A_WINDOW <= FIRST_S
-    window_s = FIRST_S if enough else 2 * _FEWEST_OF_A_WINDOW * typical_s  # ten samples where the log is slower
+    fewest_s = _FEWEST_OF_A_WINDOW * samples.typical_step_s
+    window_s = FIRST_S if fewest_s <= FIRST_S else 2 * fewest_s  # ten samples where the log is slower
     before, after = _around(samples, edges)
     r_total = float(np.median((samples.voltage_V[after] - samples.voltage_V[before]) / change_A[edges]))
     if not r_total > 0:
@@ -116,7 +115,7 @@ def _around(samples: RcSamples, edges: np.ndarray) -> tuple[np.ndarray, np.ndarr
     In a regular log these are the samples of the edge itself. A logger that writes both currents and one voltage at the
     same moment is understood too.
     """
-    step_s = 0.99 * _typical_step_s(samples)
+    step_s = 0.99 * samples.typical_step_s
     before = np.searchsorted(samples.time_s, samples.time_s[edges + 1] - step_s, "right") - 1
     after = np.searchsorted(samples.time_s, samples.time_s[edges] + step_s, "left")
     return np.maximum(before, 0), np.minimum(after, len(samples.time_s) - 1)
@@ -129,10 +128,6 @@ def _after_edge(samples: RcSamples, first: int, change_A: float, window_s: float
     stays = slice(first, first + (int(np.argmax(moved)) if moved.any() else last - first))
     rise_ohm = (samples.voltage_V[stays] - samples.voltage_V[first]) / change_A
     return samples.time_s[stays] - samples.time_s[first], rise_ohm
-
-
-def _typical_step_s(samples: RcSamples) -> float:
-    return float(np.median(samples.dt_s[1:]))
 
 
 def find_time_constant(response: EdgeResponse) -> TimeConstant:
@@ -166,6 +161,11 @@ class RcSamples(NamedTuple):
     voltage_V: np.ndarray
     gap: np.ndarray  #: True where the step is a gap in the recording, or the first of a part
     part: np.ndarray  #: number of the part, 0 for the first
+
+    @property
+    def typical_step_s(self) -> float:
+        """Median of the steps [s]."""
+        return float(np.median(self.dt_s[1:]))
 
 
 def outside_long_charges(log: Log, capacity_Ah: float) -> RcSamples:
@@ -242,7 +242,8 @@ def fit_voltage(
     minimize_scalar = require("scipy.optimize", "identification").minimize_scalar
 
     longest_s = min(0.5 * (samples.time_s[-1] - samples.time_s[0]), longest_tau_s)
-    grid = np.geomspace(_shortest_s(samples), max(longest_s, 4 * _shortest_s(samples)), _RATES)
+    shortest_s = 0.5 * samples.typical_step_s  # anything faster looks like R_0
+    grid = np.geomspace(shortest_s, max(longest_s, 4 * shortest_s), _RATES)
     best = int(np.argmin([_solve(samples, ocv_V, tau)[1] for tau in grid]))
     low, high = np.log(grid[max(best - 1, 0)]), np.log(grid[min(best + 1, _RATES - 1)])
     found = minimize_scalar(
@@ -255,7 +256,7 @@ def fit_voltage(
         r0, r1, per_C = alone
     if not (per_C > 0 and r0 > 0):
         return None
-    return voltage_fit(samples, ocv_V, (1 / per_C, r0, r1, tau_s if r1 > 0 else _shortest_s(samples)))
+    return voltage_fit(samples, ocv_V, (1 / per_C, r0, r1, tau_s if r1 > 0 else shortest_s))
 
 
 def voltage_fit(samples: RcSamples, ocv_V: np.ndarray | None, numbers: tuple[float, float, float, float]) -> VoltageFit:
@@ -316,11 +317,6 @@ def _means(samples: RcSamples, values: np.ndarray) -> np.ndarray:
     """Weighted mean (parts,) of values (T,) over each part."""
     weights = _weights(samples) ** 2
     return np.bincount(samples.part, weights * values) / np.bincount(samples.part, weights)
-
-
-def _shortest_s(samples: RcSamples) -> float:
-    """Half the typical step [s]: anything faster looks like R_0."""
-    return 0.5 * float(np.median(samples.dt_s[1:]))
 
 
 #: A log that moves SoC by less does not show the slope of its open-circuit voltage.
@@ -394,7 +390,7 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
     noise = BatteryNoise() if fit is None else _noise(fit, response, soc, line_slope_V)
     notes = _notes(response, fit, 1 - len(samples.time_s) / len(log), total_F)
     rule_rms_V = voltage_fit(samples, ocv_V, rc.four_numbers(rule)).rms_V
-    missing = _missing(response, tau, fit, (float(np.median(samples.dt_s[1:])), longest_tau_s))
+    missing = _missing(response, tau, fit, (samples.typical_step_s, longest_tau_s))
     return RcIdentification(model, noise, rule, rule_rms_V, response, tau, fit, notes, missing)
 
 

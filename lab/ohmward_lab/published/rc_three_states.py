@@ -1,10 +1,8 @@
 """RC model and Kalman filter with three states, as [P] 2.2 and 3.1 have them; SoC by the inverse OCV curve of V_cb.
 
-    x = [V_cb, V_cs, V_o]        y = V_o        V_o as a state moves under the assumption di/dt = 0
+    x = [V_cb, V_cs, V_o]        y = V_o        dV_o/dt = A33 (V_o - V_cb) + B31 i
 
-    dV_cb/dt = (V_cs - V_cb + R_s i) / (D C_b)        D = R_b + R_s
-    dV_cs/dt = (V_cb - V_cs + R_b i) / (D C_s)
-    dV_o/dt  = A33 (V_o - V_cb) + B31 i               see `models.rc`
+The capacitors are those of `rc_circuit`; V_o as a state moves under the assumption di/dt = 0.
 
 With `jumps` V_o also changes by (R_t + R_b R_s / D) (i_k - i_(k-1)), which di/dt = 0 leaves out. The step is exact in
 both. Q and R are those of (25), constant and diagonal; P0 is not printed. The filter takes its start as given, so that

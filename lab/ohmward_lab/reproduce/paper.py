@@ -6,7 +6,6 @@ and a wrong start.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache, partial
 from typing import NamedTuple
@@ -237,19 +236,20 @@ def pulse_test() -> Result:
             ResultRow(f"{name}: C_s = tau / (2 R_s)", "F", None, by_rule.c_surface_F, by_rule.c_surface_F),
         ]
         log = here.recording.bench
-        figures += [current_figure(log), voltage_figure(log), edge_response_figure(response, {"rule": here.rule})]
+        figures += [current_figure(log), voltage_figure(log), edge_response_figure(response, here.rule)]
     return Result(tuple(rows), tuple(figures))
 
 
-def edge_response_figure(response: EdgeResponse, circuits: Mapping[str, RcModel]) -> Figure:
-    """Rise of the voltage after the edges of the current, each over its change, and that of some RC models."""
+def edge_response_figure(response: EdgeResponse, rule: RcModel) -> Figure:
+    """Rise of the voltage after the edges of the current, each over its change, and that of the rule's model."""
     drawn = np.unique(np.linspace(0, len(response.time_s) - 1, _MOST_RISES).astype(int))
-    series = [Series(response.time_s[drawn], 1e3 * response.rise_ohm[drawn], "measured", "points", "reference")]
     time_s = np.linspace(0.0, response.window_s, 101)
-    for name, model in circuits.items():
-        capacitance_F, _, r1, tau_s = four_numbers(model)
-        rise_ohm = r1 * (1 - np.exp(-time_s / tau_s)) + time_s / capacitance_F
-        series.append(Series(time_s, 1e3 * rise_ohm, name))
+    capacitance_F, _, r1, tau_s = four_numbers(rule)
+    rise_ohm = r1 * (1 - np.exp(-time_s / tau_s)) + time_s / capacitance_F
+    series = [
+        Series(response.time_s[drawn], 1e3 * response.rise_ohm[drawn], "measured", "points", "reference"),
+        Series(time_s, 1e3 * rise_ohm, "rule"),
+    ]
     return Figure("Voltage after the edges", "Time after the edge [s]", "Rise [mΩ]", series, height_px=220)
 
 

@@ -34,7 +34,7 @@ SEEDS = (1, 2, 3)
 NARROW, WHOLE = (0.98, 0.90), (0.98, 0.10)
 #: Standard deviation of the state of charge that the filters are told to start from.
 START_STD = 0.005
-#: Step [V] of an oscilloscope of 8 bit over the pack's largest voltage.
+#: Step [V] of an oscilloscope of 8 bit over the pack's largest voltage ([T] 3.3.5).
 _SCOPE_V = 42.0 / 256
 
 
@@ -65,14 +65,6 @@ def run(
     """The scheme of figure 3.10 along the drive, both stages by this method, (T,) each."""
     here = case(soc, seed)
     return run_along(here.log, here.offline.rule, method, corrected, soc[0])
-
-
-@cache
-def scope_run(method: str, seed: int) -> SchemeByMethodEstimate:
-    """The same, corrected, with the voltage of an oscilloscope of 8 bit ([T] 3.3.5)."""
-    here = case(NARROW, seed)
-    scoped = replace(here.log, voltage_V=_SCOPE_V * np.round(here.log.voltage_V / _SCOPE_V))
-    return run_along(scoped, here.offline.rule, method, True, NARROW[0])
 
 
 def run_along(log: Log, model: rc.RcModel, method: str, corrected: bool, start_soc: float) -> SchemeByMethodEstimate:
@@ -218,7 +210,10 @@ def voltage_by_method() -> Result:
                 default if when == "before" else [],
                 _BEFORE if when == "before" else _AFTER,
             )
-    scoped = [scope_run("aukf", seed) for seed in SEEDS]
+    scoped = []
+    for here in (case(NARROW, seed) for seed in SEEDS):
+        log = replace(here.log, voltage_V=_SCOPE_V * np.round(here.log.voltage_V / _SCOPE_V))
+        scoped.append(run_along(log, here.offline.rule, "aukf", True, NARROW[0]))
     for when, found in (("before", [f.innovation_V for f in scoped]), ("after", [f.residual_V for f in scoped])):
         mean = mean_errors([errors(error) for error in found]).mean
         rows.append(
