@@ -6,6 +6,8 @@ import os
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 HERE = Path(__file__).resolve().parent
 DATA = Path(os.environ.get("OHMWARD_DATA", HERE.parents[1] / "shared" / "data"))
 
@@ -51,6 +53,11 @@ def between(
     """A figure that should lie between its bars."""
     low, high = bars
     return Figure(data, method, quantity, f"{value:{form}}", f"{low:g} to {high:g}", low <= value <= high)
+
+
+def rms(errors: np.ndarray) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(errors**2)))
 
 
 def data_file(path: str) -> Path:

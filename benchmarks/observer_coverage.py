@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from figure import Figure, at_least, at_most
+from figure import Figure, at_least, at_most, rms
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop import Scenario
 from ohmward_lab.simulate.closed_loop.run import score
@@ -66,7 +66,7 @@ def covered(scenario: Scenario) -> Covered:
     """One drive."""
     run = closed_loop.run(scenario)
     found, std = score(run), run.rows.estimate.speed_std_m_s
-    return Covered(found.speed_coverage_95, found.coverage_95, found.speed_rmse_m_s, float(np.sqrt(np.mean(std**2))))
+    return Covered(found.speed_coverage_95, found.coverage_95, found.speed_rmse_m_s, rms(std))
 
 
 def figures(name: str, mean: np.ndarray) -> Iterator[Figure]:

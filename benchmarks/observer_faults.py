@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 import real_warthog as warthog
-from figure import Figure, at_least, at_most
+from figure import Figure, at_least, at_most, rms
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import hard_terrain
@@ -86,10 +86,6 @@ def held(values: np.ndarray) -> np.ndarray:
     """The values (T,) with the last number in place of nan."""
     last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), 0))
     return values[last]
-
-
-def rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 if __name__ == "__main__":

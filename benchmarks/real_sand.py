@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from figure import Figure, at_most
+from figure import Figure, at_most, rms
 from ohmward.traction.friction.law import contact, direction_and_size
 from ohmward.traction.friction.soft_ground import SoftGround, mean_shear
 from ohmward.traction.friction.terrain import SOILS
@@ -144,7 +144,3 @@ def pull_N(p: np.ndarray, trials: Trials) -> np.ndarray:
     direction, creep = direction_and_size(at.slip_speed_m_s / np.maximum(at.rim_speed_m_s, SPEED_FLOOR_M_S))
     shear = mean_shear(creep * np.sqrt(z * (2 * RADIUS_M - z)) / shear_m)
     return direction * at.load_N * tan_phi * shear - resistance_N * (z / 0.02) ** 2
-
-
-def rms(errors: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(errors**2)))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from figure import Figure, at_least, at_most
+from figure import Figure, at_least, at_most, rms
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Motor, Robot, RollingResistance, SkidSteer, Wheel, hard_terrain
@@ -128,7 +128,7 @@ def speed_figures(data: str, windows: Windows, estimates: list[SlipEstimate], ch
     error = (speed - windows.speed_m_s)[chosen]
     covered = float(np.mean(np.abs(error) <= BAND_95 * std[chosen]))
     count = f"{data} ({chosen.sum()} windows)"
-    yield at_most(count, METHOD, "speed of a window, RMSE [m/s]", float(np.sqrt(np.mean(error**2))))
+    yield at_most(count, METHOD, "speed of a window, RMSE [m/s]", rms(error))
     yield at_most(count, METHOD, "its median sigma [m/s]", float(np.median(std[chosen])))
     yield at_least(count, METHOD, "coverage of 95 % of the speed", covered, 0.9, ".3f")
 
@@ -142,7 +142,7 @@ def turn_figures(windows: Windows, estimates: list[SlipEstimate], chosen: np.nda
     methods = {METHOD: turned, "wheels alone": by_wheels(windows, WARTHOG), text: by_wheels(windows, robot)}
     for method, rate in methods.items():
         error = (rate - windows.turn_rad_s)[chosen]
-        yield at_most(DATA, method, "yaw rate over a window, RMSE [rad/s]", float(np.sqrt(np.mean(error**2))))
+        yield at_most(DATA, method, "yaw rate over a window, RMSE [rad/s]", rms(error))
 
 
 def in_two_steps(windows: Windows) -> Robot:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from figure import Figure, at_least, at_most
+from figure import Figure, at_least, at_most, rms
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Odometry, Robot
@@ -67,10 +67,6 @@ def poses() -> Lidar:
     shape = (len(columns("norlab_skidsteer/drive_warthog_window_truth.csv")["icp_vx"]), -1)
     x_m, y_m, yaw_rad = (data[name].reshape(shape).astype(float) for name in ("icp_x", "icp_y", "icp_yaw"))
     return Lidar(x_m, y_m, np.unwrap(yaw_rad, axis=1))
-
-
-def rms(error: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(error**2)))
 
 
 def error_at_best(way: Moved, seen: list[Moved], part: str, fitted: np.ndarray) -> tuple[np.ndarray, Moved]:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from figure import DATA, Figure, at_least, at_most, data_file
+from figure import DATA, Figure, at_least, at_most, data_file, rms
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs import read_drive
 from ohmward.traction import ROBOTINO, Robot
@@ -167,7 +167,7 @@ def _judged(track: FloorRun, run: Run, robot: Robot, start_s: float = START_S) -
         true=float(1 - body[part].mean() / rim[part].mean()),
         found=float(track.travel_slip[part].mean()),
         std=float(track.travel_slip_std[part].mean()),
-        rms=float(np.sqrt(np.mean(error**2))),
+        rms=rms(error),
         crossings=len(track.crossings),
         seconds=run.drive.log.duration_s,
     )

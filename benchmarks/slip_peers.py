@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from figure import Figure, at_least, at_most
+from figure import Figure, at_least, at_most, rms
 from ohmward.filters.consistency import BAND_95
 from ohmward.traction import RLMA, Terrain
 from ohmward.traction.control import SlipCommand, SlipController
@@ -99,7 +99,7 @@ def held(law: Any, launch: float, tyre: str, friction: float, sensors: Sensors, 
     driven = driven._replace(time_s=driven.time_s - spin_s)
     change = np.diff(driven.torque_N_m[:, 0])
     settled_s = tracking(driven, TARGET, SPIN_S).settled_s
-    return Held(settled_s, float(np.sqrt(np.mean(change**2))), least_s(driven) if spinning else 0.0)
+    return Held(settled_s, rms(change), least_s(driven) if spinning else 0.0)
 
 
 def least_s(driven: RobotTruth) -> float:
@@ -187,7 +187,7 @@ def claim(passive: bool) -> Claim:
     runs = [jumping(sensors, mu, rng, seed) for mu in FRICTIONS for seed in range(6)]
     error, std = np.concatenate(runs).T
     z = error / std
-    return Claim(float(np.mean(z**2)), float(np.mean(np.abs(z) <= BAND_95)), float(np.sqrt(np.mean(error**2))))
+    return Claim(float(np.mean(z**2)), float(np.mean(np.abs(z) <= BAND_95)), rms(error))
 
 
 def jumping(sensors: Sensors, friction: float, rng: np.random.Generator, seed: int) -> np.ndarray:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from figure import Figure, at_least, at_most
+from figure import Figure, at_least, at_most, rms
 from lives_cells import CELLS, LABEL, PULSES, START_DEPTH, LifeCell, battery_from, capacity_of, truth_of
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.drift import expected_weakest
@@ -98,7 +98,7 @@ def weakest_figures(data: str, run: PackRun, found: Pack, bar: float | None) -> 
     late = run.time_s >= SETTLED_S
     error = (run.cells.soc - found.soc)[late, -1]
     covered = np.mean(np.abs(error) <= 1.96 * run.cells.soc_std[late, -1])
-    rmse = float(np.sqrt(np.mean(error**2)))
+    rmse = rms(error)
     yield at_most(data, "cell voltages", "weakest cell, RMSE [%]", 100 * rmse, bar and 100 * bar, ".2f")
     yield at_least(data, "cell voltages", "weakest cell, covered [%]", 100 * float(covered), 100 * COVERAGE_BAR, ".0f")
 
