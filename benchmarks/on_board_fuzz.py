@@ -23,7 +23,7 @@ import numpy as np
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import write_table
 from ohmward.logs.read import open_table
-from ohmward.onboard.can_database import CanDatabase, CanDecoder
+from ohmward.onboard.can_bus import CanDatabase, CanDecoder
 from ohmward.onboard.control.operator_command import Signing, command_of
 from ohmward.onboard.message import Signals, Wiring
 from ohmward.onboard.mqtt_broker import Payload

@@ -41,7 +41,7 @@ from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.message import Wiring
 from ohmward.onboard.page.view import view
 from ohmward.onboard.sources import replay, ros2
-from ohmward.onboard.state_path import number_at, require_path
+from ohmward.onboard.robot_state import number_at, require_path
 from ohmward.onboard.store.rows import RowMaker
 
 with open("bay.csv", "w") as file:

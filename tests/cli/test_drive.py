@@ -16,7 +16,7 @@ from ohmward.cli.main import main
 from ohmward.onboard.control.drive_control import DriveControl
 from ohmward.onboard.control.loop import ControlLoop
 from ohmward.onboard.control.operator_command import DriveLimits, OperatorCommand
-from ohmward.onboard.control.operator_server import OperatorServer
+from ohmward.onboard.control.operator_link import OperatorServer
 from ohmward.traction.robot.packaged import RLMA
 from onboard.control.test_drive_control import state
 from onboard.servers import free_port

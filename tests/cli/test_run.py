@@ -19,8 +19,7 @@ from ohmward.cli.run.command import summary
 from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.sinks.page import PageSink
-from ohmward.onboard.trial import Trial
-from ohmward.onboard.wiring_check import Recorder
+from ohmward.onboard.trial import Recorder, Trial
 from ohmward_lab.onboard import demonstration
 
 

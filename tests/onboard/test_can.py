@@ -15,7 +15,7 @@ import pytest
 
 from ohmward import generic_battery
 from ohmward.errors import InputError, OhmwardError
-from ohmward.onboard.can_database import CanDatabase, CanDecoder, CanEncoder
+from ohmward.onboard.can_bus import CanDatabase, CanDecoder, CanEncoder
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message, ScaledSignal, Signals, Wiring

@@ -9,7 +9,7 @@ import pytest
 
 from ohmward.errors import OhmwardError
 from ohmward.onboard.assembly import sinks_of
-from ohmward.onboard.page.past import SPANS, Past, Rows, stored_rows, thinned
+from ohmward.onboard.page.dashboard import SPANS, Past, Rows, stored_rows, thinned
 from ohmward.onboard.page.view import HISTORY
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.sinks.page import PageSink
@@ -74,7 +74,7 @@ def test_the_store_is_read_once_for_all_readers_and_its_faults_are_named(tmp_pat
         calls.append(arguments)
         raise OhmwardError("store.sqlite: cannot be read")
 
-    monkeypatch.setattr("ohmward.onboard.page.past.stored_rows", read)
+    monkeypatch.setattr("ohmward.onboard.page.dashboard.stored_rows", read)
 
     async def ask():
         past = Past(dashboard_with(tmp_path))

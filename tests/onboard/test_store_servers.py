@@ -18,9 +18,8 @@ import pytest
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.sinks.server import InfluxSink, PostgresqlSink, lines, write_lines, write_rows
-from ohmward.onboard.store.delivery import deliver, done_in_thread, send_batch
+from ohmward.onboard.store.delivery import Spool, deliver, done_in_thread, send_batch
 from ohmward.onboard.store.rows import Row
-from ohmward.onboard.store.spool import Spool
 from onboard.page_server import drive
 from onboard.servers import free_port, influxdb, postgresql, victoria_metrics
 
@@ -61,7 +60,7 @@ CLOSED_WHILE_READ = """
 import sqlite3, sys, threading
 from pathlib import Path
 from ohmward.onboard.store.rows import Row
-from ohmward.onboard.store.spool import Spool
+from ohmward.onboard.store.delivery import Spool
 
 def read(spool):
     try:

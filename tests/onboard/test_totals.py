@@ -12,11 +12,9 @@ from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.page.view import view
 from ohmward.onboard.resume import remember, resume
 from ohmward.onboard.robot_setup import SETUP_FILE
-from ohmward.onboard.state_path import number_at, require_path
+from ohmward.onboard.robot_state import Totals, number_at, require_path, totals_from
 from ohmward.onboard.store.rows import Row, RowMaker
-from ohmward.onboard.store.store import Store
-from ohmward.onboard.store.sums import totals_of_store
-from ohmward.onboard.totals import Totals, totals_from
+from ohmward.onboard.store.store import Store, totals_of_store
 from ohmward.traction.robot.packaged import RLMA
 
 BATTERY = generic_battery("lfp", 12.0, 4)

@@ -7,7 +7,7 @@ import pytest
 from ohmward import generic_battery
 from ohmward.onboard.message import Message
 from ohmward.onboard.robot_state import Level
-from ohmward.onboard.wiring_check import Recorder, check_wiring
+from ohmward.onboard.trial import Recorder, check_wiring
 from ohmward.traction.robot.packaged import RLMA
 
 PLACES = [place.name for place in RLMA.places]

@@ -27,8 +27,7 @@ from ohmward.onboard.sinks.store import StoreSink
 from ohmward.onboard.sources.replay import replays_in_step
 from ohmward.onboard.sources.ros2 import Ros2Source
 from ohmward.onboard.state_folder import StateFolder
-from ohmward.onboard.store.store import DATABASE
-from ohmward.onboard.store.sums import totals_of_store
+from ohmward.onboard.store.store import DATABASE, totals_of_store
 from ohmward.signals.checks import NOT_COUNTED, doubled
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import Robot

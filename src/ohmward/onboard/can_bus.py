@@ -1,20 +1,28 @@
-"""CAN buses: opened by python-can, with the fix in every refusal."""
+"""CAN: buses by python-can, with the fix in every refusal, and signals in frames by the user's database.
+
+A database is a DBC or what else cantools reads; frames become quantities by it, and numbers frames.
+"""
 
 from __future__ import annotations
 
+import difflib
+import math
 import time
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncIterator, Iterable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
-from ohmward.errors import OhmwardError
-from ohmward.onboard.message import Handover, read_in_thread
+from ohmward.errors import InputError, OhmwardError
+from ohmward.logs.can_file import load_can_database
+from ohmward.logs.units import unit_of
+from ohmward.onboard.message import Handover, ScaledSignal, Wiring, read_in_thread, signal_line
 from ohmward.optional import require
+from ohmward.quantities import quantity_of
 
 #: Error class "bus off" in the identifier of an error frame, linux/can/error.h.
 _BUS_OFF = 0x40
-
 
 #: A bus that takes no frame for so long has failed [s].
 _SEND_S = 0.02
@@ -114,3 +122,168 @@ def bus_off_error(channel: str) -> OhmwardError:
         f"{channel} is bus-off: check wiring, the two 120 ohm terminators and the bitrate; "
         f"ip link set {channel} type can restart-ms 100 lets it come back by itself"
     )
+
+
+class CanSignal(NamedTuple):
+    """A signal of a database: `frame` is cantools' message, `signal` its signal."""
+
+    frame: Any
+    signal: Any
+
+
+class CanDatabase:
+    """Messages and signals of a file, looked up as "MESSAGE.SIGNAL".
+
+    Args:
+        path: of a DBC, KCD, SYM or ARXML file.
+
+    Raises:
+        InputError: it cannot be read, or describes no messages.
+        MissingPackageError: cantools is not installed.
+    """
+
+    def __init__(self, path: str):
+        self.path = path
+        self._frames = {frame.name: frame for frame in load_can_database(path).messages}
+        self._by_identifier = {(frame.frame_id, frame.is_extended_frame): frame for frame in self._frames.values()}
+
+    @property
+    def signals(self) -> dict[str, Any]:
+        """All signals of cantools by "MESSAGE.SIGNAL"."""
+        return {f"{frame.name}.{found.name}": found for frame in self._frames.values() for found in frame.signals}
+
+    def decoded(self, frame_id: int, extended: bool, data: bytes) -> dict[str, float] | None:
+        """Numbers of a frame by "MESSAGE.SIGNAL"; none of one that is not in the file, None where it is broken."""
+        if (frame := self._by_identifier.get((frame_id, extended))) is None:
+            return {}
+        try:
+            numbers = frame.decode_simple(data, decode_choices=False)
+        except Exception:  # too short, an unknown multiplexer, a container: bits are no promise
+            return None
+        return {f"{frame.name}.{name}": number for name, number in numbers.items()}
+
+    def find(self, name: str) -> CanSignal:
+        """The signal of a name.
+
+        Raises:
+            InputError: there is none; names the nearest.
+        """
+        message, _, signal = name.partition(".")
+        if frame := self._frames.get(message):
+            for found in frame.signals:
+                if found.name == signal:
+                    return CanSignal(frame, found)
+        near = difflib.get_close_matches(name, self.signals, n=3, cutoff=0.0)
+        raise InputError(
+            f"{name!r} is not in {Path(self.path).name}; write MESSAGE.SIGNAL, such as {', '.join(near) or 'none'}"
+        )
+
+
+class CanDecoder:
+    """Frames of a bus to quantities.
+
+    Args:
+        database: of the signals.
+        wiring: quantities by "MESSAGE.SIGNAL".
+
+    Raises:
+        InputError: a signal that the database does not have, or one in another unit than its quantity.
+    """
+
+    def __init__(self, database: CanDatabase, wiring: Wiring):
+        self._database, self._wiring = database, wiring
+        self._frames: set[tuple[int, bool]] = set()
+        scaled: dict[str, str] = {}
+        for name, uses in wiring.signals.items():
+            found = database.find(name)
+            for quantity, scale, _ in uses:
+                if line := _line_with_scale(name, quantity, scale, found.signal.unit):
+                    scaled[f"{name} is in {found.signal.unit}"] = line
+            self._frames.add((found.frame.frame_id, found.frame.is_extended_frame))
+        if scaled:
+            raise InputError(f"{', '.join(scaled)}; write below signals\n" + "\n".join(scaled.values()))
+
+    @property
+    def filters(self) -> list[dict[str, Any]]:
+        """Filters of the frames that matter, as python-can takes them."""
+        return _filters(self._frames)
+
+    def values(self, frame_id: int, extended: bool, data: bytes) -> dict[str, float] | None:
+        """Quantities of a frame; none of a frame that is not wired, None of one that cannot be decoded."""
+        if (frame_id, extended) not in self._frames:
+            return {}
+        numbers = self._database.decoded(frame_id, extended, data)
+        return None if numbers is None else self._wiring.values(numbers)
+
+
+class CanEncoder:
+    """Numbers to frames.
+
+    Args:
+        database: of the signals.
+        signals: name of a number -> "MESSAGE.SIGNAL", or that with scale and offset: number = scale * signal + offset.
+
+    Raises:
+        InputError: a signal that the database does not have.
+    """
+
+    def __init__(self, database: CanDatabase, signals: Mapping[str, str | ScaledSignal]):
+        self._frames: dict[str, tuple[Any, list[tuple[str, Any, ScaledSignal]]]] = {}
+        for name, given in signals.items():
+            scaled = given if isinstance(given, ScaledSignal) else ScaledSignal(given)
+            found = database.find(scaled.name)
+            self._frames.setdefault(found.frame.name, (found.frame, []))[1].append((name, found.signal, scaled))
+
+    @property
+    def identifiers(self) -> dict[tuple[int, bool], str]:
+        """Identifier, extended or not, of every frame, and its name."""
+        return {(frame.frame_id, frame.is_extended_frame): name for name, (frame, _) in self._frames.items()}
+
+    @property
+    def filters(self) -> list[dict[str, Any]]:
+        """Filters of its own frames, as python-can takes them."""
+        return _filters(self.identifiers)
+
+    def frames(self, numbers: Mapping[str, float]) -> list[tuple[int, bool, bytes]]:
+        """Identifier, extended or not, and data of every frame whose numbers are all known; signals saturate.
+
+        Signals of these messages that no number is given to are at their initial value, or 0.
+        """
+        frames = []
+        for frame, uses in self._frames.values():
+            found = {name: numbers.get(name, math.nan) for name, _, _ in uses}
+            if not all(map(math.isfinite, found.values())):
+                continue
+            data: dict[str, float] = {signal.name: signal.initial or 0 for signal in frame.signals}
+            for name, signal, scaled in uses:
+                data[signal.name] = _saturated(signal, (found[name] - scaled.offset) / scaled.scale)
+            frames.append((frame.frame_id, frame.is_extended_frame, frame.encode(data, strict=False)))
+        return frames
+
+
+def _filters(identifiers: Iterable[tuple[int, bool]]) -> list[dict[str, Any]]:
+    return [
+        {"can_id": number, "can_mask": 0x1FFFFFFF if extended else 0x7FF, "extended": extended}
+        for number, extended in identifiers
+    ]
+
+
+def _saturated(signal: Any, value: float) -> float:
+    """The nearest value that the bits of a signal and its limits can hold."""
+    if signal.is_float:
+        return value
+    low = -(1 << (signal.length - 1)) if signal.is_signed else 0
+    high = low + (1 << signal.length) - 1
+    least, most = sorted((low * signal.scale + signal.offset, high * signal.scale + signal.offset))
+    if signal.minimum is not None and signal.maximum is not None and signal.minimum < signal.maximum:
+        least, most = max(least, signal.minimum), min(most, signal.maximum)
+    return min(max(value, least), most)
+
+
+def _line_with_scale(name: str, quantity: str, scale: float, unit: str | None) -> str:
+    """Line of a setup with the scale that brings a unit of the database to the quantity's; "" where none is due."""
+    own, found = unit_of(quantity_of(quantity).unit), unit_of(unit or "")
+    if scale != 1.0 or own is None or found is None or found.dimension != own.dimension:
+        return ""
+    wired = ScaledSignal(name, found.scale / own.scale, found.offset)
+    return "" if wired == ScaledSignal(name) else signal_line(quantity, wired)

@@ -14,8 +14,7 @@ import numpy as np
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs.bags.bag_table import open_recording
 from ohmward.logs.bags.recording import CDR, Topic
-from ohmward.onboard.can_bus import CanPort, frames_of
-from ohmward.onboard.can_database import CanDatabase
+from ohmward.onboard.can_bus import CanDatabase, CanPort, frames_of
 from ohmward.onboard.message import as_number
 from ohmward.onboard.mqtt_broker import MqttBroker
 from ohmward.onboard.recognition import Offered

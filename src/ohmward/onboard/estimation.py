@@ -24,8 +24,7 @@ from ohmward.energy.drive_meter import DriveSample
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.energy.range_step import RangeEstimate, RangeSample
 from ohmward.onboard.message_parts import MessageSorter
-from ohmward.onboard.robot_state import RobotState
-from ohmward.onboard.totals import Totals
+from ohmward.onboard.robot_state import RobotState, Totals
 from ohmward.quantities import GROUPS
 from ohmward.traction.inbox import HEADING, SensorInbox
 from ohmward.traction.odometry.estimator import Odometry, by_wheels_and_gyro, force_known, with_slip_of

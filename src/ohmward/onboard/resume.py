@@ -28,7 +28,7 @@ from ohmward.checks import require_between, require_positive
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.errors import InputError
 from ohmward.onboard.estimation import Estimation
-from ohmward.onboard.totals import totals_from
+from ohmward.onboard.robot_state import totals_from
 from ohmward.quantities import QUANTITIES
 from ohmward.trace.snapshot import to_json, typed
 

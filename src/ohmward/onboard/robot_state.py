@@ -1,4 +1,9 @@
-"""State of the robot: everything that is known at an instant, one record for every sink, and plain dicts for JSON."""
+"""State of the robot: everything that is known at an instant, one record for every sink, and plain dicts for JSON.
+
+Sinks that send single numbers name them by path: "battery.soc", "slip.slip_ratio.0"; "sample.battery_current_A" is
+a measured value; "age_s.battery" is the time since the sample behind the estimates of the battery, and so are those of
+drive and cells.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +16,65 @@ import numpy as np
 
 from ohmward.battery.cells.pack_estimator import PackEstimate
 from ohmward.battery.soc.sample import SocEstimate
+from ohmward.checks import require_one_of
 from ohmward.energy.range_step import RangeEstimate
+from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.filters.flags import SampleFlag
-from ohmward.onboard.totals import Totals
+from ohmward.onboard.message import as_number
+from ohmward.quantities import quantity_of
 from ohmward.traction.odometry.sample import OdometryEstimate
 from ohmward.traction.speed_observer.estimate import SlipEstimate
+
+#: Samples further apart have nothing between them that was measured [s].
+TOTALS_GAP_S = 60.0
+
+_S_PER_H, _WH_PER_KWH, _M_PER_KM = 3600.0, 1e3, 1e3
+
+
+class Totals(NamedTuple):
+    """Sums over everything that was measured; nothing is counted while no sensor reports."""
+
+    charge_in_Ah: float = 0.0  #: into the battery
+    charge_out_Ah: float = 0.0  #: out of it
+    energy_in_kWh: float = 0.0  #: into the battery
+    energy_out_kWh: float = 0.0  #: out of it
+    #: equivalent full cycles: charge both ways over twice the capacity of the battery file
+    cycles: float = 0.0
+    distance_km: float = 0.0  #: driven
+
+    def plus_charge(self, charge_Ah: float, voltage_V: float, capacity_Ah: float) -> Totals:
+        """The totals after a charge of one sign at a voltage.
+
+        charge_Ah: > 0 into the battery.  voltage_V: mean, nan where it was not measured: no energy is counted.
+        """
+        energy_kWh = abs(charge_Ah) * voltage_V / _WH_PER_KWH if math.isfinite(voltage_V) else 0.0
+        cycles = self.cycles + abs(charge_Ah) / (2.0 * capacity_Ah)
+        if charge_Ah > 0.0:
+            charge_in_Ah, energy_in_kWh = self.charge_in_Ah + charge_Ah, self.energy_in_kWh + energy_kWh
+            return self._replace(charge_in_Ah=charge_in_Ah, energy_in_kWh=energy_in_kWh, cycles=cycles)
+        charge_out_Ah, energy_out_kWh = self.charge_out_Ah - charge_Ah, self.energy_out_kWh + energy_kWh
+        return self._replace(charge_out_Ah=charge_out_Ah, energy_out_kWh=energy_out_kWh, cycles=cycles)
+
+    def after_battery(self, dt_s: float, current_A: float, voltage_V: float, capacity_Ah: float) -> Totals:
+        """The totals after a step with these means, unless it is a gap.
+
+        dt_s: since the sample before.  current_A: > 0 charges; nan is not measured, as of the voltage.
+        """
+        if not (0.0 < dt_s <= TOTALS_GAP_S and math.isfinite(current_A)):
+            return self
+        return self.plus_charge(current_A * dt_s / _S_PER_H, voltage_V, capacity_Ah)
+
+    def after_drive(self, before_m: float, distance_m: float) -> Totals:
+        """The totals after the path has grown from one length to another; one that is shorter has begun again."""
+        grown_m = distance_m - before_m if distance_m >= before_m else distance_m
+        return self._replace(distance_km=self.distance_km + grown_m / _M_PER_KM) if math.isfinite(grown_m) else self
+
+
+def totals_from(content: Mapping[str, Any]) -> Totals:
+    """The totals in a snapshot; nothing of a number that cannot be one."""
+    known = {name: content.get(name) for name in Totals._fields}
+    return Totals(**{name: float(v) for name, v in known.items() if isinstance(v, int | float) and 0.0 <= v < 1e12})
 
 
 class Level(IntEnum):
@@ -125,3 +183,56 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
     return value
+
+
+#: Parts of a state that hold numbers by name.
+PARTS: dict[str, type] = {
+    "battery": SocEstimate,
+    "cells": PackEstimate,
+    "slip": SlipEstimate,
+    "pose": OdometryEstimate,
+    "range": RangeEstimate,
+    "totals": Totals,
+}
+
+#: Estimates whose evidence has an age.
+AGES = ("battery", "drive", "cells")
+
+
+def require_path(path: str) -> None:
+    """Raise InputError unless states can have such a number; the message lists the names that there are."""
+    part, _, rest = path.partition(".")
+    if part == "sample":
+        quantity_of(rest)
+        return
+    if part == "age_s":
+        require_one_of(f"{path!r}: the second word", rest, AGES)
+        return
+    require_one_of(f"{path!r}: the first word", part, [*PARTS, "sample", "age_s"])
+    names: tuple[str, ...] = getattr(PARTS[part], "_fields", ())
+    name = rest.partition(".")[0]
+    if name not in names:
+        raise InputError(f"{path!r}: {part} has no {name!r}; it has {', '.join(names)}")
+
+
+def number_at(state: RobotState, path: str) -> float:
+    """The number at a path of the state; nan where it is not known or no number."""
+    part, _, rest = path.partition(".")
+    if part == "age_s":
+        return max(state.time_s - float(getattr(state, f"{rest}_time_s")), 0.0)
+    value: Any = getattr(state, part)
+    if part == "sample":
+        return as_number(value.get(rest, math.nan))
+    for word in rest.split("."):
+        value = _item(value, word)
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return math.nan
+
+
+def _item(value: Any, word: str) -> Any:
+    """Element of a record by its name or of an array by its number; None where there is none."""
+    if word.isdecimal() and hasattr(value, "__len__"):
+        return value[int(word)] if int(word) < len(value) else None
+    return getattr(value, word, None) if word in getattr(value, "_fields", ()) else None

@@ -1,19 +1,134 @@
-"""What a result draws: a page for a browser or a notebook, or axes of matplotlib for a paper."""
+"""Drawings of a result: a page for a browser or a notebook, or axes of matplotlib where no script runs."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from html import escape
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+import numpy as np
+
+from ohmward.atomic import replacing
 from ohmward.errors import InputError
-from ohmward.report import static
-from ohmward.report.figure import Figure
+from ohmward.optional import require
+from ohmward.report.axis import XAxis, shared_x
+from ohmward.report.figure import MEANING, SHADES, Figure, Style, colours, envelope
 from ohmward.report.page import Page
+
+#: Endings of the files that matplotlib writes.
+SUFFIXES: Final = (".svg", ".pdf", ".png")
+#: Width of a drawing, heights of its title with the axis below it, and of a pixel of a page [inch].
+_WIDTH_IN, _AROUND_IN, _PX_IN = 8.0, 0.55, 1 / 100
+#: Dots per inch of a PNG.
+_DPI = 150
+#: Columns and rows in which lines are looked at: more than a page in a journal shows.
+_COLUMNS, _ROWS = 1200, 800
+_STYLES: Final[Mapping[Style, Mapping[str, Any]]] = {
+    "line": {"linewidth": 1.2},
+    "dashed": {"linewidth": 1.2, "linestyle": "--"},
+    "step": {"linewidth": 1.2, "drawstyle": "steps-post"},
+    "points": {"linestyle": "none", "marker": ".", "markersize": 3.0},
+}
+
+
+def of_figures(figures: Sequence[Figure], canvas: Any) -> Any:
+    """Axes above each other on one x axis; canvas: a new figure of matplotlib, which is returned."""
+    heights = [figure.height_px * _PX_IN for figure in figures]
+    canvas.set_size_inches(_WIDTH_IN, sum(heights) + _AROUND_IN * len(figures))
+    canvas.set_layout_engine("constrained")
+    axes = canvas.subplots(len(figures), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+    x_axis = shared_x(figures)
+    for figure, ax in zip(figures, axes, strict=True):
+        _draw(figure, ax, x_axis)
+    axes[-1].set_xlabel(x_axis.label)
+    return canvas
+
+
+def new_canvas() -> Any:
+    """A new figure that pyplot knows: a notebook shows it, and `pyplot.show()` does."""
+    return require("matplotlib.pyplot", "to_matplotlib").figure()
+
+
+def write(path: Path, draw: Any) -> None:
+    """Write a drawing; the file is either whole or not there.
+
+    path: ends in one of `SUFFIXES`; draw: puts it on a new figure of matplotlib, which no window shows.
+
+    Raises:
+        MissingPackageError: matplotlib is not installed.
+        OhmwardError: the file cannot be written.
+    """
+    matplotlib = require("matplotlib.figure", f"a picture as {path.suffix.lower()}")
+    with replacing(path) as temporary:
+        draw(matplotlib.Figure()).savefig(temporary, format=path.suffix[1:].lower(), dpi=_DPI)
+
+
+def add_line(ax: Any, x: np.ndarray, y: np.ndarray, colour: str, label: str, style: Style = "line") -> None:
+    """A line on axes of matplotlib; colour: its name in `SHADES`."""
+    ax.plot(x, y, color=_colour(colour), label=label, **_STYLES[style])
+
+
+def _draw(figure: Figure, ax: Any, x_axis: XAxis) -> None:
+    place = partial(_placed, x_axis)
+    for span in _one_of_each(figure.spans):
+        ax.axvspan(*map(place, span[:2]), color=_colour(MEANING[span.role]), alpha=0.12, linewidth=0, label=span.label)
+    for band in figure.bands:
+        shade = {"color": _colour(MEANING[band.role]), "alpha": 0.2, "linewidth": 0}
+        x, low, high = envelope(band.x, band.low, band.high, _COLUMNS)
+        ax.fill_between(place(x), low, high, label=band.label, **shade)
+    right = ax.twinx() if figure.right_label else None
+    for series, name in zip(figure.series, colours([s.role for s in figure.series]), strict=True):
+        rows = series.visible(_COLUMNS, _ROWS, figure.log_y)
+        side = right if right is not None and series.axis == "right" else ax
+        add_line(side, place(series.x[rows]), series.y[rows], name, series.label, series.style)
+    for marker in figure.markers:
+        ax.axvline(place(marker.x), color=_colour(MEANING[marker.role]), linewidth=0.8, label=marker.label)
+    ax.set_title(figure.title, loc="left", fontsize="medium")
+    ax.set_ylabel(figure.y_label)
+    if figure.log_y:
+        ax.set_yscale("log")
+    if figure.y_limits is not None:
+        ax.set_ylim(*figure.y_limits)
+    if right is not None:
+        right.set_ylabel(figure.right_label)
+    ax.margins(x=0.0)
+    ax.grid(color=_colour("grey"), alpha=0.25, linewidth=0.5)
+    add_legend(ax, right)
+
+
+def _placed(x_axis: XAxis, x: Any) -> Any:
+    return np.asarray(x) / x_axis.unit + x_axis.start
+
+
+def _one_of_each(spans: Sequence[Any]) -> list[Any]:
+    """The spans, of which the first of a label alone has it: the legend names it once."""
+    seen: set[str] = set()
+    named = []
+    for span in spans:
+        named.append(span if span.label not in seen else span._replace(label=f"_{span.label}"))
+        seen.add(span.label)
+    return named
+
+
+def add_legend(*axes: Any) -> None:
+    """A legend on the first of the axes, with what all of them show; none for a single line."""
+    entries: dict[str, Any] = {}
+    for ax in axes:
+        if ax is not None:
+            handles, labels = ax.get_legend_handles_labels()
+            entries = dict(zip(labels, handles, strict=True)) | entries
+    if len(entries) > 1:
+        axes[0].legend(entries.values(), entries.keys(), fontsize="x-small", loc="best", framealpha=0.7)
+
+
+def _colour(name: str) -> str:
+    return SHADES[name].light
+
 
 #: Height of a title with its legend, and of what stands above the first figure [px].
 _LEGEND_PX, _HEADER_PX = 75, 130
@@ -45,7 +160,7 @@ class Drawing(ABC):
         Raises:
             MissingPackageError: matplotlib is not installed.
         """
-        return self.draw(static.new_canvas())
+        return self.draw(new_canvas())
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write it as a page that can be zoomed (.html), or as a picture (.svg, .pdf, .png); whole or not at all.
@@ -56,12 +171,12 @@ class Drawing(ABC):
             OhmwardError: the file cannot be written.
         """
         path = Path(path)
-        if path.suffix.lower() in static.SUFFIXES:
-            static.write(path, self.draw)
+        if path.suffix.lower() in SUFFIXES:
+            write(path, self.draw)
         elif path.suffix.lower() in (".html", ".htm"):
             self.page().write(path)
         else:
-            raise InputError(f"{path}: name a page .html, and a picture {' or '.join(static.SUFFIXES)}")
+            raise InputError(f"{path}: name a page .html, and a picture {' or '.join(SUFFIXES)}")
 
     def _repr_html_(self) -> str:
         page = escape(self.html(), quote=True)
@@ -81,7 +196,7 @@ class Plot(Drawing):
 
     def draw(self, canvas: Any) -> Any:
         """The figures above each other on a figure of matplotlib."""
-        return static.of_figures(self.figures, canvas)
+        return of_figures(self.figures, canvas)
 
     @property
     def height_px(self) -> int:

@@ -11,9 +11,8 @@ import numpy as np
 
 from ohmward.checks import require_one_of
 from ohmward.errors import InputError
-from ohmward.report import static
 from ohmward.report.axis import linear_ticks, tick_labels
-from ohmward.report.drawing import Drawing
+from ohmward.report.drawing import Drawing, add_legend, add_line
 from ohmward.report.figure import MEANING, Meaning
 from ohmward.report.page import Page
 
@@ -89,9 +88,9 @@ class Map(Drawing):
         canvas.set_layout_engine("constrained")
         ax = canvas.subplots()
         for line in self.lines:
-            static.add_line(ax, line.x, line.y, MEANING[line.role], line.label)
+            add_line(ax, line.x, line.y, MEANING[line.role], line.label)
         ax.set(xlabel=self.x_label, ylabel=self.y_label, title=self.title, aspect="equal")
-        static.add_legend(ax)
+        add_legend(ax)
         return canvas
 
     @property

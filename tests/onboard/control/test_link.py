@@ -35,8 +35,8 @@ from ohmward.onboard.sinks.mqtt import MqttSink
 from ohmward.onboard.sinks.server import InfluxSink
 from ohmward.onboard.sources.mqtt import MqttSource
 from ohmward.onboard.sources.simulation import SimulationSource
+from ohmward.onboard.store.delivery import Spool
 from ohmward.onboard.store.rows import Row
-from ohmward.onboard.store.spool import Spool
 from ohmward.onboard.trial import try_setup
 from ohmward.traction.robot.packaged import RLMA
 from onboard.control.test_drive_control import state
@@ -412,7 +412,7 @@ def handles():
 
 def test_strangers_hear_nothing_of_the_robot_and_go_soon(rig, monkeypatch):
     """No beat before the first signed line, which must come in time."""
-    monkeypatch.setattr("ohmward.onboard.control.operator_server.FIRST_LINE_S", 0.5)
+    monkeypatch.setattr("ohmward.onboard.control.operator_link.FIRST_LINE_S", 0.5)
     sink, drives = rig
 
     async def run():

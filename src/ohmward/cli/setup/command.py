@@ -20,8 +20,7 @@ from ohmward.cli.outcome import Outcome, check_output
 from ohmward.cli.parser import Parser
 from ohmward.cli.setup import add_arguments
 from ohmward.errors import InputError
-from ohmward.onboard.can_bus import CanPort
-from ohmward.onboard.can_database import CanDatabase
+from ohmward.onboard.can_bus import CanDatabase, CanPort
 from ohmward.onboard.discovery import (
     BagTopic,
     messages_of_line,

@@ -1,13 +1,142 @@
-"""The operator's side of the link to the robot: a signed line, then an answer with the set-points to each beat."""
+"""The link between the robot and its operator, both sides.
+
+The operator begins with a signed line; before it the robot says nothing of itself, and waits for `FIRST_LINE_S` only.
+Then, fifty times a second, the robot sends a beat with its state and its time; the operator answers each with
+set-points and that time. Set-points are as old as the beat that they answer, whatever the network did to either: lines
+that were held up and come in a burst are no heartbeat.
+"""
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncGenerator, Callable
+import math
+import secrets as random_secrets
+import time
+from collections.abc import AsyncGenerator, AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from typing import Any
 
 from ohmward.errors import OhmwardError
-from ohmward.onboard.control.operator_command import LONGEST_COMMAND, OperatorCommand, Signing
+from ohmward.onboard.control.loop import ControlLoop
+from ohmward.onboard.control.operator_command import LONGEST_COMMAND, OperatorCommand, Signing, command_of
+from ohmward.onboard.line_reader import BACKLOG, Visitors
+from ohmward.onboard.message import as_number
+from ohmward.onboard.part import LOG, FaultyInput
+from ohmward.onboard.robot_state import RobotState, plain
+
+#: Time between two beats [s].
+BEAT_S = 0.02
+
+#: The first signed line of an operator comes within this time [s].
+FIRST_LINE_S = 2.0
+
+#: An operator who reads so little that so much waits is gone [bytes].
+_MOST_WAITING_BYTES = 1 << 16
+
+
+class OperatorServer:
+    """Listens for an operator; one at a time drives, anybody with the token may stop.
+
+    Args:
+        loop: of the controller.
+        name: of the robot.
+        token: shared secret; empty where only this machine can connect.
+    """
+
+    def __init__(self, loop: ControlLoop, name: str, token: str):
+        self.loop, self.name, self.token = loop, name, token
+        self._driver: asyncio.StreamWriter | None = None
+        self._refused = FaultyInput("control", "operators were refused: wrong token", "sink")
+        left_out = FaultyInput("control", "connections were closed that brought no signed line, or too many", "sink")
+        self._visitors = Visitors(left_out.count, FIRST_LINE_S)
+
+    @asynccontextmanager
+    async def listening(self, host: str, port: int) -> AsyncIterator[None]:
+        """Serve until the end."""
+        try:
+            server = await asyncio.start_server(self._serve, host, port, limit=LONGEST_COMMAND, backlog=BACKLOG)
+        except OSError as error:
+            raise OhmwardError(
+                f"operator: {host}:{port} cannot be listened at ({error.strerror or error}); choose another port"
+            ) from error
+        try:
+            yield
+        finally:
+            server.close()
+            self._visitors.close()
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Listen until the connection ends, and beat once a signed line has come."""
+        nonce = random_secrets.token_hex(16)
+        ours, theirs = (Signing(self.token, nonce, sender) for sender in ("robot", "operator"))
+        beats: asyncio.Task[None] | None = None
+        self._visitors.arrive(writer.transport)
+        try:
+            writer.write(f"ohmward-drive/1 {nonce}\n".encode())
+            while line := await reader.readline():
+                if (found := theirs.read(line)) is None:
+                    self._refused.count()
+                    return
+                self._visitors.know(writer.transport)
+                beats = beats or asyncio.create_task(self._beat(writer, ours))
+                self._take(found, writer)
+        except (OSError, ValueError) as error:
+            LOG.info("slip control: the operator's connection was lost (%s)", error)
+        finally:
+            self._visitors.leave(writer.transport)
+            if beats:
+                beats.cancel()
+            if self._driver is writer:
+                self._driver, self.loop.operator = None, None
+            writer.close()
+
+    def _take(self, found: dict[str, Any], writer: asyncio.StreamWriter) -> None:
+        """Take set-points in."""
+        if found.get("stop") is True:
+            self.loop.control.request_stop("stopped by an operator")
+            return
+        given_s = as_number(found.get("t"))
+        if not math.isfinite(given_s):  # it answers no beat yet
+            return
+        command = command_of(found, min(given_s, time.monotonic()))
+        if self._driver is None:
+            self._driver = writer
+        if self._driver is writer and command is not None:
+            self.loop.operator = command
+
+    async def _beat(self, writer: asyncio.StreamWriter, ours: Signing) -> None:
+        """Send the state again and again."""
+        limits = plain(vars(self.loop.control.limits))
+        while writer.transport.get_write_buffer_size() < _MOST_WAITING_BYTES:
+            driving = self._driver in (None, writer)
+            beat = {"t": time.monotonic(), "robot": self.name, "driver": driving, "limits": limits}
+            writer.write(ours.line(beat | self._seen()))
+            await asyncio.sleep(BEAT_S)
+        writer.close()
+
+    def _seen(self) -> dict[str, Any]:
+        """State and commands, for the operator to see."""
+        output, operator = self.loop.output, self.loop.operator or OperatorCommand()
+        seen: dict[str, Any] = {"phase": "", "reason": ""} if output is None else _of_output(output)
+        seen["set"] = plain(operator._replace(given_s=0.0))
+        state: RobotState | None = self.loop.state
+        if state and state.slip:
+            slip = state.slip
+            seen |= {"speed_m_s": plain(float(slip.speed_m_s)), "yaw_rate_rad_s": plain(float(slip.yaw_rate_rad_s))}
+            seen["slip_ratio"] = plain(slip.slip_ratio)
+        if state and state.battery:
+            seen |= {"soc": plain(float(state.battery.soc)), "soc_std": plain(float(state.battery.soc_std))}
+        return seen
+
+
+def _of_output(output: Any) -> dict[str, Any]:
+    return {
+        "phase": str(output.phase),
+        "reason": output.reason,
+        "torque_Nm": plain(output.torque_Nm),
+        "wheel_speed_rad_s": plain(output.wheel_speed_rad_s),
+    }
+
 
 #: The robot has so long to answer [s].
 _ROBOT_ANSWER_S = 3.0

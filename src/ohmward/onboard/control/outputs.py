@@ -10,8 +10,7 @@ from dataclasses import dataclass, field
 
 from ohmward.checks import require_one_of
 from ohmward.errors import InputError, OhmwardError
-from ohmward.onboard.can_bus import NO_FRAMES, CanPort, frames_of
-from ohmward.onboard.can_database import CanDatabase, CanEncoder
+from ohmward.onboard.can_bus import NO_FRAMES, CanDatabase, CanEncoder, CanPort, frames_of
 from ohmward.onboard.control.loop import Send
 from ohmward.onboard.message import ScaledSignal
 from ohmward.onboard.mqtt_broker import MqttBroker

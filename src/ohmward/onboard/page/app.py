@@ -16,10 +16,9 @@ from urllib.parse import parse_qs
 
 from ohmward import __version__
 from ohmward.onboard.page.connection import REQUEST_S
-from ohmward.onboard.page.dashboard import Dashboard
+from ohmward.onboard.page.dashboard import SPANS, Dashboard, Past, after
 from ohmward.onboard.page.metrics import metrics
 from ohmward.onboard.page.openapi import openapi
-from ohmward.onboard.page.past import SPANS, Past, after
 from ohmward.onboard.robot_state import plain_state
 from ohmward.optional import require
 from ohmward.report.figure import css_variables

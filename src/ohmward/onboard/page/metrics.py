@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 from ohmward import __version__
 from ohmward.onboard.page.view import total_words
-from ohmward.onboard.robot_state import Level
-from ohmward.onboard.totals import Totals
+from ohmward.onboard.robot_state import Level, Totals
 
 
 class Gauge(NamedTuple):

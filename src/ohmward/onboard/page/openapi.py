@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ohmward.onboard.page.past import SPANS
+from ohmward.onboard.page.dashboard import SPANS
 from ohmward.onboard.page.view import HISTORY
 from ohmward.onboard.robot_state import RobotState
 

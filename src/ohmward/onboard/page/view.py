@@ -12,8 +12,7 @@ from ohmward.battery.soc.causes import time_in_words
 from ohmward.energy.points import Quantiles
 from ohmward.filters.consistency import BAND_95
 from ohmward.onboard.alarms import ANYTHING
-from ohmward.onboard.robot_state import Level, RobotState, plain, soc_band, stale
-from ohmward.onboard.totals import Totals
+from ohmward.onboard.robot_state import Level, RobotState, Totals, plain, soc_band, stale
 from ohmward.quantities import EVENTS, QUANTITIES, Quantity
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 

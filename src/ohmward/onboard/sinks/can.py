@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 
 from ohmward.checks import require_between
 from ohmward.errors import InputError
-from ohmward.onboard.can_bus import NO_FRAMES, CanPort
-from ohmward.onboard.can_database import CanDatabase, CanEncoder
+from ohmward.onboard.can_bus import NO_FRAMES, CanDatabase, CanEncoder, CanPort
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import ScaledSignal
-from ohmward.onboard.state_path import number_at, require_path
+from ohmward.onboard.robot_state import number_at, require_path
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from ohmward.errors import InputError
 from ohmward.onboard.control.drive_control import DriveControl
 from ohmward.onboard.control.loop import ControlLoop
 from ohmward.onboard.control.operator_command import DriveLimits
-from ohmward.onboard.control.operator_server import OperatorServer
+from ohmward.onboard.control.operator_link import OperatorServer
 from ohmward.onboard.control.outputs import CanOutput, MqttOutput, RosOutput, SimulatedOutput
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.secrets import check_secret_name, secret

@@ -16,8 +16,7 @@ from ohmward.onboard.feed import Feed
 from ohmward.onboard.mqtt_broker import MqttBroker, Will
 from ohmward.onboard.page.metrics import home_assistant
 from ohmward.onboard.page.view import view
-from ohmward.onboard.robot_state import RobotState, plain, plain_state
-from ohmward.onboard.state_path import number_at, require_path
+from ohmward.onboard.robot_state import RobotState, number_at, plain, plain_state, require_path
 
 #: The broker has so long to acknowledge what was sent [s].
 _ACKNOWLEDGE_S = 10.0

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from ohmward.errors import InputError
-from ohmward.onboard.can_bus import CanPort, frames_of
-from ohmward.onboard.can_database import CanDatabase, CanDecoder
+from ohmward.onboard.can_bus import CanDatabase, CanDecoder, CanPort, frames_of
 from ohmward.onboard.message import Message, Put, Signals, Wiring
 from ohmward.onboard.part import FaultyInput
 
