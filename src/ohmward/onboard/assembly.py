@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from ohmward.battery.file import load_battery
 from ohmward.energy.consumption_file import load_consumption
@@ -15,7 +15,7 @@ from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.message_parts import no_such_part
-from ohmward.onboard.part import LOG, Sink, Source, is_live
+from ohmward.onboard.part import LOG, SharingPart, Sink, Source, is_live
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
@@ -33,36 +33,6 @@ from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import Robot
 
 
-@dataclass(frozen=True)
-class OnNode:
-    """A source or a sink on a node that others use too."""
-
-    takes_all: ClassVar[bool] = True
-    signals: ClassVar[tuple[str, ...]] = ()
-    part: Ros2Source | Ros2Sink
-    node: SharedNode
-
-    @property
-    def name(self) -> str:
-        """In diagnostics and logs."""
-        return self.part.name
-
-    @property
-    def live(self) -> bool:
-        """As of the source."""
-        return getattr(self.part, "live", True)
-
-    @property
-    def interval_s(self) -> float:
-        """As of the sink."""
-        return getattr(self.part, "interval_s", 0.0)
-
-    async def run(self, other: Any) -> None:
-        """Run the source or the sink, with what it takes."""
-        async with self.node.opened() as transport:
-            await self.part.run_on(transport, other)
-
-
 def on_one_node(
     sources: Sequence[Source], sinks: Sequence[Sink], node: Any = None
 ) -> tuple[Sequence[Source], Sequence[Sink]]:
@@ -76,7 +46,13 @@ def on_one_node(
         if not isinstance(part, Ros2Source | Ros2Sink) or not (part.uses_rclpy or node is not None):
             return part
         key = () if node is not None else (part.node, part.namespace, part.domain)
-        return OnNode(part, nodes.setdefault(key, SharedNode(part, node)))
+        node_of_all = nodes.setdefault(key, SharedNode(part, node))
+
+        async def run(other: Any) -> None:
+            async with node_of_all.opened() as transport:
+                await part.run_on(transport, other)
+
+        return SharingPart(part, run)
 
     return [shared(source) for source in sources], [shared(sink) for sink in sinks]
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import logging
 import reprlib
-from collections.abc import Awaitable, Callable
-from typing import Protocol, runtime_checkable
+from collections.abc import Awaitable, Callable, Coroutine
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
 
 from ohmward.errors import OhmwardError
 from ohmward.onboard.feed import Feed
@@ -74,6 +75,29 @@ def is_live(source: Source) -> bool:
 def feed_interval_s(sink: Sink) -> float:
     """Least time between two states of the feed of a sink; 0 for one that limits its messages itself: `takes_all`."""
     return 0.0 if getattr(sink, "takes_all", False) else sink.interval_s
+
+
+@dataclass(frozen=True)
+class SharingPart:
+    """A source or a sink that runs on what it shares with others, a node, a clock or drives; else as it is."""
+
+    part: Any
+    run: Callable[[Any], Coroutine[Any, Any, None]]
+
+    @property
+    def name(self) -> str:
+        """In diagnostics and logs."""
+        return self.part.name
+
+    @property
+    def live(self) -> bool:
+        """As of the source."""
+        return is_live(self.part)
+
+    @property
+    def interval_s(self) -> float:
+        """As of the feed of the sink."""
+        return feed_interval_s(self.part)
 
 
 class EndedError(OhmwardError):

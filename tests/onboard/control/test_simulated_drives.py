@@ -13,7 +13,7 @@ from ohmward.onboard.control.operator_command import DriveLimits, OperatorComman
 from ohmward.onboard.control.operator_link import OperatorLink
 from ohmward.onboard.control.simulated_drives import (
     COMMAND_TIMEOUT_S,
-    DrivenSimulation,
+    ConnectedOutput,
     SimulatedDrives,
     connect_simulated_drives,
 )
@@ -81,7 +81,8 @@ def test_an_operator_drives_the_simulated_robot_and_any_fault_stops_it(tmp_path,
         process = assemble(setup)
         process.estimation.compile()
         running = asyncio.create_task(process.run())
-        (drives,) = [source.drives for source in process.sources if isinstance(source, DrivenSimulation)]
+        outputs = [sink.simulation for sink, _ in process.sinks if isinstance(sink, ControlSink)]
+        (drives,) = [output.drives for output in outputs if isinstance(output, ConnectedOutput)]
 
         def speed():
             return process.estimation.state.slip.speed_m_s if process.estimation.state.slip else 0.0

@@ -7,15 +7,14 @@ import time
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from functools import partial
 
 import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.onboard.control.loop import Send
 from ohmward.onboard.control.outputs import SimulatedOutput
-from ohmward.onboard.message import Put
-from ohmward.onboard.part import Sink, Source
+from ohmward.onboard.part import SharingPart, Sink, Source
 from ohmward.onboard.sinks.control import ControlSink
 from ohmward.onboard.sources.simulation import SimulationSource
 
@@ -53,24 +52,6 @@ class ConnectedOutput(SimulatedOutput):
         yield self.drives.take
 
 
-@dataclass(frozen=True)
-class DrivenSimulation:
-    """The simulated robot under commands."""
-
-    live: ClassVar[bool] = False
-    simulation: SimulationSource  #: its settings
-    drives: SimulatedDrives = field(default_factory=SimulatedDrives)  #: that take the commands
-
-    @property
-    def name(self) -> str:
-        """In diagnostics and logs."""
-        return self.simulation.name
-
-    async def run(self, put: Put) -> None:
-        """Put the samples of the robot that the drives move."""
-        await self.simulation.drive(put, self.drives.torque_Nm)
-
-
 def connect_simulated_drives(
     sources: Sequence[Source], sinks: Sequence[Sink]
 ) -> tuple[tuple[Source, ...], tuple[Sink, ...]]:
@@ -79,15 +60,16 @@ def connect_simulated_drives(
     Raises:
         InputError: there is no such simulated robot, it runs at another rate than real time, or two controls name it.
     """
-    driven: dict[str, DrivenSimulation] = {}
+    driven: dict[str, SharingPart] = {}
     connected: list[Sink] = []
     for sink in sinks:
         if isinstance(sink, ControlSink) and sink.simulation:
             name = sink.simulation.source
             if name in driven:
                 raise InputError(f"sink {sink.name}: {name!r} is driven by another sink already; leave one of them out")
-            driven[name] = DrivenSimulation(_simulation(sources, sink.name, name))
-            sink = replace(sink, simulation=ConnectedOutput(name, driven[name].drives))
+            simulation, drives = _simulation(sources, sink.name, name), SimulatedDrives()
+            driven[name] = SharingPart(simulation, partial(simulation.drive, torque_Nm=drives.torque_Nm))
+            sink = replace(sink, simulation=ConnectedOutput(name, drives))
         connected.append(sink)
     return tuple(driven.get(source.name, source) for source in sources), tuple(connected)
 

@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar, cast, get_args
 
 import numpy as np
@@ -16,7 +17,7 @@ from ohmward.logs.battery_columns import find_cells, numbered_rows
 from ohmward.logs.drive_log import DriveLog, read_drive
 from ohmward.logs.log import Log, read_log
 from ohmward.onboard.message import Message, Put
-from ohmward.onboard.part import EndedError, Source
+from ohmward.onboard.part import EndedError, SharingPart, Source
 from ohmward.signals.current_sign import CurrentSign
 from ohmward.traction.robot.packaged import load_robot
 
@@ -116,28 +117,13 @@ class ReplayClock:
             self._all_read.set()
 
 
-@dataclass(frozen=True)
-class ReplayInStep:
-    """A replay on the clock of all replays of a process."""
-
-    live: ClassVar[bool] = False
-    source: ReplaySource
-    clock: ReplayClock
-
-    @property
-    def name(self) -> str:
-        """In diagnostics and logs."""
-        return self.source.name
-
-    async def run(self, put: Put) -> None:
-        """Put the samples of the log."""
-        await self.source.replay(put, self.clock)
-
-
 def replays_in_step(sources: Sequence[Source]) -> list[Source]:
     """The sources of a process, with one clock for all its replays."""
     clock = ReplayClock([source.name for source in sources if isinstance(source, ReplaySource)])
-    return [ReplayInStep(source, clock) if isinstance(source, ReplaySource) else source for source in sources]
+    return [
+        SharingPart(source, partial(source.replay, clock=clock)) if isinstance(source, ReplaySource) else source
+        for source in sources
+    ]
 
 
 def _of_battery(log: Log) -> Iterator[tuple[float, dict[str, float]]]:
