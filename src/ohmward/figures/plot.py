@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import singledispatch
 from typing import Any
 
 import numpy as np
@@ -52,91 +51,56 @@ def plot(result: Any, *others: Any, truth: Any = None) -> Plot | Map:
         raise InputError(f"plot draws runs of one kind together, got {', '.join(type(run).__name__ for run in runs)}")
     if len(lengths) > 1:
         raise InputError(f"plot draws runs over one log, and its truth: got {sorted(lengths)} samples")
-    drawn: Plot | Map = _plot(result) if known is None and not others else _beside(result, runs, known)
-    return drawn
+    return _plot(result) if known is None and not others else _beside(result, runs, known)
 
 
-@singledispatch
 def _plot(result: Any) -> Plot | Map:
+    """A result alone."""
+    match result:
+        case Log():
+            return Plot(result.name, _log_figures(result))
+        case DriveLog():
+            return Plot(result.name, slip.drive_figures(result))
+        case Battery(thevenin=model):
+            return Plot(result.name, [battery.ocv_figure(model.ocv), battery.resistance_figure(model)])
+        case SocRun():
+            return Plot("State of charge", battery.run_figures(result))
+        case Comparison():
+            return Plot("Estimators compared", battery.comparison_figures(result.log, result.runs, result.truth))
+        case BatteryHealth():
+            return Plot(f"Health of {result.battery.name}", trend_figures(result.health))
+        case PackRun():
+            cells = [battery.cells_soc_figure(result), battery.cells_difference_figure(result)]
+            return Plot("Cells of the pack", cells)
+        case SlipRun():
+            return Plot("Speed and slip", slip.run_figures(result))
+        case FloorRun():
+            return Plot("Slip on floors", slip.floor_plots(result))
+        case OdometryRun():
+            return slip.path_map(result)
+        case RangeRun():
+            return Plot("Range", range_figures(result))
     raise InputError(
         f"plot needs a log, a battery or what the run of an estimator returned, got {type(result).__name__}"
     )
 
 
-@_plot.register
-def _(log: Log) -> Plot:
+def _log_figures(log: Log) -> list[Figure]:
     figures = [battery.current_figure(log), battery.voltage_figure(log), *battery.further_figures(log)]
-    return Plot(log.name, [*figures, battery.temperature_figure(log)] if log.temperature_degC is not None else figures)
+    return figures if log.temperature_degC is None else [*figures, battery.temperature_figure(log)]
 
 
-@_plot.register
-def _(log: DriveLog) -> Plot:
-    return Plot(log.name, slip.drive_figures(log))
-
-
-@_plot.register
-def _(found: Battery) -> Plot:
-    model = found.thevenin
-    return Plot(found.name, [battery.ocv_figure(model.ocv), battery.resistance_figure(model)])
-
-
-@_plot.register
-def _(result: SocRun) -> Plot:
-    return Plot("State of charge", battery.run_figures(result))
-
-
-@_plot.register
-def _(compared: Comparison) -> Plot:
-    return Plot("Estimators compared", battery.comparison_figures(compared.log, compared.runs, compared.truth))
-
-
-@_plot.register
-def _(found: BatteryHealth) -> Plot:
-    return Plot(f"Health of {found.battery.name}", trend_figures(found.health))
-
-
-@_plot.register
-def _(result: PackRun) -> Plot:
-    return Plot("Cells of the pack", [battery.cells_soc_figure(result), battery.cells_difference_figure(result)])
-
-
-@_plot.register
-def _(result: SlipRun) -> Plot:
-    return Plot("Speed and slip", slip.run_figures(result))
-
-
-@_plot.register
-def _(result: FloorRun) -> Plot:
-    return Plot("Slip on floors", slip.floor_plots(result))
-
-
-@_plot.register
-def _(result: OdometryRun) -> Map:
-    return slip.path_map(result)
-
-
-@_plot.register
-def _(result: RangeRun) -> Plot:
-    return Plot("Range", range_figures(result))
-
-
-@singledispatch
 def _beside(result: Any, runs: Sequence[Any], truth: np.ndarray | None) -> Plot:
+    """Runs of one kind over one log, and the truth."""
+    if isinstance(result, SocRun):
+        if len(runs) == 1:
+            return Plot("State of charge", battery.run_figures(result, truth))
+        return Plot("State of charge", battery.comparison_figures(result, _named(runs), truth))
+    if isinstance(result, SlipRun):
+        figure = slip.speed_figure(result, truth_m_s=truth)
+        more = [Series(run.time_s, run.speed_m_s, name) for name, run in list(_named(runs).items())[1:]]
+        return Plot("Speed and slip", [replace(figure, series=[*figure.series, *more]), *slip.ground_figures(result)])
     raise InputError(f"plot draws runs of charge and of slip beside others or a truth, not {type(result).__name__}")
-
-
-@_beside.register
-def _(result: SocRun, runs: Sequence[SocRun], truth: np.ndarray | None) -> Plot:
-    if len(runs) == 1:
-        return Plot("State of charge", battery.run_figures(result, truth))
-    return Plot("State of charge", battery.comparison_figures(result, _named(runs), truth))
-
-
-@_beside.register
-def _(result: SlipRun, runs: Sequence[SlipRun], truth: np.ndarray | None) -> Plot:
-    figure = slip.speed_figure(result, truth_m_s=truth)
-    more = [Series(run.time_s, run.speed_m_s, name) for name, run in list(_named(runs).items())[1:]]
-    return Plot("Speed and slip", [replace(figure, series=[*figure.series, *more]), *slip.ground_figures(result)])
 
 
 def _named(runs: Sequence[Any]) -> dict[str, Any]:
