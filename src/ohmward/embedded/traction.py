@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from enum import IntFlag
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -84,15 +86,8 @@ def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", na
     observer = SpeedObserver(scene(robot, terrain), method=method, matching=matching)
     example = _at_rest(observer)
     state = observer.init(example)
-    return Export(
-        name=name,
-        title=f"Speed and slip of {robot.name}: {filter_name}, encoders and motor currents",
-        step=trace(observer.step, state, example, with_origins=True),
-        start=trace(lambda sample: state, example, with_origins=True),
-        flags=SlipFlag,
-        arguments=(),
-        samples=_drive(observer),
-    )
+    title = f"Speed and slip of {robot.name}: {filter_name}, encoders and motor currents"
+    return _export(name, title, observer.step, state, example, SlipFlag, _drive(observer))
 
 
 def odometry_export(robot: Robot, name: str = ODOMETRY) -> Export:
@@ -103,15 +98,8 @@ def odometry_export(robot: Robot, name: str = ODOMETRY) -> Export:
     settings = PoseFilter(robot, noise_of(robot), late_steps=0)
     example = settings.no_sample()
     state = settings.init(example)
-    return Export(
-        name=name,
-        title=f"Pose and twist of {robot.name}: wheels and gyro",
-        step=trace(settings.step, state, example, with_origins=True),
-        start=trace(lambda sample: state, example, with_origins=True),
-        flags=OdometryFlag,
-        arguments=(),
-        samples=_way(settings),
-    )
+    title = f"Pose and twist of {robot.name}: wheels and gyro"
+    return _export(name, title, settings.step, state, example, OdometryFlag, _way(settings))
 
 
 def controller_export(robot: Robot, controller: str = "slip-controller", name: str = "control") -> Export:
@@ -136,15 +124,23 @@ def controller_export(robot: Robot, controller: str = "slip-controller", name: s
         after, torque_Nm, report = settings.step(state, *sample)
         return after, ControllerOutput(torque_Nm, report)
 
-    return Export(
-        name=name,
-        title=f"{controller.replace('-', ' ').capitalize()} of a wheel of {robot.name}: sliding mode",
-        step=trace(step, state, example, with_origins=True),
-        start=trace(lambda sample: state, example, with_origins=True),
-        flags=control.ControlFlag,
-        arguments=(),
-        samples=_commands(command, wheel.radius_m),
-    )
+    title = f"{controller.replace('-', ' ').capitalize()} of a wheel of {robot.name}: sliding mode"
+    return _export(name, title, step, state, example, control.ControlFlag, _commands(command, wheel.radius_m))
+
+
+def _export(
+    name: str,
+    title: str,
+    step: Callable[..., Any],
+    state: Any,
+    example: Any,
+    flags: type[IntFlag],
+    samples: np.ndarray,
+) -> Export:
+    """A step that always starts from the same state."""
+    traced = trace(step, state, example, with_origins=True)
+    start = trace(lambda sample: state, example, with_origins=True)
+    return Export(name, title, traced, start, flags, (), samples)
 
 
 def _at_rest(observer: SpeedObserver) -> DriveSample:
