@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from collections import defaultdict
 from collections.abc import Coroutine, Iterator, Mapping
 from pathlib import Path
@@ -15,7 +14,7 @@ from ohmward.errors import InputError, OhmwardError
 from ohmward.logs.bags.bag_table import open_recording
 from ohmward.logs.bags.recording import CDR, Topic
 from ohmward.onboard.can_bus import CanDatabase, CanPort, frames_of
-from ohmward.onboard.message import as_number
+from ohmward.onboard.message import as_number, json_value
 from ohmward.onboard.mqtt_broker import MqttBroker
 from ohmward.onboard.recognition import Offered
 from ohmward.onboard.ros.cdr import read
@@ -127,10 +126,7 @@ def of_broker(broker: MqttBroker, seconds: float) -> list[Offered]:
 
 
 def _numbers(topic: str, payload: bytes) -> Iterator[tuple[str, object]]:
-    try:
-        found = json.loads(payload)
-    except (ValueError, RecursionError):
-        return
+    found = json_value(payload)
     if isinstance(found, dict):
         yield from ((f"{topic}#{key}", value) for key, value in found.items())
     else:

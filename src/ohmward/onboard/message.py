@@ -92,6 +92,14 @@ class Wiring:
         return found
 
 
+def json_value(text: bytes) -> object:
+    """The value of a JSON text; None where it is none."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+
+
 def as_number(value: object) -> float:
     """The value as a number; nan where it is none."""
     if type(value) is float:

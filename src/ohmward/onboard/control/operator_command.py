@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ohmward.checks import require_between, require_each_positive
-from ohmward.onboard.message import as_number
+from ohmward.onboard.message import as_number, json_value
 
 #: A robot stops within this time [s] of any fault; timeouts are shorter by a step of the loop and a frame on the bus.
 SAFE_STOP_S = 0.1
@@ -116,10 +116,7 @@ class Signing:
         code, _, text = line.rstrip(b"\r\n").partition(b" ")
         if not hmac.compare_digest(code, self._code(text)):
             return None
-        try:
-            found = json.loads(text)
-        except (ValueError, RecursionError):
-            return None
+        found = json_value(text)
         if not isinstance(found, dict) or not isinstance(found.get("n"), int) or found["n"] <= self._sequence:
             return None
         self._sequence = found["n"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import difflib
-import json
 import math
 import os
 import stat
@@ -18,7 +17,7 @@ from typing import TextIO
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.line_reader import BACKLOG, LONGEST_LINE, LineReader, Visitors
-from ohmward.onboard.message import Message, Put, Signals, Wiring, as_number
+from ohmward.onboard.message import Message, Put, Signals, Wiring, as_number, json_value
 from ohmward.onboard.part import LOG, EndedError, FaultyInput
 from ohmward.quantities import QUANTITIES, quantity_of
 
@@ -61,7 +60,9 @@ class JsonLinesSource:
         if self.listen:
             await self._serve(take, faulty)
         elif self.address == "-" and is_at_once(sys.stdin):
-            await _read_file(take)
+            # a file, which no event loop waits for
+            while line := await asyncio.to_thread(sys.stdin.buffer.readline, LONGEST_LINE):
+                take(line)
         else:
             await self._read(take, faulty)
         if self.address == "-":
@@ -124,10 +125,7 @@ class JsonLinesSource:
 
     def message(self, line: bytes, wiring: Wiring, received_s: float) -> Message | None:
         """The message of a line; None where it is no JSON object or has no quantity."""
-        try:
-            found = json.loads(line)
-        except (ValueError, RecursionError):
-            return None
+        found = json_value(line)
         if not isinstance(found, dict):
             return None
         own = {key: value for key, value in found.items() if key not in wiring.signals}
@@ -192,12 +190,6 @@ def _signal(key: str, number: int | None = None) -> str:
     except InputError:
         return ""
     return signal
-
-
-async def _read_file(take: Callable[[bytes], object]) -> None:
-    """Take the lines of standard input where it is a file, which no event loop waits for."""
-    while line := await asyncio.to_thread(sys.stdin.buffer.readline, LONGEST_LINE):
-        take(line)
 
 
 def is_at_once(stream: TextIO) -> bool:

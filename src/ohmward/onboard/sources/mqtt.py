@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, field
 
 from ohmward.errors import InputError, OhmwardError
-from ohmward.onboard.message import Message, Put, Signals, Wiring, as_number
+from ohmward.onboard.message import Message, Put, Signals, Wiring, as_number, json_value
 from ohmward.onboard.mqtt_broker import MqttBroker, Payload
 from ohmward.onboard.part import FaultyInput
 from ohmward.onboard.sources.json_lines import LONGEST_LINE, own_names
@@ -60,7 +59,7 @@ class MqttSource(MqttBroker):
     def message(self, payload: Payload, wiring: Wiring) -> Message | None:
         """The message of a payload; None where it has no quantity."""
         topic, received_s = payload.topic, payload.received_s
-        found = _parsed(payload.payload)
+        found = json_value(payload.payload) if len(payload.payload) <= LONGEST_LINE else None
         if not isinstance(found, dict):
             values = wiring.values({topic: found}) if isinstance(found, int | float) else {}
             return Message(math.nan, received_s, self.name, values) if values else None
@@ -69,13 +68,3 @@ class MqttSource(MqttBroker):
             values = own_names(found) | values
         stamp_s = as_number(found.get(self.time, math.nan))
         return Message(stamp_s, received_s, self.name, values) if values else None
-
-
-def _parsed(payload: bytes) -> object:
-    """The JSON value of a payload; None where it is none."""
-    if len(payload) > LONGEST_LINE:
-        return None
-    try:
-        return json.loads(payload)
-    except (ValueError, RecursionError):
-        return None
