@@ -6,20 +6,18 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ohmward import __version__
-from ohmward.cli.paragraphs import assumptions as assumptions
-from ohmward.cli.paragraphs import bullets as bullets
-from ohmward.cli.paragraphs import paragraphs as paragraphs
-from ohmward.cli.paragraphs import styled as styled
-from ohmward.cli.paragraphs import width as width
-from ohmward.figures.numbers import band as band
-from ohmward.figures.numbers import duration as duration
-from ohmward.figures.numbers import flagged as flagged
-from ohmward.figures.numbers import known as known
-from ohmward.figures.numbers import lognormal as lognormal
-from ohmward.figures.numbers import normal as normal
-from ohmward.figures.numbers import percent as percent
-from ohmward.figures.numbers import quantity as quantity
-from ohmward.figures.numbers import ratio as ratio
+from ohmward.cli.paragraphs import assumptions, bullets, paragraphs, styled  # noqa: F401 for the commands
+from ohmward.figures.numbers import (  # noqa: F401 for the commands
+    band,
+    duration,
+    flagged,
+    known,
+    lognormal,
+    normal,
+    percent,
+    quantity,
+    ratio,
+)
 from ohmward.report import Page
 
 FOOTER = f"ohmward {__version__}"

@@ -20,7 +20,7 @@ from ohmward.errors import InputError, OhmwardError
 from ohmward.trace import single_precision
 from ohmward.trace.elementary import F32, expand
 from ohmward.trace.lower.c_operations import are_bytes, constant_arrays, literal
-from ohmward.trace.lower.c_source import Loops, Member, c_source, members
+from ohmward.trace.lower.c_source import Loops, c_source, members
 from ohmward.trace.program import Program
 from ohmward.trace.structure import Structure
 
@@ -52,7 +52,6 @@ _BYTES_OF_NUMBER = 2.0
 _TIME_OF_LINES = "A step has no loops, and takes nearly the same time for every sample."
 _TIME_OF_LOOPS = "A step has loops of fixed length, and takes nearly the same time for every sample."
 _CHOICES = frozenset({"minimum", "maximum", "where", "sign"})
-
 
 #: Samples of an export with which Python and C are compared.
 VECTORS = 64
@@ -96,7 +95,8 @@ def size(export: Export) -> Size:
     programs = [expand(p, F32) for p in (export.start, *steps)]
     code = sum(map(_code_bytes, programs)) + (loops.code_bytes if loops else 0)
     tables = sum(len(array) * (1 if are_bytes(array) else 4) for array in constant_arrays(programs))
-    state = sum(_bytes(m) for m in members(export.step.step_structure.state))
+    places = [(max(1, m.size), m.kind) for m in members(export.step.step_structure.state)]
+    state = sum(count * (4 if kind == "float" else 1) for count, kind in places)
     return Size(sum(len(p.nodes) for p in programs), round(code) + tables, state)
 
 
@@ -214,10 +214,6 @@ def _flag_table(export: Export, flags: Mapping[str, int], comments: Mapping[str,
     return "\n".join(["", f"## {prefix}_...", "", asked, "", "| flag | | |", "|---|---|---|", *rows, ""])
 
 
-def _bytes(member: Member) -> int:
-    return max(1, member.size) * (4 if member.kind == "float" else 1)
-
-
 def vector_words(step: Program, start: Program, arguments: tuple[float, ...], samples: np.ndarray) -> dict[str, str]:
     """Words of templates/NAME_vectors.h.in: samples (T, m), the outputs (T, k) after them, filling and comparing.
 
@@ -227,29 +223,21 @@ def vector_words(step: Program, start: Program, arguments: tuple[float, ...], sa
     first = np.concatenate([singles[0], np.array(arguments, np.float32)])
     state = single_precision.evaluate(single_precision.expanded(start), first)
     _, outputs = single_precision.run(step, state, singles)
-    sample, output = step.step_structure.sample, step.step_structure.output
+    filled_with = {"bool": "*bits++ != 0u", "float": "from_bits(*bits++)"}
+    same = {"bool": "output->{} == (*bits++ != 0u)", "float": "is(output->{}, *bits++)"}
+    sample, output = (scalars(of) for of in (step.step_structure.sample, step.step_structure.output))
     return {
         "VECTORS": str(len(singles)),
         "SAMPLE_BITS": _array_of_bits(singles),
         "OUTPUT_BITS": _array_of_bits(outputs),
-        "FILL_SAMPLE": "\n".join(f"    sample->{place} = {_from_bits(kind)};" for place, kind in scalars(sample)),
-        "COMPARE_OUTPUT": "\n".join(
-            f"    same = same && {_same_bits(place, kind)};" for place, kind in scalars(output)
-        ),
+        "FILL_SAMPLE": "\n".join(f"    sample->{place} = {filled_with[kind]};" for place, kind in sample),
+        "COMPARE_OUTPUT": "\n".join(f"    same = same && {same[kind].format(place)};" for place, kind in output),
     }
 
 
 def scalars(structure: Structure) -> list[tuple[str, str]]:
     """Place in the struct and kind, "float" or "bool", of every scalar."""
     return [(place, member.kind) for member in members(structure) for place in member.places]
-
-
-def _from_bits(kind: str) -> str:
-    return "*bits++ != 0u" if kind == "bool" else "from_bits(*bits++)"
-
-
-def _same_bits(place: str, kind: str) -> str:
-    return f"output->{place} == (*bits++ != 0u)" if kind == "bool" else f"is(output->{place}, *bits++)"
 
 
 def _array_of_bits(values: np.ndarray) -> str:

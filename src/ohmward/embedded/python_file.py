@@ -48,7 +48,7 @@ def python_file(
     states, samples = size(structure.state), size(structure.sample)
     count = len(export.voltage_start.state.argument_structure.children) - 1
     words = {
-        "TITLE": _safe(export.title),
+        "TITLE": " ".join(export.title.replace("\\", "/").replace('"', "'").split()),  # it stands in a docstring
         "VERSION": __version__,
         "NAME": export.name,
         "INTERVAL": repr(float(sample_time_s or USUAL_INTERVAL_S)),
@@ -99,11 +99,6 @@ def _parts(names: Sequence[str], count: int) -> str:
     length = len(names) // count
     parts = [names[k * length : (k + 1) * length] for k in range(count)]
     return _row([_row([weight, _row(start)]) for weight, *start in parts])
-
-
-def _safe(title: str) -> str:
-    """The title as it can stand in a docstring."""
-    return " ".join(title.replace("\\", "/").replace('"', "'").split())
 
 
 def _definitions(module: ModuleType) -> str:

@@ -40,7 +40,6 @@ USUAL_S = 10.0
 #: No sample waits longer for a signal; so long does the first one wait for signals that have never reported.
 LONGEST_S = 1.0
 
-
 CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "battery_temperature_degC"
 FULL, CELL = "battery_full", "cell_voltage_V"
 #: Events that somebody at the robot tells of.
@@ -51,7 +50,6 @@ NOT_OF_ODOMETRY = ("current_A", "acceleration_m_s2", "pitch_rad")
 
 #: A charger that goes on saying that the battery is full is heard again after so long [s].
 FULL_AGAIN_S = 60.0
-
 
 _NO_DRIVE = DriveSample(math.nan, math.nan, math.nan, 0.0, "")
 
@@ -335,9 +333,8 @@ class MeanInbox:
         for signal, value in values.items():
             if signal in self.signals and math.isfinite(value):
                 self._add(time_s, signal, value)
-        if not self._sums or not self._is_complete():
-            return None
-        return self._close()
+        is_complete = self._awaited <= self._sums.keys() or not self._newest_s - self._began_s < LONGEST_S
+        return self._close() if self._sums and is_complete else None
 
     def flush(self) -> MeanSample | None:
         """The sample that is open, at the end."""
@@ -350,9 +347,6 @@ class MeanInbox:
         self._sums[signal] = self._sums.get(signal, 0.0) + value
         self._counts[signal] = self._counts.get(signal, 0) + 1
         self._reported_s[signal] = self._newest_s
-
-    def _is_complete(self) -> bool:
-        return self._awaited <= self._sums.keys() or not self._newest_s - self._began_s < LONGEST_S
 
     def _close(self) -> MeanSample:
         sample = MeanSample(self._newest_s, {s: self._sums[s] / self._counts[s] for s in self._sums})

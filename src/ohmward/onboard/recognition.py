@@ -202,7 +202,7 @@ class _Finder:
             return found
 
     def _add_wheel(self, kind: Channel, place: str, column: Column, texts: Mapping[str, Offered]) -> None:
-        unit = column.unit or _named_unit(column.name)
+        unit = column.unit or (unit_of("rpm") if "rpm" in robot_words(column.name) else None)  # as in `MotorRPM_FL`
         counted = kind is WHEEL_COUNTS or (unit is not None and unit.dimension in POSITIONS)
         name = "motor_current_A" if kind is MOTOR_CURRENT else "wheel_counts" if counted else "wheel_speed_rad_s"
         self.matches.setdefault(f"{name}.{place}", _Match(texts[column.name], unit))
@@ -312,11 +312,6 @@ def _column(one: Offered, long: bool) -> str:
     """The name of a column with its unit."""
     stem = one.long if long else one.short
     return f"{stem} [{one.unit}]" if one.unit and unit_of(one.unit) else stem
-
-
-def _named_unit(column: str) -> Unit | None:
-    """The unit that is a word of a name, as in `MotorRPM_FL`."""
-    return unit_of("rpm") if "rpm" in robot_words(column) else None
 
 
 def _by_radius(unit: Unit) -> bool:

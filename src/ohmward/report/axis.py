@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,8 +38,8 @@ class XAxis(NamedTuple):
     start: float = 0.0
     time_zone: str | None = None  #: of a wall clock, None for every other axis
 
-    def place(self, x: float) -> float:
-        """A place of the data on the axis."""
+    def place(self, x: Any) -> Any:
+        """Places of the data, a number or an array, on the axis."""
         return x / self.unit + self.start
 
 

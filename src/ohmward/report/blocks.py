@@ -67,14 +67,11 @@ def table(header: Sequence[str], rows: Sequence[Sequence[Cell]], caption: str = 
     classes = [' class="number"' if _all_numbers(column) else "" for column in zip(*rows, strict=True)]
     classes = classes or [""] * len(header)
     head = "".join(f'<th scope="col"{c}>{escape(name)}</th>' for name, c in zip(header, classes, strict=True))
-    body = "".join(f"<tr>{_row(row, classes)}</tr>" for row in rows)
+    cells = ("".join(map(_cell, row, classes)) for row in rows)
+    body = "".join(f"<tr>{row}</tr>" for row in cells)
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     scroll = f'<div class="scroll" tabindex="0" role="group" aria-label="Table: {escape(", ".join(header))}">'
     return f"{scroll}<table>{title}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
-
-
-def _row(row: Sequence[Cell], classes: Sequence[str]) -> str:
-    return "".join(_cell(cell, c) for cell, c in zip(row, classes, strict=True))
 
 
 def _cell(cell: Cell, column_class: str) -> str:

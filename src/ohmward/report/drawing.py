@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from html import escape
 from os import PathLike
 from pathlib import Path
@@ -74,7 +73,7 @@ def add_line(ax: Any, x: np.ndarray, y: np.ndarray, colour: str, label: str, sty
 
 
 def _draw(figure: Figure, ax: Any, x_axis: XAxis) -> None:
-    place = partial(_placed, x_axis)
+    place = x_axis.place
     for span in _one_of_each(figure.spans):
         ax.axvspan(*map(place, span[:2]), color=_colour(MEANING[span.role]), alpha=0.12, linewidth=0, label=span.label)
     for band in figure.bands:
@@ -99,10 +98,6 @@ def _draw(figure: Figure, ax: Any, x_axis: XAxis) -> None:
     ax.margins(x=0.0)
     ax.grid(color=_colour("grey"), alpha=0.25, linewidth=0.5)
     add_legend(ax, right)
-
-
-def _placed(x_axis: XAxis, x: Any) -> Any:
-    return np.asarray(x) / x_axis.unit + x_axis.start
 
 
 def _one_of_each(spans: Sequence[Any]) -> list[Any]:

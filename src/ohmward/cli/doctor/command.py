@@ -131,7 +131,8 @@ def examine_log(path: str, options: DriveOptions) -> Iterator[Part]:
         places = _places(file, options.robot, _cells(log))
     if places:
         try:
-            drive = _read_drive(path, options._replace(reading=of_kinds(reading, of_battery=False)), file)
+            drive = options._replace(reading=of_kinds(reading, of_battery=False)).read(path, file=file)
+            drive = drive.with_notes(*check_drive(options.robot, drive)) if options.robot else drive
         except InputError as error:
             if log is None:
                 raise InputError(f"{error}. As the log of a battery: {refused}", error.options) from error
@@ -195,12 +196,6 @@ def _places(file: TableFile, robot: Robot | None, leave: Collection[str] = ()) -
     if not (found := wheel_places([name for name in names if name not in leave])):
         return ()
     return tuple(place.name for place in robot.places) if robot else found
-
-
-def _read_drive(path: str, options: DriveOptions, file: TableFile) -> DriveLog:
-    """The drive, with a warning for each fault that the robot's file shows."""
-    log = options.read(path, file=file)
-    return log.with_notes(*check_drive(options.robot, log)) if options.robot else log
 
 
 def _read(path: str, reading: ReadOptions, file: TableFile) -> Log:

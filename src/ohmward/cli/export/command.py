@@ -39,7 +39,8 @@ _MODULE = "Model"
 
 def run(args: argparse.Namespace) -> Outcome:
     """Write the library, the file, or the archive for a blind benchmark."""
-    is_robot = _is_robot(args.file)
+    # of all other files the reader of battery files speaks
+    is_robot = args.file.lower() in BUILT_IN or noun_of(args.file) == "robot"
     notes: list[str] = []
     if args.terrain and not is_robot:
         raise InputError(f"--terrain is the ground under a robot, and {args.file} is a battery; leave it out")
@@ -195,8 +196,3 @@ def _score_table(scores: Sequence[blind.BlindScore]) -> str:
             rows.append([case, f"{weight:.1f}", f"{len(own)}", f"{error:.2%}", f"{worst.rmse:.2%} ({worst.run})"])
     rows.append(["weighted", "", "", f"{blind.weighted_rmse(scores):.2%}", ""])
     return wording.table(["rehearsal", "weight", "runs", "RMSE", "worst"], rows)
-
-
-def _is_robot(file: str) -> bool:
-    """True where it names a robot: one that comes with the package, or a file of that format."""
-    return file.lower() in BUILT_IN or noun_of(file) == "robot"  # of all others the reader of battery files speaks

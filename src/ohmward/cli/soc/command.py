@@ -22,6 +22,7 @@ from ohmward.battery.soc.score import rejected_voltages, soc_figures, soc_scores
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask, make_soc_task
 from ohmward.cli.outcome import Outcome, check_results, counting, progress
+from ohmward.cli.paragraphs import width
 from ohmward.cli.wording import FOOTER, band, duration, lognormal, normal, percent, quantity, sentence, with_assumptions
 from ohmward.figures import battery as pictures
 from ohmward.figures.parts import wall_clock
@@ -125,7 +126,7 @@ def describe(f: Mapping[str, Any]) -> str:
     drifting = [warning["text"] for warning in cells["warnings"]] if cells else []
     return wording.paragraphs(
         f"{f['log']} with battery {f['battery']!r}\n{f['filter']}: {title_of(f['filter'])}",
-        wording.styled(textwrap.fill(headline(f), wording.width())),
+        wording.styled(textwrap.fill(headline(f), width())),
         wording.fields(result(f)),
         wording.bullets(_ANCHORS, anchors),
         f"Cells\n{wording.fields(pack_rows(cells))}" if cells else "",

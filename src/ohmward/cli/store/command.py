@@ -38,7 +38,8 @@ def run(args: argparse.Namespace) -> Outcome:
         return Outcome(figures, f"{rows} rows of {args.kind} in {args.output}")
     if args.json:
         return Outcome({name: column.tolist() for name, column in columns.items()}, "")
-    lines = (",".join(map(_cell, row)) for row in zip(*columns.values(), strict=True))
+    texts = [["" if value != value else str(value) for value in column] for column in columns.values()]
+    lines = map(",".join, zip(*texts, strict=True))
     return Outcome({}, "\n".join([",".join(columns), *lines]))
 
 
@@ -74,10 +75,6 @@ def _lines(figures: dict[str, Any]) -> Iterator[str]:
 
 def _date(unix_s: float) -> str:
     return datetime.fromtimestamp(unix_s).astimezone().isoformat(" ", "seconds")
-
-
-def _cell(value: Any) -> str:
-    return "" if isinstance(value, float) and math.isnan(value) else str(value)
 
 
 def _columns(

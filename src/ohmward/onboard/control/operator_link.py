@@ -117,7 +117,7 @@ class OperatorServer:
     def _seen(self) -> dict[str, Any]:
         """State and commands, for the operator to see."""
         output, operator = self.loop.output, self.loop.operator or OperatorCommand()
-        seen: dict[str, Any] = {"phase": "", "reason": ""} if output is None else _of_output(output)
+        seen: dict[str, Any] = {"phase": "", "reason": ""} if output is None else plain(output)
         seen["set"] = plain(operator._replace(given_s=0.0))
         state: RobotState | None = self.loop.state
         if state and state.slip:
@@ -127,15 +127,6 @@ class OperatorServer:
         if state and state.battery:
             seen |= {"soc": plain(float(state.battery.soc)), "soc_std": plain(float(state.battery.soc_std))}
         return seen
-
-
-def _of_output(output: Any) -> dict[str, Any]:
-    return {
-        "phase": str(output.phase),
-        "reason": output.reason,
-        "torque_Nm": plain(output.torque_Nm),
-        "wheel_speed_rad_s": plain(output.wheel_speed_rad_s),
-    }
 
 
 #: The robot has so long to answer [s].

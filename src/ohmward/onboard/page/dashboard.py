@@ -180,7 +180,8 @@ def stored_rows(folder: Path, until_s: float, span: Lookback) -> Rows:
     for step, values in _by_step(drive, times_ns[2]):
         rows[step] = {**values, **rows.get(step, {})}
     ordered = sorted((history_row(values["unix_ns"] / 1e9, values) for values in rows.values()), key=lambda row: row[0])
-    return {name: _known(column) for name, column in zip(HISTORY, _with_gaps(ordered).T, strict=True)}
+    columns = zip(HISTORY, _with_gaps(ordered).T.tolist(), strict=True)
+    return {name: [value if math.isfinite(value) else None for value in column] for name, column in columns}
 
 
 def _by_step(columns: dict[str, np.ndarray], step_ns: int) -> list[tuple[int, dict[str, float]]]:
@@ -217,7 +218,3 @@ def after(since_unix_s: float, rows: Rows) -> Rows:
     """Rows after a time on the wall clock."""
     later = [k for k, unix_s in enumerate(rows["unix_s"]) if unix_s is not None and unix_s > since_unix_s]
     return {name: [column[k] for k in later] for name, column in rows.items()}
-
-
-def _known(values: np.ndarray) -> list[float | None]:
-    return [value if math.isfinite(value) else None for value in values.tolist()]

@@ -82,7 +82,8 @@ def _lines(view: dict[str, Any]) -> Iterator[str]:
             yield f'ohmward_slip_ratio{{robot="{robot}",wheel="{_label(wheel)}"}} {slip:.9g}'
     for total in view.get("totals", []):
         name = f"ohmward_{total['name'].lower()}_total"
-        yield from _head(name, f"{total['label']} since ever{_in(total['unit'])}.", "counter")
+        unit = f" [{total['unit']}]" if total["unit"] else ""
+        yield from _head(name, f"{total['label']} since ever{unit}.", "counter")
         yield f'{name}{{robot="{robot}"}} {total["value"]:.9g}'
     if alarms := view.get("alarms", []):
         yield from _head("ohmward_alarm", "Alarm that is raised.")
@@ -97,10 +98,6 @@ def _lines(view: dict[str, Any]) -> Iterator[str]:
 def _head(name: str, text: str, type_: str = "gauge") -> Iterator[str]:
     yield f"# HELP {name} {text}"
     yield f"# TYPE {name} {type_}"
-
-
-def _in(unit: str) -> str:
-    return f" [{unit}]" if unit else ""
 
 
 def home_assistant(topic: str, robot: str) -> Iterator[tuple[str, dict[str, Any]]]:

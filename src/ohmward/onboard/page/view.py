@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.soc.causes import time_in_words
-from ohmward.energy.points import Quantiles
 from ohmward.filters.consistency import BAND_95
 from ohmward.onboard.alarms import ANYTHING
 from ohmward.onboard.robot_state import Level, RobotState, Totals, plain, soc_band, stale
 from ohmward.quantities import EVENTS, QUANTITIES, Quantity
-from ohmward.traction.speed_observer.estimate import SlipEstimate
 
 #: Radius of the ellipse that holds 95 % of a normal distribution in the plane, in sigmas.
 ELLIPSE_95 = math.sqrt(-2.0 * math.log(0.05))
@@ -174,16 +172,12 @@ def _range(state: RobotState) -> dict[str, Any] | None:
     if (reach := state.range) is None or math.isnan(reach.distance_m.p50):
         return None
     return {
-        "distance_m": _quantiles(reach.distance_m),
-        "duration_s": _quantiles(reach.duration_s),
+        "distance_m": reach.distance_m,
+        "duration_s": reach.duration_s,
         "home_probability": reach.home_probability,
-        "energy_J_per_m": _quantiles(reach.energy_J_per_m),
+        "energy_J_per_m": reach.energy_J_per_m,
         "assumed": bool(reach.assumed),
     }
-
-
-def _quantiles(values: Quantiles) -> dict[str, float]:
-    return {"p10": values.p10, "p50": values.p50, "p90": values.p90}
 
 
 def _drive(state: RobotState) -> dict[str, Any] | None:
@@ -195,31 +189,25 @@ def _drive(state: RobotState) -> dict[str, Any] | None:
         "yaw_rate_rad_s": slip.yaw_rate_rad_s,
         "grade_rad": slip.grade_rad,
         "immobilised": bool(slip.immobilised),
-        "wheels": [_wheel(k, name, slip) for k, name in enumerate(state.wheels)],
+        "wheels": [
+            {
+                "name": name,
+                "slip_ratio": slip.slip_ratio[k],
+                "slip_speed_m_s": slip.slip_speed_m_s[k],
+                "traction_N": slip.traction_N[k],
+                "slipping": bool(slip.slipping[k]),
+            }
+            for k, name in enumerate(state.wheels)
+        ],
         "flags": slip.flags,
-    }
-
-
-def _wheel(k: int, name: str, slip: SlipEstimate) -> dict[str, Any]:
-    return {
-        "name": name,
-        "slip_ratio": slip.slip_ratio[k],
-        "slip_speed_m_s": slip.slip_speed_m_s[k],
-        "traction_N": slip.traction_N[k],
-        "slipping": bool(slip.slipping[k]),
     }
 
 
 def _pose(state: RobotState) -> dict[str, Any] | None:
     if (pose := state.pose) is None:
         return None
-    return {
-        "x_m": pose.x_m,
-        "y_m": pose.y_m,
-        "yaw_rad": pose.yaw_rad,
-        "distance_m": pose.distance_m,
-        "ellipse": ellipse(pose.pose_cov),
-    }
+    names = ("x_m", "y_m", "yaw_rad", "distance_m")
+    return {name: getattr(pose, name) for name in names} | {"ellipse": ellipse(pose.pose_cov)}
 
 
 def _power(state: RobotState) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ohmward.logs.bags.layout import Definitions, Fields, Several, Single
+from ohmward.logs.bags.layout import Definitions, Several, Single
 
 BATTERY_STATE = "sensor_msgs/msg/BatteryState"
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -78,15 +78,13 @@ def definition_text(type_: str) -> str:
     return "".join([first, *(f"{'=' * 80}\nMSG: {name.replace('/msg/', '/')}\n{text}" for name, text in headed)])
 
 
-def _fields(text: str) -> Fields:
-    """The fields of a type."""
-    return [(name, _content(type_)) for type_, name in (field.split() for field in text.split(", "))]
-
-
 def _content(type_: str) -> Single | Several:
     """The content of a field of this type."""
     item, bracket, size = type_.removesuffix("]").partition("[")
     return Several(Single(item), int(size) if size else None) if bracket else Single(item)
 
 
-DEFINITIONS: Definitions = {type_: _fields(text) for type_, text in _TEXT.items()}
+DEFINITIONS: Definitions = {
+    type_: [(name, _content(of_field)) for of_field, name in (field.split() for field in text.split(", "))]
+    for type_, text in _TEXT.items()
+}

@@ -46,7 +46,8 @@ class RowMaker:
         ):
             if not math.isnan(time_s) and time_s != self._seen_s[kind]:
                 self._seen_s[kind] = time_s
-                yield Row(kind, self._time_ns(kind, state.date_s(kind)), _known(values(state)))
+                numbers = {name: float(value) for name, value in values(state).items() if math.isfinite(value)}
+                yield Row(kind, self._time_ns(kind, state.date_s(kind)), numbers)
 
     def conditions(self, state: RobotState) -> Iterator[ConditionRow]:
         """Conditions that are new or have changed."""
@@ -108,8 +109,3 @@ def _drive(state: RobotState) -> dict[str, float]:
 def _measured(state: RobotState, kind: str) -> dict[str, float]:
     names = names_of(kind)
     return {signal: value for signal, value in state.sample.items() if signal.partition(".")[0] in names}
-
-
-def _known(values: Mapping[str, float]) -> dict[str, float]:
-    """Those that are finite, as plain numbers."""
-    return {name: number for name, value in values.items() if math.isfinite(number := float(value))}
