@@ -13,7 +13,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.report import TIME, Band, Figure, Marker, Page, Series, Span
-from ohmward.report.blocks import embed
+from ohmward.report.page import embed
 
 EVIL = "</script><script>alert('x')</script><b>&amp; \u2028 \"quoted\" $title ${body}"
 VOID = {"meta", "link", "br", "img", "hr", "input"}

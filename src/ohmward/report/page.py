@@ -1,4 +1,4 @@
-"""A report page: blocks put together to one HTML file that needs no network.
+"""A report page: blocks put together to one HTML file that needs no network; every text is escaped.
 
 page = (
     Page("Pulse test", "pack A, 2 h 13 min")
@@ -13,24 +13,41 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
 from string import Template
-from typing import Final, Protocol
+from typing import Final, Literal, NamedTuple, Protocol, get_args
 
 from ohmward.atomic import write_text
+from ohmward.checks import require_one_of
 from ohmward.errors import InputError
-from ohmward.report import blocks
 from ohmward.report.axis import WallClock
 from ohmward.report.figure import Figure, css_variables
+from ohmward.report.payload import stack
 
 _CODE: Final = ("vendor/uplot/uPlot.iife.min.js", "assets/data.js", "assets/save.js", "assets/plots.js")
+
+
+Level = Literal["info", "warning", "error"]
+
+
+class HeatCell(NamedTuple):
+    """A cell of a heat map: its text, and how dark it is, 0 to 4."""
+
+    text: str
+    level: int
+
+
+Cell = str | int | float | HeatCell | None
+
+_LEADING_NUMBER: Final = re.compile(r"([+\-−]?\d[\d.,]*(?:e[+-]?\d+)?\s?%?)(.*)", re.DOTALL)
 
 
 class Block(Protocol):
@@ -53,9 +70,9 @@ class Page:
     headings: tuple[str, ...] = ()
 
     def heading(self, text: str) -> Page:
-        """A section title; pages with several get a table of contents."""
+        """A section title that links can point to; pages with several get a table of contents."""
         page = replace(self, headings=(*self.headings, text))
-        return page._with(blocks.heading(text, _anchor(len(self.headings), text)))
+        return page._with(f'<h2 id="{escape(_anchor(len(self.headings), text))}">{escape(text)}</h2>')
 
     def chapter(self, title: str, page: Page, sections: int = 0) -> Page:
         """A section with the beginning of another page: the blocks before its headings, then its first sections."""
@@ -69,32 +86,40 @@ class Page:
             if not block.startswith("<h2"):
                 yield block
             elif title := next(titles, None):
-                yield blocks.subheading(title)
+                yield f"<h3>{escape(title)}</h3>"
             else:
                 return
 
     def text(self, text: str) -> Page:
         """Paragraphs, split at blank lines."""
-        return self._with(blocks.paragraphs(text))
+        return self._with(_paragraphs(text))
 
-    def callout(self, level: blocks.Level, text: str) -> Page:
-        """A note that stands out; level: "info", "warning" or "error"."""
-        return self._with(blocks.callout(level, text))
+    def callout(self, level: Level, text: str) -> Page:
+        """A note that stands out; level: "info", "warning" or "error", which is written, not only coloured."""
+        require_one_of("level", level, get_args(Level))
+        title = f"<b>{level.capitalize()}</b>"
+        return self._with(f'<div class="callout {level}" role="note">{title}<div>{_paragraphs(text)}</div></div>')
 
     def numbers(self, values: Mapping[str, str]) -> Page:
-        """A row of key figures: label -> value with unit, such as {"Capacity": "3.02 Ah ± 0.01"}."""
-        return self._with(blocks.numbers(values))
+        """A row of key figures: label -> value with unit, such as {"Capacity": "3.02 Ah ± 0.01"}, the number large."""
+        cards = (f"<div><dt>{escape(label)}</dt><dd>{_value(value)}</dd></div>" for label, value in values.items())
+        return self._with(f'<dl class="numbers">{"".join(cards)}</dl>')
 
-    def table(self, header: Sequence[str], rows: Sequence[Sequence[blocks.Cell]], caption: str = "") -> Page:
-        """A table of texts and numbers; None is shown as a dash."""
-        return self._with(blocks.table(header, rows, caption))
+    def table(self, header: Sequence[str], rows: Sequence[Sequence[Cell]], caption: str = "") -> Page:
+        """A table; columns of numbers are aligned right, None is shown as a dash.
+
+        Raises: InputError for a row that is not as long as the header.
+        """
+        return self._with(_table(header, rows, caption))
 
     def plot(self, *figures: Figure, clock: WallClock | None = None) -> Page:
         """Figures above each other on one x axis: they zoom and scroll together.
 
         clock: of a log with dates: figures over `TIME` are drawn on it.
         """
-        return self._with(blocks.plot(figures, clock))
+        captions = "".join(f"<figure><figcaption>{escape(f.title)}</figcaption></figure>" for f in figures)
+        data = embed(stack(figures, clock))  # which `assets/plots.js` draws
+        return self._with(f'<div class="stack">{captions}<script type="application/json">{data}</script></div>')
 
     def map(self, plane: Block) -> Page:
         """Lines from above, such as a `Map`."""
@@ -119,7 +144,7 @@ class Page:
         }
         before, after = _asset("assets/page.html").split("$body\n")
         yield Template(before).substitute(values)
-        for block in blocks.folded(self.body):
+        for block in _folded(self.body):
             yield block
             yield "\n"
         yield Template(after).substitute(values)
@@ -170,3 +195,64 @@ def _contents(headings: Sequence[str]) -> str:
 def _anchor(number: int, text: str) -> str:
     words = re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
     return f"{number + 1}-{words}".rstrip("-")
+
+
+def _paragraphs(text: str) -> str:
+    """Paragraphs, split at blank lines."""
+    return "".join(f"<p>{escape(part.strip())}</p>" for part in re.split(r"\n\s*\n", text) if part.strip())
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[Cell]], caption: str = "") -> str:
+    for number, row in enumerate(rows):
+        if len(row) != len(header):
+            raise InputError(f"row {number} has {len(row)} cells, the header has {len(header)}")
+    classes = [' class="number"' if _all_numbers(column) else "" for column in zip(*rows, strict=True)]
+    classes = classes or [""] * len(header)
+    head = "".join(f'<th scope="col"{c}>{escape(name)}</th>' for name, c in zip(header, classes, strict=True))
+    cells = ("".join(map(_cell, row, classes)) for row in rows)
+    body = "".join(f"<tr>{row}</tr>" for row in cells)
+    title = f"<caption>{escape(caption)}</caption>" if caption else ""
+    scroll = f'<div class="scroll" tabindex="0" role="group" aria-label="Table: {escape(", ".join(header))}">'
+    return f"{scroll}<table>{title}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+
+
+def _cell(cell: Cell, column_class: str) -> str:
+    if isinstance(cell, HeatCell):
+        return f'<td class="number heat-{cell.level}">{escape(cell.text)}</td>'
+    return f"<td{column_class}>{escape(_text(cell))}</td>"
+
+
+def _folded(blocks: Iterable[str]) -> Iterator[str]:
+    """The blocks, each heading with those below it as a section that can be folded away."""
+    within = False
+    for block in blocks:
+        if block.startswith("<h2"):
+            yield f"{'</details>' * within}<details open><summary>{block}</summary>"
+            within = True
+        else:
+            yield block
+    yield "</details>" * within
+
+
+def embed(data: object) -> str:
+    """JSON that is safe inside a script element: no "<" that could close it or open a comment."""
+    text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c")
+
+
+def _value(text: str) -> str:
+    match = _LEADING_NUMBER.fullmatch(text)
+    if match is None:
+        return f'<b class="word">{escape(text)}</b>'
+    return f"<b>{escape(match[1])}</b><span>{escape(match[2])}</span>"
+
+
+def _text(cell: Cell) -> str:
+    if cell is None:
+        return "–"
+    return f"{cell:.5g}" if isinstance(cell, float) else str(cell)
+
+
+def _all_numbers(column: Sequence[Cell]) -> bool:
+    present = [cell for cell in column if cell is not None]
+    return bool(present) and all(not isinstance(c, str) or _LEADING_NUMBER.fullmatch(c) is not None for c in present)

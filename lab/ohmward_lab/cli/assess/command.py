@@ -15,7 +15,7 @@ from ohmward.cli.outcome import Outcome, progress
 from ohmward.cli.wording import FOOTER
 from ohmward.fleet.run import SUMMARY
 from ohmward.report import Page
-from ohmward.report.blocks import HeatCell
+from ohmward.report.page import HeatCell
 from ohmward_lab.assess import LARGEST_RMSE
 from ohmward_lab.assess.recommendation import COVERS
 from ohmward_lab.assess.study import STUDIES, Study, assess
