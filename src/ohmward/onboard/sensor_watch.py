@@ -59,56 +59,42 @@ _PARTNER = {
     "cell_voltage_V": "battery_current_A",
 }
 
-
 _ANY = ValueLimits(-math.inf, math.inf)
 
 
 @dataclass(slots=True)
 class WatchedSensor:
-    """One signal as it has reported so far.
-
-    source: that it comes from.  lowest, highest: outside of these no sensor that works reads.
-    last_s, interval_s: time of its last value, and between two usually; received_s: when it came, which may be later;
-    true_s: when the last one that may be true came.  pauses: silences in a row.
-    value: last one that may be true; same: number of times in a row, since same_s; stuck: declared to be.
-    move: smallest change that counts as a move; turns: number of times that moves have changed their direction.
-    moved_to, upwards: value after the last move, and its direction.
-    partner_turns: turns of the partner when the value began to be the same.
-    bad: values since the last look that cannot be true, and the last of them; good: all others since then.
-    absent: sentence where the robot has no such wheel or motor; plausible: lowest and highest value on this robot.
-    doubled_by: other source that sends it too; doubled_s: when it last did.
-    looked_at, looked_s: value at the last look, and its time.
-    """
+    """One signal as it has reported so far."""
 
     signal: str
-    source: str
-    lowest: float
+    source: str  #: that it comes from
+    lowest: float  #: outside of this and `highest` no sensor that works reads
     highest: float
-    move: float = math.inf
-    last_s: float = -math.inf
-    received_s: float = -math.inf
-    interval_s: float = 0.0
-    true_s: float = -math.inf
-    pauses: int = 0
-    value: float = math.nan
-    same: int = 0
-    same_s: float = -math.inf
-    stuck: bool = False
-    turns: int = 0
-    moved_to: float = math.nan
-    upwards: bool = True
-    partner_turns: int = 0
+    move: float = math.inf  #: smallest change that counts as a move
+    last_s: float = -math.inf  #: time of its last value
+    received_s: float = -math.inf  #: when that came, which may be later
+    interval_s: float = 0.0  #: usual time between two values
+    true_s: float = -math.inf  #: when the last value that may be true came
+    pauses: int = 0  #: silences in a row
+    value: float = math.nan  #: last one that may be true
+    same: int = 0  #: number of times in a row that it was the same
+    same_s: float = -math.inf  #: since when it is
+    stuck: bool = False  #: declared to be
+    turns: int = 0  #: number of times that moves have changed their direction
+    moved_to: float = math.nan  #: value after the last move
+    upwards: bool = True  #: direction of the last move
+    partner_turns: int = 0  #: turns of the partner when the value began to be the same
     partner: WatchedSensor | None = None
-    bad: int = 0
-    bad_value: float = math.nan
-    good: int = 0
-    absent: str = ""
-    plausible: ValueLimits = _ANY
-    doubled_by: str = ""
-    doubled_s: float = -math.inf
-    repeated: int = 0
-    looked_at: float = math.nan
-    looked_s: float = math.nan
+    bad: int = 0  #: values since the last look that cannot be true
+    bad_value: float = math.nan  #: the last of them
+    good: int = 0  #: all other values since the last look
+    absent: str = ""  #: sentence where the robot has no such wheel or motor
+    plausible: ValueLimits = _ANY  #: lowest and highest value on this robot
+    doubled_by: str = ""  #: other source that sends it too
+    doubled_s: float = -math.inf  #: when that last did
+    repeated: int = 0  #: values since the last look that came twice
+    looked_at: float = math.nan  #: value at the last look
+    looked_s: float = math.nan  #: time of that value
 
     @property
     def silent_after_s(self) -> float:
@@ -187,12 +173,12 @@ class WatchedSensor:
 
 @dataclass
 class Delivery:
-    """Messages of one source: when the first one came, the delay of the last, and when the source's clock was set."""
+    """Messages of one source."""
 
-    signals: frozenset[str] = frozenset()
-    first_s: float = math.inf
-    delay_s: float = 0.0
-    step_s: float = -math.inf
+    signals: frozenset[str] = frozenset()  #: that it says it sends
+    first_s: float = math.inf  #: when the first message came
+    delay_s: float = 0.0  #: of the last one
+    step_s: float = -math.inf  #: when the source's clock was set
 
 
 @dataclass
@@ -332,7 +318,6 @@ class SensorWatch:
 
 
 def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
-    """Condition of a sensor in a sentence."""
     if sensor.absent:
         return Level.ERROR, f"{sensor.absent}; leave it out of {sensor.source}, or correct the robot file"
     if sensor.is_silent(now_s):
