@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -40,21 +40,6 @@ from ohmward.traction.terrain.floor import Floor, Floors, load_floors, save_floo
 PARAMETERS = ["parameter", "value", "95 % interval", ""]
 
 
-class Truth(NamedTuple):
-    """Columns of the true motion: speeds, or a pose with its units."""
-
-    text: str  #: the columns as they were named
-    of_pose: bool
-    scale: Sequence[float]  #: metres per unit of x and y, or of both
-    turn_deg: float  #: added to the heading
-    heading_unit: str  #: "deg" or "rad"
-
-    @property
-    def names(self) -> list[str]:
-        """The columns."""
-        return [name.strip() for name in self.text.split(",")] if self.of_pose else truth_names(self.text)
-
-
 def run(args: argparse.Namespace) -> Outcome:
     """Calibrate, write the robot and its floors."""
     if (args.truth is None) == (args.pose is None):
@@ -68,13 +53,12 @@ def run(args: argparse.Namespace) -> Outcome:
     if args.wheel_load is not None:
         robot = with_wheel_loads(robot, args.wheel_load)
     options = drive_options(args, robot)
-    truth = Truth(args.pose or args.truth, bool(args.pose), args.pose_scale, args.pose_turn, args.pose_unit)
     with progress() as report:
         texts = [one for text in args.logs for one in recordings(text, args.each)]
         read = counting(report, "reading") or (lambda done, total: None)
         drives = []
         for k, text in enumerate(texts, start=1):
-            drives.append(read_one(text, robot, options, truth))
+            drives.append(read_one(text, robot, options, args))
             read(k, len(texts))
         parts = wanted(args.what, () if args.floor else usual_parts(robot))
         found = calibrate(drives, robot, parts, args.floor, rolling(args.rolling))
@@ -123,33 +107,35 @@ def recordings(text: str, each: str | None) -> list[str]:
     return [f"{path}:{chosen}{each}={value:g}" for value in values[np.isfinite(values)]]
 
 
-def read_one(text: str, robot: Robot, options: DriveOptions, truth: Truth) -> CalibrationDrive:
-    """One recording with the motion of the body."""
-    log = options.read(text, leave=truth.names)
-    if truth.of_pose:
-        return CalibrationDrive(log, pose_motion(log, truth, robot))
-    known = read_drive_truth(log, robot, truth.text).truth
+def read_one(text: str, robot: Robot, options: DriveOptions, args: argparse.Namespace) -> CalibrationDrive:
+    """One recording with the motion of the body, from the columns that --truth or --pose names."""
+    if args.pose:
+        names = [name.strip() for name in args.pose.split(",")]
+        log = options.read(text, leave=names)
+        return CalibrationDrive(log, pose_motion(log, names, robot, args))
+    log = options.read(text, leave=truth_names(args.truth))
+    known = read_drive_truth(log, robot, args.truth).truth
     signed = with_signed_speed(robot, replace(log, speed_m_s=known.speed_m_s, speed_age_s=None))
     assert signed.speed_m_s is not None
     known = known._replace(speed_m_s=signed.speed_m_s)
     return CalibrationDrive(replace(log, notes=signed.notes), motion_from_truth(robot, log.time_s, known))
 
 
-def pose_motion(log: DriveLog, truth: Truth, robot: Robot) -> np.ndarray:
-    """Motion (T, freedoms) from a pose.
+def pose_motion(log: DriveLog, names: Sequence[str], robot: Robot, args: argparse.Namespace) -> np.ndarray:
+    """Motion (T, freedoms) from a pose in these columns.
 
     Raises:
         InputError: not three columns, or one that the log does not have.
     """
-    names = truth.names
     if len(names) != 3 or any(name not in log.extra for name in names):
         raise InputError(
-            f"{log.name}: --pose takes three columns X,Y,HEADING of the log, got {truth.text!r}; "
+            f"{log.name}: --pose takes three columns X,Y,HEADING of the log, got {args.pose!r}; "
             f"it has: {', '.join(log.extra)}"
         )
     x, y, heading = (log.extra[name] for name in names)
-    turned = (np.radians(1.0) if truth.heading_unit == "deg" else 1.0) * heading + np.radians(truth.turn_deg)
-    return without_lateral(robot, motion_from_pose(log.time_s, truth.scale[0] * x, truth.scale[-1] * y, turned))
+    turned = (np.radians(1.0) if args.pose_unit == "deg" else 1.0) * heading + np.radians(args.pose_turn)
+    scale = args.pose_scale  # metres per unit of x and y, or of both
+    return without_lateral(robot, motion_from_pose(log.time_s, scale[0] * x, scale[-1] * y, turned))
 
 
 def summary(found: Calibration) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
@@ -44,13 +44,6 @@ CAUSES: Mapping[Cause, str] = {
 LOGS = ["log", "begins", "cycles", "mean °C", "capacity", "resistance", "remark"]
 
 
-class HealthTask(NamedTuple):
-    """The health of a battery, and everything that was assumed."""
-
-    found: BatteryHealth
-    notes: list[str]
-
-
 def run(args: argparse.Namespace) -> Outcome:
     """Learn from every log in order of time, then judge the trend."""
     if not args.worn > 0.0:
@@ -63,9 +56,8 @@ def run(args: argparse.Namespace) -> Outcome:
     notes += [
         f"warning: {log.name}: {note.text}" for log in found.dated.logs for note in log.notes if note.level == "warning"
     ]
-    task = HealthTask(found, notes)
-    figures = summary(task) | {"report": args.report}
-    return Outcome(figures, describe(figures), notes, partial(make_page, task, figures))
+    figures = summary(found) | {"notes": notes, "report": args.report}
+    return Outcome(figures, describe(figures), notes, partial(make_page, found, figures))
 
 
 def read_logs(
@@ -84,9 +76,8 @@ def read_logs(
     return logs, [f"warning: left out: {refusal}" for refusal in refusals]
 
 
-def summary(task: HealthTask) -> dict[str, Any]:
-    """The object of --json, but for the files."""
-    found = task.found
+def summary(found: BatteryHealth) -> dict[str, Any]:
+    """The object of --json, but for the notes and the files."""
     health, updates = found.health, found.updates
     used = used_capacities(updates)
     days, cycles = health.now
@@ -122,7 +113,6 @@ def summary(task: HealthTask) -> dict[str, Any]:
             {"log": one.log, "sigma": one.deviation, "cause": one.cause, "text": CAUSES[one.cause]}
             for one in health.outliers
         ],
-        "notes": task.notes,
     }
 
 
@@ -224,7 +214,7 @@ def off_text(outlier: Mapping[str, Any]) -> str:
     return f"{outlier['log']}, by {outlier['sigma']:+.1f} sigma: {outlier['text']}"
 
 
-def make_page(task: HealthTask, f: Mapping[str, Any]) -> Page:
+def make_page(found: BatteryHealth, f: Mapping[str, Any]) -> Page:
     """Key figures, trends, the time left, and the logs."""
     numbers = {
         "Capacity": normal(f["soh_capacity"], "%", 100),
@@ -236,9 +226,9 @@ def make_page(task: HealthTask, f: Mapping[str, Any]) -> Page:
         page = page.callout("warning", sentence(f"sudden change {change_text(step)}"))
     for outlier in f["off_trend"]:
         page = page.callout("info", sentence(off_text(outlier)))
-    page = page.heading("Trend").plot(*trend_figures(task.found.health))
+    page = page.heading("Trend").plot(*trend_figures(found.health))
     page = page.heading("Time left").text(sentence(f"Down to {f['worn_share']:.0%}: {life_text(f)}"))
-    page = page.plot(life_figure(task.found.health.ahead))
+    page = page.plot(life_figure(found.health.ahead))
     page = page.heading("Result").table(["Quantity", "Value, 95 %"], list(result(f).items()))
     rows = [
         [
@@ -253,4 +243,4 @@ def make_page(task: HealthTask, f: Mapping[str, Any]) -> Page:
         for log in f["logs"]
     ]
     page = page.heading("Logs").table(LOGS, rows, "What each log shows by itself")
-    return with_assumptions(page, task.notes)
+    return with_assumptions(page, f["notes"])
