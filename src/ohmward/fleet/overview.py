@@ -17,6 +17,10 @@ WORN, HIGH_RESISTANCE = 0.8, 2.0
 #: A robot differs from the fleet by so many standard deviations, of the fleet and its own together, and by this share
 #: at least; fewer robots show no spread.
 _OUTLIER, _LEAST_SHARE, _FEWEST_ROBOTS = 3.5, 0.1, 5
+#: What is known of a robot as it stands in the row of its last log.
+_AS_IN_THE_ROW = (
+    "soh_capacity", "soh_capacity_std", "resistance_ratio", "resistance_ratio_std", "current_offset_A",
+)  # fmt: skip
 #: Charge below which a battery should not be used.
 LOW_SOC = 0.1
 
@@ -81,14 +85,10 @@ def _state(row: Mapping[str, Any]) -> RobotRecord:
         throughput_Ah=sum(log["throughput_Ah"] for log in used),
         soc=last.get("soc_final"),
         soc_std=last.get("soc_std_final"),
-        soh_capacity=last.get("soh_capacity"),
-        soh_capacity_std=last.get("soh_capacity_std"),
         soh_change=soh[-1] - soh[0] if len(soh) > 1 else None,
-        resistance_ratio=last.get("resistance_ratio"),
-        resistance_ratio_std=last.get("resistance_ratio_std"),
-        current_offset_A=last.get("current_offset_A"),
         battery=row.get("battery"),
         alarms=(),
+        **{name: last.get(name) for name in _AS_IN_THE_ROW},
     )
 
 

@@ -113,15 +113,11 @@ class AgeingModel:
     def _aged_slip(self, slip: SlipEstimate, age_s: float) -> SlipEstimate:
         """Speed and yaw rate with their bands; what has none is unknown."""
         change_m_s = self._speed_change_m_s(slip.speed_m_s, age_s) / BAND_95
-        unknown = np.full(len(slip.slip_ratio), math.nan)
+        of_wheels = ("wheel_speed_rad_s", "slip_speed_m_s", "slip_speed_std_m_s", "slip_ratio", "traction_N")
         return slip._replace(
             speed_std_m_s=math.hypot(slip.speed_std_m_s, change_m_s),
             yaw_rate_std_rad_s=math.hypot(slip.yaw_rate_std_rad_s, change_m_s / self.lever_m),
-            wheel_speed_rad_s=unknown,
-            slip_speed_m_s=unknown,
-            slip_speed_std_m_s=unknown,
-            slip_ratio=unknown,
-            traction_N=unknown,
+            **dict.fromkeys(of_wheels, np.full(len(slip.slip_ratio), math.nan)),
         )
 
     def _aged_pose(self, pose: OdometryEstimate, age_s: float) -> OdometryEstimate:

@@ -172,13 +172,8 @@ def _estimates(state: RobotState) -> list[Diagnostic]:
     """Estimates with their standard deviations, which the other messages have no room for."""
     found: list[Diagnostic] = []
     if charge := state.battery:
-        values: dict[str, str | float] = {
-            "soc": float(charge.soc),
-            "soc_std": float(charge.soc_std),
-            "soh_capacity": float(charge.soh_capacity),
-            "resistance_ratio": float(charge.resistance_ratio),
-            "current_offset_A": float(charge.current_offset_A),
-        }
+        names = ("soc", "soc_std", "soh_capacity", "resistance_ratio", "current_offset_A")
+        values: dict[str, str | float] = {name: float(getattr(charge, name)) for name in names}
         if reach := state.range:
             values["range_assumed"] = str(bool(reach.assumed))
             quantiles = zip(("p10", "p50", "p90"), reach.distance_m, reach.duration_s, strict=True)

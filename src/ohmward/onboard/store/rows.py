@@ -74,14 +74,8 @@ def columns_of(state: RobotState) -> dict[str, float]:
 def _battery(state: RobotState) -> dict[str, float]:
     values = _measured(state, "battery")
     if charge := state.battery:
-        values |= {
-            "soc": charge.soc,
-            "soc_std": charge.soc_std,
-            "current_offset_A": charge.current_offset_A,
-            "soh_capacity": charge.soh_capacity,
-            "resistance_ratio": charge.resistance_ratio,
-            "soc_flags": charge.flags,
-        }
+        names = ("soc", "soc_std", "current_offset_A", "soh_capacity", "resistance_ratio")
+        values |= {name: getattr(charge, name) for name in names} | {"soc_flags": charge.flags}
     if reach := state.range:
         values |= {f"range_{point}_m": getattr(reach.distance_m, point) for point in reach.distance_m._fields}
         values |= {f"time_left_{point}_s": getattr(reach.duration_s, point) for point in reach.duration_s._fields}
