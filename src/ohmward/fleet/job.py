@@ -6,8 +6,6 @@ it begins the next one; the pause between them makes it less sure of the charge.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -29,6 +27,7 @@ from ohmward.battery.soc.score import soc_figures
 from ohmward.errors import InputError, OhmwardError
 from ohmward.fleet.lanes import estimate_logs
 from ohmward.fleet.reading import read_one_of
+from ohmward.fleet.run import digest_of
 from ohmward.logs import Log, write_table
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.selection import split_selection
@@ -48,7 +47,7 @@ class Job:
     @property
     def digest(self) -> str:
         """Digest of the settings: another one for every job with other results."""
-        return _digest(asdict(self))
+        return digest_of(asdict(self))
 
     def run(self, paths: Sequence[str]) -> list[dict[str, Any]]:
         """Rows of the logs, in the order of the paths; a log that cannot be used has its reason in `error`."""
@@ -90,11 +89,6 @@ def _write(folder: str | None, name: str, log: Log, found: SocEstimate) -> None:
         write_table(table, Path(folder) / f"{name}.estimates.parquet")
 
 
-def _digest(settings: Any) -> str:
-    """Digest of settings, as JSON knows them."""
-    return hashlib.sha256(json.dumps(settings).encode()).hexdigest()[:16]
-
-
 #: Without a wall clock nothing tells the pause between two logs [s]: so long that no charge is counted over it.
 UNKNOWN_PAUSE_S = 3600.0
 #: Logs of one robot that overlap by more than this [s] are not of one battery.
@@ -120,7 +114,7 @@ class RobotJob:
     @property
     def digest(self) -> str:
         """Digest of the settings: another one for every job with other results; the logs are part of the items."""
-        return _digest([asdict(self.settings), self.batteries])
+        return digest_of([asdict(self.settings), self.batteries])
 
     @property
     def estimates(self) -> str | None:
@@ -217,7 +211,7 @@ def _fingerprint(texts: Sequence[str]) -> str:
         path = split_selection(text)[0]
         stat = path.stat() if path.exists() else None
         stats.append((text, stat and stat.st_size, stat and stat.st_mtime_ns))
-    return hashlib.sha256(json.dumps(stats).encode()).hexdigest()[:12]
+    return digest_of(stats)[:12]
 
 
 def _file_name(robot: str) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -15,7 +13,7 @@ from ohmward.battery.file import BATTERY_FILE, load_battery, replace_battery
 from ohmward.battery.learning.learn import learn
 from ohmward.errors import InputError
 from ohmward.fleet.reading import read_one_of
-from ohmward.fleet.run import read_rows, write_rows
+from ohmward.fleet.run import digest_of, read_rows, write_rows
 from ohmward.logs.battery_columns import serial_numbers
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.selection import selected_name, split_selection
@@ -35,8 +33,7 @@ class LearningJob(NamedTuple):
     @property
     def digest(self) -> str:
         """Another one for every job with other results."""
-        parts = [BATTERY_FILE.dump(self.start), asdict(self.reading), dict(self.starts)]
-        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
+        return digest_of([BATTERY_FILE.dump(self.start), asdict(self.reading), dict(self.starts)])
 
 
 def learn_all(

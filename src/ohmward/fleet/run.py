@@ -8,6 +8,7 @@ log, sorted by path, and `summary.parquet` the same where pyarrow is installed.
 from __future__ import annotations
 
 import csv
+import hashlib
 import json
 import multiprocessing
 import os
@@ -48,6 +49,11 @@ class FleetJob(Protocol):
     def run(self, paths: Sequence[str]) -> list[dict[str, Any]]:
         """Rows of the items, in their order; one that failed has its reason in `error`."""
         ...
+
+
+def digest_of(settings: Any) -> str:
+    """Digest of the settings of a job, as JSON knows them."""
+    return hashlib.sha256(json.dumps(settings).encode()).hexdigest()[:16]
 
 
 #: Rows of each batch of items, as they are finished, in any order.
