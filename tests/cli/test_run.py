@@ -16,6 +16,7 @@ from markdown_pages import redirected
 from ohmward import generic_battery, save_battery
 from ohmward.cli.main import main
 from ohmward.cli.run.command import summary
+from ohmward.onboard.message import Message
 from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.onboard.sinks.page import PageSink
@@ -53,7 +54,9 @@ def test_the_commands_of_the_page_can_be_pasted(tmp_path):
 def test_keys_of_the_check_are_all_listed(example):
     page = (Path(__file__).parents[2] / "docs" / "command-line.md").read_text(encoding="utf-8")
     section = page.split("## JSON of `run`")[1].split("## ")[0]
-    trial = Trial({"yaw_rate_rad_s": Recorder.record([("imu", 0.0, 1.0)])}, [Diagnostic("imu", Level.OK, "running")])
+    recorder = Recorder()
+    recorder.put(Message(0.0, 0.0, "imu", {"yaw_rate_rad_s": 1.0}))
+    trial = Trial(recorder.signals(), [Diagnostic("imu", Level.OK, "running")])
     found = summary(trial)
     keys = {*found, *found["findings"][0], *found["signals"]["yaw_rate_rad_s"]}
     assert set(re.findall(r"`(\w+)`", section)) >= keys

@@ -21,7 +21,6 @@ TRUTHS = {"speed": "speed", "yaw rate": "rotation", "lateral speed": "speed"}
 #: Word for a current at rest that is not known.
 UNKNOWN = "unknown"
 
-
 #: Help of the argument that names a log.
 LOG = (
     "a text table, Parquet, BDF, Excel, MATLAB, HDF5 or JSON file, a recording (.mcap, .bag, .db3, .ulg), a folder of "

@@ -152,7 +152,13 @@ def check_output(option: str, path: str | None, suffixes: Sequence[str], inputs:
         raise InputError(f"{option} {path}: this is a folder; name a file in it")
     if any(Path(other).exists() and file.exists() and file.samefile(other) for other in inputs):
         raise InputError(f"{option} {path}: this file is an input; choose another name")
-    _try_folder(option, file)
+    try:  # permissions, read-only mounts and full disks show only when one tries
+        with tempfile.TemporaryFile(dir=file.parent):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"{option} {file}: {str(file.parent)!r} takes no files ({error.strerror}); choose another folder"
+        ) from error
 
 
 def check_results(path: str | None, endings: Sequence[str], inputs: Sequence[str], column: str) -> None:
@@ -177,14 +183,3 @@ def _both_ends(file: Path) -> bytes:
         first = stream.read(_ENDS_BYTES)
         stream.seek(max(file.stat().st_size - _ENDS_BYTES, 0))
         return first + stream.read()
-
-
-def _try_folder(option: str, file: Path) -> None:
-    """Permissions, read-only mounts and full disks show only when one tries."""
-    try:
-        with tempfile.TemporaryFile(dir=file.parent):
-            pass
-    except OSError as error:
-        raise InputError(
-            f"{option} {file}: {str(file.parent)!r} takes no files ({error.strerror}); choose another folder"
-        ) from error

@@ -41,7 +41,6 @@ from ohmward.trace.snapshot import require_seal, require_version, sealed, typed
 
 NAME, PREVIOUS = "snapshot.json", "snapshot-previous.json"
 
-
 #: Between two snapshots: what is lost with the power, and what an SD card can bear for years.
 SNAPSHOT_S = 5.0
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,7 @@ from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.feed import Feed
 from ohmward.onboard.message import Message
 from ohmward.onboard.message_parts import no_such_part, wheel_number
-from ohmward.onboard.part import ActingSink, keep_running
+from ohmward.onboard.part import ActingSink, is_live, keep_running
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.quantities import limits_of, quantity_of
@@ -74,13 +74,11 @@ class Recorder:
 
     def signals(self) -> dict[str, SignalRecord]:
         """Records of all signals that have come."""
-        return {signal: self.record(rows) for signal, rows in sorted(self._rows.items())}
-
-    @staticmethod
-    def record(rows: Sequence[tuple[str, float, float]]) -> SignalRecord:
-        """The record of a signal from its sources, times and values."""
-        sources, times, values = zip(*rows, strict=True)
-        return SignalRecord(tuple(sorted(set(sources))), np.array(times), np.array(values, dtype=float))
+        found = {}
+        for signal, rows in sorted(self._rows.items()):
+            sources, times, values = zip(*rows, strict=True)
+            found[signal] = SignalRecord(tuple(sorted(set(sources))), np.array(times), np.array(values, dtype=float))
+        return found
 
 
 def check_wiring(
@@ -291,7 +289,7 @@ async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str,
         asyncio.create_task(keep_running(f"source {source.name}", partial(source.run, put), tell))
         for source in simulated
     ]
-    if not all(getattr(source, "live", True) for source in simulated):
+    if not all(map(is_live, simulated)):
         first = asyncio.create_task(begun.wait())
         await asyncio.wait([first, *sources], timeout=COMPILED_S, return_when=asyncio.FIRST_COMPLETED)
         first.cancel()

@@ -34,7 +34,6 @@ from ohmward.report.payload import stack
 
 _CODE: Final = ("vendor/uplot/uPlot.iife.min.js", "assets/data.js", "assets/save.js", "assets/plots.js")
 
-
 Level = Literal["info", "warning", "error"]
 
 

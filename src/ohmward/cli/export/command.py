@@ -6,7 +6,6 @@ import argparse
 import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
 
 from ohmward.atomic import replacing
 from ohmward.battery.battery import Battery
@@ -54,15 +53,11 @@ def run(args: argparse.Namespace) -> Outcome:
                 "--sample-time, --style, --curve-error, --flash-kb and --ram-kb"
             )
         check_output("-o", args.output, (".zip",))
-        rehearsal = None
-        if args.score:
-            if not args.truth:
-                raise InputError(
-                    "--score needs the true state of charge: name its column with --truth, as `ohmward soc` does"
-                )
-            rehearsal = Rehearsal(args.score, read_options(args), args.truth, args.truth_start)
-        battery, notes = load_with_sensor(args.file, args)
-        return _submission(battery, notes, args.filter or SMALL, given_start(args), rehearsal, args.output)
+        if args.score and not args.truth:
+            raise InputError(
+                "--score needs the true state of charge: name its column with --truth, as `ohmward soc` does"
+            )
+        return _submission(args)
     if args.score:
         raise InputError("--score rehearses a blind benchmark; name it with --for mcmaster")
     python = args.language == "python"
@@ -136,40 +131,16 @@ def run(args: argparse.Namespace) -> Outcome:
     return Outcome(figures, text, notes)
 
 
-class Rehearsal(NamedTuple):
-    """Logs on which a submission is rehearsed, and how to read them."""
-
-    logs: list[str]  #: files or patterns of files
-    reading: ReadOptions
-    truth: str  #: column of the true state of charge
-    truth_start: float | None  #: state of charge at which that column starts, where it counts ampere hours
-
-    def scores(self, text: str, battery: Battery) -> Iterator[blind.BlindScore]:
-        """Those of the module of this text on every log."""
-        model, words = blind.model_of(text), log_files(self.logs)
-        with progress() as report:
-            for k, word in enumerate(words):
-                if report:
-                    report(word, k / len(words))
-                log = read_battery_log(word, self.reading, battery=battery, others=words)
-                truth = soc_reference(log, self.truth, battery.capacity_Ah, self.truth_start)
-                yield from blind.rehearse(model, blind.blind_run(log, truth.soc), battery.capacity_Ah)
-
-
-def _submission(
-    battery: Battery,
-    notes: list[str],
-    filter_name: str,
-    start: dict[str, Any],
-    rehearsal: Rehearsal | None,
-    output: str,
-) -> Outcome:
+def _submission(args: argparse.Namespace) -> Outcome:
     """Write the archive that a blind benchmark takes, and rehearse it where logs are given."""
+    reading = read_options(args) if args.score else None
+    battery, notes = load_with_sensor(args.file, args)
+    filter_name, output = args.filter or SMALL, args.output
     export = battery_export(battery, filter_name, blind.MODULE, sample_time_s=blind.INTERVAL_S)
-    text = python_file(export, blind.INTERVAL_S, **start)
+    text = python_file(export, blind.INTERVAL_S, **given_start(args))
     with replacing(Path(output)) as archive:
         archive.write_bytes(blind.submission(text))
-    scores = list(rehearsal.scores(text, battery)) if rehearsal else []
+    scores = list(_rehearsed(text, battery, reading, args)) if reading else []
     figures = {
         "command": "export",
         "benchmark": "mcmaster",
@@ -184,6 +155,20 @@ def _submission(
     }
     paragraphs = (f"{output}: {export.title}", _score_table(scores) if scores else "")
     return Outcome(figures, wording.paragraphs(*paragraphs), notes)
+
+
+def _rehearsed(
+    text: str, battery: Battery, reading: ReadOptions, args: argparse.Namespace
+) -> Iterator[blind.BlindScore]:
+    """Scores of the module of this text on every log."""
+    model, words = blind.model_of(text), log_files(args.score)
+    with progress() as report:
+        for k, word in enumerate(words):
+            if report:
+                report(word, k / len(words))
+            log = read_battery_log(word, reading, battery=battery, others=words)
+            truth = soc_reference(log, args.truth, battery.capacity_Ah, args.truth_start)
+            yield from blind.rehearse(model, blind.blind_run(log, truth.soc), battery.capacity_Ah)
 
 
 def _score_table(scores: Sequence[blind.BlindScore]) -> str:

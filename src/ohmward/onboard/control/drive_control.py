@@ -94,14 +94,10 @@ class DriveControl:
         """Numbers for the drives, by name; the counter goes from 255 back to 0."""
         self._counter = (self._counter + 1) % 256
         found = {"enable": float(output.phase == DrivePhase.ARMED), "counter": float(self._counter)}
-        for place, torque, speed in zip(self.places, output.torque_Nm, output.wheel_speed_rad_s, strict=True):
+        commands = zip(self.robot.driven_wheels, output.torque_Nm, output.wheel_speed_rad_s, strict=True)
+        for place, torque, speed in commands:
             found |= {f"torque_Nm.{place}": float(torque), f"wheel_speed_rad_s.{place}": float(speed)}
         return found
-
-    @property
-    def places(self) -> list[str]:
-        """Names of the driven wheels."""
-        return self.robot.driven_wheels
 
     def _step(
         self, now_s: float, dt_s: float, state: RobotState | None, operator: OperatorCommand | None

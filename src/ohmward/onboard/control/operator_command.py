@@ -47,7 +47,6 @@ class DriveLimits:
 LONGEST_COMMAND = 4096
 _CODE = 32
 
-
 #: Smaller set-points are none: a stick has play, and a robot is armed at rest only.
 NOTHING = 1e-3
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import time
 from collections.abc import AsyncIterator
@@ -111,11 +112,11 @@ class SerialSource:
         try:
             return serial.serial_for_url(self.port, baudrate=self.baud, timeout=_END_READ_S)
         except (OSError, ValueError) as error:
-            if getattr(error, "errno", None) == 13:
+            number = getattr(error, "errno", None)
+            if number == errno.EACCES:
                 fix = "no permission: sudo usermod -aG dialout $USER, and log in again"
             else:
                 there = [port.device for port in require("serial.tools.list_ports", "the serial line").comports()]
                 fix = f"there are: {', '.join(there)}" if there else "no port is there: is it plugged in?"
-            number = getattr(error, "errno", None)
             reason = os.strerror(number) if number else str(error)
             raise OhmwardError(f"{self.port} cannot be opened ({reason}); {fix}") from error

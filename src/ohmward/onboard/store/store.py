@@ -120,7 +120,6 @@ _LAST_NS = 2**63 - 1
 
 _ARCHIVE_NAME = re.compile(rf"(?P<kind>{'|'.join(KINDS)})-\d{{4}}-\d\d-\d\d-(?P<first>\d+)-(?P<last>\d+)\.parquet")
 
-
 #: `unix_ns` and columns of numbers (T,).
 Columns = dict[str, np.ndarray]
 
@@ -161,7 +160,7 @@ class Store:
             self._prepare(read_only)
         except (OSError, sqlite3.Error) as error:
             raise self._refusal("opened", error) from error
-        self._columns = {kind: self._known_columns(kind) for kind in KINDS}
+        self._columns = {kind: self.names(kind) for kind in KINDS}
 
     def _reading_mode(self, path: Path) -> str:
         """Mode of SQLite to read in; where nobody writes and nobody may, as on a read-only disk, without its locks."""
@@ -225,8 +224,10 @@ class Store:
         Raises:
             OhmwardError: the disk is full, or refuses.
         """
+        whole = list(rows)
         with self._transaction() as database:
-            for kind, group in _grouped(rows).items():
+            for kind in KINDS:
+                group = [row for row in whole if row.kind == kind]
                 names = list(dict.fromkeys(name for row in group for name in row.values))
                 self._add_columns(kind, names)
                 places = ", ".join("?" * (len(names) + 1))
@@ -249,6 +250,10 @@ class Store:
             for done in iter(partial(self._archive_piece, kind, day), None)
         ]
 
+    def _days(self, kind: str, end_ns: int) -> list[int]:
+        query = f"SELECT DISTINCT unix_ns / {_DAY_NS} FROM {kind} WHERE unix_ns < ? ORDER BY 1"
+        return [day for (day,) in self._database.execute(query, (end_ns,))]
+
     def archive_excess(self, most_bytes: int) -> list[Archived]:
         """Move the oldest rows to the archive, whatever their day, until the database is no larger.
 
@@ -263,10 +268,6 @@ class Store:
                 break
             done.append(piece)
         return done
-
-    def _days(self, kind: str, end_ns: int) -> list[int]:
-        query = f"SELECT DISTINCT unix_ns / {_DAY_NS} FROM {kind} WHERE unix_ns < ? ORDER BY 1"
-        return [day for (day,) in self._database.execute(query, (end_ns,))]
 
     def _archive_piece(self, kind: str, day: int) -> Archived | None:
         """Move the first rows of a day to a file; None where it has none."""
@@ -315,7 +316,7 @@ class Store:
             with self._database:
                 yield self._database
         except sqlite3.Error as error:
-            self._columns = {kind: self._known_columns(kind) for kind in KINDS}
+            self._columns = {kind: self.names(kind) for kind in KINDS}
             raise self._refusal("written", error) from error
 
     @contextmanager
@@ -351,7 +352,7 @@ class Store:
 
     def names(self, kind: str) -> list[str]:
         """Columns of a kind of rows that are in the database."""
-        return list(self._known_columns(kind))
+        return [row[1] for row in self._database.execute(f"PRAGMA table_info({kind})")][2:]
 
     def archived(self) -> list[Archived]:
         """The files of the archive, oldest first."""
@@ -430,9 +431,6 @@ class Store:
     def _archived_between(self, kind: str, first_ns: int, last_ns: int) -> list[Archived]:
         return [a for a in self.archived() if a.kind == kind and a.first_ns <= last_ns and a.last_ns >= first_ns]
 
-    def _known_columns(self, kind: str) -> list[str]:
-        return [row[1] for row in self._database.execute(f"PRAGMA table_info({kind})")][2:]
-
     def _select(self, kind: str, names: Sequence[str], where: str, span: Sequence[int]) -> Columns:
         columns = ", ".join(["unix_ns", *map(quoted, names)])
         cursor = self._database.execute(f"SELECT {columns} FROM {kind} {where} ORDER BY unix_ns, id", span)
@@ -451,13 +449,6 @@ def _leaving_out_damage() -> Iterator[None]:
         yield
     except OhmwardError as error:
         LOG.warning("store: rows are left out: %s", error)
-
-
-def _grouped(rows: Iterable[Row]) -> dict[str, list[Row]]:
-    groups: dict[str, list[Row]] = {}
-    for row in rows:
-        groups.setdefault(row.kind, []).append(row)
-    return groups
 
 
 _DAY_S = 86_400.0
