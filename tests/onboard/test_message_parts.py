@@ -2,8 +2,7 @@
 
 import math
 
-from ohmward.onboard import message_parts
-from ohmward.onboard.message_parts import MessageSorter
+from ohmward.onboard.message import MOST_KINDS, MessageSorter
 from ohmward.traction.robot.packaged import RLMA
 
 
@@ -30,6 +29,6 @@ def test_what_the_robot_does_not_have_is_passed_over():
 
 def test_kinds_of_messages_do_not_fill_memory():
     sorter = MessageSorter(RLMA, counted=False)
-    for k in range(3 * message_parts.MOST_KINDS):
+    for k in range(3 * MOST_KINDS):
         assert sorter.parts({"yaw_rate_rad_s": 0.1, f"estimate.{k}": 0.0}).body == ("yaw_rate_rad_s",)
-    assert len(sorter._kinds) <= message_parts.MOST_KINDS
+    assert len(sorter._kinds) <= MOST_KINDS

@@ -3,8 +3,7 @@
 from ohmward.fleet.dask import on_dask
 from ohmward.fleet.job import Job, RobotJob
 from ohmward.fleet.lanes import estimate_logs
-from ohmward.fleet.overview import RobotRecord, robot_states
-from ohmward.fleet.robots import Robots, robots_of
+from ohmward.fleet.robots import RobotRecord, Robots, robot_states, robots_of
 from ohmward.fleet.run import Finished, in_processes, run_fleet
 from ohmward.logs.log import ReadOptions
 

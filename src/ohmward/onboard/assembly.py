@@ -14,7 +14,7 @@ from ohmward.energy.consumption_file import load_consumption
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.estimation import Estimation
-from ohmward.onboard.message_parts import no_such_part
+from ohmward.onboard.message import no_such_part
 from ohmward.onboard.part import LOG, SharingPart, Sink, Source, is_live
 from ohmward.onboard.process import Process
 from ohmward.onboard.robot_setup import Setup

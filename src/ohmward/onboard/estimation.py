@@ -23,7 +23,7 @@ from ohmward.energy.consumption import Consumption
 from ohmward.energy.drive_meter import DriveSample
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.energy.range_step import RangeEstimate, RangeSample
-from ohmward.onboard.message_parts import MessageSorter
+from ohmward.onboard.message import MessageSorter
 from ohmward.onboard.robot_state import RobotState, Totals
 from ohmward.quantities import GROUPS
 from ohmward.traction.inbox import HEADING, SensorInbox

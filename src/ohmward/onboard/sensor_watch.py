@@ -16,7 +16,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import CircuitInput, ohmic_resistance
 from ohmward.onboard.evidence import EVIDENCE, Age
-from ohmward.onboard.message_parts import no_such_part
+from ohmward.onboard.message import no_such_part
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.quantities import EVENTS, QUANTITIES, ValueLimits, limits_of, quantity_of
 from ohmward.signals.checks import beyond_limits, doubled, missing, no_number, stuck

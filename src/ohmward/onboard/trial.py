@@ -20,8 +20,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.file import load_battery
 from ohmward.onboard.control.simulated_drives import connect_simulated_drives
 from ohmward.onboard.feed import Feed
-from ohmward.onboard.message import Message
-from ohmward.onboard.message_parts import no_such_part, wheel_number
+from ohmward.onboard.message import Message, no_such_part, wheel_number
 from ohmward.onboard.part import ActingSink, is_live, keep_running
 from ohmward.onboard.robot_setup import Setup
 from ohmward.onboard.robot_state import Diagnostic, Level
