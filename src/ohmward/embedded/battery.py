@@ -64,7 +64,9 @@ def battery_export(
         if curve_error_V is not None:
             raise InputError(f"{JOINT} has no open-circuit voltage curve; leave out the curve error")
         return lab("published.joint_export").joint_export(battery, name, sample_time_s, style)
-    title = f"State of charge of {battery.name}: {_title(filter_name)}"
+    if not is_estimator(filter_name):
+        raise InputError(f"filter must be one of {', '.join((*ESTIMATORS, *published(), JOINT))}, got {filter_name!r}")
+    title = f"State of charge of {battery.name}: {title_of(filter_name)}"
     if curve_error_V is not None:
         battery, error_V = _on_lines(battery, filter_name, curve_error_V)
         title += f", curve within {1e3 * error_V:.2g} mV"
@@ -107,12 +109,6 @@ def require_style(style: str, filter_name: str) -> None:
     require_one_of("style", style, get_args(Style))
     if style == "loops" and filter_name not in WITH_LOOPS:
         raise InputError(f"{filter_name} has no loops, only {', '.join(WITH_LOOPS)} have; leave out --style loops")
-
-
-def _title(filter_name: str) -> str:
-    if not is_estimator(filter_name):
-        raise InputError(f"filter must be one of {', '.join((*ESTIMATORS, *published(), JOINT))}, got {filter_name!r}")
-    return title_of(filter_name)
 
 
 def _on_lines(battery: Battery, filter_name: str, error_V: float) -> tuple[Battery, float]:

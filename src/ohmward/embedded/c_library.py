@@ -133,7 +133,6 @@ def library(export: Export) -> dict[str, str]:
 
 
 def _words(export: Export, flags: Mapping[str, int], comments: Mapping[str, str]) -> dict[str, str]:
-    """Words of README, build files and test."""
     needed, structure = size(export), export.step.step_structure
     return {
         "NAME": export.name,
@@ -198,7 +197,6 @@ def _to_values(structure: Structure, struct: str) -> str:
 
 
 def _table(structure: Structure, struct: str, comments: Mapping[str, str]) -> str:
-    """Table of members in Markdown."""
     rows = [f"| `{m.name}` | {comments.get(f'{struct}.{m.name}', '')} |" for m in members(structure)]
     return "\n".join(["| member | |", "|---|---|", *rows])
 

@@ -111,7 +111,6 @@ def loops_of(
 
 
 def _text(file: str, name: str, words: dict[str, str]) -> str:
-    """Text of a file of the loops with its words filled in."""
     common = {"NAME": name, "PIVOT_FLOOR": literal(PIVOT_FLOOR), "TINY": literal(TINY)}
     return filled(template(f"loops/{file}.c"), common | words)
 

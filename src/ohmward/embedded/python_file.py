@@ -85,7 +85,6 @@ def python_file(
 
 
 def _function(head: str, docstring: str, unpacked: Sequence[str], code: Body, result: str) -> str:
-    """Source of a function: its tables, then one line for each value."""
     tables = [f"{name} = {values!r}" for name, values in code.tables.items()]
     return "\n    ".join([f"def {head}:", docstring, *unpacked, *tables, *code.lines, f"return {result}"])
 

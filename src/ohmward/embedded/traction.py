@@ -149,12 +149,10 @@ def _at_rest(observer: SpeedObserver) -> DriveSample:
 
 
 def _sample(sample: DriveSample, wheel_speed: np.ndarray, current_A: np.ndarray) -> DriveSample:
-    """The sample with these encoders and currents."""
     return sample._replace(dt_s=0.01, wheel_speed_rad_s=wheel_speed, current_A=current_A)
 
 
 def _row(sample: Any) -> np.ndarray:
-    """The numbers of a sample in order."""
     return np.concatenate([_row(x) if isinstance(x, tuple) else np.ravel(x) for x in sample]).astype(float)
 
 

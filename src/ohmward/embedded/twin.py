@@ -281,12 +281,10 @@ def _run_compiler(command: list[str]) -> str:
 
 
 def _tuple_of(struct: str, dtype: np.dtype) -> Any:
-    """NamedTuple with the members of a struct."""
     return namedtuple(struct.capitalize(), dtype.names or ())
 
 
 def _format(ctype: Any) -> Any:
-    """NumPy's type of a member."""
     return (_TYPES[ctype.item.cname], (ctype.length,)) if ctype.kind == "array" else _TYPES[ctype.cname]
 
 

@@ -87,7 +87,6 @@ def _trend(fit: AgeingFit, health: Health, unit: float) -> tuple[Series, Band]:
 
 
 def _points(health: Health, quantity: str, unit: float) -> list[Series]:
-    """Each log by itself."""
     first_s = health.points[0].time_s
     known = [point for point in health.points if getattr(point, quantity).std < SAYS_NOTHING_STD]
     if not known:

@@ -88,7 +88,6 @@ def _before_and_after(means: Sequence[np.ndarray], stds: Sequence[np.ndarray]) -
 
 
 def _curve_V(battery: Battery) -> np.ndarray:
-    """Mean open-circuit voltage at the temperature of the model."""
     model = battery.thevenin
     return np.asarray(model.ocv.mean_V(_SOC, model.reference_degC))
 

@@ -83,7 +83,6 @@ def _row(text: str, log: Log, battery: Battery, estimator: Estimator, found: Soc
 
 
 def _write(folder: str | None, name: str, log: Log, found: SocEstimate) -> None:
-    """Write the estimates of one log, where they are wanted."""
     if folder:
         table = {"time_s": log.time_s, "soc": found.soc, "soc_std": found.soc_std, "flags": found.flags.astype(int)}
         write_table(table, Path(folder) / f"{name}.estimates.parquet")
@@ -215,5 +214,4 @@ def _fingerprint(texts: Sequence[str]) -> str:
 
 
 def _file_name(robot: str) -> str:
-    """The name of a robot as that of a file."""
     return "".join(c if c.isalnum() or c in "._-" else "_" for c in robot)

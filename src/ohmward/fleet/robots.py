@@ -74,7 +74,6 @@ Find = Callable[[tuple[str, ...]], str | None]
 
 
 def _required(by: str, texts: Sequence[str], files: dict[str, TableFile], find: Find) -> Robots:
-    """The robots by a column that at least one log has."""
     if not any(find(file.names) for file in files.values()):
         what = "a serial number" if by == SERIAL else f"the column {by!r}"
         raise InputError(f"--by {by}: no log has {what}; name another column, or one of {', '.join(WAYS)}")
@@ -126,7 +125,6 @@ def _stem(text: str) -> str:
 
 
 def _of_folder(text: str) -> str:
-    """The folder that a log lies in."""
     return Path(split_selection(text)[0]).resolve().parent.name
 
 

@@ -98,7 +98,6 @@ def _one_thread() -> None:
 
 
 def _side_by_side(job: FleetJob, batches: Sequence[list[str]], processes: int) -> Iterator[list[dict[str, Any]]]:
-    """Rows of each batch from a pool of processes."""
     waiting, others = iter(batches), set(multiprocessing.active_children())
     with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _one_thread) as pool:
         try:

@@ -188,7 +188,6 @@ def _joints(topic: Topic, payload: bytes) -> list[str]:
 
 
 def _for_so_long(listening: Coroutine[Any, Any, None], seconds: float) -> None:
-    """Listen for so long."""
 
     async def listen() -> None:
         try:

@@ -47,7 +47,6 @@ class Feed:
 
     Args:
         interval_s: least time between two states, on average, >= 0; 0 gives every one.
-        longest: number of states that wait at most.
 
     Attributes:
         lost: number of states that were left out because too many waited.
@@ -55,10 +54,10 @@ class Feed:
         trouble: what keeps the sink from delivering while it goes on, "" where nothing does.
     """
 
-    def __init__(self, interval_s: float = 0.0, longest: int = LONGEST_FEED):
+    def __init__(self, interval_s: float = 0.0):
         self.lost = 0
         self._rate = Rate(interval_s)
-        self._waiting: deque[RobotState] = deque(maxlen=longest)
+        self._waiting: deque[RobotState] = deque(maxlen=LONGEST_FEED)
         self._something = asyncio.Event()
         self._measured: dict[str, float] = {}
         self.ended, self.trouble = False, ""
@@ -70,13 +69,13 @@ class Feed:
             if not self._rate.passes(state.time_s):
                 return
             state, self._measured = state._replace(sample=self._measured), {}
-        self.lost += len(self._waiting) == self._waiting.maxlen
+        self.lost += len(self._waiting) == LONGEST_FEED
         self._waiting.append(state)
         self._something.set()
 
     def put_back(self, states: list[RobotState]) -> None:
         """Return states that could not be delivered to the head, as far as there is room."""
-        room = (self._waiting.maxlen or 0) - len(self._waiting)
+        room = LONGEST_FEED - len(self._waiting)
         self.lost += max(len(states) - room, 0)
         self._waiting.extendleft(reversed(states[len(states) - min(room, len(states)) :]))
         if self._waiting:

@@ -259,7 +259,6 @@ class Process:
         return asyncio.create_task(keep_running(name, run, self.tell))
 
     async def _look(self) -> None:
-        """Look at the sensors again and again."""
         while True:
             began_s = self.clock.now_s()
             await asyncio.sleep(SENSOR_LOOK_S)
@@ -354,7 +353,6 @@ async def _deliver(sink: Sink, feed: Feed) -> None:
 
 
 async def _cancel(tasks: Sequence[asyncio.Task[object]]) -> None:
-    """Cancel tasks and wait for their ends."""
     for task in tasks:
         task.cancel()
     await asyncio.gather(*tasks, return_exceptions=True)

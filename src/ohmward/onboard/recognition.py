@@ -216,7 +216,6 @@ class _Finder:
             self.matches[f"cell_voltage_V.{k}"] = _Match(texts[name], unit_of(texts[name].unit))
 
     def _single(self, texts: Mapping[str, Offered]) -> None:
-        """Quantities of the battery and of the body."""
         names = {quantity.channel: name for name, quantity in QUANTITIES.items() if not quantity.each}
         for channel in (*BATTERY, *BODY, *_OF_SIGNALS):
             signal = names.get(channel.name, "")
@@ -232,7 +231,6 @@ class _Finder:
                 self.matches[signal] = _Match(texts[column.name], column.unit)
 
     def _ask_which(self, channel: str, error: UnclearColumnsError) -> None:
-        """Ask which of several names is the quantity."""
         signal = next((n for n, q in QUANTITIES.items() if q.channel == channel), channel)
         texts = {_column(one, long): one.name for one in self.offered for long in (True, False)}
         names = [texts[name] for name in error.choice.values() if name in texts]

@@ -234,7 +234,6 @@ def _of(answers: Answers, offer: Offer, alone: bool) -> Answers:
 
 
 def _with_topics(offer: Offer, chosen: Mapping[str, str]) -> Offer:
-    """The source with the topics that were chosen."""
     if offer.kind != "ros2":
         return offer
     left = tuple(q for q in offer.questions if q.example.partition("=")[0] not in chosen)
@@ -329,7 +328,6 @@ def _write(plan: SetupPlan) -> dict[str, str]:
 
 
 def _lines(plan: SetupPlan) -> Iterator[str]:
-    """Lines of the setup."""
     yield SETUP_FILE.header
     yield f"# Written by `ohmward setup` from {', '.join(plan.made_from)}."
     yield from (f"# To be answered: {q.text} {q.option} {q.example}" for q in plan.questions)
@@ -397,7 +395,6 @@ def _summary(plan: SetupPlan, backups: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _text(plan: SetupPlan, backups: Mapping[str, str]) -> str:
-    """The same for people."""
     found, asked = _found(plan), plan.questions
     head = f"{plan.output}: {len(found)} signals recognised, {len(asked)} asked"
     written = ", ".join([*plan.files, plan.output])

@@ -160,7 +160,6 @@ def _friction(ratio: float | None, relative_std: float) -> str:
 
 
 def _degrees(angle_rad: float, std_rad: float, form: str, form_of_band: str) -> str:
-    """An angle and its 95 % band."""
     return f"{math.degrees(angle_rad):{form}} ± {math.degrees(BAND_95 * std_rad):{form_of_band}}"
 
 

@@ -91,7 +91,6 @@ class OperatorServer:
             writer.close()
 
     def _take(self, found: dict[str, Any], writer: asyncio.StreamWriter) -> None:
-        """Take set-points in."""
         if found.get("stop") is True:
             self.loop.control.request_stop("stopped by an operator")
             return

@@ -32,6 +32,9 @@ MOST_READERS = 50
 #: A wrong token is answered after so long, so that guessing takes years.
 WRONG_TOKEN_S = 0.5
 
+#: So much of the body of a request is read.
+_BODY_BYTES = 4096
+
 #: Names by which a machine calls itself; others in `Host` are those of a page elsewhere that was led here.
 _LOOPBACK = {"localhost", "127.0.0.1", "[::1]"}
 
@@ -160,7 +163,6 @@ def _events(dashboard: Dashboard) -> Callable[[Any], Awaitable[Any]]:
 
 
 def _asset(path: str) -> Callable[[Any], Awaitable[Any]]:
-    """Answer with a file of the package."""
     responses = require("starlette.responses", "the live page")
     room, name, kind = _ASSETS[path]
     text = files(f"ohmward.{room}").joinpath(*name.split("/")).read_text(encoding="utf-8")
@@ -251,16 +253,16 @@ def _login(token: str) -> Callable[[Any], Awaitable[Any]]:
     return login
 
 
-async def _first_bytes(request: Any, most: int = 4096) -> bytes:
+async def _first_bytes(request: Any) -> bytes:
     """Beginning of a body; a longer one is cut, and one whose sender hangs up is what has come."""
     requests = require("starlette.requests", "the live page")
     body = b""
     with suppress(requests.ClientDisconnect):
         async for chunk in request.stream():
             body += chunk
-            if len(body) >= most:
+            if len(body) >= _BODY_BYTES:
                 break
-    return body[:most]
+    return body[:_BODY_BYTES]
 
 
 _NUMBERS = {"type": "array", "items": {"type": ["number", "null"]}}
@@ -293,7 +295,6 @@ def openapi(version: str) -> dict[str, Any]:
 
 
 def _get(summary: str, content: dict[str, Any], **more: Any) -> dict[str, Any]:
-    """One path that is only read."""
     error = _json({"type": "object", "properties": {"error": {"type": "string"}}, "required": ["error"]})
     responses = {
         "200": {"description": "The data.", "content": content},

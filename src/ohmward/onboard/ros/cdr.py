@@ -6,23 +6,21 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ohmward.logs.bags.layout import Definitions, Layout, Several, Single, layout_of
+from ohmward.logs.bags.layout import Layout, Several, Single, layout_of
 from ohmward.logs.bags.recording import CDR
 from ohmward.onboard.ros.types import DEFINITIONS
 
 _ENCAPSULATION = b"\x00\x01\x00\x00"
-_FORMATS = {
-    **{"bool": "?", "byte": "B", "uint8": "B", "int32": "i", "uint32": "I", "float32": "f", "float64": "d"},
-}
+_FORMATS = {"bool": "?", "byte": "B", "uint8": "B", "int32": "i", "uint32": "I", "float32": "f", "float64": "d"}
 
 
-def serialize(type_: str, message: Mapping[str, Any], definitions: Definitions = DEFINITIONS) -> bytes:
+def serialize(type_: str, message: Mapping[str, Any]) -> bytes:
     """The message as bytes.
 
     message: field -> number, text, sequence or nested message, every field.
     """
     out = bytearray(_ENCAPSULATION)
-    _message(out, type_, message, definitions)
+    _message(out, type_, message)
     return bytes(out)
 
 
@@ -46,15 +44,15 @@ def _struct(dtype: str) -> str:
     return dtype[0] + (letters | {"f4": "f", "f8": "d"})[dtype[1:]]
 
 
-def _message(out: bytearray, type_: str, message: Mapping[str, Any], definitions: Definitions) -> None:
-    for name, content in definitions[type_]:
+def _message(out: bytearray, type_: str, message: Mapping[str, Any]) -> None:
+    for name, content in DEFINITIONS[type_]:
         if isinstance(content, Single):
-            _single(out, content.type, message[name], definitions)
+            _single(out, content.type, message[name])
         else:
-            _several(out, content, message[name], definitions)
+            _several(out, content, message[name])
 
 
-def _several(out: bytearray, content: Several, values: Any, definitions: Definitions) -> None:
+def _several(out: bytearray, content: Several, values: Any) -> None:
     if content.size is None:
         _numbers(out, "I", (len(values),))
     elif len(values) != content.size:
@@ -63,10 +61,10 @@ def _several(out: bytearray, content: Several, values: Any, definitions: Definit
         _numbers(out, _FORMATS[content.item.type], values)
         return
     for value in values:
-        _single(out, content.item.type, value, definitions)
+        _single(out, content.item.type, value)
 
 
-def _single(out: bytearray, type_: str, value: Any, definitions: Definitions) -> None:
+def _single(out: bytearray, type_: str, value: Any) -> None:
     if type_ == "string":
         text = value.encode() + b"\x00"
         _numbers(out, "I", (len(text),))
@@ -74,7 +72,7 @@ def _single(out: bytearray, type_: str, value: Any, definitions: Definitions) ->
     elif type_ in _FORMATS:
         _numbers(out, _FORMATS[type_], (value,))
     else:
-        _message(out, type_, value, definitions)
+        _message(out, type_, value)
 
 
 def _numbers(out: bytearray, format_: str, values: Sequence[Any]) -> None:

@@ -79,7 +79,6 @@ def definition_text(type_: str) -> str:
 
 
 def _content(type_: str) -> Single | Several:
-    """The content of a field of this type."""
     item, bracket, size = type_.removesuffix("]").partition("[")
     return Several(Single(item), int(size) if size else None) if bracket else Single(item)
 

@@ -93,7 +93,6 @@ class ControlSink:
 
 
 def _names(control: DriveControl) -> list[str]:
-    """Names of the numbers for the drives."""
     return list(control.numbers(control.step(0.0, None, None)))
 
 

@@ -69,7 +69,6 @@ class WebhookSink:
             }
 
     def _address(self) -> tuple[str, dict[str, str]]:
-        """The URL and the headers."""
         url = secret("url", self.url.removeprefix("env:")) if self.url.startswith("env:") else self.url
         token = {"Authorization": f"Bearer {secret('token', self.token)}"} if self.token else {}
         return url, {"Content-Type": "application/json"} | token
