@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -42,11 +42,11 @@ def ocv_correction_figure(before: Battery, after: Battery) -> Figure:
 def resistance_change_figure(before: Battery, after: Battery) -> Figure:
     """Resistance to ten seconds of current before and after, each with its 95 % band."""
     series, bands = [], []
-    for battery, state in zip((before, after), _STATES, strict=True):
+    for battery, (name, style, role) in zip((before, after), _STATES, strict=True):
         ohm = 1e3 * pulse_ohm_along(battery.thevenin, _SOC)
         ratio = np.exp(BAND_95 * _log_resistance_std(battery, _SOC))
-        series.append(Series(100 * _SOC, ohm, state.name, state.style, state.role))
-        bands.append(Band(100 * _SOC, ohm / ratio, ohm * ratio, f"95 % {state.name}", state.role))
+        series.append(Series(100 * _SOC, ohm, name, style, role))
+        bands.append(Band(100 * _SOC, ohm / ratio, ohm * ratio, f"95 % {name}", role))
     highest = max(1.3 * float(max(s.y.max() for s in series)), 1.1 * float(bands[1].high.max()))
     title = f"Resistance to {PULSE_S:g} s of current"
     return Figure(title, SOC_AXIS, "Resistance [mΩ]", series, bands, y_limits=(0.0, highest))
@@ -65,25 +65,17 @@ def progress_figure(title: str, label: str, knowledge: Sequence[Mapping[str, Any
     return Figure(title, "Logs learnt", label, series, [band_95(number, mean, std, limits)], height_px=200)
 
 
-class _State(NamedTuple):
-    """A state of a file: its name, and the line and colour that it has."""
-
-    name: str
-    style: Style
-    role: Meaning
-
-
-_STATES = _State("before", "dashed", "background"), _State("after", "line", "estimate")
+#: States of a file, each with its line and its colour.
+_STATES: tuple[tuple[str, Style, Meaning], ...] = (("before", "dashed", "background"), ("after", "line", "estimate"))
 
 
 def _before_and_after(means: Sequence[np.ndarray], stds: Sequence[np.ndarray]) -> tuple[list[Series], list[Band]]:
     """Lines and 95 % bands of a quantity along SoC in both states."""
     x = 100 * _SOC
-    series = [Series(x, mean, one.name, one.style, one.role) for mean, one in zip(means, _STATES, strict=True)]
-    bands = [
-        band_95(x, mean, std, label=f"95 % {one.name}", role=one.role)
-        for mean, std, one in zip(means, stds, _STATES, strict=True)
-    ]
+    series, bands = [], []
+    for mean, std, (name, style, role) in zip(means, stds, _STATES, strict=True):
+        series.append(Series(x, mean, name, style, role))
+        bands.append(band_95(x, mean, std, label=f"95 % {name}", role=role))
     return series, bands
 
 

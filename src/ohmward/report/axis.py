@@ -12,13 +12,6 @@ from ohmward.errors import InputError
 from ohmward.report.figure import TIME, Figure
 
 
-class AxisUnit(NamedTuple):
-    """Unit of time: its name and its length."""
-
-    name: str
-    seconds: float
-
-
 class WallClock(NamedTuple):
     """Clock of a log with dates."""
 
@@ -73,11 +66,11 @@ def _extent(figures: Sequence[Figure]) -> tuple[float, float]:
     return (low, high) if low < high else (low - 0.5, high + 0.5)
 
 
-def time_unit(duration_s: float) -> AxisUnit:
-    """Unit for an axis of `duration_s`: s below 3 min, min below 3 h, else h."""
+def time_unit(duration_s: float) -> tuple[str, float]:
+    """Name and length [s] of the unit for an axis of `duration_s`: s below 3 min, min below 3 h, else h."""
     if duration_s < 180:
-        return AxisUnit("s", 1.0)
-    return AxisUnit("min", 60.0) if duration_s < 3 * 3600 else AxisUnit("h", 3600.0)
+        return "s", 1.0
+    return ("min", 60.0) if duration_s < 3 * 3600 else ("h", 3600.0)
 
 
 def nice_step(span: float, intervals: int) -> float:
