@@ -27,11 +27,7 @@ _OF_COMMAND = {"torque": "torque_Nm", "wheel-speed": "wheel_speed_rad_s"}
 
 @dataclass(frozen=True)
 class CanOutput(CanPort):
-    """Frames on a bus.
-
-    Attributes:
-        interface, channel, bitrate, fd: of the bus.
-    """
+    """Frames on a bus."""
 
     dbc: str = ""  #: path of the database
     #: "torque_Nm.WHEEL" or "wheel_speed_rad_s.WHEEL", "enable", "counter" -> "MESSAGE.SIGNAL"
@@ -76,11 +72,7 @@ class CanOutput(CanPort):
 
 @dataclass(frozen=True)
 class MqttOutput(MqttBroker):
-    """A JSON object of all numbers at a topic, not retained.
-
-    Attributes:
-        host, port, username, password, tls, ca_file: of the broker.
-    """
+    """A JSON object of all numbers at a topic, not retained."""
 
     topic: str = "ohmward/robot/drives"  #: of the commands
 
@@ -111,11 +103,7 @@ class SimulatedOutput:
 
 @dataclass(frozen=True)
 class RosOutput(RosNetwork):
-    """`std_msgs/Float64MultiArray` for a forward_command_controller of ros2_control: zeros unless armed.
-
-    Attributes:
-        transport, node, namespace, domain, router: of the network.
-    """
+    """`std_msgs/Float64MultiArray` for a forward_command_controller of ros2_control: zeros unless armed."""
 
     node: str = "ohmward_control"
     topic: str = "/wheel_controller/commands"  #: of the controller's commands

@@ -15,11 +15,7 @@ from ohmward.onboard.robot_state import number_at, require_path
 
 @dataclass(frozen=True)
 class CanSink(CanPort):
-    """Frames from states.
-
-    Attributes:
-        interface, channel, bitrate, fd: of the bus.
-    """
+    """Frames from states."""
 
     dbc: str = ""  #: path of the database: DBC, KCD, SYM or ARXML
     #: number of the state -> "MESSAGE.SIGNAL", `"battery.soc" = "State.SoC"`. A message goes out when all of its

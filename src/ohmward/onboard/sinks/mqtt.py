@@ -26,11 +26,7 @@ _STATES_AT_ONCE = 100
 
 @dataclass(frozen=True)
 class MqttSink(MqttBroker):
-    """States to a broker, retained, each acknowledged by it; those it has not got wait in the feed.
-
-    Attributes:
-        host, port, username, password, tls, ca_file: of the broker.
-    """
+    """States to a broker, retained, each acknowledged by it; those it has not got wait in the feed."""
 
     #: TOPIC/state is the state; TOPIC/alarms those that are raised, sent when one begins or ends; TOPIC/status is
     #: "online", and "offline" once the connection is lost

@@ -13,11 +13,7 @@ from ohmward.onboard.part import FaultyInput
 
 @dataclass(frozen=True)
 class CanSource(CanPort):
-    """Frames of a bus.
-
-    Attributes:
-        interface, channel, bitrate, fd: of the bus.
-    """
+    """Frames of a bus."""
 
     dbc: str = ""  #: path of the database: DBC, KCD, SYM or ARXML
     signals: Signals = field(default_factory=dict)  #: quantity -> "MESSAGE.SIGNAL"

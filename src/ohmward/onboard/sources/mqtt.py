@@ -17,11 +17,7 @@ _KEY = "#"
 
 @dataclass(frozen=True)
 class MqttSource(MqttBroker):
-    """Topics of a broker.
-
-    Attributes:
-        host, port, username, password, tls, ca_file: of the broker.
-    """
+    """Topics of a broker."""
 
     #: quantity -> "TOPIC" whose payload is a number, or "TOPIC#KEY" of a JSON object
     signals: Signals = field(default_factory=dict)
