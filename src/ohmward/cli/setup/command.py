@@ -64,10 +64,7 @@ class Offer(NamedTuple):
 class SetupPlan(NamedTuple):
     """A setup that can be written."""
 
-    output: str  #: path of its file
-    made_from: list[str]  #: the sources as they were named
-    name: str  #: of the robot
-    counts_per_turn: float | None  #: of the encoders, where they send counts
+    args: argparse.Namespace  #: of the command line: path of the setup, sources as they were named, name of the robot
     sources: list[tuple[Offer, Mapping[str, ScaledSignal]]]
     battery: str | None  #: path of the file, as that of the robot
     robot: str | None
@@ -212,19 +209,7 @@ def make_plan(args: argparse.Namespace, offers: Sequence[Offer]) -> SetupPlan:
         notes += found.notes
         unused += found.unused
     made = {str(file.path): file.text for file in (battery, robot) if file.text}
-    return SetupPlan(
-        args.output,
-        args.sources,
-        args.name,
-        args.counts_per_turn,
-        sources,
-        battery.path,
-        robot.path,
-        made,
-        questions,
-        notes,
-        unused,
-    )
+    return SetupPlan(args, sources, battery.path, robot.path, made, questions, notes, unused)
 
 
 def _of(answers: Answers, offer: Offer, alone: bool) -> Answers:
@@ -320,7 +305,7 @@ def _write(plan: SetupPlan) -> dict[str, str]:
     text = "\n".join(_lines(plan)) + "\n"
     SETUP_FILE.parse(text)
     backups = {}
-    for path, content in {**plan.files, plan.output: text}.items():
+    for path, content in {**plan.files, plan.args.output: text}.items():
         if backup := back_up(Path(path)):
             backups[path] = str(backup)
         write_text(Path(path), content)
@@ -329,10 +314,10 @@ def _write(plan: SetupPlan) -> dict[str, str]:
 
 def _lines(plan: SetupPlan) -> Iterator[str]:
     yield SETUP_FILE.header
-    yield f"# Written by `ohmward setup` from {', '.join(plan.made_from)}."
+    yield f"# Written by `ohmward setup` from {', '.join(plan.args.sources)}."
     yield from (f"# To be answered: {q.text} {q.option} {q.example}" for q in plan.questions)
-    head = {"format": SETUP_FILE.format, "name": plan.name, "battery": plan.battery, "robot": plan.robot}
-    yield from _settings(head | {"counts_per_turn": plan.counts_per_turn})
+    head = {"format": SETUP_FILE.format, "name": plan.args.name, "battery": plan.battery, "robot": plan.robot}
+    yield from _settings(head | {"counts_per_turn": plan.args.counts_per_turn})
     for k, (offer, signals) in enumerate(plan.sources):
         if not (signals or offer.kind == "ros2" or offer.settings.get("topics") or offer.settings.get("messages")):
             continue
@@ -381,10 +366,10 @@ def _summary(plan: SetupPlan, backups: Mapping[str, str]) -> dict[str, Any]:
     }
     return {
         "command": "setup",
-        "output": plan.output,
+        "output": plan.args.output,
         "battery": plan.battery,
         "robot": plan.robot,
-        "written": [*plan.files, plan.output],
+        "written": [*plan.files, plan.args.output],
         "backups": backups,
         "recognised": _found(plan),
         "signals": signals,
@@ -396,8 +381,8 @@ def _summary(plan: SetupPlan, backups: Mapping[str, str]) -> dict[str, Any]:
 
 def _text(plan: SetupPlan, backups: Mapping[str, str]) -> str:
     found, asked = _found(plan), plan.questions
-    head = f"{plan.output}: {len(found)} signals recognised, {len(asked)} asked"
-    written = ", ".join([*plan.files, plan.output])
+    head = f"{plan.args.output}: {len(found)} signals recognised, {len(asked)} asked"
+    written = ", ".join([*plan.files, plan.args.output])
     before = "".join(f"; {path} of before is {backup}" for path, backup in backups.items())
     questions = [f"{q.text}  {q.option} {q.example}" for q in asked]
     options = shlex.join([word for q in asked for word in (q.option, q.example)])
@@ -409,5 +394,5 @@ def _text(plan: SetupPlan, backups: Mapping[str, str]) -> str:
         wording.bullets("Assumed", plan.notes),
         wording.bullets("Not used", [", ".join(plan.unused)] if plan.unused else []),
         f"Written: {written}{before}",
-        f"Next: ohmward run --check {plan.output}; then ohmward run {plan.output} and http://127.0.0.1:8080",
+        f"Next: ohmward run --check {plan.args.output}; then ohmward run {plan.args.output} and http://127.0.0.1:8080",
     )
