@@ -103,12 +103,7 @@ def summary(trial: Trial) -> dict[str, Any]:
         "passed": trial.passed,
         "findings": [{"subject": f.name, "level": f.level.name, "text": f.message} for f in trial.findings],
         "signals": {
-            signal: {
-                "sources": record.sources,
-                "rate_hz": record.rate_hz,
-                "median": record.median,
-                "largest": record.largest,
-            }
+            signal: {name: getattr(record, name) for name in ("sources", "rate_hz", "median", "largest")}
             for signal, record in trial.signals.items()
         },
     }

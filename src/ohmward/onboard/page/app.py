@@ -309,22 +309,19 @@ def _get(summary: str, content: dict[str, Any], **more: Any) -> dict[str, Any]:
 
 
 def _history_path() -> dict[str, Any]:
-    since = {
-        "name": "since",
-        "in": "query",
-        "required": False,
-        "description": "Rows after this time, seconds since 1970.",
-        "schema": {"type": "number"},
+    known = {
+        "since": ("Rows after this time, seconds since 1970.", {"type": "number"}),
+        "last": (
+            "Rows of this time, thinned to some hundred: from memory, and before that from the store.",
+            {"type": "string", "enum": list(SPANS)},
+        ),
     }
-    last = {
-        "name": "last",
-        "in": "query",
-        "required": False,
-        "description": "Rows of this time, thinned to some hundred: from memory, and before that from the store.",
-        "schema": {"type": "string", "enum": list(SPANS)},
-    }
+    parameters = [
+        {"name": name, "in": "query", "required": False, "description": text, "schema": schema}
+        for name, (text, schema) in known.items()
+    ]
     summary = "Rows in columns; by default those of the last hour and a half, one a second."
-    return _get(summary, _json(_columns(*HISTORY)), parameters=[since, last])
+    return _get(summary, _json(_columns(*HISTORY)), parameters=parameters)
 
 
 def _columns(*names: str) -> dict[str, Any]:

@@ -100,20 +100,18 @@ def _charge(state: RobotState) -> dict[str, Any] | None:
     if (charge := state.battery) is None:
         return None
     low, high = soc_band(charge.soc, charge.soc_std)
-    measured = [quantity for quantity in QUANTITIES.values() if quantity.owner == "battery" and quantity.words]
+    of_battery = [quantity for quantity in QUANTITIES.values() if quantity.owner == "battery"]
+    beside = [q for q in of_battery if q.name in state.sample and not q.estimated_from and q.name not in EVENTS]
     return {
         "soc": charge.soc,
         "low": low,
         "high": high,
         "sentence": f"Between {100 * low:.0f} and {100 * high:.0f} % with a probability of 95 %{_since(state)}.",
-        **{q.field: state.sample.get(q.name, math.nan) for q in measured if q.estimated_from},
+        **{q.field: state.sample.get(q.name, math.nan) for q in of_battery if q.words and q.estimated_from},
         "soh_capacity": charge.soh_capacity,
         "resistance_ratio": charge.resistance_ratio,
         "flags": charge.flags,
-        "beside": [
-            *(_reading(q, state.sample) for q in QUANTITIES.values() if _is_beside(q, state.sample)),
-            *_cells(state),
-        ],
+        "beside": [*(_reading(q, state.sample) for q in beside), *_cells(state)],
     }
 
 
@@ -136,16 +134,6 @@ def _since(state: RobotState) -> str:
     if not state.is_silent("battery"):
         return ""
     return f"; last measured {time_in_words(state.time_s - state.battery_time_s)} ago"
-
-
-def _is_beside(quantity: Quantity, sample: Mapping[str, float]) -> bool:
-    """True for what is measured of the battery, and neither estimated from nor an event."""
-    return (
-        quantity.owner == "battery"
-        and not quantity.estimated_from
-        and quantity.name not in EVENTS
-        and quantity.name in sample
-    )
 
 
 def _reading(quantity: Quantity, sample: Mapping[str, float]) -> dict[str, Any]:
