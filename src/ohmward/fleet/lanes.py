@@ -36,12 +36,7 @@ def estimate_logs(
     initial_soc: of every log; None takes it from each log's first voltage.
     lowering: see `ohmward.trace.Kernel`.
     """
-    # those whose estimates are not those of steps alone
-    alone = {
-        i
-        for i, log in enumerate(logs)
-        if says_full_at(estimator, log) or after_long_gaps(estimator, np.diff(log.time_s))
-    }
+    alone = {i for i, log in enumerate(logs) if not _in_one_piece(estimator, log)}
     together = [log for i, log in enumerate(logs) if i not in alone]
     found = iter(_side_by_side(estimator, together, initial_soc, initial_soc_std, lowering) if together else ())
 
@@ -49,6 +44,11 @@ def estimate_logs(
         return SocEstimator(estimator, initial_soc, initial_soc_std, lowering).run(log).estimates
 
     return [run(log) if i in alone else next(found) for i, log in enumerate(logs)]
+
+
+def _in_one_piece(estimator: Estimator, log: Log) -> bool:
+    """True for a log whose estimates are those of steps alone."""
+    return not says_full_at(estimator, log) and not after_long_gaps(estimator, np.diff(log.time_s))
 
 
 def _side_by_side(

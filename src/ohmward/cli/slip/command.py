@@ -129,9 +129,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
         "offset of the gyro": gyro,
         "friction": _friction(f["friction_ratio"], f["friction_std"]),
         "grade": f"{_degrees(f['grade_rad'], f['grade_std_rad'], '.2f', '.2f')} degrees" if grade else "",
-        "radius": f"{percent(f['radius_ratio'], 1)} ± {percent(BAND_95 * f['radius_std'], 1)} of the robot's"
-        if f["radius_ratio"] is not None
-        else "",
+        "radius": _ratio(f["radius_ratio"], f["radius_std"], "the robot's"),
         "speed unobserved": f"{percent(f['unobserved_share'], 1)} of the time",
         "flagged samples": wording.flagged(f["flags"]),
         "steps": f"{f['steps']:,} in {f['seconds']:.2g} s",
@@ -157,6 +155,11 @@ def _friction(ratio: float | None, relative_std: float) -> str:
     if factor > _KNOWN_WITHIN:
         return f"not known from this drive (within a factor of {factor:.2g}): no wheel pushed hard enough"
     return f"{percent(ratio, 1)} ({percent(ratio / factor, 1)} to {percent(ratio * factor, 1)}) of the ground's"
+
+
+def _ratio(ratio: float | None, std: float, of: str) -> str:
+    """A ratio to the value believed, with its 95 % band; nothing where it was not estimated."""
+    return "" if ratio is None else f"{percent(ratio, 1)} ± {percent(BAND_95 * std, 1)} of {of}"
 
 
 def _degrees(angle_rad: float, std_rad: float, form: str, form_of_band: str) -> str:
