@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ohmward.errors import InputError
-from ohmward.logs.order import (
+from ohmward.logs.selection import (
     find_restarts,
     merge_equal_times,
     require_one_instance,

@@ -44,17 +44,20 @@ from ohmward.logs.frame import is_frame, open_frame
 from ohmward.logs.hints import TOPIC, FileHints
 from ohmward.logs.long_table import as_wide
 from ohmward.logs.objects_file import names_values, open_objects
-from ohmward.logs.order import (
+from ohmward.logs.parquet_file import open_parquet
+from ohmward.logs.selection import (
+    RECORDING,
     SeveralRecordingsError,
     find_repeats,
     find_restarts,
     join_steps,
+    names_instances,
+    recording_numbers,
     require_one_instance,
+    select_rows,
     settle_equal_times,
     sort_rows,
 )
-from ohmward.logs.parquet_file import open_parquet
-from ohmward.logs.selection import RECORDING, names_instances, recording_numbers, select_rows
 from ohmward.logs.sqlite_table import open_sqlite_table
 from ohmward.logs.table import LOG_ENDINGS, Note, Opener, Progress, Table, TableFile, counted, in_order, row_numbers
 from ohmward.logs.vehicle_file import (
@@ -335,7 +338,7 @@ def _read_rows(
         table = sort_rows(join_steps(table, time) if joined else table, time, sort_time=wanted.sort_time)
         clock_parts = own - channels - {time}
         require_one_instance(table.only(table.columns.keys() - clock_parts), time, channels)
-        if wanted.extra is not None and find_repeats(table, time, channels).differ:
+        if wanted.extra is not None and find_repeats(table, time, channels)[1]:
             raise SeveralRecordingsError(f"{table.source}: rows with the same time differ")
     except SeveralRecordingsError:
         if wanted.extra is None:
