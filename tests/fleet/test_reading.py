@@ -8,8 +8,7 @@ import pytest
 import ohmward as ow
 from ohmward.battery.log_check import sign_by_model
 from ohmward.fleet.reading import read_one_of
-from ohmward.logs.log import ReadOptions
-from ohmward.logs.sign import UnknownSignError
+from ohmward.logs.log import ReadOptions, UnknownSignError
 
 BATTERY = ow.generic_battery("nmc", 10.0)
 RAMP_S = np.arange(0.0, 7200.0, 10.0)

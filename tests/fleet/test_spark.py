@@ -18,7 +18,7 @@ from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.errors import InputError
 from ohmward.fleet.spark import ESTIMATED, sign_of_fleet, soc_stream
 from ohmward.logs import Log
-from ohmward.logs.sign import UnknownSignError
+from ohmward.logs.log import UnknownSignError
 
 pytest.importorskip("pyspark", reason="needs Spark: pip install pyspark")
 if shutil.which("java") is None:

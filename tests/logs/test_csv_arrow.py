@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from ohmward.errors import InputError
-from ohmward.logs import csv_arrow, read_log, write_table
+from ohmward.logs import csv_file, read_log, write, write_table
 from ohmward.logs.csv_file import open_csv
 from ohmward.logs.csv_layout import find_layout
 
@@ -22,8 +22,8 @@ pytest.importorskip("pyarrow")
 @pytest.fixture(autouse=True)
 def always(monkeypatch):
     """However short the table is."""
-    monkeypatch.setattr(csv_arrow, "WORTH_BYTES", 0)
-    monkeypatch.setattr(csv_arrow, "WORTH_ROWS", 0)
+    monkeypatch.setattr(csv_file, "WORTH_BYTES", 0)
+    monkeypatch.setattr(write, "WORTH_ROWS", 0)
 
 
 def by_the_standard_library(columns):
@@ -36,7 +36,7 @@ def by_the_standard_library(columns):
 def by_both(monkeypatch, path):
     """What a file holds, or why it is refused, with Arrow and without."""
     with_arrow = outcome(path)
-    monkeypatch.setattr(csv_arrow, "WORTH_BYTES", math.inf)
+    monkeypatch.setattr(csv_file, "WORTH_BYTES", math.inf)
     return with_arrow, outcome(path)
 
 
@@ -53,7 +53,7 @@ def outcome(path):
 @given(arrays(float, st.integers(1, 50), elements=st.floats()))
 def test_every_number_is_written_as_python_writes_it(values):
     with np.errstate(invalid="ignore"):
-        assert csv_arrow.rows_as_text([values, values]) == by_the_standard_library([values, values])
+        assert write.rows_as_text([values, values]) == by_the_standard_library([values, values])
 
 
 def test_numbers_of_every_size_are_written_as_python_writes_them():
@@ -61,13 +61,13 @@ def test_numbers_of_every_size_are_written_as_python_writes_them():
     spread = rng.choice([-1.0, 1.0], 50_000) * 10.0 ** rng.uniform(-20, 25, 50_000)
     special = [0.0, -0.0, 1e-4, 1e10, 1e16, 5e-324, math.inf, -math.inf, math.nan, 9_007_199_254_740_993.0]
     values = np.concatenate([spread, np.rint(spread), spread.astype(np.float32), special])
-    assert csv_arrow.rows_as_text([values, values]) == by_the_standard_library([values, values])
+    assert write.rows_as_text([values, values]) == by_the_standard_library([values, values])
 
 
 @pytest.mark.parametrize("kind", ["i8", "u8", "i2", "f4"])
 def test_other_kinds_of_numbers(kind):
     values = np.arange(20).astype(kind)
-    assert csv_arrow.rows_as_text([values, values]) == by_the_standard_library([values, values])
+    assert write.rows_as_text([values, values]) == by_the_standard_library([values, values])
 
 
 def test_an_empty_cell_alone_on_its_line_is_in_quotes(tmp_path):
@@ -77,7 +77,7 @@ def test_an_empty_cell_alone_on_its_line_is_in_quotes(tmp_path):
 
 def test_text_and_conditions_are_left_to_the_standard_library(tmp_path):
     for values in (np.array(["a", "b,c"]), np.array([True, False])):
-        assert csv_arrow.rows_as_text([np.arange(2), values]) is None
+        assert write.rows_as_text([np.arange(2), values]) is None
     write_table({"n": np.arange(2), "word": np.array(["a", "b,c"])}, tmp_path / "t.csv")
     assert (tmp_path / "t.csv").read_text() == 'n,word\n0,a\n1,"b,c"\n'
 
@@ -87,7 +87,7 @@ def test_text_and_conditions_are_left_to_the_standard_library(tmp_path):
 def test_numbers_are_read_back_to_the_bit(tmp_path, table):
     path = tmp_path / "t.csv"
     path.write_text("a,b,c\n" + "".join(",".join(map(repr, row)) + "\n" for row in table.tolist()))
-    columns = csv_arrow.read_numbers(path, find_layout(path), ["c", "a"])
+    columns = csv_file.read_numbers(path, find_layout(path), ["c", "a"])
     assert columns is not None
     for name, values in (("c", table[:, 2]), ("a", table[:, 0])):
         np.testing.assert_array_equal(columns[name], values)
@@ -141,7 +141,7 @@ def test_an_odd_file_gives_the_same_or_is_refused_for_the_same_reason(rows, tmp_
 def test_every_dialect_gives_the_same_numbers_and_lines(text, tmp_path, monkeypatch):
     path = tmp_path / "t.csv"
     path.write_text(text, encoding="utf-8")
-    assert csv_arrow.read_numbers(path, find_layout(path), ["time_s"]) is not None
+    assert csv_file.read_numbers(path, find_layout(path), ["time_s"]) is not None
     with_arrow, without = by_both(monkeypatch, path)
     assert with_arrow == without
     assert with_arrow[0] == {"time_s": [0.0, 1.0], "current_A": [1.5, 2.5]}
@@ -157,7 +157,8 @@ def test_packed_files_and_wide_letters_are_left_to_the_standard_library(encode, 
 
 
 def test_without_arrow_the_standard_library_does_it_alone(tmp_path, monkeypatch):
-    monkeypatch.setattr(csv_arrow, "import_arrow", lambda: None)
+    for module in (csv_file, write):
+        monkeypatch.setattr(module, "import_arrow", lambda: None)
     columns = {"time_s": np.arange(3.0), "current_A": np.ones(3), "voltage_V": np.full(3, 12.0)}
     write_table(columns, tmp_path / "t.csv")
     np.testing.assert_array_equal(read_log(tmp_path / "t.csv", current_sign="charge").time_s, columns["time_s"])
@@ -165,7 +166,8 @@ def test_without_arrow_the_standard_library_does_it_alone(tmp_path, monkeypatch)
 
 def test_short_tables_do_not_wait_for_arrow(tmp_path, monkeypatch):
     monkeypatch.undo()
-    monkeypatch.setattr(csv_arrow, "import_arrow", lambda: pytest.fail("not for three rows"))
+    for module in (csv_file, write):
+        monkeypatch.setattr(module, "import_arrow", lambda: pytest.fail("not for three rows"))
     write_table({"time_s": np.arange(3.0), "x": np.ones(3)}, tmp_path / "t.csv")
     open_csv(tmp_path / "t.csv").load(["time_s"])
 
@@ -176,4 +178,4 @@ def test_progress_ends_at_the_size_of_the_file(tmp_path, monkeypatch):
     for _ in range(2):
         open_csv(path).load(["a"], lambda done, total: told.append((done, total)))
         assert told[-1] == (path.stat().st_size,) * 2
-        monkeypatch.setattr(csv_arrow, "WORTH_BYTES", math.inf)
+        monkeypatch.setattr(csv_file, "WORTH_BYTES", math.inf)

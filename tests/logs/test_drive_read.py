@@ -9,7 +9,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.logs import read_drive
-from ohmward.logs.wheel_speed import counter_bits, speed_from_counts
+from ohmward.logs.wheel_columns import counter_bits, speed_from_counts
 
 PLACES = ("front_left", "front_right", "rear_left", "rear_right")
 TIME = np.arange(5) * 0.1
@@ -108,7 +108,7 @@ def test_the_width_of_a_counter(counts, bits):
 
 def test_counts_at_a_rate_of_their_own():
     counts = np.array([0.0, np.nan, 10.0, np.nan, 30.0])
-    speed = speed_from_counts(counts, TIME, 2 * math.pi).speed_rad_s
+    speed, _ = speed_from_counts(counts, TIME, 2 * math.pi)
     assert np.array_equal(np.isfinite(speed), [False, False, True, False, True])
     assert speed[[2, 4]] == pytest.approx([50.0, 100.0])
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.logs import FileHints, parquet_file, write_table
-from ohmward.logs.parquet_file import open_parquet
+from ohmward.logs import FileHints, frame, write_table
+from ohmward.logs.frame import open_parquet
 from ohmward.logs.table import numbers
 
 pyarrow = pytest.importorskip("pyarrow")
@@ -32,7 +32,7 @@ def test_blocks_make_the_whole(tmp_path, monkeypatch):
     }
     parquet.write_table(pyarrow.table(columns), path, row_group_size=300)
     whole = load(path)
-    monkeypatch.setattr(parquet_file, "_DECODED_ROWS", 70)
+    monkeypatch.setattr(frame, "_DECODED_ROWS", 70)
     told = []
     blocks = load(path, progress=lambda done, total: told.append((done, total)))
     for name, values in whole.columns.items():
@@ -47,7 +47,7 @@ def test_blocks_make_the_whole(tmp_path, monkeypatch):
 
 
 def test_whole_numbers_of_which_a_late_one_is_missing(tmp_path, monkeypatch):
-    monkeypatch.setattr(parquet_file, "_DECODED_ROWS", 2)
+    monkeypatch.setattr(frame, "_DECODED_ROWS", 2)
     path = tmp_path / "t.parquet"
     parquet.write_table(pyarrow.table({"n": [1, 2, 3, None, 5, 6]}), path)
     np.testing.assert_array_equal(load(path).columns["n"], [1, 2, 3, np.nan, 5, 6])
@@ -108,7 +108,7 @@ def test_numbers_of_every_kind_and_length(tmp_path, monkeypatch, kind, missing):
     rng = np.random.default_rng(1)
     column = pyarrow.array(rng.integers(0, 100, 1000).astype(float), mask=rng.random(1000) < missing).cast(kind)
     parquet.write_table(pyarrow.table({"x": column}), tmp_path / "t.parquet", row_group_size=97)
-    monkeypatch.setattr(parquet_file, "_DECODED_ROWS", 31)
+    monkeypatch.setattr(frame, "_DECODED_ROWS", 31)
     found = load(tmp_path / "t.parquet").columns["x"]
     assert found.dtype == (float if missing or "in" not in kind else np.int64)
     np.testing.assert_array_equal(found, column.cast("double").to_numpy(zero_copy_only=False))
@@ -146,6 +146,6 @@ def test_a_lack_of_memory_is_no_damage(tmp_path, monkeypatch):
     def full(*_):
         raise pyarrow.ArrowMemoryError("malloc of size 80 GB failed")
 
-    monkeypatch.setattr(parquet_file, "_columns", full)
+    monkeypatch.setattr(frame, "_columns", full)
     with pytest.raises(MemoryError, match="80 GB"):
         load(tmp_path / "t.parquet")

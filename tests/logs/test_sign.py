@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward.logs import read_log
-from ohmward.logs.sign import UnknownSignError
+from ohmward.logs.log import UnknownSignError
 from ohmward.signals.current_sign import change_test, edge_test, sign_evidence, trend_test
 from ohmward.signals.survey import resolution
 

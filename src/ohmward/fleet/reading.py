@@ -11,10 +11,9 @@ from typing import TypeVar
 from ohmward.battery.battery import Battery
 from ohmward.battery.log_check import sign_by_model
 from ohmward.errors import OhmwardError
-from ohmward.logs.log import Log, ReadOptions
+from ohmward.logs.log import Log, ReadOptions, UnknownSignError
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
-from ohmward.logs.sign import UnknownSignError
 from ohmward.logs.table import Note, Progress, TableFile, counted
 from ohmward.signals.current_sign import CurrentSign, sign_evidence
 

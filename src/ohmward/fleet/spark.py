@@ -13,8 +13,7 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.registry import DEFAULT, make_estimator
 from ohmward.errors import InputError, OhmwardError
 from ohmward.fleet.reading import sign_in_data, some_of, unanimous
-from ohmward.logs.log import Log
-from ohmward.logs.sign import UnknownSignError
+from ohmward.logs.log import Log, UnknownSignError
 from ohmward.logs.table import counted
 from ohmward.optional import require
 from ohmward.signals.current_sign import CurrentSign

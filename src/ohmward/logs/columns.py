@@ -326,3 +326,47 @@ def listed(names: Sequence[str], most: int = 30) -> str:
     """Names for a message, quoted and cut after `most`."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(repr(name) for name in names[:most]) + more
+
+
+#: Names of the Battery Data Format (BDF, Battery Data Alliance, ontology 1.2), in which current > 0 charges.
+BDF_SUFFIXES = (".bdf.csv", ".bdf.parquet")
+# Log field -> preferred label, machine name, and for the wall clock ohmward's own name.
+BDF_NAMES: Mapping[str, tuple[str, ...]] = {
+    "time_s": ("Test Time / s", "test_time_second"),
+    "voltage_V": ("Voltage / V", "voltage_volt"),
+    "current_A": ("Current / A", "current_ampere"),
+    "temperature_degC": ("Temperature T1 / degC", "temperature_t1_celsius"),
+    "unix_time_s": ("Unix Time / s", "unix_time_second", "unix_time_s"),
+}
+_REQUIRED_OF_BDF = ("time_s", "voltage_V", "current_A")
+
+
+def is_bdf(file: str) -> bool:
+    """True where the suffix of a file's name says that it is BDF."""
+    return file.lower().endswith(BDF_SUFFIXES)
+
+
+def has_bdf_columns(names: Sequence[str]) -> bool:
+    """True where the three required columns have their BDF names."""
+    return all(set(BDF_NAMES[field]) & set(names) for field in _REQUIRED_OF_BDF)
+
+
+def require_bdf_columns(file: str, names: Sequence[str]) -> None:
+    """Refuse a file that calls itself BDF and lacks a required column.
+
+    Raises:
+        InputError: names the columns that are missing.
+    """
+    known = set(map(_quantity, names))
+    lacking = [BDF_NAMES[field][0] for field in _REQUIRED_OF_BDF if known.isdisjoint(map(_quantity, BDF_NAMES[field]))]
+    if is_bdf(file) and lacking:
+        raise InputError(
+            f"{file}: BDF requires the columns {listed([BDF_NAMES[field][0] for field in _REQUIRED_OF_BDF])}; missing: "
+            f"{listed(lacking)}; it has: {listed(names)}; rename the columns, or the file so that it is not called BDF"
+        )
+
+
+def _quantity(name: str) -> tuple[str, str]:
+    """What a name calls its quantity, and the dimension of its unit, "" for none."""
+    stem, unit = next(split_unit(name))
+    return stem, unit.dimension if unit else ""

@@ -5,21 +5,21 @@ from __future__ import annotations
 import csv
 import gzip
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from operator import itemgetter
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs import csv_arrow
-from ohmward.logs.cells import is_value, parse_cells
+from ohmward.logs.arrays import import_arrow, numbers_of
+from ohmward.logs.cells import is_data, is_value, parse_cells
 from ohmward.logs.csv_layout import CsvLayout, bytes_read, find_layout, known_table, lines_of, open_text, skip_preamble
-from ohmward.logs.header import is_data
 from ohmward.logs.hints import FileHints
-from ohmward.logs.table import Note, Progress, Table, TableFile, counted, row_numbers
+from ohmward.logs.table import MISSING, Note, Progress, Table, TableFile, counted, row_numbers
 
 _PARSED_ROWS = 50_000
 
@@ -67,7 +67,7 @@ def _readable(path: Path) -> Iterator[None]:
 
 
 def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | None) -> Table:
-    if layout.plain and (plain := csv_arrow.read_numbers(path, layout, names, progress)) is not None:
+    if layout.plain and (plain := read_numbers(path, layout, names, progress)) is not None:
         return Table(path.name, plain, row_numbers(layout.skip_lines + 1, len(plain[names[0]])), "line")
     columns: dict[str, list[np.ndarray]] = {name: [] for name in names}
     lines: list[np.ndarray] = []
@@ -145,3 +145,73 @@ def _join(blocks: list[np.ndarray]) -> np.ndarray:
     if any(block.dtype == object for block in blocks):
         blocks = [block.astype(str).astype(object) if block.dtype != object else block for block in blocks]
     return np.concatenate(blocks)
+
+
+#: Below this Arrow is not worth its import.
+WORTH_BYTES = 4 << 20
+#: Bytes that are parsed at a time.
+_BLOCK_BYTES = 1 << 23
+
+
+def read_numbers(
+    path: Path, layout: CsvLayout, names: Sequence[str], progress: Progress | None = None
+) -> dict[str, np.ndarray] | None:
+    """The named columns (T,) of a long table by Arrow, a row for every line; None where one of its lines is not plain.
+
+    They are the very numbers of the standard library, to which whatever is not plain (text, quotes, a line that is cut
+    off) is left.
+    """
+    size = path.stat().st_size
+    if size < WORTH_BYTES or not names or (arrow := import_arrow()) is None or not (rows := _plain_rows(path, layout)):
+        return None
+    from pyarrow import csv
+
+    keys = {name: str(layout.names.index(name)) for name in names}
+    columns = {name: np.empty(rows) for name in names}
+    first = 0
+    try:
+        with path.open("rb") as stream:
+            for batch in csv.open_csv(stream, *_options(csv, arrow, layout, list(keys.values()))):
+                last = first + batch.num_rows
+                for name, key in keys.items():
+                    columns[name][first:last] = numbers_of(batch[key])
+                first = last
+                if progress:
+                    progress(stream.tell(), size)
+    except MemoryError:  # of Arrow, which counts it among its own
+        raise
+    except (arrow.ArrowException, OSError, ValueError):
+        return None
+    return columns if first == rows else None
+
+
+def _options(csv: ModuleType, arrow: ModuleType, layout: CsvLayout, keys: list[str]) -> tuple:
+    """Columns are called by their number, for a file may leave some unnamed."""
+    names = [str(k) for k in range(len(layout.names))]
+    missing = sorted({"NaN", *(spelling for word in MISSING for spelling in (word, word.upper(), word.title()))})
+    return (
+        csv.ReadOptions(skip_rows=layout.skip_lines, column_names=names, block_size=_BLOCK_BYTES),
+        csv.ParseOptions(delimiter=layout.delimiter, quote_char=False),
+        csv.ConvertOptions(
+            check_utf8=False,
+            column_types=dict.fromkeys(keys, arrow.float64()),
+            include_columns=keys,
+            null_values=missing,
+            decimal_point="," if layout.marks.decimal_comma else ".",
+        ),
+    )
+
+
+def _plain_rows(path: Path, layout: CsvLayout) -> int:
+    """Lines below the header; 0 where a quote may hide some, or a power failure left zeros."""
+    lines = 0
+    end = b"\n"
+    with path.open("rb") as stream:
+        for _ in range(layout.skip_lines):
+            stream.readline()
+        while block := stream.read(_BLOCK_BYTES):
+            if b'"' in block or b"\0" in block:
+                return 0
+            lines += block.count(b"\n")
+            end = block[-1:]
+    return lines + (end != b"\n")

@@ -14,9 +14,17 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple, TextIO
 
 from ohmward.errors import InputError
-from ohmward.logs.cells import Marks, find_marks, unit_in_cells
+from ohmward.logs.cells import (
+    Header,
+    Marks,
+    ValueBlock,
+    find_block,
+    find_header,
+    find_marks,
+    unique_names,
+    unit_in_cells,
+)
 from ohmward.logs.channels import BATTERY, letters
-from ohmward.logs.header import Header, ValueBlock, find_block, find_header, unique_names
 from ohmward.logs.hints import FileHints
 from ohmward.logs.units import Unit, split_unit
 

@@ -9,9 +9,9 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.clean import YEAR_S
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, LogSource, as_log
-from ohmward.logs.plausible import YEAR_S
 from ohmward.logs.table import counted
 from ohmward.quantities import QUANTITIES
 from ohmward.runs import runs

@@ -15,16 +15,24 @@ from ohmward.checks import require_mappings
 from ohmward.errors import InputError
 from ohmward.logs.channels import BODY as BODY_CHANNELS
 from ohmward.logs.channels import MOTOR_CURRENT, WHEEL, WHEEL_SPEED, channel_of
-from ohmward.logs.clean import finite, gap_notes, on_lines
+from ohmward.logs.clean import finite, gap_notes, on_lines, require_plausible_drive
 from ohmward.logs.columns import Column
 from ohmward.logs.frame import to_frame
 from ohmward.logs.hints import FileHints
-from ohmward.logs.plausible import require_plausible_drive
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.table import Note, Table, TableFile, counted, numbers, with_sample_time
 from ohmward.logs.time_series import TimeSeries
-from ohmward.logs.wheel_columns import Found, Wheels, find_drive_columns
-from ohmward.logs.wheel_speed import Mechanics, rate_of_change, unit_notes, unit_of_channel, wheel_speed, without_bursts
+from ohmward.logs.wheel_columns import (
+    Found,
+    Mechanics,
+    Wheels,
+    find_drive_columns,
+    rate_of_change,
+    unit_notes,
+    unit_of_channel,
+    wheel_speed,
+    without_bursts,
+)
 from ohmward.quantities import BODY, QUANTITIES
 
 #: A current that pulls backwards for this fraction of the samples must once be negative.

@@ -6,13 +6,12 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from os import PathLike
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, get_args
 
 import numpy as np
 
 from ohmward.checks import require_mappings
 from ohmward.errors import InputError
-from ohmward.logs import bdf
 from ohmward.logs.battery_columns import (
     full_charges,
     state_column,
@@ -22,35 +21,38 @@ from ohmward.logs.battery_columns import (
     with_power,
 )
 from ohmward.logs.clean import (
+    battery_temperature,
     gap_notes,
+    guess_notes,
     merge_rates,
     missing_notes,
+    require_plausible,
     to_si,
-    without_rows,
+    without_impossible,
     without_silent_spikes,
     without_spikes,
     without_stuck_current,
-    without_temperature_spikes,
 )
-from ohmward.logs.columns import Column, UnclearColumnsError, find_columns
+from ohmward.logs.columns import (
+    BDF_NAMES,
+    Column,
+    UnclearColumnsError,
+    find_columns,
+    has_bdf_columns,
+    is_bdf,
+    require_bdf_columns,
+)
 from ohmward.logs.frame import is_frame, to_frame
 from ohmward.logs.hints import FileHints
-from ohmward.logs.plausible import guess_notes, require_plausible
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.selection import selected_name, split_selection
-from ohmward.logs.sign import UnknownSignError, charging_current
 from ohmward.logs.table import Note, Progress, Table, TableFile, counted, with_sample_time
 from ohmward.logs.time_series import TimeSeries
-from ohmward.quantities import QUANTITIES, Quantity
-from ohmward.signals.current_sign import CurrentSign
+from ohmward.quantities import QUANTITIES
+from ohmward.signals.current_sign import CurrentSign, SignEvidence, lost_sign, sign_evidence
 from ohmward.signals.current_size import check_wrapped, forgotten_scale
 
 SECONDS_PER_HOUR = 3600.0
-
-#: A temperature [degC] that never changes and lies outside of these comes from no sensor: -127, -40, 85, 127.
-COLDEST_CHAMBER_DEGC, HOTTEST_CHAMBER_DEGC = -35.0, 80.0
-#: So many samples at least tell that it never changes.
-_SAMPLES_OF_A_CONSTANT = 50
 
 
 #: Quantities of the battery that have an array of their own; others are among `extra`.
@@ -199,7 +201,7 @@ def read_log(
     file = opened.part("battery", where)
     file = with_power(with_both_ways(with_pack_voltage(file, columns), columns), columns, units)
     file = with_sample_time(file)
-    bdf.check_names(file.source, file.names)
+    require_bdf_columns(file.source, file.names)
     try:
         chosen = find_columns(file.source, file.names, file.given(columns), {**file.units, **(units or {})}, file.head)
     except UnclearColumnsError as error:
@@ -316,10 +318,11 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
     for finding in check_wrapped(current_A, voltage_V):
         raise InputError(f"{file.source}: {finding}")
     current_A, sign_note = charging_current(file, current_sign, time_s, current_A, voltage_V)
-    own = {*rows.own, *bdf.NAMES["unix_time_s"], *left_out}
+    own = {*rows.own, *BDF_NAMES["unix_time_s"], *left_out}
     further, impossible = _further(measured)
     warnings += impossible
-    temperature, given_degC = _temperature(file, chosen.get("temperature"), measured.get("temperature"), time_s.size)
+    degC = measured.get("temperature")
+    temperature, of_temperature = battery_temperature(file.hints, chosen.get("temperature"), degC, time_s.size)
     return Log(
         name=file.stem,
         time_s=time_s,
@@ -333,7 +336,7 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
             *spikes,
             *silent,
             *dead,
-            *given_degC,
+            *of_temperature,
             *missing_notes(table, chosen),
             *gap_notes(time_s),
             sign_note,
@@ -341,6 +344,68 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
         start_unix_s=start_unix_s,
         time_zone=rows.time_zone,
     )
+
+
+class UnknownSignError(InputError):
+    """The data do not tell whether a positive current charges the battery; `likely` is what most of them say."""
+
+    def __init__(self, text: str, likely: CurrentSign, is_lost: bool = False) -> None:
+        super().__init__(text, () if is_lost else ("--current-sign", likely))
+        self.likely = likely
+        self.is_lost = is_lost  #: charge and discharge are written alike: no sign is right
+
+
+def charging_current(
+    file: TableFile, wanted: CurrentSign, time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray
+) -> tuple[np.ndarray, Note]:
+    """The current (T,) [A] of a file, > 0 charging, and a note: as told, as the format defines it, or from the data.
+
+    Raises:
+        UnknownSignError: nothing tells the sign, or the current has lost it.
+        InputError: `wanted` is none of the three.
+    """
+    if wanted not in get_args(CurrentSign):
+        raise InputError(f"current_sign must be 'auto', 'charge' or 'discharge', not {wanted!r}")
+    evidence = sign_evidence(time_s, current_A, voltage_V)
+    directions = lost_sign(current_A, voltage_V)
+    sign: str
+    if wanted != "auto":
+        sign = wanted
+        note = _given_note(sign, "given", evidence, directions)
+    elif is_bdf(file.source):
+        sign = "charge"
+        note = _given_note(sign, "by definition of BDF", evidence, directions)
+    elif directions:
+        raise UnknownSignError(f"{file.stem}: {directions}", evidence.likely, is_lost=True)
+    elif evidence.verdict != "undecidable":
+        sign = evidence.verdict
+        note = Note(f"positive current {sign}s the battery, as the data show: {evidence}")
+    elif has_bdf_columns(file.names):
+        sign = "charge"
+        note = Note("positive current charges the battery (by definition of BDF, whose column names these are)")
+    elif file.positive_current:
+        sign = file.positive_current
+        note = Note(f"positive current {sign}s the battery (by definition of the recorded messages)")
+    elif not np.nan_to_num(current_A).any():
+        sign = "charge"
+        note = Note("the current is zero throughout: its sign does not matter", "warning")
+    else:
+        raise UnknownSignError(
+            f"{file.stem}: the data do not tell whether a positive current charges or discharges the battery "
+            f"({evidence}); say it with --current-sign charge or --current-sign discharge (current_sign='charge')",
+            evidence.likely,
+        )
+    return -current_A if sign == "discharge" else current_A, note
+
+
+def _given_note(given: str, by: str, evidence: SignEvidence, directions: str) -> Note:
+    """A note on a sign that somebody told; a warning where the data say the opposite."""
+    text = f"positive current {given}s the battery ({by})"
+    if directions:
+        return Note(f"{text}, but {directions}", "warning")
+    if evidence.verdict in (given, "undecidable"):
+        return Note(text)
+    return Note(f"{text}, but the data say the opposite: {evidence}; check the sign", "warning")
 
 
 def _to_numbers(table: Table, chosen: Mapping[str, Column], state: str | None) -> Table:
@@ -351,33 +416,6 @@ def _to_numbers(table: Table, chosen: Mapping[str, Column], state: str | None) -
     name = chosen["current"].name
     current_A, notes = with_direction(table.columns[name], table.columns[state], state)
     return table.with_columns({name: current_A}, *notes)
-
-
-def _temperature(
-    file: TableFile, column: Column | None, measured: np.ndarray | None, samples: int
-) -> tuple[np.ndarray | None, tuple[Note, ...]]:
-    """The temperature (T,) [degC] that was measured, else the one that the user told; None for neither.
-
-    column: of the temperature, where there is one.
-    """
-    given_degC = file.hints.temperature_degC
-    notes: tuple[Note, ...] = ()
-    if column is not None and measured is not None and _is_of_no_sensor(column, measured):
-        says = "" if given_degC is not None else "; if it is right, or to give another, say --temperature 25"
-        text = f"temperature {np.nanmax(measured):g} degC throughout, without any change: no sensor, left out{says}"
-        measured, notes = None, (Note(text, "warning"),)
-    elif measured is not None:
-        measured, notes = without_impossible(QUANTITIES["battery_temperature_degC"], measured)
-        measured, spikes = without_temperature_spikes(measured)
-        notes += spikes
-    if given_degC is None:
-        return measured, notes
-    if measured is not None:
-        return measured, (
-            *notes,
-            Note(f"temperature of {given_degC:g} degC not used: the log has its own", "warning"),
-        )
-    return np.full(samples, given_degC), (*notes, Note(f"temperature of {given_degC:g} degC throughout, as given"))
 
 
 def _further(measured: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[Note, ...]]:
@@ -394,41 +432,13 @@ def _further(measured: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray],
     return found, notes
 
 
-def without_impossible(
-    quantity: Quantity, values: np.ndarray, unit_known: bool = False
-) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The values (T,) of a quantity with NaN in place of those that no battery has, and a note on them.
-
-    Where they are most, and the unit is not known for sure, that is wrong, and all stay.
-    """
-    with np.errstate(invalid="ignore"):
-        wrong = (values < quantity.limits.lowest) | (values > quantity.limits.highest)
-    if not unit_known and 2 * np.count_nonzero(wrong) > np.count_nonzero(np.isfinite(values)):
-        return values, ()
-    return without_rows(values, np.flatnonzero(wrong), quantity.channel, quantity.unit, "no battery has them")
-
-
-def _is_of_no_sensor(column: Column, measured: np.ndarray) -> bool:
-    """True for a temperature (T,) [degC] that never changes and is zero, in degC or the column's unit, or no chamber's.
-
-    A constant 25 degC may be the set point of a chamber.
-    """
-    known = measured[np.isfinite(measured)]
-    if known.size < _SAMPLES_OF_A_CONSTANT or known.min() < known.max():
-        return False
-    zero_degC = column.unit.in_si(np.zeros(1))[0] if column.unit else 0.0
-    return (
-        bool(np.isclose(known[0], (zero_degC, 0.0)).any()) or not COLDEST_CHAMBER_DEGC < known[0] < HOTTEST_CHAMBER_DEGC
-    )
-
-
 def _since_start(
     time_s: np.ndarray, start_unix_s: float | None, columns: Mapping[str, np.ndarray]
 ) -> tuple[np.ndarray, float | None]:
     """The time [s], from the first sample for a wall clock, and its Unix start, which a column beside it may tell."""
     if start_unix_s is not None:
         return time_s - time_s[0], start_unix_s + float(time_s[0])
-    wall_clock = next((columns[name] for name in bdf.NAMES["unix_time_s"] if name in columns), None)
+    wall_clock = next((columns[name] for name in BDF_NAMES["unix_time_s"] if name in columns), None)
     return time_s, None if wall_clock is None else float(wall_clock[0] - time_s[0])
 
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.logs.clean import LONGEST_S, YEAR_S
 from ohmward.logs.clock import read_clock
 from ohmward.logs.columns import Column
-from ohmward.logs.plausible import LONGEST_S, YEAR_S
 from ohmward.logs.table import Note, Table, TableFile, file_of, held, row_numbers
 
 _TIME = "time"

@@ -40,11 +40,10 @@ from ohmward.logs.clean import drop_text, drop_untimed
 from ohmward.logs.clock import date_column, nanosecond_column, read_clock
 from ohmward.logs.columns import Column, listed, other_times
 from ohmward.logs.csv_file import open_csv
-from ohmward.logs.frame import is_frame, open_frame
+from ohmward.logs.frame import is_frame, open_frame, open_parquet
 from ohmward.logs.hints import TOPIC, FileHints
 from ohmward.logs.long_table import as_wide
 from ohmward.logs.objects_file import names_values, open_objects
-from ohmward.logs.parquet_file import open_parquet
 from ohmward.logs.selection import (
     RECORDING,
     SeveralRecordingsError,

@@ -11,9 +11,8 @@ from typing import IO, Any
 from xml.parsers import expat
 
 from ohmward.errors import InputError
-from ohmward.logs.cells import Marks, parse_cells
+from ohmward.logs.cells import Header, Marks, find_block, find_header, parse_cells, unique_names
 from ohmward.logs.columns import has_log
-from ohmward.logs.header import Header, find_block, find_header, unique_names
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note, Progress, Table, TableFile, parsing, row_numbers
 from ohmward.optional import require

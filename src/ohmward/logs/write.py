@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
 from ohmward.atomic import replacing
 from ohmward.checks import path_of, require_mappings
 from ohmward.errors import InputError
-from ohmward.logs import bdf, csv_arrow
+from ohmward.logs.arrays import import_arrow
 from ohmward.logs.bags.bag_table import TABLE_TYPE
+from ohmward.logs.columns import BDF_NAMES, is_bdf
+from ohmward.logs.frame import write_parquet
 from ohmward.logs.log import LogSource, as_log
-from ohmward.logs.parquet_file import write_parquet
 from ohmward.logs.table import Progress
 from ohmward.optional import require
 
@@ -121,8 +123,8 @@ def write_log(log: LogSource, path: str | PathLike[str]) -> None:
     path = path_of(path)
     log = as_log(log)
     own = log.measured()
-    if bdf.is_bdf(path.name):
-        own = {bdf.NAMES[field][0]: values for field, values in own.items()}
+    if is_bdf(path.name):
+        own = {BDF_NAMES[field][0]: values for field, values in own.items()}
     if taken := own.keys() & log.extra.keys():
         raise InputError(f"log {log.name!r}: the extra column {min(taken)!r} has the name of a measured one; rename it")
     write_table({**own, **log.extra}, path)
@@ -163,7 +165,7 @@ def _write_csv(path: Path, columns: Mapping[str, np.ndarray], progress: Progress
         writer.writerow(columns)
         for start in range(0, rows, _WRITTEN_ROWS):
             block = [values[start : start + _WRITTEN_ROWS] for values in arrays]
-            if (text := csv_arrow.rows_as_text(block)) is not None:
+            if (text := rows_as_text(block)) is not None:
                 stream.write(text)
             else:
                 # Python numbers, which are written with every digit; None is an empty cell
@@ -171,3 +173,45 @@ def _write_csv(path: Path, columns: Mapping[str, np.ndarray], progress: Progress
                 writer.writerows(zip(*cells, strict=True))
             if progress:
                 progress(start + len(block[0]), rows)
+
+
+#: Rows from which on Arrow is worth its import.
+WORTH_ROWS = 20_000
+
+
+def rows_as_text(columns: Sequence[np.ndarray]) -> str | None:
+    """Rows as the standard library writes them, by Arrow; None where a column is no number, or rows are few."""
+    # a row of one empty cell is quoted by the standard library, lest it be an empty line
+    if len(columns) < 2 or len(columns[0]) < WORTH_ROWS or any(c.dtype.kind not in "fiu" for c in columns):
+        return None
+    if (arrow := import_arrow()) is None:
+        return None
+    from pyarrow import csv
+
+    cells = [_cells(arrow, values) for values in columns]
+    table = arrow.Table.from_arrays(cells, [str(k) for k in range(len(cells))])
+    sink = arrow.BufferOutputStream()
+    csv.write_csv(table, sink, csv.WriteOptions(include_header=False, quoting_style="none"))
+    return sink.getvalue().to_pybytes().decode("ascii")
+
+
+def _cells(arrow: ModuleType, values: np.ndarray):
+    """The text of every number as Python writes it, null for NaN."""
+    from pyarrow import compute
+
+    if values.dtype.kind != "f":
+        return compute.cast(arrow.array(values), arrow.string())
+    values = values.astype(float, copy=False)
+    size = np.abs(values)
+    missing = np.isnan(values)
+    text = compute.cast(arrow.array(values, mask=missing), arrow.string())
+    # the shortest digits are the same; Python writes whole numbers with a point, and takes exponents elsewhere
+    whole = (values == np.rint(values)) & (size < 1e10)
+    if whole.any():
+        pointed = compute.binary_join_element_wise(text, ".0", "")
+        text = compute.if_else(arrow.array(whole), pointed, text)
+    odd = ~whole & ~missing & ((size < 1e-4) | (size >= 1e10))
+    if odd.any():
+        spelled = arrow.array([repr(value) for value in values[odd].tolist()], arrow.string())
+        text = compute.replace_with_mask(text, arrow.array(odd), spelled)
+    return text

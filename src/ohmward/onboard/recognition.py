@@ -29,8 +29,7 @@ from ohmward.logs.channels import (
 )
 from ohmward.logs.columns import Column, UnclearColumnsError, find_column, listed
 from ohmward.logs.units import UNITS, Unit, unit_of
-from ohmward.logs.wheel_columns import Found, Wheels, find_wheels, wheel_places
-from ohmward.logs.wheel_speed import POSITIONS
+from ohmward.logs.wheel_columns import POSITIONS, Found, Wheels, find_wheels, wheel_places
 from ohmward.onboard.message import ScaledSignal
 from ohmward.quantities import QUANTITIES, limits_of, quantity_of
 from ohmward.signals.current_sign import SignEvidence, sign_evidence

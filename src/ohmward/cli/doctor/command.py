@@ -35,10 +35,9 @@ from ohmward.logs.battery_columns import cell_names, find_cells, numbered_rows
 from ohmward.logs.channels import CURRENT, VOLTAGE
 from ohmward.logs.columns import find_column
 from ohmward.logs.doctor import DriveSurvey, Findings, Sampling, Signal, Survey, examine_drive
-from ohmward.logs.log import ReadOptions
+from ohmward.logs.log import ReadOptions, UnknownSignError
 from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
-from ohmward.logs.sign import UnknownSignError
 from ohmward.logs.table import Note, TableFile, counted
 from ohmward.logs.wheel_columns import wheel_places
 from ohmward.onboard.robot_setup import SETUP_FILE, Setup
