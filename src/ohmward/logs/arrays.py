@@ -107,11 +107,6 @@ def to_column(pyarrow: ModuleType, values: Any) -> Any:
     return pyarrow.Array.from_buffers(pyarrow.from_numpy_dtype(native.dtype), native.size, buffers)
 
 
-def table_of(table: Any) -> dict[str, np.ndarray]:
-    """Name -> (T,) of the columns of an Arrow table."""
-    return {name: values_of(table[name].combine_chunks()) for name in table.column_names}
-
-
 def values_of(column: Any) -> np.ndarray:
     """Numbers as float64 or int64 (NaN for null), dates and durations as such, everything else as text."""
     kind = str(column.type)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.arrays import plain_array, table_of
+from ohmward.logs.arrays import plain_array, values_of
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Table, TableFile, file_of, parsing, row_numbers
 from ohmward.optional import require
@@ -44,7 +44,10 @@ def open_hdf5(path: Path, hints: FileHints) -> TableFile:
 
     def visit(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset) and item.dtype.kind in f"{_KINDS}VSO" and not name.startswith("#"):
-            arrays.update(_columns_of(name.replace("/", "."), np.squeeze(item[()])))
+            values = np.squeeze(item[()])
+            fields = {field: values[field] for field in values.dtype.names or () if values[field].ndim == 1}
+            found = fields if values.dtype.names else {name.replace("/", "."): values}
+            arrays.update({column: _decoded(of_column) for column, of_column in found.items()})
 
     with parsing(path, "no readable HDF5 file", "write it again"), h5py.File(path, "r") as file:
         file.visititems(visit)
@@ -67,7 +70,8 @@ def open_feather(path: Path, hints: FileHints) -> TableFile:
     pyarrow = require("pyarrow", "a Feather file")
     ipc = require("pyarrow.ipc", "a Feather file")
     with parsing(path, "no readable Feather file", "write it again"), pyarrow.OSFile(str(path), "rb") as stream:
-        columns = table_of(ipc.open_file(stream).read_all())
+        table = ipc.open_file(stream).read_all()
+        columns = {name: values_of(table[name].combine_chunks()) for name in table.column_names}
     return open_arrays(path.name, columns, hints)
 
 
@@ -102,13 +106,6 @@ def _fields(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str,
             yield f"{before}{name}", value
 
 
-def _columns_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    """A data set, or each of its fields."""
-    if values.dtype.names:
-        return {field: _decoded(values[field]) for field in values.dtype.names if values[field].ndim == 1}
-    return {name: _decoded(values)}
-
-
 def _decoded(values: np.ndarray) -> np.ndarray:
     """Text in place of bytes."""
     if values.dtype.kind not in "SO" or values.ndim != 1:
@@ -119,8 +116,6 @@ def _decoded(values: np.ndarray) -> np.ndarray:
 
 MPR_MAGIC = b"BIO-LOGIC MODULAR FILE"
 NDA_MAGIC = b"NEWARE"
-#: Parts of an archive of Neware, by the endings of their names.
-_NDAX_PART = ".ndc"
 
 
 def open_mpr(path: Path, hints: FileHints) -> TableFile:
@@ -144,6 +139,6 @@ def is_ndax(path: Path) -> bool:
     """True for an archive that holds the parts of Neware's .ndax."""
     try:
         with zipfile.ZipFile(path) as archive:
-            return any(name.lower().endswith(_NDAX_PART) for name in archive.namelist())
+            return any(name.lower().endswith(".ndc") for name in archive.namelist())
     except (zipfile.BadZipFile, NotImplementedError, OSError):  # damaged, or of a version that nobody writes
         return False

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from os import PathLike
 from typing import Any, NamedTuple
 
@@ -152,7 +152,9 @@ def with_both_ways(file: TableFile, columns: Mapping[str, str] | None = None) ->
 
     columns: those that the caller named.
     """
-    charge, discharge = (_only(file.names, _is_current, words) for words in (_CHARGE, _DISCHARGE))
+    charge, discharge = (
+        _only([name for name in file.names if _is_current(name, words)]) for words in (_CHARGE, _DISCHARGE)
+    )
     if charge is None or discharge is None or _has(file, CURRENT, columns, (charge, discharge)):
         return file
 
@@ -174,7 +176,7 @@ def with_power(
 
     columns, units: those that the caller named.
     """
-    power = _only(file.names, _is_power, _POWER)
+    power = _only(list(filter(_is_power, file.names)))
     if power is None or _has(file, CURRENT, columns):
         return file
     voltage = _has(file, VOLTAGE, columns, (), units)
@@ -204,17 +206,16 @@ def _has(
     return find_column(file.source, file.names, optional, file.given(columns), of_channel, leave)
 
 
-def _only(names: Sequence[str], fits: Callable[[str, Collection[str]], bool], words: Collection[str]) -> str | None:
-    """The one column that fits the words; None where there is none, or are several."""
-    found = [name for name in names if fits(name, words)]
+def _only(found: Sequence[str]) -> str | None:
+    """The one column that was found; None where there is none, or are several."""
     return found[0] if len(found) == 1 else None
 
 
-def _is_power(name: str, words: Collection[str]) -> bool:
+def _is_power(name: str) -> bool:
     """True where the name is that of a power of the battery; a bare letter needs its unit."""
     for stem, unit in split_unit(name):
         naming = set(letters(stem)) - CURRENT.beside[1]
-        if naming and naming <= {*words} and ((unit is not None and unit.dimension == "power") or "p" not in naming):
+        if naming and naming <= _POWER and ((unit is not None and unit.dimension == "power") or "p" not in naming):
             return unit is None or unit.dimension == "power"
     return False
 

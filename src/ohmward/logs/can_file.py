@@ -61,8 +61,8 @@ def open_can(path: Path, hints: FileHints, reader: str) -> TableFile:
         raise _without_database(path)
     database = load_can_database(hints.dbc)
     notes: list[Note] = []
-    frames = _of_python_can(path, reader, notes) if reader else _of_savvycan(path, hints.encoding, notes)
-    return open_frames(path.name, frames, hints.dbc, database, notes)._replace(hints=hints)
+    received = _of_python_can(path, reader, notes) if reader else _of_savvycan(path, hints.encoding, notes)
+    return _open_frames(path.name, _by_identifier(path, received), hints.dbc, database, notes)._replace(hints=hints)
 
 
 def open_mdf(path: Path, hints: FileHints) -> TableFile:
@@ -156,9 +156,7 @@ def load_can_database(path: str) -> Any:
         raise InputError(f"{path}: is no CAN database that can be read ({reason}); give a DBC file") from error
 
 
-def open_frames(
-    source: str, frames: Iterable[CanFrames], dbc: str, database: Any, notes: Iterable[Note] = ()
-) -> TableFile:
+def _open_frames(source: str, frames: Iterable[CanFrames], dbc: str, database: Any, notes: Iterable[Note]) -> TableFile:
     """The signals of frames by a database, a stream for each message.
 
     A signal whose name stands in several messages is called `MESSAGE.SIGNAL`.
@@ -200,15 +198,12 @@ def open_frames(
 def _decoded(message: Any, frames: CanFrames) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """(n,) bool, which frames could be decoded, and of these the signals that are numbers, by name and unit."""
     units = {signal.name: signal.unit for signal in message.signals}
-    known: dict[bytes, Mapping[str, Any] | None] = {}
+    known: dict[bytes, Mapping[str, Any]] = {}
     for payload in dict.fromkeys(frames.payloads):
-        try:
+        with suppress(Exception):  # too short, or an unknown multiplexer
             known[payload] = message.decode(payload, decode_choices=False)
-        except Exception:  # too short, or an unknown multiplexer
-            known[payload] = None
-    rows = [known[payload] for payload in frames.payloads]
-    whole = np.array([row is not None for row in rows])
-    good = [row for row in rows if row is not None]
+    whole = np.array([payload in known for payload in frames.payloads])
+    good = [known[payload] for payload in frames.payloads if payload in known]
     names = dict.fromkeys(name for row in good for name in row)
     columns = {}
     for name in names:
@@ -219,51 +214,46 @@ def _decoded(message: Any, frames: CanFrames) -> tuple[np.ndarray, dict[str, np.
     return whole, columns
 
 
-class _Gathered:
-    """Frames by their identifiers, in order."""
-
-    def __init__(self) -> None:
-        self.times: dict[tuple[int, bool], list[float]] = defaultdict(list)
-        self.payloads: dict[tuple[int, bool], list[bytes]] = defaultdict(list)
-
-    def put(self, key: tuple[int, bool], time_s: float, payload: bytes) -> None:
-        """Take in a frame; key: its identifier, and whether that has 29 bits."""
-        self.times[key].append(time_s)
-        self.payloads[key].append(payload)
-
-    def frames(self, path: Path) -> list[CanFrames]:
-        """All of them; InputError where there is none."""
-        if not self.payloads:
-            raise InputError(f"{path.name}: the recording holds no frame; record it again")
-        return [CanFrames(*key, np.array(self.times[key]), payloads) for key, payloads in self.payloads.items()]
+#: Identifier of a frame, and whether that has 29 bits; time [s]; payload.
+_Received = tuple[tuple[int, bool], float, bytes]
 
 
-def _of_python_can(path: Path, reader: str, notes: list[Note]) -> list[CanFrames]:
+def _by_identifier(path: Path, received: Iterable[_Received]) -> list[CanFrames]:
+    """The frames of each identifier, in order; InputError where there is none."""
+    times: dict[tuple[int, bool], list[float]] = defaultdict(list)
+    payloads: dict[tuple[int, bool], list[bytes]] = defaultdict(list)
+    for key, time_s, payload in received:
+        times[key].append(time_s)
+        payloads[key].append(payload)
+    if not payloads:
+        raise InputError(f"{path.name}: the recording holds no frame; record it again")
+    return [CanFrames(*key, np.array(times[key]), payloads[key]) for key in payloads]
+
+
+def _of_python_can(path: Path, reader: str, notes: list[Note]) -> Iterator[_Received]:
     """The frames of a file by a reader of python-can; of one that is cut off those before the cut, with a note."""
     can = require("can", "a recording of CAN")
-    gathered = _Gathered()
     is_text = reader != BLF_READER
+    is_empty = True
     try:
         # a stream of ours: python-can leaves its own open where it gives up, and prints what it cannot read
         with silenced(), path.open("r" if is_text else "rb", errors="replace" if is_text else None) as stream:
             for message in getattr(can, reader)(stream):
                 if message.is_error_frame or message.is_remote_frame:
                     continue
-                key = message.arbitration_id, message.is_extended_id
-                gathered.put(key, message.timestamp, bytes(message.data))
+                yield (message.arbitration_id, message.is_extended_id), message.timestamp, bytes(message.data)
+                is_empty = False
     except Exception as error:  # of its parsers, many kinds
-        if not gathered.payloads:
+        if is_empty:
             raise InputError(f"{path.name}: no readable recording of CAN ({error}); record it again") from error
         notes.append(Note(f"the file is damaged or cut off ({error}): the frames before that were read", "warning"))
-    return gathered.frames(path)
 
 
-def _of_savvycan(path: Path, encoding: str | None, notes: list[Note]) -> list[CanFrames]:
+def _of_savvycan(path: Path, encoding: str | None, notes: list[Note]) -> Iterator[_Received]:
     """The frames of a table of SavvyCAN (GVRET): time [us], identifier and bytes in hexadecimal.
 
     Rows that cannot be read so are left out and counted.
     """
-    gathered = _Gathered()
     broken = 0
     with open_text(path, encoding) as stream:
         for row in csv.DictReader(stream, skipinitialspace=True):
@@ -271,12 +261,13 @@ def _of_savvycan(path: Path, encoding: str | None, notes: list[Note]) -> list[Ca
                 count = min(int(row["LEN"]), _MOST_BYTES)
                 payload = bytes(int(row[f"D{k + 1}"], 16) for k in range(count))
                 key = int(row["ID"], 16), row["Extended"].strip().lower() == "true"
-                gathered.put(key, 1e-6 * float(row["Time Stamp"]), payload)
+                time_s = 1e-6 * float(row["Time Stamp"])
             except (KeyError, TypeError, ValueError, AttributeError):
                 broken += 1
+                continue
+            yield key, time_s, payload
     if broken:
         notes.append(Note(f"{counted(broken, 'row')} that are no frames: left out", "warning"))
-    return gathered.frames(path)
 
 
 def _without_database(path: Path) -> InputError:

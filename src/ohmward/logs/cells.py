@@ -125,24 +125,20 @@ def _value(cell: str, marks: Marks, unit: Unit | None) -> float | None:
             scale = own.scale / unit.scale
         elif own is not None or not (found["unit"].startswith("%") or found["unit"].lower() in _OTHER_UNITS):
             return None
+    # the number as Python writes it
+    text = re.sub(rf"(?<=\d){_BETWEEN}(?=\d{{3}})", "", found["number"])
+    if marks.thousands:
+        text = text.replace(marks.thousands, "")
+    if marks.decimal_comma:
+        text = text.replace(".", "").replace(",", ".") if "," in text and "." in text else text.replace(",", ".")
     try:
-        return scale * number(plain_number(found["number"], marks))
+        return scale * number(text)
     except ValueError:
         return None
 
 
 #: Units of quantities that no channel has.
 _OTHER_UNITS = frozenset(("ah", "mah", "w", "wh", "kwh", "kw", "ohm", "mohm", "Ω", "mΩ", "hz"))
-
-
-def plain_number(text: str, marks: Marks) -> str:
-    """A number as Python writes it."""
-    text = re.sub(rf"(?<=\d){_BETWEEN}(?=\d{{3}})", "", text)
-    if marks.thousands:
-        text = text.replace(marks.thousands, "")
-    if marks.decimal_comma:
-        text = text.replace(".", "").replace(",", ".") if "," in text and "." in text else text.replace(",", ".")
-    return text
 
 
 def _bare(cell: str) -> str:
@@ -198,41 +194,33 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
 def find_block(rows: Sequence[Row]) -> ValueBlock | None:
     """The longest run of rows of values; blank rows do not end one."""
     best: ValueBlock | None = None
-    run: dict[int, _Cells] = {}
+    run: dict[int, tuple[int, int]] = {}
     for at, row in enumerate([*rows, ("end", "of", "rows")]):
-        cells = _cells(row)
-        if cells.filled and at < len(rows) and cells.are_data:
-            run[at] = cells
-        elif cells.filled and run:
-            (width, _), *_ = Counter(counted.width for counted in run.values()).most_common(1)
-            share = sum(counted.values for counted in run.values()) / sum(counted.filled for counted in run.values())
+        filled, values = _cells(row)
+        if at < len(rows) and _are_data(filled, values):
+            run[at] = filled, values
+        elif filled and run:
+            (width, _), *_ = Counter(len(rows[k]) for k in run).most_common(1)
+            share = sum(values for _, values in run.values()) / sum(filled for filled, _ in run.values())
             block = ValueBlock(min(run), len(run), width, share)
             best = block if best is None or block.weight > best.weight else best
             run = {}
     return best
 
 
-class _Cells(NamedTuple):
-    """Numbers of cells of a row: all, those that are filled, and the values among these, which a single cell is not."""
-
-    width: int
-    filled: int
-    values: int
-
-    @property
-    def are_data(self) -> bool:
-        """True where there is a value, and no more texts than values."""
-        return self.values > 0 and 2 * self.values >= self.filled
-
-
-def _cells(row: Row) -> _Cells:
+def _cells(row: Row) -> tuple[int, int]:
+    """Numbers of the cells that are filled, and of the values among these, which a single cell is not."""
     filled = [cell for cell in row if cell.strip()]
-    return _Cells(len(row), len(filled), sum(map(is_value, filled)) if len(row) > 1 else 0)
+    return len(filled), sum(map(is_value, filled)) if len(row) > 1 else 0
+
+
+def _are_data(filled: int, values: int) -> bool:
+    return values > 0 and 2 * values >= filled
 
 
 def is_data(row: Row) -> bool:
     """True for a row of at least two cells with a value, and no more texts than values."""
-    return _cells(row).are_data
+    return _are_data(*_cells(row))
 
 
 def find_header(rows: Sequence[Row], block: ValueBlock) -> Header:

@@ -385,8 +385,10 @@ _JITTER = 0.1
 _UNITS = ("ms", "us", "ns", "min", "h", "d")
 
 
-def require_plausible(source: str, time: Column, time_s: np.ndarray, current_A: np.ndarray, guessed: bool) -> None:
-    """Refuse a log that cannot be.
+def require_plausible(
+    source: str, time: Column, time_s: np.ndarray, current_A: np.ndarray, guessed: bool
+) -> tuple[Note, ...]:
+    """Refuse a log that cannot be; warn where seconds are a guess and the samples lie as far apart as milliseconds do.
 
     time: its column.  time_s: (T,) [s], increasing.  current_A: (T,) [A], nan where it is not known.
     guessed: nothing told the unit of the time.
@@ -395,7 +397,7 @@ def require_plausible(source: str, time: Column, time_s: np.ndarray, current_A: 
         InputError: names the duration, the interval or the charge, and the options that set it right.
     """
     if time_s.size < 2:
-        return
+        return ()
     interval, duration = usual_interval_s(time_s), float(time_s[-1] - time_s[0])
     advice, what = _advice(interval), f"{source}: column {time.name!r}"
     if duration > LONGEST_S:
@@ -410,6 +412,11 @@ def require_plausible(source: str, time: Column, time_s: np.ndarray, current_A: 
             f"{what} gives a charge of {longest_h * largest:,.4g} Ah one way at {largest:.4g} A at most, "
             f"{longest_h:,.0f} h of it; {advice}"
         )
+    if not guessed or interval < DOUBTFUL_FROM_S:
+        return ()
+    option = ("--unit", "time=ms")
+    text = f"column {time.name!r} names no unit; as seconds it gives one sample every {interval:.3g} s: if these are "
+    return (Note(f"{text}milliseconds, say {' '.join(option)}", "warning", option),)
 
 
 def require_plausible_drive(source: str, time: Column, time_s: np.ndarray, guessed: bool) -> None:
@@ -429,20 +436,6 @@ def require_plausible_drive(source: str, time: Column, time_s: np.ndarray, guess
             f"{source}: column {time.name!r}, which names no unit, gives a drive with a sample every {interval:.3g} s; "
             f"{_advice(interval)}"
         )
-
-
-def guess_notes(time: Column, time_s: np.ndarray, guessed: bool) -> tuple[Note, ...]:
-    """A warning where seconds are a guess and the samples lie as far apart as if milliseconds were meant."""
-    if not guessed or time_s.size < 2 or (interval := usual_interval_s(time_s)) < DOUBTFUL_FROM_S:
-        return ()
-    return (
-        Note(
-            f"column {time.name!r} names no unit; as seconds it gives one sample every {interval:.3g} s: if these are "
-            "milliseconds, say --unit time=ms",
-            "warning",
-            ("--unit", "time=ms"),
-        ),
-    )
 
 
 def _advice(interval_s: float) -> str:

@@ -93,7 +93,7 @@ def find_columns(
 
     Raises:
         UnclearColumnsError: quantities are missing, or two columns fit equally well; names all of them.
-        InputError: an override names what does not exist.
+        InputError: an override names what does not exist, or one column for two quantities.
     """
     columns = columns or {}
     units = units or {}
@@ -104,14 +104,20 @@ def find_columns(
     unclear: list[UnclearColumnsError] = []
     for channel in BATTERY:
         try:
-            if column := find_column(source, names, channel, columns, units):
-                chosen[channel.name] = column
+            if found := find_column(source, names, channel, columns, units):
+                chosen[channel.name] = found
         except UnclearColumnsError as error:
             unclear.append(error)
     time = chosen.get(TIME.name)
     if TEMPERATURE.name not in chosen and _TEMPERATURE in names and time and time.name != _TEMPERATURE:
         chosen[TEMPERATURE.name] = Column(_TEMPERATURE, None)
-    require_own_columns(source, chosen)
+    owner: dict[str, str] = {}
+    for quantity, column in chosen.items():
+        if (other := owner.setdefault(column.name, quantity)) != quantity:
+            raise InputError(
+                f"{source}: column {column.name!r} cannot be both the {other} and the {quantity}; choose another with "
+                f"--column {quantity}=NAME (columns={{{quantity!r}: NAME}})"
+            )
     if unclear:
         faults = {quantity: fault for error in unclear for quantity, fault in error.faults.items()}
         choice = {quantity: name for error in unclear for quantity, name in error.choice.items()}
@@ -137,21 +143,6 @@ def other_times(names: Sequence[str], chosen: str) -> list[Column]:
     ranked = [(rank, k, column) for k, name in enumerate(names) for rank, column in _ranks(TIME, name)]
     fits = [column for rank, _, column in sorted(ranked, key=lambda one: one[:2]) if rank < _NEVER]
     return [column for column in fits if column.name != chosen]
-
-
-def require_own_columns(source: str, columns: Mapping[str, Column]) -> None:
-    """Refuse a column that is to be two quantities.
-
-    Raises:
-        InputError: names both.
-    """
-    owner: dict[str, str] = {}
-    for quantity, column in columns.items():
-        if (other := owner.setdefault(column.name, quantity)) != quantity:
-            raise InputError(
-                f"{source}: column {column.name!r} cannot be both the {other} and the {quantity}; choose another with "
-                f"--column {quantity}=NAME (columns={{{quantity!r}: NAME}})"
-            )
 
 
 def find_column(

@@ -17,7 +17,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.arrays import import_arrow, numbers_of
 from ohmward.logs.cells import is_data, is_value, parse_cells
-from ohmward.logs.csv_layout import CsvLayout, bytes_read, find_layout, known_table, lines_of, open_text, skip_preamble
+from ohmward.logs.csv_layout import CsvLayout, bytes_read, find_layout, known_table, lines_of, open_text
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import MISSING, Note, Progress, Table, TableFile, counted, row_numbers
 
@@ -46,11 +46,7 @@ def open_csv(path: Path, hints: FileHints | None = None) -> TableFile:
         timezone=hints.timezone or layout.timezone,
         sample_time_s=hints.sample_time_s or (layout.interval_s if timeless else None),
     )
-    file = TableFile(path.name, names, load, head=layout.head, hints=hints)
-    about = known_table(names)
-    if about is None:
-        return file
-    return file._replace(time=about.time, positive_current=about.positive_current, units=about.units)
+    return TableFile(path.name, names, load, head=layout.head, hints=hints, **known_table(names))
 
 
 @contextmanager
@@ -91,7 +87,6 @@ def _blocks(
     size = path.stat().st_size
     stray: list[int] = []
     with open_text(path, layout.encoding) as stream:
-        skip_preamble(stream, layout)
         reader = csv.reader(lines_of(stream, layout, stray), delimiter=layout.delimiter, skipinitialspace=True)
         while rows := list(islice(reader, _PARSED_ROWS)):
             last_line = layout.skip_lines + reader.line_num

@@ -109,35 +109,26 @@ _BATTERY_STATE = (
 _PRESENT = _BATTERY_STATE.index("present")
 
 
-class KnownTable(NamedTuple):
-    """A table that its columns give away."""
-
-    columns: frozenset[str]  #: all of which it has
-    time: str | None  #: the column of its time, None where its name tells
-    units: Mapping[str, str]  #: quantity -> unit
-    positive_current: str | None = None  #: "charge" or "discharge"
-
-
-_KNOWN = (
+#: Columns that give a table away, and the fields of its `TableFile`.
+_KNOWN: tuple[tuple[frozenset[str], dict[str, Any]], ...] = (
     # battery_status of PX4, as `ulog2csv` writes it: time since it was switched on
-    KnownTable(
-        frozenset(("timestamp", "voltage_v", "current_a", "discharged_mah")), "timestamp", {"time": "us"}, "discharge"
+    (
+        frozenset(("timestamp", "voltage_v", "current_a", "discharged_mah")),
+        {"time": "timestamp", "units": {"time": "us"}, "positive_current": "discharge"},
     ),
     # a blackbox of Betaflight, as its explorer exports it
-    KnownTable(
+    (
         frozenset(("loopIteration", "vbatLatest", "amperageLatest")),
-        None,
-        {"time": "us", "voltage": "cV", "current": "cA"},
-        "discharge",
+        {"units": {"time": "us", "voltage": "cV", "current": "cA"}, "positive_current": "discharge"},
     ),
     # a power supply under Linux, /sys/class/power_supply: tenths of a degree
-    KnownTable(frozenset(("voltage_now", "current_now", "temp")), None, {"temperature": "0.1 degC"}),
+    (frozenset(("voltage_now", "current_now", "temp")), {"units": {"temperature": "0.1 degC"}}),
 )
 
 
-def known_table(names: Collection[str]) -> KnownTable | None:
-    """The known table that has these columns, or None."""
-    return next((table for table in _KNOWN if table.columns <= set(names)), None)
+def known_table(names: Collection[str]) -> dict[str, Any]:
+    """Further fields of the `TableFile` of a table with these columns, where they give it away."""
+    return next((about for columns, about in _KNOWN if columns <= set(names)), {})
 
 
 def names_without_header(row: Sequence[str]) -> list[str] | None:
@@ -290,7 +281,10 @@ def find_layout(path: Path, hints: FileHints | None = None) -> CsvLayout:
     leading = _leading(header, found.rows)
     data = [row for row in data if not any(row[:leading])]
     layout = CsvLayout(header.names, found.delimiter, Marks(), skip, encoding, found.split, leading=leading)
-    return _with_notation(path, layout, data)._replace(timezone=header.timezone, interval_s=_interval(lines[:skip]))
+    interval = next((match["seconds"] for line in lines[:skip] if (match := _INTERVAL.match(line))), None)
+    return _with_notation(path, layout, data)._replace(
+        timezone=header.timezone, interval_s=None if interval is None else float(interval.replace(",", "."))
+    )
 
 
 def _head(path: Path, stream: TextIO) -> list[str]:
@@ -448,11 +442,6 @@ def _leading(header: Header, rows: Sequence[Sequence[str]]) -> int:
     return count if count > 1 and len(above) >= count and not any(above[: count - 1]) and above[count - 1] else 0
 
 
-def _interval(lines: Sequence[str]) -> float | None:
-    found = next((match for line in lines if (match := _INTERVAL.match(line))), None)
-    return float(found["seconds"].replace(",", ".")) if found else None
-
-
 def _without_rows(path: Path, lines: Sequence[str], numbered: Sequence[int], encoding: str, mark: str) -> CsvLayout:
     """The layout of a file whose first lines hold no row of values: a header alone, or no table."""
     marks = [mark] if mark else [one for one in _DELIMITERS if len(split_cells(lines[0], one)) > 1]
@@ -473,8 +462,10 @@ def _check_names(path: Path, names: Sequence[str], encoding: str) -> None:
 
 
 def lines_of(stream: TextIO, layout: CsvLayout, stray: list[int]) -> Iterator[str]:
-    """The rows of a text, each in its line: a quote that nothing closes is left out, and its line noted in `stray`."""
+    """The rows below the header, each in its line: a quote that nothing closes is left out, its line put in `stray`."""
     first = layout.skip_lines + 1
+    for _ in islice(stream, layout.skip_lines):
+        pass
     while block := list(islice(stream, _BLOCK_LINES)):
         if '"' in "".join(block):
             stray += [first + k for k, line in enumerate(block) if line.count('"') % 2]
@@ -484,9 +475,3 @@ def lines_of(stream: TextIO, layout: CsvLayout, stray: list[int]) -> Iterator[st
             block = [line if line.startswith(empty) else "\n" for line in block]
         yield from map(layout.split, block) if layout.split else block
         first += len(block)
-
-
-def skip_preamble(stream: TextIO, layout: CsvLayout) -> None:
-    """Pass over the lines before the first row."""
-    for _ in islice(stream, layout.skip_lines):
-        pass

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from datetime import UTC, date, datetime, timedelta
 from functools import lru_cache
 from typing import NamedTuple
@@ -175,7 +176,10 @@ def _day_numbers(
 
     halves: times are written with AM and PM, as where the month comes first.
     """
-    read = {order: number for order in _ORDERS if (number := _numbered(days, order)) is not None}
+    read: dict[str, dict[str, int]] = {}
+    for order in _ORDERS:
+        with suppress(ValueError):  # a day that does not exist
+            read[order] = {day: _day_number(day, order) for day in days}
     if not read:
         raise ValueError(days[0])
     if halves and "mdy" in read:
@@ -185,14 +189,6 @@ def _day_numbers(
     best = [order for order in read if step[order] == min(step.values())]
     first = read[best[0]]
     return first, all(read[order] == first for order in best)
-
-
-def _numbered(days: Sequence[str], order: str) -> dict[str, int] | None:
-    """Number of each day, None where one does not exist."""
-    try:
-        return {day: _day_number(day, order) for day in days}
-    except ValueError:
-        return None
 
 
 @lru_cache(4096)
@@ -354,11 +350,9 @@ def window_s(name: str, start_unix_s: float | None, hints: FileHints) -> tuple[f
 
 def _on_clock(name: str, option: str, text: str, start_unix_s: float | None, hints: FileHints) -> float:
     for read in (float, duration_s):
-        try:
+        with suppress(ValueError):
             if math.isfinite(value := read(text)):
                 return value
-        except ValueError:
-            pass
     try:
         dates = read_dates([text], hints.time_format)
     except ValueError:
@@ -369,5 +363,5 @@ def _on_clock(name: str, option: str, text: str, start_unix_s: float | None, hin
         raise InputError(f"{option} {text}: log {name!r} names no date; give seconds from its start, or h:mm:ss")
     seconds = dates.seconds
     if hints.timezone and not dates.is_utc:
-        seconds = to_utc(np.asarray(seconds), hints.timezone)
+        seconds = to_utc(seconds, hints.timezone)
     return float(seconds[0]) - start_unix_s

@@ -105,6 +105,9 @@ def survey(log: Log, evidence: SignEvidence | None = None) -> Survey:
     for name, values in (("current_A", log.current_A), ("voltage_V", log.voltage_V)):
         if np.isnan(values).all():
             raise InputError(f"log {log.name!r}: {name} has no value; a log needs both current and voltage")
+    evidence = evidence or _sign_evidence(log)
+    edges = evidence.edges
+    resistance_ohm = float(edges.resistance_ohm) if np.isfinite(edges.resistance_ohm) else None
     resting = _resting(log)
     temperature = log.temperature_degC
     return Survey(
@@ -114,19 +117,13 @@ def survey(log: Log, evidence: SignEvidence | None = None) -> Survey:
         current=signal_of(log.current_A, resting),
         voltage=signal_of(log.voltage_V, resting),
         temperature=None if temperature is None or np.isnan(temperature).all() else signal_of(temperature, resting),
-        sign=_sign(evidence or _sign_evidence(log)),
+        sign=Sign(evidence.verdict, edges.edges, resistance_ohm, float(edges.t_value)),
         activity=_activity(log, resting),
     )
 
 
 def _sign_evidence(log: Log) -> SignEvidence:
     return sign_evidence(log.time_s, log.current_A, log.voltage_V)
-
-
-def _sign(evidence: SignEvidence) -> Sign:
-    resistance = evidence.edges.resistance_ohm
-    known = float(resistance) if np.isfinite(resistance) else None
-    return Sign(evidence.verdict, evidence.edges.edges, known, float(evidence.edges.t_value))
 
 
 def _activity(log: Log, resting: np.ndarray) -> Activity:

@@ -181,7 +181,12 @@ def read_drive(
     file = with_sample_time(open_table(source, hints).part("drive", where))
     found = find_drive_columns(file.source, file.names, wheels, file.given(columns), units, leave)
     wanted = Wanted(where or {}, extra, sort_time)
-    rows = read_recording(file, found.columns, wanted, lambda table: _to_numbers(table, found.columns))
+    measured = {column.name for quantity, column in found.columns.items() if quantity != "time"}
+
+    def to_numbers(table: Table) -> Table:
+        return table.with_columns({name: numbers(table, name) for name in measured})
+
+    rows = read_recording(file, found.columns, wanted, to_numbers)
     order: tuple[Note, ...] = ()
     if found.by_number and not all(any(c.isdigit() for c in place) for place in wheels.places):
         text = f"wheels identified by their numbers, in the robot's order: {', '.join(wheels.places)}; check it"
@@ -256,16 +261,6 @@ def _wheels(robot: Any, driven: int | None) -> Wheels:
             f"read_drive(path, ('left', 'right', 'castor'), 2); got {robot!r:.60} and driven={driven!r}"
         )
     return Wheels(names, driven)
-
-
-def _to_numbers(table: Table, columns: Mapping[str, Column]) -> Table:
-    """The columns of all channels but the time as float64.
-
-    Raises:
-        InputError: text where a number must stand; names the line.
-    """
-    names = {column.name for quantity, column in columns.items() if quantity != "time"}
-    return table.with_columns({name: numbers(table, name) for name in names})
 
 
 def _share(current_A: np.ndarray, columns: Sequence[str]) -> Mended:

@@ -23,7 +23,6 @@ from ohmward.logs.battery_columns import (
 from ohmward.logs.clean import (
     battery_temperature,
     gap_notes,
-    guess_notes,
     merge_rates,
     missing_notes,
     require_plausible,
@@ -304,12 +303,10 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
     table = merge_rates(rows.table, chosen)
     measured = {q: table.columns[column.name] for q, column in chosen.items() if column.name in table.columns}
     time_s, start_unix_s = _since_start(measured["time"], rows.start_unix_s, table.columns)
-    clock = chosen["time"], time_s
     voltage_V, spikes = without_spikes(measured["voltage"])
     current_A, silent = without_silent_spikes(measured["current"], voltage_V)
     current_A, dead = without_stuck_current(time_s, current_A, voltage_V)
-    require_plausible(file.source, *clock, current_A, rows.guessed_unit)
-    warnings = guess_notes(*clock, rows.guessed_unit)
+    warnings = require_plausible(file.source, chosen["time"], time_s, current_A, rows.guessed_unit)
     if chosen["current"].unit is None and (forgotten := forgotten_scale(current_A, voltage_V)):
         scale, why = forgotten
         text = f"column {chosen['current'].name!r} names no unit; {why}: if these are {scale.name}, say "

@@ -30,7 +30,6 @@ class OcvTable(NamedTuple):
     discharge_V: np.ndarray | None
     #: (K,) half the distance of the branches; slope_V_per_K: (K,) change with temperature
     hysteresis_V: np.ndarray | None
-
     slope_V_per_K: np.ndarray | None
     reference_degC: float | None  #: temperature of the table
     notes: tuple[Note, ...]  #: what was assumed

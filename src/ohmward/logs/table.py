@@ -144,11 +144,9 @@ class TableFile(NamedTuple):
 
 def file_of(table: Table, hints: FileHints, **about: Any) -> TableFile:
     """The file of a table that is in memory; about: further fields of `TableFile`."""
-
-    def load(names: Collection[str], progress: Progress | None = None) -> Table:
-        return table.only(names)
-
-    return TableFile(table.source, tuple(table.columns), load, hints=hints, **about)
+    return TableFile(
+        table.source, tuple(table.columns), lambda names, progress=None: table.only(names), hints=hints, **about
+    )
 
 
 #: Opens a file with the facts that are known of it.

@@ -113,7 +113,18 @@ class TimeSeries(RichDisplay):
         frozen |= {"notes": tuple(self.notes), "start_unix_s": start_unix_s}
         for name, values in frozen.items():
             object.__setattr__(self, name, values)
-        self._require_time()
+        time_s = self.time_s
+        title = f"{self._title}: time_s"
+        if time_s.ndim != 1 or not time_s.size:
+            raise InputError(f"{title} must be one-dimensional with at least one sample, not {time_s.shape}")
+        if not np.isfinite(time_s).all():
+            raise InputError(f"{title} must be finite; drop the samples without a time")
+        if (falls := np.flatnonzero(np.diff(time_s) <= 0)).size:
+            i = int(falls[0])
+            raise InputError(
+                f"{title} must increase strictly, but sample {i + 1} ({time_s[i + 1]:g} s) does not come after sample "
+                f"{i} ({time_s[i]:g} s); sort the samples and merge equal times"
+            )
 
     def _plain(self, name: str, values: Any) -> np.ndarray:
         try:
@@ -135,20 +146,6 @@ class TimeSeries(RichDisplay):
     @property
     def _title(self) -> str:
         return f"{type(self).__name__} {self.name!r}"
-
-    def _require_time(self) -> None:
-        time_s = self.time_s
-        title = f"{self._title}: time_s"
-        if time_s.ndim != 1 or not time_s.size:
-            raise InputError(f"{title} must be one-dimensional with at least one sample, not {time_s.shape}")
-        if not np.isfinite(time_s).all():
-            raise InputError(f"{title} must be finite; drop the samples without a time")
-        if (falls := np.flatnonzero(np.diff(time_s) <= 0)).size:
-            i = int(falls[0])
-            raise InputError(
-                f"{title} must increase strictly, but sample {i + 1} ({time_s[i + 1]:g} s) does not come after sample "
-                f"{i} ({time_s[i]:g} s); sort the samples and merge equal times"
-            )
 
     def _require_lengths(self, names: Iterable[str]) -> None:
         """The arrays of these names and all in `extra` are (T,) where they are there."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import IO, Any
@@ -14,7 +14,7 @@ from ohmward.errors import InputError
 from ohmward.logs.cells import Header, Marks, find_block, find_header, parse_cells, unique_names
 from ohmward.logs.columns import has_log
 from ohmward.logs.hints import FileHints
-from ohmward.logs.table import Note, Progress, Table, TableFile, parsing, row_numbers
+from ohmward.logs.table import Note, Table, TableFile, file_of, parsing, row_numbers
 from ohmward.optional import require
 
 #: Cells of a workbook, empty ones between those that are filled among them, and bytes of its unpacked parts.
@@ -209,16 +209,10 @@ def _table_file(
             f"{source}: no header above the rows; name the columns with --names time_s,current_A,voltage_V"
         )
     data = [row for row in rows[header.first :] if any(row)]
-
-    def load(names: Collection[str], progress: Progress | None = None) -> Table:
-        columns = {}
-        for k, name in enumerate(unique):
-            if name and name in names:
-                columns[name] = parse_cells([row[k] if k < len(row) else "" for row in data], Marks())
-        return Table(source, columns, row_numbers(header.first + 1, len(data)), "row", notes)
-
-    head = {name: tuple(row[k] for row in data[:100] if k < len(row)) for k, name in enumerate(unique) if name}
-    return TableFile(source, tuple(name for name in unique if name), load, head=head, hints=hints)
+    cells = {name: [row[k] if k < len(row) else "" for row in data] for k, name in enumerate(unique) if name}
+    columns = {name: parse_cells(of_name, Marks()) for name, of_name in cells.items()}
+    head = {name: of_name[:100] for name, of_name in cells.items()}
+    return file_of(Table(source, columns, row_numbers(header.first + 1, len(data)), "row", notes), hints, head=head)
 
 
 def _text(cell: Any) -> str:

@@ -52,7 +52,7 @@ def write_mcap(path: Path, columns: Mapping[str, np.ndarray], progress: Progress
         OhmwardError: the package mcap is not installed.
     """
     writing = require("mcap.writer", "MCAP")
-    numeric = {name: np.asarray(values) for name, values in columns.items() if np.asarray(values).dtype.kind in "biuf"}
+    numeric = {name: values for name, values in columns.items() if values.dtype.kind in "biuf"}
     rows = len(next(iter(numeric.values()), ()))
     time_ns = _times_ns(numeric, rows)
     fields = _field_names(list(numeric))
@@ -158,13 +158,12 @@ def write_table(columns: Mapping[str, np.ndarray], path: str | PathLike[str], pr
 
 
 def _write_csv(path: Path, columns: Mapping[str, np.ndarray], progress: Progress | None = None) -> None:
-    arrays = [np.asarray(values) for values in columns.values()]
-    rows = len(arrays[0]) if arrays else 0
+    rows = len(next(iter(columns.values()), ()))
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)
         for start in range(0, rows, _WRITTEN_ROWS):
-            block = [values[start : start + _WRITTEN_ROWS] for values in arrays]
+            block = [values[start : start + _WRITTEN_ROWS] for values in columns.values()]
             if (text := rows_as_text(block)) is not None:
                 stream.write(text)
             else:

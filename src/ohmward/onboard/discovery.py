@@ -169,14 +169,8 @@ def topics_of_bag(path: str) -> list[BagTopic]:
     Raises:
         InputError: it is none.
     """
-    recording = open_recording(Path(path))
-    found: dict[str, BagTopic] = {}
-    for topic, _, payload in recording.messages():
-        if topic.name not in found:
-            found[topic.name] = BagTopic(topic.name, topic.type, tuple(_joints(topic, payload)))
-            if recording.all_known and len(found) == len(recording.topics):
-                break
-    return list(found.values())
+    first = open_recording(Path(path)).first_messages()
+    return [BagTopic(topic.name, topic.type, tuple(_joints(topic, payload))) for topic, _, payload in first.values()]
 
 
 def _joints(topic: Topic, payload: bytes) -> list[str]:

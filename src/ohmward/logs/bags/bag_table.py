@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -251,13 +250,6 @@ TIME = "time"
 _YEAR_2000_NS = 946_684_800 * 10**9
 
 
-class _Bag(NamedTuple):
-    """A recording and the first messages of its topics."""
-
-    recording: Recording
-    first: Mapping[str, Recorded]
-
-
 def open_bag(path: Path) -> TableFile:
     """The columns of a recording of ROS, of all topics that are known by their types.
 
@@ -265,64 +257,52 @@ def open_bag(path: Path) -> TableFile:
         InputError: no recording of ROS, or one without messages.
         OhmwardError: the package rosbags is not installed.
     """
-    bag = _look(open_recording(path))
-    known = [topic for topic in _readable(bag) if topic.type in KNOWN and not KNOWN[topic.type].by_name_only]
-    return _table_file(bag, path.name, known)
-
-
-def _look(recording: Recording) -> _Bag:
-    """The recording and the first message of each topic."""
-    first: dict[str, Recorded] = {}
-    for message in recording.messages():
-        if message.topic.name not in first:
-            first[message.topic.name] = message
-            if recording.all_known and len(first) == len(recording.topics):
-                break
+    recording = open_recording(path)
+    first = recording.first_messages()
     if not first:
         raise InputError(f"{recording.source}: the recording holds no message; record it again, or name another one")
-    return _Bag(recording, first)
+    # those in a serialisation that is known
+    readable = {name: message for name, message in first.items() if message.topic.encoding in (CDR, ROS1)}
+    types = {name: KNOWN.get(message.topic.type) for name, message in readable.items()}
+    known = [name for name, type_ in types.items() if type_ and not type_.by_name_only]
+    return _table_file(recording, path.name, readable, known)
 
 
-def _table_file(bag: _Bag, source: str, topics: list[Topic]) -> TableFile:
-    """The columns of some topics."""
-    of_topic = {topic.name: _columns(bag, topic) for topic in topics}
+def _table_file(recording: Recording, source: str, first: Mapping[str, Recorded], chosen: list[str]) -> TableFile:
+    """The columns of some topics; first: the first message of each that can be chosen."""
+    topics = [first[name].topic for name in chosen]
+    of_topic = {topic.name: _columns(recording.source, first[topic.name]) for topic in topics}
     known = dict.fromkeys([TIME, *(name for columns in of_topic.values() for name in columns)])
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
-        chosen = [topic for topic in topics if set(of_topic[topic.name]) & set(names)] or topics
-        return _load(bag, source, chosen, names)
+        with_any = [topic for topic in topics if set(of_topic[topic.name]) & set(names)] or topics
+        return _load(recording, source, with_any, names)
 
     def part(kind: str, where: Mapping[str, float | str]) -> TableFile:
-        readable = {topic.name: topic for topic in _readable(bag)}
-        types = {name: topic.type for name, topic in readable.items()}
-        chosen = choose_topics(source, kind, where, types, KNOWN)
-        return _table_file(bag, source, [readable[name] for name in chosen])
+        types = {name: message.topic.type for name, message in first.items()}
+        return _table_file(recording, source, first, choose_topics(source, kind, where, types, KNOWN))
 
     battery = any(topic.type == "sensor_msgs/msg/BatteryState" for topic in topics)
     return TableFile(source, tuple(known), load, TIME, part, "charge" if battery else None)
 
 
-def _readable(bag: _Bag) -> list[Topic]:
-    """The topics that have messages in a serialisation that is known."""
-    return [message.topic for message in bag.first.values() if message.topic.encoding in (CDR, ROS1)]
-
-
-def _columns(bag: _Bag, topic: Topic) -> list[str]:
+def _columns(source: str, message: Recorded) -> list[str]:
     """The columns of a topic, by its first message."""
+    topic = message.topic
     try:
-        layout = layout_of(bag.first[topic.name].payload, topic.type, definitions_of(topic), topic.encoding)
+        layout = layout_of(message.payload, topic.type, definitions_of(topic), topic.encoding)
     except ValueError as error:
         raise InputError(
-            f"{bag.recording.source}: topic {topic.name} cannot be read as {topic.type} ({error}); choose another topic"
+            f"{source}: topic {topic.name} cannot be read as {topic.type} ({error}); choose another topic"
         ) from error
     return list(column_names(topic, layout))
 
 
-def _load(bag: _Bag, source: str, topics: list[Topic], wanted: Collection[str]) -> Table:
+def _load(recording: Recording, source: str, topics: list[Topic], wanted: Collection[str]) -> Table:
     """The columns of some topics, a row for each message, in order of time where there are several topics."""
     gatherers = {topic.name: Gatherer(topic, wanted) for topic in topics}
     puts = {name: gatherer.put for name, gatherer in gatherers.items()}
-    for topic, received_ns, payload in bag.recording.messages(gatherers):
+    for topic, received_ns, payload in recording.messages(gatherers):
         puts[topic.name](received_ns, payload)
     found = {name: gatherer.columns() for name, gatherer in gatherers.items()}
     first_ns = next((times[0] for times, _ in found.values() if times.size), None)
@@ -332,13 +312,8 @@ def _load(bag: _Bag, source: str, topics: list[Topic], wanted: Collection[str]) 
     streams = {
         name: Stream(gatherers[name].topic.type, times.view(kind), columns) for name, (times, columns) in found.items()
     }
-    return rows_of(source, TIME, streams, wanted, _notes(bag, gatherers))
-
-
-def _notes(bag: _Bag, gatherers: Mapping[str, Gatherer]) -> tuple[Note, ...]:
-    """Notes on the topics that were read and on what could not be."""
-    topics = ", ".join(f"{name} ({gatherer.topic.type})" for name, gatherer in gatherers.items())
-    broken = sum(gatherer.broken for gatherer in gatherers.values())
-    left_out = [Note(f"{counted(broken, 'message')} could not be read: left out", "warning")] if broken else []
-    read = Note(f"topic {topics}" if len(gatherers) == 1 else f"topics {topics}")
-    return (read, *bag.recording.notes.values(), *left_out)
+    read = ", ".join(f"{topic.name} ({topic.type})" for topic in topics)
+    notes = [Note(f"topic {read}" if len(topics) == 1 else f"topics {read}"), *recording.notes.values()]
+    if broken := sum(gatherer.broken for gatherer in gatherers.values()):
+        notes.append(Note(f"{counted(broken, 'message')} could not be read: left out", "warning"))
+    return rows_of(source, TIME, streams, wanted, tuple(notes))

@@ -18,6 +18,7 @@ MAGIC = b"\x89MCAP0\r\n"
 # Kinds of records.
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
 _RECORD = struct.Struct("<BQ")
+_SCHEMA_HEAD, _CHANNEL_HEAD = struct.Struct("<H"), struct.Struct("<HH")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _TAIL = struct.Struct("<BQQQI8s")
 _CHUNK_HEAD = struct.Struct("<QQQI")
@@ -34,16 +35,14 @@ class _Channels:
 
     def add(self, kind: int, content: memoryview) -> None:
         """Take in a record of a schema or a channel."""
-        number = _u16(content, 0)
         if kind == _SCHEMA:
-            name, at = _text(content, 2)
-            notation, at = _text(content, at)
-            definition, _ = _text(content, at)
+            (number,) = _SCHEMA_HEAD.unpack_from(content)
+            (name, notation, definition), _ = _texts(content, _SCHEMA_HEAD.size, 3)
             self.schemas[number] = full_type(name), definition if notation in ("ros2msg", "ros1msg") else ""
             return
-        type_, definition = self.schemas.get(_u16(content, 2), ("", ""))
-        name, at = _text(content, 4)
-        encoding, _ = _text(content, at)
+        number, schema = _CHANNEL_HEAD.unpack_from(content)
+        (name, encoding), _ = _texts(content, _CHANNEL_HEAD.size, 2)
+        type_, definition = self.schemas.get(schema, ("", ""))
         self.topics[number] = Topic(name, type_, encoding, definition)
 
 
@@ -105,29 +104,23 @@ def _unpacked(chunk: memoryview, recording: Recording) -> memoryview | None:
     """The records in a chunk; None where it is damaged."""
     try:
         _, _, size, checksum = _CHUNK_HEAD.unpack_from(chunk)
-        compression, at = _text(chunk, _CHUNK_HEAD.size)
-        packed = chunk[at + 8 :]
-        block = _decompressed(compression, packed, size)
-        if block is None or len(block) != size or (checksum and crc32(block) != checksum):
+        (compression,), at = _texts(chunk, _CHUNK_HEAD.size, 1)
+        block = _decompressed(compression, chunk[at + 8 :], size)
+        if len(block) != size or (checksum and crc32(block) != checksum):
             raise ValueError
-    except (struct.error, ValueError):
+    except (struct.error, ValueError, RuntimeError):
         recording.warn("a damaged chunk was left out")
         return None
     return block
 
 
-def _decompressed(compression: str, packed: memoryview, size: int) -> memoryview | None:
-    """The content of a chunk; None where it claims to be larger than any."""
+def _decompressed(compression: str, packed: memoryview, size: int) -> memoryview:
+    """The content of a chunk; ValueError or RuntimeError where it is damaged, or claims to be larger than any."""
     if compression == "":
         return packed
-    if not 0 < size <= _LARGEST_CHUNK:
-        return None
-    if compression == "lz4":
-        try:
-            return memoryview(require("lz4.frame", "a compressed MCAP file").decompress(packed))
-        except RuntimeError as error:
-            raise ValueError from error
-    if compression == "zstd":
+    if compression == "lz4" and 0 < size <= _LARGEST_CHUNK:
+        return memoryview(require("lz4.frame", "a compressed MCAP file").decompress(packed))
+    if compression == "zstd" and 0 < size <= _LARGEST_CHUNK:
         zstandard = require("zstandard", "a compressed MCAP file")
         try:
             with zstandard.ZstdDecompressor().stream_reader(packed) as reader:
@@ -165,13 +158,13 @@ def _messages(
         at += length
 
 
-def _u16(content: memoryview, at: int) -> int:
-    return int.from_bytes(content[at : at + 2], "little")
-
-
-def _text(content: memoryview, at: int) -> tuple[str, int]:
-    """The text of a length and as many bytes, and the place behind it."""
-    (length,) = struct.unpack_from("<I", content, at)
-    if length > len(content) - at - 4:
-        raise struct.error("text longer than its record")
-    return str(content[at + 4 : at + 4 + length], "utf-8"), at + 4 + length
+def _texts(content: memoryview, at: int, count: int) -> tuple[list[str], int]:
+    """Texts one after the other, each of a length and as many bytes, and the place behind them."""
+    texts = []
+    for _ in range(count):
+        (length,) = struct.unpack_from("<I", content, at)
+        if length > len(content) - at - 4:
+            raise struct.error("text longer than its record")
+        texts.append(str(content[at + 4 : at + 4 + length], "utf-8"))
+        at += 4 + length
+    return texts, at

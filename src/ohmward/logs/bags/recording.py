@@ -45,6 +45,15 @@ class Recording:
         """The messages of the topics of these names, in the order of the file."""
         return self.read(self, names)
 
+    def first_messages(self) -> dict[str, Recorded]:
+        """The first message of each topic that has one, by the name of the topic."""
+        first: dict[str, Recorded] = {}
+        for message in self.messages():
+            first.setdefault(message.topic.name, message)
+            if self.all_known and len(first) == len(self.topics):
+                break
+        return first
+
     def warn(self, text: str) -> None:
         """Add a warning once."""
         self.notes[text] = Note(text, "warning")
