@@ -14,14 +14,10 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.arrays import plain_array, values_of
 from ohmward.logs.hints import FileHints
-from ohmward.logs.table import Table, TableFile, file_of, parsing, row_numbers
+from ohmward.logs.table import Opener, Table, TableFile, file_of, parsing, row_numbers
 from ohmward.optional import require
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
-FEATHER_MAGIC = b"ARROW1"
-MATLAB_MAGIC = b"MATLAB 5.0"
-MATLAB_HDF5_MAGIC = b"MATLAB 7.3"
-ZIP_MAGIC = b"PK\x03\x04"
 #: Kinds of NumPy that a column may have.
 _KINDS = "biufmM"
 
@@ -114,10 +110,6 @@ def _decoded(values: np.ndarray) -> np.ndarray:
     return np.array(text, dtype=object)
 
 
-MPR_MAGIC = b"BIO-LOGIC MODULAR FILE"
-NDA_MAGIC = b"NEWARE"
-
-
 def open_mpr(path: Path, hints: FileHints) -> TableFile:
     """The columns of a file of EC-Lab, of a version that galvani knows."""
     galvani = require("galvani", "a file of EC-Lab (.mpr)")
@@ -142,3 +134,14 @@ def is_ndax(path: Path) -> bool:
             return any(name.lower().endswith(".ndc") for name in archive.namelist())
     except (zipfile.BadZipFile, NotImplementedError, OSError):  # damaged, or of a version that nobody writes
         return False
+
+
+#: First bytes of the formats that they tell.
+OPENERS: dict[bytes, Opener] = {
+    b"BIO-LOGIC MODULAR FILE": open_mpr,
+    b"NEWARE": open_neware,
+    b"ARROW1": open_feather,
+    HDF5_MAGIC: open_hdf5,
+    b"MATLAB 7.3": open_hdf5,
+    b"MATLAB 5.0": open_matlab,
+}

@@ -57,7 +57,9 @@ def find_cells(
             continue
         table = np.stack([columns[name] for name in row], axis=1)
         cells_V = _unit_of(row, table).in_si(table)
-        if _agrees(cells_V, pack_V):
+        error = np.abs(cells_V.sum(axis=1) - pack_V) / np.abs(pack_V)
+        error = error[np.isfinite(error)]
+        if error.size and np.median(error) <= SUM_TOLERANCE:
             note = Note(f"cell voltages from {row[0]!r} to {row[-1]!r}; their sum is the pack's voltage")
             return CellVoltages(row, cells_V, note), (note,)
         if is_named(row):
@@ -128,13 +130,6 @@ def _may_be_voltage(name: str) -> bool:
 def _unit_of(row: Sequence[str], cells: np.ndarray) -> Unit:
     """The unit in the names of cells; without one, what the numbers (T, n) can be."""
     return unit_in_name(row[0], ("voltage",)) or UNITS["mv" if np.nanmedian(cells) > _LARGEST_CELL_V else "v"]
-
-
-def _agrees(cells_V: np.ndarray, pack_V: np.ndarray) -> bool:
-    """True where the sum of the cells (T, n) is usually the voltage of the pack (T,)."""
-    error = np.abs(cells_V.sum(axis=1) - pack_V) / np.abs(pack_V)
-    error = error[np.isfinite(error)]
-    return bool(error.size) and bool(np.median(error) <= SUM_TOLERANCE)
 
 
 _CHARGE = word_set("charge charging charger chg chrg lade ladestrom")

@@ -8,6 +8,7 @@ import traceback
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,13 +17,10 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.csv_layout import open_text
 from ohmward.logs.hints import FileHints
-from ohmward.logs.streams import Stream, Streams
-from ohmward.logs.table import Note, TableFile, counted, parsing
+from ohmward.logs.table import Note, Opener, Stream, Streams, TableFile, counted, parsing
 from ohmward.logs.units import unit_of
 from ohmward.optional import require, silenced
 
-BLF_MAGIC = b"LOGG"
-MDF_MAGICS = (b"MDF     ", b"UnFinMF ")
 #: Beginnings of texts, and the reader of python-can for each; "" for SavvyCAN's own table.
 _TEXTS = (
     (re.compile(rb"\(\d+\.\d+\) +\S+ +[0-9A-Fa-f]{3,8}#"), "CanutilsLogReader"),
@@ -32,7 +30,7 @@ _TEXTS = (
     (re.compile(rb"\"?Time Stamp\"?,\"?ID\"?,\"?Extended\"?,"), ""),
 )
 #: The reader of python-can for the one that is no text.
-BLF_READER = "BLFReader"
+_BLF = "BLFReader"
 _MOST_BYTES = 8
 #: A group of MDF unpacks to this many bytes, or to this many times the file's size, at most.
 _UNPACKED_BYTES, _UNPACKED_TIMES = 16 << 20, 1000
@@ -55,7 +53,7 @@ def can_reader(head: bytes) -> str | None:
 def open_can(path: Path, hints: FileHints, reader: str) -> TableFile:
     """The signals of the frames in a recording of a CAN bus; refused without a database that knows some of them.
 
-    reader: as of `can_reader`, or `BLF_READER`.
+    reader: as of `can_reader`, or `_BLF`.
     """
     if hints.dbc is None:
         raise _without_database(path)
@@ -233,7 +231,7 @@ def _by_identifier(path: Path, received: Iterable[_Received]) -> list[CanFrames]
 def _of_python_can(path: Path, reader: str, notes: list[Note]) -> Iterator[_Received]:
     """The frames of a file by a reader of python-can; of one that is cut off those before the cut, with a note."""
     can = require("can", "a recording of CAN")
-    is_text = reader != BLF_READER
+    is_text = reader != _BLF
     is_empty = True
     try:
         # a stream of ours: python-can leaves its own open where it gives up, and prints what it cannot read
@@ -279,3 +277,11 @@ def _without_database(path: Path) -> InputError:
         f"(FileHints(dbc={name!r}))",
         ("--dbc", name) if beside else (),
     )
+
+
+#: First bytes of the formats that they tell.
+OPENERS: dict[bytes, Opener] = {
+    b"LOGG": partial(open_can, reader=_BLF),
+    b"MDF     ": open_mdf,
+    b"UnFinMF ": open_mdf,
+}

@@ -13,6 +13,7 @@ import numpy as np
 
 from ohmward.checks import require_mappings
 from ohmward.errors import InputError
+from ohmward.logs import wheel_columns
 from ohmward.logs.channels import BODY as BODY_CHANNELS
 from ohmward.logs.channels import MOTOR_CURRENT, WHEEL, WHEEL_SPEED, channel_of
 from ohmward.logs.clean import finite, gap_notes, on_lines, require_plausible_drive
@@ -22,17 +23,7 @@ from ohmward.logs.hints import FileHints
 from ohmward.logs.read import RecordedTable, Wanted, open_table, read_recording
 from ohmward.logs.table import Note, Table, TableFile, counted, numbers, with_sample_time
 from ohmward.logs.time_series import TimeSeries
-from ohmward.logs.wheel_columns import (
-    Found,
-    Mechanics,
-    Wheels,
-    find_drive_columns,
-    rate_of_change,
-    unit_notes,
-    unit_of_channel,
-    wheel_speed,
-    without_bursts,
-)
+from ohmward.logs.wheel_columns import Found, Mechanics, Wheels
 from ohmward.quantities import BODY, QUANTITIES
 
 #: A current that pulls backwards for this fraction of the samples must once be negative.
@@ -179,7 +170,7 @@ def read_drive(
         gear_ratio = robot.motor.gear_ratio if gear_ratio is None else gear_ratio
     mechanics = Mechanics(radius_m, 1.0 if gear_ratio is None else gear_ratio, at_motor_shaft, counts_per_turn)
     file = with_sample_time(open_table(source, hints).part("drive", where))
-    found = find_drive_columns(file.source, file.names, wheels, file.given(columns), units, leave)
+    found = wheel_columns.find_drive_columns(file.source, file.names, wheels, file.given(columns), units, leave)
     wanted = Wanted(where or {}, extra, sort_time)
     measured = {column.name for quantity, column in found.columns.items() if quantity != "time"}
 
@@ -214,9 +205,10 @@ def _as_log(
     table = rows.table
     measured = [q for q in wheels.quantities[1:] if q in found.columns and found.columns[q].name in table.columns]
     columns = {quantity: found.columns[quantity] for quantity in measured}
-    time_s, burst_notes = without_bursts(table, table.columns[found.columns["time"].name], columns, mechanics)
+    time = found.columns["time"]
+    time_s, burst_notes = wheel_columns.without_bursts(table, table.columns[time.name], columns, mechanics)
     channels, conversion_notes = _in_si(table, time_s, columns, mechanics)
-    require_plausible_drive(file.source, found.columns["time"], time_s, rows.guessed_unit)
+    require_plausible_drive(file.source, time, time_s, rows.guessed_unit)
     speed_rad_s, turn_notes = _at_once(time_s, _side_by_side(channels, wheels.of(WHEEL_SPEED), time_s))
     current_A = _side_by_side(channels, wheels.of(MOTOR_CURRENT), time_s)
     names = [columns[q].name if q in columns else "" for q in wheels.of(MOTOR_CURRENT).values()]
@@ -224,7 +216,7 @@ def _as_log(
     current_A, signed = _sign(current_A, speed_rad_s[:, : wheels.driven])
     current_A, bridged = _bridge(time_s, current_A, np.isfinite(speed_rad_s).any(axis=1), wheels.driven_places)
     body = {channel.name: channels[channel.name] for channel in BODY_CHANNELS if channel.name in channels}
-    notes = [*unit_notes(columns, mechanics), *conversion_notes, *burst_notes, *turn_notes]
+    notes = [*wheel_columns.unit_notes(columns, mechanics), *conversion_notes, *burst_notes, *turn_notes]
     notes += [*_use_angles(time_s, body), *shared, *signed, *bridged]
     is_measured = np.isfinite(np.column_stack([speed_rad_s, current_A, *body.values()])).any(axis=1)
     if not is_measured.any():
@@ -306,10 +298,12 @@ def _in_si(
     notes: list[Note] = []
     for quantity, column in columns.items():
         values, infinite = finite(column.name, table.columns[column.name])
-        unit = unit_of_channel(quantity, column, mechanics)
+        unit = wheel_columns.unit_of_channel(quantity, column, mechanics)
         notes += infinite
         if channel_of(quantity) is WHEEL_SPEED:
-            channels[quantity], rolled = wheel_speed(table.source, column.name, unit, values, time_s, mechanics)
+            channels[quantity], rolled = wheel_columns.wheel_speed(
+                table.source, column.name, unit, values, time_s, mechanics
+            )
             notes += rolled
         else:
             channels[quantity] = unit.in_si(values)
@@ -348,7 +342,7 @@ def _use_angles(time_s: np.ndarray, body: dict[str, np.ndarray]) -> list[Note]:
     A heading whose changes are the yaw rate is left out: it must not count twice.
     """
     if "yaw_rate" not in body and (angles := [name for name in ("yaw", "heading") if name in body]):
-        body["yaw_rate"] = rate_of_change(time_s, body.pop(angles[0]), 2 * math.pi, over_gaps=True)
+        body["yaw_rate"] = wheel_columns.rate_of_change(time_s, body.pop(angles[0]), 2 * math.pi, over_gaps=True)
         return [Note(f"no gyro: the yaw rate is the change of the {angles[0]}")]
     if "heading" not in body or not _counts_clockwise(time_s, body["heading"], body["yaw_rate"]):
         return []

@@ -12,6 +12,7 @@ import numpy as np
 
 from ohmward.checks import require_mappings
 from ohmward.errors import InputError
+from ohmward.logs import clean
 from ohmward.logs.battery_columns import (
     full_charges,
     state_column,
@@ -20,21 +21,9 @@ from ohmward.logs.battery_columns import (
     with_pack_voltage,
     with_power,
 )
-from ohmward.logs.clean import (
-    battery_temperature,
-    gap_notes,
-    merge_rates,
-    missing_notes,
-    require_plausible,
-    to_si,
-    without_impossible,
-    without_silent_spikes,
-    without_spikes,
-    without_stuck_current,
-)
+from ohmward.logs.clean import without_impossible
 from ohmward.logs.columns import (
     BDF_NAMES,
-    Column,
     UnclearColumnsError,
     find_columns,
     has_bdf_columns,
@@ -209,7 +198,16 @@ def read_log(
     state = state_column(file) if current_sign != "discharge" else None
     columns_beside = extra if extra is None or state is None else {*extra, state}
     wanted = Wanted(where or {}, columns_beside, sort_time, progress, "time" in file.given(columns))
-    rows = read_recording(file, chosen, wanted, lambda table: _to_numbers(table, chosen, state))
+
+    def to_numbers(table: Table) -> Table:
+        table = clean.to_si(table, chosen)
+        if state is None or state not in table.columns:
+            return table
+        name = chosen["current"].name
+        current_A, notes = with_direction(table.columns[name], table.columns[state], state)
+        return table.with_columns({name: current_A}, *notes)
+
+    rows = read_recording(file, chosen, wanted, to_numbers)
     left_out = {*wanted.where} if extra is None else set(file.names) - set(extra)
     return _as_log(file, rows, current_sign, left_out).part(file.hints)
 
@@ -300,13 +298,18 @@ def as_logs(sources: LogSource | Sequence[LogSource]) -> tuple[Log, ...]:
 def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, left_out: set[str]) -> Log:
     """The log of the rows of one recording, without the columns that are left out."""
     chosen = rows.columns
-    table = merge_rates(rows.table, chosen)
+    table = clean.merge_rates(rows.table, chosen)
     measured = {q: table.columns[column.name] for q, column in chosen.items() if column.name in table.columns}
-    time_s, start_unix_s = _since_start(measured["time"], rows.start_unix_s, table.columns)
-    voltage_V, spikes = without_spikes(measured["voltage"])
-    current_A, silent = without_silent_spikes(measured["current"], voltage_V)
-    current_A, dead = without_stuck_current(time_s, current_A, voltage_V)
-    warnings = require_plausible(file.source, chosen["time"], time_s, current_A, rows.guessed_unit)
+    time_s, start_unix_s = measured["time"], rows.start_unix_s
+    wall_clock = next((table.columns[name] for name in BDF_NAMES["unix_time_s"] if name in table.columns), None)
+    if start_unix_s is not None:
+        time_s, start_unix_s = time_s - time_s[0], start_unix_s + float(time_s[0])
+    elif wall_clock is not None:
+        start_unix_s = float(wall_clock[0] - time_s[0])
+    voltage_V, spikes = clean.without_spikes(measured["voltage"])
+    current_A, silent = clean.without_silent_spikes(measured["current"], voltage_V)
+    current_A, dead = clean.without_stuck_current(time_s, current_A, voltage_V)
+    warnings = clean.require_plausible(file.source, chosen["time"], time_s, current_A, rows.guessed_unit)
     if chosen["current"].unit is None and (forgotten := forgotten_scale(current_A, voltage_V)):
         scale, why = forgotten
         text = f"column {chosen['current'].name!r} names no unit; {why}: if these are {scale.name}, say "
@@ -319,7 +322,7 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
     further, impossible = _further(measured)
     warnings += impossible
     degC = measured.get("temperature")
-    temperature, of_temperature = battery_temperature(file.hints, chosen.get("temperature"), degC, time_s.size)
+    temperature, of_temperature = clean.battery_temperature(file.hints, chosen.get("temperature"), degC, time_s.size)
     return Log(
         name=file.stem,
         time_s=time_s,
@@ -334,8 +337,8 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
             *silent,
             *dead,
             *of_temperature,
-            *missing_notes(table, chosen),
-            *gap_notes(time_s),
+            *clean.missing_notes(table, chosen),
+            *clean.gap_notes(time_s),
             sign_note,
         ),
         start_unix_s=start_unix_s,
@@ -405,16 +408,6 @@ def _given_note(given: str, by: str, evidence: SignEvidence, directions: str) ->
     return Note(f"{text}, but the data say the opposite: {evidence}; check the sign", "warning")
 
 
-def _to_numbers(table: Table, chosen: Mapping[str, Column], state: str | None) -> Table:
-    """Current, voltage and temperature in SI units, the current with its sign."""
-    table = to_si(table, chosen)
-    if state is None or state not in table.columns:
-        return table
-    name = chosen["current"].name
-    current_A, notes = with_direction(table.columns[name], table.columns[state], state)
-    return table.with_columns({name: current_A}, *notes)
-
-
 def _further(measured: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[Note, ...]]:
     """Quantities of the battery (T,) that have no array of their own in a log, by their name there, and notes on them.
 
@@ -427,16 +420,6 @@ def _further(measured: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray],
             found[quantity.field], impossible = without_impossible(quantity, measured[quantity.channel])
             notes += impossible
     return found, notes
-
-
-def _since_start(
-    time_s: np.ndarray, start_unix_s: float | None, columns: Mapping[str, np.ndarray]
-) -> tuple[np.ndarray, float | None]:
-    """The time [s], from the first sample for a wall clock, and its Unix start, which a column beside it may tell."""
-    if start_unix_s is not None:
-        return time_s - time_s[0], start_unix_s + float(time_s[0])
-    wall_clock = next((columns[name] for name in BDF_NAMES["unix_time_s"] if name in columns), None)
-    return time_s, None if wall_clock is None else float(wall_clock[0] - time_s[0])
 
 
 def _range(name: str, values: np.ndarray, unit: str) -> str:

@@ -17,25 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.arrays_file import (
-    FEATHER_MAGIC,
-    HDF5_MAGIC,
-    MATLAB_HDF5_MAGIC,
-    MATLAB_MAGIC,
-    MPR_MAGIC,
-    NDA_MAGIC,
-    ZIP_MAGIC,
-    is_ndax,
-    open_feather,
-    open_hdf5,
-    open_matlab,
-    open_mpr,
-    open_neware,
-    open_npz,
-)
+from ohmward.logs import arrays_file, can_file, selection, vehicle_file
+from ohmward.logs.arrays_file import HDF5_MAGIC, is_ndax, open_hdf5, open_neware, open_npz
 from ohmward.logs.bags.bag_table import is_recording, open_bag
-from ohmward.logs.bags.sqlite_file import MAGIC as SQLITE_MAGIC
-from ohmward.logs.can_file import BLF_MAGIC, BLF_READER, MDF_MAGICS, can_reader, open_can, open_mdf
+from ohmward.logs.can_file import can_reader, open_can
 from ohmward.logs.clean import drop_text, drop_untimed
 from ohmward.logs.clock import date_column, nanosecond_column, read_clock
 from ohmward.logs.columns import Column, listed, other_times
@@ -44,30 +29,11 @@ from ohmward.logs.frame import is_frame, open_frame, open_parquet
 from ohmward.logs.hints import TOPIC, FileHints
 from ohmward.logs.long_table import as_wide
 from ohmward.logs.objects_file import names_values, open_objects
-from ohmward.logs.selection import (
-    RECORDING,
-    SeveralRecordingsError,
-    find_repeats,
-    find_restarts,
-    join_steps,
-    names_instances,
-    recording_numbers,
-    require_one_instance,
-    select_rows,
-    settle_equal_times,
-    sort_rows,
-)
-from ohmward.logs.sqlite_table import open_sqlite_table
+from ohmward.logs.selection import RECORDING, SeveralRecordingsError
+from ohmward.logs.sqlite_file import MAGIC as SQLITE_MAGIC
+from ohmward.logs.sqlite_file import open_sqlite_table
 from ohmward.logs.table import LOG_ENDINGS, Note, Opener, Progress, Table, TableFile, counted, in_order, row_numbers
-from ohmward.logs.vehicle_file import (
-    DATAFLASH_MAGIC,
-    DATAFLASH_TEXT,
-    ULOG_MAGIC,
-    is_telemetry,
-    open_dataflash,
-    open_telemetry,
-    open_ulog,
-)
+from ohmward.logs.vehicle_file import is_telemetry, open_telemetry
 from ohmward.logs.workbook_file import open_workbook
 
 _UNPACK = "a packed file; unpack it first"
@@ -234,7 +200,7 @@ def _open_file(path: Path, hints: FileHints) -> TableFile:
         head = stream.read(HEAD_BYTES)
     if about := next((about for beginning, about in _KNOWN if beginning.match(head)), None):
         raise InputError(f"{path.name}: {about}")
-    opener = next((opener for magic, opener in OPENERS if head.startswith(magic)), None)
+    opener = next((opener for magic, opener in OPENERS.items() if head.startswith(magic)), None)
     if opener is None and HDF5_MAGIC in head:
         opener = open_hdf5
     elif opener is None and is_telemetry(head):
@@ -254,23 +220,15 @@ def _open_zip(path: Path, hints: FileHints) -> TableFile:
 
 
 #: First bytes of the formats that they tell.
-OPENERS: tuple[tuple[bytes, Opener], ...] = (
-    (ULOG_MAGIC, open_ulog),
-    (DATAFLASH_MAGIC, open_dataflash),
-    (DATAFLASH_TEXT, open_dataflash),
-    (BLF_MAGIC, partial(open_can, reader=BLF_READER)),
-    *((magic, open_mdf) for magic in MDF_MAGICS),
-    (MPR_MAGIC, open_mpr),
-    (NDA_MAGIC, open_neware),
-    (SQLITE_MAGIC, open_sqlite_table),
-    (b"PAR1", open_parquet),
-    (FEATHER_MAGIC, open_feather),
-    (HDF5_MAGIC, open_hdf5),
-    (MATLAB_HDF5_MAGIC, open_hdf5),
-    (MATLAB_MAGIC, open_matlab),
-    (ZIP_MAGIC, _open_zip),
-    (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", open_workbook),  # .xls
-)
+OPENERS: dict[bytes, Opener] = {
+    **vehicle_file.OPENERS,
+    **can_file.OPENERS,
+    **arrays_file.OPENERS,
+    SQLITE_MAGIC: open_sqlite_table,
+    b"PAR1": open_parquet,
+    b"PK\x03\x04": _open_zip,
+    b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1": open_workbook,  # .xls
+}
 #: Enough to see that of HDF5 behind a block of the user, and the beginning of JSON.
 HEAD_BYTES = 4096
 
@@ -318,26 +276,30 @@ def _read_rows(
     time = columns["time"].name
     date = date_column(file, time)
     own = {column.name for column in columns.values()} | {nanosecond_column(file.names, time) or time, date or time}
-    names = _names(file, own, wanted)
-    table = file.load({*names, *filter(names_instances, file.names)}, wanted.progress)
+    extra = file.names if wanted.extra is None else wanted.extra
+    if unknown := [name for name in extra if name not in file.names]:
+        raise InputError(f"{file.source}: there is no column {unknown[0]!r} to keep; it has: {', '.join(file.names)}")
+    names = {*own, *extra, *wanted.where} & set(file.names)
+    table = file.load({*names, *filter(selection.names_instances, file.names)}, wanted.progress)
     labels = dict(wanted.where)
     if file.choose:
         labels.pop(TOPIC, None)
     number = labels.pop(RECORDING, None) if RECORDING not in table.columns else None
-    table = select_rows(table, labels)
+    table = selection.select_rows(table, labels)
     clock = read_clock(table, columns["time"], file.hints, date)
     table = table._replace(notes=clock.notes).with_columns({time: clock.time_s}, *table.notes)
     table = drop_untimed(table, time)
     if number is not None:
-        numbers = recording_numbers(find_restarts(table.columns[time]), table.line.size)
-        table = select_rows(table.with_columns({RECORDING: numbers}), {RECORDING: number})
+        numbers = selection.recording_numbers(selection.find_restarts(table.columns[time]), table.line.size)
+        table = selection.select_rows(table.with_columns({RECORDING: numbers}), {RECORDING: number})
     channels = {column.name for channel, column in columns.items() if channel != "time"} & table.columns.keys()
     try:
         table = to_numbers(table)
-        table = sort_rows(join_steps(table, time) if joined else table, time, sort_time=wanted.sort_time)
+        table = selection.join_steps(table, time) if joined else table
+        table = selection.sort_rows(table, time, sort_time=wanted.sort_time)
         clock_parts = own - channels - {time}
-        require_one_instance(table.only(table.columns.keys() - clock_parts), time, channels)
-        if wanted.extra is not None and find_repeats(table, time, channels)[1]:
+        selection.require_one_instance(table.only(table.columns.keys() - clock_parts), time, channels)
+        if wanted.extra is not None and selection.find_repeats(table, time, channels)[1]:
             raise SeveralRecordingsError(f"{table.source}: rows with the same time differ")
     except SeveralRecordingsError:
         if wanted.extra is None:
@@ -346,16 +308,7 @@ def _read_rows(
         rows = _read_rows(file, columns, wanted._replace(extra=None), to_numbers, joined)
         return rows._replace(table=rows.table.only(names))
     table = drop_text(table.only({*names, RECORDING}))
-    settled = settle_equal_times(table, time, channels & table.columns.keys())
+    settled = selection.settle_equal_times(table, time, channels & table.columns.keys())
     return RecordedTable(
         settled, columns, clock.start_unix_s, frozenset({*own, RECORDING}), clock.guessed_unit, clock.time_zone
     )
-
-
-def _names(file: TableFile, own: Collection[str], wanted: Wanted) -> set[str]:
-    """The columns to load."""
-    if wanted.extra is None:
-        return set(file.names)
-    if unknown := [name for name in wanted.extra if name not in file.names]:
-        raise InputError(f"{file.source}: there is no column {unknown[0]!r} to keep; it has: {', '.join(file.names)}")
-    return {*own, *wanted.extra, *wanted.where} & set(file.names)

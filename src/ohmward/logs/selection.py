@@ -391,7 +391,11 @@ def merge_equal_times(table: Table, time: str, level: str = "info") -> Table:
     if later.all():
         return table
     first = np.flatnonzero(np.concatenate([[True], later]))
-    columns = {name: _last_known(values, first) for name, values in table.columns.items()}
+    columns = {}
+    for name, values in table.columns.items():
+        rows = np.where(np.isfinite(values), np.arange(values.size), -1)
+        last = np.maximum.reduceat(rows, first)
+        columns[name] = np.where(last >= 0, values[last], np.nan)
     repeated = time_s.size - first.size
     percent = 100.0 * repeated / time_s.size
     note = Note(
@@ -450,13 +454,6 @@ def _require_late_rows_only(table: Table, time: str, late: np.ndarray) -> None:
             raise SeveralRecordingsError(explain_recordings(table, time, restarts, separators), separators)
     if restarts.size or late.mean() > _MOST_LATE:
         raise InputError(_backwards(table, time_s, late))
-
-
-def _last_known(values: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """(N,) of each group that begins at the rows `first` (N,) the last value that is not NaN."""
-    rows = np.where(np.isfinite(values), np.arange(values.size), -1)
-    last = np.maximum.reduceat(rows, first)
-    return np.where(last >= 0, values[last], np.nan)
 
 
 def _backwards(table: Table, time_s: np.ndarray, late: np.ndarray) -> str:

@@ -13,12 +13,8 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.hints import FileHints
-from ohmward.logs.streams import BATTERY, DRIVE, KnownType, Stream, Streams
-from ohmward.logs.table import Note, TableFile, parsing
+from ohmward.logs.table import BATTERY, DRIVE, KnownType, Note, Opener, Stream, Streams, TableFile, parsing
 from ohmward.optional import require, silenced
-
-ULOG_MAGIC = b"ULog\x01\x12\x35"
-DATAFLASH_MAGIC, DATAFLASH_TEXT = b"\xa3\x95\x80", b"FMT, 128,"
 
 _MOST_CELLS, _MOST_WHEELS = 14, 4
 
@@ -54,6 +50,7 @@ def open_ulog(path: Path, hints: FileHints) -> TableFile:
     return Streams(path.name, streams, "topics of PX4", _PX4, sign, notes, hints).open()
 
 
+_DATAFLASH_TEXT = b"FMT, 128,"
 #: First bytes of packets of MAVLink 1 and 2 behind a stamp of eight bytes, and stamps [us] of 2001 to 2100.
 _PACKETS, _STAMPS = (0xFE, 0xFD), (10**15, 4 * 10**15)
 _YEAR_2001_S = 1e9
@@ -95,7 +92,7 @@ def open_dataflash(path: Path, hints: FileHints) -> TableFile:
     """The columns of a DataFlash log, binary (.bin) or text (.log)."""
     reader = require("pymavlink.DFReader", "a DataFlash log")
     with path.open("rb") as stream:
-        is_text = stream.read(len(DATAFLASH_TEXT)) == DATAFLASH_TEXT
+        is_text = stream.read(len(_DATAFLASH_TEXT)) == _DATAFLASH_TEXT
     open_reader = reader.DFReader_text if is_text else reader.DFReader_binary
     return _open(path, hints, lambda: _of_dataflash(open_reader, path))
 
@@ -189,3 +186,11 @@ def _battery_status(message: Any) -> dict[str, float]:
         "temperature [degC]": np.nan if degC == _NO_DEGC else 1e-2 * degC,
         "remaining [%]": float(message.battery_remaining),
     }
+
+
+#: First bytes of the formats that they tell.
+OPENERS: dict[bytes, Opener] = {
+    b"ULog\x01\x12\x35": open_ulog,
+    b"\xa3\x95\x80": open_dataflash,
+    _DATAFLASH_TEXT: open_dataflash,
+}

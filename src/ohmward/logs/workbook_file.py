@@ -211,7 +211,7 @@ def _table_file(
     data = [row for row in rows[header.first :] if any(row)]
     cells = {name: [row[k] if k < len(row) else "" for row in data] for k, name in enumerate(unique) if name}
     columns = {name: parse_cells(of_name, Marks()) for name, of_name in cells.items()}
-    head = {name: of_name[:100] for name, of_name in cells.items()}
+    head = {name: tuple(of_name[:100]) for name, of_name in cells.items()}
     return file_of(Table(source, columns, row_numbers(header.first + 1, len(data)), "row", notes), hints, head=head)
 
 

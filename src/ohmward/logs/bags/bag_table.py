@@ -10,14 +10,26 @@ from pathlib import Path
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.bags import mcap_file, rosbag1_file, sqlite_file
+from ohmward.logs import sqlite_file
+from ohmward.logs.bags import mcap_file, rosbag1_file
 from ohmward.logs.bags.layout import Layout, definitions_of, layout_of
-from ohmward.logs.bags.mcap_file import open_mcap
 from ohmward.logs.bags.recording import CDR, ROS1, Recorded, Recording, Topic
-from ohmward.logs.bags.rosbag1_file import open_rosbag1
-from ohmward.logs.bags.sqlite_file import open_sqlite
-from ohmward.logs.streams import BATTERY, BOTH, DRIVE, KnownType, Stream, choose_topics, rows_of
-from ohmward.logs.table import RECORDING_ENDINGS, Note, Progress, Table, TableFile, counted, in_order
+from ohmward.logs.table import (
+    BATTERY,
+    BOTH,
+    DRIVE,
+    RECORDING_ENDINGS,
+    KnownType,
+    Note,
+    Progress,
+    Stream,
+    Table,
+    TableFile,
+    choose_topics,
+    counted,
+    in_order,
+    rows_of,
+)
 
 #: Rows of a table that ohmward has written.
 TABLE_TYPE = "ohmward_msgs/msg/Table"
@@ -85,9 +97,9 @@ def _is_stamp(path: str) -> bool:
 
 
 _OPENERS = {
-    mcap_file.MAGIC: open_mcap,
-    rosbag1_file.MAGIC: open_rosbag1,
-    sqlite_file.MAGIC: open_sqlite,
+    mcap_file.MAGIC: mcap_file.open_mcap,
+    rosbag1_file.MAGIC: rosbag1_file.open_rosbag1,
+    sqlite_file.MAGIC: sqlite_file.open_sqlite,
 }
 _METADATA = "metadata.yaml"
 
