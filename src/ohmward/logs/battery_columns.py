@@ -287,7 +287,12 @@ def full_charges(extra: Mapping[str, np.ndarray]) -> tuple[tuple[str, int], ...]
     """Name of the column and sample of each charge that one of the columns (T,) begins to call complete."""
     found = []
     for name, values in extra.items():
-        full = _says_full(name, values)
+        if _is_status(name):
+            full = values == _STATUS_FULL
+        elif _is_flag(name) and np.isin(values[np.isfinite(values)], (0.0, 1.0)).all():
+            full = values == 1.0
+        else:
+            continue
         found += [(name, int(k)) for k in np.flatnonzero(full[1:] & ~full[:-1]) + 1]
     return tuple(found)
 
@@ -295,14 +300,6 @@ def full_charges(extra: Mapping[str, np.ndarray]) -> tuple[tuple[str, int], ...]
 def charger_columns(names: Collection[str]) -> tuple[str, ...]:
     """The columns that may say that the battery is full, by their names alone."""
     return tuple(name for name in names if _is_status(name) or _is_flag(name))
-
-
-def _says_full(name: str, values: np.ndarray) -> np.ndarray:
-    """(T,) bool, True where the column says that the battery is full."""
-    if _is_status(name):
-        return values == _STATUS_FULL
-    flags = bool(np.isin(values[np.isfinite(values)], (0.0, 1.0)).all())
-    return (values == 1.0) & (_is_flag(name) and flags)
 
 
 def _is_status(name: str) -> bool:

@@ -155,12 +155,9 @@ def load_can_database(path: str) -> Any:
 
 
 def _open_frames(source: str, frames: Iterable[CanFrames], dbc: str, database: Any, notes: Iterable[Note]) -> TableFile:
-    """The signals of frames by a database, a stream for each message.
+    """The signals of frames by a database, a stream for each message; refused where it knows none of the frames.
 
     A signal whose name stands in several messages is called `MESSAGE.SIGNAL`.
-
-    Raises:
-        InputError: the database knows none of the frames.
     """
     decoded: dict[str, tuple[np.ndarray, dict[str, np.ndarray]]] = {}
     unknown, broken = 0, 0

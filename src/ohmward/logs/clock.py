@@ -197,11 +197,7 @@ def _from_numbers(table: Table, column: Column, values: np.ndarray, hints: FileH
 
 
 def _are_serial(table: Table, column: Column, values: np.ndarray) -> bool:
-    """True for days since 1899 in a column that is named after dates.
-
-    Raises:
-        InputError: its name may be that of seconds.
-    """
+    """True for days since 1899 in a column that is named after dates; InputError where it may be of seconds."""
     if not values.size or not (values.min() > EXCEL_DAYS[0] and values.max() < EXCEL_DAYS[1]):
         return False
     steps = np.abs(np.diff(values.astype(float)))
@@ -234,7 +230,7 @@ def _from_text(table: Table, column: Column, values: np.ndarray, hints: FileHint
     if hints.time_format is None and _TWO_NUMBERS.match(first):
         return _of_two_numbers(table, column, values, hints)
     if hints.time_format is None and can_read(duration_s, first):
-        return _over_midnight(table, column, _each(table, column, values, duration_s, first))
+        return _over_midnight(column, _each(table, column, values, duration_s, first))
     if hints.time_format is None and has_time_of_day(first) and not has_date(first):
         return _times_of_day(table, column, values, first, hints)
     return _from_dates(table, column, _dates(table, column, values, first, hints), hints, "dates", first)
@@ -242,14 +238,13 @@ def _from_text(table: Table, column: Column, values: np.ndarray, hints: FileHint
 
 def _times_of_day(table: Table, column: Column, values: np.ndarray, first: str, hints: FileHints) -> Clock:
     days = [f"1970-01-01 {cell}" if cell.strip() else "" for cell in values]
-    return _over_midnight(table, column, _dates(table, column, days, first, hints).seconds)
+    return _over_midnight(column, _dates(table, column, days, first, hints).seconds)
 
 
 def _of_two_numbers(table: Table, column: Column, values: np.ndarray, hints: FileHints) -> Clock:
     """Seconds of hours and minutes, or of minutes and seconds where the first number goes beyond a day's hours.
 
-    Raises:
-        InputError: it does not, and a log from 0:00 on in steps of one may be either.
+    Where it does not, a log from 0:00 on in steps of one may be either, and is refused.
     """
     first = next(cell for cell in values if cell.strip())
     if any(_TWO_NUMBERS.match(cell) is None for cell in values if cell.strip()):
@@ -288,7 +283,7 @@ def _each(table: Table, column: Column, cells: Any, read: Callable[[str], float]
     return seconds
 
 
-def _over_midnight(table: Table, column: Column, seconds: np.ndarray) -> Clock:
+def _over_midnight(column: Column, seconds: np.ndarray) -> Clock:
     """Seconds of durations, or of times of day; the next day where they fall by almost one."""
     days = np.cumsum(np.concatenate([[0.0], np.diff(np.where(np.isfinite(seconds), seconds, 0.0)) < -_OVER_MIDNIGHT_S]))
     if not np.isfinite(seconds).all() or not days.any() or np.nanmax(seconds) >= DAY_S:

@@ -9,17 +9,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from ohmward.errors import InputError
-from ohmward.logs.channels import (
-    BATTERY,
-    CURRENT,
-    TEMPERATURE,
-    TIME,
-    VOLTAGE,
-    Channel,
-    channel_of,
-    letters,
-    word_set,
-)
+from ohmward.logs.channels import BATTERY, CURRENT, TEMPERATURE, TIME, VOLTAGE, Channel, channel_of, letters, word_set
 from ohmward.logs.units import Unit, split_unit, unit_in_brackets, unit_in_name, unit_of, without_notation
 
 # Words that make a column something else than a measurement of the battery.

@@ -205,11 +205,7 @@ class _Split(NamedTuple):
 
 
 class _LimitedGzip(gzip.GzipFile):
-    """A gzip file [path] that is refused where it unpacks to far more than a log does.
-
-    Raises:
-        InputError: on reading; names the limit and the fix.
-    """
+    """A gzip file [path] that reading refuses where it unpacks to far more than a log does."""
 
     def __init__(self, path: Path, mode: Literal["rb"]) -> None:
         super().__init__(path, mode)
@@ -242,7 +238,14 @@ def open_text(path: Path, encoding: str | None = None) -> TextIO:
         opener = _LimitedGzip if stream.read(2) == b"\x1f\x8b" else open
     if encoding is None:
         with opener(path, "rb") as stream:
-            encoding = _encoding_of(path, stream.read(_LAYOUT_BYTES))
+            head = stream.read(_LAYOUT_BYTES)
+        encoding = find_encoding(head)
+        # a power failure leaves zeros at the end of a file; elsewhere they mean that it is not text
+        if not is_wide(encoding) and b"\0" in head.rstrip(b"\0\r\n"):
+            raise InputError(
+                f"{path.name}: not a text table (binary data in its first bytes), and no format that ohmward knows by "
+                "them; export the log as CSV, Parquet or Excel with the program that wrote it"
+            )
     return io.TextIOWrapper(opener(path, "rb"), encoding, errors="replace", newline="")
 
 
@@ -302,17 +305,6 @@ def _head(path: Path, stream: TextIO) -> list[str]:
             break
         lines.append(line.rstrip("\r\n"))
     return lines
-
-
-def _encoding_of(path: Path, head: bytes) -> str:
-    encoding = find_encoding(head)
-    # a power failure leaves zeros at the end of a file; elsewhere they mean that it is not text
-    if not is_wide(encoding) and b"\0" in head.rstrip(b"\0\r\n"):
-        raise InputError(
-            f"{path.name}: not a text table (binary data in its first bytes), and no format that ohmward knows by "
-            "them; export the log as CSV, Parquet or Excel with the program that wrote it"
-        )
-    return encoding
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
@@ -389,7 +381,12 @@ def _header(path: Path, before: Sequence[str], found: _Split, hints: FileHints) 
     if header.row is not None:
         return header
     row = found.rows[found.block.first]
-    names = _names_in_comment(before, found, width) or names_without_header(row)
+    names = names_without_header(row)
+    # or the last comment above the rows, where it has as many cells
+    if comments := [line.lstrip("#%/~ ") for line in before if line.strip()]:
+        comment = found.split(comments[-1]) if found.split else comments[-1]
+        cells = [cell.strip() for cell in split_cells(comment, found.delimiter)]
+        names = cells if len(cells) == width else names
     if names is None:
         excerpt = found.delimiter.join(row)[:60]
         raise InputError(
@@ -397,16 +394,6 @@ def _header(path: Path, before: Sequence[str], found: _Split, hints: FileHints) 
             "order with --names time_s,current_A,voltage_V,... (FileHints(names=[...])), or put such a line above it"
         )
     return Header(tuple(names), None, found.block.first)
-
-
-def _names_in_comment(before: Sequence[str], found: _Split, width: int) -> list[str] | None:
-    """The last comment above the rows, where it has as many cells."""
-    comments = [line.lstrip("#%/~ ") for line in before if line.strip()]
-    if not comments:
-        return None
-    line = found.split(comments[-1]) if found.split else comments[-1]
-    cells = [cell.strip() for cell in split_cells(line, found.delimiter)]
-    return cells if len(cells) == width else None
 
 
 def _with_notation(path: Path, layout: CsvLayout, data: Sequence[Sequence[str]]) -> CsvLayout:

@@ -133,11 +133,7 @@ def _read_any(cells: Sequence[str]) -> Dates:
 
 
 def _moment(cell: str) -> Moment:
-    """Day, as it is written, and time.
-
-    Raises:
-        ValueError: no date.
-    """
+    """Day, as it is written, and time; ValueError for a cell that is no date."""
     text = cell.strip()
     if found := _COMPACT.match(text):
         year, month, day, h, m, s, zone = found.groups()

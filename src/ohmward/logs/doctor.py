@@ -109,6 +109,7 @@ def survey(log: Log, evidence: SignEvidence | None = None) -> Survey:
     edges = evidence.edges
     resistance_ohm = float(edges.resistance_ohm) if np.isfinite(edges.resistance_ohm) else None
     resting = _resting(log)
+    between_rests = [(first, stop) for first, stop in runs(~resting) if first > 0 and stop < resting.size]
     temperature = log.temperature_degC
     return Survey(
         samples=len(log),
@@ -118,23 +119,20 @@ def survey(log: Log, evidence: SignEvidence | None = None) -> Survey:
         voltage=signal_of(log.voltage_V, resting),
         temperature=None if temperature is None or np.isnan(temperature).all() else signal_of(temperature, resting),
         sign=Sign(evidence.verdict, edges.edges, resistance_ohm, float(edges.t_value)),
-        activity=_activity(log, resting),
+        activity=Activity(
+            rests=len(runs(resting)),
+            pulses=sum(
+                bool(log.time_s[stop] - log.time_s[first - 1] <= _PULSE_MOST_S) for first, stop in between_rests
+            ),
+            rest_current_A=float(np.nanmedian(log.current_A[resting])) if resting.any() else None,
+            charge_in_Ah=_charge_Ah(log, 1.0),
+            charge_out_Ah=_charge_Ah(log, -1.0),
+        ),
     )
 
 
 def _sign_evidence(log: Log) -> SignEvidence:
     return sign_evidence(log.time_s, log.current_A, log.voltage_V)
-
-
-def _activity(log: Log, resting: np.ndarray) -> Activity:
-    between_rests = [(first, stop) for first, stop in runs(~resting) if first > 0 and stop < resting.size]
-    return Activity(
-        rests=len(runs(resting)),
-        pulses=sum(bool(log.time_s[stop] - log.time_s[first - 1] <= _PULSE_MOST_S) for first, stop in between_rests),
-        rest_current_A=float(np.nanmedian(log.current_A[resting])) if resting.any() else None,
-        charge_in_Ah=_charge_Ah(log, 1.0),
-        charge_out_Ah=_charge_Ah(log, -1.0),
-    )
 
 
 def _resting(log: Log) -> np.ndarray:
@@ -250,7 +248,13 @@ def _faults_of_battery(s: Survey, evidence: SignEvidence) -> Iterator[Finding]:
             )
         if quantity.required:
             yield from no_numbers(signal.missing, s.samples, f"{name}: ")
-    yield from _faults_of_voltage(s.voltage)
+    low_V, high_V = s.voltage.minimum, s.voltage.maximum
+    if low_V >= 0.0 and high_V <= 0.5:
+        text = f"voltages of {high_V:g} V at most"
+        yield Finding("error", text, "another quantity or unit? use --column voltage=NAME")
+    elif low_V == high_V:
+        text = f"the voltage never changes ({low_V:g} V)"
+        yield Finding("error", text, "the sensor or the column is dead; check both")
     yield from _faults_of_current(s)
     yield from check_current_sign(evidence, "log")
     yield from _faults_of_sampling(s)
@@ -269,14 +273,6 @@ def _faults_of_battery(s: Survey, evidence: SignEvidence) -> Iterator[Finding]:
         yield Finding("warning", f"the current has steps of {s.current.resolution:g} A, over 2 % of its largest", finer)
     if s.voltage.resolution > 0.02 * (s.voltage.maximum - s.voltage.minimum):
         yield Finding("warning", f"the voltage has steps of {s.voltage.resolution:g} V, over 2 % of its range", finer)
-
-
-def _faults_of_voltage(voltage: Signal) -> Iterator[Finding]:
-    low, high = voltage.minimum, voltage.maximum
-    if low >= 0.0 and high <= 0.5:
-        yield Finding("error", f"voltages of {high:g} V at most", "another quantity or unit? use --column voltage=NAME")
-    elif low == high:
-        yield Finding("error", f"the voltage never changes ({low:g} V)", "the sensor or the column is dead; check both")
 
 
 def _faults_of_current(s: Survey) -> Iterator[Finding]:

@@ -178,11 +178,7 @@ def read_drive(
         return table.with_columns({name: numbers(table, name) for name in measured})
 
     rows = read_recording(file, found.columns, wanted, to_numbers)
-    order: tuple[Note, ...] = ()
-    if found.by_number and not all(any(c.isdigit() for c in place) for place in wheels.places):
-        text = f"wheels identified by their numbers, in the robot's order: {', '.join(wheels.places)}; check it"
-        order = (Note(text, "warning"),)
-    return _as_log(file, rows, found, wheels, mechanics, order).part(file.hints)
+    return _as_log(file, rows, found, wheels, mechanics).part(file.hints)
 
 
 def as_drive(source: DriveSource, robot: Any) -> DriveLog:
@@ -194,14 +190,8 @@ def as_drive(source: DriveSource, robot: Any) -> DriveLog:
     return source if isinstance(source, DriveLog) else read_drive(source, robot)
 
 
-def _as_log(
-    file: TableFile, rows: RecordedTable, found: Found, wheels: Wheels, mechanics: Mechanics, order: Sequence[Note]
-) -> DriveLog:
-    """The log of the rows in which something was measured, everything in SI units, the motors' currents mended.
-
-    Raises:
-        InputError: there is no such row, or a wheel's speed needs a radius or counts per turn that are not given.
-    """
+def _as_log(file: TableFile, rows: RecordedTable, found: Found, wheels: Wheels, mechanics: Mechanics) -> DriveLog:
+    """The log of the rows in which something was measured, everything in SI units, the motors' currents mended."""
     table = rows.table
     measured = [q for q in wheels.quantities[1:] if q in found.columns and found.columns[q].name in table.columns]
     columns = {quantity: found.columns[quantity] for quantity in measured}
@@ -223,6 +213,13 @@ def _as_log(
         raise InputError(f"{file.source}: no row has the speed of a wheel or anything else that the robot measured")
     if not is_measured.all():
         notes.append(Note(f"{counted(int((~is_measured).sum()), 'row')} in which nothing was measured: dropped"))
+    if found.by_number and not all(any(c.isdigit() for c in place) for place in wheels.places):
+        text = f"wheels identified by their numbers, in the robot's order: {', '.join(wheels.places)}; check it"
+        notes.append(Note(text, "warning"))
+    for channel in WHEEL:
+        absent = [place for place in wheels.driven_places if f"{place}_{channel.name}" not in columns]
+        if absent:
+            notes.append(Note(f"no {channel.name.replace('_', ' ')} of {', '.join(absent)}", "warning"))
     of_body = [quantity for quantity in QUANTITIES.values() if quantity.owner == "body" and quantity.channel in body]
     values = {quantity.field: body[quantity.channel] for quantity in of_body}
     log = DriveLog(
@@ -235,7 +232,7 @@ def _as_log(
             **{name: column for name, column in values.items() if name not in BODY},
             **{name: column for name, column in table.columns.items() if name not in rows.own},
         },
-        notes=(*table.notes, *notes, *order, *_absent_notes(columns, wheels), *gap_notes(time_s)),
+        notes=(*table.notes, *notes, *gap_notes(time_s)),
         start_unix_s=rows.start_unix_s,
         time_zone=rows.time_zone,
     )
@@ -360,13 +357,3 @@ def _counts_clockwise(time_s: np.ndarray, heading_rad: np.ndarray, yaw_rate_rad_
     gyro -= gyro.mean()
     against = -float(gyro @ np.unwrap(heading_rad[at]))
     return bool(gyro.std() > _TURNED_RAD and against > _CLOCKWISE * (gyro @ gyro))
-
-
-def _absent_notes(columns: Collection[str], wheels: Wheels) -> tuple[Note, ...]:
-    """Notes on driven wheels without a speed or a motor current."""
-    notes = []
-    for channel in WHEEL:
-        absent = [place for place in wheels.driven_places if f"{place}_{channel.name}" not in columns]
-        if absent:
-            notes.append(Note(f"no {channel.name.replace('_', ' ')} of {', '.join(absent)}", "warning"))
-    return tuple(notes)

@@ -168,7 +168,11 @@ def rows_of_lines(text: str) -> list[dict[str, Any]]:
         if found := _PROTOCOL.fullmatch(line):
             rows.append(dict(_of_protocol(found)))
         elif _is_row_of_pairs(line):
-            rows.append(dict(_of_pairs(line)))
+            monitor = _MONITOR.match(line.strip())
+            row: dict[str, Any] = {"time": monitor["time"]} if monitor else {}
+            for pair in _PAIR.finditer(_MONITOR.sub("", line.strip(), count=1)):
+                row[f"{pair['name']} [{pair['unit']}]" if pair["unit"] else pair["name"]] = float(pair["value"])
+            rows.append(row)
     return rows
 
 
@@ -176,13 +180,6 @@ def _is_row_of_pairs(line: str) -> bool:
     text = _MONITOR.sub("", line.strip(), count=1)
     taken = sum(len(pair[0]) for pair in _PAIR.finditer(text))
     return len(_PAIR.findall(text)) > 1 and taken >= _MOSTLY * len(re.sub(r"[\s,;|]", "", text))
-
-
-def _of_pairs(line: str) -> Iterator[tuple[str, Any]]:
-    if monitor := _MONITOR.match(line.strip()):
-        yield "time", monitor["time"]
-    for pair in _PAIR.finditer(_MONITOR.sub("", line.strip(), count=1)):
-        yield f"{pair['name']} [{pair['unit']}]" if pair["unit"] else pair["name"], float(pair["value"])
 
 
 def _of_protocol(found: re.Match[str]) -> Iterator[tuple[str, Any]]:

@@ -108,11 +108,7 @@ def stored(path: Path) -> Path:
 
 
 def _open_folder(folder: Path, hints: FileHints) -> TableFile:
-    """The files of a folder as one log, in the order of their names, numbers in them counted.
-
-    Raises:
-        InputError: no file, or files with other columns.
-    """
+    """The files of a folder as one log, in the order of their names, numbers in them counted; all have its columns."""
     paths = sorted((path for path in folder.iterdir() if path.name.lower().endswith(LOG_ENDINGS)), key=in_order)
     if not paths:
         raise InputError(f"{folder} is a folder; name one log file in it: none is called {', '.join(LOG_ENDINGS)}")

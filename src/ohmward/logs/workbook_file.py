@@ -52,10 +52,6 @@ def _require_size(path: Path) -> None:
     """Refuse a workbook whose sheets would not fit the memory; its parser holds all cells between those filled.
 
     A sheet of the older .xls has no more than 16 million.
-
-    Raises:
-        InputError: names the limit and the fix.
-        BadZipFile: a part is not what the workbook says of it.
     """
     if not zipfile.is_zipfile(path):
         return

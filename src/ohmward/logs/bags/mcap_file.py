@@ -51,7 +51,7 @@ def open_mcap(path: Path) -> Recording:
 
     def read(recording: Recording, names: Collection[str] | None) -> Iterator[Recorded]:
         channels = _Channels()
-        for block in _blocks(path, recording, channels):
+        for block in _blocks(path, recording):
             yield from _messages(block, recording, channels, names)
 
     topics = _summary(path)
@@ -76,7 +76,7 @@ def _summary(path: Path) -> dict[str, Topic]:
     return found.topics
 
 
-def _blocks(path: Path, recording: Recording, channels: _Channels) -> Iterator[memoryview]:
+def _blocks(path: Path, recording: Recording) -> Iterator[memoryview]:
     """Runs of records with messages: contents of the chunks, and single messages outside of them."""
     size = path.stat().st_size
     with path.open("rb") as stream:
