@@ -12,7 +12,7 @@ import pytest
 
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import DriveLog, Log, read_drive, read_log, write_log
-from ohmward.logs.arrays import plain_array
+from ohmward.logs.frame import plain_array
 
 pd = pytest.importorskip("pandas")
 

@@ -6,7 +6,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.logs import Log, Note
-from ohmward.logs.arrays import plain_array
+from ohmward.logs.frame import plain_array
 
 
 def log(**changes):

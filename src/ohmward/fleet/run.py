@@ -24,7 +24,7 @@ from typing import Any, NamedTuple, Protocol
 from ohmward.atomic import replacing
 from ohmward.checks import require_positive
 from ohmward.errors import InputError, OhmwardError
-from ohmward.logs.arrays import import_arrow
+from ohmward.logs.frame import import_arrow
 from ohmward.optional import require
 
 PROGRESS, SUMMARY = "progress.jsonl", "summary.csv"

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.arrays import plain_array, values_of
+from ohmward.logs.frame import plain_array, values_of
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Opener, Table, TableFile, file_of, parsing, row_numbers
 from ohmward.optional import require

@@ -15,9 +15,9 @@ from types import ModuleType
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.arrays import import_arrow, numbers_of
 from ohmward.logs.cells import is_data, is_value, parse_cells
 from ohmward.logs.csv_layout import CsvLayout, bytes_read, find_layout, known_table, lines_of, open_text
+from ohmward.logs.frame import import_arrow, numbers_of
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import MISSING, Note, Progress, Table, TableFile, counted, row_numbers
 

@@ -110,6 +110,7 @@ def survey(log: Log, evidence: SignEvidence | None = None) -> Survey:
     resistance_ohm = float(edges.resistance_ohm) if np.isfinite(edges.resistance_ohm) else None
     resting = _resting(log)
     between_rests = [(first, stop) for first, stop in runs(~resting) if first > 0 and stop < resting.size]
+    working_s = [float(log.time_s[stop] - log.time_s[first - 1]) for first, stop in between_rests]
     temperature = log.temperature_degC
     return Survey(
         samples=len(log),
@@ -121,9 +122,7 @@ def survey(log: Log, evidence: SignEvidence | None = None) -> Survey:
         sign=Sign(evidence.verdict, edges.edges, resistance_ohm, float(edges.t_value)),
         activity=Activity(
             rests=len(runs(resting)),
-            pulses=sum(
-                bool(log.time_s[stop] - log.time_s[first - 1] <= _PULSE_MOST_S) for first, stop in between_rests
-            ),
+            pulses=sum(duration_s <= _PULSE_MOST_S for duration_s in working_s),
             rest_current_A=float(np.nanmedian(log.current_A[resting])) if resting.any() else None,
             charge_in_Ah=_charge_Ah(log, 1.0),
             charge_out_Ah=_charge_Ah(log, -1.0),

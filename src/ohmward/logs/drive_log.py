@@ -172,7 +172,7 @@ def read_drive(
     file = with_sample_time(open_table(source, hints).part("drive", where))
     found = wheel_columns.find_drive_columns(file.source, file.names, wheels, file.given(columns), units, leave)
     wanted = Wanted(where or {}, extra, sort_time)
-    measured = {column.name for quantity, column in found.columns.items() if quantity != "time"}
+    measured = dict.fromkeys(column.name for quantity, column in found.columns.items() if quantity != "time")
 
     def to_numbers(table: Table) -> Table:
         return table.with_columns({name: numbers(table, name) for name in measured})

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.arrays import plain_array
+from ohmward.logs.frame import plain_array
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Table, TableFile, file_of, row_numbers
 

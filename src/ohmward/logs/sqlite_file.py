@@ -12,9 +12,9 @@ from pathlib import Path
 from urllib.parse import quote
 
 from ohmward.errors import InputError
-from ohmward.logs.arrays import plain_array
 from ohmward.logs.bags.recording import Recorded, Recording, Topic, full_type
 from ohmward.logs.columns import has_log, listed
+from ohmward.logs.frame import plain_array
 from ohmward.logs.hints import TOPIC, FileHints
 from ohmward.logs.long_table import as_wide
 from ohmward.logs.table import Note, Progress, Table, TableFile, parsing, row_numbers

@@ -9,10 +9,10 @@ from typing import Any, Self
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.logs.arrays import plain_array
 from ohmward.logs.clock import clock_of_dates
 from ohmward.logs.columns import guess, listed
 from ohmward.logs.dates import window_s
+from ohmward.logs.frame import plain_array
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note
 from ohmward.quantities import QUANTITIES

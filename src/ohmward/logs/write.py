@@ -14,10 +14,9 @@ import numpy as np
 from ohmward.atomic import replacing
 from ohmward.checks import path_of, require_mappings
 from ohmward.errors import InputError
-from ohmward.logs.arrays import import_arrow
 from ohmward.logs.bags.bag_table import TABLE_TYPE
 from ohmward.logs.columns import BDF_NAMES, is_bdf
-from ohmward.logs.frame import write_parquet
+from ohmward.logs.frame import import_arrow, write_parquet
 from ohmward.logs.log import LogSource, as_log
 from ohmward.logs.table import Progress
 from ohmward.optional import require

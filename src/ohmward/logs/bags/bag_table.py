@@ -12,8 +12,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs import sqlite_file
 from ohmward.logs.bags import mcap_file, rosbag1_file
-from ohmward.logs.bags.layout import Layout, definitions_of, layout_of
-from ohmward.logs.bags.recording import CDR, ROS1, Recorded, Recording, Topic
+from ohmward.logs.bags.recording import CDR, ROS1, Layout, Recorded, Recording, Topic, definitions_of, layout_of
 from ohmward.logs.table import (
     BATTERY,
     BOTH,

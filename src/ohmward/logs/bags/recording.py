@@ -1,12 +1,20 @@
-"""Topics and messages of a recording, whatever the format of its files."""
+"""Topics and messages of a recording of ROS, whatever the format of its files, and the layout of the messages.
+
+A layout is the fields of a message by its definition, and the places of its numbers.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from ohmward.errors import InputError
 from ohmward.logs.table import Note
+from ohmward.optional import require
 
 #: Serialisations of messages, by the names that MCAP and rosbag2 give them: that of ROS 2 and that of ROS 1.
 CDR, ROS1 = "cdr", "ros1"
@@ -62,3 +70,176 @@ class Recording:
 def full_type(name: str) -> str:
     """The type's name as ROS 2 writes it: `sensor_msgs/BatteryState` is `sensor_msgs/msg/BatteryState`."""
     return name if name.count("/") != 1 else name.replace("/", "/msg/")
+
+
+class Single(NamedTuple):
+    """A number, text or message: `float64`, `string`, `std_msgs/msg/Header`."""
+
+    type: str
+
+
+class Several(NamedTuple):
+    """An array: of fixed `size`, or a sequence that says its own where None."""
+
+    item: Single
+    size: int | None
+
+
+#: Name and content of each field of a message, in order.
+Fields = Sequence[tuple[str, Single | Several]]
+#: Fields of each type.
+Definitions = dict[str, Fields]
+
+
+@lru_cache(maxsize=64)
+def definitions_of(topic: Topic) -> Definitions:
+    """The type of a topic and all types that it uses.
+
+    Raises:
+        InputError: a type that neither the recording nor ROS defines.
+        OhmwardError: the package rosbags is not installed.
+    """
+    typesys = require("rosbags.typesys", "a recording of ROS")
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if topic.encoding == ROS1 else typesys.Stores.LATEST)
+    known = dict(store.fielddefs)
+    if topic.definition:
+        try:
+            known |= typesys.get_types_from_msg(topic.definition, topic.type)
+        except Exception as error:  # of its parser, many kinds
+            raise InputError(f"topic {topic.name}: the definition of {topic.type} cannot be read ({error})") from error
+    if topic.type not in known:
+        raise InputError(
+            f"topic {topic.name}: neither the recording nor ROS defines {topic.type!r}; record it as MCAP, which "
+            "carries definitions"
+        )
+    return {type_: [(name, _content(found)) for name, found in fields] for type_, (_, fields) in known.items()}
+
+
+def _content(found: Any) -> Single | Several:
+    """A field as the package rosbags describes it: kind and detail."""
+    kind, detail = found
+    if kind.name in ("ARRAY", "SEQUENCE"):
+        item, count = detail
+        inner = _content(item)
+        assert isinstance(inner, Single)
+        return Several(inner, count if kind.name == "ARRAY" else None)
+    return Single(detail[0] if kind.name == "BASE" else detail)
+
+
+#: Types of numbers and their notation in NumPy, without the order of bytes.
+_NUMBERS = {
+    **{"bool": "u1", "byte": "u1", "octet": "u1", "char": "u1", "uint8": "u1", "int8": "i1"},
+    **{"int16": "i2", "int32": "i4", "int64": "i8", "uint16": "u2", "uint32": "u4", "uint64": "u8"},
+    **{"float32": "f4", "float64": "f8"},
+}
+#: Arrays of more elements are images and scans, not quantities: their numbers are passed over.
+MOST_ELEMENTS = 64
+#: Messages of messages of messages do not go deeper.
+_DEEPEST = 32
+
+
+class Number(NamedTuple):
+    """A number in a message: its type as of NumPy with the order of bytes, and its place [bytes]."""
+
+    dtype: str
+    at: int
+
+
+class Layout(NamedTuple):
+    """Places in messages that are laid out alike."""
+
+    numbers: dict[str, Number]  #: by their paths, `header.stamp.sec`, `cell_voltage[0]`
+    texts: dict[str, str]  #: by their paths
+    marks: np.ndarray  #: (K,) places of the bytes that are the same in all such messages: lengths, and names in arrays
+
+
+def layout_of(payload: bytes, type_: str, definitions: Definitions, encoding: str) -> Layout:
+    """The layout of a message.
+
+    Raises:
+        ValueError: shorter than it says.
+    """
+    walk = _Walk(payload, definitions, encoding)
+    walk.message(type_, "")
+    return Layout(walk.numbers, walk.texts, np.array(walk.marks, dtype=np.intp))
+
+
+class _Walk:
+    """A walk through the fields of a message."""
+
+    def __init__(self, payload: bytes, definitions: Definitions, encoding: str):
+        self.payload, self.definitions = payload, definitions
+        self.aligned = encoding == CDR
+        if self.aligned and (len(payload) < 4 or payload[:2] not in (b"\x00\x00", b"\x00\x01")):
+            raise ValueError("not plain CDR")
+        self.order = ">" if self.aligned and payload[1] == 0 else "<"
+        self.origin = self.at = 4 if self.aligned else 0
+        self.numbers: dict[str, Number] = {}
+        self.texts: dict[str, str] = {}
+        self.marks: list[int] = [1] if self.aligned else []
+        self.depth = 0
+
+    def message(self, type_: str, path: str) -> None:
+        """All fields of a message."""
+        if type_ not in self.definitions or self.depth == _DEEPEST:
+            raise ValueError(f"no definition of {type_}")
+        self.depth += 1
+        for name, content in self.definitions[type_]:
+            inner = f"{path}.{name}" if path else name
+            if isinstance(content, Single):
+                self.single(content, inner)
+            else:
+                self.several(content, inner)
+        self.depth -= 1
+
+    def single(self, content: Single, path: str, in_array: bool = False) -> None:
+        """A number, a text or a message."""
+        if content.type in _NUMBERS:
+            size = int(_NUMBERS[content.type][1])
+            self.align(size)
+            self.numbers[path] = Number(self.order + _NUMBERS[content.type], self.at)
+            self.skip(size)
+        elif content.type in ("string", "wstring"):
+            self.text(path, in_array, 2 if content.type == "wstring" else 1)
+        else:
+            self.message(content.type, path)
+
+    def several(self, content: Several, path: str) -> None:
+        """An array, which says its length unless that is fixed."""
+        count = self.length() if content.size is None else content.size
+        if content.item.type in _NUMBERS and count > MOST_ELEMENTS:
+            size = int(_NUMBERS[content.item.type][1])
+            self.align(size)
+            self.skip(count * size)
+            return
+        if count > len(self.payload) - self.at:
+            raise ValueError("array longer than its message")
+        for k in range(count):
+            self.single(content.item, f"{path}[{k}]", in_array=True)
+
+    def text(self, path: str, in_array: bool, width: int) -> None:
+        """A text; of ROS 2 with a zero at its end. In arrays texts are names, which tell messages apart."""
+        length = width * self.length()
+        begin = self.at
+        self.skip(length)
+        self.texts[path] = self.payload[begin : self.at].decode("utf-8", "replace").rstrip("\x00")
+        if in_array:
+            self.marks += range(begin, self.at)
+
+    def length(self) -> int:
+        """The length of an array or a text."""
+        self.align(4)
+        self.skip(4)
+        self.marks += range(self.at - 4, self.at)
+        return int.from_bytes(self.payload[self.at - 4 : self.at], "big" if self.order == ">" else "little")
+
+    def align(self, size: int) -> None:
+        """Go to the next place for a number of this size [bytes], which ROS 1 does not."""
+        if self.aligned:
+            self.at += -(self.at - self.origin) % size
+
+    def skip(self, size: int) -> None:
+        """Go on by this size [bytes]."""
+        self.at += size
+        if self.at > len(self.payload):
+            raise ValueError("message shorter than its fields")

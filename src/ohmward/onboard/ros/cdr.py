@@ -6,8 +6,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ohmward.logs.bags.layout import Layout, Several, Single, layout_of
-from ohmward.logs.bags.recording import CDR
+from ohmward.logs.bags.recording import CDR, Layout, Several, Single, layout_of
 from ohmward.onboard.ros.types import DEFINITIONS
 
 _ENCAPSULATION = b"\x00\x01\x00\x00"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ohmward.logs.bags.layout import Definitions, Several, Single
+from ohmward.logs.bags.recording import Definitions, Several, Single
 
 BATTERY_STATE = "sensor_msgs/msg/BatteryState"
 JOINT_STATE = "sensor_msgs/msg/JointState"

@@ -12,7 +12,7 @@ from functools import partial
 
 from ohmward.checks import require_length
 from ohmward.errors import InputError
-from ohmward.logs.bags.layout import Layout
+from ohmward.logs.bags.recording import Layout
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.cdr import read
