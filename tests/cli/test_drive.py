@@ -173,7 +173,7 @@ def test_stop_stops_whoever_drives(robot, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["nowhere"], "HOST:PORT must be HOST:PORT, got 'nowhere'"),
+        (["nowhere"], "HOST:PORT must be HOST:PORT, as 127.0.0.1:4710, got 'nowhere'"),
         ([f"127.0.0.1:{free_port()}", "--stop"], "no robot at 127.0.0.1"),
         (["--token", "pa55 word"], "says where the secret is, not the secret"),
         (["--joystick", "/dev/nothing"], "--joystick: /dev/nothing cannot be opened"),

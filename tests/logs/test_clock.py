@@ -143,8 +143,10 @@ def test_minutes_and_seconds_are_told_from_hours_and_minutes_by_what_no_day_has(
 def test_days_alone_are_no_time_of_several_rows():
     with pytest.raises(InputError, match="'Date' names the day alone"):
         clock(text("2026-05-21", "2026-05-21"), name="Date")
-    with pytest.raises(InputError, match="'Date' names the day alone"):
-        clock(np.array(["2026-05-21", "2026-05-21"], "M8[D]"), name="Date")
+    for unit in ("M8[D]", "M8[ns]"):
+        with pytest.raises(InputError, match="'Date' names the day alone"):
+            clock(np.array(["2026-05-21", "2026-05-21"], unit), name="Date")
+    np.testing.assert_array_equal(clock(np.array(["2026-05-21", "2026-05-22"], "M8[ns]")).time_s, [0.0, 86400.0])
     np.testing.assert_array_equal(clock(text("2026-05-21", "2026-05-22"), name="Date").time_s, [0.0, 86400.0])
 
 

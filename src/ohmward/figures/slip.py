@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ohmward.figures.parts import band_95, estimated, flag_spans, spans_where
-from ohmward.filters.consistency import BAND_95
+from ohmward.filters.consistency import BAND_95, ELLIPSE_95
 from ohmward.filters.flags import SampleFlag
 from ohmward.logs.drive_log import DriveLog
 from ohmward.quantities import QUANTITIES
@@ -125,9 +125,6 @@ def _around(*values: np.ndarray) -> tuple[float, float]:
 
 #: Ellipses along the path, and points on each.
 ELLIPSES, POINTS = 8, 120
-
-#: Scale of the ellipse that holds 95 % of a Gaussian in the plane: root of the chi-square quantile of two freedoms.
-ELLIPSE_95 = np.sqrt(-2.0 * np.log(0.05))
 
 
 def path_map(run: OdometryRun) -> Map:

@@ -5,6 +5,7 @@ Offline: the quantiles come from SciPy, which is imported when they are asked fo
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,8 @@ from ohmward.optional import require
 
 #: Standard deviations to either side of the mean within which 95 % of a normal distribution lie.
 BAND_95 = 1.959964
+#: Half axis of the ellipse that holds 95 % of a normal distribution in the plane, in standard deviations.
+ELLIPSE_95 = math.sqrt(-2.0 * math.log(0.05))
 
 
 class Verdict(NamedTuple):

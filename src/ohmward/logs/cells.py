@@ -137,8 +137,8 @@ def _value(cell: str, marks: Marks, unit: Unit | None) -> float | None:
         return None
 
 
-#: Units of quantities that no channel has.
-_OTHER_UNITS = frozenset(("ah", "mah", "w", "wh", "kwh", "kw", "ohm", "mohm", "Ω", "mΩ", "hz"))
+#: Units of quantities that no channel has, in small letters.
+_OTHER_UNITS = frozenset(("ohm", "mohm", "ω", "mω", "hz"))
 
 
 def _bare(cell: str) -> str:

@@ -140,12 +140,18 @@ def _read_clock(table: Table, column: Column, hints: FileHints, date: str | None
         values = _with_nanoseconds(numbers(table, column.name), numbers(table, nanoseconds))
     if values.dtype.kind in "mM":
         clock = clock_of_dates(values)
-        if np.datetime_data(values.dtype)[0] == "D":
+        if values.dtype.kind == "M" and are_whole_days(values):
             _require_one_row_a_day(table, column, clock.time_s)
         return clock
     if values.dtype == object:
         return _from_text(table, column, values, hints)
     return _from_numbers(table, column, values, hints)
+
+
+def are_whole_days(dates: np.ndarray) -> bool:
+    """True for datetime64 values (T,) that have no time of day."""
+    known = dates[~np.isnat(dates)]
+    return bool(np.all(known == known.astype("M8[D]")))
 
 
 def _with_nanoseconds(seconds: np.ndarray, nanoseconds: np.ndarray) -> np.ndarray:

@@ -52,6 +52,18 @@ def secret(key: str, where: str) -> str:
     return found
 
 
+def host_and_port(key: str, address: str) -> tuple[str, int]:
+    """Host and port of HOST:PORT.
+
+    Raises:
+        InputError: it is none.
+    """
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise InputError(f"{key} must be HOST:PORT, as 127.0.0.1:4710, got {address!r}")
+    return host.strip("[]"), int(port)
+
+
 def is_loopback(host: str) -> bool:
     """True where only this machine can reach a host."""
     try:

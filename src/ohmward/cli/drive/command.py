@@ -15,8 +15,7 @@ from ohmward.cli.outcome import Outcome
 from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.control.operator_command import OperatorCommand
 from ohmward.onboard.control.operator_link import OperatorLink
-from ohmward.onboard.secrets import secret
-from ohmward.onboard.sinks.control import host_and_port
+from ohmward.onboard.secrets import host_and_port, secret
 from ohmward.onboard.sinks.terminal import within_terminal
 
 #: The line is written anew after so many beats.

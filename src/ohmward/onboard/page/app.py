@@ -20,6 +20,7 @@ from ohmward.onboard.page.dashboard import SPANS, Dashboard, Past, after
 from ohmward.onboard.page.metrics import metrics
 from ohmward.onboard.page.view import HISTORY
 from ohmward.onboard.robot_state import RobotState, plain_state
+from ohmward.onboard.secrets import is_loopback
 from ohmward.optional import require
 from ohmward.report.figure import css_variables
 
@@ -36,7 +37,6 @@ WRONG_TOKEN_S = 0.5
 _BODY_BYTES = 4096
 
 #: Names by which a machine calls itself; others in `Host` are those of a page elsewhere that was led here.
-_LOOPBACK = {"localhost", "127.0.0.1", "[::1]"}
 
 _PORT = re.compile(r":\d+$")
 
@@ -195,7 +195,7 @@ def guarded(app: Asgi, token: str) -> Asgi:
                 message = {**message, "headers": [*message["headers"], *added]}
             await send(message)
 
-        if not token and _PORT.sub("", headers.get("host", "localhost")) not in _LOOPBACK:
+        if not token and not is_loopback(_PORT.sub("", headers.get("host", "localhost")).strip("[]")):
             refusal = responses.JSONResponse({"error": "open this page as http://127.0.0.1"}, status_code=421)
         elif token and scope["path"] not in _OPEN and not is_known(headers, token):
             refusal = _refusal(scope, headers)

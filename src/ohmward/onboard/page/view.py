@@ -9,13 +9,10 @@ from typing import Any
 import numpy as np
 
 from ohmward.battery.soc.causes import time_in_words
-from ohmward.filters.consistency import BAND_95
+from ohmward.filters.consistency import BAND_95, ELLIPSE_95
 from ohmward.onboard.alarms import ANYTHING
 from ohmward.onboard.robot_state import Level, RobotState, Totals, plain, soc_band, stale
 from ohmward.quantities import EVENTS, QUANTITIES, Quantity
-
-#: Radius of the ellipse that holds 95 % of a normal distribution in the plane, in sigmas.
-ELLIPSE_95 = math.sqrt(-2.0 * math.log(0.05))
 
 #: Columns of the history.
 HISTORY = ("unix_s", "soc", "soc_low", "soc_high", "speed_m_s", "speed_std_m_s", "slip_ratio", "power_W", "range_m")

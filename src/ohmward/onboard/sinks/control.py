@@ -13,10 +13,8 @@ from ohmward.onboard.control.operator_command import DriveLimits
 from ohmward.onboard.control.operator_link import OperatorServer
 from ohmward.onboard.control.outputs import CanOutput, MqttOutput, RosOutput, SimulatedOutput
 from ohmward.onboard.feed import Feed
-from ohmward.onboard.secrets import check_secret_name, secret
+from ohmward.onboard.secrets import check_secret_name, host_and_port, is_loopback, secret
 from ohmward.traction.robot.packaged import load_robot
-
-_LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 @dataclass(frozen=True)
@@ -44,7 +42,7 @@ class ControlSink:
         host, _ = host_and_port("operator", self.operator)
         if self.token is not None:
             check_secret_name("token", self.token)
-        elif host not in _LOOPBACK:
+        elif not is_loopback(host):
             raise InputError(
                 f'operator = "{self.operator}" can be reached from other machines; give a token: token = "DRIVE_TOKEN"'
             )
@@ -94,15 +92,3 @@ class ControlSink:
 
 def _names(control: DriveControl) -> list[str]:
     return list(control.numbers(control.step(0.0, None, None)))
-
-
-def host_and_port(key: str, address: str) -> tuple[str, int]:
-    """Host and port of HOST:PORT.
-
-    Raises:
-        InputError: it is none.
-    """
-    host, _, port = address.rpartition(":")
-    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise InputError(f"{key} must be HOST:PORT, got {address!r}")
-    return host.strip("[]"), int(port)

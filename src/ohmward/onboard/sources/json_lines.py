@@ -19,6 +19,7 @@ from ohmward.errors import InputError, OhmwardError
 from ohmward.onboard.line_reader import BACKLOG, LONGEST_LINE, LineReader, Visitors
 from ohmward.onboard.message import Message, Put, Signals, Wiring, as_number, json_value
 from ohmward.onboard.part import LOG, EndedError, FaultyInput
+from ohmward.onboard.secrets import host_and_port
 from ohmward.quantities import QUANTITIES, quantity_of
 
 #: Likeness of a key to a quantity, from 0 to 1, beyond which it is taken for a slip of the pen.
@@ -40,8 +41,7 @@ class JsonLinesSource:
 
     def __post_init__(self) -> None:
         Wiring(self.signals)
-        if ":" in self.address and "/" not in self.address and not self._host_and_port()[1]:
-            raise InputError(f"address must be -, HOST:PORT or the path of a socket, got {self.address!r}")
+        self._host_and_port()
         if self.listen and self.address == "-":
             raise InputError('listen needs an address: address = "127.0.0.1:4710", or the path of a socket')
 
@@ -134,10 +134,9 @@ class JsonLinesSource:
         return Message(stamp_s, received_s, self.name, values) if values else None
 
     def _host_and_port(self) -> tuple[str, int]:
-        """Host and port of the address; the port is 0 where it is none."""
-        host, _, port = self.address.rpartition(":")
-        number = int(port) if host and port.isdecimal() and len(port) < 6 and "/" not in self.address else 0
-        return host, number if number < 65536 else 0
+        """Host and port of the address; the port is 0 where it is the path of a socket, or standard input."""
+        is_path = "/" in self.address or ":" not in self.address
+        return ("", 0) if is_path else host_and_port("address", self.address)
 
     async def _connect(self, reader: Callable[[], LineReader]) -> asyncio.BaseTransport:
         """The connection to the address."""
