@@ -8,6 +8,7 @@ import pytest
 from battery.anchor_examples import day, label
 from ohmward.battery.models.thevenin import CircuitInput
 from ohmward.battery.soc.anchor_rule import AnchorRule
+from ohmward.battery.soc.anchors import find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.sample import SocFlag
 from ohmward_lab.simulate import BATTERIES
@@ -35,6 +36,8 @@ def test_a_charge_that_is_cut_off_at_its_limit_tells_that_the_battery_is_full(in
     (at,) = reached(run)
     assert truth[at] > 0.97
     assert abs(run.soc[-1] - truth[-1]) < 2 * run.soc_std[-1] < 0.06
+    (found,) = (anchor for anchor in find_anchors(log, label("lfp")) if anchor.kind == "nearly full")
+    assert found.sample == at and found.soc == pytest.approx(truth[at], abs=2 * found.soc_std)
 
 
 @pytest.mark.parametrize("offset_V", (-0.03, 0.05))

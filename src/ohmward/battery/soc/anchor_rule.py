@@ -186,17 +186,20 @@ class AnchorRule:
         event = AnchorEvent(
             full, empty, where(full, at_full.soc, before.low_soc), where(full, at_full.std, before.low_std)
         )
-        return after._replace(
-            discharged=where(full, 0.0, after.discharged), charged=where(empty, 0.0, after.charged)
-        ), event
+        after = after._replace(discharged=where(full, 0.0, after.discharged), charged=where(empty, 0.0, after.charged))
+        after, top = self.reach_top(after, clean)
+        return after, event.or_else(top)
 
-    def reach_top(self, before: TopMemory, clean: CleanSocSample) -> tuple[TopMemory, AnchorEvent]:
+    def reach_top(self, memory: AnchorMemory, clean: CleanSocSample) -> tuple[AnchorMemory, AnchorEvent]:
         """The memory after a sample, and the event that a charge has reached the steep end of a flat curve.
 
         It has where the voltage rises by more than the curve does elsewhere. The level of the curve, by which plateaus
         of cells differ more than they rise, has no part in that.
         """
-        u, usable = clean.now, clean.voltage_measured & clean.current_measured
+        if not self.has_steep_end:
+            return memory, NO_EVENT
+        before, u = memory.top, clean.now
+        usable = clean.voltage_measured & clean.current_measured
         begun, ohm = before.usual_V > 0.0, self.steady_ohm(1.0, u)
         still_V = clean.voltage_V - ohm * u.current_A
         rise_V = where(begun, still_V - before.usual_V, 0.0)
@@ -216,7 +219,7 @@ class AnchorRule:
             high_s=high_s,
             discharged=where(top, 0.0, minimum(before.discharged + maximum(-share, 0.0), 1.0)),
         )
-        return after, AnchorEvent(False, False, *end, top)
+        return memory._replace(top=after), AnchorEvent(False, False, *end, top)
 
     def spurious_rise_V(self, drop_V: Scalar, u: CircuitInput) -> Scalar:
         """Rise [V] that noise, hysteresis and a change of the drop, if resistances are as high as may be, can feign."""

@@ -18,7 +18,7 @@ from ohmward.battery.soc.sample import SocFlag, SocSample
 from ohmward.logs.log import Log
 from ohmward.trace import Kernel, where
 
-AnchorKind = Literal["full charge", "empty", "rest"]
+AnchorKind = Literal["full charge", "nearly full", "empty", "rest"]
 
 #: Origin of an anchor that no column tells.
 VOLTAGE = "voltage"
@@ -98,12 +98,12 @@ class AnchorFinder:
         rest, long_rest = self.rule.continue_rest(state.rest, clean)
         after = FinderState(clean.now.current_A, clean.now.temperature_degC, memory, rest)
         below_full = self.rule.stops_below_full(memory, clean)
-        conditions = (event.full, event.empty, long_rest, below_full, self.rule.was_low(memory))
-        full, empty, long_rest, below_full, low = (where(condition, 1.0, 0.0) for condition in conditions)
+        conditions = (event.full, event.empty, event.top, long_rest, below_full, self.rule.was_low(memory))
+        full, empty, top, long_rest, below_full, low = (where(condition, 1.0, 0.0) for condition in conditions)
         seen = FinderOutput(
             current_A=after.current_A,
             temperature_degC=after.temperature_degC,
-            event=event._replace(full=full, empty=empty),
+            event=event._replace(full=full, empty=empty, top=top),
             long_rest=long_rest,
             below_full=below_full,
             held_s=memory.held_s,
@@ -154,7 +154,7 @@ def judged_anchors(log: Log, battery: Battery, run: SocRun) -> list[JudgedAnchor
     used = np.flatnonzero(run.flags & SocFlag.ANCHORED)
     before, found = -1, []
     for anchor in find_anchors(log, battery):
-        usable = anchor.kind in ("full charge", "empty")  # no filter needs to be told of a rest
+        usable = anchor.kind != "rest"  # no filter needs to be told of one
         seen = used[(used > before) & (used <= anchor.sample)] if usable else used[:0]
         k = max(int(seen[-1] if seen.size else anchor.sample) - 1, 0)
         found.append(JudgedAnchor(anchor, bool(seen.size), float(run.soc[k]), float(run.soc_std[k])))
@@ -215,6 +215,8 @@ def _anchors_inside(log: Log, inside: slice, finder: AnchorFinder, output: Finde
     for k in np.flatnonzero(event.full).tolist():
         last = _end_of_run(output.held_s, k)
         yield anchor("full charge", last, *rule.full(*at(last)))
+    for k in np.flatnonzero(event.top).tolist():
+        yield anchor("nearly full", k, event.soc[k], event.std[k])
     for k in np.flatnonzero(event.empty).tolist():
         yield anchor("empty", k, event.soc[k], event.std[k])
     ends = np.append(np.diff(log.time_s[inside]) > finder.gap_s, True)
@@ -236,7 +238,8 @@ def _without_repeats(anchors: Sequence[Anchor], moved_As: np.ndarray, apart_As: 
 
     moved_As: (T,) charge of each interval, > 0 charges; apart_As: least of it the other way.
     """
-    flowed = {"full charge": np.cumsum(np.maximum(-moved_As, 0.0)), "empty": np.cumsum(np.maximum(moved_As, 0.0))}
+    out_As, in_As = np.cumsum(np.maximum(-moved_As, 0.0)), np.cumsum(np.maximum(moved_As, 0.0))
+    flowed = {"full charge": out_As, "nearly full": out_As, "empty": in_As}
     last: dict[str, int] = {}
     for anchor in anchors:
         kind, k = anchor.kind, anchor.sample

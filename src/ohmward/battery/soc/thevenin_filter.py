@@ -140,7 +140,7 @@ class TheveninFilter:
     #: largest NIS of a voltage that is used, and largest square of an error that holds on, in its variance
     gate: float = 25.0
     reset_after_s: float = 60.0  #: time of contradiction after which the filter has diverged: SoC is declared unknown
-    anchors: bool = False  #: let a full charge and a cut-off tell SoC
+    anchors: bool = False  #: let a full charge and a cut-off tell SoC, not the steep end of a flat curve alone
 
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)
@@ -269,10 +269,8 @@ class TheveninFilter:
     def take_in(self, state: FilterState, sample: SocSample) -> CleanInput:
         """The sample sanitised, and what it completes; voltages of a battery that gases complete a charge."""
         held, misled, clean = self.without_frozen(state.held, self.sanitize(state, sample))
-        anchors, event = self.anchor_rule.step(state.anchors, clean) if self.anchors else (state.anchors, NO_EVENT)
-        if self.anchor_rule.has_steep_end:
-            top, reached = self.anchor_rule.reach_top(anchors.top, clean)
-            anchors, event = anchors._replace(top=top), event.or_else(reached)
+        find = self.anchor_rule.step if self.anchors else self.anchor_rule.reach_top
+        anchors, event = find(state.anchors, clean)
         return CleanInput(self.without_gassing(clean, anchors), event, anchors, held, misled)
 
     def sanitize(self, state: FilterState, sample: SocSample) -> CleanSocSample:
