@@ -24,7 +24,7 @@ help:
 	@echo "make firmware  exported filters on an emulated Cortex-M4F -> benchmarks/firmware.md;"
 	@echo "               make firmware LIBRARY=DIR LOG=day.csv: a recorded log through an exported library there"
 	@echo "make single-precision  the same filters against double precision -> benchmarks/single_precision.md"
-	@echo "make house     size of the package by room -> docs/house.md"
+	@echo "make house     size of the package by room -> benchmarks/house.md"
 	@echo "make docs      the documentation -> docs/_build/html/index.html"
 
 # One stamp for each extra of pyproject.toml (lab, spark), and for each of its groups of packages for those who work on
@@ -110,7 +110,7 @@ single-precision: $(VENV)/test.stamp
 
 # Needs Python alone.
 house:
-	@$(PYTHON) docs/make_house.py
+	@$(PYTHON) benchmarks/house.py
 
 docs: $(VENV)/docs.stamp
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html

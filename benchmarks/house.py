@@ -1,4 +1,4 @@
-"""Size of the package by room, and constants whose name has several values: `make house` writes docs/house.md.
+"""Size of the package by room, and constants whose name has several values: `make house` writes benchmarks/house.md.
 
 The counts are of the source's own syntax tree and tokens: a change of the house shows in the page's diff.
 """
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parent.parent
-PAGE = ROOT / "docs" / "house.md"
+PAGE = ROOT / "benchmarks" / "house.md"
 #: Packages of the distribution and their rooms: the first part of a file's path, and the second for these large rooms.
 PACKAGES = (ROOT / "src" / "ohmward", ROOT / "lab" / "ohmward_lab")
 LARGE = {"battery", "traction", "onboard", "trace"}
@@ -23,7 +23,7 @@ LARGE = {"battery", "traction", "onboard", "trace"}
 _HEAD = """\
 # Size of the house
 
-Written by `make house` (`docs/make_house.py`), so that a change of the house shows in review; no test holds these
+Written by `make house` (`benchmarks/house.py`), so that a change of the house shows in review; no test holds these
 numbers. *Code* has neither blank lines, comments, docstrings nor imports, and *share* is its part of the lines.
 *Tokens* are those of a line of code: packing lines denser would show there. *Records* are named tuples, dataclasses and
 structs. *Numbers* are set by hand: constants at the heads of files, and defaults of arguments and fields.
