@@ -8,6 +8,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
+from textwrap import fill
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from ohmward.battery.battery import Knowledge, Provenance
@@ -22,9 +23,9 @@ PAGE = Path(__file__).parent / "keys.md"
 INTRODUCTION = """\
 # Keys of the files
 
-Written by `python docs/fill_keys.py` from the records that read the files. In parentheses stands the default of a key
-or, where it has none, its type: in **bold** if the key must be there. Keys carry their unit; an unknown key is refused
-with the nearest that there is. `ohmward setup`, `robot`, `generic` and `identify` write these files.
+Written by `python docs/fill_keys.py` from the records that read the files. In parentheses is the default of a key or,
+if it has none, its type: in **bold** if the key is required. Keys carry their unit; an unknown key is refused with the
+nearest known one. `ohmward setup`, `robot`, `generic` and `identify` write these files.
 """
 #: Tables that no one edits.
 WRITTEN = (Provenance, Knowledge)
@@ -38,8 +39,8 @@ FILES: tuple[tuple[str, str, TomlFile[Any]], ...] = (
     ("robot.toml", "[How a robot is described](slip.md).", ROBOT_FILE),
     (
         "setup.toml",
-        "[The process on the robot](on-board.md): which messages there are, and who gets the estimates. Every source "
-        "and sink also has a `name` for diagnostics, its kind unless given.",
+        "[The process on the robot](on-board.md). Every source and sink also has a `name` for diagnostics, its kind "
+        'unless given. A secret is given as the name of an environment variable or as "file:PATH" (mode 600).',
         SETUP_FILE,
     ),
     ("plan.toml", "[The way ahead](energy.md).", PLAN_FILE),
@@ -55,9 +56,8 @@ def page() -> str:
     """The text of the page."""
     blocks = [INTRODUCTION.rstrip()]
     for name, about, file in FILES:
-        blocks.append(
-            "\n".join([f"## {name}", "", f'`format = "{file.format}"`. {about}', *_tables(file, file.cls, "", {})])
-        )
+        paragraph = fill(f'`format = "{file.format}"`. {about}', 120, break_long_words=False, break_on_hyphens=False)
+        blocks.append("\n".join([f"## {name}", "", paragraph, *_tables(file, file.cls, "", {})]))
     return "\n\n".join(blocks) + "\n"
 
 

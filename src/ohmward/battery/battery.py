@@ -113,7 +113,7 @@ class Provenance:
     logs: tuple[LogFit, ...] = ()  #: one entry for each log
     confidence: tuple[ConfidenceInterval, ...] = ()  #: 95 % intervals of the parameters
     notes: tuple[str, ...] = ()  #: assumptions and findings, warnings included
-    #: of the logs, see `battery.fingerprint`; none of them teaches the battery once more
+    #: fingerprints of the logs: `ohmward learn` does not count these logs a second time
     fingerprints: tuple[str, ...] = ()
 
 
@@ -126,23 +126,24 @@ class Battery(RichDisplay):
     (4, 'lfp', 12.0)
     """
 
-    name: str  #: for people
+    name: str  #: name for people
     capacity_Ah: float  #: charge between full and empty, > 0
-    chemistry: str = ""  #: such as "lfp", "" where unknown
+    chemistry: str = ""  #: such as "lfp"; empty if unknown
     n_series: int = 1  #: cells in series
-    #: range of the voltage in the logs
+    #: voltage range of the test logs, or the usual one of the chemistry
     voltage_min_V: float = 0.0
     voltage_max_V: float = 1000.0
-    #: current at rest (<= 0; 0 in a laboratory), where the user has declared it: then every rest shows the offset of
-    #: the current sensor. None where unknown
+    #: true current at rest (<= 0; 0 in a laboratory): every rest then shows the offset of the current sensor. Leave it
+    #: out if unknown
     idle_current_A: float | None = None
-    thevenin: Thevenin = field(kw_only=True)  #: the circuit
-    noise: BatteryNoise = field(default_factory=BatteryNoise)  #: to be assumed by an estimator with the circuit
+    thevenin: Thevenin = field(kw_only=True)  #: equivalent circuit
+    noise: BatteryNoise = field(default_factory=BatteryNoise)  #: errors of the circuit that an estimator assumes
     sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: current sensor of the robot
-    identification: Provenance | None = None  #: of the numbers, None for those of a data sheet
+    #: logs and methods behind the numbers; absent if they come from a data sheet
+    identification: Provenance | None = None
     not_identified: tuple[str, ...] = ()  #: parameters that could not be identified, and why
-    serial_number: str = ""  #: of this very battery, "" where unknown
-    knowledge: Knowledge | None = None  #: from logs, None for a battery that has not learnt
+    serial_number: str = ""  #: of this individual battery; empty if unknown
+    knowledge: Knowledge | None = None  #: what everyday logs have added; absent if none
 
     def __post_init__(self) -> None:
         require_positive("capacity_Ah", self.capacity_Ah)

@@ -72,51 +72,53 @@ class ChemistryPrior(NamedTuple):
     to a cell of CELL_V, so that a pack or a lead-acid battery needs no other numbers.
     """
 
-    activation_K: Normal  #: of the ohmic resistance, as edges of the current show it within a second
-    #: of the resistances and time constants of the RC pairs
+    activation_K: Normal  #: activation temperature of the ohmic resistance, from edges of the current within a second
+    #: activation temperature of the RC resistances, and of the time constants
     pair_activation_K: Normal
     tau_activation_K: Normal
-    activation_std_K: float  #: of all of them together: error of the total resistance
-    #: change of the open-circuit voltage with temperature, about 0, for each CELL_V of the battery
-    ocv_std_V_per_K: float
-    #: of the open-circuit voltage about that of the chemistry, standard deviation [V] of one cell between the ends
-    curve: CurvePrior
-    hysteresis_V: float  #: typical half distance of the branches, for each CELL_V
-    empty_activation_K: Normal = Normal(0.0, 8000.0)  #: of the RC pairs at empty beyond pair_activation_K
-    #: share of a loss of capacity by which the electrodes slip against each other, see `models.ocv`
+    activation_std_K: float  #: error common to all of them: of the total resistance
+    ocv_std_V_per_K: float  #: change of the open-circuit voltage with temperature, about 0, per CELL_V of the battery
+    curve: CurvePrior  #: deviation of the open-circuit voltage from the chemistry's [V] per cell, between the ends
+    hysteresis_V: float  #: typical half distance of the branches, per CELL_V
+    #: activation temperature of the RC pairs at empty beyond pair_activation_K
+    empty_activation_K: Normal = Normal(0.0, 8000.0)
+    #: share of a capacity loss by which the electrodes shift against each other: if positive, the full end of the curve
+    #: stays, if negative, the empty end
     ocv_slip: Normal = Normal(0.0, 0.5)
-    hysteresis_activation_K: float = 0.0  #: of that distance, where the hysteresis follows the net charge
-    #: correlation of a loss of capacity with a growth of the resistances, as ageing brings both, where the capacity was
-    #: only given and where a low-rate test from full to empty has measured it: a battery whose resistances are those of
-    #: the test has its capacity still, within 7 and within 4 %
+    hysteresis_activation_K: float = 0.0  #: activation temperature of the hysteresis, where that follows the net charge
+    #: correlation of capacity loss and resistance growth by ageing, for a given capacity and for one measured from full
+    #: to empty at a low rate: an unchanged resistance then implies the capacity within 7 and 4 %
     ageing_correlation: tuple[float, float] = (0.7, 0.9)
 
-    walk_share: float = 0.25  #: of a resistance over 0.1 of SoC, as a share of its level: a random walk along SoC
-    walk_share_from_rests: float | None = None  #: that share where rests gave the curve, if it is another
+    walk_share: float = 0.25  #: random walk of a resistance over 0.1 of SoC, as a share of its level
+    #: random walk of a resistance over 0.1 of SoC, as a share of its level, where rests gave the curve
+    walk_share_from_rests: float | None = None
     level_share: float = 1.0  #: of the level itself
-    direction_share: float = 0.1  #: between r0 in charge and in discharge
-    slow_tau_s: float = 700.0  #: slowest of several time constants, log-normal: its median
-    slow_tau_log_std: float = 0.6  #: of its logarithm
-    hysteresis: HysteresisPrior = HysteresisPrior()  #: share of the low-rate gap, and rate over the moved charge
-    #: the two where the circuit is fitted to a low-rate discharge and charge as well; none where it is not
+    direction_share: float = 0.1  #: difference between r0 in charge and discharge, as a share
+    slow_tau_s: float = 700.0  #: median of the slowest of several time constants (log-normal)
+    slow_tau_log_std: float = 0.6  #: standard deviation of its logarithm
+    #: hysteresis as a share of the low-rate gap, and its rate over the moved charge
+    hysteresis: HysteresisPrior = HysteresisPrior()
+    #: the same where the circuit is also fitted to a low-rate discharge and charge
     hysteresis_on_branches: HysteresisPrior | None = None
-    measured_curve: CurvePrior = CurvePrior((0.004,) * 2, 0.01, 0.05)  #: of a curve as given, or by low-rate tests
-    rested_curve: CurvePrior = CurvePrior((0.010,) * 2, 0.02, 0.05)  #: of a curve through rests
-    #: of a curve that was measured, but on a battery that the circuit was not fitted to; its level errs as much besides
+    #: error of a curve that is given or from low-rate tests [V]
+    measured_curve: CurvePrior = CurvePrior((0.004,) * 2, 0.01, 0.05)
+    rested_curve: CurvePrior = CurvePrior((0.010,) * 2, 0.02, 0.05)  #: error of a curve through rests [V]
+    #: error of a measured curve on a battery that the circuit was not fitted to [V]; its level has that error in
+    #: addition
     unfitted_curve: CurvePrior = CurvePrior((0.008,) * 2, 0.01, 0.1)
-    discharging_factor: float = 1.0  #: error of the model over that of a lithium-ion cell, in a discharge
-    charging_factor: float = 1.0  #: of it in a charge and the rest after it
-    gassing_factor: float = 1.0  #: of it there, where part of the charge makes gas
+    discharging_factor: float = 1.0  #: model error in a discharge, over that of a lithium-ion cell
+    charging_factor: float = 1.0  #: the same in a charge and the rest after it
+    gassing_factor: float = 1.0  #: the same while part of the charge makes gas
     gassing_soc: float = 0.85  #: SoC above which it does
-    rest_V: float = 0.002  #: of each RC voltage at the start of a record that starts at rest
-    start_V: float = 0.03  #: of each at the start of another one
-    model_V: float = 0.003  #: error of the model at any SoC, however well it fits
-    #: that error where no low-rate test has shown the curve, if it is another: the residual of a drive is the best case
+    rest_V: float = 0.002  #: standard deviation of each RC voltage at the start of a record that starts at rest
+    start_V: float = 0.03  #: the same for any other record
+    model_V: float = 0.003  #: least model error at any SoC, however good the fit
+    #: the same where no low-rate test has shown the curve: the residual of a drive is the best case
     unmeasured_model_V: float | None = None
-    #: the same error, at least, where short pulses are all there is: they show only the start of a slow process
-    pulses_V: float = 0.008
-    model_soc_length: float = 0.1  #: correlation length of that error
-    seeks_transfer: bool = True  #: True where tests at two temperatures show how charge transfer bends the ohmic drop
+    pulses_V: float = 0.008  #: the same where there are only short pulses, which show only the start of slow processes
+    model_soc_length: float = 0.1  #: correlation length of the model error, as a change of SoC
+    seeks_transfer: bool = True  #: fit the charge transfer that bends the ohmic drop, from tests at two temperatures
 
     @property
     def activations_K(self) -> tuple[Normal, Normal, Normal]:

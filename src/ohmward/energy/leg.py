@@ -41,12 +41,12 @@ class Leg:
     120.0
     """
 
-    distance_m: float  #: >= 0; 0 with `stop_s` is a stop
-    terrain: str  #: its name
-    speed_m_s: float  #: > 0
-    grade_rad: float = 0.0  #: slope, > 0 uphill
-    stop_s: float = 0.0  #: standing time at its end
-    payload_kg: float = 0.0  #: on top of the robot's mass
+    distance_m: float  #: length, >= 0; 0 with `stop_s` is a stop
+    terrain: str  #: name of the terrain, as in the consumption table
+    speed_m_s: float  #: constant speed, > 0
+    grade_rad: float = 0.0  #: mean slope, > 0 uphill
+    stop_s: float = 0.0  #: standing time at the end of the leg
+    payload_kg: float = 0.0  #: in addition to the robot's mass
 
     def __post_init__(self) -> None:
         if not self.terrain:

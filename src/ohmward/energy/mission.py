@@ -71,12 +71,11 @@ grade_rad = -0.02
 class Plan:
     """A mission as its file has it."""
 
-    leg: tuple[Leg, ...]  #: in the order in which they are driven; at least one
-    #: state of charge that must be left, in [0, 1); None where the plan does not give it
-    reserve_soc: float | None = None
-    cutoff_V: float = 0.0  #: terminal voltage at which the robot stops; 0 where nothing watches it
-    temperature_degC: float = ROOM_DEGC  #: of the battery
-    payload_kg: float = 0.0  #: on every leg, on top of its own
+    leg: tuple[Leg, ...]  #: legs in the order of driving; at least one
+    reserve_soc: float | None = None  #: SoC that must be left at the end, in [0, 1); default 0.1
+    cutoff_V: float = 0.0  #: terminal voltage at which the robot stops; 0 if nothing monitors it
+    temperature_degC: float = ROOM_DEGC  #: temperature of the battery
+    payload_kg: float = 0.0  #: on every leg, in addition to the leg's own
 
     def __post_init__(self) -> None:
         if not self.leg:

@@ -26,15 +26,15 @@ _MOST_URGENT_FIRST = ("stuck", "bms", "empty", "low", "home", "cells", "slip")
 class AlarmLimits:
     """Limits of the alarms: the table [alarms] of a setup."""
 
-    soc_empty: float = 0.05  #: low end of the band of the charge: the battery may be nearly empty; 0 is never
-    soc_low: float = 0.15  #: the same: time to drive home; 0 is never
-    home_probability: float = 0.9  #: least probability to come home; 0 is never
-    cell_spread: float = 0.1  #: charge of the fullest cell minus that of the emptiest; 1 is never
-    slip_ratio: float = 1.0  #: largest slip of a wheel; 1 is never
-    stuck: bool = True  #: wheels turn and the robot does not move
-    bms: bool = True  #: the battery's own management reports an alarm, `bms_alarm`
-    hysteresis: float = 0.03  #: of all these shares, >= 0; of the cells a tenth of it
-    after_s: float = 2.0  #: a value has to stay beyond its limit for so long, >= 0
+    soc_empty: float = 0.05  #: low end of the SoC band below which the battery may be nearly empty; 0: never
+    soc_low: float = 0.15  #: low end of the SoC band below which it is time to drive home; 0: never
+    home_probability: float = 0.9  #: least probability of reaching home; 0: never
+    cell_spread: float = 0.1  #: largest SoC difference between cells; 1: never
+    slip_ratio: float = 1.0  #: largest slip ratio of a wheel; 1: never
+    stuck: bool = True  #: the wheels turn and the robot does not move
+    bms: bool = True  #: the BMS reports an alarm, `bms_alarm`
+    hysteresis: float = 0.03  #: distance by which a value must return to end its alarm, >= 0; for cells a tenth of it
+    after_s: float = 2.0  #: time that a value must stay beyond its limit, >= 0
 
     def __post_init__(self) -> None:
         for name in ("soc_empty", "soc_low", "home_probability", "cell_spread", "slip_ratio", "hysteresis"):

@@ -38,10 +38,10 @@ _RECEIVE_S = 0.2
 class CanPort:
     """A bus as python-can names it."""
 
-    interface: str = "socketcan"  #: "socketcan", "slcan", "pcan", "virtual", ...
-    channel: str = "can0"  #: of the interface, "can0"
-    bitrate: int | None = None  #: of adapters that are told; socketcan has it from `ip link`
-    fd: bool = False  #: frames of CAN FD as well
+    interface: str = "socketcan"  #: kind of adapter: "socketcan", "slcan", "pcan", "virtual" or another of python-can
+    channel: str = "can0"  #: name of the bus
+    bitrate: int | None = None  #: bit rate of the adapter; for socketcan `ip link` sets it
+    fd: bool = False  #: also CAN FD frames
 
     def open(self, filters: list[dict[str, Any]] | None = None) -> Any:
         """The bus.

@@ -47,13 +47,13 @@ class Will(NamedTuple):
 class MqttBroker:
     """A broker."""
 
-    #: of the broker
+    #: host and port of the broker
     host: str = "localhost"
     port: int = 1883
-    username: str | None = None  #: where the broker demands one
-    password: str | None = None  #: where the password is: name of an environment variable, or "file:PATH" of mode 600
-    tls: bool = False  #: encrypt; the broker's certificate is checked
-    ca_file: str | None = None  #: path of the authority's certificate, where it is not one of the system's
+    username: str | None = None  #: if the broker requires one
+    password: str | None = None  #: secret of that user
+    tls: bool = False  #: encrypt, and check the broker's certificate
+    ca_file: str | None = None  #: path of the certificate authority's file, if not one of the system's
 
     def __post_init__(self) -> None:
         require_between("port", self.port, 1, 65535)

@@ -22,21 +22,20 @@ from ohmward.toml_file import TomlFile
 class Setup:
     """Everything that the process on the robot needs."""
 
-    name: str = "robot"  #: of the robot: in topics, rows of the store, the page
-    battery: str | None = None  #: path of the battery file; without it no charge and no range
-    #: path of the robot file or the name of a packaged robot; without it no speed, slip and pose
+    name: str = "robot"  #: name of the robot in topics, store and page
+    battery: str | None = None  #: path of the battery file; without it neither SoC nor range
+    #: path of a robot file or name of a packaged robot; without it neither speed, slip nor pose
     robot: str | None = None
-    consumption: str | None = None  #: path of the consumption table, which learns; by default in the state's folder
-    #: folder of what survives a loss of power: snapshots and tables; `ohmward-state` unless given. Where all sources
-    #: are replays and simulations, nothing is kept unless it is given.
+    consumption: str | None = None  #: path of the consumption table, which is updated; default: in the folder `state`
+    #: folder of snapshots and tables that survive a loss of power; default: `ohmward-state`, or none if all sources are
+    #: replays or simulations
     state: str | None = None
-    learn: bool = False  #: let the battery file learn from day to day, in that folder
-    #: refuse to start while a source or sink cannot; by default the process starts with what it has
-    strict: bool = False
-    delay_s: float = 0.0  #: messages wait so long for others with an earlier time, >= 0
-    counts_per_turn: float | None = None  #: of the encoders, where they send counts
-    alarms: AlarmLimits = field(default_factory=AlarmLimits)  #: when somebody has to hear of something
-    #: where measurements come from and where estimates go, each with its `kind`
+    learn: bool = False  #: update the battery file from day to day, in the folder `state`
+    strict: bool = False  #: refuse to start if a source or sink cannot; otherwise the process starts with the rest
+    delay_s: float = 0.0  #: time to wait for late messages of other sources, >= 0
+    counts_per_turn: float | None = None  #: of encoders that send counts
+    alarms: AlarmLimits = field(default_factory=AlarmLimits)  #: limits beyond which an alarm is raised
+    #: origin of the measurements and destination of the estimates, each with its `kind`
     source: tuple[AnySource, ...] = ()
     sink: tuple[AnySink, ...] = ()
 

@@ -74,37 +74,31 @@ def walk_variance(std: Scalar, period_s: float, dt_s: Scalar) -> Scalar:
 class BatteryNoise:
     """Standard deviations, never variances. The error of a battery model is not white: it stays as long as SoC does."""
 
-    #: white noise of the voltage sensor and of what the model leaves unexplained from sample to sample
-    voltage_std_V: float = 0.005
-    #: (M,) standard deviation of the model's voltage error on a uniform grid of SoC from 0 to 1; it is large where the
+    voltage_std_V: float = 0.005  #: white noise of the voltage sensor and of the model from sample to sample
+    #: (M,) standard deviation of the model's voltage error on a uniform grid of SoC from 0 to 1; large where the
     #: identification had no data
     model_std_V: tuple[float, ...] = (0.008, 0.008)
-    model_soc_length: float = 0.1  #: correlation length of that error, as a change of SoC
-    #: relative error of the overpotential; one number, or (M,) on a uniform grid of SoC
+    model_soc_length: float = 0.1  #: correlation length of `model_std_V`, as a change of SoC
+    #: relative error of the overpotential: one number, or (M,) on a uniform grid of SoC
     overpotential_share: float | tuple[float, ...] = 0.05
     soc_axis_std: float = 0.01  #: error of the SoC axis of the OCV curve
-    #: standard deviation of the level of the curve, an error of one sign along SoC beside `model_std_V`; 0 where that
-    #: error itself holds on as far
+    #: error of the level of the OCV curve, common to all SoC, in addition to `model_std_V`; 0 if that already holds it
     level_std_V: float = 0.0
-    #: correlation time of the errors that depend on current; samples further apart are independent
-    correlation_s: float = 200.0
+    correlation_s: float = 200.0  #: correlation time of the errors that depend on the current
     capacity_std: float = 0.01  #: relative error of the capacity
-    capacity_walk: float = 0.01  #: random walk of that error in 1000 hours
-    #: Unix time of the last log that showed the capacity, 0 where none did or it has no date; see `on`
+    capacity_walk: float = 0.01  #: random walk of the capacity error in 1000 hours
+    #: Unix time of the last log that showed the capacity; 0 if none did or it has no date
     capacity_known_unix_s: float = 0.0
     capacity_known_std: float = 0.0  #: relative error of the capacity on that day
-    resistance_std: float = 0.05  #: relative error of all resistances together
-    resistance_walk: float = 0.05  #: random walk of that error in 100 hours
-    #: correlation of a loss of capacity with a growth of the resistances: ageing brings both
-    ageing_correlation: float = 0.0
-    #: error of all activation temperatures together: R grows by exp(error (1/T - 1/T_reference))
+    resistance_std: float = 0.05  #: relative error common to all resistances
+    resistance_walk: float = 0.05  #: random walk of the resistance error in 100 hours
+    ageing_correlation: float = 0.0  #: correlation of capacity loss and resistance growth by ageing
+    #: error common to all activation temperatures: R grows by exp(error (1/T - 1/T_reference))
     activation_std_K: float = 0.0
-    #: error of the activation of the RC pairs towards empty, see `thevenin.emptiness`
-    empty_activation_std_K: float = 0.0
-    hysteresis_std: float = 0.0  #: relative error of the hysteresis of the OCV curve
-    ocv_std_V_per_K: float = 0.0  #: error of the OCV curve for every degree from its reference temperature
-    #: error of the share of a loss of capacity by which the electrodes slip, `ocv_slip` of the model
-    ocv_slip_std: float = 0.5
+    empty_activation_std_K: float = 0.0  #: error of `empty_activation_K` of the circuit
+    hysteresis_std: float = 0.0  #: relative error of the hysteresis voltage
+    ocv_std_V_per_K: float = 0.0  #: error of the OCV curve per degree from its reference temperature
+    ocv_slip_std: float = 0.5  #: error of `ocv_slip` of the circuit
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -203,11 +197,11 @@ MOST_OFFSET = 3.0
 class CurrentSensor:
     """Standard deviations of a current sensor, from its data sheet if it has one, and its offset as logs show it."""
 
-    noise_std_A: float = 0.05  #: white noise, of samples 1 s apart
+    noise_std_A: float = 0.05  #: white noise of samples 1 s apart
     offset_std_A: float = 0.05  #: error of `offset_A`
     offset_walk_A: float = 0.002  #: random walk of the offset in one hour
     gain_std: float = 0.01  #: relative error of the gain
-    offset_A: float = 0.0  #: reading at zero current; 0 where nothing is known of it
+    offset_A: float = 0.0  #: reading at zero current; 0 if unknown
 
     def __post_init__(self) -> None:
         require_each_not_negative("sensor.", self, "noise_std_A", "offset_std_A", "offset_walk_A", "gain_std")

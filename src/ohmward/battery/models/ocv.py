@@ -91,13 +91,13 @@ class OcvCurve:
     Between the points it is a monotone cubic or straight, beyond the ends a straight line with the end slope.
     """
 
-    #: (K,) mean of the charge and the discharge branch at the reference temperature, non-decreasing
+    #: (K,) mean of charge and discharge branch at the reference temperature, non-decreasing
     voltage_V: tuple[float, ...]
-    #: (K,) half the distance of the fully developed charge and discharge branches, >= 0
+    #: (K,) half the distance between the fully developed charge and discharge branches, >= 0
     hysteresis_V: tuple[float, ...] = ()
     temperature_V_per_K: tuple[float, ...] = ()  #: (K,) change of voltage_V with temperature
-    reference_degC: float = ROOM_DEGC  #: temperature at which voltage_V holds
-    #: between the points; None is "hermite", the monotone cubic, "linear" a straight line
+    reference_degC: float = ROOM_DEGC  #: temperature for which voltage_V is given
+    #: between the points: "hermite" (default), a monotone cubic, or "linear"
     interpolation: Literal["hermite", "linear"] | None = None
 
     def __post_init__(self) -> None:

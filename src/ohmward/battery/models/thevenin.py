@@ -86,30 +86,33 @@ class Thevenin:
     """Parameters of the Thevenin model. Resistances stand on a uniform grid of SoC from 0 to 1, ends included."""
 
     capacity_Ah: float  #: charge between full and empty, > 0
-    ocv: OcvCurve  #: the open-circuit voltage of the same cell or pack
-    #: (M,) ohmic resistance by direction of the current
+    ocv: OcvCurve  #: open-circuit voltage
+    #: (M,) ohmic resistance for each direction of the current
     r0_discharge_ohm: tuple[float, ...]
     r0_charge_ohm: tuple[float, ...]
     r_ohm: tuple[tuple[float, ...], ...]  #: (n, M) resistance of each RC pair
     tau_s: tuple[float, ...]  #: (n,) time constant of each RC pair, increasing
-    hysteresis_rate: float = 20.0  #: gamma; the hysteresis state follows a full change of SoC with 1/gamma
+    #: gamma: the hysteresis state follows the current direction over 1/gamma of the capacity
+    hysteresis_rate: float = 20.0
     coulombic_efficiency: float = 1.0  #: share of the charging current that is stored
-    activation_K: float = 0.0  #: the ohmic resistance grows with exp(activation_K (1/T - 1/T_reference))
-    reference_degC: float = ROOM_DEGC  #: temperature at which resistances and time constants hold
-    pair_activation_K: float | None = None  #: the same of the resistances of the RC pairs; None is as activation_K
-    tau_activation_K: float = 0.0  #: the same of the time constants
-    empty_activation_K: float = 0.0  #: activation of the RC pairs at empty beyond pair_activation_K, see `emptiness`
-    #: terminal voltage above which part of a charge makes gas, so that the voltage, then and until the surface charge
-    #: is gone, tells nothing about SoC; None for a battery that makes none
+    #: activation temperature of the ohmic resistance, which grows with exp(activation_K (1/T - 1/T_reference))
+    activation_K: float = 0.0
+    reference_degC: float = ROOM_DEGC  #: temperature for which resistances and time constants are given
+    pair_activation_K: float | None = None  #: activation temperature of the RC resistances; if absent, activation_K
+    tau_activation_K: float = 0.0  #: activation temperature of the time constants
+    #: activation temperature of the RC pairs at empty beyond pair_activation_K; it falls linearly to 0 at a SoC of 0.35
+    empty_activation_K: float = 0.0
+    #: terminal voltage above which part of the charging current makes gas: from there until the surface charge is gone,
+    #: the voltage is not used for SoC. Absent for a battery that does not gas
     gassing_V: float | None = None
-    #: an ohmic drop beyond this grows only as its logarithm, as charge transfer does; None for a drop in proportion to
-    #: the current
+    #: ohmic drop beyond which it grows only logarithmically (charge transfer); if absent, it is proportional to the
+    #: current
     transfer_V: float | None = None
-    #: share of a loss of capacity by which the electrodes slip, see `models.ocv`; 0 keeps the curve as it is
+    #: share of a capacity loss by which the electrodes shift against each other: if positive, the full end of the OCV
+    #: curve stays, if negative, the empty end; 0 leaves the curve as it is
     ocv_slip: float = 0.0
-    #: True where the hysteresis follows the net charge, False where it follows the throughput
-    net_charge_hysteresis: bool = False
-    hysteresis_activation_K: float = 0.0  #: the hysteresis voltage grows with the same factor; 0 for none
+    net_charge_hysteresis: bool = False  #: true: the hysteresis follows the net charge; false: the charge throughput
+    hysteresis_activation_K: float = 0.0  #: activation temperature of the hysteresis voltage; 0 if constant
 
     def __post_init__(self) -> None:
         require_positive("thevenin.capacity_Ah", self.capacity_Ah)

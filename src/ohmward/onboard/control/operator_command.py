@@ -24,14 +24,14 @@ class DriveLimits:
     #: largest set-points, > 0
     speed_m_s: float = 0.5
     yaw_rate_rad_s: float = 1.0
-    acceleration_m_s2: float = 0.5  #: of the ramps, > 0
-    #: of each driven wheel, > 0
+    acceleration_m_s2: float = 0.5  #: acceleration of the speed ramps, > 0
+    #: torque of each driven wheel and its rate, > 0
     torque_Nm: float = 5.0
     torque_rate_Nm_per_s: float = 500.0
-    slip: float = 0.3  #: largest slip ratio, as a bound and as a set-point, in [0.001, 0.999]
-    friction: float = 0.5  #: that the law assumes, with an error of up to as much, > 0
-    #: age of the last estimate and of the operator's last word that stop the robot; up to 0.08 s it stops within 0.1 s.
-    #: Longer ones, for slow sensors and radios, let it drive on for as long.
+    slip: float = 0.3  #: largest slip ratio, as bound and as set-point, in [0.001, 0.999]
+    friction: float = 0.5  #: friction assumed by the control law, which tolerates an error of up to its size, > 0
+    #: the robot stops if the last estimate or operator command is older; within 0.1 s for timeouts up to 0.08 s. Longer
+    #: ones, for slow sensors and radios, let it drive on for that time
     estimate_timeout_s: float = 0.08
     operator_timeout_s: float = 0.08
 

@@ -74,7 +74,7 @@ class CanOutput(CanPort):
 class MqttOutput(MqttBroker):
     """A JSON object of all numbers at a topic, not retained."""
 
-    topic: str = "ohmward/robot/drives"  #: of the commands
+    topic: str = "ohmward/robot/drives"  #: command topic
 
     @asynccontextmanager
     async def opened(self, names: list[str]) -> AsyncIterator[Send]:
@@ -106,10 +106,10 @@ class RosOutput(RosNetwork):
     """`std_msgs/Float64MultiArray` for a forward_command_controller of ros2_control: zeros unless armed."""
 
     node: str = "ohmward_control"
-    topic: str = "/wheel_controller/commands"  #: of the controller's commands
-    command: str = "torque"  #: "torque" for its interface "effort", "wheel-speed" for "velocity"
-    #: names of the wheels in the order of the controller's joints; by default that of the robot file
-    joints: tuple[str, ...] = ()
+    topic: str = "/wheel_controller/commands"  #: command topic of the controller
+    #: "torque" for a controller with the command interface "effort", "wheel-speed" for "velocity"
+    command: str = "torque"
+    joints: tuple[str, ...] = ()  #: wheels in the order of the controller's joints; default: that of the robot file
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -63,11 +63,11 @@ class Transport(Protocol):
 class RosNetwork:
     """Node of ROS 2, and its way to the others."""
 
-    transport: str = "auto"  #: "auto" takes rclpy where it is installed, else zenoh; or "rclpy" or "zenoh"
+    transport: str = "auto"  #: "rclpy" or "zenoh"; "auto" takes rclpy if it is installed
     node: str = "ohmward"  #: name of the node
-    namespace: str = ""  #: of node and topics, "/robot1"; topics with a slash in front are outside of it
-    domain: int | None = None  #: as ROS_DOMAIN_ID, 0 to 232; that of the environment, or 0, unless given
-    router: str = "tcp/localhost:7447"  #: of zenoh, that `ros2 run rmw_zenoh_cpp rmw_zenohd` starts
+    namespace: str = ""  #: of node and topics, such as "/robot1"; a topic that begins with a slash is outside of it
+    domain: int | None = None  #: ROS domain, 0 to 232; default: the environment variable ROS_DOMAIN_ID, or 0
+    router: str = "tcp/localhost:7447"  #: address of the zenoh router, which `ros2 run rmw_zenoh_cpp rmw_zenohd` starts
 
     def __post_init__(self) -> None:
         require_one_of("transport", self.transport, ("auto", "rclpy", "zenoh"))

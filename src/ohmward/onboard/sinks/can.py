@@ -18,10 +18,10 @@ class CanSink(CanPort):
     """Frames from states."""
 
     dbc: str = ""  #: path of the database: DBC, KCD, SYM or ARXML
-    #: number of the state -> "MESSAGE.SIGNAL", `"battery.soc" = "State.SoC"`. A message goes out when all of its
-    #: numbers are known.
+    #: name of a number of the state -> "MESSAGE.SIGNAL", as `"battery.soc" = "State.SoC"`. A message is sent once all
+    #: its numbers are known
     signals: dict[str, str | ScaledSignal] = field(default_factory=dict)
-    interval_s: float = 0.1  #: least time between two states that are sent, >= 0
+    interval_s: float = 0.1  #: least time between two states sent, >= 0
     name: str = "can"  #: in diagnostics
 
     def __post_init__(self) -> None:

@@ -21,17 +21,15 @@ from ohmward.traction.robot.packaged import load_robot
 class ControlSink:
     """The controller and its operator."""
 
-    robot: str  #: path of the robot file or name of a packaged robot
-    #: the way to the drives, one of them
+    robot: str  #: path of a robot file or name of a packaged robot
+    #: output to the drives; give one
     can: CanOutput | None = None
     ros: RosOutput | None = None
     mqtt: MqttOutput | None = None
-    simulation: SimulatedOutput | None = None  #: the drives of a simulated robot instead
-    #: HOST:PORT at which the operator connects; any host but this machine needs a token
-    operator: str = "127.0.0.1:4720"
-    #: where the operator's token is: name of an environment variable, or "file:PATH" of mode 600
-    token: str | None = None
-    limits: DriveLimits = field(default_factory=DriveLimits)  #: of speed, torque and slip, and timeouts
+    simulation: SimulatedOutput | None = None  #: output to the drives of a simulated robot instead
+    operator: str = "127.0.0.1:4720"  #: HOST:PORT where the operator connects; any host but this machine needs a token
+    token: str | None = None  #: secret of the operator
+    limits: DriveLimits = field(default_factory=DriveLimits)  #: limits of speed, torque and slip; timeouts
     step_s: float = 0.01  #: time between two commands, 0.002 to 0.02
     name: str = "control"  #: in diagnostics
 

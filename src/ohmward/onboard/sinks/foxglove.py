@@ -21,12 +21,12 @@ class FoxgloveSink:
     """A server for viewers, who connect to ws://HOST:PORT and cannot send anything."""
 
     takes_all: ClassVar[bool] = True  #: states; each message has a rate of its own
-    #: address that is listened on; loopback only, because the protocol knows no token: forward the port with `ssh -L
+    #: address to listen on; loopback only, since the protocol has no token: forward the port with `ssh -L
     #: 8765:localhost:8765 robot`
     host: str = "127.0.0.1"
-    port: int = 8765  #: of TCP
+    port: int = 8765  #: TCP port
     battery: str | None = None  #: path of the battery file, for capacity, technology, number of cells and serial number
-    interval_s: float = 0.05  #: least time between two messages of odometry and twist, >= 0
+    interval_s: float = 0.05  #: least time between two odometry and twist messages, >= 0
     name: str = "foxglove"  #: in diagnostics
 
     def __post_init__(self) -> None:

@@ -20,7 +20,7 @@ from ohmward.onboard.robot_state import plain_state
 class JsonLinesSink:
     """States by lines."""
 
-    path: str = "-"  #: "-" for standard output, else a file that is appended to
+    path: str = "-"  #: "-" for standard output, else a file to append to
     interval_s: float = 0.0  #: least time between two lines, >= 0
     name: str = "json-lines"  #: in diagnostics
 

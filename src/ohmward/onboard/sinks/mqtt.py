@@ -28,14 +28,13 @@ _STATES_AT_ONCE = 100
 class MqttSink(MqttBroker):
     """States to a broker, retained, each acknowledged by it; those it has not got wait in the feed."""
 
-    #: TOPIC/state is the state; TOPIC/alarms those that are raised, sent when one begins or ends; TOPIC/status is
-    #: "online", and "offline" once the connection is lost
+    #: the state is sent to TOPIC/state, alarms to TOPIC/alarms when one begins or ends, "online" to TOPIC/status, and
+    #: "offline" once the connection is lost
     topic: str = "ohmward/robot"
-    #: numbers of the state that get a topic of their own: "battery.soc" is TOPIC/battery/soc
+    #: numbers of the state with a topic of their own: "battery.soc" goes to TOPIC/battery/soc
     numbers: tuple[str, ...] = ()
-    #: prefix of the topics by which Home Assistant finds devices, "homeassistant" there; "" for none
-    home_assistant: str = ""
-    robot: str = "robot"  #: name of the device there
+    home_assistant: str = ""  #: discovery prefix of Home Assistant, by default "homeassistant" there; empty for none
+    robot: str = "robot"  #: name of the device in Home Assistant
     interval_s: float = 1.0  #: least time between two states, >= 0
     name: str = "mqtt"  #: in diagnostics
 

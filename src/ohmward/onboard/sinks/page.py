@@ -30,19 +30,16 @@ _READERS_END_S = 1.0
 class PageSink:
     """A page on loopback; elsewhere only for those who have the token."""
 
-    #: address that it listens on: "127.0.0.1" for this machine alone, "0.0.0.0" for the network
-    host: str = "127.0.0.1"
-    port: int = 8080  #: 0 takes any that is free
-    #: where the token is: the name of an environment variable, or file:PATH of a file of mode 600. Needed for any host
-    #: but loopback.
-    token: str | None = None
-    #: paths of the files for TLS; both or none
+    host: str = "127.0.0.1"  #: address to listen on: "127.0.0.1" for this machine alone, "0.0.0.0" for the network
+    port: int = 8080  #: TCP port; 0 takes a free one
+    token: str | None = None  #: secret that any host but loopback requires
+    #: paths of the TLS files; both or none
     certificate: str | None = None
     key: str | None = None
     robot: str = "robot"  #: title of the page
-    #: folder of the store whose history it shows; by default that of the sink `store` of the same setup
+    #: folder of the store whose history is shown; default: that of the sink `store` in this setup
     store: str | None = None
-    interval_s: float = 0.1  #: least time between two states that are looked at, >= 0
+    interval_s: float = 0.1  #: least time between two states shown, >= 0
     name: str = "page"  #: in diagnostics
 
     def __post_init__(self) -> None:

@@ -36,18 +36,17 @@ class Ros2Sink(RosNetwork):
     odometry: str = "ohmward/odometry"
     twist: str = "ohmward/twist"
     diagnostics: str = "/diagnostics"
-    #: of REP-105; the base is the robot's centre of gravity
+    #: frames of REP 105; the base is the robot's centre of gravity
     odom_frame: str = "odom"
     base_frame: str = "base_link"
     battery: str | None = None  #: path of the battery file, for capacity, technology, number of cells and serial number
-    publish_tf: bool = False  #: the pose goes out as a transform on /tf too: nobody else may send that of these frames
-    interval_s: float = 0.02  #: least time between two messages of odometry and twist on average, >= 0
-    #: the same of the state of the battery and of diagnostics, which are for people and behaviour trees
-    slow_s: float = 0.5
-    #: of the state of the battery: "mean", or "low" for the low end of the 95 % band, which brings a robot home in time
-    #: and falls to 0 while the sensors of the battery are silent
+    publish_tf: bool = False  #: also send the pose as a transform on /tf; nobody else may send that of these frames
+    interval_s: float = 0.02  #: least mean time between two odometry and twist messages, >= 0
+    slow_s: float = 0.5  #: least mean time between two battery state and diagnostics messages, >= 0
+    #: of the battery state: "mean", or "low" for the low end of the 95 % band, which brings a robot home in time and
+    #: falls to 0 while the battery sensors are silent
     percentage: str = "mean"
-    robot: str = "robot"  #: name of the robot, as the hardware in diagnostics
+    robot: str = "robot"  #: name of the robot, the hardware in diagnostics
     name: str = "ros2"  #: in diagnostics
 
     def __post_init__(self) -> None:

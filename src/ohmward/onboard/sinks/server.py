@@ -29,8 +29,8 @@ class ServerSink:
     #: Name of the attribute that says where the secret is, see `secrets`.
     secret_key: ClassVar[str]
 
-    robot: str = "robot"  #: by which the server knows the rows
-    #: file of rows that wait for the server; by default one in `ohmward-state` that is called as the sink
+    robot: str = "robot"  #: name of the robot in each row
+    #: file of rows that wait for the server; default: one with the name of the sink in `ohmward-state`
     spool: str | None = None
     interval_s: float = 1.0  #: least time between two states, >= 0
     name: str  #: in diagnostics
@@ -86,9 +86,9 @@ class InfluxSink(ServerSink):
 
     secret_key: ClassVar[str] = "token"
 
-    #: of the write API, `http://HOST:8086/write?db=robots` or `http://HOST:8086/api/v2/write?org=ORG&bucket=robots`
+    #: write API: `http://HOST:8086/write?db=robots` or `http://HOST:8086/api/v2/write?org=ORG&bucket=robots`
     url: str
-    token: str | None = None  #: where the token is, see `secrets`; None for none
+    token: str | None = None  #: secret, if the server requires one
     name: str = field(default="influxdb", kw_only=True)
 
     def _address(self) -> tuple[str, bool]:
@@ -148,7 +148,7 @@ class PostgresqlSink(ServerSink):
     secret_key: ClassVar[str] = "password"
 
     address: str  #: `host=db.local port=5432 dbname=robots user=rover` or `postgresql://rover@db.local/robots`
-    password: str | None = None  #: where the password is, see `secrets`; None for none
+    password: str | None = None  #: secret, if the server requires one
     name: str = field(default="postgresql", kw_only=True)
 
     def _address(self) -> tuple[str, bool]:

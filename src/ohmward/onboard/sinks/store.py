@@ -27,12 +27,12 @@ DATABASE_SHARE = 0.5
 class StoreSink:
     """Rows in a folder."""
 
-    folder: str = "ohmward-store"  #: made where there is none
-    commit_s: float = 1.0  #: between two commits [s]: what a loss of power may cost, >= 0
-    #: whole days in the database; older ones go to the archive, > 0. At most half of `most_MB` stays there.
+    folder: str = "ohmward-store"  #: created if missing
+    commit_s: float = 1.0  #: time between two commits, the most that a loss of power costs, >= 0
+    #: whole days in the database before they move to the archive, > 0; the database holds at most half of `most_MB`
     keep_days: float = 2.0
-    most_MB: float = 4000.0  #: size of database and archive; beyond it the oldest files of the archive are removed, > 0
-    interval_s: float = 0.0  #: least time between two states that are stored, >= 0; 0 stores every one
+    most_MB: float = 4000.0  #: size of database and archive beyond which the oldest archive files are removed, > 0
+    interval_s: float = 0.0  #: least time between two states stored, >= 0; 0 stores all
     name: str = "store"  #: in diagnostics
 
     def __post_init__(self) -> None:

@@ -25,10 +25,10 @@ AGAIN_S = 5.0
 class WebhookSink:
     """Alarms as JSON objects over HTTP; `text` is what chats show, Slack, Mattermost, Home Assistant and others."""
 
-    url: str  #: of the hook, which is a secret itself with many: `env:NAME` takes it from an environment variable
-    token: str | None = None  #: where a token is, see `secrets`, sent as `Authorization: Bearer`
-    robot: str = "robot"  #: by which the message calls it
-    interval_s: float = 1.0  #: least time between two states that are looked at, >= 0
+    url: str  #: address to call, often itself a secret: `env:NAME` takes it from an environment variable
+    token: str | None = None  #: secret sent as `Authorization: Bearer`
+    robot: str = "robot"  #: name of the robot in the message
+    interval_s: float = 1.0  #: least time between two states checked, >= 0
     name: str = "webhook"  #: in diagnostics
 
     def __post_init__(self) -> None:

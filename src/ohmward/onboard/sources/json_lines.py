@@ -31,11 +31,11 @@ class JsonLinesSource:
     """Objects by lines."""
 
     address: str = "-"  #: "-" for standard input, else HOST:PORT or the path of a Unix socket
-    time: str = "time_s"  #: key of the time stamp [s]; without it the time is that of the receipt
-    #: quantity -> key; keys beside them may be quantities themselves, arrays one for each wheel or cell
+    time: str = "time_s"  #: key of the time stamp [s]; without one the time of receipt is used
+    #: quantity -> key; other keys may be quantities themselves, arrays with a value per wheel or cell
     signals: Signals = field(default_factory=dict)
-    #: wait at the address for whoever connects, instead of connecting to it. Whoever reaches the address can send:
-    #: listen at 127.0.0.1, at a socket, or in a network that is the robot's own.
+    #: wait for a connection at the address instead of connecting to it. Anyone who reaches the address can send: use
+    #: 127.0.0.1, a Unix socket or the robot's own network
     listen: bool = False
     name: str = "json-lines"  #: in diagnostics
 

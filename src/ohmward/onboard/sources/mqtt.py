@@ -19,11 +19,10 @@ _KEY = "#"
 class MqttSource(MqttBroker):
     """Topics of a broker."""
 
-    #: quantity -> "TOPIC" whose payload is a number, or "TOPIC#KEY" of a JSON object
+    #: quantity -> "TOPIC" with a number as payload, or "TOPIC#KEY" of a JSON object
     signals: Signals = field(default_factory=dict)
-    #: topics of JSON objects whose keys are quantities themselves; + and # stand for any words
-    topics: tuple[str, ...] = ()
-    time: str = "time_s"  #: key of the time stamp in objects [s]; without it the time is that of the receipt
+    topics: tuple[str, ...] = ()  #: topics of JSON objects whose keys are quantities; wildcards + and #
+    time: str = "time_s"  #: key of the time stamp in JSON objects [s]; without one the time of receipt is used
     name: str = "mqtt"  #: in diagnostics
 
     def __post_init__(self) -> None:

@@ -27,11 +27,11 @@ class ReplaySource:
     """Samples of a log, as they came."""
 
     live: ClassVar[bool] = False
-    path: str  #: of the log: of a battery, or with `robot` of a drive
-    robot: str | None = None  #: path of a robot file or name of a packaged robot, for logs of drives
-    #: what a positive current of a log of a battery does, "charge" or "discharge"; "auto" lets the data tell
+    path: str  #: path of a battery log or, with `robot`, a drive log
+    robot: str | None = None  #: path of a robot file or name of a packaged robot, for drive logs
+    #: effect of a positive current in a battery log: "charge" or "discharge"; "auto" determines it from the data
     current_sign: str = "auto"
-    rate: float = 1.0  #: seconds of the log in a second, > 0; inf replays as fast as it can
+    rate: float = 1.0  #: seconds of the log per second, > 0; inf: as fast as possible
     name: str = "replay"  #: in diagnostics
 
     def __post_init__(self) -> None:

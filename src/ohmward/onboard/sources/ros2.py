@@ -44,15 +44,15 @@ class Ros2Source(RosNetwork):
     """Messages of sensors; an empty topic is not subscribed to."""
 
     battery_state: str = ""  #: topic of `sensor_msgs/BatteryState`
-    joint_states: str = ""  #: topic of `sensor_msgs/JointState`, whose velocities are those of wheels
-    #: wheel -> joint, where `front_left_wheel_joint` is not the wheel `front_left`
+    joint_states: str = ""  #: topic of `sensor_msgs/JointState` with the wheel speeds
+    #: wheel -> joint, for names other than `front_left_wheel_joint` of the wheel `front_left`
     joints: dict[str, str] = field(default_factory=dict)
-    imu: str = ""  #: topic of `sensor_msgs/Imu`; its attitude, where it has one, is the pitch
-    #: roll, pitch and yaw [rad] of the unit in the frame of the robot, as in the URDF of its link: turned about z last
+    imu: str = ""  #: topic of `sensor_msgs/Imu`; its orientation, if any, gives the pitch
+    #: roll, pitch and yaw [rad] of the IMU in the robot's frame, as in the URDF of its link: turned about z last
     imu_rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
-    odometry: str = ""  #: topic of `nav_msgs/Odometry` that does not come from the wheels: visual, lidar, GNSS
-    #: false where a bag is played or a simulation runs: the time is that of /clock, or of the newest stamp where nobody
-    #: publishes that, and nothing is kept for the robot
+    odometry: str = ""  #: topic of `nav_msgs/Odometry` from a source other than the wheels: visual, lidar, GNSS
+    #: false for a played bag or a simulation: time comes from /clock, or the newest stamp if nobody publishes it, and
+    #: no state is kept
     live: bool = True
     name: str = "ros2"  #: in diagnostics
 

@@ -26,11 +26,11 @@ _END_READ_S = 0.1
 class SerialSource:
     """Frames of a line."""
 
-    port: str  #: device of the line, "/dev/ttyACM0", or a URL of pyserial, "socket://192.168.1.7:4000"
-    #: number of a message -> names of its values in order, "" for one that is not wanted
+    port: str  #: serial device, or a URL of pyserial such as "socket://192.168.1.7:4000"
+    #: message number -> names of its values in order; "" skips a value
     messages: dict[str, tuple[str, ...]]
-    baud: int = 921_600  #: of the line; USB takes no notice
-    #: quantity -> one of these names; names beside them may be quantities themselves
+    baud: int = 921_600  #: baud rate; USB ignores it
+    #: quantity -> one of these names; other names may be quantities themselves
     signals: Signals = field(default_factory=dict)
     name: str = "serial"  #: in diagnostics
 

@@ -18,11 +18,11 @@ class SimulationSource:
     """Samples of a simulated drive."""
 
     live: ClassVar[bool] = False
-    #: path of a scenario file or the name of a packaged one, see `ohmward simulate --list`; without it a robot that
-    #: goes round and round for some hours
+    #: path of a scenario file or name of a packaged one (`ohmward simulate --list`); default: a robot on a loop for
+    #: some hours
     scenario: str | None = None
-    rate: float = 1.0  #: seconds of the drive in a second, > 0; more than the machine can simulate is as fast as it can
-    seed: int = 1  #: draws the noise of the sensors
+    rate: float = 1.0  #: seconds of the drive per second, > 0; limited by the speed of the machine
+    seed: int = 1  #: seed of the sensor noise
     name: str = "simulation"  #: in diagnostics
 
     def __post_init__(self) -> None:

@@ -54,10 +54,10 @@ class Chassis(Protocol):
 class Differential:
     """Four wheels of which the front or all are driven, as in [T]: no sideways motion, no resistance to turning."""
 
-    #: L_f and L_r, from the centre of gravity to the axles, > 0
+    #: L_f and L_r, distances of front and rear axle from the centre of gravity, > 0
     front_m: float
     rear_m: float
-    track_m: float  #: b, between left and right wheels, > 0
+    track_m: float  #: b, distance between left and right wheels, > 0
     driven: str = "front"  #: "front" or "all"
 
     freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])
@@ -84,13 +84,13 @@ class Differential:
 class SkidSteer:
     """Four driven wheels, fixed: to turn, it drags them sideways."""
 
-    #: from the centre of gravity to the axles, > 0
+    #: distances of front and rear axle from the centre of gravity, > 0
     front_m: float
     rear_m: float
-    track_m: float  #: between left and right wheels, > 0
-    #: difference of the sides' speeds over the yaw rate that it gives: the distance between the instantaneous centres
-    #: of rotation of the left and the right wheels (Mandow et al. 2007), > 0, as `calibrate` finds it; over `track_m`
-    #: it is ROS's `wheel_separation_multiplier`. None: not known, `track_m`.
+    track_m: float  #: distance between left and right wheels, > 0
+    #: speed difference of the two sides over the yaw rate, which is the distance between the instantaneous centres of
+    #: rotation of left and right wheels (Mandow et al. 2007), > 0. `ohmward calibrate` finds it; divided by `track_m`
+    #: it is ROS's `wheel_separation_multiplier`. If absent, `track_m`
     effective_track_m: float | None = None
 
     freedoms: ClassVar[tuple[str, ...]] = PLANAR
@@ -122,9 +122,9 @@ class SkidSteer:
 class TwoWheeled:
     """Two driven wheels and casters, which swivel: they carry and roll, and neither steer nor count."""
 
-    axle_m: float  #: of the driven wheels, ahead of the centre of gravity; < 0 behind it
-    track_m: float  #: between left and right wheel, > 0
-    #: of each caster on the centre line, ahead of the centre of gravity; a pair side by side counts as one
+    axle_m: float  #: position of the driven wheels ahead of the centre of gravity; < 0 behind it
+    track_m: float  #: distance between left and right wheel, > 0
+    #: position of each caster ahead of the centre of gravity, on the centre line; two side by side count as one
     casters_m: tuple[float, ...]
 
     freedoms: ClassVar[tuple[str, ...]] = (PLANAR[0], PLANAR[2])
@@ -154,8 +154,8 @@ class TwoWheeled:
 class Omni:
     """Omni-wheels on a circle around the centre of gravity, each rolling along the circle, free sideways."""
 
-    arm_m: float  #: radius of the circle, > 0
-    #: of the wheels, counter-clockwise from forward; at least three, not all on one line
+    arm_m: float  #: radius of the circle of the wheels, > 0
+    #: directions of the wheels from the centre, counter-clockwise from forward; at least three, not all on one line
     bearings_deg: tuple[float, ...] = (60.0, 180.0, 300.0)
 
     freedoms: ClassVar[tuple[str, ...]] = PLANAR
@@ -188,10 +188,10 @@ class Mecanum:
     rolls at 45 degrees to the robot, of a radius smaller by the square root of 2. That is what `wheel.radius_m` is.
     """
 
-    #: from the centre of gravity to the axles, > 0
+    #: distances of front and rear axle from the centre of gravity, > 0
     front_m: float
     rear_m: float
-    track_m: float  #: between left and right wheels, > 0
+    track_m: float  #: distance between left and right wheels, > 0
 
     freedoms: ClassVar[tuple[str, ...]] = PLANAR
     scrubs: ClassVar[bool] = False

@@ -24,14 +24,14 @@ from ohmward.traction.friction.law import direction_and_size
 class Motor:
     """One motor and its gear; torque and speed are those of the wheel."""
 
-    torque_constant_Nm_per_A: float  #: K_m of the bare motor, which is its V s/rad too, > 0
+    torque_constant_Nm_per_A: float  #: K_m of the bare motor, equal to its back-EMF constant in V s/rad, > 0
     resistance_ohm: float  #: R of the winding, > 0
     gear_ratio: float = 1.0  #: n, turns of the motor per turn of the wheel, > 0
     gear_efficiency: float = 1.0  #: eta, in (0, 1]
     friction_Nm: float = 0.0  #: tau_c, dry friction at the wheel, >= 0
-    damping_Nms_per_rad: float = 0.0  #: b, at the wheel, >= 0
-    friction_speed_rad_s: float = 0.5  #: omega_0, wheel speed over which friction changes its direction, > 0
-    rotor_inertia_kg_m2: float = 0.0  #: of the rotor about its own axis, >= 0
+    damping_Nms_per_rad: float = 0.0  #: b, viscous friction at the wheel, >= 0
+    friction_speed_rad_s: float = 0.5  #: omega_0, wheel speed within which dry friction changes sign, > 0
+    rotor_inertia_kg_m2: float = 0.0  #: moment of inertia of the rotor about its axis, >= 0
 
     def __post_init__(self) -> None:
         require_each_positive(

@@ -41,8 +41,8 @@ class Wheel:
     """All wheels of a robot are alike."""
 
     radius_m: float  #: effective rolling radius, > 0
-    width_m: float  #: > 0
-    inertia_kg_m2: float  #: of one wheel about its axle, without the motor, > 0
+    width_m: float  #: tyre width, > 0
+    inertia_kg_m2: float  #: moment of inertia of one wheel about its axle, without the motor, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("wheel.", self, "radius_m", "width_m", "inertia_kg_m2")
@@ -57,15 +57,15 @@ class Robot(RichDisplay):
     (0.03575, 2)
 
     Attributes:
-        name: in words.
-        mass_kg: with wheels and load, > 0.
-        yaw_inertia_kg_m2: about the vertical through the centre of gravity, > 0.
-        chassis: where the wheels are.
-        wheel: each of them.
-        motor: of each driven wheel.
-        height_m: of the centre of gravity over the ground, >= 0; with 0 no load moves between the wheels.
+        name: name for people.
+        mass_kg: mass with wheels and load, > 0.
+        yaw_inertia_kg_m2: moment of inertia about the vertical through the centre of gravity, > 0.
+        chassis: arrangement of the wheels.
+        wheel: properties of each wheel.
+        motor: motor and gear of each driven wheel.
+        height_m: height of the centre of gravity, >= 0; with 0 no load moves between the wheels.
         idle_W: power of the electronics, >= 0.
-        wheel_load_N: (wheels,) of each wheel as weighed, > 0, adding up to the weight; empty: from the geometry.
+        wheel_load_N: (wheels,) weighed load of each wheel, > 0, adding up to the weight; empty: from the geometry.
     """
 
     name: str
