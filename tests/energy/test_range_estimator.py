@@ -17,6 +17,7 @@ from ohmward.energy.leg import stretch_of
 from ohmward.energy.range import ground_std
 from ohmward.energy.range_step import RangeSample, battery_state, usual_ground
 from ohmward.energy.recorded import cut_drive
+from ohmward.energy.sag import Sag
 from ohmward.energy.usable_energy import discharge_curves
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
@@ -267,6 +268,17 @@ def test_peaks_meet_the_resistance_that_the_loads_have_shown():
         now = battery_state(BATTERY, estimator.state.soc, estimator.state.sag.ohm)
         assert now.peak_resistance_ratio == pytest.approx(times, rel=0.1)
         assert now.resistance_ratio == 1.0  # to lasting loads it is the estimate's
+
+
+def test_another_battery_keeps_the_way_and_forgets_the_last_one():
+    estimator = new(terrain="grass")
+    before = driven(estimator)[-1]
+    estimator.change_battery()
+    assert estimator.state.sag == Sag() and estimator.state.began_soc == 0.0
+    unknown = estimator.update(T[-1] + 1.0, None, 0.5, -30.0 / V, V, terrain="grass")
+    assert math.isnan(unknown.distance_m.p50) and unknown.driven_m >= before.driven_m
+    half_empty = estimator.update(T[-1] + 2.0, 0.4, 0.5, -30.0 / V, V, terrain="grass")
+    assert half_empty.distance_m.p50 < 0.7 * before.distance_m.p50
 
 
 def test_a_plan_takes_the_place_of_ground_like_that_of_late():

@@ -100,6 +100,12 @@ class RangeEstimator:
         """Time of the last sample; nan before the first."""
         return self.state.meter.last.time_s if self.state.meter.last else math.nan
 
+    def change_battery(self) -> None:
+        """Forget what the loads have shown of the battery, as another one of its kind is in now, and keep the way."""
+        nothing = self.settings.init(self.consumption)
+        new = {name: getattr(nothing, name) for name in ("soc", "forecast", "forecast_s", "began_soc", "sag")}
+        self.state = self.state._replace(**new)
+
     def update(
         self,
         time_s: float,

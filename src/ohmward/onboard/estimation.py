@@ -178,6 +178,8 @@ class Estimation:
             self.soc, self.cells, self.absence = SocEstimator(self.battery), None, None
             self._battery_inbox, self._full_s, self._full_pending = MeanInbox((CURRENT, VOLTAGE)), -math.inf, False
             self.state = self.state._replace(battery=None, cells=None, range=None)
+        if self.range:
+            self.range.change_battery()
 
     def _reset_pose(self) -> None:
         if self.robot:
