@@ -131,7 +131,7 @@ def drive_figures(results: Mapping[str, Any]) -> dict[str, str]:
     return {
         "charge in the evening": f"{100 * evening['soc_final']:.0f} ± {100 * BAND_95 * evening['soc_std_final']:.0f} %",
         "speed error": wording.quantity(slip["speed_rmse_m_s"], "mm/s RMS", 1e3),
-        "wheel slip found": wording.percent(slip["detection_rate"], 1),
+        "slip error": wording.quantity(slip["slip_rmse"], "points RMS of the slip ratio", 100.0),
         "range left": f"{p50:.1f} km, {p10:.1f} to {p90:.1f} (P10-P90)",
         "gets home": f"{wording.percent(mission['probability'], 0)} sure, with the reserve left",
     }
