@@ -12,7 +12,7 @@ import numpy as np
 
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RollingResistance, Terrain, scene
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver

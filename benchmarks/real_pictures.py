@@ -13,8 +13,7 @@ from figure import HERE
 from ohmward.filters.consistency import BAND_95
 from ohmward.report import TIME, Band, Figure, Series
 from ohmward.traction.dynamics.slip import slip_ratio
-from ohmward.traction.friction.law import Contact, contact
-from ohmward.traction.friction.soft_ground import SoftGround
+from ohmward.traction.friction.law import Contact, SoftGround, contact
 from ohmward.traction.friction.terrain import SOILS
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward_lab.traction.friction_fit import drawbar_N, fit_law

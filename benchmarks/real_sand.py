@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from figure import Figure, at_most, rms
-from ohmward.traction.friction.law import contact, direction_and_size
-from ohmward.traction.friction.soft_ground import SoftGround, mean_shear
+from ohmward.traction.friction.law import SoftGround, contact, direction_and_size, mean_shear
 from ohmward.traction.friction.terrain import SOILS
 from ohmward_lab.traction.friction_fit import (
     Family,

@@ -27,7 +27,7 @@ from ohmward.traction.control import (
     driven_wheel,
 )
 from ohmward.traction.friction.law import CoulombCreep
-from ohmward.traction.friction.rolling import RollingResistance
+from ohmward.traction.friction.terrain import RollingResistance
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant
 from ohmward_lab.simulate.robot_sensors import RobotTruth, stack

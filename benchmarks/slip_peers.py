@@ -18,7 +18,7 @@ from figure import Figure, at_least, at_most, rms
 from ohmward.filters.consistency import BAND_95
 from ohmward.traction import RLMA, Terrain
 from ohmward.traction.control import SlipCommand, SlipController
-from ohmward.traction.friction.burckhardt import Burckhardt
+from ohmward.traction.friction.law import Burckhardt
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward_lab.simulate.closed_loop.ground import Patch
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant

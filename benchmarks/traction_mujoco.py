@@ -18,7 +18,7 @@ from ohmward.filters import Belief, kalman
 from ohmward.filters.consistency import mean_bounds
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RobotInput, RollingResistance, hard_terrain, scene, step
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.noise import ObserverNoise
 

@@ -4,8 +4,7 @@ import pytest
 
 from ohmward.cli.main import main
 from ohmward.traction import load_robot
-from ohmward.traction.robot.generic import generic_robot
-from ohmward.traction.robot.packaged import PACKAGED
+from ohmward.traction.robot.packaged import PACKAGED, generic_robot
 from ohmward.traction.robot.robot import ROBOT_FILE
 
 

@@ -9,7 +9,7 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RobotInput, forces, scene
-from ohmward.traction.dynamics.energy_balance import power
+from ohmward.traction.dynamics.forces import power
 from ohmward.traction.dynamics.implicit_step import step
 from traction.examples import HARD, LOSSY, ROBOTS, SLIPPERY, TERRAINS
 

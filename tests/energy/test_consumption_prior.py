@@ -8,7 +8,7 @@ from ohmward.energy.consumption_prior import heat_W_per_N2, prior_from_mass, pri
 from ohmward.energy.leg import Leg, stretch_of
 from ohmward.errors import InputError
 from ohmward.traction import RLMA, RobotInput, forces, hard_terrain, scene
-from ohmward.traction.dynamics.energy_balance import power
+from ohmward.traction.dynamics.forces import power
 from ohmward.traction.terrain.floor import STIFFNESS, STIFFNESS_STD
 from ohmward_lab.traction.quasi_static import wheel_slip
 from traction.examples import LOSSY

@@ -14,11 +14,8 @@ from ohmward.traction import (
     hard_terrain,
     soft_terrain,
 )
-from ohmward.traction.friction.brush import Brush
-from ohmward.traction.friction.law import CoulombCreep
-from ohmward.traction.friction.soft_ground import SoftGround
+from ohmward.traction.friction.law import Brush, CoulombCreep, SoftGround, WardIagnemma
 from ohmward.traction.friction.terrain import ROADS, SOILS
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 
 LOAD_N = 100.0
 

@@ -10,7 +10,7 @@ from ohmward.errors import InputError
 from ohmward.logs import DriveLog
 from ohmward.traction import RLMA, Differential, SkidSteer
 from ohmward.traction.drive_checks import check_drive, mended, with_signed_speed
-from ohmward.traction.robot.generic import generic_robot
+from ohmward.traction.robot.packaged import generic_robot
 from ohmward_lab.simulate import closed_loop
 from ohmward_lab.simulate.closed_loop import drive_log, find_scenario
 

@@ -6,7 +6,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction.robot.chassis import Omni
-from ohmward.traction.robot.generic import generic_robot
+from ohmward.traction.robot.packaged import generic_robot
 from ohmward.traction.robot.robot import GRAVITY, ROBOT_FILE
 
 

@@ -18,8 +18,7 @@ from ohmward.filters import Belief, adaptive, kalman
 from ohmward.filters.unscented import DEFAULT, sigma_points, sigma_weights, textbook_step
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RollingResistance
-from ohmward.traction.friction.brush import Brush
-from ohmward.traction.friction.law import Contact
+from ohmward.traction.friction.law import Brush, Contact
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.scheme_by_method import SchemeByMethod

@@ -17,7 +17,7 @@ from ohmward.filters import Belief, adaptive
 from ohmward.report import TIME, Figure, Series
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA, RobotInput, RollingResistance, Terrain, next_state, scene
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.encoders import wheel_speeds
 from ohmward.traction.speed_observer.noise import quantisation_std_rad_s

@@ -42,12 +42,20 @@ import numpy as np
 from ohmward.checks import require_finite
 from ohmward.errors import InputError
 from ohmward.optional import require
-from ohmward.traction.friction.brush import Brush
-from ohmward.traction.friction.burckhardt import Burckhardt
-from ohmward.traction.friction.law import SPEED_FLOOR, Contact, CoulombCreep, TractionLaw, contact, direction_and_size
-from ohmward.traction.friction.soft_ground import SoftGround, Soil
+from ohmward.traction.friction.law import (
+    SPEED_FLOOR,
+    Brush,
+    Burckhardt,
+    Contact,
+    CoulombCreep,
+    SoftGround,
+    Soil,
+    TractionLaw,
+    WardIagnemma,
+    contact,
+    direction_and_size,
+)
 from ohmward.traction.friction.terrain import ROADS
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 
 
 class Free(NamedTuple):

@@ -15,8 +15,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
-from ohmward.traction.dynamics.energy_balance import EnergyBalance, kinetic_energy
-from ohmward.traction.dynamics.forces import RobotInput, Scene, normal_loads
+from ohmward.traction.dynamics.forces import EnergyBalance, RobotInput, Scene, kinetic_energy, normal_loads
 from ohmward.traction.robot.motor import copper_loss, friction_torque, ideal_torque
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate

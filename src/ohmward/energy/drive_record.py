@@ -13,8 +13,7 @@ from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Log, Note
 from ohmward.traction.drive_checks import mended
-from ohmward.traction.dynamics.energy_balance import EnergyBalance
-from ohmward.traction.dynamics.forces import Scene
+from ohmward.traction.dynamics.forces import EnergyBalance, Scene
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimator import SlipRun, motion_of, observe

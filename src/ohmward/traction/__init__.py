@@ -3,8 +3,13 @@
 from ohmward.traction.dynamics.forces import RobotInput, forces, rates, scene
 from ohmward.traction.dynamics.implicit_step import ALEXANDER, EULER, next_state, step
 from ohmward.traction.dynamics.slip import slip_ratio
-from ohmward.traction.friction.rolling import CompactionResistance, RollingResistance
-from ohmward.traction.friction.terrain import Terrain, hard_terrain, soft_terrain
+from ohmward.traction.friction.terrain import (
+    CompactionResistance,
+    RollingResistance,
+    Terrain,
+    hard_terrain,
+    soft_terrain,
+)
 from ohmward.traction.inbox import SensorInbox
 from ohmward.traction.odometry.estimator import Odometry
 from ohmward.traction.robot.chassis import Differential, Mecanum, Omni, SkidSteer, TwoWheeled

@@ -18,7 +18,7 @@ from ohmward.logs.log import Note
 from ohmward.quantities import QUANTITIES, limits_of
 from ohmward.runs import from_to, long_runs
 from ohmward.signals.checks import beyond_limits, stuck
-from ohmward.traction.motion.held import STUCK_SHARE, TURNS_M_S
+from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import require_wheels
 from ohmward.traction.motion_check import CURED, FEWEST, LASTS_S, SCRUBS, check_signs, check_units, motion_of
 from ohmward.traction.robot.robot import GRAVITY, Robot

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import loguniform
 
-from ohmward.traction.friction.law import Contact, CoulombCreep, TractionLaw
-from ohmward.traction.friction.soft_ground import SoftGround, Soil
+from ohmward.traction.friction.law import Contact, CoulombCreep, SoftGround, Soil, TractionLaw
 from ohmward.traction.friction.terrain import ROADS, SOILS
 from ohmward_lab.traction import friction_fit
 from ohmward_lab.traction.friction_fit import departures, usual_traction

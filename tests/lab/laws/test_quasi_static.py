@@ -6,8 +6,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.trace import Kernel, linearize
 from ohmward.traction import RLMA, RobotInput, next_state, scene
-from ohmward.traction.friction.law import contact
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward.traction.friction.law import WardIagnemma, contact
 from ohmward_lab.traction.quasi_static import motion_rates, next_motion, slip_at_force, wheel_slip
 from traction.examples import HARD, LAWS, LOAD_N, ROBOTS, SLIPPERY
 

@@ -8,9 +8,8 @@ import pytest
 
 from ohmward.trace import Kernel
 from ohmward.traction.control import Limits, SlipCommand, SlipController
-from ohmward.traction.friction.law import TractionLaw
+from ohmward.traction.friction.law import TractionLaw, WardIagnemma
 from ohmward.traction.friction.terrain import ROADS
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward_lab.traction.set_points import SetPointSeeker, best_slip, driving_force, peak
 from traction.control.examples import SLIDING, WHEEL, Truth, measured, turn
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.traction.friction.law import CoulombCreep, TractionLaw
+from ohmward.traction.friction.law import CoulombCreep, TractionLaw, WardIagnemma
 from ohmward.traction.friction.terrain import ROADS
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward_lab.traction.set_points import SetPointSeeker, best_slip, driving_force, peak
 
 LOAD_N, SPEED, DT = 100.0, 0.5, 0.01

@@ -3,9 +3,8 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from ohmward.errors import InputError
-from ohmward.traction.friction.law import CoulombCreep
+from ohmward.traction.friction.law import CoulombCreep, WardIagnemma
 from ohmward.traction.friction.terrain import ROADS
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward_lab.traction.set_points import best_slip, driving_force, peak
 from traction.examples import LAWS, LOAD_N
 

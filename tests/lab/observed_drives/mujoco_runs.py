@@ -8,7 +8,7 @@ import numpy as np
 
 from kernels import kernel_of
 from ohmward.traction import RLMA, RollingResistance, Terrain, scene
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.speed_observer.encoders import wheel_speeds
 from ohmward.traction.speed_observer.noise import ObserverNoise

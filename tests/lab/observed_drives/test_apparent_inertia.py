@@ -5,7 +5,7 @@ import pytest
 
 from ohmward.trace import Kernel, clip
 from ohmward.traction import ALEXANDER, RLMA, RobotInput, RollingResistance, Terrain, next_state, scene
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.make_observer import default_observer

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ohmward.filters.belief import Belief
-from ohmward.traction.motion.sanitize import CleanSample
+from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_evidence import (

@@ -9,8 +9,7 @@ from scipy.integrate import solve_ivp
 
 from ohmward.traction.dynamics.forces import RobotInput, rates, scene
 from ohmward.traction.friction.law import CoulombCreep
-from ohmward.traction.friction.rolling import RollingResistance
-from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.friction.terrain import RollingResistance, Terrain
 from ohmward.traction.robot.chassis import Differential, SkidSteer
 from ohmward.traction.robot.motor import Motor
 from ohmward.traction.robot.robot import Robot, Wheel

@@ -17,7 +17,7 @@ from ohmward.traction.calibration import (
     learn_floor,
     with_parameters,
 )
-from ohmward.traction.friction.burckhardt import Burckhardt
+from ohmward.traction.friction.law import Burckhardt
 from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive
 
 DIRECTIONS = range(0, 360, 30)

@@ -4,8 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ohmward.traction import RobotInput, forces, scene
-from ohmward.traction.dynamics.energy_balance import EnergyBalance, kinetic_energy, power
-from ohmward.traction.dynamics.forces import momentum_rates
+from ohmward.traction.dynamics.forces import EnergyBalance, kinetic_energy, momentum_rates, power
 from traction.examples import HARD, ROBOTS, TERRAINS
 
 

@@ -21,7 +21,7 @@ from ohmward.traction import (
     scene,
     step,
 )
-from ohmward.traction.dynamics.energy_balance import kinetic_energy
+from ohmward.traction.dynamics.forces import kinetic_energy
 from ohmward.traction.dynamics.implicit_step import solve
 from ohmward.traction.friction.law import CoulombCreep
 from traction.examples import HARD, LOW, ROBOTS, SLIPPERY, TERRAINS

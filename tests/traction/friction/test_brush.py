@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.traction.friction.brush import Brush
-from ohmward.traction.friction.law import contact
+from ohmward.traction.friction.law import Brush, contact
 
 MU, LENGTH, STIFFNESS, LEAD, LOAD = 0.8, 0.06, 3e5, 0.02, 110.0
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from ohmward.errors import InputError
 from ohmward.trace import Kernel, linearize
 from ohmward.traction import CompactionResistance, RollingResistance
-from ohmward.traction.friction.soft_ground import SoftGround
+from ohmward.traction.friction.law import SoftGround
 from ohmward.traction.friction.terrain import SOILS
 
 SOIL = CompactionResistance(SoftGround(SOILS["regolith"], 0.12, 0.05))

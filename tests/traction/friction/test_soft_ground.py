@@ -5,8 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from ohmward.errors import InputError
-from ohmward.traction.friction.law import contact
-from ohmward.traction.friction.soft_ground import SoftGround, Soil, mean_shear
+from ohmward.traction.friction.law import SoftGround, Soil, contact, mean_shear
 from ohmward.traction.friction.terrain import SOILS
 
 RADIUS, WIDTH, LOAD = 0.12, 0.05, 100.0

@@ -2,9 +2,8 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction import hard_terrain, soft_terrain
-from ohmward.traction.friction.law import contact
+from ohmward.traction.friction.law import WardIagnemma, contact
 from ohmward.traction.friction.terrain import ADHESION, ROADS
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 
 
 @pytest.mark.parametrize("name", ADHESION)

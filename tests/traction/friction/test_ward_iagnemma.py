@@ -4,10 +4,8 @@ import sympy as sp
 
 from ohmward.errors import InputError
 from ohmward.trace import Kernel
-from ohmward.traction.friction.burckhardt import Burckhardt
-from ohmward.traction.friction.law import Contact, contact
+from ohmward.traction.friction.law import Burckhardt, Contact, WardIagnemma, adhesion, contact
 from ohmward.traction.friction.terrain import ROADS
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma, adhesion
 
 LAW = WardIagnemma(1.0, 20.0, -0.4, sliding=0.6)
 

@@ -7,7 +7,7 @@ from scipy.stats import norm
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA, Odometry
-from ohmward.traction.motion.held import (
+from ohmward.traction.motion.outside_speed import (
     ALARM,
     GARBAGE,
     GARBAGE_S_PER_M,
@@ -16,9 +16,9 @@ from ohmward.traction.motion.held import (
     MET_S,
     SLIDES_S,
     Held,
+    OutsideSpeed,
     weigh_held,
 )
-from ohmward.traction.motion.outside_speed import OutsideSpeed
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.speed_observer.estimator import SlipEstimator
 from ohmward.traction.speed_observer.make_observer import default_observer

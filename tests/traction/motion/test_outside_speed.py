@@ -16,8 +16,7 @@ from ohmward.traction.motion.outside_speed import (
     effective_std,
     receive,
 )
-from ohmward.traction.motion.sample import no_sample
-from ohmward.traction.motion.sanitize import CredibleLimits, sanitize
+from ohmward.traction.motion.sample import CredibleLimits, no_sample, sanitize
 from ohmward.traction.odometry.pose_filter import pose_filter
 from traction.odometry.examples import DT_S, integrate, samples
 from traction.odometry.test_counts_and_gyro import INDOOR, TRACK_M, scan

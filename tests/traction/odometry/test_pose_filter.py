@@ -16,7 +16,7 @@ from ohmward.traction.odometry.corrections import HEADING_WAIT
 from ohmward.traction.odometry.model import ANY_HEADING_RAD, OdometryNoise, noise_of
 from ohmward.traction.odometry.pose_filter import PoseFilter
 from ohmward.traction.odometry.sample import OdometryFlag
-from ohmward.traction.robot.generic import generic_robot
+from ohmward.traction.robot.packaged import generic_robot
 from ohmward.traction.terrain.floor import ROLLING, STIFFNESS
 from traction.odometry.examples import DT_S, NOISE, drive, gauss_markov, samples
 

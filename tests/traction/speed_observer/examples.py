@@ -18,7 +18,7 @@ from ohmward.traction import (
     next_state,
     scene,
 )
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.motion.sample import RobotSample
 
 DT_S = 0.01

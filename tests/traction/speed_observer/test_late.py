@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward.traction import RLMA
-from ohmward.traction.motion.intervals import change_since, empty_history, remember
+from ohmward.traction.motion.sample import change_since, empty_history, remember
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import KNOWN_GROUND

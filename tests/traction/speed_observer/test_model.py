@@ -10,8 +10,8 @@ from ohmward.filters import unpack
 from ohmward.filters.belief import PackedBelief
 from ohmward.trace import Kernel
 from ohmward.traction import EULER, Differential, RollingResistance, Terrain, scene
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
-from ohmward.traction.motion.sanitize import CleanSample
+from ohmward.traction.friction.law import WardIagnemma
+from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.speed_observer import encoders
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise

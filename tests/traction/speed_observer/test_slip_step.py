@@ -5,7 +5,7 @@ import pytest
 
 from ohmward.trace import Kernel
 from ohmward.traction import EULER, RobotInput, Terrain, scene
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
+from ohmward.traction.friction.law import WardIagnemma
 from ohmward.traction.speed_observer.slip_step import grip, slip_step, traction, traction_and_slope
 from ohmward.traction.speed_observer.states import KNOWN_GROUND, StateLayout, States
 from ohmward_lab.traction.quasi_static import wheel_slip

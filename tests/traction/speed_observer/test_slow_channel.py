@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import RLMA
-from ohmward.traction.motion.intervals import LONGER, advance, holds, never
+from ohmward.traction.motion.sample import LONGER, advance, holds, never
 from ohmward.traction.speed_observer.estimator import observe
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver

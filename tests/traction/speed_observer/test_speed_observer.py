@@ -14,8 +14,7 @@ from ohmward.filters.consistency import mean_bounds, nees
 from ohmward.filters.kalman import correct_state
 from ohmward.trace import Kernel
 from ohmward.traction import RollingResistance, SkidSteer, scene
-from ohmward.traction.motion.sample import RobotSample
-from ohmward.traction.motion.sanitize import sanitize
+from ohmward.traction.motion.sample import RobotSample, sanitize
 from ohmward.traction.speed_observer.body_sensors import correct_sensor
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver

@@ -10,8 +10,7 @@ from kernels import kernel_of
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import ROBOTINO, Robot
 from ohmward.traction.calibration import CalibrationDrive
-from ohmward.traction.motion.sample import RobotSample, first_of
-from ohmward.traction.motion.sanitize import sanitize
+from ohmward.traction.motion.sample import RobotSample, first_of, sanitize
 from ohmward.traction.robot.motor import current_for_torque
 from ohmward.traction.terrain.floor import Floor
 from ohmward.traction.terrain.slip_on_floors import LIMITS, SlipOnFloors, slip_on_floors

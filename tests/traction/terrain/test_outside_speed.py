@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ohmward.traction.motion.sample import RobotSample
-from ohmward.traction.motion.sanitize import sanitize
+from ohmward.traction.motion.sample import RobotSample, sanitize
 from ohmward.traction.observed_drive import observe_on_floors
 from ohmward.traction.terrain.floor import Floors, SlipBelief
 from ohmward.traction.terrain.outside_speed import (

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from ohmward.errors import InputError
-from ohmward.traction.motion.sample import RobotSample, no_sample, samples_of
-from ohmward.traction.motion.sanitize import sanitize
+from ohmward.traction.motion.sample import RobotSample, no_sample, samples_of, sanitize
 from ohmward.traction.terrain.slip_on_floors import LIMITS
 from ohmward.traction.terrain.wheel_filter import METHODS, WheelFilter, WheelState
 from traction.terrain.drives import OMNI, SOFT, along, omni_drive, steady

@@ -14,8 +14,15 @@ import numpy as np
 from ohmward.checks import require_between, require_finite, require_positive
 from ohmward.errors import InputError
 from ohmward.traction.friction.law import CoulombCreep
-from ohmward.traction.friction.rolling import RollingResistance
-from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, Terrain, hard_terrain, soft_terrain
+from ohmward.traction.friction.terrain import (
+    ADHESION,
+    ROADS,
+    SOILS,
+    RollingResistance,
+    Terrain,
+    hard_terrain,
+    soft_terrain,
+)
 from ohmward.traction.robot.robot import Robot
 from ohmward_lab.simulate.mujoco_plant import ROUGHEST, STEEPEST_GRADE_RAD
 

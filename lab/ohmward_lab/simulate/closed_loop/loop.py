@@ -23,7 +23,7 @@ from ohmward.errors import InputError
 from ohmward.trace import Kernel
 from ohmward.traction.control import ControlFlag, Measurement, Report
 from ohmward.traction.control.signals import SAME_TORQUE
-from ohmward.traction.dynamics.energy_balance import EnergyBalance
+from ohmward.traction.dynamics.forces import EnergyBalance
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.closed_loop.control import Controller, WheelCommand, make_controller, wheel_command
 from ohmward_lab.simulate.closed_loop.mujoco_robot import MujocoRobot

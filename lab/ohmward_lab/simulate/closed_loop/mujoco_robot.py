@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.traction.dynamics.energy_balance import EnergyBalance, kinetic_energy
-from ohmward.traction.friction.rolling import RollingResistance
+from ohmward.traction.dynamics.forces import EnergyBalance, kinetic_energy
+from ohmward.traction.friction.terrain import RollingResistance
 from ohmward.traction.robot.chassis import Mecanum, Omni, TwoWheeled
 from ohmward.traction.robot.motor import copper_loss, friction_torque
 from ohmward.traction.robot.robot import GRAVITY, Robot

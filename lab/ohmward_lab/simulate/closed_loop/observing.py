@@ -13,9 +13,8 @@ from ohmward.errors import InputError
 from ohmward.trace import Kernel
 from ohmward.traction.control import Measurement
 from ohmward.traction.dynamics.forces import scene
-from ohmward.traction.friction.law import CoulombCreep
+from ohmward.traction.friction.law import CoulombCreep, WardIagnemma
 from ohmward.traction.friction.terrain import Terrain
-from ohmward.traction.friction.ward_iagnemma import WardIagnemma
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.robot import Robot, free_sideways
 from ohmward.traction.speed_observer.estimate import SlipEstimate, unknown_ground

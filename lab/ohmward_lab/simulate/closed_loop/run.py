@@ -14,7 +14,7 @@ from ohmward.logs.drive_log import DriveLog
 from ohmward.logs.log import Note
 from ohmward.quantities import BODY
 from ohmward.traction.control import Report
-from ohmward.traction.dynamics.energy_balance import EnergyBalance
+from ohmward.traction.dynamics.forces import EnergyBalance
 from ohmward.traction.dynamics.slip import driving_slip_ratio
 from ohmward.traction.inbox import HEADING
 from ohmward.traction.motion.sample import RobotSample

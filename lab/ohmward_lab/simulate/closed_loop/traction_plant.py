@@ -19,13 +19,11 @@ import numpy as np
 
 from ohmward.checks import require_positive
 from ohmward.trace import Kernel, cos, sin
-from ohmward.traction.dynamics.energy_balance import EnergyBalance
-from ohmward.traction.dynamics.forces import Forces, RobotInput, Scene, forces, momentum_rates, scene
+from ohmward.traction.dynamics.forces import EnergyBalance, Forces, RobotInput, Scene, forces, momentum_rates, scene
 from ohmward.traction.dynamics.implicit_step import Step, step
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.friction.law import Contact, TractionLaw
-from ohmward.traction.friction.rolling import RollingLaw
-from ohmward.traction.friction.terrain import Terrain
+from ohmward.traction.friction.terrain import RollingLaw, Terrain
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward_lab.simulate.closed_loop.ground import Grade, Patch, adhesion, surface
 from ohmward_lab.simulate.robot_sensors import RobotTruth, driven_torques

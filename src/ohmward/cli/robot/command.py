@@ -11,8 +11,7 @@ from ohmward.atomic import back_up
 from ohmward.cli.outcome import Outcome, check_output
 from ohmward.errors import InputError
 from ohmward.onboard.sources.ros2 import wheel_of
-from ohmward.traction.robot.generic import generic_robot
-from ohmward.traction.robot.packaged import PACKAGED, load_robot
+from ohmward.traction.robot.packaged import PACKAGED, generic_robot, load_robot
 from ohmward.traction.robot.robot import CHASSIS, Robot, save_robot
 from ohmward.traction.robot.urdf import UrdfRobot, read_urdf
 

@@ -38,8 +38,7 @@ from ohmward.onboard.ros import types
 from ohmward.onboard.sources.ros2 import wheel_of
 from ohmward.quantities import QUANTITIES
 from ohmward.toml_file import noun_of
-from ohmward.traction.robot.generic import generic_robot
-from ohmward.traction.robot.packaged import PACKAGED, load_robot
+from ohmward.traction.robot.packaged import PACKAGED, generic_robot, load_robot
 from ohmward.traction.robot.robot import ROBOT_FILE
 
 _DATABASES, _CAN_LOGS = (".dbc", ".kcd", ".sym", ".arxml"), (".log", ".asc", ".blf", ".trc", ".csv")

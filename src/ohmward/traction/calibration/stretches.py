@@ -9,7 +9,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.traction.calibration.truth import CalibrationDrive, between
-from ohmward.traction.motion.held import STUCK_SHARE
+from ohmward.traction.motion.outside_speed import STUCK_SHARE
 from ohmward.traction.robot.robot import Robot, motion_from_wheels
 from ohmward.traction.terrain.demand import travel_speed
 

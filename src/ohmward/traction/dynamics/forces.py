@@ -1,4 +1,4 @@
-"""Dynamics of a robot on the ground: forces at every wheel, and the rates of body and wheels.
+"""Dynamics of a robot on the ground: forces at every wheel, rates of body and wheels, and the energy balance.
 
 m (dv_x/dt - yaw_rate v_y) = sum of the wheels' forces along x - m g sin(grade) - drawbar pull
 J dyaw_rate/dt             = sum of their moments
@@ -7,6 +7,13 @@ J_w domega/dt              = tau - r F_tr(own wheel)
 State x (n,): motions of the body (2 or 3), then the speeds of the driven wheels, named by `Robot.state_names`. A wheel
 that is not driven rolls without slip and gives rolling resistance only. Where the chassis scrubs, each wheel's force
 points along its slip vector (r omega - v, -v_sideways) and is the law's at the length of that vector.
+
+Energy balance, in power or energy:
+
+battery    = electrical + idle + resistor
+electrical = copper + drive + slip + rolling + climb + drawbar + kinetic + numerical
+
+The second line follows from tau omega = d/dt (kinetic energy) + F_tr s + |F_rr| |v_f| + grade, with the motor in front.
 """
 
 from __future__ import annotations
@@ -20,7 +27,7 @@ from ohmward.errors import InputError
 from ohmward.trace import cos, maximum, sin, sqrt, where
 from ohmward.traction.friction.law import Contact, TractionLaw, contact, direction_and_size
 from ohmward.traction.friction.terrain import Terrain
-from ohmward.traction.robot.motor import friction_torque, ideal_torque
+from ohmward.traction.robot.motor import copper_loss, friction_torque, ideal_torque
 from ohmward.traction.robot.robot import GRAVITY, Robot
 
 #: Passes over the loop of force and load; each leaves about height/wheelbase * mu of the error.
@@ -185,3 +192,71 @@ def _external(x: np.ndarray, pull: np.ndarray, robot: Robot) -> np.ndarray:
     v_x, v_y, yaw_rate = x[:3]
     turning = robot.mass_kg * yaw_rate
     return np.array([pull[0] + turning * v_y, pull[1] - turning * v_x, 0.0])
+
+
+class EnergyBalance(NamedTuple):
+    """Terms of the energy balance: power [W], or energy [J] where integrated over time; numbers or (T,) arrays.
+
+    battery = idle + resistor + copper + drive + slip + rolling + climb + drawbar + kinetic + numerical + residual
+    """
+
+    battery: Any = 0.0  #:    out of the battery; < 0 where it is charged
+    electrical: Any = 0.0  #: into the motors, part of `battery`; < 0 where braking gives back
+    idle: Any = 0.0  #:       electronics
+    resistor: Any = 0.0  #:   braking power that the battery does not take, burned in a resistor
+    copper: Any = 0.0  #:     heats the windings
+    drive: Any = 0.0  #:      lost in gears and bearings
+    slip: Any = 0.0  #:       lost between wheel and ground, along and across
+    rolling: Any = 0.0  #:    lost to rolling resistance
+    climb: Any = 0.0  #:      lifts the robot; < 0 downhill
+    drawbar: Any = 0.0  #:    pulls the load behind it
+    kinetic: Any = 0.0  #:    accelerates body and wheels; < 0 where they slow down
+    numerical: Any = 0.0  #:  lost by the method of integration
+
+    @property
+    def losses(self) -> Any:
+        """Part of `electrical` that becomes heat."""
+        return self.copper + self.drive + self.slip + self.rolling
+
+    @property
+    def residual(self) -> Any:
+        """Part of `battery` that no term explains, in the unit of the terms: 0 where the balance closes."""
+        return self.battery - sum(getattr(self, name) for name in TERMS)
+
+    def accumulate(self, step: EnergyBalance) -> EnergyBalance:
+        """The balance after one more step."""
+        return EnergyBalance(*(total + term for total, term in zip(self, step, strict=True)))
+
+
+#: Terms that add up to `battery`.
+TERMS = tuple(name for name in EnergyBalance._fields if name not in ("battery", "electrical"))
+
+
+def power(x: np.ndarray, u: RobotInput, p: Scene, f: Forces) -> EnergyBalance:
+    """Energy balance [W] in state x with the forces `f`; every loss is >= 0 in every state."""
+    robot = p.robot
+    motion, omega = x[: robot.freedoms], x[robot.freedoms :]
+    copper = sum(copper_loss(robot.motor, u.current_A[k]) for k in range(robot.driven))
+    electrical = copper + f.torque_Nm @ omega
+    weight = weight_along_ground(u, robot)
+    leftward = motion[1] if robot.freedoms == 3 else 0.0
+    return EnergyBalance(
+        battery=electrical + robot.idle_W,
+        electrical=electrical,
+        idle=robot.idle_W,
+        copper=copper,
+        drive=f.friction_Nm @ omega,
+        slip=f.traction_N @ f.slip_speed_m_s - f.scrub_N @ f.sideways_m_s,
+        rolling=-(f.rolling_N @ (robot.rolling @ motion)),
+        climb=-(weight[0] * motion[0] + weight[1] * leftward),
+        drawbar=u.drawbar_N * motion[0],
+        kinetic=momentum_rates(x, u, p, f) @ x,
+    )
+
+
+def kinetic_energy(x: np.ndarray, inertia: np.ndarray) -> Any:
+    """Kinetic energy [J] of body and wheels.
+
+    x: (n,) or (T, n) speeds [m/s, rad/s].  inertia: (n,) of each, as `Robot.inertia`.
+    """
+    return 0.5 * ((x * x) @ inertia)

@@ -27,16 +27,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.trace import linearize, maximum
-from ohmward.traction.dynamics.energy_balance import EnergyBalance, kinetic_energy, power
 from ohmward.traction.dynamics.forces import (
     LOAD_PASSES,
+    EnergyBalance,
     RobotInput,
     Scene,
     force_on_plane,
     forces_at,
     grips,
+    kinetic_energy,
     momentum_rates,
     normal_loads,
+    power,
 )
 from ohmward.traction.robot.robot import Robot
 

@@ -1,4 +1,13 @@
-"""One sample of the sensors of a robot, live or from a log, for speed observer, odometry and learnt floors."""
+"""One sample of the sensors of a robot, live or from a log, for speed observer, odometry and learnt floors; sanitised.
+
+What no sensor can have shown counts as missing, see `ohmward.filters.sanitize`. A sensor that comes at its own rate
+leaves samples without a value. For its usual interval, learnt as its values come, the last value still holds; later it
+is missing. The interval follows the gaps between values: quickly up to the longest of them, slowly down, so that jitter
+makes no value missing; one gap in which the sensor failed lengthens it by a quarter at most.
+
+An encoder that repeats one number to the last bit, and not that of a wheel that stands, while another one moves, has
+stopped. One that stops at zero cannot be told from a wheel that stands.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +17,11 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from ohmward.errors import InputError
+from ohmward.filters.sanitize import between, sanitize_step, some, within
 from ohmward.logs.drive_log import DriveLog
+from ohmward.quantities import FASTEST_M_S, MOST_MOTOR_A, MOST_WHEEL_RAD_S
+from ohmward.trace import clip, exp, isfinite, logical_not, maximum, minimum, where
+from ohmward.trace.expression import Scalar
 from ohmward.traction.robot.robot import Robot
 
 S = TypeVar("S", bound=tuple[Any, ...])
@@ -66,3 +79,235 @@ def first_of(samples: S) -> S:
     """The first of samples (T, ...), without a step before it."""
     first: Any = type(samples)(*(first_of(v) if isinstance(v, tuple) else v[0] for v in samples))
     return first._replace(dt_s=0.0) if isinstance(samples, RobotSample) else first
+
+
+#: Keeps a time of no length, a robot that stands or no sample at all from dividing by zero.
+LEAST_DIVISOR = 1e-9
+
+
+class History(NamedTuple):
+    """The last steps, newest first."""
+
+    dt_s: np.ndarray  #: (steps,) length of each
+    change_m_s: np.ndarray  #: (steps,) predicted change of the speed in it
+
+
+def empty_history(steps: int) -> History:
+    """History of a filter that starts."""
+    return History(np.zeros(steps), np.zeros(steps))
+
+
+def remember(history: History, dt_s: Scalar, change_m_s: Scalar) -> History:
+    """The history with one more step, the oldest forgotten."""
+    if len(history.dt_s) == 0:
+        return history
+    return History(np.array([dt_s, *history.dt_s[:-1]]), np.array([change_m_s, *history.change_m_s[:-1]]))
+
+
+def change_since(history: History, age_s: Scalar) -> Scalar:
+    """Predicted change [m/s] of the speed in the last `age_s`, a step that it begins in counted in part."""
+    change: Scalar = 0.0
+    left_s: Scalar = maximum(age_s, 0.0)
+    for dt_s, step_m_s in zip(history.dt_s, history.change_m_s, strict=True):
+        change = change + step_m_s * clip(left_s / maximum(dt_s, LEAST_DIVISOR), 0.0, 1.0)
+        left_s = left_s - dt_s
+    return change
+
+
+#: Age [s] of a channel that has never had a value.
+NEVER_S = 1e9
+
+#: Factors by which one gap between two values shortens and lengthens the usual interval at most.
+SHORTER, LONGER = 0.99, 1.25
+
+#: Share of the usual interval for which a value holds; below 1, so that a value that fails is missing.
+HOLD_SHARE = 0.99
+
+#: So many values in a row may be lost on a link from a sensor that works.
+LOST = 3
+
+#: Time [s] for which the first value holds, until a second one tells the interval: sensors of 5 Hz are usual.
+FIRST_INTERVAL_S = 0.25
+
+
+class Intervals(NamedTuple):
+    """Clocks of channels, each (channels,)."""
+
+    age_s: np.ndarray  #: time since the last value; `NEVER_S` and more before the first
+    usual_s: np.ndarray  #: usual time between two values; 0 before the second
+
+
+def never(channels: int) -> Intervals:
+    """Clocks of channels that have not had a value."""
+    return Intervals(np.full(channels, NEVER_S), np.zeros(channels))
+
+
+def advance(before: Intervals, measured: np.ndarray, dt_s: Scalar) -> Intervals:
+    """The clocks after a step; measured: (channels,) conditions that there is a value at its end."""
+    gap_s = before.age_s + dt_s
+    followed = clip(gap_s, SHORTER * before.usual_s, LONGER * before.usual_s)
+    learnt = where(np.array([usual > 0.0 for usual in before.usual_s]), followed, gap_s)
+    return Intervals(
+        age_s=where(measured, 0.0, gap_s),
+        usual_s=where(measured & was_seen(before), learnt, before.usual_s),
+    )
+
+
+def was_seen(intervals: Intervals) -> np.ndarray:
+    """Conditions (channels,) that there has been a value."""
+    return np.array([age < NEVER_S for age in intervals.age_s])
+
+
+def holds(intervals: Intervals) -> np.ndarray:
+    """Conditions (channels,) that the last value still holds."""
+    usual_s = where(np.array([usual > 0.0 for usual in intervals.usual_s]), intervals.usual_s, FIRST_INTERVAL_S)
+    return np.array([age < HOLD_SHARE * usual for age, usual in zip(intervals.age_s, usual_s, strict=True)])
+
+
+def share_measured(before: Intervals, after: Intervals, dt_s: Scalar) -> np.ndarray:
+    """Share of the time since the last value over which a mean is taken (channels,); 0 before the second value.
+
+    All of it where up to LOST values were lost on the way, as counts run on; beyond, the usual interval.
+
+    before, after: clocks before and after the step.
+    """
+    gap_s = before.age_s + dt_s
+    lost = np.array([gap <= (LOST + 1) * usual for gap, usual in zip(gap_s, after.usual_s, strict=True)])
+    return where(lost, 1.0, after.usual_s / maximum(gap_s, LEAST_DIVISOR))
+
+
+#: A longer step is a clock that was set, not a robot that waited.
+LONGEST_STEP_S = 3600.0
+
+#: A faster turn [rad/s] is a gyro's fault: the range of those that robots carry is 2000 degrees a second.
+MOST_YAW_RAD_S = 35.0
+
+#: A steeper pitch [rad] is a sensor's fault.
+STEEPEST_RAD = 1.5
+
+#: An older speed [s] is no measurement; a standard deviation [m/s] outside of these limits is not its source's.
+OLDEST_S = 60.0
+SPEED_STD_M_S = (1e-4, 10.0)
+
+#: Time constant with which a motor current that is not measured fades.
+CURRENT_FADES_S = 0.5
+
+#: An encoder has stopped when it has repeated itself for so long [s] while another one moved.
+STOPPED_AFTER_S = 2.0
+
+
+class CredibleLimits(NamedTuple):
+    """Limits of credible samples: a longer gap [s], a larger current [A] and a faster wheel [rad/s] are faults."""
+
+    gap_s: float
+    current_A: float = MOST_MOTOR_A
+    wheel_rad_s: float = MOST_WHEEL_RAD_S
+
+
+class SensorStds(NamedTuple):
+    """Standard deviations of sensors in a sample, given or matched."""
+
+    encoder_rad_s: np.ndarray  #: (encoders,), driven wheels first, then passive ones where their encoders are used
+    torque_Nm: np.ndarray  #: (driven,) of the torque by each motor's current
+    gyro_rad_s: np.ndarray  #: (1,), or empty without a gyro
+
+
+class CleanSample(NamedTuple):
+    """A sample of what is credible."""
+
+    dt_s: Scalar  #: step [s], >= 0
+    modelled_s: Scalar  #: part of the step that a model describes; 0 while the robot stands
+    unmodelled_s: Scalar  #: the rest, in which the speed may have changed by anything; 0 while the robot stands
+    current_A: np.ndarray  #: (driven,) over the step, 0 or held where it is not measured
+    current_measured: np.ndarray  #: (driven,) conditions, true too where the last one still holds
+    wheel_speed_rad_s: np.ndarray  #: (wheels,), 0 where it is not measured
+    wheel_measured: np.ndarray  #: (wheels,) conditions
+    time_credible: Scalar  #: the condition that the clock can have shown the step
+    gap: Scalar  #: the condition that the step is longer than the last current is believed
+    #: of the body, nan where it is not measured
+    yaw_rate_rad_s: Scalar = math.nan
+    acceleration_m_s2: Scalar = math.nan
+    pitch_rad: Scalar = math.nan
+    speed_m_s: Scalar = math.nan
+    speed_std_m_s: Scalar = math.nan
+    speed_age_s: Scalar = 0.0  #: >= 0
+    speed_refused: Scalar = False  #: the condition that there is a speed of the body which no robot has now
+    current_refused: Scalar = False  #: the condition that a current was measured which no wheel can have taken
+    lag_share: Any = 1.0  #: (wheels,) share of the time since each encoder's last value over which its speed is a mean
+    rest_s: Scalar = 0.0  #: time for which wheels and motors have been at rest
+    resting: Scalar = False  #: the condition that this has lasted long enough for a standstill
+    stds: SensorStds | None = None  #: matched standard deviations of the sensors; None where the given ones hold
+
+
+class EncoderWatch(NamedTuple):
+    """Last speeds (wheels,) of the encoders [rad/s], and time (wheels,) for which each has repeated itself [s]."""
+
+    last_rad_s: np.ndarray
+    repeated_s: np.ndarray
+
+
+def sanitize(sample: RobotSample, limits: CredibleLimits) -> CleanSample:
+    """The sample without what no sensor and no clock can have shown."""
+    time = sanitize_step(sample.dt_s, LONGEST_STEP_S, limits.gap_s)
+    measured_A = np.array([within(current, limits.current_A) for current in sample.current_A])
+    measured = np.array([within(speed, limits.wheel_rad_s) for speed in sample.wheel_speed_rad_s])
+    modelled_s = minimum(time.dt_s, limits.gap_s)
+    credible = within(sample.speed_m_s, FASTEST_M_S) & logical_not(sample.speed_age_s > OLDEST_S)
+    return CleanSample(
+        dt_s=time.dt_s,
+        modelled_s=modelled_s,
+        unmodelled_s=time.dt_s - modelled_s,
+        current_A=where(measured_A, sample.current_A, 0.0),
+        current_measured=measured_A,
+        wheel_speed_rad_s=where(measured, sample.wheel_speed_rad_s, 0.0),
+        wheel_measured=measured,
+        time_credible=time.credible,
+        gap=time.gap,
+        yaw_rate_rad_s=where(within(sample.yaw_rate_rad_s, MOST_YAW_RAD_S), sample.yaw_rate_rad_s, math.nan),
+        acceleration_m_s2=sample.acceleration_m_s2,
+        pitch_rad=where(within(sample.pitch_rad, STEEPEST_RAD), sample.pitch_rad, math.nan),
+        speed_m_s=where(credible, sample.speed_m_s, math.nan),
+        speed_std_m_s=where(between(sample.speed_std_m_s, *SPEED_STD_M_S), sample.speed_std_m_s, math.nan),
+        speed_age_s=where(between(sample.speed_age_s, 0.0, OLDEST_S), sample.speed_age_s, 0.0),
+        speed_refused=isfinite(sample.speed_m_s) & logical_not(credible),
+    )
+
+
+def hold_currents(clean: CleanSample, last_A: np.ndarray, intervals: Intervals) -> CleanSample:
+    """The sample with the last currents (driven,) where none is measured.
+
+    Over the usual interval of its sensor the last one counts as measured; then it is missing, and fades.
+
+    intervals: of the currents, this step included.
+    """
+    held = holds(intervals) & logical_not(clean.current_measured)
+    known = clean.current_measured | held
+    last = where(held, last_A, last_A * exp(-clean.dt_s / CURRENT_FADES_S))
+    return clean._replace(current_A=where(clean.current_measured, clean.current_A, last), current_measured=known)
+
+
+def hold_still(clean: CleanSample, rest_s: Scalar, hold_s: float) -> CleanSample:
+    """The sample of a robot that stands after `hold_s` at rest: the model must not accelerate it, whatever holds it."""
+    resting = rest_s > hold_s
+    return clean._replace(
+        modelled_s=where(resting, 0.0, clean.modelled_s),
+        unmodelled_s=where(resting, 0.0, clean.unmodelled_s),
+        rest_s=rest_s,
+        resting=resting,
+    )
+
+
+def without_stopped(clean: CleanSample, before: EncoderWatch) -> tuple[CleanSample, EncoderWatch, Scalar]:
+    """The sample without encoders that have stopped, the watch after it, and the condition that one has."""
+    wheels = list(zip(clean.wheel_measured, clean.wheel_speed_rad_s, before.last_rad_s, strict=True))
+    moved = [good & (speed != last) for good, speed, last in wheels]
+    repeats = [good & logical_not(speed != last) & (last != 0.0) for good, speed, last in wheels]
+    stood = [last == 0.0 for last in before.last_rad_s]
+    passed_s = where(some(moved), clean.dt_s, 0.0)
+    repeated_s = np.array([
+        where(again, t + passed_s, where(some([moves, stands]), 0.0, t))
+        for again, moves, stands, t in zip(repeats, moved, stood, before.repeated_s, strict=True)
+    ])  # fmt: skip
+    stopped = np.array([time_s > STOPPED_AFTER_S for time_s in repeated_s])
+    watch = EncoderWatch(where(clean.wheel_measured, clean.wheel_speed_rad_s, before.last_rad_s), repeated_s)
+    return clean._replace(wheel_measured=clean.wheel_measured & logical_not(stopped)), watch, some(stopped)

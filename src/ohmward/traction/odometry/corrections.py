@@ -18,9 +18,16 @@ from ohmward.filters.sanitize import between, every, some, within
 from ohmward.quantities import FASTEST_M_S
 from ohmward.trace import clip, cos, exp, isfinite, linearize, logical_not, maximum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.intervals import LEAST_DIVISOR, NEVER_S, History, change_since
 from ohmward.traction.motion.outside_speed import OutsideSpeed
-from ohmward.traction.motion.sanitize import OLDEST_S, SPEED_STD_M_S, CleanSample
+from ohmward.traction.motion.sample import (
+    LEAST_DIVISOR,
+    NEVER_S,
+    OLDEST_S,
+    SPEED_STD_M_S,
+    CleanSample,
+    History,
+    change_since,
+)
 from ohmward.traction.odometry.model import (
     AHEAD,
     APART,

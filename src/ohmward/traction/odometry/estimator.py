@@ -13,9 +13,8 @@ from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number,
 from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.traction.dynamics.slip import slip_ratio
-from ohmward.traction.motion.held import ALARM
-from ohmward.traction.motion.sample import RobotSample, first_of, samples_of
-from ohmward.traction.motion.sanitize import LONGEST_STEP_S
+from ohmward.traction.motion.outside_speed import ALARM
+from ohmward.traction.motion.sample import LONGEST_STEP_S, RobotSample, first_of, samples_of
 from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.odometry.modes import slip_modes
 from ohmward.traction.odometry.pose_filter import PoseFilter, pose_filter

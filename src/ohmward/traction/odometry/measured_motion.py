@@ -13,10 +13,27 @@ from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some, within
 from ohmward.trace import exp, isfinite, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.held import IS_HELD, ROCKS_M_S, TURNS_M_S, Held, weigh_held
-from ohmward.traction.motion.intervals import LOST, NEVER_S, Intervals, advance, holds, never, was_seen
-from ohmward.traction.motion.outside_speed import OutsideSpeed, SpeedErrors, receive
-from ohmward.traction.motion.sanitize import MOST_YAW_RAD_S, CleanSample
+from ohmward.traction.motion.outside_speed import (
+    IS_HELD,
+    ROCKS_M_S,
+    TURNS_M_S,
+    Held,
+    OutsideSpeed,
+    SpeedErrors,
+    receive,
+    weigh_held,
+)
+from ohmward.traction.motion.sample import (
+    LOST,
+    MOST_YAW_RAD_S,
+    NEVER_S,
+    CleanSample,
+    Intervals,
+    advance,
+    holds,
+    never,
+    was_seen,
+)
 from ohmward.traction.odometry.model import OFFSET, SLIP, TURN_SCALE, USUAL_TURN_S, MotionInput, OdometryNoise
 from ohmward.traction.odometry.modes import ModeSpeed, ModeState, Turning, first_modes, weigh
 from ohmward.traction.odometry.sample import Observed

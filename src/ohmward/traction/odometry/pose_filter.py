@@ -19,10 +19,17 @@ from ohmward.filters.linear_algebra import std as std_of
 from ohmward.filters.sanitize import every, some
 from ohmward.trace import linearize, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.held import ALARM, IS_HELD
-from ohmward.traction.motion.intervals import History, empty_history, remember, was_seen
-from ohmward.traction.motion.sample import no_sample
-from ohmward.traction.motion.sanitize import CleanSample, CredibleLimits, sanitize
+from ohmward.traction.motion.outside_speed import ALARM, IS_HELD
+from ohmward.traction.motion.sample import (
+    CleanSample,
+    CredibleLimits,
+    History,
+    empty_history,
+    no_sample,
+    remember,
+    sanitize,
+    was_seen,
+)
 from ohmward.traction.odometry.corrections import (
     LEAST_REJECTED_STD,
     MOST_OPENED,

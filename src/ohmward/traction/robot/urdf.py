@@ -18,7 +18,7 @@ import numpy as np
 
 from ohmward.errors import InputError
 from ohmward.traction.robot.chassis import Omni, SkidSteer, TwoWheeled
-from ohmward.traction.robot.generic import AXLE, WHEEL_MASS, WIDTH, generic_motor
+from ohmward.traction.robot.packaged import AXLE, WHEEL_MASS, WIDTH, generic_motor
 from ohmward.traction.robot.robot import Robot, Wheel, solid_box_yaw_inertia
 
 #: An axis is horizontal where it points up by less than this, lateral where it points ahead by less.

@@ -34,9 +34,8 @@ from ohmward.filters.linear_algebra import std as std_of
 from ohmward.filters.sanitize import every, some
 from ohmward.trace import clip, exp, isfinite, linearize, log, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.held import ROCKS_M_S
-from ohmward.traction.motion.intervals import LEAST_DIVISOR, History, change_since
-from ohmward.traction.motion.sanitize import CleanSample
+from ohmward.traction.motion.outside_speed import ROCKS_M_S
+from ohmward.traction.motion.sample import LEAST_DIVISOR, CleanSample, History, change_since
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.encoders import SPIKE_S
 from ohmward.traction.speed_observer.model import Model

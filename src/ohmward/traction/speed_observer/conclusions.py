@@ -26,8 +26,8 @@ from ohmward.filters.sanitize import every, some
 from ohmward.trace import linearize, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.slip import slip_ratio
-from ohmward.traction.motion.held import STUCK_SHARE, TURNS_M_S
-from ohmward.traction.motion.sanitize import CleanSample
+from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
+from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.model import Model
 

@@ -23,7 +23,7 @@ from ohmward.filters.linear_algebra import TINY, std
 from ohmward.filters.sanitize import some
 from ohmward.trace import logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.sanitize import CleanSample
+from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.slip_step import SlipStep
 

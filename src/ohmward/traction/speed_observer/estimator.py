@@ -11,8 +11,7 @@ from ohmward.filters.run import Run
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.trace import Kernel, maximum
 from ohmward.traction.friction.terrain import Terrain
-from ohmward.traction.motion.sample import RobotSample, first_of, samples_of
-from ohmward.traction.motion.sanitize import LONGEST_STEP_S
+from ohmward.traction.motion.sample import LONGEST_STEP_S, RobotSample, first_of, samples_of
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.make_observer import DEFAULT_FILTER, DEFAULT_TERRAIN, default_observer

@@ -35,9 +35,8 @@ from ohmward.logs.log import Note
 from ohmward.traction.dynamics.forces import scene
 from ohmward.traction.friction.law import contact
 from ohmward.traction.friction.terrain import Terrain, terrain_named
-from ohmward.traction.motion.held import TURNS_M_S
-from ohmward.traction.motion.intervals import LEAST_DIVISOR
-from ohmward.traction.motion.outside_speed import ASSUMED_STD_M_S
+from ohmward.traction.motion.outside_speed import ASSUMED_STD_M_S, TURNS_M_S
+from ohmward.traction.motion.sample import LEAST_DIVISOR
 from ohmward.traction.robot.chassis import SkidSteer
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.packaged import load_robot

@@ -24,8 +24,7 @@ import numpy as np
 from ohmward.filters.sanitize import every
 from ohmward.trace import clip, isfinite, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.intervals import LEAST_DIVISOR, NEVER_S
-from ohmward.traction.motion.sanitize import CleanSample, SensorStds
+from ohmward.traction.motion.sample import LEAST_DIVISOR, NEVER_S, CleanSample, SensorStds
 from ohmward.traction.speed_observer.model import Model
 
 #: A squared deviation counts up to so many times the usual one; the mean of a chi-square of one degree of freedom that

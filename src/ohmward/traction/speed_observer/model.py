@@ -21,8 +21,7 @@ from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import exp, isfinite, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import RobotInput, Scene, momentum_rates, normal_loads
-from ohmward.traction.motion.intervals import LEAST_DIVISOR
-from ohmward.traction.motion.sanitize import CleanSample, SensorStds
+from ohmward.traction.motion.sample import LEAST_DIVISOR, CleanSample, SensorStds
 from ohmward.traction.robot.robot import GRAVITY, motion_from_wheels
 from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.slip_step import SlipStep, grip, slip_step, traction, without_traction

@@ -53,9 +53,8 @@ from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some, within
 from ohmward.trace import clip, exp, isfinite, log, logical_not, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.held import IS_HELD, Held
-from ohmward.traction.motion.outside_speed import SpeedErrors
-from ohmward.traction.motion.sanitize import CleanSample
+from ohmward.traction.motion.outside_speed import IS_HELD, Held, SpeedErrors
+from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.body_sensors import BodyCorrection
 from ohmward.traction.speed_observer.model import UNKNOWN_M_S, UNKNOWN_M_S2, Model

@@ -38,27 +38,25 @@ from ohmward.filters.sanitize import every, some, within
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import Scene
-from ohmward.traction.motion.held import ALARM, IS_HELD, TURNS_M_S, weigh_held
-from ohmward.traction.motion.intervals import (
+from ohmward.traction.motion.outside_speed import ALARM, IS_HELD, TURNS_M_S, receive, weigh_held
+from ohmward.traction.motion.sample import (
     LEAST_DIVISOR,
-    History,
-    Intervals,
-    advance,
-    empty_history,
-    holds,
-    never,
-    remember,
-    share_measured,
-    was_seen,
-)
-from ohmward.traction.motion.outside_speed import receive
-from ohmward.traction.motion.sample import RobotSample, no_sample
-from ohmward.traction.motion.sanitize import (
     CleanSample,
     CredibleLimits,
+    History,
+    Intervals,
+    RobotSample,
+    advance,
+    empty_history,
     hold_currents,
     hold_still,
+    holds,
+    never,
+    no_sample,
+    remember,
     sanitize,
+    share_measured,
+    was_seen,
 )
 from ohmward.traction.speed_observer.body_sensors import (
     BodyCorrection,

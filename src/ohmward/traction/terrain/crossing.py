@@ -27,7 +27,7 @@ from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.filters.sanitize import some
 from ohmward.trace import exp, log, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.intervals import LEAST_DIVISOR
+from ohmward.traction.motion.sample import LEAST_DIVISOR
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.demand import drag_columns, mean_load, travel_speed
 from ohmward.traction.terrain.floor import Floor

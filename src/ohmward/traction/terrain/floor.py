@@ -28,7 +28,7 @@ from ohmward.checks import require_each_not_negative, require_each_positive
 from ohmward.errors import InputError
 from ohmward.toml_file import TomlFile
 from ohmward.trace import exp, log, maximum, minimum, sqrt
-from ohmward.traction.friction.burckhardt import Burckhardt
+from ohmward.traction.friction.law import Burckhardt
 
 #: Prior of a floor, rubber from carpet to concrete: medians, and sigmas of the logarithm. The stiffness of three floors
 #: under an omni robot is 41, 3.1 and 1.4.

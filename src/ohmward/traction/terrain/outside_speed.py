@@ -22,9 +22,8 @@ import numpy as np
 from ohmward.filters.sanitize import every, some
 from ohmward.trace import exp, isfinite, log, logical_not, maximum, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.intervals import LEAST_DIVISOR
 from ohmward.traction.motion.outside_speed import ASSUMED_STD_M_S
-from ohmward.traction.motion.sanitize import CleanSample
+from ohmward.traction.motion.sample import LEAST_DIVISOR, CleanSample
 from ohmward.traction.terrain.crossing import MEMORY_S
 from ohmward.traction.terrain.floor import SlipBelief
 

@@ -28,7 +28,7 @@ from ohmward.filters.linear_algebra import cholesky, solve_lower
 from ohmward.filters.sanitize import every
 from ohmward.trace import exp, log, maximum, minimum, where
 from ohmward.trace.expression import Scalar
-from ohmward.traction.motion.intervals import LEAST_DIVISOR
+from ohmward.traction.motion.sample import LEAST_DIVISOR
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.crossing import MEMORY_S
 from ohmward.traction.terrain.demand import drag_columns, mean_load

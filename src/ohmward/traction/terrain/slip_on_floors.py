@@ -39,8 +39,17 @@ from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.trace import Kernel, exp, logical_not, maximum, minimum, sqrt, table, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.friction.law import direction_and_size
-from ohmward.traction.motion.sample import RobotSample, first_of, no_sample, samples_of
-from ohmward.traction.motion.sanitize import LONGEST_STEP_S, CredibleLimits, EncoderWatch, sanitize, without_stopped
+from ohmward.traction.motion.sample import (
+    LONGEST_STEP_S,
+    CredibleLimits,
+    EncoderWatch,
+    RobotSample,
+    first_of,
+    no_sample,
+    samples_of,
+    sanitize,
+    without_stopped,
+)
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.crossing import Crossing, CrossingResult, CrossingState, CrossingTest, crossing_test
 from ohmward.traction.terrain.demand import (

@@ -31,7 +31,7 @@ from ohmward.filters import extended, kalman, unscented
 from ohmward.filters.belief import Belief, Innovation, PackedBelief, pack, unpack
 from ohmward.filters.linear_algebra import std
 from ohmward.trace import linearize, maximum, minimum, where
-from ohmward.traction.motion.sanitize import CleanSample
+from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.robot.motor import current_for_torque
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.demand import static_loads

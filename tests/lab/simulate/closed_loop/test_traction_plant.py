@@ -8,7 +8,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction import RLMA, ROBOTINO, SkidSteer
-from ohmward.traction.dynamics.energy_balance import EnergyBalance
+from ohmward.traction.dynamics.forces import EnergyBalance
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward_lab.simulate.closed_loop.ground import Grade, Patch
 from ohmward_lab.simulate.closed_loop.traction_plant import TractionPlant, tilt
