@@ -17,8 +17,7 @@ from figure import Figure, at_least, at_most
 from ohmward.logs.drive_log import DriveLog
 from ohmward.traction import Differential, Motor, Robot, RollingResistance, Wheel, hard_terrain
 from ohmward.traction.score import DriveTruth, score_drive
-from ohmward.traction.speed_observer.conclusions import SlipAlarm
-from ohmward.traction.speed_observer.estimate import SlipEstimate
+from ohmward.traction.speed_observer.estimate import SlipAlarm, SlipEstimate
 from ohmward.traction.speed_observer.estimator import observe
 from ohmward.traction.speed_observer.make_observer import make_observer
 from real_data import alarm_share, columns, false_alarms, held, once

@@ -8,8 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from figure import Figure, at_most, data_file
-from ohmward.traction.speed_observer.conclusions import SlipAlarm
-from ohmward.traction.speed_observer.estimate import SlipEstimate
+from ohmward.traction.speed_observer.estimate import SlipAlarm, SlipEstimate
 
 #: False-alarm rates that are stated, and must not be exceeded.
 STATED_RATES = (1e-1, 1e-2, 1e-3)

@@ -28,8 +28,7 @@ from ohmward.traction.calibration import (
     motion_from_pose,
     with_parameters,
 )
-from ohmward.traction.calibration.stretches import travel_speed
-from ohmward.traction.calibration.truth import local_slope
+from ohmward.traction.calibration.stretches import local_slope, travel_speed
 from ohmward.traction.robot.robot import motion_from_wheels
 from ohmward.traction.terrain.floor import Floor
 from ohmward.traction.terrain.slip_on_floors import FloorRun, SlipOnFloors, slip_on_floors

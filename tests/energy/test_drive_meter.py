@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from ohmward.energy.drive_meter import DriveMeter, DriveSample, advance
-from ohmward.energy.recorded import Cut, cut_drive
+from ohmward.energy.cut_drive import Cut, DriveMeter, DriveSample, advance, cut_drive
 
 T = np.arange(0.0, 301.0)
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from energy.examples import battery, certain, learned
-from ohmward.energy.get_home import get_home
 from ohmward.energy.leg import Leg
+from ohmward.energy.range import get_home
 from ohmward.energy.usable_energy import BatteryState
 from ohmward.errors import InputError
 

@@ -7,7 +7,7 @@ import pytest
 
 from energy.examples import PRIOR, battery
 from ohmward.energy.consumption import start
-from ohmward.energy.consumption_figures import record_figures, terrain_figures
+from ohmward.energy.drive_record import record_figures, terrain_figures
 from ohmward.energy.leg import Leg
 from ohmward.energy.mission import DEFAULT_RESERVE, MissionSettings, Plan, analyse, battery_at_end
 from ohmward.errors import InputError

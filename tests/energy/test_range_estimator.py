@@ -13,10 +13,10 @@ from ohmward.battery.soc.sample import SocEstimate
 from ohmward.energy import Consumption, Leg, RangeEstimator, RangeFlag, begin_drive, learn, prior_from_robot, start
 from ohmward.energy.consumption import energy_demand, with_terrain
 from ohmward.energy.consumption_file import dump_consumption
+from ohmward.energy.cut_drive import cut_drive
 from ohmward.energy.leg import stretch_of
 from ohmward.energy.range import ground_std
 from ohmward.energy.range_step import RangeSample, battery_state, usual_ground
-from ohmward.energy.recorded import cut_drive
 from ohmward.energy.sag import Sag
 from ohmward.energy.usable_energy import discharge_curves
 from ohmward.errors import InputError

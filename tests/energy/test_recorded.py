@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ohmward.energy.recorded import Cut, bridged, cut_drive
+from ohmward.energy.cut_drive import Cut, bridged, cut_drive
 from ohmward.errors import InputError
 
 T = np.arange(0.0, 301.0)

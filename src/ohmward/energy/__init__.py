@@ -3,12 +3,11 @@
 from ohmward.energy.consumption import Consumption, begin_drive, energy_demand, learn, start, with_terrain
 from ohmward.energy.consumption_file import load_consumption, save_consumption
 from ohmward.energy.consumption_prior import prior_from_mass, prior_from_robot
-from ohmward.energy.get_home import MissionForecast, get_home
+from ohmward.energy.cut_drive import cut_drive
 from ohmward.energy.leg import Leg, stretch_of
-from ohmward.energy.range import Range, range_left, time_left
+from ohmward.energy.range import MissionForecast, Range, get_home, range_left, time_left
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.energy.range_step import RangeFlag
-from ohmward.energy.recorded import cut_drive
 from ohmward.energy.speed_advice import speed_advice
 from ohmward.energy.usable_energy import BatteryState, usable_energy
 

@@ -26,9 +26,8 @@ from ohmward.battery.soc.sample import SocEstimate
 from ohmward.checks import require_between, require_each_not_negative
 from ohmward.energy.consumption import Consumption, begin_drive, learn, with_terrain
 from ohmward.energy.drive_record import BodyMotion, DriveRecord, measured_motion, observe_motion, record_drive
-from ohmward.energy.get_home import MissionForecast, get_home
 from ohmward.energy.leg import Leg, Stretch, stretch_of
-from ohmward.energy.range import Range, range_left
+from ohmward.energy.range import MissionForecast, Range, get_home, range_left
 from ohmward.energy.range_estimator import soc_now
 from ohmward.energy.range_step import SocNow, battery_state
 from ohmward.energy.sag import NO_SAG, sag_along

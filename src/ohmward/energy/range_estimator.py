@@ -16,7 +16,7 @@ from ohmward.battery.soc.sample import SocEstimate
 from ohmward.energy.consumption import Consumption, begin_drive, start
 from ohmward.energy.consumption_file import dump_consumption, parse_consumption
 from ohmward.energy.consumption_prior import prior_from_robot
-from ohmward.energy.drive_meter import DriveMeter, DriveSample, Measured
+from ohmward.energy.cut_drive import DriveMeter, DriveSample, Measured
 from ohmward.energy.leg import Leg, Stretch
 from ohmward.energy.peaks import PeakRatio
 from ohmward.energy.points import Quantiles

@@ -1,6 +1,6 @@
 """Range left as a drive goes on: one step for each sample, pure.
 
-Battery power, speed and slope are cut into stretches (`drive_meter`); each finished one teaches what this robot takes
+Battery power, speed and slope are cut into stretches (`cut_drive`); each finished one teaches what this robot takes
 on this ground today (`consumption`); from time to time that is set against the energy that the battery still gives
 (`range`).
 """
@@ -19,12 +19,11 @@ from ohmward.battery.chemistries import Normal
 from ohmward.battery.soc.clean_sample import is_current, is_voltage
 from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.energy.consumption import Consumption, learn, moving_time_s, with_terrain
-from ohmward.energy.drive_meter import DriveMeter, DriveSample, advance
+from ohmward.energy.cut_drive import Cut, DriveMeter, DriveSample, advance
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s
 from ohmward.energy.peaks import PEAKED_S, PeakRatio, mean_power_W, peaks_of_way
 from ohmward.energy.points import Quantiles, normal_points
 from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_along, range_left, way_demand, with_peaks
-from ohmward.energy.recorded import Cut
 from ohmward.energy.sag import NO_SAG, Sag
 from ohmward.energy.usable_energy import BatteryState, discharge_curves, usable_at
 from ohmward.errors import InputError

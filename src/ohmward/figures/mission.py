@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ohmward.energy import BatteryState, Consumption, MissionForecast
-from ohmward.energy.consumption_figures import expected_J_per_m, usual_speed_m_s
-from ohmward.energy.drive_record import DriveRecord, RecordedBalance
+from ohmward.energy.drive_record import DriveRecord, RecordedBalance, expected_J_per_m, usual_speed_m_s
 from ohmward.report import TIME, Band, Figure, Marker, Series
 from ohmward.report.figure import Meaning
 

@@ -20,7 +20,7 @@ from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.given_soc import after_first_voltage, takes_given_soc
 from ohmward.battery.soc.sample import SocSample
 from ohmward.energy.consumption import Consumption
-from ohmward.energy.drive_meter import DriveSample
+from ohmward.energy.cut_drive import DriveSample
 from ohmward.energy.range_estimator import RangeEstimator
 from ohmward.energy.range_step import RangeEstimate, RangeSample
 from ohmward.onboard.message import MessageSorter
@@ -32,7 +32,7 @@ from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of
-from ohmward.traction.terrain.demand import travel_speed
+from ohmward.traction.terrain.floor import travel_speed
 
 #: A signal that has not reported for so long is not waited for.
 USUAL_S = 10.0

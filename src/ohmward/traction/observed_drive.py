@@ -25,13 +25,11 @@ from ohmward.traction.odometry.estimator import Odometry, OdometryRun, by_wheels
 from ohmward.traction.odometry.model import noise_of
 from ohmward.traction.odometry.sample import OdometryFlag
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.conclusions import SlipAlarm
-from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
+from ohmward.traction.speed_observer.estimate import SlipAlarm, SlipEstimate, SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipRun, motion_of, observe
 from ohmward.traction.speed_observer.make_observer import make_observer, speed_std_m_s
 from ohmward.traction.terrain.crossing import Crossing
-from ohmward.traction.terrain.demand import travel_speed
-from ohmward.traction.terrain.floor import Floors
+from ohmward.traction.terrain.floor import Floors, travel_speed
 from ohmward.traction.terrain.slip_on_floors import FloorRun, slip_on_floors
 
 #: Alarms of a wheel that are no further apart [s] are one episode.

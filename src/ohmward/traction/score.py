@@ -10,8 +10,7 @@ from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.speed_observer.conclusions import SlipAlarm
-from ohmward.traction.speed_observer.estimate import SlipEstimate
+from ohmward.traction.speed_observer.estimate import SlipAlarm, SlipEstimate
 
 #: Below this speed [m/s] of rim and travel a slip ratio is not compared: it would be noise over noise.
 SLIP_FLOOR_M_S = 0.05

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ohmward.traction.calibration.regression import regress
+from ohmward.traction.calibration.parameters import regress
 
 NOTHING = np.full(2, np.inf)
 

@@ -4,7 +4,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.traction import RLMA, ROBOTINO
 from ohmward.traction.calibration import motion_from_pose, motion_from_speed
-from ohmward.traction.calibration.truth import local_slope
+from ohmward.traction.calibration.stretches import local_slope
 
 
 def test_a_circle_driven_sideways_has_its_speeds():

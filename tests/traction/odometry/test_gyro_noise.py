@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from ohmward.traction import RLMA, Odometry
-from ohmward.traction.odometry.gyro_noise import learn, of_sheet, walk_variance
+from ohmward.traction.odometry.measured_motion import gyro_noise_of_sheet, learn_gyro_noise, walk_variance
 
 WALK, DT_S = 3e-4, 0.02
 
 
 def heard(rates, dt_s=DT_S, stands=False):
-    known = of_sheet(WALK)
+    known = gyro_noise_of_sheet(WALK)
     for rate in rates:
-        known = learn(known, rate, True, stands, dt_s, WALK)
+        known = learn_gyro_noise(known, rate, True, stands, dt_s, WALK)
     return known
 
 
@@ -44,7 +44,7 @@ def test_a_slow_gyro_shows_motion_not_noise_but_where_the_robot_stands():
 
 def test_missing_samples_change_nothing():
     known = heard(np.random.default_rng(1).standard_normal(50))
-    after = learn(known, np.nan, False, False, DT_S, WALK)
+    after = learn_gyro_noise(known, np.nan, False, False, DT_S, WALK)
     assert after._replace(since_s=known.since_s).variance == known.variance
     assert np.array_equal(after.last_rad_s, known.last_rad_s)
 

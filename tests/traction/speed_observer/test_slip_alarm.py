@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import binom
 
 from ohmward.errors import InputError
-from ohmward.traction.speed_observer.conclusions import SlipAlarm
+from ohmward.traction.speed_observer.estimate import SlipAlarm
 
 
 @pytest.mark.parametrize("rate", [1e-3, 0.02])

@@ -3,7 +3,7 @@ import pytest
 
 from ohmward.trace import Kernel
 from ohmward.traction import RLMA
-from ohmward.traction.terrain.demand import (
+from ohmward.traction.terrain.floor import (
     drag_columns,
     drag_share,
     inertial_forces,

@@ -6,7 +6,7 @@ import pytest
 from ohmward.traction.motion.sample import RobotSample, sanitize
 from ohmward.traction.observed_drive import observe_on_floors
 from ohmward.traction.terrain.floor import Floors, SlipBelief
-from ohmward.traction.terrain.outside_speed import (
+from ohmward.traction.terrain.recognition import (
     LASTING_SHARE,
     MEMORY_S,
     LossSample,

@@ -6,7 +6,7 @@ from scipy.stats import multivariate_normal
 
 from ohmward.errors import InputError
 from ohmward.traction import RLMA
-from ohmward.traction.terrain.demand import drag_columns, static_loads
+from ohmward.traction.terrain.floor import drag_columns, static_loads
 from ohmward.traction.terrain.recognition import (
     PERSISTENT_SHARE,
     RIGHT_SHARE,

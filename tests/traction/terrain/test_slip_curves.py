@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from ohmward.trace import Kernel
-from ohmward.traction.terrain.demand import travel_speed, wheel_motion
-from ohmward.traction.terrain.floor import new_floor, slip_belief, slip_scale
+from ohmward.traction.terrain.floor import new_floor, slip_belief, slip_scale, travel_speed, wheel_motion
 from ohmward.traction.terrain.slip_on_floors import MOST, SlipCurves
 from traction.terrain.drives import OMNI, SMOOTH, SOFT
 

@@ -6,7 +6,7 @@ import pytest
 from ohmward.errors import InputError
 from ohmward.traction.observed_drive import as_estimates
 from ohmward.traction.score import DriveTruth, score_drive
-from ohmward.traction.terrain.demand import inertial_forces
+from ohmward.traction.terrain.floor import inertial_forces
 from ohmward.traction.terrain.slip_on_floors import RATE_S, low_pass
 from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive, on_floors
 

@@ -9,8 +9,14 @@ import numpy as np
 from scipy.stats import multivariate_normal
 
 from ohmward.traction.motion.sample import samples_of
-from ohmward.traction.terrain.demand import drag_columns, inertial_forces, static_loads, undetermined_force_std
-from ohmward.traction.terrain.floor import slip_belief, slip_scale
+from ohmward.traction.terrain.floor import (
+    drag_columns,
+    inertial_forces,
+    slip_belief,
+    slip_scale,
+    static_loads,
+    undetermined_force_std,
+)
 from ohmward.traction.terrain.recognition import (
     LIKE_SHARE,
     MEMORY_S,

@@ -32,8 +32,8 @@ from ohmward.traction.calibration import (
     with_wheel_loads,
 )
 from ohmward.traction.calibration.calibrate import PARTS, usual_parts
-from ohmward.traction.calibration.motor import ROLLING
-from ohmward.traction.calibration.truth import without_lateral
+from ohmward.traction.calibration.parameters import ROLLING
+from ohmward.traction.calibration.stretches import without_lateral
 from ohmward.traction.drive_checks import with_signed_speed
 from ohmward.traction.terrain.floor import Floor, Floors, load_floors, save_floors
 

@@ -25,7 +25,7 @@ from ohmward.energy import (
     save_consumption,
     start,
 )
-from ohmward.energy.consumption_figures import RecordFigures, record_figures, terrain_figures
+from ohmward.energy.drive_record import RecordFigures, record_figures, terrain_figures
 from ohmward.energy.mission import EXAMPLE, MissionResult, MissionSettings, analyse, load_plan
 from ohmward.energy.points import Quantiles
 from ohmward.errors import InputError

@@ -33,7 +33,7 @@ from ohmward.traction.observed_drive import (
 )
 from ohmward.traction.robot.robot import motion_from_wheels
 from ohmward.traction.score import score_drive, score_figures, true_slip
-from ohmward.traction.speed_observer.conclusions import SlipAlarm
+from ohmward.traction.speed_observer.estimate import SlipAlarm
 from ohmward.traction.terrain.floor import load_floors
 
 _MOST_EPISODES = 8

@@ -2,10 +2,19 @@
 
 from ohmward.traction.calibration.calibrate import Calibration, calibrate, with_wheel_loads
 from ohmward.traction.calibration.floor import learn_floor
-from ohmward.traction.calibration.motor import calibrate_motor
-from ohmward.traction.calibration.radius import calibrate_radius, calibrate_track
-from ohmward.traction.calibration.regression import Parameter, with_parameters
-from ohmward.traction.calibration.truth import CalibrationDrive, motion_from_pose, motion_from_speed, motion_from_truth
+from ohmward.traction.calibration.parameters import (
+    Parameter,
+    calibrate_motor,
+    calibrate_radius,
+    calibrate_track,
+    with_parameters,
+)
+from ohmward.traction.calibration.stretches import (
+    CalibrationDrive,
+    motion_from_pose,
+    motion_from_speed,
+    motion_from_truth,
+)
 
 __all__ = [
     "Calibration",

@@ -10,12 +10,16 @@ from typing import Any, NamedTuple
 from ohmward.errors import InputError
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.logs.log import Note
-from ohmward.traction.calibration.floor import learn_floor
-from ohmward.traction.calibration.motor import ROLLING, calibrate_motor
-from ohmward.traction.calibration.radius import calibrate_radius, calibrate_track
-from ohmward.traction.calibration.regression import Parameter, unidentified_floor, with_parameters
-from ohmward.traction.calibration.stretches import LENGTH_S, cut, stuck
-from ohmward.traction.calibration.truth import CalibrationDrive, motion_from_speed
+from ohmward.traction.calibration.floor import learn_floor, unidentified_floor
+from ohmward.traction.calibration.parameters import (
+    ROLLING,
+    Parameter,
+    calibrate_motor,
+    calibrate_radius,
+    calibrate_track,
+    with_parameters,
+)
+from ohmward.traction.calibration.stretches import LENGTH_S, CalibrationDrive, cut, motion_from_speed, stuck
 from ohmward.traction.drive_checks import mended
 from ohmward.traction.robot.packaged import load_robot
 from ohmward.traction.robot.robot import GRAVITY, Robot

@@ -3,7 +3,7 @@
     lambda = h slip of the law at F / (mu N)      for every stretch and driven wheel, F from the motor current
 
 Maximum a posteriori of ln mu, ln C, ln kappa, k and p by Gauss and Newton (Levenberg's damping), the prior being any
-floor (`terrain.floor`); the covariance is the sandwich of `regression`. The drag is linear in its two shares.
+floor (`terrain.floor`); the covariance is the sandwich of `parameters`. The drag is linear in its two shares.
 """
 
 from __future__ import annotations
@@ -14,18 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ohmward.errors import InputError
-from ohmward.traction.calibration.regression import regress, scores
-from ohmward.traction.calibration.stretches import Stretches, cut
-from ohmward.traction.calibration.truth import CalibrationDrive
+from ohmward.traction.calibration.parameters import regress, scores
+from ohmward.traction.calibration.stretches import CalibrationDrive, Stretches, cut
 from ohmward.traction.robot.motor import wheel_torque
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.terrain.demand import (
-    drag_columns,
-    inertial_forces,
-    static_loads,
-    travel_speed,
-    wheel_motion,
-)
 from ohmward.traction.terrain.floor import (
     ACROSS_STD,
     FRICTION,
@@ -36,8 +28,13 @@ from ohmward.traction.terrain.floor import (
     STIFFNESS,
     STIFFNESS_STD,
     Floor,
+    drag_columns,
+    inertial_forces,
     slip_at_force,
     slip_factor,
+    static_loads,
+    travel_speed,
+    wheel_motion,
 )
 
 _PRIOR = np.array([np.log(FRICTION), np.log(STIFFNESS), 0.0, 0.0, 0.0])
@@ -51,6 +48,10 @@ _MOST = 0.9
 _COASTING_S = 0.3
 #: Standard deviation of a value that is held, because the fit would leave what it can be.
 _HELD_STD = 1e-6
+
+
+#: Largest friction of a floor, and relative standard deviation of it: more than before any drive.
+MOST_FRICTION, MOST_FRICTION_STD = 2.5, 1.1 * FRICTION_STD
 
 
 class Points(NamedTuple):
@@ -117,6 +118,17 @@ def learn_floor(name: str, drives: Sequence[CalibrationDrive], robot: Robot) -> 
         speed_power_std=std[4],
         slowest_m_s=float(at.travel_m_s.min()),
         fastest_m_s=float(at.travel_m_s.max()),
+    )
+
+
+def unidentified_floor(floor: Floor) -> str:
+    """Reason why a floor is not one that the drives tell; empty where it is."""
+    if floor.friction <= MOST_FRICTION and floor.friction_std <= MOST_FRICTION_STD:
+        return ""
+    return (
+        f"friction {floor.friction:.3g} with a standard deviation of {100 * floor.friction_std:.0f} % (at most "
+        f"{MOST_FRICTION:g} and {100 * MOST_FRICTION_STD:.0f} %): calibrate the robot first (--what radius,motor), "
+        "weigh its wheels (--wheel-load), or add drives in which the wheels slip more; no floor was learnt"
     )
 
 

@@ -49,18 +49,21 @@ from ohmward.traction.odometry.corrections import (
     use_speeds,
     use_turn,
 )
-from ohmward.traction.odometry.gyro_noise import GyroNoise, learn, of_sheet, walk_variance
 from ohmward.traction.odometry.measured_motion import (
     GYRO,
     PASSIVE,
     WHEELS,
+    GyroNoise,
     MeasuredMotion,
     MotionState,
+    gyro_noise_of_sheet,
+    learn_gyro_noise,
     no_motion,
     rim_matrix,
     sense,
     show,
     turn_per_slip,
+    walk_variance,
 )
 from ohmward.traction.odometry.model import (
     OFFSET,
@@ -148,7 +151,7 @@ class PoseFilter:
         counted_m = self.robot.wheel.radius_m * self.noise.encoder_std_rad / math.sqrt(2.0)
         belief = first_belief(self.noise, self.turn_per_slip, self.turn_per_slip * counted_m)
         steps = self.late_steps
-        gyro = of_sheet(self.noise.gyro_walk)
+        gyro = gyro_noise_of_sheet(self.noise.gyro_walk)
         history, trail = empty_history(steps), empty_trail(steps)
         return PoseState(
             pack(belief), no_motion(self.robot), gyro, TurnSums(), history, trail, HeadingTimes(), Overrun()
@@ -196,7 +199,7 @@ class PoseFilter:
         """Noise of the gyro after the step, which ended with a sample of it where that is of no age."""
         new = sensors.intervals.age_s[GYRO] <= 0.0
         stands = every([speed == 0.0 for speed in sensors.wheel_speed_rad_s]) & was_seen(sensors.intervals)[WHEELS]
-        return learn(known, sensors.gyro_rad_s, new, stands, dt_s, self.noise.gyro_walk)
+        return learn_gyro_noise(known, sensors.gyro_rad_s, new, stands, dt_s, self.noise.gyro_walk)
 
     def predict(self, before: Belief, u: MotionInput) -> Belief:
         """Belief at the end of a step by dead reckoning."""

@@ -1,13 +1,36 @@
-"""Sample and estimate of the speed observer: plain numbers, one sample at a time."""
+"""Estimate of the speed observer, plain numbers: slip, forces, how long the speed has not been observable, and alarms.
+
+Alarms for a wheel that slips and for a robot that is stuck: tests of an estimate against its own sigma.
+
+A wheel slips where |s| - s_allowed > z sigma_s. As long as the sigma is true, a wheel whose slip is just the allowed
+one raises the alarm in a share 1 - Phi(z) of the samples, one that slips less in fewer: that is the false-alarm rate.
+Samples of one wheel are correlated, so alarms come in bursts: the rate is a share of time, not a count of events.
+
+The robot is immobilised where its wheels turn and its speed, z sigma_v added, is below a share of theirs, for a while.
+Where nothing shows the speed of the body, sigma_v grows and the test falls silent: it never guesses.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ohmward.checks import require_each_not_negative, require_positive
+from ohmward.errors import InputError
+from ohmward.filters.belief import Belief
 from ohmward.filters.flags import SampleFlag
+from ohmward.filters.linear_algebra import TINY, std
+from ohmward.filters.sanitize import every, some
+from ohmward.trace import linearize, maximum, minimum, sqrt, where
+from ohmward.trace.expression import Scalar
+from ohmward.traction.dynamics.slip import slip_ratio
+from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
+from ohmward.traction.motion.sample import CleanSample
+from ohmward.traction.speed_observer.model import Model
 
 
 class SlipEstimate(NamedTuple):
@@ -106,3 +129,166 @@ class SlipFlag(SampleFlag):
     NOT_POSITIVE_DEFINITE = 2048  # the covariance had to be repaired
     RESTARTED = 4096  # the state was no longer one that this robot can have: a new one was started from this sample
     ENCODER_SPIKE = 8192  # an encoder jumped as no wheel can: not used
+
+
+@dataclass(frozen=True)
+class SlipAlarm:
+    """Settings of both tests."""
+
+    #: share of the samples in which a wheel at the allowed slip raises the alarm, in (0, 0.5)
+    false_alarm_rate: float = 1e-3
+    allowed_m_s: float = 0.03  #: slip speed that is always allowed, >= 0
+    allowed_ratio: float = 0.05  #: slip that is allowed besides, over the speed of the wheel's rim, >= 0
+    stuck_rim_m_s: float = TURNS_M_S  #: the wheels count as turning from this speed of their rims on, > 0
+    stuck_ratio: float = STUCK_SHARE  #: the robot counts as stuck below this share of it, in (0, 1)
+    stuck_s: float = 1.0  #: for so long, >= 0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.false_alarm_rate < 0.5:
+            raise InputError(f"slip_alarm.false_alarm_rate must be > 0 and < 0.5, got {self.false_alarm_rate:g}")
+        if not 0 < self.stuck_ratio < 1:
+            raise InputError(f"slip_alarm.stuck_ratio must be > 0 and < 1, got {self.stuck_ratio:g}")
+        require_each_not_negative("slip_alarm.", self, "allowed_m_s", "allowed_ratio", "stuck_s")
+        require_positive("slip_alarm.stuck_rim_m_s", self.stuck_rim_m_s)
+
+    @property
+    def z(self) -> float:
+        """Sigmas to the alarm; two-sided tests of a slip near 0 have no more false alarms than twice the rate."""
+        return NormalDist().inv_cdf(1 - self.false_alarm_rate)
+
+    def slips(self, slip_m_s: Any, slip_std_m_s: Any, rim_m_s: Any) -> Any:
+        """True where a wheel slips."""
+        return abs(slip_m_s) - self.allowed_m_s - self.allowed_ratio * abs(rim_m_s) > self.z * slip_std_m_s
+
+    def stands(self, speed_m_s: Any, speed_std_m_s: Any, rim_m_s: Any) -> Any:
+        """True where the body stands while this wheel turns."""
+        turns = abs(rim_m_s) > self.stuck_rim_m_s
+        return turns & (abs(speed_m_s) + self.z * speed_std_m_s < self.stuck_ratio * abs(rim_m_s))
+
+
+class DrivenWheels(NamedTuple):
+    """The driven wheels, each (driven,), and the body."""
+
+    speed_std_m_s: Scalar  #: of the body
+    #: speed of the wheel's centre along its rolling direction
+    travel_m_s: np.ndarray
+    travel_std_m_s: np.ndarray
+    #: slip speed
+    slip_m_s: np.ndarray
+    slip_std_m_s: np.ndarray
+    rim_m_s: np.ndarray  #: slip plus travel
+    grip: np.ndarray  #: at one sigma of slip beyond the estimate, in [0, 1]
+
+
+class MotionTimers(NamedTuple):
+    """Time [s] for which nothing has shown the speed, and for which the wheels have turned and the robot has not."""
+
+    unobserved_s: Scalar
+    stuck_s: Scalar
+
+
+def driven_wheels(belief: Belief, open_m_s: Scalar, model: Model) -> DrivenWheels:
+    """Travel, slip and grip of the driven wheels.
+
+    open_m_s: standard deviation of the speed besides that of the belief.
+    """
+    x, P = belief
+    G, freedoms = model.scene.robot.rolling[: model.driven], model.scene.robot.freedoms
+    slip, H = linearize(model.slip, x)
+    slip_std = np.array([std(row @ P @ row + (g * open_m_s) ** 2) for row, g in zip(H, G[:, 0], strict=True)])
+    forward = np.array([s >= 0 for s in slip])
+    travel = G @ x[:freedoms]
+    return DrivenWheels(
+        speed_std_m_s=std(P[0, 0] + open_m_s**2),
+        travel_m_s=travel,
+        travel_std_m_s=np.array([std(row @ P[:freedoms, :freedoms] @ row + (row[0] * open_m_s) ** 2) for row in G]),
+        slip_m_s=slip,
+        slip_std_m_s=slip_std,
+        rim_m_s=slip + travel,
+        grip=model.grip(x, where(forward, slip + slip_std, slip - slip_std)),
+    )
+
+
+def advance_timers(
+    timers: MotionTimers, wheels: DrivenWheels, observable: Scalar, dt_s: Scalar, alarm: SlipAlarm
+) -> MotionTimers:
+    """The timers after a step; observable: the condition that something showed the speed in it."""
+    motions = zip(wheels.travel_m_s, wheels.travel_std_m_s, wheels.rim_m_s, strict=True)
+    stands = every(alarm.stands(travel, travel_std, rim) for travel, travel_std, rim in motions)
+    return MotionTimers(
+        unobserved_s=where(observable, 0.0, timers.unobserved_s + dt_s),
+        stuck_s=where(stands, timers.stuck_s + dt_s, 0.0),
+    )
+
+
+def with_unknown_mass(wheels: DrivenWheels, by_mass_m_s: Scalar, model: Model) -> DrivenWheels:
+    """The same with such a standard deviation of the speed besides; their grip is that of the belief."""
+    along_m_s = model.scene.robot.rolling[: model.driven, 0] * by_mass_m_s
+    return wheels._replace(
+        speed_std_m_s=sqrt(wheels.speed_std_m_s**2 + by_mass_m_s**2),
+        travel_std_m_s=sqrt(wheels.travel_std_m_s**2 + along_m_s**2),
+        slip_std_m_s=sqrt(wheels.slip_std_m_s**2 + along_m_s**2),
+    )
+
+
+def conclude(
+    belief: Belief,
+    wheels: DrivenWheels,
+    timers: MotionTimers,
+    held: Scalar,
+    clean: CleanSample,
+    model: Model,
+    alarm: SlipAlarm,
+) -> SlipEstimate:
+    """The estimate after a sample, still without flags; held: the condition that the robot is while its wheels turn."""
+    x, P = belief
+    parts, yaw = model.layout.split(x), model.layout.index("yaw_rate_rad_s")
+    slips = zip(wheels.slip_m_s, wheels.slip_std_m_s, wheels.rim_m_s, strict=True)
+    rims = zip(wheels.rim_m_s, wheels.travel_m_s, strict=True)
+    return SlipEstimate(
+        speed_m_s=x[0],
+        speed_std_m_s=wheels.speed_std_m_s,
+        yaw_rate_rad_s=x[yaw],
+        yaw_rate_std_rad_s=std(P[yaw, yaw]),
+        wheel_speed_rad_s=parts.omega,
+        slip_speed_m_s=wheels.slip_m_s,
+        slip_speed_std_m_s=wheels.slip_std_m_s,
+        slip_ratio=np.array([slip_ratio(rim, travel) for rim, travel in rims]),
+        traction_N=model.traction_N(x),
+        friction_ratio=parts.friction,
+        friction_std=np.array([std_of(model.layout.friction_name(k), P, model) for k in range(model.driven)]),
+        grade_rad=model.input(x, clean).grade_rad,
+        grade_std_rad=grade_std(belief, clean, model),
+        radius_ratio=parts.radius_ratio,
+        radius_std=std_of("radius_ratio", P, model),
+        grip=wheels.grip,
+        unobserved_s=timers.unobserved_s,
+        slipping=np.array([where(alarm.slips(slip, slip_std, rim), 1.0, 0.0) for slip, slip_std, rim in slips]),
+        immobilised=where(some([timers.stuck_s > alarm.stuck_s, held]), 1.0, 0.0),
+        flags=0.0,
+    )
+
+
+def grade_std(belief: Belief, clean: CleanSample, model: Model) -> Scalar:
+    """Standard deviation [rad] of the grade, and of what may be grade in an unusual rolling resistance.
+
+    In a steady drive a long slope and another resistance look alike, and slopes of the prior are short: what a long one
+    takes goes to the resistance. So what is unusual of that, over the weight, counts as far as both are not told apart,
+    by their correlation.
+    """
+    (x, P), names = belief, model.layout.names
+    if not {"grade_rad", "rolling_excess"} <= set(names):
+        return std_of("grade_rad", P, model)
+    i, j = model.layout.index("grade_rad"), model.layout.index("rolling_excess")
+    alike = P[i, j] * P[i, j] / maximum(P[j, j], TINY)  # the squared correlation times the variance of the grade
+    share = minimum(alike / maximum(P[i, i], TINY), 1.0)
+    may_be_rad = x[j] * model.usual_rolling_rad(x, clean)
+    return std(P[i, i] + share * may_be_rad * may_be_rad)
+
+
+def std_of(name: str, P: np.ndarray, model: Model) -> Scalar:
+    """Standard deviation of a state of ground or sensors; 0 for one that is assumed."""
+    if name not in model.layout.names:
+        return 0.0
+    i = model.layout.index(name)
+    return std(P[i, i])

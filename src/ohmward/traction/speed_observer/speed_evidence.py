@@ -2,7 +2,7 @@
 
 evidence                                          what becomes of the belief (`judge`)
 
-an outside speed near zero, rims that turn        the robot is held (`motion/held.py`): its speed is zero
+an outside speed near zero, rims that turn        the robot is held (`motion/outside_speed.py`): its speed is zero
 a force that changes the speed of the rims as     the wheels grip: their speed is the body's, and a belief in a slide
   the whole robot's mass lets it                    starts again from grip
 ground and grade unusual for grip, wheels that    gross slip: it starts again from wheels that slide, as long as the

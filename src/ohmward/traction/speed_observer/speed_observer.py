@@ -70,14 +70,6 @@ from ohmward.traction.speed_observer.body_sensors import (
     use_speed,
     use_standstill,
 )
-from ohmward.traction.speed_observer.conclusions import (
-    MotionTimers,
-    SlipAlarm,
-    advance_timers,
-    conclude,
-    driven_wheels,
-    with_unknown_mass,
-)
 from ohmward.traction.speed_observer.encoders import (
     POSSIBLE_SIGMAS,
     EncoderCorrection,
@@ -89,7 +81,16 @@ from ohmward.traction.speed_observer.encoders import (
     released,
     turned,
 )
-from ohmward.traction.speed_observer.estimate import SlipEstimate, SlipFlag
+from ohmward.traction.speed_observer.estimate import (
+    MotionTimers,
+    SlipAlarm,
+    SlipEstimate,
+    SlipFlag,
+    advance_timers,
+    conclude,
+    driven_wheels,
+    with_unknown_mass,
+)
 from ohmward.traction.speed_observer.matched_noise import MatchedNoise, fixed, match, matched_stds, unmatched
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.noise import ObserverNoise

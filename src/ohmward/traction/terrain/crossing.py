@@ -4,9 +4,10 @@
     sigma^2 = ripple^2 + (growth |mu|)^2,   tau = ripple_m / speed
 
 f are the forces of the driven wheels over their mean load, mu their mean since the last change, e what they change by
-when the floor under one wheel does (`demand`): it depends on the direction of the motion, and tells a crossing from the
-ripple of the rollers, which goes with the way and not with the time. An alarm is g > h; h follows from how often it may
-be false. For Brownian motion the mean time between false alarms of one test is (Page 1954, Siegmund 1985)
+when the floor under one wheel does (`floor.drag_columns`): it depends on the direction of the motion, and tells a
+crossing from the ripple of the rollers, which goes with the way and not with the time. An alarm is g > h; h follows
+from how often it may be false. For Brownian motion the mean time between false alarms of one test is
+(Page 1954, Siegmund 1985)
 
     T = (2 tau / k^2) (e^h - h - 1),   k^2 = e'e / sigma^2            and of n tests together the n-th part of it
 
@@ -29,8 +30,7 @@ from ohmward.trace import exp, log, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.sample import LEAST_DIVISOR
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.terrain.demand import drag_columns, mean_load, travel_speed
-from ohmward.traction.terrain.floor import Floor
+from ohmward.traction.terrain.floor import Floor, drag_columns, mean_load, travel_speed
 
 #: Floors whose drags differ less are one floor to this test.
 SAME_DRAG = 0.02

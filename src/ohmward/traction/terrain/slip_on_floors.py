@@ -52,18 +52,27 @@ from ohmward.traction.motion.sample import (
 )
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.crossing import Crossing, CrossingResult, CrossingState, CrossingTest, crossing_test
-from ohmward.traction.terrain.demand import (
+from ohmward.traction.terrain.floor import (
+    AS_LEARNT,
+    Floor,
+    SlipBelief,
+    SlipScale,
     drag_share,
     inertial_forces,
     mean_load,
+    scaled,
+    slip_scale,
+    slips_of_floors,
     static_loads,
     travel_speed,
     undetermined_force_std,
     wheel_motion,
 )
-from ohmward.traction.terrain.floor import AS_LEARNT, Floor, SlipBelief, SlipScale, scaled, slip_scale, slips_of_floors
-from ohmward.traction.terrain.outside_speed import (
+from ohmward.traction.terrain.recognition import (
+    FloorForces,
     LossState,
+    Recognition,
+    RecognitionState,
     averaged,
     corrected,
     log_likelihood,
@@ -71,7 +80,6 @@ from ohmward.traction.terrain.outside_speed import (
     no_loss,
     seen,
 )
-from ohmward.traction.terrain.recognition import FloorForces, Recognition, RecognitionState
 from ohmward.traction.terrain.wheel_filter import WheelBelief, WheelFilter, WheelState
 
 

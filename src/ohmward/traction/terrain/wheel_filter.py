@@ -34,7 +34,7 @@ from ohmward.trace import linearize, maximum, minimum, where
 from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.robot.motor import current_for_torque
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.terrain.demand import static_loads
+from ohmward.traction.terrain.floor import static_loads
 
 #: The filter of the currents, and whether R is matched, by name.
 METHODS: dict[str, tuple[ModuleType, bool]] = {
