@@ -27,11 +27,12 @@ from ohmward.traction.robot.chassis import SkidSteer
 from ohmward.traction.robot.packaged import RLMA
 from ohmward.traction.robot.robot import GRAVITY, Robot, motion_from_wheels
 from ohmward.traction.score import DriveScore, DriveTruth, score_drive
-from ohmward.traction.speed_observer.estimate import SlipEstimate, unknown_ground
+from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.estimator import considered_step
 from ohmward.traction.speed_observer.make_observer import DEFAULT_TERRAIN, default_observer
 from ohmward_lab.assess.draws import generator, signs
 from ohmward_lab.assess.recommendation import Improvement, Processor, Situation, as_in_the_base_case
+from ohmward_lab.simulate.closed_loop.observing import unknown_ground
 from ohmward_lab.simulate.closed_loop.scenario import ROBOTS as PACKAGED
 from ohmward_lab.simulate.closed_loop.sensing import ExternalSpeed
 from ohmward_lab.simulate.closed_loop.traction_plant import PlantInput, observed_step

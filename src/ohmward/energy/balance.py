@@ -9,7 +9,7 @@ rolling resistance, the efficiency of the electronics, and an idle power that is
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,30 +34,9 @@ class DriveEnergy(NamedTuple):
     regenerated_J: float  #: that flowed into the battery, >= 0; the rest of the braking is in the losses
 
 
-class ObservedMotion(Protocol):
-    """Estimates of an observer along a drive that the balance needs, (T,) and (T, driven)."""
-
-    @property
-    def speed_m_s(self) -> np.ndarray: ...  # noqa: D102
-    @property
-    def yaw_rate_rad_s(self) -> np.ndarray: ...  # noqa: D102
-    @property
-    def wheel_speed_rad_s(self) -> np.ndarray: ...  # noqa: D102
-    @property
-    def slip_speed_m_s(self) -> np.ndarray: ...  # noqa: D102
-    @property
-    def slip_speed_std_m_s(self) -> np.ndarray: ...  # noqa: D102
-    @property
-    def traction_N(self) -> np.ndarray: ...  # noqa: D102
-    @property
-    def grade_rad(self) -> np.ndarray: ...  # noqa: D102
-    @property
-    def grade_std_rad(self) -> np.ndarray: ...  # noqa: D102
-
-
 def drive_balance(
     log: DriveLog,
-    observed: ObservedMotion,
+    observed: SlipEstimate,
     p: Scene,
     battery_W: np.ndarray | None = None,
     idle_W: float | None = None,
@@ -92,7 +71,7 @@ def drive_balance(
     )
 
 
-def integrate_drive(log: DriveLog, power: EnergyBalance, observed: ObservedMotion, robot: Robot) -> DriveEnergy:
+def integrate_drive(log: DriveLog, power: EnergyBalance, observed: SlipEstimate, robot: Robot) -> DriveEnergy:
     """Energies [J] of a drive by trapezoids over the samples where all terms are known; gaps are left out.
 
     power: (T,) [W] as `drive_balance` gives it.
@@ -107,7 +86,7 @@ def integrate_drive(log: DriveLog, power: EnergyBalance, observed: ObservedMotio
     )
 
 
-def _rolling_W(observed: ObservedMotion, p: Scene) -> np.ndarray:
+def _rolling_W(observed: SlipEstimate, p: Scene) -> np.ndarray:
     """(T,) loss to rolling resistance on the ground that is assumed."""
     robot = p.robot
     travel = _motion(observed, robot) @ robot.rolling.T
@@ -116,7 +95,7 @@ def _rolling_W(observed: ObservedMotion, p: Scene) -> np.ndarray:
     return -sum(t.rolling.force_N(v, np.full_like(v, N)) * v for t, v, N in wheels)
 
 
-def _kinetic_rate_W(time_s: np.ndarray, observed: ObservedMotion, robot: Robot) -> np.ndarray:
+def _kinetic_rate_W(time_s: np.ndarray, observed: SlipEstimate, robot: Robot) -> np.ndarray:
     """(T,) rate of change of the kinetic energy of body and driven wheels."""
     if len(time_s) < 2:
         return np.zeros(len(time_s))
@@ -124,17 +103,17 @@ def _kinetic_rate_W(time_s: np.ndarray, observed: ObservedMotion, robot: Robot) 
     return np.gradient(kinetic_energy(x, robot.inertia), time_s)
 
 
-def _motion(observed: ObservedMotion, robot: Robot) -> np.ndarray:
+def _motion(observed: SlipEstimate, robot: Robot) -> np.ndarray:
     """(T, freedoms) speeds of the body; those to the side are those of an omni-directional robot's wheels."""
     if robot.freedoms == 3:
-        return motion_of(robot, cast("SlipEstimate", observed))
+        return motion_of(robot, observed)
     motion = np.zeros((len(observed.speed_m_s), robot.freedoms))
     motion[:, 0] = observed.speed_m_s
     motion[:, -1] = observed.yaw_rate_rad_s
     return motion
 
 
-def _check(log: DriveLog, observed: ObservedMotion, battery_W: np.ndarray | None, robot: Robot) -> None:
+def _check(log: DriveLog, observed: SlipEstimate, battery_W: np.ndarray | None, robot: Robot) -> None:
     if log.motor_current_A.shape[1] != robot.driven or not np.isfinite(log.motor_current_A).any():
         raise InputError(
             f"log {log.name!r}: the energy balance needs the currents of all {robot.driven} motors; without them only "

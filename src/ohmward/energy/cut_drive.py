@@ -220,7 +220,8 @@ def advance(meter: DriveMeter, now: DriveSample, cut: Cut) -> tuple[DriveMeter, 
         return DriveMeter(now), [_finished(part) for part in (meter.moving, meter.stop) if part]
     interval = _interval(before, now)
     if max(abs(before.speed_m_s), abs(now.speed_m_s)) < cut.standing_m_s:
-        moving, stop, done = _stand(meter, _standing(interval), cut)
+        standing = interval.stretch._replace(standing_s=interval.stretch.time_s)
+        moving, stop, done = _stand(meter, interval._replace(stretch=standing), cut)
     else:
         moving, stop, done = _move(meter, interval, cut)
     return DriveMeter(now, moving, stop), [_finished(part) for part in done]
@@ -261,11 +262,6 @@ def _is_bridged(before: DriveSample, now: DriveSample, cut: Cut) -> bool:
     """True where the line between two samples can be believed."""
     measured = (before.speed_m_s, before.battery_W, now.speed_m_s, now.battery_W)
     return all(map(math.isfinite, measured)) and 0.0 < now.time_s - before.time_s <= cut.gap_s
-
-
-def _standing(interval: Measured) -> Measured:
-    """The same as time in which the robot stands."""
-    return interval._replace(stretch=interval.stretch._replace(standing_s=interval.stretch.time_s))
 
 
 def _interval(a: DriveSample, b: DriveSample) -> Measured:

@@ -29,7 +29,7 @@ from ohmward.energy.drive_record import BodyMotion, DriveRecord, measured_motion
 from ohmward.energy.leg import Leg, Stretch, stretch_of
 from ohmward.energy.range import MissionForecast, Range, get_home, range_left
 from ohmward.energy.range_estimator import soc_now
-from ohmward.energy.range_step import SocNow, battery_state
+from ohmward.energy.range_step import RangeSettings, SocNow, battery_state
 from ohmward.energy.sag import NO_SAG, sag_along
 from ohmward.energy.speed_advice import SpeedAdvice, speed_advice
 from ohmward.energy.usable_energy import BatteryState
@@ -103,7 +103,7 @@ def load_plan(path: str | PathLike[str]) -> Plan:
 
 
 #: State of charge that is to be left where neither settings nor plan say it.
-DEFAULT_RESERVE = 0.1
+DEFAULT_RESERVE = RangeSettings.reserve_soc
 #: A speed may be advised between these shares of the present one.
 _SLOWER, _FASTER = 0.5, 1.5
 _SECONDS_PER_DAY = 86400.0

@@ -175,7 +175,10 @@ class RangeEstimator:
         began = time.perf_counter()
         log = as_log(log)
         T = len(log)
-        socs = _soc_rows(soc) if isinstance(soc, SocRun) else _column(log, "soc", soc)
+        if isinstance(soc, SocRun):
+            socs: Any = [SocEstimate(*row) for row in zip(*soc.estimates, strict=True)]
+        else:
+            socs = _column(log, "soc", soc)
         columns: dict[str, Any] = {
             "time_s": log.time_s,
             "soc": socs,
@@ -236,10 +239,6 @@ def soc_now(soc: float | SocEstimate | None, temperature_degC: float) -> SocNow:
     if not math.isnan(value) and not 0.0 <= value <= 1.0:
         raise InputError(f"soc must be between 0 and 1 (0.8 is 80 %), got {value:g}")
     return SocNow(value, temperature_degC=temperature_degC)
-
-
-def _soc_rows(run: SocRun) -> list[SocEstimate]:
-    return [SocEstimate(*row) for row in zip(*run.estimates, strict=True)]
 
 
 def _column(log: Log, name: str, values: np.ndarray | str) -> np.ndarray:

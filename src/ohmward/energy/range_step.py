@@ -27,6 +27,7 @@ from ohmward.energy.range import BATTERY, DIMENSIONS, needed_J, range_along, ran
 from ohmward.energy.sag import NO_SAG, Sag
 from ohmward.energy.usable_energy import BatteryState, discharge_curves, usable_at
 from ohmward.errors import InputError
+from ohmward.filters.estimator import CLOCK_SET_S
 from ohmward.filters.flags import SampleFlag
 from ohmward.filters.sanitize import within
 from ohmward.quantities import FASTEST_M_S, MOST_C
@@ -48,9 +49,6 @@ PROTECTION_OPENS_S = 3.0
 
 #: Resistance towards empty over what a resistance that was found on the way there makes it: its standard deviation.
 RESISTANCE_SHARE = 0.15
-
-#: A sample that is late by more than this is not late: the clock was set.
-CLOCK_SET_S = 60.0
 
 #: Way home: its length [m] over ground like that of late, or its legs; None where it is not known.
 WayHome = float | Sequence[Leg] | None

@@ -16,7 +16,7 @@ from ohmward.traction.motion.outside_speed import (
     effective_std,
     receive,
 )
-from ohmward.traction.motion.sample import CredibleLimits, no_sample, sanitize
+from ohmward.traction.motion.sample import no_sample, sanitize
 from ohmward.traction.odometry.pose_filter import pose_filter
 from traction.odometry.examples import DT_S, integrate, samples
 from traction.odometry.test_counts_and_gyro import INDOOR, TRACK_M, scan
@@ -26,7 +26,7 @@ USUAL_M_S, STEP_S = 0.1, 0.05
 
 def heard(before, rim_m_s, speed_m_s, std_m_s=math.nan):
     sample = no_sample(RLMA)._replace(dt_s=STEP_S, speed_m_s=speed_m_s, speed_std_m_s=std_m_s)
-    return receive(before, rim_m_s, sanitize(sample, CredibleLimits(0.5)), True, USUAL_M_S)
+    return receive(before, rim_m_s, sanitize(sample, 0.5), True, USUAL_M_S)
 
 
 _KERNEL = Kernel(lambda before, given: heard(before, *given), SpeedErrors(), (0.5, 0.0, 0.0))

@@ -131,7 +131,7 @@ def own_model(observer):
     model = observer.model
 
     def advance(x, sample, current_A):
-        clean = sanitize(sample, observer.limits)._replace(current_A=current_A)
+        clean = sanitize(sample, observer.gap_s)._replace(current_A=current_A)
         return model.next_state(x, clean), model.process_noise(model.slip_step(x, clean), clean)
 
     mean = unpack(observer.init(at_rest(observer)).belief).mean

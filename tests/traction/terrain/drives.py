@@ -13,7 +13,7 @@ from ohmward.traction.calibration import CalibrationDrive
 from ohmward.traction.motion.sample import RobotSample, first_of, sanitize
 from ohmward.traction.robot.motor import current_for_torque
 from ohmward.traction.terrain.floor import Floor
-from ohmward.traction.terrain.slip_on_floors import LIMITS, SlipOnFloors, slip_on_floors
+from ohmward.traction.terrain.slip_on_floors import GAP_S, SlipOnFloors, slip_on_floors
 from ohmward.traction.terrain.wheel_filter import WheelFilter
 
 DT_S = 0.03
@@ -108,11 +108,11 @@ class OnRawSamples(NamedTuple):
     wheels: WheelFilter
 
     def step(self, state, sample):
-        return self.wheels.step(state, sanitize(sample, LIMITS))
+        return self.wheels.step(state, sanitize(sample, GAP_S))
 
 
 def along(wheels: WheelFilter, samples: RobotSample):
     """State at the end, and beliefs (T, ...)."""
     first = first_of(samples)
-    state = wheels.init(sanitize(first, LIMITS))
+    state = wheels.init(sanitize(first, GAP_S))
     return kernel_of(OnRawSamples(wheels), state, first).scan(state, samples)

@@ -10,15 +10,15 @@ from ohmward.traction.terrain.recognition import (
     LASTING_SHARE,
     MEMORY_S,
     LossSample,
+    LossState,
     SeenLoss,
     averaged,
     corrected,
     log_likelihood,
     loss_sample,
-    no_loss,
     seen,
 )
-from ohmward.traction.terrain.slip_on_floors import LIMITS, FloorFlag, FloorSlipEstimator
+from ohmward.traction.terrain.slip_on_floors import GAP_S, FloorFlag, FloorSlipEstimator
 from traction.terrain.drives import OMNI, SMOOTH, SOFT, omni_drive, on_floors
 
 LATE = slice(100, None)
@@ -113,7 +113,7 @@ def test_live_is_what_the_run_gives():
 
 
 def test_the_mean_loss_has_less_variance_but_not_without_end():
-    state = no_loss()
+    state = LossState()
     assert not seen(state).known
     for n in range(1, 5):
         state = averaged(state, LossSample(0.2, 0.01, False), False, 0.0)
@@ -130,14 +130,12 @@ def test_the_loss_of_a_sample_and_its_variance():
     sample = RobotSample(0.1, NOTHING, NOTHING, speed_m_s=0.15, speed_std_m_s=0.01, speed_age_s=0.2)
     still = np.zeros(3)
     loss = loss_sample(
-        sanitize(sample, LIMITS), np.array([0.2, 0.0, 0.0]), np.full(3, 0.02), np.array([0.1, 0.0, 0.0]), 0.2
+        sanitize(sample, GAP_S), np.array([0.2, 0.0, 0.0]), np.full(3, 0.02), np.array([0.1, 0.0, 0.0]), 0.2
     )
     assert loss[:2] == pytest.approx((0.25, (0.01**2 + 0.02**2 + 0.02**2) / 0.04))
-    old = loss_sample(sanitize(sample._replace(speed_age_s=5.0), LIMITS), np.array([0.2, 0.0, 0.0]), still, still, 0.2)
+    old = loss_sample(sanitize(sample._replace(speed_age_s=5.0), GAP_S), np.array([0.2, 0.0, 0.0]), still, still, 0.2)
     assert old.refused and np.isnan(old.value)
-    none = loss_sample(
-        sanitize(sample._replace(speed_m_s=np.nan), LIMITS), np.array([0.2, 0.0, 0.0]), still, still, 0.2
-    )
+    none = loss_sample(sanitize(sample._replace(speed_m_s=np.nan), GAP_S), np.array([0.2, 0.0, 0.0]), still, still, 0.2)
     assert not none.refused and np.isnan(none.value)
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from ohmward.errors import InputError
 from ohmward.traction.motion.sample import RobotSample, no_sample, samples_of, sanitize
-from ohmward.traction.terrain.slip_on_floors import LIMITS
+from ohmward.traction.terrain.slip_on_floors import GAP_S
 from ohmward.traction.terrain.wheel_filter import METHODS, WheelFilter, WheelState
 from traction.terrain.drives import OMNI, SOFT, along, omni_drive, steady
 
@@ -47,7 +47,7 @@ def test_a_current_that_is_missing_leaves_its_force_where_it_was(method):
     drive = omni_drive([SOFT] * 3, 20.0)
     state, before = run(method, drive)
     missing = RobotSample(0.5, drive.log.wheel_speed_rad_s[-1], np.array([np.nan, *drive.log.motor_current_A[-1, 1:]]))
-    after, belief = wheels.step(WheelState(*state), sanitize(missing, LIMITS))
+    after, belief = wheels.step(WheelState(*state), sanitize(missing, GAP_S))
     assert belief.force_N[0] == pytest.approx(before.force_N[-1, 0], abs=0.02)
     variance = before.force_std_N[-1, 0] ** 2 + 0.5 * wheels.walk[3] ** 2
     assert belief.force_std_N[0] == pytest.approx(np.sqrt(variance), rel=1e-3)
@@ -58,7 +58,7 @@ def test_a_current_that_is_missing_leaves_its_force_where_it_was(method):
 def test_rims_without_an_encoder_wander_as_far_as_they_may():
     wheels = WheelFilter(OMNI)
     state, before = run("ukf", omni_drive([SOFT] * 3, 20.0))
-    _, belief = wheels.step(WheelState(*state), sanitize(no_sample(OMNI)._replace(dt_s=0.5), LIMITS))
+    _, belief = wheels.step(WheelState(*state), sanitize(no_sample(OMNI)._replace(dt_s=0.5), GAP_S))
     np.testing.assert_allclose(belief.rim, before.rim[-1], atol=1e-9)
     np.testing.assert_allclose(belief.rim_std**2, before.rim_std[-1] ** 2 + 0.5 * wheels.walk[:3] ** 2, rtol=1e-6)
 

@@ -17,7 +17,7 @@ from ohmward.traction.friction.law import CoulombCreep, WardIagnemma
 from ohmward.traction.friction.terrain import Terrain
 from ohmward.traction.motion.sample import RobotSample
 from ohmward.traction.robot.robot import Robot, free_sideways
-from ohmward.traction.speed_observer.estimate import SlipEstimate, unknown_ground
+from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.noise import ObserverNoise, quantisation_std_rad_s
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward_lab.simulate.closed_loop.ground import Patch
@@ -139,6 +139,33 @@ def angle_sample(sample: RobotSample) -> AngleSample:
         pitch_rad=sample.pitch_rad,
         yaw_rate_rad_s=sample.yaw_rate_rad_s,
         speed_m_s=sample.speed_m_s,
+    )
+
+
+def unknown_ground(driven: int) -> SlipEstimate:
+    """Estimate of a method that knows no ground, to be filled with `_replace`: nan, a radius as given, and no alarm."""
+    unknown = np.full(driven, math.nan)
+    return SlipEstimate(
+        speed_m_s=math.nan,
+        speed_std_m_s=math.nan,
+        yaw_rate_rad_s=math.nan,
+        yaw_rate_std_rad_s=math.nan,
+        wheel_speed_rad_s=unknown,
+        slip_speed_m_s=unknown,
+        slip_speed_std_m_s=unknown,
+        slip_ratio=unknown,
+        traction_N=unknown,
+        friction_ratio=unknown,
+        friction_std=unknown,
+        grade_rad=math.nan,
+        grade_std_rad=math.nan,
+        radius_ratio=1.0,
+        radius_std=0.0,
+        grip=unknown,
+        unobserved_s=0.0,
+        slipping=np.zeros(driven),
+        immobilised=0.0,
+        flags=0.0,
     )
 
 

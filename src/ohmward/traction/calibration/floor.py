@@ -30,6 +30,7 @@ from ohmward.traction.terrain.floor import (
     Floor,
     drag_columns,
     inertial_forces,
+    mean_load,
     slip_at_force,
     slip_factor,
     static_loads,
@@ -212,9 +213,8 @@ def fit_drag(s: Stretches, robot: Robot) -> DragFit:
     shares = np.maximum(fit.beta, 0.0)
     expected = D @ shares
     scale = [np.sum(force[drive == d] * expected[drive == d]) / np.sum(expected[drive == d] ** 2) for d in set(drive)]
-    load_N = float(static_loads(robot)[:n].mean())
     spread = float(np.std(scale)) if len(scale) > 1 else 0.2
-    return DragFit(float(shares[0]), float(shares[1]), max(spread, 0.02), max(fit.std / load_N, 0.005))
+    return DragFit(float(shares[0]), float(shares[1]), max(spread, 0.02), max(fit.std / mean_load(robot), 0.005))
 
 
 def _slip(values: np.ndarray, p: Points) -> np.ndarray:

@@ -95,11 +95,11 @@ def between(time_s: np.ndarray, values: np.ndarray, longest_s: float = np.inf) -
     return np.where(known | (gap_s <= longest_s), line, np.nan)
 
 
-def local_slope(time_s: np.ndarray, values: np.ndarray, half_window_s: float = HALF_WINDOW_S) -> np.ndarray:
-    """Slope (T,) of the straight line through the values within `half_window_s` of each time; nan with fewer than 3."""
+def local_slope(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Slope (T,) of the straight line through the values within `HALF_WINDOW_S` of each time; nan with fewer than 3."""
     known = np.isfinite(values)
     t, y = time_s[known], values[known]
-    first, last = (np.searchsorted(t, time_s + side) for side in (-half_window_s, half_window_s))
+    first, last = (np.searchsorted(t, time_s + side) for side in (-HALF_WINDOW_S, HALF_WINDOW_S))
 
     def window_sum(terms: np.ndarray) -> np.ndarray:
         total = np.concatenate([[0.0], np.cumsum(terms)])
@@ -194,7 +194,10 @@ def _of_drive(
     number: int, drive: CalibrationDrive, robot: Robot, steady: bool, turning: bool, length_s: float
 ) -> Iterator[tuple]:
     log, t = drive.log, drive.log.time_s
-    wheels, current = (_bridged(t, values, length_s) for values in (log.wheel_speed_rad_s, log.motor_current_A))
+    wheels, current = (
+        np.column_stack([between(t, column, length_s) for column in values.T])
+        for values in (log.wheel_speed_rad_s, log.motor_current_A)
+    )
     rim = motion_from_wheels(robot, wheels[:, : robot.driven])
     pace = rim @ robot.rolling[: robot.driven].T if turning else rim[:, :-1]  # of the wheels, or of the body alone
     edges = np.searchsorted(t, np.arange(t[0], t[-1] - length_s / 2, length_s)).tolist()
@@ -214,11 +217,6 @@ def _of_drive(
                 _mean(drive.motion[part], weight),
                 _slope(t[part], drive.motion[part]),
             )
-
-
-def _bridged(time_s: np.ndarray, values: np.ndarray, length_s: float) -> np.ndarray:
-    """The values (T, n) with straight lines across gaps shorter than a stretch."""
-    return np.column_stack([between(time_s, column, length_s) for column in values.T])
 
 
 def _change(pace: np.ndarray) -> float:

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
+from functools import partial, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -166,7 +166,4 @@ def numerical_loss(gains: list[np.ndarray], method: Method, robot: Robot) -> Any
 def _largest(excess: np.ndarray, robot: Robot) -> Any:
     """The largest entry as a speed at the rim [m/s]; motions of the body count as they are."""
     rim = np.concatenate([np.ones(robot.freedoms), np.full(robot.driven, robot.wheel.radius_m)])
-    largest: Any = 0.0
-    for e in rim * excess:
-        largest = maximum(largest, abs(e))
-    return largest
+    return reduce(maximum, abs(rim * excess), 0.0)

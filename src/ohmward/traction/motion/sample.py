@@ -105,13 +105,24 @@ def remember(history: History, dt_s: Scalar, change_m_s: Scalar) -> History:
 
 
 def change_since(history: History, age_s: Scalar) -> Scalar:
-    """Predicted change [m/s] of the speed in the last `age_s`, a step that it begins in counted in part."""
-    change: Scalar = 0.0
+    """Predicted change [m/s] of the speed in the last `age_s`."""
+    return sum_since(history.dt_s, history.change_m_s, age_s)[0]
+
+
+def sum_since(dt_s: np.ndarray, changes: np.ndarray, age_s: Scalar) -> tuple[Any, Scalar]:
+    """Sum of the changes in the last `age_s`, a step that it begins in counted in part, and the time [s] they cover.
+
+    dt_s: (steps,) length of each, newest first.  changes: (steps, ...).
+    """
+    total: Any = 0.0
+    known_s: Scalar = 0.0
     left_s: Scalar = maximum(age_s, 0.0)
-    for dt_s, step_m_s in zip(history.dt_s, history.change_m_s, strict=True):
-        change = change + step_m_s * clip(left_s / maximum(dt_s, LEAST_DIVISOR), 0.0, 1.0)
-        left_s = left_s - dt_s
-    return change
+    for step_s, change in zip(dt_s, changes, strict=True):
+        share = clip(left_s / maximum(step_s, LEAST_DIVISOR), 0.0, 1.0)
+        total = total + change * share
+        known_s = known_s + step_s * share
+        left_s = left_s - step_s
+    return total, known_s
 
 
 #: Age [s] of a channel that has never had a value.
@@ -196,14 +207,6 @@ CURRENT_FADES_S = 0.5
 STOPPED_AFTER_S = 2.0
 
 
-class CredibleLimits(NamedTuple):
-    """Limits of credible samples: a longer gap [s], a larger current [A] and a faster wheel [rad/s] are faults."""
-
-    gap_s: float
-    current_A: float = MOST_MOTOR_A
-    wheel_rad_s: float = MOST_WHEEL_RAD_S
-
-
 class SensorStds(NamedTuple):
     """Standard deviations of sensors in a sample, given or matched."""
 
@@ -246,12 +249,12 @@ class EncoderWatch(NamedTuple):
     repeated_s: np.ndarray
 
 
-def sanitize(sample: RobotSample, limits: CredibleLimits) -> CleanSample:
-    """The sample without what no sensor and no clock can have shown."""
-    time = sanitize_step(sample.dt_s, LONGEST_STEP_S, limits.gap_s)
-    measured_A = np.array([within(current, limits.current_A) for current in sample.current_A])
-    measured = np.array([within(speed, limits.wheel_rad_s) for speed in sample.wheel_speed_rad_s])
-    modelled_s = minimum(time.dt_s, limits.gap_s)
+def sanitize(sample: RobotSample, gap_s: float) -> CleanSample:
+    """The sample without what no sensor and no clock can have shown; a step longer than `gap_s` is a gap."""
+    time = sanitize_step(sample.dt_s, LONGEST_STEP_S, gap_s)
+    measured_A = np.array([within(current, MOST_MOTOR_A) for current in sample.current_A])
+    measured = np.array([within(speed, MOST_WHEEL_RAD_S) for speed in sample.wheel_speed_rad_s])
+    modelled_s = minimum(time.dt_s, gap_s)
     credible = within(sample.speed_m_s, FASTEST_M_S) & logical_not(sample.speed_age_s > OLDEST_S)
     return CleanSample(
         dt_s=time.dt_s,

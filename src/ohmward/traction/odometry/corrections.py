@@ -20,13 +20,13 @@ from ohmward.trace import clip, cos, exp, isfinite, linearize, logical_not, maxi
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import OutsideSpeed
 from ohmward.traction.motion.sample import (
-    LEAST_DIVISOR,
     NEVER_S,
     OLDEST_S,
     SPEED_STD_M_S,
     CleanSample,
     History,
     change_since,
+    sum_since,
 )
 from ohmward.traction.odometry.model import (
     AHEAD,
@@ -439,22 +439,9 @@ def extend(trail: Trail, twist: np.ndarray, dt_s: Scalar) -> Trail:
 
 def way(trail: Trail, length_s: Scalar, age_s: Scalar) -> SeenWay:
     """The way of `length_s` that ended `age_s` ago; a step that begins or ends within is counted in part."""
-    end, end_s = moved_since(trail, age_s)
-    start, start_s = moved_since(trail, age_s + length_s)
+    end, end_s = sum_since(trail.dt_s, trail.moved.T, age_s)
+    start, start_s = sum_since(trail.dt_s, trail.moved.T, age_s + length_s)
     dx, dy, turn = start - end
     yaw = trail.yaw_rad - start[2]
     c, s = cos(yaw), sin(yaw)
     return SeenWay(np.array([c * dx + s * dy, c * dy - s * dx, turn]), start_s - end_s)
-
-
-def moved_since(trail: Trail, age_s: Scalar) -> tuple[np.ndarray, Scalar]:
-    """Change (3,) of x, y and yaw in the last `age_s`, and how much of that time is remembered [s]."""
-    moved: np.ndarray = np.zeros(3)
-    left_s = maximum(age_s, 0.0)
-    known_s: Scalar = 0.0
-    for dt_s, step in zip(trail.dt_s, trail.moved.T, strict=True):
-        share = clip(left_s / maximum(dt_s, LEAST_DIVISOR), 0.0, 1.0)
-        moved = moved + step * share
-        known_s = known_s + dt_s * share
-        left_s = left_s - dt_s
-    return moved, known_s

@@ -35,7 +35,7 @@ from ohmward.traction.motion.sample import (
     was_seen,
 )
 from ohmward.traction.odometry.model import OFFSET, SLIP, TURN_SCALE, USUAL_TURN_S, MotionInput, OdometryNoise
-from ohmward.traction.odometry.modes import ModeSpeed, ModeState, Turning, first_modes, weigh
+from ohmward.traction.odometry.modes import LEAST_STEP_S, ModeSpeed, ModeState, Turning, first_modes, weigh
 from ohmward.traction.odometry.sample import Observed
 from ohmward.traction.robot.chassis import PLANAR, Differential
 from ohmward.traction.robot.robot import Robot
@@ -43,9 +43,6 @@ from ohmward.traction.speed_observer.speed_evidence import LOST_M_S
 
 #: A rim whose speed changes by more than that of counting [m/s] and an acceleration of 2 g [m/s2] is not the robot's.
 JUMP_M_S, JUMP_M_S2 = 0.2, 20.0
-
-#: A shorter step [s] is none, and counts over it show no speed.
-LEAST_STEP_S = 1e-3
 
 #: Angles [rad] that differ by less are the same: rounding of a file.
 SAME_RAD = 1e-4

@@ -20,6 +20,7 @@ alike, wheels and gyro cannot tell; the speed then changes no faster than fricti
 from __future__ import annotations
 
 import math
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,7 +43,8 @@ MET_S, LASTS_S = 500.0, 2.0
 #: Innovations within this time [s] are one piece of evidence, and none counts for more than this square of sigmas.
 EVIDENCE_S, MOST_SQUARE = 0.1, 25.0
 
-#: Least share of the wheels' turn that the robot makes, and least time [s] in which a turn changes.
+#: Least share of the wheels' turn that the robot makes, and least step [s]: a shorter one is none, counts over it show
+#: no speed, and no turn changes in it.
 LEAST_SCALE, LEAST_STEP_S = 0.05, 1e-3
 
 #: Time constant [s] of the speeds from which modes go on.
@@ -143,10 +145,10 @@ def weigh(
     change_variance = maximum(changes[0] * changes[0] + count_m_s * count_m_s, LEAST_CHANGE_M_S**2)
     logs = np.array([
         -0.5 * (
-            within_most(sum((by_wheel[i] - v) ** 2 for i in part) / speed_variance)
+            minimum(sum((by_wheel[i] - v) ** 2 for i in part) / speed_variance, MOST_SQUARE)
             + (len(part) - 1) * log(speed_variance)
             + sum(log(slip_variance + (by_wheel[i] - v) ** 2) for i in slipping)
-            + within_most(change * change / change_variance)
+            + minimum(change * change / change_variance, MOST_SQUARE)
             + MOST_SQUARE * sum(where(refused[i], 1.0, 0.0) for i in part)
         )
         for slipping, part, v, change in zip(modes, rolling, speeds, changes, strict=True)
@@ -154,7 +156,7 @@ def weigh(
     judged = fresh & turning.holds & (since_s < LASTS_S)
     weight = minimum(since_s / EVIDENCE_S, 1.0)
     chain = mixed(before.probability, since_s)
-    likely = chain * exp(weight * (logs - largest(logs)))
+    likely = chain * exp(weight * (logs - reduce(maximum, logs)))
     probability = where(judged, likely / likely.sum(), before.probability)
     follows = 1.0 - exp(-since_s / BEFORE_S)
     # No wheel on the ground changes the speed of a robot faster: the friction of rubber is 1.
@@ -182,7 +184,7 @@ def weigh(
         followed_m_s=followed,
     )
     slips = np.array([sum(probability[k] for k, slipping in enumerate(modes) if i in slipping) for i in range(n)])
-    named = largest(probability[1:]) > 0.5 if len(modes) > 1 else False
+    named = reduce(maximum, probability[1:]) > 0.5 if len(modes) > 1 else False
     counted = probability @ np.array([1.0 / len(part) for part in rolling])
     return after, ModeSpeed(forward, sqrt(spread + beyond * beyond), slips, named, loose_m_s, counted)
 
@@ -221,19 +223,6 @@ def variances(
     known = 2.0 * count_m_s * count_m_s + turn_variance
     rolling = known + ROLLING_M_S**2 + (ROLLING_SHARE * along) ** 2
     return known, rolling, rolling + SLIPPING_M_S**2 + (SLIPPING_SHARE * along) ** 2
-
-
-def within_most(square: Scalar) -> Scalar:
-    """A square of sigmas, within `MOST_SQUARE`."""
-    return minimum(square, MOST_SQUARE)
-
-
-def largest(values: np.ndarray) -> Scalar:
-    """The largest of some numbers."""
-    most = values[0]
-    for value in values[1:]:
-        most = maximum(most, value)
-    return most
 
 
 def lever_m(robot: Robot) -> float:

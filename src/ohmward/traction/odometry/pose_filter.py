@@ -22,7 +22,6 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import ALARM, IS_HELD
 from ohmward.traction.motion.sample import (
     CleanSample,
-    CredibleLimits,
     History,
     empty_history,
     no_sample,
@@ -59,6 +58,7 @@ from ohmward.traction.odometry.measured_motion import (
     gyro_noise_of_sheet,
     learn_gyro_noise,
     no_motion,
+    planar,
     rim_matrix,
     sense,
     show,
@@ -84,7 +84,6 @@ from ohmward.traction.odometry.model import (
 )
 from ohmward.traction.odometry.modes import lever_m
 from ohmward.traction.odometry.sample import OdometryEstimate, OdometryFlag, OdometrySample
-from ohmward.traction.robot.chassis import PLANAR
 from ohmward.traction.robot.robot import Robot
 
 
@@ -133,9 +132,7 @@ class PoseFilter:
     @cached_property
     def rolling(self) -> np.ndarray:
         """(driven, 3): speeds of the driven wheels' centres along their rolling directions, of the motion `PLANAR`."""
-        rows = np.zeros((self.robot.driven, len(PLANAR)))
-        rows[:, [PLANAR.index(name) for name in self.robot.chassis.freedoms]] = self.robot.rolling[: self.robot.driven]
-        return rows
+        return planar(self.robot, self.robot.rolling[: self.robot.driven].T).T
 
     @cached_property
     def turn_per_slip(self) -> float:
@@ -159,7 +156,7 @@ class PoseFilter:
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
         """State and estimate after a sample: dead reckoning, then each measurement corrects."""
-        clean = sanitize(sample.robot, CredibleLimits(self.gap_s))
+        clean = sanitize(sample.robot, self.gap_s)
         before = unpack(state.belief)
         sensors, jump = sense(state.motion, clean, sample.observed, self.robot)
         since_s = state.motion.intervals.age_s[WHEELS] + clean.dt_s

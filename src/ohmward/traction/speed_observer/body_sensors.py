@@ -30,7 +30,6 @@ import numpy as np
 from ohmward.filters import extended, kalman
 from ohmward.filters.belief import Belief, Correction, Function
 from ohmward.filters.gate import choose, correct_gated, inflate, time_rejected, widen
-from ohmward.filters.linear_algebra import std as std_of
 from ohmward.filters.sanitize import every, some
 from ohmward.trace import clip, exp, isfinite, linearize, log, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
@@ -161,13 +160,6 @@ def correct_element(
     return belief, rejected, time_rejected(rejected_s, dt_s, rejected, isfinite(y))
 
 
-def disturbance_unknown(belief: Belief, model: Model, least_rad: Scalar = 0.0) -> Belief:
-    """The belief with the grade, which stands for every unmodelled disturbance, as unknown as at first or as this."""
-    if not model.states.grade:
-        return belief
-    return widen(belief, model.layout.index("grade_rad"), maximum(model.noise.grade_std_rad**2, least_rad**2))
-
-
 #: A disturbance that the model lacks may have made an innovation of the speed within this time [s].
 OPENED_S = 0.2
 
@@ -217,8 +209,7 @@ def use_speed(
     """
     if model.noise.speed_std_m_s is None:
         return body
-    received = external_speed(clean, body.belief, history, model.noise.speed_std_m_s, model)
-    y = within_reach(received, fastest_m_s)
+    y = external_speed(clean, body.belief, history, model.noise.speed_std_m_s, fastest_m_s, model)
     dispute = disputed(y, body.belief, body.rejected, clean.dt_s, gate)
     opened = opened_for(body.belief, y.innovation_m_s, model)
     held = widen(body.belief, 0, dispute.open_m_s**2)
@@ -229,7 +220,7 @@ def use_speed(
     return body._replace(
         belief=choose(rejected, opened, belief),
         observable=some([body.observable, accepted]),
-        speed_rejected=some([rejected, every([received.credible, logical_not(y.credible)])]),
+        speed_rejected=some([rejected, every([isfinite(clean.speed_m_s), logical_not(y.credible)])]),
         speed_reset=dispute.reset,
         rejected=last._replace(
             speed_s=time_rejected(last.speed_s, clean.dt_s, rejected, y.credible, sparse=True),
@@ -239,30 +230,22 @@ def use_speed(
     )
 
 
-def external_speed(clean: CleanSample, belief: Belief, history: History, std_m_s: float, model: Model) -> ReceivedSpeed:
-    """The external speed of a sample: y = v - (predicted change since) + noise.
+def external_speed(
+    clean: CleanSample, belief: Belief, history: History, std_m_s: float, fastest_m_s: Scalar, model: Model
+) -> ReceivedSpeed:
+    """The external speed of a sample, y = v - (predicted change since) + noise, or none where |y| > fastest_m_s.
 
     A disturbance of the grade's sigma may have acted over its age.
 
     std_m_s: of a source that does not give its own.
     """
     own_std = where(isfinite(clean.speed_std_m_s), clean.speed_std_m_s, std_m_s)
-    grade_std = minimum(grade_std_rad(belief, model), LATE_GRADES * model.noise.grade_std_rad)
+    grade_std = minimum(model.std_of("grade_rad", belief.cov), LATE_GRADES * model.noise.grade_std_rad)
     drift = GRAVITY * maximum(model.noise.grade_std_rad, grade_std) * clean.speed_age_s
-    credible = isfinite(clean.speed_m_s)
     y = clean.speed_m_s + change_since(history, clean.speed_age_s)
+    credible = every([isfinite(clean.speed_m_s), abs(y) <= fastest_m_s])
     innovation_m_s = where(credible, y, belief.mean[0]) - belief.mean[0]
-    return ReceivedSpeed(credible, y, own_std * own_std + drift * drift, innovation_m_s)
-
-
-def within_reach(y: ReceivedSpeed, fastest_m_s: Scalar) -> ReceivedSpeed:
-    """The external speed, or none where the body cannot have it: |y| > fastest_m_s."""
-    reachable = every([y.credible, abs(y.speed_m_s) <= fastest_m_s])
-    return y._replace(
-        credible=reachable,
-        speed_m_s=where(reachable, y.speed_m_s, np.nan),
-        innovation_m_s=where(reachable, y.innovation_m_s, 0.0),
-    )
+    return ReceivedSpeed(credible, where(credible, y, np.nan), own_std * own_std + drift * drift, innovation_m_s)
 
 
 def disputed(y: ReceivedSpeed, belief: Belief, last: BodyTimers, dt_s: Scalar, gate: SensorGate) -> Dispute:
@@ -282,7 +265,11 @@ def disputed(y: ReceivedSpeed, belief: Belief, last: BodyTimers, dt_s: Scalar, g
 
 def opened_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
     """The belief as uncertain of the speed as this innovation, on a ground as unknown as at first."""
-    belief = disturbance_unknown(inflate(belief, 0, nu_m_s * nu_m_s), model, nu_m_s / (GRAVITY * OPENED_S))
+    belief = inflate(belief, 0, nu_m_s * nu_m_s)
+    if model.states.grade:  # it stands for every disturbance that the model lacks
+        least_rad = nu_m_s / (GRAVITY * OPENED_S)
+        variance = maximum(model.noise.grade_std_rad**2, least_rad**2)
+        belief = widen(belief, model.layout.index("grade_rad"), variance)
     if model.states.friction == "known":
         return belief
     for i in sorted({model.layout.friction(k) for k in range(model.driven)}):
@@ -308,12 +295,6 @@ def sliding_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
         cov[i, :] = cov[:, i] = 0.0
         cov[i, i] = SLIDING_STD**2
     return Belief(mean, cov)
-
-
-def grade_std_rad(belief: Belief, model: Model) -> Scalar:
-    """Standard deviation [rad] of the grade; 0 where it is no state."""
-    i = model.layout.index("grade_rad") if model.states.grade else None
-    return 0.0 if i is None else std_of(belief.cov[i, i])
 
 
 #: Time constant [s] with which an innovation that they have in common is forgotten.

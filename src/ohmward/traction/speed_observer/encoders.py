@@ -78,6 +78,7 @@ class EncoderCorrection(NamedTuple):
     ground_changed: Scalar  #: the condition that one of them moved as the model excludes
     spike: Scalar  #: the condition that one of the encoders jumped as no wheel can
     doubted: Scalar  #: the condition that one of the encoders is at fault
+    rejected: RejectedFor  #: how long each has been outside its gate, (driven,)
 
 
 class PossibleSpeeds(NamedTuple):
@@ -116,7 +117,9 @@ def correct_wheels(
         belief = wheels[-1].belief
     ground_changed = some(wheel.ground_changed for wheel in wheels)
     doubted = some(s > gate.reset_after_s for s in rejected.gate_s)
-    return EncoderCorrection(belief, wheels, ground_changed, some(wheel.spike for wheel in wheels), doubted)
+    spike = some(wheel.spike for wheel in wheels)
+    times_s = zip(*(wheel.rejected for wheel in wheels), strict=True)
+    return EncoderCorrection(belief, wheels, ground_changed, spike, doubted, RejectedFor(*map(np.array, times_s)))
 
 
 def correct_wheel(
@@ -234,12 +237,6 @@ def released(free: FreeWheels, belief: Belief, clean: CleanSample, model: Model)
     layout = model.layout
     measured, omega = clean.wheel_measured[: model.driven], belief.mean[layout.wheel(0) : layout.robot_states]
     return FreeWheels(where(measured, omega, free.start_rad_s), where(measured, 0.0, free.motor_rad_s))
-
-
-def rejected_for(wheels: list[WheelCorrection]) -> RejectedFor:
-    """Times of all encoders, (driven,) each."""
-    times = zip(*(wheel.rejected for wheel in wheels), strict=True)
-    return RejectedFor(*(np.array(time) for time in times))
 
 
 def ground_unknown(belief: Belief, k: int, jump_rad_s: Scalar, model: Model) -> Belief:

@@ -12,7 +12,6 @@ Where nothing shows the speed of the body, sigma_v grows and the test falls sile
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any, NamedTuple
@@ -24,12 +23,12 @@ from ohmward.errors import InputError
 from ohmward.filters.belief import Belief
 from ohmward.filters.flags import SampleFlag
 from ohmward.filters.linear_algebra import TINY, std
-from ohmward.filters.sanitize import every, some
 from ohmward.trace import linearize, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.slip import slip_ratio
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import CleanSample
+from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.model import Model
 
 
@@ -79,33 +78,6 @@ class SlipEstimate(NamedTuple):
     slipping: np.ndarray
     immobilised: Any
     flags: Any
-
-
-def unknown_ground(driven: int) -> SlipEstimate:
-    """Estimate of a method that knows no ground, to be filled with `_replace`: nan, a radius as given, and no alarm."""
-    unknown = np.full(driven, math.nan)
-    return SlipEstimate(
-        speed_m_s=math.nan,
-        speed_std_m_s=math.nan,
-        yaw_rate_rad_s=math.nan,
-        yaw_rate_std_rad_s=math.nan,
-        wheel_speed_rad_s=unknown,
-        slip_speed_m_s=unknown,
-        slip_speed_std_m_s=unknown,
-        slip_ratio=unknown,
-        traction_N=unknown,
-        friction_ratio=unknown,
-        friction_std=unknown,
-        grade_rad=math.nan,
-        grade_std_rad=math.nan,
-        radius_ratio=1.0,
-        radius_std=0.0,
-        grip=unknown,
-        unobserved_s=0.0,
-        slipping=np.zeros(driven),
-        immobilised=0.0,
-        flags=0.0,
-    )
 
 
 class SlipFlag(SampleFlag):
@@ -180,13 +152,6 @@ class DrivenWheels(NamedTuple):
     grip: np.ndarray  #: at one sigma of slip beyond the estimate, in [0, 1]
 
 
-class MotionTimers(NamedTuple):
-    """Time [s] for which nothing has shown the speed, and for which the wheels have turned and the robot has not."""
-
-    unobserved_s: Scalar
-    stuck_s: Scalar
-
-
 def driven_wheels(belief: Belief, open_m_s: Scalar, model: Model) -> DrivenWheels:
     """Travel, slip and grip of the driven wheels.
 
@@ -209,18 +174,6 @@ def driven_wheels(belief: Belief, open_m_s: Scalar, model: Model) -> DrivenWheel
     )
 
 
-def advance_timers(
-    timers: MotionTimers, wheels: DrivenWheels, observable: Scalar, dt_s: Scalar, alarm: SlipAlarm
-) -> MotionTimers:
-    """The timers after a step; observable: the condition that something showed the speed in it."""
-    motions = zip(wheels.travel_m_s, wheels.travel_std_m_s, wheels.rim_m_s, strict=True)
-    stands = every(alarm.stands(travel, travel_std, rim) for travel, travel_std, rim in motions)
-    return MotionTimers(
-        unobserved_s=where(observable, 0.0, timers.unobserved_s + dt_s),
-        stuck_s=where(stands, timers.stuck_s + dt_s, 0.0),
-    )
-
-
 def with_unknown_mass(wheels: DrivenWheels, by_mass_m_s: Scalar, model: Model) -> DrivenWheels:
     """The same with such a standard deviation of the speed besides; their grip is that of the belief."""
     along_m_s = model.scene.robot.rolling[: model.driven, 0] * by_mass_m_s
@@ -234,13 +187,16 @@ def with_unknown_mass(wheels: DrivenWheels, by_mass_m_s: Scalar, model: Model) -
 def conclude(
     belief: Belief,
     wheels: DrivenWheels,
-    timers: MotionTimers,
-    held: Scalar,
+    unobserved_s: Scalar,
+    stuck: Scalar,
     clean: CleanSample,
     model: Model,
     alarm: SlipAlarm,
 ) -> SlipEstimate:
-    """The estimate after a sample, still without flags; held: the condition that the robot is while its wheels turn."""
+    """The estimate after a sample, still without flags.
+
+    stuck: the condition that the robot stands while its wheels turn.
+    """
     x, P = belief
     parts, yaw = model.layout.split(x), model.layout.index("yaw_rate_rad_s")
     slips = zip(wheels.slip_m_s, wheels.slip_std_m_s, wheels.rim_m_s, strict=True)
@@ -256,15 +212,15 @@ def conclude(
         slip_ratio=np.array([slip_ratio(rim, travel) for rim, travel in rims]),
         traction_N=model.traction_N(x),
         friction_ratio=parts.friction,
-        friction_std=np.array([std_of(model.layout.friction_name(k), P, model) for k in range(model.driven)]),
+        friction_std=np.array([model.std_of(model.layout.friction_name(k), P) for k in range(model.driven)]),
         grade_rad=model.input(x, clean).grade_rad,
         grade_std_rad=grade_std(belief, clean, model),
         radius_ratio=parts.radius_ratio,
-        radius_std=std_of("radius_ratio", P, model),
+        radius_std=model.std_of("radius_ratio", P),
         grip=wheels.grip,
-        unobserved_s=timers.unobserved_s,
+        unobserved_s=unobserved_s,
         slipping=np.array([where(alarm.slips(slip, slip_std, rim), 1.0, 0.0) for slip, slip_std, rim in slips]),
-        immobilised=where(some([timers.stuck_s > alarm.stuck_s, held]), 1.0, 0.0),
+        immobilised=where(stuck, 1.0, 0.0),
         flags=0.0,
     )
 
@@ -278,17 +234,10 @@ def grade_std(belief: Belief, clean: CleanSample, model: Model) -> Scalar:
     """
     (x, P), names = belief, model.layout.names
     if not {"grade_rad", "rolling_excess"} <= set(names):
-        return std_of("grade_rad", P, model)
+        return model.std_of("grade_rad", P)
     i, j = model.layout.index("grade_rad"), model.layout.index("rolling_excess")
     alike = P[i, j] * P[i, j] / maximum(P[j, j], TINY)  # the squared correlation times the variance of the grade
     share = minimum(alike / maximum(P[i, i], TINY), 1.0)
-    may_be_rad = x[j] * model.usual_rolling_rad(x, clean)
+    weight_N = GRAVITY * model.scene.robot.inertia[0]
+    may_be_rad = x[j] * (abs(model.usual_rolling_N(x, clean)) / weight_N)
     return std(P[i, i] + share * may_be_rad * may_be_rad)
-
-
-def std_of(name: str, P: np.ndarray, model: Model) -> Scalar:
-    """Standard deviation of a state of ground or sensors; 0 for one that is assumed."""
-    if name not in model.layout.names:
-        return 0.0
-    i = model.layout.index(name)
-    return std(P[i, i])

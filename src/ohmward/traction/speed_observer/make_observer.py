@@ -140,12 +140,6 @@ def usual_step_s(log: DriveLog) -> float:
     return float(np.median(np.diff(log.time_s))) if len(log) > 1 else 0.0
 
 
-def first_speed_m_s(robot: Robot, wheel_speed_rad_s: np.ndarray) -> float:
-    """Size [m/s] of the first speed that the wheels (T, driven) show."""
-    known = wheel_speed_rad_s[np.isfinite(wheel_speed_rad_s)]
-    return abs(float(known[0])) * robot.wheel.radius_m if known.size else 0.0
-
-
 #: The track is found where the yaw rate is at least so large [rad/s, root of its mean square], and the sides differ by
 #: it with this correlation: the wheels of a robot that slides sideways say little of its turns.
 YAWS_RAD_S, TOGETHER = 0.1, 0.9
@@ -178,6 +172,10 @@ ACCELEROMETER_OFFSET_M_S2 = 0.35
 
 #: Where the motor currents are not measured: traction of a wheel over its load, and for how long it lasts [s].
 UNMEASURED_TRACTION, UNMEASURED_S = 0.3, 1.0
+
+#: Age of an encoder's speed in steps where no force tells how wheels change their speed within a step: what the model
+#: then predicts is its own errors settling, and added to a slow encoder they build up from value to value.
+UNFORCED_LAG_SHARE = 0.0
 
 #: Slip [m/s] at which a wheel surely grips.
 SMALL_SLIP_M_S = 1e-4
@@ -237,12 +235,15 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
     force = not robot.chassis.scrubs and bool(np.isfinite(log.motor_current_A).any())
     disturbance_g = disturbance_m_s2(rolling, log) / GRAVITY if force else 0.0
     noise = sensor_noise(rolling, log, force)
-    noise = with_unknown_motion(noise, rolling, log, terrain, force)
+    if not force:
+        rim_m_s = robot.wheel.radius_m * float(np.nanmedian(np.abs(log.wheel_speed_rad_s)))
+        noise = replace(noise, speed_walk=unmeasured_force_walk(rolling, rim_m_s, terrain))
     if isinstance(tracked.chassis, SkidSteer):
         noise = replace(noise, yaw_rate_walk=yaw_rate_walk(tracked.chassis))
     noise = with_disturbance(noise, disturbance_g)
     if "speed_m_s" not in log.channels:
-        slip = SCRUBBING_SHARE if robot.chassis.scrubs else slip_of_disturbance(disturbance_g)
+        by_disturbance = disturbance_g if disturbance_g > LARGE_DISTURBANCE_G else 0.0
+        slip = SCRUBBING_SHARE if robot.chassis.scrubs else by_disturbance
         noise = replace(noise, radius_std=math.hypot(RADIUS_STD, slip))
     states = states_of(noise, force)
     gap_s = max(SpeedObserver.gap_s, GAP_STEPS * usual_step_s(log))
@@ -260,10 +261,11 @@ def sensor_noise(robot: Robot, log: DriveLog, force: bool) -> ObserverNoise:
     driven, passive = np.split(log.wheel_speed_rad_s, [robot.driven], axis=1)
     has = set(log.channels)
     accelerates = {"acceleration_m_s2", "pitch_rad"} <= has and not force
-    first_std_m_s = RADIUS_STD * first_speed_m_s(robot, driven)
+    known_rad_s = driven[np.isfinite(driven)]
+    first_m_s = abs(float(known_rad_s[0])) * robot.wheel.radius_m if known_rad_s.size else 0.0
     return ObserverNoise(
         encoder_std_rad_s=encoder_std_rad_s(driven),
-        encoder_lag_share=encoder_lag_share(force),
+        encoder_lag_share=ObserverNoise.encoder_lag_share if force else UNFORCED_LAG_SHARE,
         passive_std_rad_s=encoder_std_rad_s(passive) if np.isfinite(passive).any() else None,
         gyro_std_rad_s=noise_std(log.yaw_rate_rad_s, LEAST_GYRO_RAD_S) if "yaw_rate_rad_s" in has else None,
         speed_std_m_s=speed_std_m_s(robot, log) if "speed_m_s" in has else None,
@@ -272,26 +274,8 @@ def sensor_noise(robot: Robot, log: DriveLog, force: bool) -> ObserverNoise:
         accelerometer_offset_std_m_s2=ACCELEROMETER_OFFSET_M_S2,
         radius_std=RADIUS_STD,
         torque_std_Nm=ObserverNoise.torque_std_Nm if force else unmeasured_torque_Nm(robot, usual_step_s(log)),
-        initial_speed_std_m_s=math.hypot(ObserverNoise.initial_speed_std_m_s, first_std_m_s),
+        initial_speed_std_m_s=math.hypot(ObserverNoise.initial_speed_std_m_s, RADIUS_STD * first_m_s),
     )
-
-
-def encoder_lag_share(force: bool) -> float:
-    """Age of an encoder's speed in steps; 0 where no force tells how wheels change their speed within a step.
-
-    What the model then predicts is its own errors settling: added to a slow encoder, they build up from value to value.
-    """
-    return ObserverNoise.encoder_lag_share if force else 0.0
-
-
-def with_unknown_motion(
-    noise: ObserverNoise, robot: Robot, log: DriveLog, terrain: Terrain, force: bool
-) -> ObserverNoise:
-    """The noise with the walk of a speed that the sensors of the log do not explain."""
-    if force:
-        return noise
-    rim_m_s = robot.wheel.radius_m * float(np.nanmedian(np.abs(log.wheel_speed_rad_s)))
-    return replace(noise, speed_walk=unmeasured_force_walk(robot, rim_m_s, terrain))
 
 
 def yaw_rate_walk(chassis: SkidSteer) -> float:
@@ -305,11 +289,6 @@ def with_disturbance(noise: ObserverNoise, disturbance_g: float) -> ObserverNois
     if std == noise.grade_std_rad:
         return noise
     return replace(noise, grade_std_rad=std, grade_walk=max(noise.grade_walk, std * math.sqrt(2 / DISTURBANCE_S)))
-
-
-def slip_of_disturbance(disturbance_g: float) -> float:
-    """Slip ratio that a disturbance [g] makes possible: as large where it is large, else none."""
-    return disturbance_g if disturbance_g > LARGE_DISTURBANCE_G else 0.0
 
 
 def unmeasured_torque_Nm(robot: Robot, step_s: float) -> float:
@@ -425,17 +404,12 @@ def disturbance_m_s2(robot: Robot, log: DriveLog) -> float:
     moving = np.abs(speed[half:-half]).max(axis=1, initial=0.0) > TURNS_RAD_S
     if time_s.size < _FEWEST_FOR_DISTURBANCE + 2 * half or moving.sum() < _FEWEST_FOR_DISTURBANCE:
         return 0.0
-    wheel_rate = window_slope(speed, time_s, half)
+    wheel_rate = (speed[2 * half :] - speed[: -2 * half]) / (time_s[2 * half :] - time_s[: -2 * half])[:, None]
     force_N = (window_mean(torque, half) - robot.inertia[robot.freedoms :] * wheel_rate) / robot.wheel.radius_m
     linear = slice(0, robot.freedoms - 1)
     forced = (force_N @ robot.rolling[:n])[:, linear] / robot.mass_kg
     measured = motion_from_wheels(robot, wheel_rate)[:, linear]
     return float(np.median(np.linalg.norm(forced - measured, axis=1)[moving]))
-
-
-def window_slope(values: np.ndarray, time_s: np.ndarray, half: int) -> np.ndarray:
-    """Change (T - 2 half, N) of each column over the window, by its length."""
-    return (values[2 * half :] - values[: -2 * half]) / (time_s[2 * half :] - time_s[: -2 * half])[:, None]
 
 
 def window_mean(values: np.ndarray, half: int) -> np.ndarray:
@@ -493,7 +467,7 @@ def any_noise(robot: Robot, terrain: Terrain, force: bool) -> ObserverNoise:
         return noise
     return replace(
         noise,
-        encoder_lag_share=encoder_lag_share(force),
+        encoder_lag_share=UNFORCED_LAG_SHARE,
         radius_std=math.hypot(RADIUS_STD, SCRUBBING_SHARE),
         torque_std_Nm=unmeasured_torque_Nm(robot, USUAL_STEP_S),
         speed_walk=unmeasured_force_walk(robot, USUAL_SPEED_M_S, terrain),

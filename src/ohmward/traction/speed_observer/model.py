@@ -17,7 +17,7 @@ import numpy as np
 
 from ohmward.filters.belief import Belief
 from ohmward.filters.gate import widen
-from ohmward.filters.linear_algebra import mirror_lower
+from ohmward.filters.linear_algebra import mirror_lower, std
 from ohmward.trace import exp, isfinite, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.dynamics.forces import RobotInput, Scene, momentum_rates, normal_loads
@@ -64,7 +64,9 @@ class Model:
         """Standard deviations that were given."""
         noise, robot = self.noise, self.scene.robot
         passive = [noise.passive_std_rad_s] * (len(robot.places) - robot.driven)
-        encoders = [noise.encoder_std_rad_s] * robot.driven + [std for std in passive if std is not None]
+        encoders = [noise.encoder_std_rad_s] * robot.driven + [
+            passive_std for passive_std in passive if passive_std is not None
+        ]
         gyro = [] if noise.gyro_std_rad_s is None else [noise.gyro_std_rad_s]
         return SensorStds(np.array(encoders), np.full(robot.driven, noise.torque_std_Nm), np.array(gyro))
 
@@ -104,10 +106,17 @@ class Model:
         }
         return known.get(name, GaussMarkov(0.0, 0.0))
 
+    def std_of(self, name: str, P: np.ndarray) -> Scalar:
+        """Standard deviation of a state of ground or sensors; 0 for one that is assumed."""
+        if name not in self.layout.names:
+            return 0.0
+        i = self.layout.index(name)
+        return std(P[i, i])
+
     def decay_factor(self, name: str, dt_s: Scalar) -> Scalar:
         """e^(-dt/T) of a Gauss-Markov state; 1 for one that does not wander."""
-        std, walk = self.gauss_markov(name)
-        return exp(-dt_s * (walk**2 / (2 * std**2))) if walk else 1.0
+        known = self.gauss_markov(name)
+        return exp(-dt_s * (known.walk**2 / (2 * known.std**2))) if known.walk else 1.0
 
     def process_variance(self, name: str, dt_s: Scalar) -> Scalar:
         """sigma^2 (1 - e^(-2 dt/T)) of a Gauss-Markov state."""
@@ -236,11 +245,11 @@ class Model:
         """Grip (driven,) in [0, 1] of wheels at these slip speeds (driven,)."""
         return grip(slip_m_s, self.layout.split(x), self.static_load_N, self.scene)
 
-    def usual_rolling_rad(self, x: np.ndarray, clean: CleanSample) -> Scalar:
-        """Usual rolling resistance in state x over the weight: the slope [rad] that it is taken for."""
+    def usual_rolling_N(self, x: np.ndarray, clean: CleanSample) -> Scalar:
+        """Usual rolling resistance along x in state x."""
         parts = self.layout.split(x)._replace(rolling_ratio=1.0)
-        rolling_N = without_traction(parts, self.input(x, clean), self.scene, self.static_load_N).rolling_N
-        return abs(self.scene.robot.rolling[:, 0] @ rolling_N) / (GRAVITY * self.scene.robot.inertia[0])
+        forces = without_traction(parts, self.input(x, clean), self.scene, self.static_load_N)
+        return self.scene.robot.rolling[:, 0] @ forces.rolling_N
 
     def specific_force(self, x: np.ndarray, clean: CleanSample) -> np.ndarray:
         """Output (1,) [m/s^2] of an accelerometer along x in state x."""

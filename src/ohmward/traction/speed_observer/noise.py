@@ -9,15 +9,6 @@ from dataclasses import dataclass, fields
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 
-_OPTIONAL = (
-    "gyro_std_rad_s",
-    "passive_std_rad_s",
-    "speed_std_m_s",
-    "pitch_std_rad",
-    "accelerometer_std_m_s2",
-    "mass_std",
-)
-
 
 @dataclass(frozen=True)
 class ObserverNoise:
@@ -70,7 +61,7 @@ class ObserverNoise:
     def __post_init__(self) -> None:
         stds = {field.name: getattr(self, field.name) for field in fields(self)}
         require_between("noise.encoder_lag_share", stds.pop("encoder_lag_share"), 0.0, 1.0)
-        require_stds("noise", stds, _OPTIONAL)
+        require_stds("noise", stds, [field.name for field in fields(self) if field.default is None])
 
 
 def require_stds(prefix: str, values: Mapping[str, float | None], optional: Collection[str]) -> None:

@@ -51,6 +51,7 @@ from ohmward.filters.belief import Belief
 from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.sanitize import every, some, within
+from ohmward.quantities import FASTEST_M_S
 from ohmward.trace import clip, exp, isfinite, log, logical_not, maximum, minimum, sin, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import IS_HELD, Held, SpeedErrors
@@ -58,7 +59,7 @@ from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.robot.robot import GRAVITY
 from ohmward.traction.speed_observer.body_sensors import BodyCorrection
 from ohmward.traction.speed_observer.model import UNKNOWN_M_S, UNKNOWN_M_S2, Model
-from ohmward.traction.speed_observer.slip_step import step_without_traction, traction, without_traction
+from ohmward.traction.speed_observer.slip_step import step_without_traction, traction
 
 #: Time constant [s] with which an unexplained change of the speed is forgotten.
 MEMORY_S = 1.0
@@ -413,9 +414,7 @@ def with_pitch(evidence: SpeedEvidence, clean: CleanSample, model: Model) -> Spe
 
 def usual_m_s(evidence: SpeedEvidence, before: Belief, clean: CleanSample, model: Model) -> Scalar:
     """Unexplained change [m/s] of the speed up to which slope and rolling resistance are usual ones."""
-    robot, parts = model.scene.robot, model.layout.split(before.mean)._replace(rolling_ratio=1.0)
-    forces = without_traction(parts, model.input(before.mean, clean), model.scene, model.static_load_N)
-    rolling_m_s2 = robot.rolling[:, 0] @ forces.rolling_N / robot.inertia[0]
+    rolling_m_s2 = model.usual_rolling_N(before.mean, clean) / model.scene.robot.inertia[0]
     slope_m_s2 = GRAVITY * slope_std_rad(evidence, model)
     return USUAL * MEMORY_S * sqrt(slope_m_s2**2 + (model.noise.rolling_std * rolling_m_s2) ** 2)
 
@@ -432,7 +431,7 @@ SLIDING_M_S2 = 2.0
 
 #: No belief of a robot reaches this speed [m/s], and none is so uncertain: twice the fastest robot, as an estimate may
 #: err where a sensor may not.
-LOST_M_S = 100.0
+LOST_M_S = 2.0 * FASTEST_M_S
 
 #: Yaw rate and wheel speed that no belief of a robot reaches [rad/s]; none is so uncertain either.
 LOST_YAW_RAD_S, LOST_WHEEL_RAD_S = 50.0, 1e3

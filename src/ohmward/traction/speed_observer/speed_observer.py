@@ -42,7 +42,6 @@ from ohmward.traction.motion.outside_speed import ALARM, IS_HELD, TURNS_M_S, rec
 from ohmward.traction.motion.sample import (
     LEAST_DIVISOR,
     CleanSample,
-    CredibleLimits,
     History,
     Intervals,
     RobotSample,
@@ -77,16 +76,13 @@ from ohmward.traction.speed_observer.encoders import (
     FreeWheels,
     RejectedFor,
     correct_wheels,
-    rejected_for,
     released,
     turned,
 )
 from ohmward.traction.speed_observer.estimate import (
-    MotionTimers,
     SlipAlarm,
     SlipEstimate,
     SlipFlag,
-    advance_timers,
     conclude,
     driven_wheels,
     with_unknown_mass,
@@ -124,9 +120,8 @@ class ObserverState(NamedTuple):
     rejected: RejectedFor  #: for how long each encoder has been outside its gate, (driven,)
     body_rejected: BodyTimers  #: the same of the sensors of the body
     evidence: SpeedEvidence  #: of whether the wheels show the speed
-    #: as in `MotionTimers`
-    unobserved_s: Scalar
-    stuck_s: Scalar
+    unobserved_s: Scalar  #: time for which nothing has shown the speed
+    stuck_s: Scalar  #: time for which the wheels have turned and the robot has not
 
 
 def started(
@@ -220,11 +215,6 @@ class SpeedObserver:
         return Model(self.scene, self.states, self.noise)
 
     @property
-    def limits(self) -> CredibleLimits:
-        """Limits of credible samples."""
-        return CredibleLimits(self.gap_s)
-
-    @property
     def sensor_gate(self) -> SensorGate:
         """Gate of the sensors of the body."""
         return SensorGate(self.gate, self.reset_after_s)
@@ -240,7 +230,7 @@ class SpeedObserver:
 
     def init(self, first: RobotSample) -> ObserverState:
         """State before the first sample, of which it takes the speeds: a body that moves as the driven wheels say."""
-        clean = sanitize(first, self.limits)
+        clean = sanitize(first, self.gap_s)
         speeds = np.asarray(clean.wheel_speed_rad_s[: self.model.driven], dtype=float)
         return started(self.model.first_belief(speeds), self.model, self.late_steps, self.matching)
 
@@ -259,22 +249,21 @@ class SpeedObserver:
         judged = judge(evidence, before, wheels.belief, body, clean, self.model, self.gate)
         belief = judged.belief._replace(mean=self.model.layout.bounded(judged.belief.mean))
         evidence = with_reach(judged.evidence, belief, body.observable, state.unobserved_s, clean, self.model)
-        rejected = rejected_for(wheels.wheels)
-        lost = is_lost(belief, evidence, rejected.gate_s, LOCKED_OUT * self.reset_after_s, self.model)
+        lost = is_lost(belief, evidence, wheels.rejected.gate_s, LOCKED_OUT * self.reset_after_s, self.model)
         new = restarted(before, clean, self.model)
-        timers, estimate = self.conclude(state, choose(lost, new, belief), evidence, wheels, body, clean)
+        stuck_s, estimate = self.conclude(state, choose(lost, new, belief), evidence, wheels, body, clean)
         ground_changed = some([wheels.ground_changed, judged.ground_changed])
-        flags = self.flags(before, clean, wheels, body, ground_changed, timers, lost)
+        flags = self.flags(before, clean, wheels, body, ground_changed, estimate.unobserved_s, lost)
         after = state._replace(
             belief=pack(belief),
             lag_rad_s=where(clean.wheel_measured, 0.0, prediction.lag_since_rad_s),
             free=released(free, belief, clean, self.model),
             history=history,
-            rejected=rejected,
+            rejected=wheels.rejected,
             body_rejected=body.rejected,
             evidence=evidence,
-            unobserved_s=timers.unobserved_s,
-            stuck_s=timers.stuck_s,
+            unobserved_s=estimate.unobserved_s,
+            stuck_s=stuck_s,
         )
         fresh = started(new, self.model, self.late_steps, self.matching, state)
         return choose(lost, fresh, after), estimate._replace(flags=flags)
@@ -287,7 +276,7 @@ class SpeedObserver:
         """
         if not self.uses_currents:
             sample = sample._replace(current_A=np.zeros(self.model.driven))
-        clean = sanitize(sample, self.limits)
+        clean = sanitize(sample, self.gap_s)
         before = first_sight(unpack(state.belief), clean, state.encoder_intervals, self.model)
         clean = without_impossible_currents(clean, before, self.model)
         current_intervals = advance(state.current_intervals, clean.current_measured, clean.dt_s)
@@ -379,18 +368,21 @@ class SpeedObserver:
         wheels: EncoderCorrection,
         body: BodyCorrection,
         clean: CleanSample,
-    ) -> tuple[MotionTimers, SlipEstimate]:
-        """The timers, and the estimate still without flags."""
+    ) -> tuple[Scalar, SlipEstimate]:
+        """Time for which the wheels have turned and the robot has not, and the estimate still without flags."""
         driven = driven_wheels(belief, evidence.open_m_s, self.model)
         encoders = zip(wheels.wheels, driven.grip, strict=True)
         gripping = [wheel.used & (grip > LEAST_GRIP) for wheel, grip in encoders]
         observable = some([*gripping, body.observable])
-        timers = MotionTimers(state.unobserved_s, state.stuck_s)
-        timers = advance_timers(timers, driven, observable, clean.dt_s, self.alarm)
+        unobserved_s = where(observable, 0.0, state.unobserved_s + clean.dt_s)
+        motions = zip(driven.travel_m_s, driven.travel_std_m_s, driven.rim_m_s, strict=True)
+        stands = every(self.alarm.stands(travel, travel_std, rim) for travel, travel_std, rim in motions)
+        stuck_s = where(stands, state.stuck_s + clean.dt_s, 0.0)
         driven = with_unknown_mass(driven, by_mass_m_s(evidence), self.model)
         rim_m_s = self.scene.robot.motion_by_rims[0] @ driven.rim_m_s
-        stuck = (evidence.held.probability > ALARM) & (abs(rim_m_s) > TURNS_M_S)
-        return timers, conclude(belief, driven, timers, stuck, clean, self.model, self.alarm)
+        held = (evidence.held.probability > ALARM) & (abs(rim_m_s) > TURNS_M_S)
+        stuck = some([stuck_s > self.alarm.stuck_s, held])
+        return stuck_s, conclude(belief, driven, unobserved_s, stuck, clean, self.model, self.alarm)
 
     def flags(
         self,
@@ -399,7 +391,7 @@ class SpeedObserver:
         wheels: EncoderCorrection,
         body: BodyCorrection,
         ground_changed: Scalar,
-        timers: MotionTimers,
+        unobserved_s: Scalar,
         lost: Scalar,
     ) -> Scalar:
         """Flags of a sample."""
@@ -415,7 +407,7 @@ class SpeedObserver:
             SlipFlag.SPEED_REJECTED: body.speed_rejected,
             SlipFlag.SPEED_RESET: body.speed_reset,
             SlipFlag.STANDSTILL: clean.resting,
-            SlipFlag.SPEED_UNOBSERVED: timers.unobserved_s > SEEN_S,
+            SlipFlag.SPEED_UNOBSERVED: unobserved_s > SEEN_S,
             SlipFlag.NOT_POSITIVE_DEFINITE: is_healthy(before) <= 0.5,
             SlipFlag.RESTARTED: lost,
         })  # fmt: skip

@@ -206,13 +206,13 @@ def memory(tested_s: Scalar) -> Scalar:
     return minimum(maximum(tested_s, 0.0), MEMORY_S) + _FIRST_S
 
 
-def crossing_test(floors: Sequence[Floor], false_alarms_per_hour: float = 1.0) -> CrossingTest:
+def crossing_test(floors: Sequence[Floor]) -> CrossingTest:
     """The test for a robot that knows these floors: a change counts from the difference of the nearest two on."""
     pairs = pairwise(sorted(floors, key=lambda f: f.drag))
     different = [(a, b) for a, b in pairs if b.drag - a.drag > SAME_DRAG]
     if not different:
-        return CrossingTest(false_alarms_per_hour=false_alarms_per_hour)
+        return CrossingTest()
     a, b = min(different, key=lambda pair: pair[1].drag - pair[0].drag)
     rolling = max(COUNTS * abs(b.rolling - a.rolling), _LEAST_DRAG_STEP)
     roller = max(COUNTS * abs(b.roller - a.roller), _LEAST_DRAG_STEP)
-    return CrossingTest(rolling, roller, false_alarms_per_hour=false_alarms_per_hour)
+    return CrossingTest(rolling, roller)

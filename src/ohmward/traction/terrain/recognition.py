@@ -217,7 +217,7 @@ class Recognition:
 
     def changed(self, belief: np.ndarray) -> np.ndarray:
         """Belief (C,) after one wheel has met another floor."""
-        return np.array([sparse_dot(shares, belief) for shares in self.changes.T])
+        return np.array([belief[row > 0.0] @ row[row > 0.0] for row in self.changes.T])  # most are 0
 
     def log_likelihood(self, forces: FloorForces, averaged_s: Scalar) -> np.ndarray:
         """Logarithm of p(F | c) (C,) of forces that are the mean over `averaged_s`.
@@ -232,7 +232,8 @@ class Recognition:
         persistent = PERSISTENT_SHARE + (1 - PERSISTENT_SHARE) * white
         columns = drag_columns(self.robot, forces.motion)
         drags = [columns @ np.array([f.rolling, f.roller]) for f in self.all_floors]
-        covs = [outer_squares(f.drag_std * drag) for f, drag in zip(self.all_floors, drags, strict=True)]
+        by_floor = zip(self.all_floors, drags, strict=True)
+        covs = [[np.outer(column, column) for column in (f.drag_std * drag).T] for f, drag in by_floor]
         sensor = white * forces.noise_N**2 + forces.friction_N**2
         found = []
         for combination in self.combinations:
@@ -254,17 +255,6 @@ class Recognition:
         return by_wheel if self.known_only else np.array([[*row[:known], row[known:].sum()] for row in by_wheel])
 
 
-def sparse_dot(weights: np.ndarray, values: np.ndarray) -> Scalar:
-    """Product of weights (n,), of which most are 0, and traced values (n,)."""
-    used = np.flatnonzero(weights)
-    return values[used] @ weights[used]
-
-
-def outer_squares(columns: np.ndarray) -> list[np.ndarray]:
-    """Outer product (n, n) of each column of (n, wheels) with itself."""
-    return [np.outer(column, column) for column in columns.T]
-
-
 def log_density(error: np.ndarray, S: np.ndarray) -> Scalar:
     """Logarithm of the normal density of an error (n,) with covariance (n, n), without its constant."""
     factor, _ = cholesky(S)
@@ -284,9 +274,9 @@ CHANGED = 3.0
 class LossState(NamedTuple):
     """Mean loss since the last event, the mean variance of one such loss, and the number of speeds in them, fading."""
 
-    mean: Any
-    variance: Any
-    count: Any
+    mean: Any = 0.0
+    variance: Any = 1.0
+    count: Any = 0.0
 
 
 class SeenLoss(NamedTuple):
@@ -303,11 +293,6 @@ class LossSample(NamedTuple):
     value: Any
     variance: Any
     refused: Any
-
-
-def no_loss() -> LossState:
-    """State before the first outside speed."""
-    return LossState(0.0, 1.0, 0.0)
 
 
 def loss_sample(clean: CleanSample, rim: np.ndarray, rim_std: np.ndarray, rate: np.ndarray, u: Scalar) -> LossSample:

@@ -41,7 +41,6 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.friction.law import direction_and_size
 from ohmward.traction.motion.sample import (
     LONGEST_STEP_S,
-    CredibleLimits,
     EncoderWatch,
     RobotSample,
     first_of,
@@ -77,7 +76,6 @@ from ohmward.traction.terrain.recognition import (
     corrected,
     log_likelihood,
     loss_sample,
-    no_loss,
     seen,
 )
 from ohmward.traction.terrain.wheel_filter import WheelBelief, WheelFilter, WheelState
@@ -122,7 +120,7 @@ class FloorFlag(SampleFlag):
 
 
 #: A longer step is a gap [s].
-LIMITS = CredibleLimits(gap_s=0.5)
+GAP_S = 0.5
 
 #: Largest force over load of the curves, more than any floor gives, and the distance of their points.
 MOST, SPACING = 2.0, 0.01
@@ -232,16 +230,16 @@ class SlipOnFloors:
         robot = self.wheels.robot
         nothing = np.zeros(len(robot.places))
         watch = EncoderWatch(nothing, nothing)
-        wheels = self.wheels.init(sanitize(first, LIMITS))
+        wheels = self.wheels.init(sanitize(first, GAP_S))
         rim = wheels.belief.mean[: robot.freedoms]
         return FloorState(
-            wheels, np.array([rim, rim]), self.recognition.init(), self.crossing.init(robot), watch, no_loss()
+            wheels, np.array([rim, rim]), self.recognition.init(), self.crossing.init(robot), watch, LossState()
         )
 
     def step(self, state: FloorState, sample: RobotSample) -> tuple[FloorState, FloorEstimate]:
         """State and estimate after a sample."""
         robot = self.wheels.robot
-        seen_now = sanitize(sample, LIMITS)
+        seen_now = sanitize(sample, GAP_S)
         clean, watch, stopped = without_stopped(seen_now, state.encoders)
         wheels, belief = self.wheels.step(state.wheels, clean)
         noise_N, belief = belief.force_std_N, with_friction(robot, belief)
