@@ -27,6 +27,7 @@ import numpy as np
 
 from ohmward.trace import clip, exp, log, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.motion.outside_speed import MET_S
 from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.robot.chassis import PLANAR
 from ohmward.traction.robot.robot import GRAVITY, Robot
@@ -37,8 +38,8 @@ ROLLING_M_S, ROLLING_SHARE = 0.02, 0.02
 #: That of the slip of wheels that slip: [m/s], and over the speed.
 SLIPPING_M_S, SLIPPING_SHARE = 0.3, 0.3
 
-#: A mode of slip begins once in so long on average, for each of its kind, and lasts so long [s].
-MET_S, LASTS_S = 500.0, 2.0
+#: A mode of slip begins once in `MET_S` on average, for each of its kind, and lasts so long [s].
+LASTS_S = 2.0
 
 #: Innovations within this time [s] are one piece of evidence, and none counts for more than this square of sigmas.
 EVIDENCE_S, MOST_SQUARE = 0.1, 25.0

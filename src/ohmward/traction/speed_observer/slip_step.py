@@ -53,15 +53,6 @@ class SlipStep(NamedTuple):
     damping: np.ndarray
 
 
-class Balance(NamedTuple):
-    """Slip that balances, each (driven,)."""
-
-    slip_m_s: np.ndarray  #: s at the end of the step
-    traction_N: np.ndarray  #: F(s)
-    slope: np.ndarray  #: k = dF/ds there [N s/m], >= 0
-    rest_slope: np.ndarray  #: k0 = dF/ds without slip
-
-
 def slip_step(parts: Parts, u: RobotInput, p: Scene, dt_s: Any, start_m_s: np.ndarray | None = None) -> SlipStep:
     """Body and wheels after `dt_s` of constant current; `u.grade_rad` is that of the step.
 
@@ -112,10 +103,10 @@ def without_traction(parts: Parts, u: RobotInput, p: Scene, load_N: np.ndarray) 
 
 def balance_slip(
     free_slip: np.ndarray, A: np.ndarray, start: np.ndarray, steps: int, parts: Parts, load_N: np.ndarray, p: Scene
-) -> Balance:
-    """Slip s (driven,) of s + A F(s) = free_slip after so many Newton steps; A in m/(N s), start: (driven,).
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Slip s of s + A F(s) = free_slip after so many Newton steps, F(s), slope k = dF/ds there, and k0 without slip.
 
-    The traction returned is the law's, so never more than the ground can give.
+    All (driven,), slopes in N s/m and >= 0; A in m/(N s). F is the law's, so never more than the ground can give.
     """
     a = np.diag(A)
     _, rest_slope = traction_and_slope(np.zeros(len(start)), parts, load_N, p)
@@ -126,7 +117,7 @@ def balance_slip(
         F, k = traction_and_slope(s, parts, load_N, p)
         s = s - (s + A @ F - free_slip) / (1.0 + a * k)
         s = where(forward, maximum(s, bound), minimum(s, bound))
-    return Balance(s, *traction_and_slope(s, parts, load_N, p), rest_slope)
+    return s, *traction_and_slope(s, parts, load_N, p), rest_slope
 
 
 def traction_and_slope(

@@ -32,12 +32,14 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, PerWheel, Progress, number, numbers
 from ohmward.filters.flags import SampleFlag, flags_of
+from ohmward.filters.gate import choose
 from ohmward.filters.linear_algebra import std
 from ohmward.filters.run import Run
 from ohmward.filters.sanitize import every, some
 from ohmward.logs.drive_log import DriveLog, DriveSource, as_drive
 from ohmward.trace import Kernel, exp, logical_not, maximum, minimum, sqrt, table, where
 from ohmward.trace.expression import Scalar
+from ohmward.traction.dynamics.slip import REPORT_FLOOR
 from ohmward.traction.friction.law import direction_and_size
 from ohmward.traction.motion.sample import (
     LONGEST_STEP_S,
@@ -50,7 +52,7 @@ from ohmward.traction.motion.sample import (
     without_stopped,
 )
 from ohmward.traction.robot.robot import Robot
-from ohmward.traction.terrain.crossing import Crossing, CrossingResult, CrossingState, CrossingTest, crossing_test
+from ohmward.traction.terrain.crossing import Crossing, CrossingState, CrossingTest, crossing_test
 from ohmward.traction.terrain.floor import (
     AS_LEARNT,
     Floor,
@@ -176,7 +178,7 @@ class SlipCurves:
 
 #: Speed [m/s] below which no slip ratio is given and no floor is recognised, and the standard deviation of the rims'
 #: motion, as a share of it, above which neither is.
-SLOWEST_M_S, UNSURE_SHARE = 0.02, 0.5
+SLOWEST_M_S, UNSURE_SHARE = REPORT_FLOOR, 0.5
 #: Time constant [s] of each of the two low-pass filters that give the rims' acceleration.
 RATE_S = 0.075
 #: The slip is the mean over the floors, weighted by this power of their probability: between the mean (1), which a
@@ -254,7 +256,10 @@ class SlipOnFloors:
         unsettled = some([result.alarm, result.restart, logical_not(moving)])
         loss = averaged(state.loss, outside, unsettled, clean.dt_s)
         by_outside_speed = log_likelihood(seen(loss), self.recognition.combinations, slips, robot.motion_by_rims[0])
-        recognised = self.recognise(state.recognised, forces, result, moving, clean.dt_s, by_outside_speed)
+        recognised = self.recognition.step(
+            state.recognised, forces, result.alarm, result.restart, clean.dt_s, by_outside_speed
+        )
+        recognised = choose(moving, recognised, state.recognised)  # forces of wheels that stand tell nothing
         probability = self.recognition.by_wheel(recognised.combinations)
         slip = corrected(self.mixture(slips, probability), seen(loss), robot.motion_by_rims[0])
         estimate = self.conclude(belief, slip, probability, moving)._replace(
@@ -273,22 +278,6 @@ class SlipOnFloors:
             }),
         )  # fmt: skip
         return FloorState(wheels, slow_rim, recognised, crossing, watch, loss), estimate
-
-    def recognise(
-        self,
-        state: RecognitionState,
-        forces: FloorForces,
-        result: CrossingResult,
-        moving: Scalar,
-        dt_s: Scalar,
-        by_outside_speed: Sequence[Scalar],
-    ) -> RecognitionState:
-        """Belief in the floors after a sample; forces of wheels that stand tell nothing.
-
-        by_outside_speed: (C,) logarithm of the likelihood of what outside speeds have shown.
-        """
-        after = self.recognition.step(state, forces, result.alarm, result.restart, dt_s, by_outside_speed)
-        return RecognitionState(*(where(moving, new, old) for new, old in zip(after, state, strict=True)))
 
     @cached_property
     def kernel(self) -> Kernel:
