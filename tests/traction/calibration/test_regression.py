@@ -17,7 +17,6 @@ def test_without_a_prior_it_is_least_squares():
     A, y, drive = sample(np.random.default_rng(1))
     fit = regress(A, y, drive, np.zeros(2), NOTHING)
     np.testing.assert_allclose(fit.beta, np.linalg.lstsq(A, y, rcond=None)[0], rtol=1e-9)
-    np.testing.assert_allclose(fit.residual, y - A @ fit.beta)
 
 
 def test_a_column_that_says_nothing_keeps_its_prior():

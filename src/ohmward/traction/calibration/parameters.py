@@ -73,15 +73,15 @@ def with_parameters(robot: Robot, parameters: Iterable[Parameter]) -> Robot:
     return robot
 
 
+#: Groups are drives from so many of them on.
 FEWEST_DRIVES = 10
 
 
 class Regression(NamedTuple):
-    """beta: (p,); cov: (p, p); residual: (K,) measured minus fitted; std: of the residuals."""
+    """beta: (p,); cov: (p, p); std: of the residuals."""
 
     beta: np.ndarray
     cov: np.ndarray
-    residual: np.ndarray
     std: float
 
 
@@ -101,10 +101,9 @@ def regress(A: np.ndarray, y: np.ndarray, drive: np.ndarray, prior: np.ndarray, 
         std = max(float(np.sqrt(np.mean((y - A @ beta) ** 2))), 1e-12)
         H = A.T @ A / std**2 + P0_inv
         beta = np.linalg.solve(H, A.T @ y / std**2 + P0_inv @ prior)
-    residual = y - A @ beta
     H_inv = np.linalg.inv(H)
-    g = scores(A, residual, drive) / std**2
-    return Regression(beta, H_inv @ (g.T @ g + P0_inv) @ H_inv, residual, std)
+    g = scores(A, y - A @ beta, drive) / std**2
+    return Regression(beta, H_inv @ (g.T @ g + P0_inv) @ H_inv, std)
 
 
 def scores(A: np.ndarray, residual: np.ndarray, drive: np.ndarray) -> np.ndarray:
