@@ -7,12 +7,10 @@ import pytest
 
 from battery.identification.examples import LFP_OCV, NMC_OCV, cell, play, pulse_log, steps
 from ohmward.battery.chemistries import HysteresisPrior, Normal, chemistry_prior
-from ohmward.battery.identification.circuit import circuit_of, curve_notes
-from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, ParameterLayout, Rates, design
-from ohmward.battery.identification.circuit_fit import fit_circuit
-from ohmward.battery.identification.circuit_prior import ocv_precision
+from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, ParameterLayout, Rates, design, ocv_precision
+from ohmward.battery.identification.circuit_fit import circuit_of, curve_notes, fit_circuit
 from ohmward.battery.identification.circuit_solve import CircuitProblem, last_direction, solve
-from ohmward.battery.identification.confidence import confidence_intervals, not_identified
+from ohmward.battery.identification.circuit_uncertainty import confidence_intervals, not_identified
 from ohmward.battery.identification.fit_samples import simulate, thin
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.identification.soc_axis import anchor_soc

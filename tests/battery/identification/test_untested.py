@@ -9,9 +9,8 @@ from battery.identification.examples import cell, pulse_log
 from battery.identification.test_circuit import problem_of
 from ohmward.battery.chemistries import CHEMISTRIES, chemistry_prior
 from ohmward.battery.identification import identify
-from ohmward.battery.identification.circuit import circuit_of
-from ohmward.battery.identification.circuit_fit import fit_circuit
-from ohmward.battery.identification.confidence import (
+from ohmward.battery.identification.circuit_fit import circuit_of, fit_circuit
+from ohmward.battery.identification.circuit_uncertainty import (
     activation_std_K,
     confidence_intervals,
     hysteresis_std,

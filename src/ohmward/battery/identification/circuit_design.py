@@ -1,4 +1,4 @@
-"""Design matrix of the circuit's voltage: linear in everything but time constants and rates.
+"""Linear unknowns of the circuit: their layout, the columns of the voltage, and what cells have in common as a prior.
 
 With the SoC known, the time constants, the hysteresis rate gamma and the activation K fixed,
 
@@ -16,12 +16,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ohmward.battery.chemistries import ChemistryPrior, CurvePrior
 from ohmward.battery.identification.fit_samples import FitSamples, hysteresis_along, pair_steps, scan
-from ohmward.battery.models.ocv import OcvCurve, hat
+from ohmward.battery.identification.soc_axis import axis_bridge
+from ohmward.battery.models.noise import on_soc_grid
+from ohmward.battery.models.ocv import OcvCurve, correlation, hat
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop
-from ohmward.battery.posterior import ENTROPY_KNOTS, OCV_KNOTS
+from ohmward.battery.posterior import ENTROPY_KNOTS, ENTROPY_LENGTH, OCV_KNOTS, Gaussian
 
 RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
+#: Smaller currents, as a share of 1 C, show no resistance.
+COVERED_RATE = 0.02
+#: Time for which a current must have flowed near a state of charge [s].
+_COVERED_S = 10.0
 
 
 class Rates(NamedTuple):
@@ -68,6 +75,15 @@ class ParameterLayout(NamedTuple):
     def block(self, j: int) -> slice:
         """One resistance along SoC: 0 r0_discharge, 1 r0_charge, 1 + j r_j."""
         return slice(j * RESISTANCE_GRID.size, (j + 1) * RESISTANCE_GRID.size)
+
+    @property
+    def steady_resistance(self) -> np.ndarray:
+        """(21, K) weights of x in the resistance to a lasting discharge, on RESISTANCE_GRID."""
+        rows = np.zeros((RESISTANCE_GRID.size, self.size))
+        for j in range(self.blocks):
+            if j != 1:
+                rows[:, self.block(j)] = np.eye(RESISTANCE_GRID.size)
+        return rows
 
     @property
     def scale(self) -> slice:
@@ -141,3 +157,104 @@ def design(
 def pair_names(pairs: int) -> Sequence[str]:
     """Names of the resistances along SoC, in the order of the blocks."""
     return ("r0_discharge_ohm", "r0_charge_ohm", *(f"r{j}_ohm" for j in range(1, pairs + 1)))
+
+
+def covered(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
+    """(21,) bool: True where a current flowed within 2.5 % of that SoC for at least 10 s in all."""
+    half = 0.5 * (RESISTANCE_GRID[1] - RESISTANCE_GRID[0])
+    time_s = np.zeros(RESISTANCE_GRID.size)
+    for s in samples:
+        flows = np.abs(s.mean_current_A) > COVERED_RATE * capacity_Ah
+        time_s += (np.abs(s.soc - RESISTANCE_GRID[:, None]) <= half) @ np.where(flows, s.dt_s, 0.0)
+    return time_s >= _COVERED_S
+
+
+#: Error of the curve as a share of the half gap of its branches: the truth lies between them, not in the middle.
+_GAP_SHARE = 0.5
+#: Width of the curve's temperature slope where low-rate tests measured it, over that where they did not: their branches
+#: hold overpotential, which changes with temperature as well.
+_MEASURED_SLOPE = 0.5
+
+
+def nuisance_prior(
+    prior: ChemistryPrior, layout: ParameterLayout, ocv: OcvCurve, at_rest: list[bool], volts: float
+) -> Gaussian:
+    """The prior of all but the resistances: hysteresis, OCV correction, states at the start of each record.
+
+    at_rest: for each record, True where it starts with a rest.
+    volts: voltage of the battery over that of a lithium-ion cell.
+    """
+    precision = np.zeros((layout.size, layout.size))
+    information = np.zeros(layout.size)
+    if layout.hysteresis:
+        mean, std = prior.hysteresis.share
+        precision[layout.scale, layout.scale] += 1 / std**2
+        information[layout.scale] += mean / std**2
+    precision[layout.correction, layout.correction] += ocv_precision(prior.curve, ocv, volts)
+    if layout.entropy:
+        entropy_cov = entropy_std(prior, ocv, volts) ** 2 * correlation(ENTROPY_KNOTS, ENTROPY_LENGTH)
+        precision[layout.entropic, layout.entropic] += np.linalg.inv(entropy_cov)
+    for record, rests in enumerate(at_rest):
+        where = layout.initial(record)
+        start_V = np.full(layout.pairs, volts * (prior.rest_V if rests else prior.start_V))
+        std_of_start = np.concatenate([start_V, np.full(int(layout.hysteresis), prior.hysteresis.share.mean)])
+        precision[where, where] += np.diag(1 / std_of_start**2)
+    return Gaussian(precision, information)
+
+
+def resistance_prior(
+    prior: ChemistryPrior, layout: ParameterLayout, levels: np.ndarray, shapes: np.ndarray
+) -> Gaussian:
+    """The prior of the resistances: random walks along SoC about a level, r0 alike in both directions.
+
+    levels: (2 + n,) level of each resistance [ohm]; shapes: (2 + n, 21) its expected course along SoC, about 1.
+    """
+    precision = np.zeros((layout.size, layout.size))
+    information = np.zeros(layout.size)
+    for j in range(layout.blocks):
+        add_rows(precision, layout.block(j), _walk(prior, levels[j]) / shapes[j])
+        if j != 1:
+            row = 1 / (prior.level_share * levels[j] * RESISTANCE_GRID.size * shapes[j])
+            add_rows(precision, layout.block(j), row[None, :])
+            information[layout.block(j)] += row / prior.level_share
+    _tie_directions(precision, layout, prior.direction_share * levels[0])
+    return Gaussian(precision, information)
+
+
+def ocv_precision(prior: CurvePrior, ocv: OcvCurve, volts: float) -> np.ndarray:
+    """(K, K) precision of the OCV correction on OCV_KNOTS: exponential correlation, wider where steep."""
+    slope = np.abs(np.gradient(np.asarray(ocv.mean_V(OCV_KNOTS, ocv.reference_degC)), OCV_KNOTS))
+    gap = np.asarray(ocv.hysteresis_at(OCV_KNOTS))
+    axis = np.hypot(prior.soc_std, prior.middle_soc_std * axis_bridge(OCV_KNOTS))
+    own_V = np.hypot(volts * on_soc_grid(prior.std_V, OCV_KNOTS), prior.line_std_V)
+    std = np.sqrt(own_V**2 + (axis * slope) ** 2 + (_GAP_SHARE * gap) ** 2)
+    return np.linalg.inv(std[:, None] * correlation(OCV_KNOTS, prior.soc_length) * std)
+
+
+def entropy_std(prior: ChemistryPrior, ocv: OcvCurve, volts: float) -> float:
+    """Prior standard deviation of the change of the OCV curve with temperature [V/K].
+
+    Less where low-rate tests at two temperatures have measured it.
+    """
+    usual = volts * prior.ocv_std_V_per_K
+    return _MEASURED_SLOPE * usual if any(ocv.temperature_V_per_K) else usual
+
+
+def add_rows(precision: np.ndarray, where: slice, rows: np.ndarray) -> None:
+    """Add the precision of `rows` @ x[where] ~ N(., 1) to precision (K, K), in place."""
+    precision[where, where] += rows.T @ rows
+
+
+def _walk(prior: ChemistryPrior, level: float) -> np.ndarray:
+    """(20, 21) differences of neighbouring grid points over their standard deviation."""
+    std = prior.walk_share * level * np.sqrt(np.diff(RESISTANCE_GRID) / 0.1)
+    return np.diff(np.eye(RESISTANCE_GRID.size), axis=0) / std[:, None]
+
+
+def _tie_directions(precision: np.ndarray, layout: ParameterLayout, std_ohm: float) -> None:
+    discharge, charge = layout.block(0), layout.block(1)
+    tie = np.eye(RESISTANCE_GRID.size) / std_ohm**2
+    precision[discharge, discharge] += tie
+    precision[charge, charge] += tie
+    precision[discharge, charge] -= tie
+    precision[charge, discharge] -= tie

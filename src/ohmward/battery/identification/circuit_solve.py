@@ -12,8 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.chemistries import CELL_V, ChemistryPrior
-from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, ParameterLayout, Rates, design
-from ohmward.battery.identification.circuit_prior import nuisance_prior, resistance_prior
+from ohmward.battery.identification.circuit_design import (
+    RESISTANCE_GRID,
+    ParameterLayout,
+    Rates,
+    design,
+    nuisance_prior,
+    resistance_prior,
+)
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC

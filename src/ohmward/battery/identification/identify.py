@@ -25,18 +25,23 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.battery import Provenance as Provenance
 from ohmward.battery.chemistries import CHEMISTRIES, chemistry_name, start_model, start_noise
 from ohmward.battery.fingerprint import fingerprint
-from ohmward.battery.identification.circuit import circuit_of, curve_notes, slow_shape, start_of
 from ohmward.battery.identification.circuit_fit import (
     CircuitFit,
     choose_pairs,
+    circuit_of,
+    curve_notes,
     fit_circuit,
     longest_rest_s,
     longest_tau_s,
+    slow_shape,
+    start_of,
 )
 from ohmward.battery.identification.circuit_solve import CircuitProblem
-from ohmward.battery.identification.confidence import (
+from ohmward.battery.identification.circuit_uncertainty import (
     confidence_intervals,
+    current_noise_A,
     load_temperature,
+    noise_from_fit,
     not_identified,
     untested_sentences,
 )
@@ -59,7 +64,6 @@ from ohmward.battery.identification.log_details import (
     label_notes,
     reproduces,
 )
-from ohmward.battery.identification.noise_from_fit import current_noise_A, noise_from_fit
 from ohmward.battery.identification.ocv_from_logs import OcvBranch
 from ohmward.battery.identification.record import Record, make_records, reference_degC
 from ohmward.battery.identification.soc_axis import SocAxis, anchor_soc, axis_std

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.circuit_prior import axis_bridge
 from ohmward.battery.identification.fit_samples import scan
 from ohmward.battery.identification.ocv_from_logs import CAPACITY_WARNING
 from ohmward.battery.identification.record import SETTLED_REST_S, Record, find_rests, is_rest, settled_ends
@@ -131,6 +130,12 @@ def find_anchors(
             "test of the same battery, or give its open-circuit voltage (--ocv, ocv=)"
         )
     return (min(known, key=lambda a: a.std),)
+
+
+def axis_bridge(soc: Any) -> Any:
+    """Course along SoC of an error of the axis that is 0 where the battery is full or empty, and 1 in the middle."""
+    inside = np.clip(soc, 0.0, 1.0)
+    return 2 * np.sqrt(inside * (1 - inside))
 
 
 def _require_likely_capacity(record: Record, capacity_Ah: float) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, Knowledge, SeenLog
 from ohmward.battery.chemistries import CELL_V, Normal, chemistry, chemistry_prior
-from ohmward.battery.identification.noise_from_fit import SOC_AXIS_STD, beyond_axis_V
+from ohmward.battery.identification.circuit_uncertainty import SOC_AXIS_STD, beyond_axis_V
 from ohmward.battery.learning.parameters import Parameters, mean_slope_V, parameters_of, prior_covariance
 from ohmward.battery.learning.voltage_model import CurvePlace, OpenCircuit, file_charge, true_soc
 from ohmward.battery.models.noise import BatteryNoise
