@@ -14,16 +14,17 @@ from ohmward.battery.learning import learn
 from ohmward.battery.learning.fold import fold
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.samples import samples_of
-from ohmward.battery.learning.solve import Normals, moments, solve
+from ohmward.battery.learning.solve import moments, solve
 from ohmward.battery.learning.voltage_model import CurvePlace, VoltageModel, file_charge, nuisance_covariance, true_soc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.anchor_rule import SocAnchor
+from ohmward.filters.belief import Belief
 from ohmward.logs import Log
 
 TESTED = Battery("tested", 12.0, "nmc", 3, 5.0, 14.0, thevenin=MODEL, noise=BatteryNoise(capacity_std=0.1))
 
 
-def problem(battery: Battery, log: Log) -> tuple[VoltageModel, Normals]:
+def problem(battery: Battery, log: Log) -> tuple[VoltageModel, Belief]:
     (samples,) = samples_of(log, battery)
     model = VoltageModel(battery, samples, samples.rows)
     K, M = model.parameters.size, model.nuisances.size
@@ -32,7 +33,7 @@ def problem(battery: Battery, log: Log) -> tuple[VoltageModel, Normals]:
     covariance[K:, K:] = nuisance_covariance(model.nuisances, samples, battery, 0.5, 0.005)
     mean = np.zeros(K + M)
     mean[K + model.nuisances.soc] = 1.0
-    return model, Normals(mean, covariance)
+    return model, Belief(mean, covariance)
 
 
 def test_the_solution_is_that_of_a_kalman_filter_through_all_rows():
@@ -48,7 +49,7 @@ def test_the_solution_is_that_of_a_kalman_filter_through_all_rows():
     if p.charge.soc[highest] > 1.0:
         of_highest = p.charge.soc_columns(np.array([highest]))[0]
         rows.append((of_highest, 1.0 - p.charge.soc[highest], 0.01**2))
-    mean, P = prior.mean.copy(), prior.covariance.copy()
+    mean, P = prior.mean.copy(), prior.cov.copy()
     for column, residual, variance in rows:
         gain = P @ column / (column @ P @ column + variance)
         mean += gain * (residual + column @ (found.x - mean))
@@ -61,7 +62,7 @@ def test_the_solution_is_that_of_a_kalman_filter_through_all_rows():
 def test_the_columns_are_the_derivatives_of_the_voltage():
     model, prior = problem(TESTED, day(MODEL, 1))
     rng = np.random.default_rng(0)
-    x = prior.mean + 0.1 * np.sqrt(np.diag(prior.covariance)) * rng.standard_normal(prior.mean.size)
+    x = prior.mean + 0.1 * np.sqrt(np.diag(prior.cov)) * rng.standard_normal(prior.mean.size)
     columns = model.predict(x).voltage_columns
     p, nuisances = model.parameters, model.nuisances
     exact = [*range(p.group("ohmic").start, p.group("pair").stop), *range(p.group("ocv").start, p.group("ocv").stop)]

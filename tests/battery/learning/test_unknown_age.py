@@ -20,7 +20,7 @@ def part():
 
 def test_a_battery_that_has_not_aged_keeps_its_prior(part):
     model, prior = part
-    assert np.array_equal(prior_of_age(model, prior, prior.mean).covariance, prior.covariance)
+    assert np.array_equal(prior_of_age(model, prior, prior.mean).cov, prior.cov)
 
 
 def test_a_larger_capacity_and_a_smaller_resistance_are_no_ageing(part):
@@ -28,7 +28,7 @@ def test_a_larger_capacity_and_a_smaller_resistance_are_no_ageing(part):
     x = prior.mean.copy()
     x[model.parameters.group("capacity")] = 0.3
     x[model.parameters.group("ohmic")] = -2.0
-    assert np.array_equal(prior_of_age(model, prior, x).covariance, prior.covariance)
+    assert np.array_equal(prior_of_age(model, prior, x).cov, prior.cov)
 
 
 def test_what_has_aged_is_within_one_standard_deviation_of_its_prior(part):
@@ -37,10 +37,10 @@ def test_what_has_aged_is_within_one_standard_deviation_of_its_prior(part):
     resistances = np.r_[p.group("ohmic"), p.group("pair")]
     x[p.group("capacity")], x[resistances] = np.log(0.7), np.log(2.0)
     found = prior_of_age(model, prior, x)
-    assert found.covariance[p.group("capacity"), p.group("capacity")].item() == pytest.approx((1.5 * np.log(0.7)) ** 2)
-    shared = found.covariance[np.ix_(resistances, resistances)]
+    assert found.cov[p.group("capacity"), p.group("capacity")].item() == pytest.approx((1.5 * np.log(0.7)) ** 2)
+    shared = found.cov[np.ix_(resistances, resistances)]
     assert shared.min() == pytest.approx((1.5 * np.log(2.0)) ** 2)
-    added = found.covariance - prior.covariance
+    added = found.cov - prior.cov
     assert np.linalg.eigvalsh(added).min() > -1e-12  # nothing gets surer
     assert np.diag(added)[p.group("ocv")][[0, -1]] == pytest.approx(0.0)  # full and empty stay
 

@@ -44,7 +44,6 @@ class CircuitFit(NamedTuple):
     """The best solution, the covariance (n, n) of its search parameters, and all starts that were tried."""
 
     solution: CircuitSolution
-    search: np.ndarray
     search_cov: np.ndarray
     starts: tuple[tuple[Rates, float], ...]
     sought: tuple[SoughtRate, ...]  #: the search parameters after those of the time constants
@@ -91,10 +90,10 @@ def fit_circuit(
         searches.append(_search(problem, pairs, start, (low, high)))
         report(0.3 + 0.25 * (k + 1))
     best = min(searches, key=lambda s: s.solution.score)
-    solution, theta, jacobian = best if near else _search(problem, pairs, best.theta, (low, high))
+    solution, _, jacobian = best if near else _search(problem, pairs, best.theta, (low, high))
     report(1.0)
     search_cov = np.linalg.pinv(jacobian.T @ jacobian)  # a parameter without an effect has no inverse
-    return CircuitFit(solution, theta, search_cov, tuple((s.rates, s.score) for s in tried), problem.sought)
+    return CircuitFit(solution, search_cov, tuple((s.rates, s.score) for s in tried), problem.sought)
 
 
 def _first_rates(problem: CircuitProblem, pairs: int) -> list[Rates]:

@@ -50,7 +50,7 @@ from ohmward.battery.learning.same_battery import (
     unexplained,
 )
 from ohmward.battery.learning.samples import Samples, samples_of
-from ohmward.battery.learning.solve import Normals, Solution, solve, with_capacity
+from ohmward.battery.learning.solve import Solution, solve, with_capacity
 from ohmward.battery.learning.start import (
     full_at_start,
     given_at_start,
@@ -66,6 +66,7 @@ from ohmward.battery.soc.anchors import Anchor, find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.fit_check import misfits
 from ohmward.errors import InputError
+from ohmward.filters.belief import Belief
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, LogSource, as_logs
 
 #: Called with the name of a log and the share of all logs that is done.
@@ -249,7 +250,7 @@ def _learn_parts(
 ) -> list[_Part]:
     """Updates by the parts of a log, one after the other; raises InputError where there is nothing to learn from.
 
-    told: state of charge at the first sample, where it is known.
+    given: state of charge at the first sample, where it is known.
     """
     parts: list[_Part] = []
     for log in logs:
@@ -281,7 +282,7 @@ def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ..
     return _Part(after, found, model, log_estimates(model, prior, found, after))
 
 
-def _prior(model: VoltageModel) -> Normals:
+def _prior(model: VoltageModel) -> Belief:
     """Prior of the parameters and of the unknowns of the part; its SoC may be anything."""
     K, nuisances = model.parameters.size, model.nuisances
     covariance = np.zeros((K + nuisances.size, K + nuisances.size))
@@ -290,10 +291,10 @@ def _prior(model: VoltageModel) -> Normals:
     covariance[K:, K:] = nuisance_covariance(nuisances, model.samples, model.battery, SOC_UNKNOWN_STD, floor_V)
     mean = np.zeros(K + nuisances.size)
     mean[K + nuisances.soc] = 0.5
-    return Normals(mean, covariance)
+    return Belief(mean, covariance)
 
 
-def _best_start(model: VoltageModel, prior: Normals, anchors: tuple[SocAnchor, ...]) -> np.ndarray:
+def _best_start(model: VoltageModel, prior: Belief, anchors: tuple[SocAnchor, ...]) -> np.ndarray:
     """The start of the search that leads to the highest hill."""
     place = model.parameters.size + model.nuisances.soc
     candidates = []

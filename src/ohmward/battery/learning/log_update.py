@@ -21,9 +21,10 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.learning.fold import ageing_direction, pulse_ohm
 from ohmward.battery.learning.parameters import TITLES, Parameters
-from ohmward.battery.learning.solve import Normals, Solution
+from ohmward.battery.learning.solve import Solution
 from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.soc.anchors import Anchor
+from ohmward.filters.belief import Belief
 
 #: An empty battery has given all; the logarithm of what is left of its capacity needs a little.
 _LEAST_GIVEN = 1e-3
@@ -42,11 +43,11 @@ class LogEstimates(NamedTuple):
     given_Ah: Normal  #: charge D = Q (1 - s) from full down to it, in which errors of Q and s cancel
 
 
-def log_estimates(model: VoltageModel, prior: Normals, found: Solution, after: Battery) -> LogEstimates:
+def log_estimates(model: VoltageModel, prior: Belief, found: Solution, after: Battery) -> LogEstimates:
     """Statements of a part by itself; after: the battery with its corrections."""
     p = model.parameters
     K = p.size
-    precision = np.linalg.inv(prior.covariance[:K, :K])
+    precision = np.linalg.inv(prior.cov[:K, :K])
     information = np.linalg.inv(found.covariance[:K, :K]) - precision
     pull = precision @ found.x[:K]
     lowest_soc, given_Ah = _given(model, found, after)

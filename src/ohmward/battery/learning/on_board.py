@@ -15,7 +15,7 @@ It learns levels, not curves: what depends on SoC is learnt from logs.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -30,19 +30,12 @@ from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, unpack
+from ohmward.logs.log import SECONDS_PER_HOUR
 
 #: No correction goes beyond so many standard deviations of what the file knew: a fault of a sensor is no ageing.
 MOST_CORRECTION_STD = 3.0
-_SECONDS_PER_HOUR = 3600.0
 #: SoC about which the errors of the file are taken; they do not depend on it.
 _ANY_SOC = 0.5
-
-
-class Information(NamedTuple):
-    """Likelihood of what the samples have taught of z: information J (n, n) and vector b (n,)."""
-
-    information: np.ndarray
-    vector: np.ndarray
 
 
 def learnt_on_board(battery: Battery, estimator: SocEstimator) -> Battery:
@@ -59,16 +52,15 @@ def learnt_on_board(battery: Battery, estimator: SocEstimator) -> Battery:
             f"battery {battery.name!r} is not the one that this estimator was made with; give that one, its knowledge "
             "is where the estimator began"
         )
-    hours = max(estimator.time_s - estimator.memory.start_s, 0.0) / _SECONDS_PER_HOUR
+    hours = max(estimator.time_s - estimator.memory.start_s, 0.0) / SECONDS_PER_HOUR
     hours = hours if math.isfinite(hours) else 0.0
     p = parameters_of(battery)
     names, H = seen_by_filter(p, system)
-    information = _information(system, belief, names)
     before = aged(battery, hours, 0.0)
-    theta, covariance = _posterior(prior_covariance(before), H, information)
+    theta, covariance = _posterior(prior_covariance(before), H, *_information(system, belief, names))
     logs = () if battery.knowledge is None else battery.knowledge.logs
     on_board = SeenLog("on board", hours=hours, summary="capacity, resistances and offset, as the filter found them")
-    end_unix_s = None if estimator.unix_s is None else estimator.unix_s + _SECONDS_PER_HOUR * hours
+    end_unix_s = None if estimator.unix_s is None else estimator.unix_s + SECONDS_PER_HOUR * hours
     return known_since(fold(before, theta, covariance, 1.0, (*logs, on_board)), end_unix_s)
 
 
@@ -104,8 +96,8 @@ def _belief(estimator: SocEstimator) -> tuple[AugmentedThevenin, Belief]:
     return settings.system, unpack(state.belief)
 
 
-def _information(system: AugmentedThevenin, belief: Belief, names: list[str]) -> Information:
-    """Likelihood of these states by the samples, from the belief before them and now.
+def _information(system: AugmentedThevenin, belief: Belief, names: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Information J (n, n) and vector b (n,) of the samples on these states, from the belief before them and now.
 
     A direction in which the belief has not narrowed, for it walks, has taught nothing.
     """
@@ -119,7 +111,7 @@ def _information(system: AugmentedThevenin, belief: Belief, names: list[str]) ->
     whitened = axes.T @ np.linalg.solve(L, m)
     back = np.linalg.solve(L.T, axes)  # L^-T V
     information = np.where(np.isfinite(narrower), 1.0 / narrower - 1.0, 0.0)
-    return Information((back * information) @ back.T, back @ (whitened / narrower))
+    return (back * information) @ back.T, back @ (whitened / narrower)
 
 
 def _corrections(
@@ -136,12 +128,11 @@ def _corrections(
     return m, C, C0
 
 
-def _posterior(P: np.ndarray, H: np.ndarray, found: Information) -> tuple[np.ndarray, np.ndarray]:
+def _posterior(P: np.ndarray, H: np.ndarray, J: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Corrections (K,) and covariance (K, K) after what was taught; no correction beyond `MOST_CORRECTION_STD`."""
     seen = H @ P
-    J = found.information
     gain = seen.T @ J @ np.linalg.inv(np.eye(len(J)) + seen @ H.T @ J)
     covariance = P - gain @ seen
-    theta = covariance @ H.T @ found.vector
+    theta = covariance @ H.T @ b
     beyond = np.abs(H @ theta) / np.sqrt(np.diag(seen @ H.T))
     return theta / max(float(beyond.max()) / MOST_CORRECTION_STD, 1.0), 0.5 * (covariance + covariance.T)

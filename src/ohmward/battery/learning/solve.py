@@ -23,6 +23,7 @@ from ohmward.battery.chemistries import Normal
 from ohmward.battery.learning.voltage_model import ChargeAlong, VoltageModel
 from ohmward.battery.posterior import Gaussian, gauss_newton, hessian, pseudo_huber, robust_weights, voltage_variance
 from ohmward.battery.soc.anchor_rule import SocAnchor
+from ohmward.filters.belief import Belief
 
 #: Most steps of the search.
 _MOST_STEPS = 10
@@ -37,13 +38,6 @@ _GLITCHES = 0.05
 _LEAST_OFFSET_A = 1e-6
 #: SoC cannot leave 0 to 1 but for the error of full and empty themselves.
 _BOUND_STD = 0.01
-
-
-class Normals(NamedTuple):
-    """Gaussian prior of all unknowns (n,): mean and covariance (n, n)."""
-
-    mean: np.ndarray
-    covariance: np.ndarray
 
 
 class Solution(NamedTuple):
@@ -74,7 +68,7 @@ class PartRows(NamedTuple):
 
 def solve(
     model: VoltageModel,
-    prior: Normals,
+    prior: Belief,
     anchors: Sequence[SocAnchor],
     start: np.ndarray,
     most_steps: int = _MOST_STEPS,
@@ -83,13 +77,14 @@ def solve(
 ) -> Solution:
     """The solution from a start (n,), its rows counting less where they err by more than their variance.
 
+    prior: of all unknowns (n,).
     fixed: values of unknowns that are not sought, by their place.
     misfit: factor on the variance of the rows; None finds it.
     """
     x = start.copy()
     for k, value in (fixed or {}).items():
         x[k] = value
-    part, precision = _PartProblem(model, anchors), np.linalg.inv(prior.covariance)
+    part, precision = _PartProblem(model, anchors), np.linalg.inv(prior.cov)
     density = Gaussian(precision, precision @ prior.mean)
     free = np.array([k for k in range(x.size) if k not in (fixed or {})])
 
@@ -185,7 +180,7 @@ _COARSE, _ROWS = 10, 300
 
 
 def capacity_marginal(
-    model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution
+    model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution
 ) -> Normal | None:
     """Mean and standard deviation of the correction of the logarithm of the capacity; None where it has hills.
 
@@ -202,7 +197,7 @@ def capacity_marginal(
     return None
 
 
-def _scan(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution) -> dict[float, float]:
+def _scan(model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution) -> dict[float, float]:
     """-2 ln of the density by the correction of ln Q about a solution; empty where it is not the highest hill."""
     q = model.parameters.group("capacity").start
     step = max(_FIRST * float(np.sqrt(found.covariance[q, q])), _LEAST_STEP)
@@ -223,7 +218,7 @@ def _scan(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], fou
 
 
 def _profile(
-    model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], start: np.ndarray, value: float, misfit: float
+    model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], start: np.ndarray, value: float, misfit: float
 ) -> tuple[np.ndarray, float]:
     """The most likely unknowns at a capacity, and -2 ln of its marginal density up to a constant."""
     q = model.parameters.group("capacity").start
@@ -243,7 +238,7 @@ def moments(points: Mapping[float, float]) -> Normal:
     return Normal(mean, float(np.sqrt(weight @ (grid - mean) ** 2)))
 
 
-def with_capacity(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution) -> Solution:
+def with_capacity(model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution) -> Solution:
     """The solution with the distribution of the capacity that its part can tell.
 
     A part that reaches below all that logs have shown tells it by the knee at empty, a cut-off by where empty is. Any
@@ -254,16 +249,16 @@ def with_capacity(model: VoltageModel, prior: Normals, anchors: Sequence[SocAnch
     if knowledge is None or lowest_soc < knowledge.seen_from_soc - _DEEPER:
         marginal = capacity_marginal(model, prior, anchors, found)
         if marginal is None:
-            of_prior = Normal(float(prior.mean[q]), float(np.sqrt(prior.covariance[q, q])))
+            of_prior = Normal(float(prior.mean[q]), float(np.sqrt(prior.cov[q, q])))
             return with_marginal(model, prior, anchors, found, of_prior)._replace(tells_capacity=False)
         return with_marginal(model, prior, anchors, found, marginal)
     if any(anchor.soc < _HALF for anchor in anchors):
         return found
-    return _with_variance(found, q, max(float(prior.covariance[q, q]), float(found.covariance[q, q])))
+    return _with_variance(found, q, max(float(prior.cov[q, q]), float(found.covariance[q, q])))
 
 
 def with_marginal(
-    model: VoltageModel, prior: Normals, anchors: Sequence[SocAnchor], found: Solution, marginal: Normal
+    model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution, marginal: Normal
 ) -> Solution:
     """The solution at the mean of the capacity, all others fitted to it, and with its variance."""
     q = model.parameters.group("capacity").start

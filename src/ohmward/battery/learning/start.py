@@ -27,12 +27,12 @@ from ohmward.battery.fingerprint import fingerprint, unlearnt_parts
 from ohmward.battery.learning.log_faults import usable_log
 from ohmward.battery.learning.parameters import mean_slope_V, prior_covariance
 from ohmward.battery.learning.samples import Samples
-from ohmward.battery.learning.solve import Normals
 from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.models.ocv import correlation, hat
 from ohmward.battery.posterior import OCV_KNOTS
 from ohmward.battery.soc.anchor_rule import REST_C, SocAnchor
 from ohmward.battery.soc.anchors import Anchor
+from ohmward.filters.belief import Belief
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
 #: Standard deviation of a state of charge that the user gives for the start of a log, as the filter takes it.
@@ -148,9 +148,9 @@ def _costs(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -
     return np.array(costs)
 
 
-def prior_of_age(model: VoltageModel, prior: Normals, x: np.ndarray) -> Normals:
+def prior_of_age(model: VoltageModel, prior: Belief, x: np.ndarray) -> Belief:
     """The prior with the likeliest scale of ageing, the unknowns of the part being x (n,)."""
-    p, covariance = model.parameters, prior.covariance.copy()
+    p, covariance = model.parameters, prior.cov.copy()
     q, resistances = p.group("capacity"), np.r_[p.group("ohmic"), p.group("pair")]
     covariance[q, q] += _scale2(max(-float(x[q].sum()), 0.0), covariance[q, q])
     together = np.ix_(resistances, resistances)
@@ -160,7 +160,7 @@ def prior_of_age(model: VoltageModel, prior: Normals, x: np.ndarray) -> Normals:
     inside = np.minimum(np.minimum(OCV_KNOTS, 1.0 - OCV_KNOTS) / _ENDS, 1.0)
     axis_V = _SHAPE_STD * loss * inside * mean_slope_V(model.battery.thevenin.ocv, OCV_KNOTS)
     covariance[p.group("ocv"), p.group("ocv")] += np.outer(axis_V, axis_V) * correlation(OCV_KNOTS, _SHAPE_LENGTH)
-    return Normals(prior.mean, covariance)
+    return Belief(prior.mean, covariance)
 
 
 def _scale2(change: float, covariance: np.ndarray) -> float:
@@ -175,13 +175,8 @@ class NewParts(NamedTuple):
     parts: tuple[Log, ...]  #: in order of time; () for a log that the battery has learnt from before
     fingerprint: str  #: of the whole log
     hours: float  #: length of the parts together
-    all_hours: float  #: of the log
+    mostly_seen: bool  #: True where most of the log was learnt before
     left_out: tuple[str, ...]  #: sentences on what is not used of it, and why
-
-    @property
-    def mostly_seen(self) -> bool:
-        """True where most of the log was learnt before."""
-        return self.hours < _MOSTLY_SEEN * self.all_hours
 
 
 def new_parts(battery: Battery, log: Log) -> NewParts:
@@ -191,22 +186,13 @@ def new_parts(battery: Battery, log: Log) -> NewParts:
         InputError: the log cannot teach anything about this battery; says why.
     """
     usable = usable_log(log, battery)
-    parts = unlearnt_parts(usable, _fingerprints(battery))
-    hours, all_hours = _hours(parts), _hours([log])
+    tested = battery.identification.fingerprints if battery.identification else ()
+    learnt = battery.knowledge.logs if battery.knowledge else ()
+    parts = unlearnt_parts(usable, (*tested, *(seen.fingerprint for seen in learnt)))
+    hours = sum(part.duration_s for part in parts) / SECONDS_PER_HOUR
+    all_hours = log.duration_s / SECONDS_PER_HOUR
     left_out = [note.text for note in usable.notes if note not in log.notes]
     if parts != (usable,):
         seen = f"{all_hours - hours:.2g} of {all_hours:.2g} h"
         left_out.append(f"{seen}: the battery has learnt from them before")
-    return NewParts(parts, fingerprint(usable), hours, all_hours, tuple(left_out))
-
-
-def _fingerprints(battery: Battery) -> tuple[str, ...]:
-    """Fingerprints of the logs that the battery was identified from, and of those that it has learnt."""
-    tested = battery.identification.fingerprints if battery.identification else ()
-    learnt = battery.knowledge.logs if battery.knowledge else ()
-    return (*tested, *(seen.fingerprint for seen in learnt))
-
-
-def _hours(logs: Sequence[Log]) -> float:
-    """Length of the logs together."""
-    return sum(log.duration_s for log in logs) / SECONDS_PER_HOUR
+    return NewParts(parts, fingerprint(usable), hours, hours < _MOSTLY_SEEN * all_hours, tuple(left_out))
