@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ohmward.battery.chemistries import generic_battery as generic_battery
     from ohmward.battery.file import load_battery as load_battery
     from ohmward.battery.file import save_battery as save_battery
-    from ohmward.battery.health.of_logs import health as health
+    from ohmward.battery.health.health import health as health
     from ohmward.battery.identification import identify as identify
     from ohmward.battery.learning import learn as learn
     from ohmward.battery.soc.comparison import compare as compare
@@ -71,7 +71,7 @@ _HOMES = {
     "save_battery": "battery.file",
     "Robot": "traction.robot.robot",
     "learn": "battery.learning",
-    "health": "battery.health.of_logs",
+    "health": "battery.health.health",
     "compare": "battery.soc.comparison",
     "export": "embedded.export",
     "calibrate": "traction.calibration",

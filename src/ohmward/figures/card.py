@@ -13,7 +13,7 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.cells.pack_estimator import PackRun
 from ohmward.battery.health.ageing import DAYS_PER_YEAR
-from ohmward.battery.health.of_logs import BatteryHealth
+from ohmward.battery.health.health import BatteryHealth
 from ohmward.battery.learning.fold import known
 from ohmward.battery.soc.comparison import Comparison
 from ohmward.battery.soc.estimator import SocRun

@@ -26,12 +26,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.models.noise import HOUR_S
+from ohmward.battery.models.noise import HOUR_S, walk_variance
 
 #: Share of the capacity at which a battery counts as worn out.
 WORN_SHARE = 0.8
@@ -178,7 +178,6 @@ _HUBER = 2.0
 _ROBUST_ROUNDS = 6
 #: Laws that are less likely than this share of the best are left out of the mixture.
 _NEGLIGIBLE = 1e-5
-_THOUSAND_HOURS_S = 1000 * HOUR_S
 
 
 class CapacityUncertainty(NamedTuple):
@@ -195,14 +194,8 @@ class CapacityUncertainty(NamedTuple):
 
     def walk_variance(self, days: np.ndarray) -> np.ndarray:
         """(n,) variance of the random walk over these times."""
-        return self.walk**2 * DAY_S * days / _THOUSAND_HOURS_S
-
-
-class CapacityBand(NamedTuple):
-    """Mean and standard deviation of ln(Q / Q_reference), (n,) each."""
-
-    mean: np.ndarray
-    std: np.ndarray
+        span_s: Any = DAY_S * days
+        return np.asarray(walk_variance(self.walk, 1000 * HOUR_S, span_s))
 
 
 class AgeingFit(NamedTuple):
@@ -217,15 +210,18 @@ class AgeingFit(NamedTuple):
 
     def level(self, days: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean (H, m) and covariance (m, m) of u at these times, given all logs."""
-        return _level(self.laws, self.uncertainty, self.track, days)
+        cross = self.uncertainty.covariance(days, self.track.days)
+        gain = np.linalg.solve(observed_covariance(self.uncertainty, self.track), cross.T).T
+        u = self.track.value + self.laws.loss(self.track.days, self.track.cycles)
+        return u @ gain.T, self.uncertainty.covariance(days, days) - gain @ cross.T
 
-    def band(self, days: np.ndarray, cycles: np.ndarray) -> CapacityBand:
-        """Capacity at these times (m,): moments of the mixture over the laws."""
+    def band(self, days: np.ndarray, cycles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation (m,) of ln(Q / Q_reference) at these times (m,), of the mixture over the laws."""
         mean, cov = self.level(days)
         each = mean - self.laws.loss(days, cycles)
         middle = self.weight @ each
         variance = np.diag(cov) + self.uncertainty.common**2 + self.weight @ (each - middle) ** 2
-        return CapacityBand(middle, np.sqrt(variance))
+        return middle, np.sqrt(variance)
 
 
 def fit_ageing(
@@ -261,15 +257,6 @@ def _weights(log_prior: np.ndarray, u: np.ndarray, cov: np.ndarray) -> np.ndarra
 def observed_covariance(uncertainty: CapacityUncertainty, track: Track) -> np.ndarray:
     """(n, n) covariance of u + e at the times of the logs."""
     return uncertainty.covariance(track.days, track.days) + np.diag(track.std**2)
-
-
-def _level(
-    laws: AgeingLaws, uncertainty: CapacityUncertainty, track: Track, days: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    cross = uncertainty.covariance(days, track.days)
-    gain = np.linalg.solve(observed_covariance(uncertainty, track), cross.T).T
-    u = track.value + laws.loss(track.days, track.cycles)
-    return u @ gain.T, uncertainty.covariance(days, days) - gain @ cross.T
 
 
 #: Batteries drawn, and how far ahead they are looked at; later counts as never.

@@ -1,14 +1,17 @@
-"""State of health over months, from what single logs show: the trend, sudden changes, and the time left."""
+"""Health of a battery over months: learn from each of its logs in order of time, then judge the trend.
+
+That is the trend, sudden changes, and the time left.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
+from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.ageing import (
     DAY_S,
@@ -24,7 +27,24 @@ from ohmward.battery.health.ageing import (
     no_law,
 )
 from ohmward.battery.health.changes import Outlier, SuddenChange, find_change, outliers, without_change
+from ohmward.battery.health.history import (
+    DatedLogs,
+    Newness,
+    common_error,
+    in_order_of_time,
+    newness,
+    points_of,
+    unlearnt,
+)
+from ohmward.battery.learning.learn import learn
+from ohmward.battery.learning.log_update import LogUpdate
+from ohmward.checks import require_positive
+from ohmward.errors import InputError
+from ohmward.logs.log import LogSource, as_logs
+from ohmward.rich_display import RichDisplay
 
+#: Seed of the batteries that are drawn for the time left: equal logs give equal answers.
+_SEED = 1
 #: Steps that are looked for, the most evident first.
 _MOST_CHANGES = 3
 #: Cells of one type leave the factory within this of each other (1 sigma); a label promises the least of them.
@@ -93,7 +113,9 @@ def _without_changes(
     battery: Battery, usable: Sequence[HealthPoint], points: Sequence[HealthPoint], common_std: float | None
 ) -> tuple[AgeingFit, list[SuddenChange]]:
     """Trend of the capacity without its sudden changes, and these."""
-    laws, uncertainty = ageing_laws(battery.chemistry), _uncertainty(battery, common_std)
+    common_std = common_error(battery, ()) if common_std is None else common_std
+    uncertainty = CapacityUncertainty(NEW_CAPACITY_STD, common_std, battery.noise.capacity_walk)
+    laws = ageing_laws(battery.chemistry)
     track = Track.of(points, "log_capacity")
     changes: list[SuddenChange] = []
     fit = fit_ageing(laws, track, uncertainty)
@@ -102,14 +124,6 @@ def _without_changes(
         track = without_change(track, change)
         fit = fit_ageing(laws, track, uncertainty)
     return fit, sorted(changes, key=lambda change: change.days)
-
-
-def _uncertainty(battery: Battery, common_std: float | None) -> CapacityUncertainty:
-    """Doubt about the capacity that no log settles."""
-    noise = battery.noise
-    if common_std is None:
-        common_std = math.hypot(battery.sensor.gain_std, noise.soc_axis_std)
-    return CapacityUncertainty(NEW_CAPACITY_STD, common_std, noise.capacity_walk)
 
 
 def _resistance(battery: Battery, points: Sequence[HealthPoint]) -> AgeingFit:
@@ -121,5 +135,66 @@ def _resistance(battery: Battery, points: Sequence[HealthPoint]) -> AgeingFit:
 
 
 def _at(fit: AgeingFit, days: float, cycles: float) -> Normal:
-    band = fit.band(np.array([days]), np.array([cycles]))
-    return Normal(float(band.mean[0]), float(band.std[0]))
+    mean, std = fit.band(np.array([days]), np.array([cycles]))
+    return Normal(float(mean[0]), float(std[0]))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BatteryHealth(RichDisplay):
+    """Logs of a battery, what each taught, and the health that follows."""
+
+    battery: Battery
+    new: Newness  #: capacity and resistance that the health is measured against
+    dated: DatedLogs  #: the logs in order of time
+    updates: Sequence[LogUpdate]  #: one for each log
+    health: Health  #: trends, sudden changes, and the time left
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed of the time and of the battery when new."""
+        return (*self.dated.notes, *self.new.notes)
+
+    def __repr__(self) -> str:
+        capacity, resistance = np.exp(self.health.capacity_now.mean), np.exp(self.health.resistance_now.mean)
+        return (
+            f"BatteryHealth({self.battery.name!r}, {len(self.updates)} logs, capacity {100 * capacity:.0f} "
+            f"%, resistance {100 * resistance:.0f} % of those when new)"
+        )
+
+
+def health(
+    battery: Battery,
+    logs: LogSource | Sequence[LogSource],
+    *,
+    new_capacity_Ah: float | None = None,
+    worn: float = WORN_SHARE,
+    progress: Callable[[str, float], None] | None = None,
+) -> BatteryHealth:
+    """Capacity and resistance against new over months of logs, sudden changes, and the time left.
+
+    >>> found = ow.health(ow.load_battery("battery.toml"), ["day.csv", "next-day.csv"])
+    >>> found.plot().save("health.html")
+
+    battery: as it was when new.
+    logs: in any order where they have clocks; or paths or DataFrames of them.
+    new_capacity_Ah: of the battery when new; by default the battery file's.
+    worn: share of the capacity when new, to which the time left counts.
+    progress: called with the name of a log and the share of all that is done.
+
+    Raises:
+        InputError: some logs have a clock and some have none, or no log tells the health of this battery.
+    """
+    require_battery(battery)
+    require_positive("worn", worn)
+    dated = in_order_of_time(as_logs(logs))
+    learnt = learn(unlearnt(battery), dated.logs, progress=progress)
+    if not any(update.verdict == "learnt" for update in learnt.updates):  # the health would be that of the label
+        first = learnt.updates[0]
+        raise InputError(
+            f"no log tells the health of this battery ({len(learnt.updates)} given); {first.log}: {first.reason}"
+        )
+    new = newness(battery, learnt.updates, new_capacity_Ah)
+    points = points_of(dated, learnt.updates, new)
+    common = common_error(learnt.battery, learnt.updates)
+    found = health_of(battery, points, np.random.default_rng(_SEED), worn, common)
+    return BatteryHealth(battery, new, dated, learnt.updates, found)

@@ -24,15 +24,12 @@ from ohmward.battery.health.ageing import REVERSIBLE_STD, HealthPoint, logarithm
 from ohmward.battery.learning.fold import pulse_ohm
 from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.errors import InputError
-from ohmward.logs.log import Log
+from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
 #: A battery that has been below this SoC is one that is emptied in use.
 _EMPTIED_BELOW = 0.25
 #: A discharge that gave this share of the one before was not broken off: from one to the next a battery loses less.
 _WHOLE = 0.95
-
-
-_HOUR_S = 3600.0
 #: A battery above this SoC has been charged fully.
 _FULL_SOC = 0.97
 #: A file whose resistances are known worse than this was not tested: the first logs stand for the new battery.
@@ -156,7 +153,7 @@ def _point(log: Log, start_s: float, update: LogUpdate, new: Newness) -> HealthP
     return HealthPoint(
         log=log.name,
         time_s=start_s + log.duration_s / 2,
-        hours=log.duration_s / _HOUR_S,
+        hours=log.duration_s / SECONDS_PER_HOUR,
         cycles=log.throughput_Ah() / (2 * new.capacity_Ah),
         temperature_degC=math.nan if degC is None or np.isnan(degC).all() else float(np.nanmean(degC)),
         full=update.soc_max >= _FULL_SOC,
