@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.models.ocv import OcvCurve
+from ohmward.battery.models.ocv import OcvCurve, monotone
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
@@ -144,7 +144,7 @@ def _rising(table: OcvTable, soc: np.ndarray, voltage_V: np.ndarray) -> tuple[np
     Raises:
         InputError: it falls by more than noise does.
     """
-    levelled_V = 0.5 * (np.maximum.accumulate(voltage_V) + np.minimum.accumulate(voltage_V[::-1])[::-1])
+    levelled_V = monotone(voltage_V)
     falls_V = np.abs(voltage_V - levelled_V)
     worst = int(np.argmax(falls_V))
     if 2 * falls_V[worst] > _FALL_SHARE * float(np.median(voltage_V)):

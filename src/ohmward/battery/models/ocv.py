@@ -17,7 +17,7 @@ electrodes is lost alike (Birkl et al. 2017, J. Power Sources 341, 373).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -149,22 +149,20 @@ class OcvCurve:
         soc = np.linspace(0.0, 1.0, voltage_V.size) if soc is None else soc
         hysteresis_V = np.maximum(hysteresis_ratio * np.asarray(self.hysteresis_at(soc)), 0.0)
         slope = self._at(self.temperature_V_per_K, soc) + more_V_per_K
-        return OcvCurve(
-            tuple(monotone(voltage_V).tolist()),
-            tuple(hysteresis_V.tolist()),
-            tuple(slope.tolist()),
-            self.reference_degC,
-            self.interpolation,
+        return replace(
+            self,
+            voltage_V=tuple(monotone(voltage_V).tolist()),
+            hysteresis_V=tuple(hysteresis_V.tolist()),
+            temperature_V_per_K=tuple(slope.tolist()),
         )
 
     def scaled(self, factor: float) -> OcvCurve:
         """The curve of `factor` such cells in series."""
-        return OcvCurve(
-            tuple(factor * v for v in self.voltage_V),
-            tuple(factor * v for v in self.hysteresis_V),
-            tuple(factor * v for v in self.temperature_V_per_K),
-            self.reference_degC,
-            self.interpolation,
+        return replace(
+            self,
+            voltage_V=tuple(factor * v for v in self.voltage_V),
+            hysteresis_V=tuple(factor * v for v in self.hysteresis_V),
+            temperature_V_per_K=tuple(factor * v for v in self.temperature_V_per_K),
         )
 
     def _at(self, values: tuple[float, ...], soc: Any) -> Any:

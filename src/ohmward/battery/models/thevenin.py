@@ -166,7 +166,10 @@ class Thevenin:
 
     def emptying_factor(self, soc: Any, temperature_degC: Any) -> Any:
         """Factor of the resistances of the RC pairs beyond that, 1 at the reference and above `EMPTYING_SOC`."""
-        return emptying_factor(soc, temperature_degC, self.empty_activation_K, self.reference_degC)
+        if self.empty_activation_K == 0.0:
+            return 1.0
+        cold = coldness_per_K(temperature_degC, self.reference_degC)
+        return exp(self.empty_activation_K * cold * emptiness(soc))
 
     def rate_arrhenius_factor(self, temperature_degC: Any) -> Any:
         """Factor of the rates 1 / tau_j at a temperature, 1 at the reference."""
@@ -410,13 +413,6 @@ def pair_resistances(soc: Any, u: CircuitInput, p: Thevenin) -> list[Any]:
 def emptiness(soc: Any) -> Any:
     """Share of the way from `EMPTYING_SOC` to empty, from 0 above it to 1."""
     return clip(1.0 - soc * (1.0 / EMPTYING_SOC), 0.0, 1.0)
-
-
-def emptying_factor(soc: Any, temperature_degC: Any, activation_K: float, reference_degC: float) -> Any:
-    """Growth of a resistance in the cold by an activation that sets in towards empty; 1 for none."""
-    if activation_K == 0.0:
-        return 1.0
-    return exp(activation_K * coldness_per_K(temperature_degC, reference_degC) * emptiness(soc))
 
 
 def _on_grid(values: tuple[float, ...], soc: Any) -> Any:

@@ -146,15 +146,6 @@ class RestOcvState(NamedTuple):
     rest: Rest
 
 
-class OcvUpdate(NamedTuple):
-    """Coulomb counting started anew from the voltage of a rest, a scalar Kalman update."""
-
-    counting: CoulombState  #: after it
-    #: open-circuit voltage expected before it, and the standard deviation of the innovation
-    voltage_V: Scalar
-    voltage_std_V: Scalar
-
-
 @dataclass(frozen=True)
 class RestOcv:
     """Settings, the first as for coulomb counting."""
@@ -195,17 +186,21 @@ class RestOcv:
         dt_s = counting.elapsed_s - state.counting.elapsed_s
         rest, due = continue_rest(state.rest, resting, dt_s, self.settle_s, measured)
         y = where(measured, sample.voltage_V, 0.0)
-        update = self.correct(counting, counted.soc_std, y)
-        after = choose(due, update.counting, counting)
+        restarted, voltage_V, voltage_std_V = self.correct(counting, counted.soc_std, y)
+        after = choose(due, restarted, counting)
         estimate = self.counting.estimate(after, counted.flags + flags_of({SocFlag.REST: due}))
         return RestOcvState(after, rest), estimate._replace(
-            voltage_V=update.voltage_V,
-            voltage_std_V=update.voltage_std_V,
-            innovation_V=where(due, y - update.voltage_V, math.nan),
+            voltage_V=voltage_V,
+            voltage_std_V=voltage_std_V,
+            innovation_V=where(due, y - voltage_V, math.nan),
         )
 
-    def correct(self, state: CoulombState, soc_std: Scalar, voltage_V: Scalar) -> OcvUpdate:
-        """Coulomb counting started anew from this voltage of a rest; soc_std: of the SoC so far."""
+    def correct(self, state: CoulombState, soc_std: Scalar, voltage_V: Scalar) -> tuple[CoulombState, Scalar, Scalar]:
+        """Coulomb counting restarted from this voltage of a rest, a scalar Kalman update.
+
+        soc_std: of the SoC so far.
+        Returns: also the open-circuit voltage expected before it, and the standard deviation of the innovation [V].
+        """
         noise, p = self.noise, self.model
         soc = np.array([state.soc])
         ocv_V, slope = linearize(lambda s: np.array([p.ocv.mean_V(s[0], state.temperature_degC)]), soc)
@@ -220,4 +215,4 @@ class RestOcv:
         K = P * H / S
         corrected = clip(state.soc + K * (voltage_V - ocv_V[0]), 0.0, 1.0)
         restarted = state._replace(soc=corrected, white_variance=P * (R / S), moved=0.0 * P, elapsed_s=0.0 * P)
-        return OcvUpdate(restarted, ocv_V[0], np.sqrt(S))
+        return restarted, ocv_V[0], np.sqrt(S)

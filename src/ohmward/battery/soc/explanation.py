@@ -21,6 +21,7 @@ from ohmward.battery.soc.causes import (
     Cause,
     causes_of,
     conditions,
+    points,
     reasons,
     time_in_words,
 )
@@ -222,13 +223,9 @@ def rehearsed(settings: TheveninFilter, kernel: Kernel, state: FilterState) -> t
     """A rest of the shortest length that settles SoC, or that is about as good as any longer one, and a full charge."""
     std = std_along_rest(settings, kernel, state, 60.0 * REST_MINUTES[-1])
     rests = [
-        Remedy(f"{time_in_words(60.0 * m)} of rest", _points(std[int(60 * m / REHEARSAL_STEP_S) - 1]))
+        Remedy(f"{time_in_words(60.0 * m)} of rest", points(std[int(60 * m / REHEARSAL_STEP_S) - 1] ** 2))
         for m in REST_MINUTES
     ]
     enough = max(100 * KNOWN_HALF_WIDTH, _ABOUT * min(rest.points for rest in rests))
     rest = next(rest for rest in rests if rest.points <= enough)
-    return rest, Remedy("a full charge", _points(std_after_full_charge(settings, kernel, state)))
-
-
-def _points(std: float) -> float:
-    return 100 * BAND_95 * float(std)
+    return rest, Remedy("a full charge", points(std_after_full_charge(settings, kernel, state) ** 2))

@@ -78,7 +78,7 @@ def score(estimate: np.ndarray, truth: np.ndarray, std: np.ndarray | None = None
     if not known.any():
         return None
     error = estimate[known] - truth[known]
-    band = _BandScore(*(4 * (np.nan,))) if std is None else _band_score(error, std[known])
+    band = (np.nan,) * 4 if std is None else _band_score(error, std[known])
     return Score(
         _rms(error),
         float(np.mean(np.abs(error))),
@@ -90,26 +90,17 @@ def score(estimate: np.ndarray, truth: np.ndarray, std: np.ndarray | None = None
     )
 
 
-class _BandScore(NamedTuple):
-    """The fields of `Score` that need a sigma."""
+def _band_score(error: np.ndarray, std: np.ndarray) -> tuple[float, float, float, float]:
+    """Scores of the band that the standard deviations (T,) claim for the errors (T,).
 
-    coverage_95: float
-    interval_95: float
-    error_over_std: float
-    confidently_wrong: float
-
-
-def _band_score(error: np.ndarray, std: np.ndarray) -> _BandScore:
-    """Scores of the band that the standard deviations (T,) claim for the errors (T,)."""
+    They are `coverage_95`, `interval_95`, `error_over_std` and `confidently_wrong` of `Score`.
+    """
     size, half = np.abs(error), BAND_95 * std
     outside = np.maximum(size - half, 0.0)
     ratio = size / np.maximum(std, np.finfo(float).tiny)
-    return _BandScore(
-        coverage_95=float(np.mean(size <= half)),
-        interval_95=float(np.mean(2 * half + 2 / 0.05 * outside)),
-        error_over_std=_rms(ratio),
-        confidently_wrong=float(np.mean(ratio > CONFIDENTLY_WRONG)),
-    )
+    coverage_95 = float(np.mean(size <= half))
+    interval_95 = float(np.mean(2 * half + 2 / 0.05 * outside))
+    return coverage_95, interval_95, _rms(ratio), float(np.mean(ratio > CONFIDENTLY_WRONG))
 
 
 def soc_scores(log: Log, estimates: SocEstimate, truth: np.ndarray | None) -> dict[str, float | None]:
@@ -206,31 +197,24 @@ def _from_counter(
             f"{log.name}: {column!r} counts ampere hours; say where it starts with --truth-start 1.0 (or --initial-soc)"
         )
     counted = np.isfinite(counter_Ah)
-    charge = _counted_charge(log.select(counted), counter_Ah[counted])
+    total_Ah, way, resets = _counted_charge(log.select(counted), counter_Ah[counted])
     soc = np.full(len(log), np.nan)
-    soc[counted] = start_soc + charge.total_Ah / capacity_Ah
+    soc[counted] = start_soc + total_Ah / capacity_Ah
     low, high = float(np.nanmin(soc)), float(np.nanmax(soc))
     if low < -REFERENCE_MARGIN or high > 1.0 + REFERENCE_MARGIN:
         raise InputError(
             f"{log.name}: from {start_soc:g}, {column!r} over {capacity_Ah:g} Ah would lead from {low:.3g} to "
             f"{high:.3g}; check --truth-start, the capacity in the battery file and what the column counts"
         )
-    note = (
-        f"truth from {column!r}: {start_soc:g} at its first value, counted up in {charge.way}, over {capacity_Ah:g} Ah"
-    )
-    return SocReference(soc, note + (", resets undone" if charge.resets else ""))
+    note = f"truth from {column!r}: {start_soc:g} at its first value, counted up in {way}, over {capacity_Ah:g} Ah"
+    return SocReference(soc, note + (", resets undone" if resets else ""))
 
 
-class _CountedCharge(NamedTuple):
-    """Charge of a counter."""
+def _counted_charge(log: Log, counter_Ah: np.ndarray) -> tuple[np.ndarray, str, bool]:
+    """Charge of a counter (T,) since the first sample [Ah], > 0 when it went in; the current tells sign and resets.
 
-    total_Ah: np.ndarray  #: (T,) since the first sample, > 0 when it went in
-    way: str  #: "charging" or "discharging", in which the counter counts up
-    resets: bool  #: True where the counter was reset on the way
-
-
-def _counted_charge(log: Log, counter_Ah: np.ndarray) -> _CountedCharge:
-    """Charge of a counter (T,), its sign and its resets told by the current."""
+    Returns: also the way in which it counts up, "charging" or "discharging", and True where it was reset.
+    """
     moved_Ah = np.diff(log.charge_Ah(), prepend=0.0)
     plain_Ah = np.diff(counter_Ah, prepend=counter_Ah[0])
     found = find_counter(replace(log, extra={"Ah": counter_Ah}), moved_Ah, find_gaps(log.time_s))
@@ -238,4 +222,4 @@ def _counted_charge(log: Log, counter_Ah: np.ndarray) -> _CountedCharge:
     step_Ah = sign * plain_Ah if found is None else found.step_Ah
     up_in_charge = bool(plain_Ah @ step_Ah >= 0)
     resets = not np.allclose(np.abs(step_Ah), np.abs(plain_Ah))
-    return _CountedCharge(np.cumsum(step_Ah), "charging" if up_in_charge else "discharging", resets)
+    return np.cumsum(step_Ah), "charging" if up_in_charge else "discharging", resets
