@@ -164,6 +164,16 @@ class Battery(RichDisplay):
                 f"{self.thevenin.capacity_Ah:g}; give both the same"
             )
 
+    @property
+    def learnt_logs(self) -> tuple[SeenLog, ...]:
+        """Logs that it has learnt from, in their order."""
+        return self.knowledge.logs if self.knowledge else ()
+
+    @property
+    def curve_seen_from_soc(self) -> float:
+        """State of charge down to which they have shown its curve, 1 for none."""
+        return self.knowledge.seen_from_soc if self.knowledge else 1.0
+
 
 def require_battery(battery: object, others: str = "") -> Battery:
     """The battery itself, or InputError for anything else, as the path of one.

@@ -93,7 +93,6 @@ class ChemistryPrior(NamedTuple):
     walk_share: float = 0.25  #: random walk of a resistance over 0.1 of SoC, as a share of its level
     #: random walk of a resistance over 0.1 of SoC, as a share of its level, where rests gave the curve
     walk_share_from_rests: float | None = None
-    level_share: float = 1.0  #: of the level itself
     direction_share: float = 0.1  #: difference between r0 in charge and discharge, as a share
     slow_tau_s: float = 700.0  #: median of the slowest of several time constants (log-normal)
     slow_tau_log_std: float = 0.6  #: standard deviation of its logarithm

@@ -60,10 +60,8 @@ class LogProfile(NamedTuple):
 class LogIntegrals(NamedTuple):
     """Time integrals of voltage and current from the first sample on."""
 
-    #: times of the samples of each, from the first sample of the log; total: their integrals there
-    time_s: tuple[np.ndarray, np.ndarray]
-
-    total: tuple[np.ndarray, np.ndarray]
+    time_s: tuple[np.ndarray, np.ndarray]  #: times of the samples of each, from the first sample of the log
+    total: tuple[np.ndarray, np.ndarray]  #: their integrals there
     duration_s: float  #: of the log
 
     def means(self, edges_s: np.ndarray) -> np.ndarray:

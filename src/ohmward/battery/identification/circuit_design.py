@@ -214,9 +214,9 @@ def resistance_prior(
     for j in range(layout.blocks):
         add_rows(precision, layout.block(j), _walk(prior, levels[j]) / shapes[j])
         if j != 1:
-            row = 1 / (prior.level_share * levels[j] * RESISTANCE_GRID.size * shapes[j])
+            row = 1 / (levels[j] * RESISTANCE_GRID.size * shapes[j])
             add_rows(precision, layout.block(j), row[None, :])
-            information[layout.block(j)] += row / prior.level_share
+            information[layout.block(j)] += row
     _tie_directions(precision, layout, prior.direction_share * levels[0])
     return Gaussian(precision, information)
 

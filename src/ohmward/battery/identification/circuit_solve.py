@@ -48,7 +48,6 @@ _BEYOND_LOG_STD = 0.02
 #: Currents below this share of the largest keep the direction of the one before.
 _SAME_DIRECTION_SHARE = 0.03
 
-
 #: The drop beyond which the ohmic part grows as a logarithm, of a lithium-ion cell: two electrodes whose resistance is
 #: charge transfer alone have 4 R T / F = 0.1 V, NCA cells from 10 to -10 degC 0.7 to 1 V.
 _TRANSFER_V, _TRANSFER_LOG_STD, _TRANSFERS_V = 0.4, 0.8, (0.05, 5.0)
@@ -89,12 +88,10 @@ class SoughtRate(NamedTuple):
 class CircuitProblem(NamedTuple):
     """Data and prior of a fit."""
 
-    #: the thinned records; ocv: the curve to correct; capacity_Ah; prior: of circuit and curve
-    samples: tuple[FitSamples, ...]
-
-    ocv: OcvCurve
+    samples: tuple[FitSamples, ...]  #: the thinned records
+    ocv: OcvCurve  #: the curve to correct
     capacity_Ah: float
-    prior: ChemistryPrior
+    prior: ChemistryPrior  #: of circuit and curve
     slow_shape: np.ndarray  #: (21,) expected course of the slowest resistance along SoC, about 1
     reference_degC: float  #: temperature at which the resistances hold
     fit_activation: bool  #: True where currents flowed at temperatures that differ enough
@@ -179,9 +176,7 @@ class CircuitSolution:
     rows: LinearRows  #: of all records, about x
     prior: Gaussian  #: of x
     residual_V: tuple[np.ndarray, ...]  #: for each record (N,), nan without a voltage
-    of_prior: (
-        np.ndarray
-    )  #: deviations of the unknowns and of the rates from their priors over their standard deviations
+    of_prior: np.ndarray  #: deviations of unknowns and rates from their priors over their standard deviations
 
     @property
     def weighted(self) -> np.ndarray:

@@ -140,7 +140,6 @@ _SPREAD_K = 10.0
 #: Share of the charge that may have flowed below the low and above the high temperature.
 _OUTSIDE_SHARE = 0.02
 
-
 #: No test knows the activation of a battery better [K]: that of measured cells differs by 1000 and more between warm
 #: and cold, and a fit at two temperatures is used beyond them.
 _ACTIVATION_FLOOR_K = 700.0
@@ -259,7 +258,6 @@ def load_temperature(samples: Sequence[FitSamples]) -> LoadTemperature:
 #: Relative error of the overpotential of a lasting load where no settled rest shows it: from one drive of an NMC cell
 #: to another of the same cell it was 18 %, with the open-circuit voltage known.
 _LASTING_LOAD_ERROR = 0.15
-
 
 #: Error of the SoC axis of the OCV curve where its anchors are sure: branches of measured cells agree so.
 SOC_AXIS_STD = 0.005

@@ -50,7 +50,7 @@ class FitSamples(NamedTuple):
     sample: np.ndarray  #: index of each in the log
 
 
-def thin(record: Record, soc: np.ndarray, otherwise_degC: float = ROOM_DEGC) -> tuple[FitSamples, ...]:
+def thin(record: Record, soc: np.ndarray) -> tuple[FitSamples, ...]:
     """The samples at the edges of the current, then at intervals of 10 % of the time since, from 1 s up to 60 s.
 
     A varying current is thinned evenly, to 1 s or to 6000 samples. The charge of the intervals left out is added up,
@@ -60,7 +60,7 @@ def thin(record: Record, soc: np.ndarray, otherwise_degC: float = ROOM_DEGC) -> 
     used = _used(record)
     gaps = np.flatnonzero(find_gaps(record.log.time_s))
     parts = np.split(used, np.searchsorted(used, gaps))
-    return tuple(_part(record, soc, rows, otherwise_degC) for rows in parts if rows.size > 1)
+    return tuple(_part(record, soc, rows) for rows in parts if rows.size > 1)
 
 
 def thin_branch(branch: OcvBranch, capacity_Ah: float, otherwise_degC: float = ROOM_DEGC) -> FitSamples:
@@ -89,7 +89,7 @@ def thin_branch(branch: OcvBranch, capacity_Ah: float, otherwise_degC: float = R
     )
 
 
-def _part(record: Record, soc: np.ndarray, rows: np.ndarray, otherwise_degC: float) -> FitSamples:
+def _part(record: Record, soc: np.ndarray, rows: np.ndarray) -> FitSamples:
     time_s = record.log.time_s[rows]
     dt_s = np.diff(time_s, prepend=time_s[0])
     total_Ah = record.charge.total_Ah[rows]
@@ -103,7 +103,7 @@ def _part(record: Record, soc: np.ndarray, rows: np.ndarray, otherwise_degC: flo
         mean_current_A=SECONDS_PER_HOUR * np.diff(total_Ah, prepend=total_Ah[0]) / np.where(dt_s > 0, dt_s, 1.0),
         soc=soc[rows],
         soc_before=np.concatenate([soc[rows[:1]], soc[rows[:-1]]]),
-        temperature_degC=record.temperature_degC(otherwise_degC)[rows],
+        temperature_degC=record.temperature_degC(ROOM_DEGC)[rows],
         voltage_V=record.log.voltage_V[rows],
         starts_at_rest=phase.kind == "rest" and (rest_s >= RELAXED_AFTER_S or rows[0] > 0),
         sample=rows,

@@ -21,8 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.battery import Battery
-from ohmward.battery.battery import Provenance as Provenance
+from ohmward.battery.battery import Battery, Provenance
 from ohmward.battery.chemistries import CHEMISTRIES, chemistry_name, start_model, start_noise
 from ohmward.battery.fingerprint import fingerprint
 from ohmward.battery.identification.circuit_fit import (
@@ -86,7 +85,6 @@ _CLEARLY_BETTER = 0.8
 #: Relative error of a capacity on the day on which a low-rate test showed the whole of it, and another test.
 TESTED_CAPACITY_STD, PULSED_CAPACITY_STD = 0.02, 0.04
 
-
 Progress = Callable[[str, float], None]
 
 
@@ -94,14 +92,10 @@ class Identified(NamedTuple):
     """The battery and everything that led to it."""
 
     battery: Battery
-    #: low-rate discharges and charges; first_ocv: the curve before the fit corrected it
-    branches: tuple[OcvBranch, ...]
-
-    first_ocv: OcvCurve
-    #: one for each log that the circuit was fitted to; fit: the fit, None without such a log
-    logs: tuple[LogDetails, ...] = ()
-
-    fit: CircuitFit | None = None
+    branches: tuple[OcvBranch, ...]  #: low-rate discharges and charges
+    first_ocv: OcvCurve  #: the curve before the fit corrected it
+    logs: tuple[LogDetails, ...] = ()  #: one for each log that the circuit was fitted to
+    fit: CircuitFit | None = None  #: None without such a log
 
     @property
     def fits(self) -> bool:

@@ -288,7 +288,6 @@ def branch_fits(branches: Sequence[OcvBranch]) -> tuple[LogFit, ...]:
 #: Cells of one chemistry differ, and a log may be a charge: usual voltages beyond the curve by this share are others'.
 _BEYOND_CURVE = 0.08
 
-
 #: Largest error of the voltage, RMS, over the range of the open-circuit voltage from empty to full. Tests of twenty
 #: cells, measured and of porous electrodes, are reproduced within 0.041 by files that then estimate well.
 MOST_OF_RANGE = 0.1

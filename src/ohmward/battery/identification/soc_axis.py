@@ -52,7 +52,6 @@ _MOST_OUTSIDE = 0.1
 _CAPACITY_SPAN = 0.5
 _CAPACITY_REST_STD = 0.02
 
-
 #: Reasons of anchors.
 _GIVEN, _FULL = "given", "full charge"
 

@@ -41,7 +41,7 @@ def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
     if battery.identification is not None or battery.thevenin.gassing_V is not None:
         return battery
     rule = AnchorRule(battery.thevenin, battery.noise, battery.sensor)
-    if battery.knowledge is not None and any(log.anchors for log in battery.knowledge.logs):
+    if battery.knowledge is not None and any(log.anchors for log in battery.learnt_logs):
         highest_V = max(
             (float(rule.relaxed_V(a.voltage_V, _input(a))) for a in _full_charges(log, battery)), default=0.0
         )
@@ -59,11 +59,11 @@ def raised_to(battery: Battery, full_V: float) -> Battery:
     if longer < _LEAST_RAISE:
         return battery
     wide = forgotten(battery)
-    model, knowledge = wide.thevenin, battery.knowledge
+    model = wide.thevenin
     raised = replace(model, ocv=_prolonged(battery, before_soc, longer), capacity_Ah=model.capacity_Ah * longer)
     changed = _with_model(wide, raised)
-    names, logs = parameters_of(changed).names, () if knowledge is None else knowledge.logs
-    return replace(changed, knowledge=Knowledge.of(names, prior_covariance(changed), logs))
+    knowledge = Knowledge.of(parameters_of(changed).names, prior_covariance(changed), battery.learnt_logs)
+    return replace(changed, knowledge=knowledge)
 
 
 def with_full_at(battery: Battery, soc: float) -> Battery:

@@ -40,7 +40,6 @@ from ohmward.filters.consistency import BAND_95
 #: Duration of the pulse [s], and the state of charge before the one that is quoted.
 PULSE_S, _HALF = 10.0, 0.5
 
-
 #: The error of the model that stays with SoC is this at least [V], for each CELL_V of the battery, and its length.
 MODEL_STD_V, _MODEL_LENGTH = 0.005, 0.1
 #: The same of a battery that gases: acid that moves slowly leaves 18 to 50 mV of 12 V after a day of loads.
@@ -134,11 +133,18 @@ def without_capacity(covariance: np.ndarray, battery: Battery) -> np.ndarray:
 def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
     """(K,) change of the parameters by a change of the logarithm of the capacity with age, whose electrodes slip."""
     model, direction = battery.thevenin, np.zeros(p.size)
-    seen_from = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
-    pinned = 1.0 - OCV_KNOTS - CurvePlace(seen_from, 0.0).columns(OCV_KNOTS)[:, 0]
     direction[p.group("capacity")] = 1.0
-    direction[p.group("ocv")] = mean_slope_V(model.ocv, OCV_KNOTS) * pinned
+    direction[p.group("ocv")] = _slope_by_capacity_V(battery, OCV_KNOTS)
     return direction + model.ocv_slip * slip_direction(battery, p)
+
+
+def _slope_by_capacity_V(battery: Battery, soc: np.ndarray) -> np.ndarray:
+    """(N,) change of the curve at these SoC with the logarithm of the capacity [V].
+
+    As far as logs have shown the curve it is known over the charge below full, and along SoC as wrong as the capacity.
+    """
+    stretched = CurvePlace(battery.curve_seen_from_soc, 0.0).columns(soc)[:, 0]
+    return mean_slope_V(battery.thevenin.ocv, soc) * (1.0 - soc - stretched)
 
 
 def slip_direction(battery: Battery, p: Parameters) -> np.ndarray:
@@ -231,11 +237,7 @@ def _curve_error(battery: Battery, p: Parameters, covariance: np.ndarray) -> tup
     """(21,) standard deviation [V] of the curve along SoC, and the correlation length of that error."""
     rows = np.zeros((_NOISE_GRID.size, p.size))
     rows[:, p.group("ocv")] = hat(_NOISE_GRID, OCV_KNOTS)
-    # the curve is known over the charge below full; along SoC it is as wrong as the capacity is
-    slope_V = mean_slope_V(battery.thevenin.ocv, _NOISE_GRID)
-    seen_from = 1.0 if battery.knowledge is None else battery.knowledge.seen_from_soc
-    stretched = CurvePlace(seen_from, 0.0).columns(_NOISE_GRID)[:, 0]
-    rows[:, p.group("capacity")] = -(slope_V * (1.0 - _NOISE_GRID - stretched))[:, None]
+    rows[:, p.group("capacity")] = -_slope_by_capacity_V(battery, _NOISE_GRID)[:, None]
     error = rows @ covariance @ rows.T
     variance = np.diag(error)
     floor_V2 = model_floor_V(battery) ** 2
@@ -304,14 +306,13 @@ def known(battery: Battery) -> KnownBattery:
     learnt = float(covariance[p.group("capacity"), p.group("capacity")].sum())
     capacity_std = np.hypot(max(np.sqrt(learnt), _CAPACITY_STD), battery.sensor.gain_std)
     ohm, offset = pulse_ohm(battery.thevenin), p.group("offset")
-    logs = battery.knowledge.logs if battery.knowledge else ()
     return KnownBattery(
         Normal(battery.capacity_Ah, battery.capacity_Ah * float(capacity_std)),
         Normal(ohm, ohm * max(resistance_std(battery, covariance), _RESISTANCE_STD)),
         Normal(battery.sensor.offset_A, float(np.sqrt(covariance[offset, offset].sum()))),
         ocv_std_V(battery, _NOISE_GRID),
-        len(logs),
-        sum(log.hours for log in logs),
+        len(battery.learnt_logs),
+        sum(log.hours for log in battery.learnt_logs),
     )
 
 

@@ -166,14 +166,9 @@ def learn_log(
     if contradiction:
         return battery, _not_learnt(battery, log, "set aside", contradiction)
     anchored = sum(anchor.kind != "rest" for anchor in anchors) + (initial_soc is not None)
-    return _remember(ready, after, _seen(log, new.fingerprint, update, anchored)), update
-
-
-def _seen(log: Log, fingerprint: str, update: LogUpdate, anchored: int) -> SeenLog:
-    """A log as the battery file remembers it; anchored: times at which something else than the voltage told its SoC."""
-    return SeenLog(
+    seen = SeenLog(
         name=log.name,
-        fingerprint=fingerprint,
+        fingerprint=new.fingerprint,
         start_unix_s=log.begin_unix_s,
         end_unix_s=log.end_unix_s,
         hours=update.hours,
@@ -183,12 +178,13 @@ def _seen(log: Log, fingerprint: str, update: LogUpdate, anchored: int) -> SeenL
         end_soc_std=update.soc_end.std,
         end_current_A=float(np.nan_to_num(log.current_A[-1])),
     )
+    return _remember(ready, after, seen), update
 
 
 def _remember(before: Battery, after: Battery, log: SeenLog) -> Battery:
     """The battery with the log among those that it has learnt."""
     assert after.knowledge is not None
-    logs = (*(() if before.knowledge is None else before.knowledge.logs), log)
+    logs = (*before.learnt_logs, log)
     learnt = known_since(replace(after, knowledge=replace(after.knowledge, logs=logs)), log.end_unix_s)
     if not any(seen.anchors for seen in logs):
         learnt = never_anchored(learnt, before)
@@ -234,14 +230,14 @@ def aged(battery: Battery, hours: float, cycles: float) -> Battery:
     resistance_variance: Any = noise.resistance_walk_variance(span_s) + _CYCLE_WALK**2 * cycles
     covariance[np.ix_(together, together)] += resistance_variance
     covariance[p.group("offset"), p.group("offset")] += battery.sensor.offset_walk_variance(span_s)
-    of_aged = Knowledge.of(p.names, covariance, battery.knowledge.logs, battery.knowledge.seen_from_soc)
+    of_aged = Knowledge.of(p.names, covariance, battery.learnt_logs, battery.curve_seen_from_soc)
     return replace(battery, knowledge=of_aged)
 
 
 def hours_since_last(battery: Battery, log: Log) -> float:
     """Hours between the last log that the battery has seen and this one; 0 where no clock tells."""
     start = log.begin_unix_s
-    ends = [seen.end_unix_s for seen in battery.knowledge.logs if seen.end_unix_s] if battery.knowledge else []
+    ends = [seen.end_unix_s for seen in battery.learnt_logs if seen.end_unix_s]
     return max(start - max(ends), 0.0) / SECONDS_PER_HOUR if ends and start is not None else 0.0
 
 
@@ -276,9 +272,8 @@ def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ..
         found = solve(model, prior, anchors, found.x)
     found = with_capacity(model, prior, anchors, found)
     K = model.parameters.size
-    seen = () if battery.knowledge is None else battery.knowledge.logs
     lowest_soc = float(found.charge.soc.min())
-    after = fold(battery, found.x[:K], found.covariance[:K, :K], lowest_soc, seen)
+    after = fold(battery, found.x[:K], found.covariance[:K, :K], lowest_soc, battery.learnt_logs)
     return _Part(after, found, model, log_estimates(model, prior, found, after))
 
 

@@ -58,10 +58,9 @@ def learnt_on_board(battery: Battery, estimator: SocEstimator) -> Battery:
     names, H = seen_by_filter(p, system)
     before = aged(battery, hours, 0.0)
     theta, covariance = _posterior(prior_covariance(before), H, *_information(system, belief, names))
-    logs = () if battery.knowledge is None else battery.knowledge.logs
     on_board = SeenLog("on board", hours=hours, summary="capacity, resistances and offset, as the filter found them")
     end_unix_s = None if estimator.unix_s is None else estimator.unix_s + SECONDS_PER_HOUR * hours
-    return known_since(fold(before, theta, covariance, 1.0, (*logs, on_board)), end_unix_s)
+    return known_since(fold(before, theta, covariance, 1.0, (*battery.learnt_logs, on_board)), end_unix_s)
 
 
 def seen_by_filter(p: Parameters, system: AugmentedThevenin) -> tuple[list[str], np.ndarray]:

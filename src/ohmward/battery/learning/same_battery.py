@@ -86,21 +86,18 @@ def unexplained(found: LogUpdate) -> str:
 
 def confirms(known: KnownBattery, after: LogUpdate) -> bool:
     """True for a log that fits its file and moves nothing in it: it need not be learnt alone."""
-    moved = _moved(known, after)
-    return bool(np.linalg.norm(moved) < _CONFIRMS and after.misfit < _FITS)
+    return bool(np.linalg.norm(_moved(known, after)) < _CONFIRMS and after.misfit < _FITS)
 
 
 def other_label(known: KnownBattery, after: LogUpdate) -> str:
     """Contradiction of a log with the label that the file was made from; "" for none."""
-    moved = _moved(known, after)
-    other = _contradiction(known, after, moved, _OTHER_BATTERY_STD if after.misfit > _MISFITS else _OTHER_LABEL)
-    return other or _other_sensor(known, after, known.offset_A.std)
+    limit = _OTHER_BATTERY_STD if after.misfit > _MISFITS else _OTHER_LABEL
+    return _contradiction(known, after, _moved(known, after), limit) or _other_sensor(known, after, known.offset_A.std)
 
 
 def moved_too_far(known: KnownBattery, after: LogUpdate) -> str:
     """Contradiction of a log that moves what the file knows further than that may err; "" for none."""
-    moved = _moved(known, after)
-    return _contradiction(known, after, moved, _MOVED)
+    return _contradiction(known, after, _moved(known, after), _MOVED)
 
 
 def too_small(capacity_Ah: Normal, depth: float) -> str:

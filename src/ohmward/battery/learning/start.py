@@ -54,9 +54,9 @@ def given_at_start(battery: Battery, log: Log, initial_soc: float | None) -> tup
     if initial_soc is not None:
         return (SocAnchor(0, initial_soc, _GIVEN_STD),)
     start = log.begin_unix_s
-    if start is None or battery.knowledge is None:
+    if start is None:
         return ()
-    for seen in reversed(battery.knowledge.logs):
+    for seen in reversed(battery.learnt_logs):
         if seen.end_unix_s is None or seen.end_soc is None or seen.end_soc_std is None:
             continue
         gap_s = start - seen.end_unix_s
@@ -90,10 +90,8 @@ _SHAPE_STD, _SHAPE_LENGTH = 0.1, 0.2
 #: Full and empty stay full and empty, so that this error ends within so much of them.
 _ENDS = 0.2
 
-
 #: A log of which less than this share is new has been seen, where the new part cannot be learnt.
 _MOSTLY_SEEN = 0.5
-
 
 #: States of charge that are looked at, and how many hills are climbed at most.
 _GRID = np.linspace(0.0, 1.0, 41)
@@ -187,8 +185,8 @@ def new_parts(battery: Battery, log: Log) -> NewParts:
     """
     usable = usable_log(log, battery)
     tested = battery.identification.fingerprints if battery.identification else ()
-    learnt = battery.knowledge.logs if battery.knowledge else ()
-    parts = unlearnt_parts(usable, (*tested, *(seen.fingerprint for seen in learnt)))
+    learnt = (seen.fingerprint for seen in battery.learnt_logs)
+    parts = unlearnt_parts(usable, (*tested, *learnt))
     hours = sum(part.duration_s for part in parts) / SECONDS_PER_HOUR
     all_hours = log.duration_s / SECONDS_PER_HOUR
     left_out = [note.text for note in usable.notes if note not in log.notes]

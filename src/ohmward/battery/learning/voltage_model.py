@@ -215,14 +215,6 @@ class Nuisances(NamedTuple):
         return self.misfit.stop
 
 
-def nuisances_of(samples: Samples, model: Thevenin) -> Nuisances:
-    """The unknowns of a part."""
-    steps = int(min(samples.hours / _OFFSET_HOURS, _MOST_OFFSETS))
-    from_s = samples.time_s[0] + (samples.time_s[-1] - samples.time_s[0]) * np.arange(1, steps + 1) / (steps + 1)
-    hysteresis = any(model.ocv.hysteresis_V)
-    return Nuisances(1 + samples.gaps.size, model.pairs, len(samples.jumps), from_s, hysteresis)
-
-
 def nuisance_covariance(
     nuisances: Nuisances, samples: Samples, battery: Battery, soc_std: float, misfit_V: float
 ) -> np.ndarray:
@@ -281,7 +273,11 @@ class VoltageModel:
     @cached_property
     def nuisances(self) -> Nuisances:
         """Unknowns of the part."""
-        return nuisances_of(self.samples, self.model)
+        samples, model = self.samples, self.model
+        steps = int(min(samples.hours / _OFFSET_HOURS, _MOST_OFFSETS))
+        from_s = samples.time_s[0] + (samples.time_s[-1] - samples.time_s[0]) * np.arange(1, steps + 1) / (steps + 1)
+        hysteresis = any(model.ocv.hysteresis_V)
+        return Nuisances(1 + samples.gaps.size, model.pairs, len(samples.jumps), from_s, hysteresis)
 
     @cached_property
     def starts(self) -> np.ndarray:

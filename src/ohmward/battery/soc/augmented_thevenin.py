@@ -75,7 +75,6 @@ TANGENT_STD = 0.2
 STEEP_END = 0.1
 END_STD = 0.1
 
-
 #: Share of an error of the activation that is not common to all of the overpotential: another one at every SoC, and in
 #: every process of the cell. Measured on LFP, NCA and NMC at -15 to 5 degC with files from 25 degC.
 UNEVEN_ACTIVATION = 0.5

@@ -70,7 +70,7 @@ def forecasts_after_tests(
 ) -> tuple[BandsAfterTest, ...]:
     """The bands after each test that the battery has not had, the one that narrows most first."""
     found = [BandsAfterTest(test, forecast(after, temperatures_degC)) for test, after in after_tests(battery).items()]
-    return tuple(sorted(found, key=lambda f: sum(b.known_start + b.unknown_start for b in f.bands)))
+    return tuple(sorted(found, key=lambda after: _width(after.bands)))
 
 
 def after_tests(battery: Battery) -> dict[str, Battery]:
@@ -136,12 +136,12 @@ def worthwhile_tests(battery: Battery, bands: Sequence[BandForecast]) -> list[Ba
 
     bands: of the file as it is.
     """
-
-    def width(of: Sequence[BandForecast]) -> float:
-        return sum(band.known_start + band.unknown_start for band in of)
-
     tests = forecasts_after_tests(battery) if bands else ()
-    return [test for test in tests if 1.0 - width(test.bands) / width(bands) >= WORTH_A_TEST]
+    return [test for test in tests if 1.0 - _width(test.bands) / _width(bands) >= WORTH_A_TEST]
+
+
+def _width(bands: Sequence[BandForecast]) -> float:
+    return sum(band.known_start + band.unknown_start for band in bands)
 
 
 def taken_as_exact(battery: Battery) -> list[str]:

@@ -98,7 +98,6 @@ LEAST_PART = 0.005
 #: Time for which a current must have been missing before it is named as the cause [s].
 _MISSING_S = 60.0
 
-
 #: Share of the variance from which a cause is a reason to name, and how many reasons a sentence has at most.
 _MAIN_SHARE, _MOST_REASONS = 0.2, 3
 
@@ -124,11 +123,8 @@ class Conditions(NamedTuple):
     std: Mapping[str, float]
     temperature_degC: float  #: of the battery; where nobody measures it, that for which the errors are taken
     slope_V: float  #: change of the open-circuit voltage per unit of SoC
-    #: standard deviation of each part of the model's voltage error [V], by cause; usual_error_V: the same under a usual
-    #: load
-    error_V: Mapping[str, float]
-
-    usual_error_V: Mapping[str, float]
+    error_V: Mapping[str, float]  #: standard deviation of each part of the model's voltage error, by cause
+    usual_error_V: Mapping[str, float]  #: the same under a usual load
     #: relative error of the overpotential at the present SoC, at the temperature of the test
     overpotential_share: float
     unsettled_V: float  #: standard deviation that even a long rest leaves in the voltage
