@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ohmward.battery.health.ageing import DAY_S, SAYS_NOTHING_STD, AgeingFit, LifeAhead
+from ohmward.battery.health.ageing import SAYS_NOTHING_STD, AgeingFit, LifeAhead
 from ohmward.battery.health.health import Health
+from ohmward.battery.models.noise import DAY_S
 from ohmward.filters.consistency import BAND_95
 from ohmward.report import Band, Figure, Marker, Series
 

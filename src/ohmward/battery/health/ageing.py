@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.models.noise import HOUR_S, walk_variance
+from ohmward.battery.models.noise import DAY_S, HOUR_S, walk_variance
 
 #: Share of the capacity at which a battery counts as worn out.
 WORN_SHARE = 0.8
@@ -113,7 +113,6 @@ def no_law() -> AgeingLaws:
 
 #: A log that narrows the logarithm of a quantity to no less than this by itself says nothing of it.
 SAYS_NOTHING_STD = 0.5
-DAY_S = 86400.0
 _UNKNOWN = Normal(math.nan, math.inf)
 
 

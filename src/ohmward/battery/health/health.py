@@ -14,7 +14,6 @@ import numpy as np
 from ohmward.battery.battery import Battery, require_battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.ageing import (
-    DAY_S,
     WORN_SHARE,
     AgeingFit,
     CapacityUncertainty,
@@ -38,6 +37,7 @@ from ohmward.battery.health.history import (
 )
 from ohmward.battery.learning.learn import learn
 from ohmward.battery.learning.log_update import LogUpdate
+from ohmward.battery.models.noise import DAY_S
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 from ohmward.logs.log import LogSource, as_logs

@@ -257,7 +257,7 @@ def _axis_std(battery: Battery, curve_V: np.ndarray) -> float:
 
 def _share(noise: BatteryNoise, p: Parameters, std: np.ndarray) -> float | tuple[float, ...]:
     """Relative error of the overpotential: what shapes of resistances and time constants leave open, and the floor."""
-    shape = np.square(np.concatenate([std[p.group("ohmic")], std[p.group("pair")]])).mean()
+    shape = np.square(std[p.resistances]).mean()
     before = np.asarray(noise.overpotential_share)
     found = np.minimum(np.maximum(before, 0.0), np.hypot(_SHARE, 0.25 * np.sqrt(shape)))
     return tuple(found.tolist()) if found.ndim else float(found)

@@ -226,9 +226,8 @@ def aged(battery: Battery, hours: float, cycles: float) -> Battery:
     slipped = noise.ocv_slip_std * slip_direction(battery, p)
     capacity_variance: Any = noise.capacity_walk_variance(span_s) + _CYCLE_WALK**2 * cycles
     covariance += capacity_variance * (np.outer(direction, direction) + np.outer(slipped, slipped))
-    together = np.r_[p.group("ohmic"), p.group("pair")]
     resistance_variance: Any = noise.resistance_walk_variance(span_s) + _CYCLE_WALK**2 * cycles
-    covariance[np.ix_(together, together)] += resistance_variance
+    covariance[np.ix_(p.resistances, p.resistances)] += resistance_variance
     covariance[p.group("offset"), p.group("offset")] += battery.sensor.offset_walk_variance(span_s)
     of_aged = Knowledge.of(p.names, covariance, battery.learnt_logs, battery.curve_seen_from_soc)
     return replace(battery, knowledge=of_aged)

@@ -50,12 +50,14 @@ def log_estimates(model: VoltageModel, prior: Belief, found: Solution, after: Ba
     precision = np.linalg.inv(prior.cov[:K, :K])
     information = np.linalg.inv(found.covariance[:K, :K]) - precision
     pull = precision @ found.x[:K]
+    all_resistances = np.zeros(K)
+    all_resistances[p.resistances] = 1.0
     lowest_soc, given_Ah = _given(model, found, after)
     return LogEstimates(
         log_estimate(after.capacity_Ah, ageing_direction(model.battery, p), pull, information)
         if found.tells_capacity
         else _SAYS_NOTHING,
-        log_estimate(pulse_ohm(after.thevenin), _resistances(p), pull, information),
+        log_estimate(pulse_ohm(after.thevenin), all_resistances, pull, information),
         lowest_soc,
         given_Ah,
     )
@@ -69,13 +71,6 @@ def combined(shares: Sequence[Normal]) -> Normal:
     weights = np.array([(share.mean / share.std) ** 2 for share in known])
     mean = float(np.exp(weights @ np.log([share.mean for share in known]) / weights.sum()))
     return Normal(mean, mean * float(weights.sum() ** -0.5))
-
-
-def _resistances(p: Parameters) -> np.ndarray:
-    """(K,) 1 for the logarithms of all resistances."""
-    d = np.zeros(p.size)
-    d[np.r_[p.group("ohmic"), p.group("pair")]] = 1.0
-    return d
 
 
 def log_estimate(now: float, d: np.ndarray, pull: np.ndarray, information: np.ndarray) -> Normal:

@@ -87,6 +87,11 @@ class Parameters(NamedTuple):
             before += size
         raise InputError(f"no group of parameters {name!r}; there are {', '.join(self.sizes)}")
 
+    @property
+    def resistances(self) -> np.ndarray:
+        """Places of all resistances in the vector of all."""
+        return np.r_[self.group("ohmic"), self.group("pair")]
+
     def pair(self, j: int) -> slice:
         """Resistances of the RC pair j along SoC, counted from 0."""
         first = self.group("pair").start + j * RESISTANCE_KNOTS.size

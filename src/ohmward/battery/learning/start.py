@@ -149,7 +149,7 @@ def _costs(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -
 def prior_of_age(model: VoltageModel, prior: Belief, x: np.ndarray) -> Belief:
     """The prior with the likeliest scale of ageing, the unknowns of the part being x (n,)."""
     p, covariance = model.parameters, prior.cov.copy()
-    q, resistances = p.group("capacity"), np.r_[p.group("ohmic"), p.group("pair")]
+    q, resistances = p.group("capacity"), p.resistances
     covariance[q, q] += _scale2(max(-float(x[q].sum()), 0.0), covariance[q, q])
     together = np.ix_(resistances, resistances)
     covariance[together] += _scale2(max(float(x[resistances].mean()), 0.0), covariance[together])

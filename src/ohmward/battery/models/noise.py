@@ -57,7 +57,7 @@ OLDEST_YEARS = 4
 _SHORTEST_STEP_S = 1e-3
 
 HOUR_S = 3600.0
-_DAY_S = 24 * HOUR_S
+DAY_S = 24 * HOUR_S
 
 
 def on_soc_grid(values: tuple[float, ...], soc: Any) -> Any:
@@ -113,7 +113,7 @@ class BatteryNoise:
 
         Without a date of either, or where the clock of the day has not been set, it is the noise itself.
         """
-        days = (unix_s - self.capacity_known_unix_s) / _DAY_S
+        days = (unix_s - self.capacity_known_unix_s) / DAY_S
         if not (self.capacity_known_unix_s and -OLDEST_YEARS * AGED_AFTER_DAYS < days < math.inf):
             return self
         years = min(abs(days) // 1.0 / AGED_AFTER_DAYS, OLDEST_YEARS)

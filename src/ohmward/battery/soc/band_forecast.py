@@ -14,11 +14,11 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import start_noise
 from ohmward.battery.models.noise import CurrentSensor
+from ohmward.battery.soc.causes import points
 from ohmward.battery.soc.explanation import filtered
 from ohmward.battery.soc.sample import SocSample
 from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.filters.belief import unpack
-from ohmward.filters.consistency import BAND_95
 from ohmward.trace import Kernel
 
 #: The day: SoC at its start and at its end, mean load in multiples of the capacity per hour, rest in every hour [s].
@@ -110,7 +110,7 @@ def band(settings: TheveninFilter, kernel: Kernel, temperature_degC: float, soc:
     state = settings.init(first, soc, KNOWN_START_STD)
     truth = unpack(settings.start(first, START_SOC, KNOWN_START_STD).belief).mean
     std = filtered(settings, kernel, state, truth, day).soc_std[np.cumsum(day.dt_s) > COUNTED_FROM_S]
-    return 100 * BAND_95 * float(np.sqrt(np.mean(std**2)))
+    return points(float(np.mean(std**2)))
 
 
 def working_day(settings: TheveninFilter, temperature_degC: float) -> SocSample:

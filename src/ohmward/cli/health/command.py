@@ -11,11 +11,12 @@ from typing import Any
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
-from ohmward.battery.health.ageing import DAY_S, DAYS_PER_YEAR, HealthPoint
+from ohmward.battery.health.ageing import DAYS_PER_YEAR, HealthPoint
 from ohmward.battery.health.changes import Cause, Outlier
 from ohmward.battery.health.health import BatteryHealth, health
 from ohmward.battery.health.history import used_capacities
 from ohmward.battery.learning.log_update import LogUpdate
+from ohmward.battery.models.noise import DAY_S
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import load_with_sensor, log_files, read_battery_log, read_options
 from ohmward.cli.outcome import Outcome, Report, progress
