@@ -76,10 +76,6 @@ class CellSpread:
     def __post_init__(self) -> None:
         require_each_not_negative("spread.", self, *self.__dataclass_fields__)
 
-    def soc_walk_variance(self, dt_s: Scalar) -> Scalar:
-        """Process variance of the state of charge of one cell in one step."""
-        return walk_variance(self.soc_walk, DAY_S, dt_s)
-
 
 class Differences(NamedTuple):
     """State vector taken apart."""
@@ -282,9 +278,10 @@ class CellFilter:
         decay = exp(-abs(moved) / clip(abs(belief.mean[SOC]), LEAST_CURVE_LENGTH, self.noise.model_soc_length))
         F = np.diag(np.array([1.0] * len(belief.mean), dtype=object))
         F[SOC, GAIN], F[CURVE, CURVE] = moved, decay
+        soc_walk_variance = walk_variance(self.spread.soc_walk, DAY_S, clean.dt_s)
         Q = Differences(
             common_soc=0.0,
-            soc=self.spread.soc_walk_variance(clean.dt_s) + self.spread.efficiency_std**2 * abs(moved),
+            soc=soc_walk_variance + self.spread.efficiency_std**2 * abs(moved),
             charge_gain=self.noise.capacity_walk_variance(clean.dt_s),
             ohmic_log=self.noise.resistance_walk_variance(clean.dt_s),
             pair_log=self.noise.resistance_walk_variance(clean.dt_s),
@@ -417,7 +414,9 @@ class CellFilter:
         x, P = Differences(*posterior.mean), posterior.cov
         capacity_ratio = 1.0 / maximum(1.0 + x.charge_gain * self.soh(typical), LEAST_CHARGE_GAIN)
         gain_std = self.soh(typical) * np.sqrt(maximum(P[GAIN, GAIN], 0.0))
-        share = self.ohmic_share(typical, u)
+        ohmic_ohm = ohmic_resistance(typical.soc, u, self.model)
+        pair_ohm = sum(pair_resistances(typical.soc, u, self.model))
+        share = ohmic_ohm / maximum(ohmic_ohm + pair_ohm, _LEAST_OHM)
         ratio = share * exp(x.ohmic_log) + (1.0 - share) * exp(x.pair_log)
         own = share * share * P[OHMIC, OHMIC] + (1.0 - share) * (1.0 - share) * P[PAIR, PAIR]
         log_variance = own + 2.0 * share * (1.0 - share) * P[OHMIC, PAIR]
@@ -432,12 +431,6 @@ class CellFilter:
             resistance_ratio_std=ratio * np.sqrt(maximum(log_variance, 0.0)),
             flags=flags,
         )
-
-    def ohmic_share(self, typical: TypicalCell, u: CircuitInput) -> Scalar:
-        """Share of the ohmic resistance in that to a steady current."""
-        ohmic_ohm = ohmic_resistance(typical.soc, u, self.model)
-        pair_ohm = sum(pair_resistances(typical.soc, u, self.model))
-        return ohmic_ohm / maximum(ohmic_ohm + pair_ohm, _LEAST_OHM)
 
 
 def _of_pack(sample: CellSample) -> SocSample:

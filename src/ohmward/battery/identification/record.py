@@ -198,7 +198,7 @@ Test = Literal["low-rate", "pulses", "dynamic"]
 class Phase(NamedTuple):
     """Samples first ... last (both included) of one kind of current."""
 
-    kind: Literal["rest", "constant", "varying"]  #: "rest", "constant" or "varying" current
+    kind: Literal["rest", "constant", "varying"]
     first: int
     last: int
     current_A: float  #: its mean, > 0 charges

@@ -89,9 +89,8 @@ def fold(
         knowledge=Knowledge.of(p.names, covariance, logs, float(np.clip(seen_from_soc, 0.0, 1.0))),
     )
     covariance = without_capacity(covariance_of_folded(curve, folded, covariance), folded)
-    assert folded.knowledge is not None
     noise = folded_noise(folded, p, covariance)
-    knowledge = Knowledge.of(p.names, covariance, logs, folded.knowledge.seen_from_soc)
+    knowledge = Knowledge.of(p.names, covariance, logs, folded.curve_seen_from_soc)
     return replace(folded, noise=noise, knowledge=knowledge)
 
 

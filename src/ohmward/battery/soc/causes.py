@@ -189,13 +189,9 @@ def cause_states(state_names: tuple[str, ...]) -> dict[str, list[int]]:
     groups: dict[str, list[int]] = {}
     for index, name in enumerate(state_names):
         if index != SOC:
-            groups.setdefault(cause_of_state(name), []).append(index)
+            cause = next((cause for part, cause in _CAUSE_BY_NAME.items() if part in name), "relaxation")
+            groups.setdefault(cause, []).append(index)
     return groups
-
-
-def cause_of_state(name: str) -> str:
-    """The cause that a state of the filter stands for, by its name."""
-    return next((cause for part, cause in _CAUSE_BY_NAME.items() if part in name), "relaxation")
 
 
 def shared_out(parts: Mapping[str, VariancePart], now: Conditions) -> dict[str, VariancePart]:
@@ -236,7 +232,10 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
     slope_V = float(settings.system.ocv_slope(np.array([x.circuit[SOC]]), x.circuit, u)[0])
     now_V = float(np.linalg.norm([float(v) for v in settings.system.overpotentials(x, u)]))
     usual_V = float(settings.system.total_ohm(x, u)) * USUAL_C * settings.model.capacity_Ah
-    slopes_V = axis_errors(settings, x, slope_V)
+    # of the SoC axis: that of the file, and what a lost capacity has moved
+    axis_std = settings.noise.soc_axis_std
+    moved_std = math.sqrt(max(float(settings.system.axis_variance(x)) - axis_std**2, 0.0))
+    slopes_V = {"axis": axis_std * slope_V, "capacity": moved_std * slope_V}
     error_V = slopes_V | voltage_errors(settings, x, u, now_V)
     hysteresis_V = std["hysteresis"] * float(settings.model.hysteresis_V_at(x.circuit[SOC], u.temperature_degC))
     return Conditions(
@@ -251,13 +250,6 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
         float(np.linalg.norm([error_V["curve"], error_V["ocv_temperature"], hysteresis_V])),
         float(state.unknown_s),
     )
-
-
-def axis_errors(settings: TheveninFilter, x: AugmentedState, slope_V: float) -> dict[str, float]:
-    """Standard deviations [V] of the errors of the SoC axis: that of the file, and what a lost capacity has moved."""
-    axis = settings.noise.soc_axis_std
-    moved = math.sqrt(max(float(settings.system.axis_variance(x)) - axis**2, 0.0))
-    return {"axis": axis * slope_V, "capacity": moved * slope_V}
 
 
 def voltage_errors(settings: TheveninFilter, x: AugmentedState, u: CircuitInput, over_V: float) -> dict[str, float]:
