@@ -40,6 +40,16 @@ def test_a_charge_that_is_cut_off_at_its_limit_tells_that_the_battery_is_full(in
     assert found.sample == at and found.soc == pytest.approx(truth[at], abs=2 * found.soc_std)
 
 
+def test_missing_voltages_and_currents_hide_it_from_nobody():
+    log, truth = day("lfp", 0.5, [CHARGE], interval_s=1.0, limit_V=14.6)
+    log, truth = broken_off(log, truth, 14.2)
+    rng = np.random.default_rng(4)
+    voltage_V, current_A = (np.where(rng.random(truth.size) < 0.3, np.nan, v) for v in (log.voltage_V, log.current_A))
+    run = SocEstimator(label("lfp"), initial_soc=0.4).run(replace(log, voltage_V=voltage_V, current_A=current_A))
+    (at,) = reached(run)
+    assert truth[at] > 0.97
+
+
 @pytest.mark.parametrize("offset_V", (-0.03, 0.05))
 def test_the_level_of_the_plateau_is_no_evidence(offset_V):
     log, truth = day("lfp", 0.3, [(1.9, 0.3), (0.2, 0.0), (0.1, -0.3)], interval_s=30.0)

@@ -101,7 +101,7 @@ class TopMemory(NamedTuple):
     #: voltage but for the drop, and current, over the last `_RISE_SOC` of charge; 0 before the first
     usual_V: Any = 0.0
     usual_A: Any = 0.0
-    high_s: Any = 0.0  #: time for which the voltage has been above that
+    high_s: Any = 0.0  #: time for which the voltage has been above that, samples without one left out
     #: charge taken out since that told the state of charge, over the capacity, at most 1
     discharged: Any = 1.0
 
@@ -206,16 +206,15 @@ class AnchorRule:
         drop_V = ohm * where(begun, u.current_A - before.usual_A, 0.0)
         high = usable & (u.current_A > self.load_A) & (still_V > self.nearly_full_V)
         high = high & (rise_V > self.usual_rise_V + self.spurious_rise_V(drop_V, u))
-        high_s = where(high, before.high_s + clean.dt_s, 0.0)
+        high_s = where(high, before.high_s + clean.dt_s, where(usable, 0.0, before.high_s))
         end = self.nearly_full(u)
         top = high & (high_s > _LOW_S) & (before.discharged > AGAIN) & (end.std < _MOST_STD)
 
         share = clean.mean.current_A * clean.dt_s / self.model.capacity_As
         decay = where(begun, exp(abs(share) * (-1.0 / _RISE_SOC)), 0.0)
-        decay = where(usable, decay, 1.0)
         after = TopMemory(
-            usual_V=still_V + decay * (before.usual_V - still_V),
-            usual_A=u.current_A + decay * (before.usual_A - u.current_A),
+            usual_V=where(usable, still_V + decay * (before.usual_V - still_V), before.usual_V),
+            usual_A=where(usable, u.current_A + decay * (before.usual_A - u.current_A), before.usual_A),
             high_s=high_s,
             discharged=where(top, 0.0, minimum(before.discharged + maximum(-share, 0.0), 1.0)),
         )
