@@ -16,9 +16,9 @@ from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.odometry.modes import (
     COUNTED,
     EVIDENCE_S,
-    LASTS_S,
     MET_S,
     ROLLING_M_S,
+    SLIP_LASTS_S,
     SLIPPING_M_S,
     ModeState,
     Turning,
@@ -116,9 +116,9 @@ def test_the_probabilities_are_those_of_bayes():
 def test_modes_begin_and_end_as_their_times_say():
     prior = first_modes(RLMA).probability
     assert prior.sum() == pytest.approx(1.0)
-    assert_allclose(prior[1:], LASTS_S / MET_S)
+    assert_allclose(prior[1:], SLIP_LASTS_S / MET_S)
     slips = mixed(np.array([0.0, 1.0, 0.0]), 0.5)
-    assert_allclose(slips, [1 - math.exp(-0.5 / LASTS_S), math.exp(-0.5 / LASTS_S), 0.0], atol=1e-12)
+    assert_allclose(slips, [1 - math.exp(-0.5 / SLIP_LASTS_S), math.exp(-0.5 / SLIP_LASTS_S), 0.0], atol=1e-12)
 
 
 def test_wheels_that_all_run_away_are_followed_as_fast_as_friction_can():
@@ -148,7 +148,7 @@ def test_wheels_that_roll_sideways_too_count_alike():
 @pytest.mark.parametrize(("every", "counts"), [(1, 4096), (1, 512), (10, 4096)])
 def test_no_drive_without_slip_makes_slip_more_likely_than_before(every, counts):
     """Stop and go on floors that change: for no longer than a second in any of ten drives."""
-    settings, prior = PoseFilter(INDOOR, OdometryNoise()), 2 * LASTS_S / MET_S
+    settings, prior = PoseFilter(INDOOR, OdometryNoise()), 2 * SLIP_LASTS_S / MET_S
     for seed in range(10):
         drive = stop_and_go(seed, counts, every=every)
         given = {"wheel_speed_rad_s": drive.wheel_speed_rad_s, "yaw_rate_rad_s": drive.gyro_rad_s}

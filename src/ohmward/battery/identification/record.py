@@ -19,7 +19,7 @@ from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note, counted
 
 #: A gap in the recording is longer than this [s], and than so many median intervals.
-GAP_S = 120.0
+RECORDING_GAP_S = 120.0
 _GAP_INTERVALS = 20.0
 #: Intervals up to so many medians are used to compare a counter with the current.
 _USUAL_INTERVALS = 3.0
@@ -93,7 +93,7 @@ def find_gaps(time_s: np.ndarray) -> np.ndarray:
     dt_s = np.diff(time_s)
     if not dt_s.size:
         return np.zeros(time_s.size, dtype=bool)
-    return np.concatenate([[False], dt_s > max(GAP_S, _GAP_INTERVALS * float(np.median(dt_s)))])
+    return np.concatenate([[False], dt_s > max(RECORDING_GAP_S, _GAP_INTERVALS * float(np.median(dt_s)))])
 
 
 def find_counter(log: Log, moved_Ah: np.ndarray, gap: np.ndarray) -> Counter | None:

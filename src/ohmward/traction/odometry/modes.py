@@ -39,7 +39,7 @@ ROLLING_M_S, ROLLING_SHARE = 0.02, 0.02
 SLIPPING_M_S, SLIPPING_SHARE = 0.3, 0.3
 
 #: A mode of slip begins once in `MET_S` on average, for each of its kind, and lasts so long [s].
-LASTS_S = 2.0
+SLIP_LASTS_S = 2.0
 
 #: Innovations within this time [s] are one piece of evidence, and none counts for more than this square of sigmas.
 EVIDENCE_S, MOST_SQUARE = 0.1, 25.0
@@ -108,7 +108,7 @@ def rims_show_sideways(robot: Robot) -> bool:
 def first_modes(robot: Robot) -> ModeState:
     """State before the first sample."""
     modes = len(slip_modes(robot))
-    share = LASTS_S / MET_S
+    share = SLIP_LASTS_S / MET_S
     return ModeState(np.array([1.0 - modes * share, *[share] * modes]), np.zeros(robot.driven))
 
 
@@ -154,7 +154,7 @@ def weigh(
         )
         for slipping, part, v, change in zip(modes, rolling, speeds, changes, strict=True)
     ])  # fmt: skip
-    judged = fresh & turning.holds & (since_s < LASTS_S)
+    judged = fresh & turning.holds & (since_s < SLIP_LASTS_S)
     weight = minimum(since_s / EVIDENCE_S, 1.0)
     chain = mixed(before.probability, since_s)
     likely = chain * exp(weight * (logs - reduce(maximum, logs)))
@@ -192,8 +192,8 @@ def weigh(
 
 def mixed(probability: np.ndarray, time_s: Scalar) -> np.ndarray:
     """Probabilities (modes,) after a time in which modes begin and end: between slips the wheels roll."""
-    time_s = minimum(time_s, LASTS_S)
-    ends, begins = 1.0 - exp(-time_s / LASTS_S), 1.0 - exp(-time_s / MET_S)
+    time_s = minimum(time_s, SLIP_LASTS_S)
+    ends, begins = 1.0 - exp(-time_s / SLIP_LASTS_S), 1.0 - exp(-time_s / MET_S)
     slips = probability[1:] * (1.0 - ends) + probability[0] * begins
     return np.array([1.0 - sum(slips), *slips])
 

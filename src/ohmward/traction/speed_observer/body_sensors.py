@@ -298,7 +298,7 @@ def sliding_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
 
 
 #: Time constant [s] with which an innovation that they have in common is forgotten.
-LASTS_S = 0.2
+COMMON_LASTS_S = 0.2
 
 
 class CommonInnovation(NamedTuple):
@@ -320,7 +320,7 @@ def use_passive_wheels(
     if model.noise.passive_std_rad_s is None or not len(times_s):
         return body
     common = common_innovation(body, lag, clean, model, gate)
-    lasts = exp(-clean.dt_s / LASTS_S)
+    lasts = exp(-clean.dt_s / COMMON_LASTS_S)
     innovation_sum = lasts * body.rejected.passive_sum + common.normalised
     leans = (1.0 - lasts * lasts) * innovation_sum**2 > LASTING_NIS
     wrong_after_s = where(common.confirmed, minimum(SPIKE_S, gate.reset_after_s), gate.reset_after_s)
