@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from functools import lru_cache
 from hashlib import sha256
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -152,7 +153,13 @@ def _values(structure: Structure, state: Any) -> list[float]:
     """The scalars of a state, in the structure's order."""
     names = scalar_names(structure)
     if not isinstance(state, Mapping) or list(state) != names:
-        raise InputError(f"snapshot state must hold {', '.join(names)}, in this order; {_ADVICE}")
+        held = list(state) if isinstance(state, Mapping) else []
+        pairs = zip_longest(names, held, fillvalue="nothing")
+        k, (expected, found) = next((k, pair) for k, pair in enumerate(pairs) if pair[0] != pair[1])
+        raise InputError(
+            f"snapshot state is of another version: number {k + 1} of {len(names)} must be {expected}, "
+            f"it has {reprlib.repr(found)}; {_ADVICE}"
+        )
     if any(leaf.boolean for _, leaf in leaves(structure)):
         raise InputError("a state of conditions cannot be resumed; store them as 0.0 and 1.0")
     return [from_json(name, state[name]) for name in names]
