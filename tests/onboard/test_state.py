@@ -176,7 +176,7 @@ def test_another_battery_file_goes_on_with_the_charge(battery):
     before = driven(battery)
     after = Estimation(generic_battery("nmc", 11.0, 4))
     (note,) = resume(after, remember(before, 1300.0), 10.0, 5.0)
-    assert "battery file or version of ohmward" in note
+    assert "another battery file or version" in note
     state: Any = one(after.put(5.0, {"battery_current_A": -2.0, "battery_voltage_V": 15.2}))
     assert state.battery.soc == pytest.approx(before.state.battery.soc, abs=0.05)
 

@@ -104,7 +104,7 @@ def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, no
     except InputError:
         begin = min(max(known.soc, 0.0), 1.0), known.std
         estimation.soc = SocEstimator(estimation.battery, *begin, unix_s=estimation.unix_s)
-        return ["battery file or version of ohmward have changed since: the charge goes on, the rest of the filter starts afresh"]
+        return ["another battery file or version of ohmward: the charge goes on, the rest of the filter starts afresh"]
     passed_s = away_s if away_s <= SHORT_ABSENCE_S else max(away_s, _GAP_S)
     soc = estimation.soc
     if SHORT_ABSENCE_S < away_s <= soc.known_gap_s and takes_given_soc(soc.settings):
