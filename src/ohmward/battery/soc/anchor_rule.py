@@ -228,13 +228,15 @@ class AnchorRule:
 
     def nearly_full(self, u: CircuitInput) -> SocNormal:
         """State of charge at which the voltage of this charge leaves the flat part of the curve."""
-        rate_per_s = u.current_A / self.model.capacity_As
-        slower = maximum(1.0 / self.model.rate_arrhenius_factor(u.temperature_degC), 1.0)
+        left = self.left_by_diffusion(u.current_A, u.temperature_degC)
         width = math.hypot(self.limits.full_std, 1.0 - _FULL_SOC)
-        return SocNormal(
-            _FULL_SOC - rate_per_s * self.limits.left_s * slower,
-            _hypot(width, rate_per_s * self.limits.left_std_s * slower),
-        )
+        return SocNormal(_FULL_SOC - left.soc, _hypot(width, left.std))
+
+    def left_by_diffusion(self, current_A: Scalar, temperature_degC: Scalar) -> SocNormal:
+        """Share of the charge that diffusion keeps from a load or a charge of this size."""
+        rate_per_s = current_A / self.model.capacity_As
+        slower = maximum(1.0 / self.model.rate_arrhenius_factor(temperature_degC), 1.0)
+        return SocNormal(rate_per_s * self.limits.left_s * slower, rate_per_s * self.limits.left_std_s * slower)
 
     def fade(self, clean: CleanSocSample) -> Scalar:
         """Share of what a current has left in the slowest RC pair that is there after the step."""
@@ -320,11 +322,10 @@ class AnchorRule:
         of_drop = sqrt(self.noise.resistance_variance_at(u, self.model))
         uncertain_V = of_drop * (still_V - voltage_V) + self.noise.model_std_V[0]
         soc = self.soc_at(still_V)
-        rate_per_s = maximum(-u.current_A, 0.0) / self.model.capacity_As
-        slower = maximum(1.0 / self.model.rate_arrhenius_factor(u.temperature_degC), 1.0)
-        of_load = _hypot(self.limits.empty_std, rate_per_s * self.limits.left_std_s * slower)
+        left = self.left_by_diffusion(maximum(-u.current_A, 0.0), u.temperature_degC)
+        of_load = _hypot(self.limits.empty_std, left.std)
         std = _hypot(of_load, self.soc_at(still_V + uncertain_V) - soc)
-        return SocNormal(soc + rate_per_s * self.limits.left_s * slower, std)
+        return SocNormal(soc + left.soc, std)
 
     def but_for_drop_V(self, voltage_V: Scalar, u: CircuitInput) -> Scalar:
         """The voltage of an empty battery without the overpotential of its load."""
@@ -379,7 +380,7 @@ class AnchorRule:
         """Limits of its chargers and protections."""
         return GASSING_LIMITS if self.gases else LITHIUM_LIMITS
 
-    @property
+    @cached_property
     def has_steep_end(self) -> bool:
         """True where the curve is flat and rises steeply at its end."""
         if self.gases:
@@ -387,7 +388,7 @@ class AnchorRule:
         before_V, end_V = self.model.ocv.mean_V(np.array([1.0 - _RISE_SOC, 1.0]), self.model.ocv.reference_degC)
         return bool(end_V - before_V > _STEEP * self.usual_rise_V)
 
-    @property
+    @cached_property
     def usual_rise_V(self) -> float:
         """Largest rise of the curve [V] between its ends, over `_RISE_SOC` of charge."""
         soc, step = np.linspace(*_BETWEEN_ENDS, 81, retstep=True)
@@ -399,7 +400,7 @@ class AnchorRule:
         """Least voltage of a charger that has reached its limit [V]."""
         return self.model.gassing_V or max(self.nearly_full_V, (1.0 - _BELOW_FULL) * self.model.ocv.voltage_V[-1])
 
-    @property
+    @cached_property
     def nearly_full_V(self) -> float:
         """Voltage [V] at rest of a battery that is nearly full."""
         return float(self.model.ocv.mean_V(_FULL_SOC, self.model.ocv.reference_degC))
