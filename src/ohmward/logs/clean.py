@@ -80,15 +80,20 @@ def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]
 
 def without_spikes(voltage_V: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
     """The voltages (T,) [V] with NaN in single rows that no battery shows, as 0 or 65.535 V, and a note on them."""
-    usual_V = float(np.nanmedian(voltage_V)) if np.isfinite(voltage_V).any() else 0.0
+    usual_V = _usual(voltage_V)
     rows, _ = _alone(voltage_V, usual_V, _FAR * abs(usual_V))
     return without_rows(voltage_V, rows, "voltage", "V", _ALONE)
 
 
 def without_temperature_spikes(degC: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
     """The temperatures (T,) [degC] with NaN in single rows that no battery shows, as -40 or 0, and a note on them."""
-    rows, _ = _alone(degC, float(np.nanmedian(degC)) if np.isfinite(degC).any() else 0.0, _FAR_K)
+    rows, _ = _alone(degC, _usual(degC), _FAR_K)
     return without_rows(degC, rows, "temperature", "degC", _ALONE)
+
+
+def _usual(values: np.ndarray) -> float:
+    """Median of the values (T,) that are known; 0 where none is."""
+    return float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
 
 
 def without_silent_spikes(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:

@@ -151,6 +151,8 @@ def _read_clock(table: Table, column: Column, hints: FileHints, date: str | None
 def are_whole_days(dates: np.ndarray) -> bool:
     """True for datetime64 values (T,) that have no time of day."""
     known = dates[~np.isnat(dates)]
+    if np.any(known[:1] != known[:1].astype("M8[D]")):  # as nearly always: the others need not be looked at
+        return False
     return bool(np.all(known == known.astype("M8[D]")))
 
 
