@@ -103,8 +103,13 @@ class RangeEstimator:
     def change_battery(self) -> None:
         """Forget what the loads have shown of the battery, as another one of its kind is in now, and keep the way."""
         nothing = self.settings.init(self.consumption)
-        new = {name: getattr(nothing, name) for name in ("soc", "forecast", "forecast_s", "began_soc", "sag")}
-        self.state = self.state._replace(**new)
+        self.state = self.state._replace(
+            soc=nothing.soc,
+            forecast=nothing.forecast,
+            forecast_s=nothing.forecast_s,
+            began_soc=nothing.began_soc,
+            sag=nothing.sag,
+        )
 
     def update(
         self,

@@ -1,4 +1,7 @@
-"""Secrets: from an environment variable or a file that nobody else may read, never from a setup or a command line."""
+"""Secrets, and addresses that others reach only with one.
+
+A secret comes from an environment variable or a file that nobody else may read, never from a setup or a command line.
+"""
 
 from __future__ import annotations
 
