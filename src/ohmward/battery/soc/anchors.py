@@ -25,7 +25,7 @@ VOLTAGE = "voltage"
 
 #: A long log is looked through in stretches of so many samples, so that what is remembered of each stays small; each
 #: begins and ends so many samples beyond, for events that began before it and go on after it.
-_STRETCH, _LEAD = 60_000, 20_000
+_STRETCH, _LEAD = 240_000, 20_000
 
 
 class Anchor(NamedTuple):
