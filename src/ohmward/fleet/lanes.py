@@ -67,17 +67,21 @@ def _side_by_side(
     on_days = [on_day(estimator, logs[i].begin_unix_s) for i in order]
     states = [e.init(first, initial_soc, initial_soc_std) for e, first in zip(on_days, firsts, strict=True)]
     kernel = _kernel(cast(Hashable, estimator), lowering)
-    found = SocEstimate(*(np.empty((len(logs), lengths[0])) for _ in SocEstimate._fields))
-    state = side_by_side(states)
+    state, parts = side_by_side(states), []
     for first, last, lanes in _parts(lengths):
         part = SocSample(*(column[first:last, :lanes] for column in columns))
         state, estimates = kernel.scan_lanes(pick_lanes(state, slice(lanes)), part)
-        for whole, values in zip(found, estimates, strict=True):
-            whole[:lanes, first:last] = values.T
+        parts.append(estimates)
     results: list[Any] = [None] * len(logs)
-    for lane, i in enumerate(order):
-        results[i] = SocEstimate(*(values[lane, : lengths[lane]] for values in found))
+    for lane, (i, length) in enumerate(zip(order, lengths, strict=True)):
+        results[i] = SocEstimate(*(_of_lane(pieces, lane, length) for pieces in zip(*parts, strict=True)))
     return results
+
+
+def _of_lane(pieces: Sequence[np.ndarray], lane: int, length: int) -> np.ndarray:
+    """(T,) one field of the estimates of a log, from the parts (T_k, B_k) in which the logs were run."""
+    whole = [piece[:, lane] for piece in pieces if lane < piece.shape[1]]
+    return (whole[0] if len(whole) == 1 else np.concatenate(whole))[:length]
 
 
 @lru_cache(maxsize=4)

@@ -31,7 +31,7 @@ _EDGE = 0.2
 _EDGE_OF_LEVEL = 0.02
 _LEAST_EDGE_A = 1e-9
 # About so many samples, evenly along a log, tell its noise.
-_NOISE_FROM = 100_000
+_NOISE_FROM = 10_000
 # A current without a sign has no more than this share on its other side; a step of it lasts so many samples, in which
 # the voltage moves on by so many times its noise.
 _NO_SIGN, _LASTING, _GOES_ON = 0.02, 10, 3.0
