@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from operator import itemgetter
+from typing import Any, NamedTuple
 
 from ohmward.logs.bags.recording import CDR, Layout, Several, Single, layout_of
 from ohmward.onboard.ros.types import DEFINITIONS
 
 _ENCAPSULATION = b"\x00\x01\x00\x00"
+#: Formats of numbers for `struct` by those of NumPy.
+_LETTERS = {"u1": "B", "i1": "b", "u2": "H", "i2": "h", "u4": "I", "i4": "i", "u8": "Q", "i8": "q"} | {
+    "f4": "f",
+    "f8": "d",
+}
 _FORMATS = {"bool": "?", "byte": "B", "uint8": "B", "int32": "i", "uint32": "I", "float32": "f", "float64": "d"}
 
 
@@ -26,21 +32,43 @@ def serialize(type_: str, message: Mapping[str, Any]) -> bytes:
 def read(type_: str, payload: bytes) -> tuple[Layout, dict[str, float]]:
     """Layout and numbers by their paths, `header.stamp.sec`, `velocity[1]`, of a message.
 
+    The layout is that of the first message of its kind; texts outside of arrays, such as a frame, are of that one, too.
+
     Raises:
         ValueError: no such message.
     """
+    key = type_, len(payload)
+    form = _FORMS.get(key)
+    if form is None or form.marked(payload) != form.marks:
+        if len(_FORMS) >= _MOST_FORMS:
+            _FORMS.clear()
+        form = _FORMS[key] = _form(type_, payload)
+    return form.layout, dict(zip(form.layout.numbers, map(float, form.numbers.unpack_from(payload)), strict=True))
+
+
+class _Form(NamedTuple):
+    """What messages of one type and length have in common that are laid out alike."""
+
+    layout: Layout
+    marked: Callable[[bytes], Any]  #: takes the bytes out of a message that are the same in all of them
+    marks: Any  #: these bytes
+    numbers: struct.Struct  #: takes the numbers out, in the order of the layout
+
+
+#: By type and length, as drivers send the same forms again and again; strangers cannot make it grow.
+_FORMS: dict[tuple[str, int], _Form] = {}
+_MOST_FORMS = 256
+
+
+def _form(type_: str, payload: bytes) -> _Form:
     layout = layout_of(payload, type_, DEFINITIONS, CDR)
-    numbers = {
-        path: float(struct.unpack_from(_struct(number.dtype), payload, number.at)[0])
-        for path, number in layout.numbers.items()
-    }
-    return layout, numbers
-
-
-def _struct(dtype: str) -> str:
-    """The format of a number for `struct` from that of NumPy."""
-    letters = {"u1": "B", "i1": "b", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q"}
-    return dtype[0] + (letters | {"f4": "f", "f8": "d"})[dtype[1:]]
+    marked = itemgetter(*layout.marks.tolist())
+    order, at = "<" if payload[1] else ">", 0
+    formats = []
+    for number in layout.numbers.values():
+        formats.append(f"{number.at - at}x{_LETTERS[number.dtype[1:]]}")
+        at = number.at + int(number.dtype[2:])
+    return _Form(layout, marked, marked(payload), struct.Struct(order + "".join(formats)))
 
 
 def _message(out: bytearray, type_: str, message: Mapping[str, Any]) -> None:

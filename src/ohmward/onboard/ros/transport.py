@@ -8,11 +8,12 @@ from __future__ import annotations
 import asyncio
 import os
 import threading
+import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from ohmward.checks import require_between, require_one_of
 from ohmward.errors import InputError
@@ -27,8 +28,11 @@ MOST_DOMAIN = 232
 
 #: The thread of a node has so long to end [s].
 _SPIN_END_S = 2.0
-#: Time between two looks of rclpy at what has come [s]: a look costs ten times a message, so it is for several.
-_LOOK_S = 0.005
+#: Time between two looks at the messages that have come, and between two turns of the executor [s]: a turn costs as
+#: much as ten messages.
+_LOOK_S, _TURN_S = 0.01, 0.05
+#: Messages of a topic that wait for the next look, also where this process was held up.
+_QUEUE = 100
 
 
 class Transport(Protocol):
@@ -100,6 +104,19 @@ class RosNetwork:
         return ZenohTransport(self.node, self.namespace, domain, self.router)
 
 
+class _Subscription(NamedTuple):
+    """A subscription of rclpy, and who receives its messages."""
+
+    made: Any
+    receive: Receive
+
+    def take_all(self) -> None:
+        """Hand over the messages that have come."""
+        with self.made.handle:
+            while taken := self.made.handle.take_message(self.made.msg_type, True):
+                self.receive(taken[0])
+
+
 class SharedNode:
     """A node for several parts of a process: opened for the first of them, closed after the last.
 
@@ -163,6 +180,9 @@ def domain_of_environment() -> int:
 class RclpyTransport:
     """A node of rclpy; messages pass through it serialised, so that both ways carry the same bytes.
 
+    Its executor serves parameters, services and the clock of the node. Messages are taken without it: it builds a set
+    of everything that it waits for anew for each of them, which takes ten times as long as the message.
+
     Args:
         node: it is served from a thread of this object.
         shut_down: ends the context of the node, which then ends with this object; None leaves both to others.
@@ -171,7 +191,7 @@ class RclpyTransport:
     def __init__(self, node: Any, shut_down: Callable[[], None] | None = None):
         self._node, self._shut_down = node, shut_down
         self._publishers: dict[str, Any] = {}
-        self._subscriptions: list[Any] = []
+        self._subscriptions: list[_Subscription] = []
         self._services: list[Any] = []
         #: Their defaults warn of readers that fit no writer, which cannot be here, and cost much of every spin.
         self._events = require("rclpy.event_handler", 'transport = "rclpy"')
@@ -196,17 +216,15 @@ class RclpyTransport:
 
     def subscribe(self, topic: str, type_: str, receive: Receive) -> None:
         """Receive messages as sensors send them, best effort: matches every writer."""
-        qos = require("rclpy.qos", 'transport = "rclpy"').qos_profile_sensor_data
+        qos = require("rclpy.qos", 'transport = "rclpy"')
+        groups = require("rclpy.callback_groups", 'transport = "rclpy"')
+        best_effort = qos.QoSProfile(depth=_QUEUE, reliability=qos.ReliabilityPolicy.BEST_EFFORT)
         events = self._events.SubscriptionEventCallbacks(use_default_callbacks=False)
-        message_type = message_class(type_)
-
-        def receive_all(payload: bytes) -> None:
-            receive(payload)
-            while taken := made.handle.take_message(message_type, True):
-                receive(taken[0])
-
-        made = self._node.create_subscription(message_type, topic, receive_all, qos, event_callbacks=events, raw=True)
-        self._subscriptions.append(made)
+        group = type("NotByTheExecutor", (groups.CallbackGroup,), {"can_execute": lambda *_: False})()
+        made = self._node.create_subscription(
+            message_class(type_), topic, receive, best_effort, callback_group=group, event_callbacks=events, raw=True
+        )
+        self._subscriptions.append(_Subscription(made, receive))
 
     def serve(self, name: str, act: Callable[[], str]) -> None:
         """Offer a service of type `std_srvs/Trigger`; without that package there is none."""
@@ -231,7 +249,7 @@ class RclpyTransport:
         if self._shut_down is None:
             for destroy, made in (
                 (self._node.destroy_publisher, self._publishers.values()),
-                (self._node.destroy_subscription, self._subscriptions),
+                (self._node.destroy_subscription, [subscription.made for subscription in self._subscriptions]),
                 (self._node.destroy_service, self._services),
             ):
                 for one in made:
@@ -242,10 +260,15 @@ class RclpyTransport:
                 self._shut_down()
 
     def _spin(self) -> None:
-        """Serve subscriptions until the executor is shut down."""
+        """Take messages and serve the rest of the node until it is closed."""
+        turn_s = time.monotonic()
         with suppress(Exception):
             while not self._ended.wait(_LOOK_S):
-                self._executor.spin_once()
+                for subscription in tuple(self._subscriptions):
+                    subscription.take_all()
+                if time.monotonic() >= turn_s:
+                    self._executor.spin_once(0.0)
+                    turn_s = time.monotonic() + _TURN_S
 
 
 def message_class(type_: str) -> object:

@@ -8,7 +8,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
+
+import numpy as np
 
 from ohmward.checks import require_length
 from ohmward.errors import InputError
@@ -91,7 +93,7 @@ class Ros2Source(RosNetwork):
                 hand_over(Message(math.nan, now_s, self.name, {signal: value}, "services"))
             return sentence
 
-        for topic, type_, _ in self._topics():
+        for topic, type_ in self._topics():
             if topic:
                 await asyncio.to_thread(transport.subscribe, topic, type_, partial(receive, topic, type_))
         if clock is not None:
@@ -117,7 +119,7 @@ class Ros2Source(RosNetwork):
             assert clock is not None
             now_s = clock.set(_time(numbers, "clock"))
             return Message(now_s, now_s, self.name, {}, topic, now_s, sets_time=True)
-        values = next(of for _, type_of, of in self._topics() if type_of == type_)(layout, numbers)
+        values = self._translations[type_](layout, numbers)
         stamp_s = _time(numbers, "header.stamp") or math.nan
         if clock is not None:
             received_s = clock.received(stamp_s)
@@ -131,19 +133,34 @@ class Ros2Source(RosNetwork):
         """Topics by setting."""
         return {name: getattr(self, name) for name in ("battery_state", "joint_states", "imu", "odometry")}
 
-    def _topics(self) -> tuple[tuple[str, str, Callable[[Layout, dict[str, float]], dict[str, float]]], ...]:
-        """Topic, type and translation of each message."""
-        return (
-            (self.battery_state, types.BATTERY_STATE, _battery),
-            (self.joint_states, types.JOINT_STATE, self._wheels),
-            (self.imu, types.IMU, self._body),
-            (self.odometry, types.ODOMETRY, _speed),
-        )
+    def _topics(self) -> tuple[tuple[str, str], ...]:
+        """Topic and type of each message."""
+        topics = (self.battery_state, self.joint_states, self.imu, self.odometry)
+        return tuple(zip(topics, self._translations, strict=True))
+
+    @cached_property
+    def _translations(self) -> dict[str, Callable[[Layout, dict[str, float]], dict[str, float]]]:
+        """Translation of each type of message."""
+        return {
+            types.BATTERY_STATE: _battery,
+            types.JOINT_STATE: self._wheels,
+            types.IMU: self._body,
+            types.ODOMETRY: _speed,
+        }
+
+    @cached_property
+    def _wheel_of(self) -> dict[str, str]:
+        """Wheel of each joint that has a name of its own."""
+        return {joint: wheel for wheel, joint in self.joints.items()}
+
+    @cached_property
+    def _mounted(self) -> np.ndarray:
+        """(3, 3) from the frame of the inertial unit to that of the robot."""
+        return rotation(*self.imu_rpy)
 
     def _wheels(self, layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
         """Speeds of the wheels by their names."""
-        wheels = {joint: wheel for wheel, joint in self.joints.items()}
-        values = {}
+        wheels, values = self._wheel_of, {}
         for path, joint in layout.texts.items():
             speed = numbers.get(f"velocity{path.removeprefix('name')}")
             if not path.startswith("name[") or speed is None or (wheels and joint not in wheels):
@@ -153,7 +170,7 @@ class Ros2Source(RosNetwork):
 
     def _body(self, layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
         """Yaw rate, acceleration and pitch of the robot from those of the unit, which may be mounted turned."""
-        mounted = rotation(*self.imu_rpy)
+        mounted = self._mounted
         if any(self.imu_rpy):
             for path in ("angular_velocity", "linear_acceleration"):
                 turned = mounted @ [numbers[f"{path}.{axis}"] for axis in "xyz"]
