@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from ohmward.cli.drive import command
 from ohmward.cli.drive.command import EVENT, keys_of, line, moved_stick, pressed
 from ohmward.cli.main import main
 from ohmward.onboard.control.drive_control import DriveControl
@@ -24,11 +25,11 @@ from onboard.servers import free_port
 LIMITS = {"speed_m_s": 0.5, "yaw_rate_rad_s": 1.0, "slip": 0.3}
 
 
-def after(keys, command=None):
-    command = command or OperatorCommand()
+def after(keys, given=None):
+    given = given or OperatorCommand()
     for key in keys_of(keys):
-        command = pressed(key, command, LIMITS)
-    return command
+        given = pressed(key, given, LIMITS)
+    return given
 
 
 def test_keys_set_speed_turn_and_slip():
@@ -37,6 +38,9 @@ def test_keys_set_speed_turn_and_slip():
     assert after("a\x1b[A\x1b[A\x1b[B").speed_m_s == pytest.approx(0.05)
     assert after("a" + 50 * "w").speed_m_s == 0.5
     assert after("awwwsss").speed_m_s == 0.0
+    assert (
+        after("s", OperatorCommand(armed=True, speed_m_s=0.03)).speed_m_s == 0.0
+    )  # of a stick; never backwards at once
     assert after("ajj").yaw_rate_rad_s == pytest.approx(0.2) and after("al").yaw_rate_rad_s == pytest.approx(-0.1)
     assert after("awj0") == OperatorCommand(armed=True)
     assert after("awj ") == OperatorCommand()
@@ -47,8 +51,8 @@ def test_keys_set_speed_turn_and_slip():
 
 
 def test_a_stick_drives_and_springs_back():
-    def moved(kind, number, value, command):
-        return moved_stick(EVENT.pack(1, value, kind, number), command, LIMITS)
+    def moved(kind, number, value, given):
+        return moved_stick(EVENT.pack(1, value, kind, number), given, LIMITS)
 
     armed = moved(1, 0, 1, OperatorCommand())
     assert armed.armed
@@ -122,8 +126,8 @@ def robot():
 
 
 def drive(port, *options, **more):
-    command = [sys.executable, "-m", "ohmward.cli", "drive", f"127.0.0.1:{port}", *options]
-    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more)
+    words = [sys.executable, "-m", "ohmward.cli", "drive", f"127.0.0.1:{port}", *options]
+    return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more)
 
 
 def wait_until(condition, within_s=60.0):
@@ -168,6 +172,14 @@ def test_stop_stops_whoever_drives(robot, capsys):
     port, _ = robot
     assert main(["drive", f"127.0.0.1:{port}", "--stop", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["reason"] == "stopped by an operator"
+
+
+def test_a_robot_that_does_not_stop_is_named_with_the_emergency_stop(robot, monkeypatch, capsys):
+    port, _ = robot
+    monkeypatch.setattr(DriveControl, "request_stop", lambda *_: None)
+    monkeypatch.setattr(command, "_STOP_S", 0.3)
+    assert main(["drive", f"127.0.0.1:{port}", "--stop"]) == 2
+    assert "the robot does not stop; press its emergency stop" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ EXAMPLES = """\
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to its parser."""
     add_soc_options(parser)
-    parser.add_argument("--filters", metavar="A,B,...", help="only these; default: all that the battery file allows")
-    parser.add_argument("--published", action="store_true", help="with those that reproduce a publication")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--filters", metavar="A,B,...", help="only these; default: all that the battery file allows")
+    which.add_argument("--published", action="store_true", help="with those that reproduce a publication")
     add_output_options(parser)

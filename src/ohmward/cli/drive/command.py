@@ -22,6 +22,8 @@ from ohmward.onboard.sinks.terminal import within_terminal
 _BEATS_A_LINE = 5
 #: At the end so many beats are answered with a stop.
 _LAST_BEATS = 3
+#: Time within which a robot that was asked to stop says that it has [s].
+_STOP_S = 5.0
 
 
 def run(args: argparse.Namespace) -> Outcome:
@@ -95,10 +97,11 @@ class OperatorDesk:
     async def stop(self) -> dict[str, Any]:
         """Say stop, and wait until the robot says it has; the last beat."""
         self.link.stop = True
-        async with asyncio.timeout(5.0):
-            async for beat in self.link.beats():
-                if beat.get("phase") == "stopped":
-                    return beat
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_STOP_S):
+                async for beat in self.link.beats():
+                    if beat.get("phase") == "stopped":
+                        return beat
         raise OhmwardError("the robot does not stop; press its emergency stop")
 
     def _look(self, beat: dict[str, Any]) -> None:
@@ -227,7 +230,7 @@ def moved_stick(event: bytes, command: OperatorCommand, limits: Mapping[str, flo
 def _moved(value: float, step: float, most: float) -> float:
     """The value one step on, which stays at 0 where it would pass it."""
     found = min(max(value + step, -most), most)
-    return 0.0 if abs(found) < 0.5 * abs(step) else found
+    return 0.0 if value * found < 0.0 or abs(found) < 0.5 * abs(step) else found
 
 
 def line(beat: Mapping[str, Any], command: OperatorCommand) -> str:
