@@ -1,1 +1,1 @@
-"""Cells of a pack: their differences, the weakest of them, and the charge that it leaves."""
+"""Cells of a pack: their differences, the weakest cell, and the charge that can be used until it is empty."""

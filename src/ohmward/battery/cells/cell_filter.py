@@ -1,16 +1,16 @@
-"""One cell beside the typical cell of its pack: a Kalman filter of their differences.
+"""Differences between one cell and the typical cell of its pack: a Kalman filter.
 
 All cells of a string carry the same current, and are of one make. The offset of the current sensor, the error of the
-open-circuit curve and the temperature are common to them: they spoil the state of charge of all cells alike, and
-nothing of their differences. So one filter follows the typical cell with all its errors, and each cell has a small one
-for its differences d (bar-delta filtering, Plett 2009, EVS24):
+open-circuit curve and the temperature are common to them: they falsify the state of charge of all cells alike, but not
+their differences. So one filter follows the typical cell with all its errors, and each cell has a small one for its
+differences d (bar-delta filtering, Plett 2009, EVS24):
 
     s_k = s + d_soc,    d_soc' = d_soc + d_gain moved
     V_k - V = U(s_k) - U(s) + (e^d_ohmic - 1) R_0 i + (e^d_pair - 1) sum of v_j + d_curve
 
-The state of charge s of the typical cell is known within its own error e, which the voltage of one cell is not to
-correct. It is a considered state (Schmidt 1966): its covariance with the differences is kept. A cell at the knee of
-its curve tells s_k = s + e + d_soc whatever e is; where the filter of the typical cell then finds e, d_soc moves along.
+The state of charge s of the typical cell has an error e of its own, which the voltage of one cell must not correct. It
+is a consider state (Schmidt 1966): its covariance with the differences is kept. A cell at the knee of its curve shows
+s_k = s + e + d_soc whatever e is; when the filter of the typical cell then finds e, d_soc moves along.
 """
 
 from __future__ import annotations
@@ -78,11 +78,11 @@ class CellSpread:
 
 
 class Differences(NamedTuple):
-    """State vector taken apart."""
+    """Elements of the state vector."""
 
     common_soc: Any  #: error of the state of charge of the typical cell, its mean always 0
-    soc: Any  #: of the cell minus that of the typical one
-    charge_gain: Any  #: the same of the inverse of the capacity, over that of the battery file
+    soc: Any  #: state of charge of the cell minus the typical cell's
+    charge_gain: Any  #: the same difference for the inverse of the capacity, over the battery file's
     #: ln of the ohmic resistance and of the RC pairs' over the typical cell's
     ohmic_log: Any
     pair_log: Any
@@ -122,7 +122,7 @@ class CellSample(NamedTuple):
 class CellEstimate(NamedTuple):
     """Estimate of a cell after a sample."""
 
-    soc: Any  #: state of charge of the cell and its standard deviation
+    soc: Any  #: state of charge of the cell
     soc_std: Any  #: its standard deviation
     soc_difference: Any  #: state of charge minus the typical cell's
     soc_difference_std: Any  #: its standard deviation
@@ -133,22 +133,22 @@ class CellEstimate(NamedTuple):
     flags: Any  #: sum of `SocFlag` values
 
 
-#: Least variance of a state of charge: no voltage tells it better.
+#: Smallest variance of a state of charge: no voltage determines it better.
 LEAST_VARIANCE = 1e-8
 #: Share of the hysteresis by which two cells that carry the same current differ.
 _HYSTERESIS_SHARE = 0.2
 
 
 class LinearCurve(NamedTuple):
-    """Open-circuit voltage over a belief of the state of charge."""
+    """Open-circuit voltage, linearised over a belief of the state of charge."""
 
     voltage_V: Scalar  #: mean [V]
     slope: Scalar  #: [V] for each unit of SoC
-    variance: Scalar  #: of what the straight line leaves [V^2]
+    variance: Scalar  #: of what the straight line leaves out [V^2]
 
 
-#: The difference of the curves of two cells is new after this change of SoC at the earliest, and where the cells are
-#: further apart, after their distance.
+#: Shortest correlation length, as a change of SoC, of the difference between the curves of two cells; where the cells
+#: are further apart, it is their distance.
 LEAST_CURVE_LENGTH = 0.05
 #: Far below the resistance of any battery [ohm].
 _LEAST_OHM = 1e-9
@@ -160,7 +160,7 @@ class CellState(NamedTuple):
     belief: PackedBelief  #: mean as `Differences`, and lower triangle of the covariance
     pair_V: np.ndarray  #: (n,) RC voltages of a pack of typical cells with the resistances of the battery file
     soc: Scalar  #: of the typical cell
-    #: last credible ones
+    #: last credible values
     current_A: Scalar
     temperature_degC: Scalar
     rejected_s: Scalar  #: time for which the voltage has contradicted the belief
@@ -174,7 +174,7 @@ class CellFilter:
     model: Thevenin  #: the circuit of the pack
     noise: BatteryNoise  #: of the model
     n_series: int  #: cells in series
-    spread: CellSpread = field(default_factory=CellSpread)  #: differences to expect
+    spread: CellSpread = field(default_factory=CellSpread)  #: expected differences
     gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
     gate: float = 25.0  #: largest NIS of a voltage that is used
     reset_after_s: float = 600.0  #: time of contradiction after which the differences are declared unknown
@@ -185,7 +185,7 @@ class CellFilter:
 
     @property
     def limits(self) -> SampleLimits:
-        """Limits of what is believed of a sample."""
+        """Plausibility limits of a sample."""
         return sample_limits(self.model, self.gap_s)
 
     def init(self, first: CellSample) -> CellState:
@@ -226,7 +226,7 @@ class CellFilter:
         corrected, innovation, contradicts = self.correct(prior, clean, typical, pair_V)
         accepted = clean.voltage_measured & passes(innovation, self.gate)
         posterior = self.within_limits(choose(accepted, corrected, prior), typical)
-        contradicts = contradicts & logical_not(diverged)  # a reset begins the time anew
+        contradicts = contradicts & logical_not(diverged)  # a reset restarts the timer
         rejected_s = time_rejected(state.rejected_s, clean.dt_s, contradicts, clean.voltage_measured)
         after = CellState(
             pack(posterior), pair_V, typical.soc, clean.now.current_A, clean.now.temperature_degC, rejected_s,
@@ -241,7 +241,7 @@ class CellFilter:
         return after, self.estimate(posterior, typical, clean.now, flags)
 
     def sanitize(self, state: CellState, sample: CellSample) -> CleanSocSample:
-        """The sample with what cannot be true replaced and flagged; without a typical cell or in gas, no voltage."""
+        """Sample with impossible values replaced and flagged; no voltage without a typical cell or while gassing."""
         before = CircuitInput(state.current_A, state.temperature_degC)
         clean = sanitize(_of_pack(sample), before, self.limits, state.unknown_s)
         usable = clean.voltage_measured & (sample.typical.voltage_V > 0.0)
@@ -258,11 +258,11 @@ class CellFilter:
         return charge(clean.mean.current_A - typical.current_offset_A, clean.dt_s, self.model) / self.model.capacity_As
 
     def follow(self, belief: Belief, typical: TypicalCell, correction: Scalar) -> Belief:
-        """The belief after the filter of the typical cell has corrected its state of charge, or lost some of it.
+        """The belief after the filter of the typical cell has corrected its state of charge, or become less certain.
 
-        With P- and P+ the variances before and after, and b = cov(x, e) / P-, the regression on what it has found is
-        x + b correction, and the covariance falls by (P- - P+) b b'. What it has lost has nothing to do with the
-        differences.
+        With P- and P+ the variances before and after, and b = cov(x, e) / P-, the regression on its correction is
+        x + b correction, and the covariance falls by (P- - P+) b b'. Where it became less certain, the differences are
+        not affected.
         """
         before = maximum(belief.cov[COMMON, COMMON], LEAST_VARIANCE)
         now = maximum(typical.soc_std * typical.soc_std, LEAST_VARIANCE)
@@ -316,11 +316,11 @@ class CellFilter:
     def expect(
         self, prior: Belief, typical: TypicalCell, charge_gain: Scalar, now: tuple[CircuitInput, np.ndarray]
     ) -> tuple[Scalar, np.ndarray, Scalar]:
-        """The difference of the voltages [V] expected of a belief, linearised over it.
+        """The difference of the voltages [V] expected for a belief, linearised over it.
 
         charge_gain: of the typical cell.
         now: current and temperature, and the (n,) RC voltages of the typical cell with the resistances of the file.
-        Returns: also its derivatives (1, 6) by the state, and the variance of what the states do not describe [V^2].
+        Returns: also its derivatives (1, 6) by the state, and the variance that the states do not describe [V^2].
         """
         u, pair_V = now
         x, P, slip = Differences(*prior.mean), prior.cov, self.model.ocv_slip
@@ -382,9 +382,8 @@ class CellFilter:
     ) -> Scalar:
         """Standard deviation of the difference of the open-circuit voltages beyond that of the curve [V].
 
-        Two cells at the same state of charge differ by their making. At two states of charge d apart the errors of the
-        file's curve differ too: by its axis where the slope is another, and by 2 (1 - e^(-|d| / length)) of its
-        variance.
+        Two cells at the same state of charge differ by manufacture. At two states of charge d apart the errors of the
+        file's curve differ too: by its axis where the slopes differ, and by 2 (1 - e^(-|d| / length)) of its variance.
 
         curves: of the cell and of the typical one.
         """

@@ -1,4 +1,4 @@
-"""Cells of a pack that differ: warnings by name, and the weakest one with the charge that it leaves of the pack.
+"""Differences between the cells of a pack: warnings by name, and the weakest cell with the usable charge it leaves.
 
 The string carries one current. A discharge ends when the first cell is empty, a charge when the first one is full:
 
@@ -7,9 +7,9 @@ The string carries one current. A discharge ends when the first cell is empty, a
 
 Equal cells give the SoC and the capacity of a cell.
 
-Nothing balances or compares cells that are not measured. The one with the least charge of n lies below the typical one
-by the expected minimum of n draws from their spread, which grows with the charge that is gone, because they differ in
-capacity:
+Cells that are not measured are neither balanced nor compared. The one with the least charge of n lies below the typical
+one by the expected minimum of n draws from their spread, which grows with the charge taken out, because the cells
+differ in capacity:
 
     std(s) = sqrt(soc_std^2 + (capacity_std (1 - s))^2),    s_min = s - e_n std(s) +- k_n std(s)
 
@@ -41,7 +41,7 @@ class PackState(NamedTuple):
     #: charge until the first cell is empty
     usable_Ah: Any
     usable_std_Ah: Any
-    capacity_Ah: Any  #: charge between the ends that the cells set
+    capacity_Ah: Any  #: charge between the limits that the cells set
     weakest: Any  #: index of the cell that will be empty first
     weakest_soc: Any  #: its state of charge
     weakest_soc_std: Any  #: its standard deviation
@@ -100,20 +100,20 @@ def largest_of(count: int) -> tuple[float, float]:
     return mean, float(math.sqrt((middle - mean) ** 2 @ mass))
 
 
-#: Differences to the typical cell that a healthy pack may have: three standard deviations of packs in use, 1 point of
+#: Differences from the typical cell that a healthy pack may have: three standard deviations of packs in use, 1 point of
 #: charge where a monitor balances them, 2 % of capacity, 5 % of resistance and 5 % more at the cold end of the row.
 SOC_TOLERANCE, CAPACITY_TOLERANCE, RESISTANCE_TOLERANCE = 0.03, 0.06, 0.2
 #: A warning is given once the difference lies beyond its tolerance by this many standard deviations: three quantities
-#: of up to a hundred cells are looked at, at every sample.
+#: of up to a hundred cells are checked at every sample.
 CERTAIN = 3.0
 
 
 class CellWarning(NamedTuple):
-    """A cell that differs from the typical one of its pack beyond what a healthy pack does."""
+    """Warning about a cell that differs from the typical one of its pack by more than cells of a healthy pack do."""
 
     cell: int  #: its index
     quantity: str  #: "state of charge", "capacity" or "resistance"
-    #: to the typical cell, of capacity and resistance as a share
+    #: difference from the typical cell, as a share for capacity and resistance, and its standard deviation
     difference: float
     std: float
     text: str  #: a sentence with the name of the cell

@@ -1,4 +1,4 @@
-"""State of charge of every cell of a pack, live or from logs: the filter of the typical cell, and one beside each."""
+"""State of charge of every cell of a pack, live or from logs: a filter for the typical cell, and one for each cell."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class PackEstimate(NamedTuple):
     """Estimate after a sample."""
 
     pack: PackState  #: SoC, charge and weakest cell of the pack
-    typical: SocEstimate  #: estimate of the typical cell, as of a pack of equal cells
+    typical: SocEstimate  #: estimate of the typical cell, as for a pack of equal cells
     cells: CellEstimate  #: estimates of all cells, every field (n,)
     flags: Any  #: of the typical cell
 
@@ -45,8 +45,8 @@ class PackRun(Run[PackEstimate]):
     """Estimates for a whole log; the fields of the cells are (T, n), all others (T,)."""
 
     names: tuple[str, ...]  #: (n,) of the cells
-    soc_run: SocRun  #: that of the typical cell
-    log: Log  #: with the voltage of a pack of typical cells, which that run has seen
+    soc_run: SocRun  #: run of the typical cell
+    log: Log  #: with the voltage of a pack of typical cells, as used in that run
 
     flag_type = SocFlag
 
@@ -102,12 +102,12 @@ class PackEstimator:
     (3, (4,))
 
     Args:
-        battery: its cells in series.
+        battery: a pack of at least two cells in series.
         initial_soc: of the typical cell, in [0, 1]; None takes it from the first voltages.
         initial_soc_std: standard deviation of that value.
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`.
         filter: of the typical cell, "ekf", "ukf" or "gsf".
-        spread: differences of the cells to expect.
+        spread: expected differences of the cells.
 
     Raises:
         InputError: a single cell, another filter.
@@ -153,12 +153,12 @@ class PackEstimator:
         cell_voltages_V: Sequence[float | None] | np.ndarray,
         temperature_degC: float | None = math.nan,
     ) -> PackEstimate:
-        """Estimate after one live sample; a bad one is survived and flagged. None and nan are missing.
+        """Estimate after one live sample; bad samples are tolerated and flagged. None and nan are missing.
 
         cell_voltages_V: (n,) of all cells, in their order.  Other arguments as those of `SocEstimator.update`.
 
         Raises:
-            InputError: something else than numbers, or of another count than the cells of the battery.
+            InputError: something other than numbers, or not one for each cell of the battery.
         """
         cells_V = numbers("cell_voltages_V", cell_voltages_V, self.settings.n_series)
         dt_s = 0.0 if self.typical.state is None else time_s - self.typical.time_s
@@ -183,7 +183,7 @@ class PackEstimator:
         progress: Progress | None = None,
         names: tuple[str, ...] = (),
     ) -> PackRun:
-        """Estimates for every sample of a log, from this estimator's state on.
+        """Estimates for every sample of a log, continuing from the present state.
 
         cell_voltages_V: (T, n); by default the columns of the log that are numbered and add up to its voltage.
         progress: called now and then with (steps done, T), for the typical cell.
@@ -216,13 +216,13 @@ class PackEstimator:
         return cell_warnings(self.last.cells, self.names) if self.last else ()
 
     def snapshot(self) -> dict[str, Any]:
-        """The state as a dict for JSON; an estimator of the same battery that restores it goes on to the bit."""
+        """The state as a dict for JSON; an estimator of the same battery that restores it continues bit for bit."""
         cells = [take(self.settings, state, self.time_s) for state in self._cell_states()]
         return sealed({"typical": self.typical.snapshot(), "cells": cells})
 
     @classmethod
     def restore(cls, battery: Battery, snapshot: Mapping[str, Any], **options: Any) -> Self:
-        """The estimator that goes on from a snapshot; battery, options: as those of the one that took it.
+        """Estimator that continues from a snapshot; battery, options: those of the estimator that took it.
 
         Raises:
             InputError: the snapshot is of another version, battery or number of cells, or damaged.
@@ -260,7 +260,7 @@ class PackEstimator:
         return self._compiled
 
     def _advance(self, k: int, sample: CellSample) -> CellEstimate:
-        """Estimate of cell k after a sample; a cell whose state is no longer a number starts anew."""
+        """Estimate of cell k after a sample; a cell whose state is no longer a number is restarted."""
         if not self._live:
             self._live = [self.kernel.live(state) for state in self._states or self._first(sample)]
         estimate = self._live[k].step(sample)
@@ -320,7 +320,7 @@ def _typical_cell(estimate: SocEstimate, voltage_V: Any) -> TypicalCell:
 
 
 def _nothing() -> CellSample:
-    """A sample in which nothing was measured, of a cell of which nothing is known."""
+    """A sample in which nothing was measured, of an unknown cell."""
     return CellSample(0.0, math.nan, math.nan, math.nan, TypicalCell(0.5, 0.3, 0.0, 1.0, 1.0, math.nan))
 
 

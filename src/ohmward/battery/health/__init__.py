@@ -1,1 +1,1 @@
-"""State of health over months: capacity and resistance against new, and the time at which little is left."""
+"""State of health over months: capacity and resistance relative to new, and the end of life."""

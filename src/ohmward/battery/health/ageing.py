@@ -6,18 +6,18 @@ A battery of age a (0 when new, 1 where four fifths of the capacity are left) ha
 
 after the time t and n full cycles: T is its life by the calendar alone, N by use alone, p the shape of the law. Growth
 of the film on the graphite follows p = 0.5, loss of active material about 1, and a battery that is about to fail runs
-ahead of both. Which of them holds cannot be told from a good year: they stand side by side until logs decide.
+ahead of both. A good year of logs does not show which of them holds: all are kept side by side until logs decide.
 
 With y = ln(Q / Q_reference), the logs see
 
     y_k = u(t_k) - loss_h(t_k) + e_k,        u(t) = q + w(t)
 
 for each law h: q is the capacity of this battery when new over the reference, with the error that all logs share
-(sensor gain, end of the curve), w a random walk for what no law says, e_k the error of one log. Given h all of them are
-normal, so its likelihood and the capacity are in closed form, and the mixture over all laws is the result. No log can
-show the common error; it widens the band.
+(sensor gain, end of the curve), w a random walk for what no law describes, e_k the error of one log. Given h all of
+them are normal, so its likelihood and the capacity have closed forms, and the mixture over all laws is the result. No
+log can show the common error; it widens the band.
 
-The end of life is drawn from the laws that fit: the capacity now, the random walk ahead, the use ahead, and a knee,
+The end of life is sampled from the laws that fit: the capacity now, the random walk ahead, the use ahead, and a knee,
 after which a battery loses capacity faster than ever before (Attia et al., J. Electrochem. Soc. 169, 2022). No log
 shows a knee beforehand.
 """
@@ -55,8 +55,8 @@ _CYCLES = {
 }
 _CYCLES_OF_ANY = Normal(math.log(800.0), 1.3)
 
-#: Shapes of the law and how likely they are before anything is seen. The square root of time that films are said to
-#: grow with holds better in storage than in use, and few of its published fits are statistically justified (Attia et
+#: Shapes of the law and their prior probabilities. Growth with the square root of time, as usually assumed for films,
+#: holds better in storage than in use, and few of its published fits are statistically justified (Attia et
 #: al., Revisiting the t^0.5 dependence of SEI growth, J. Electrochem. Soc. 167, 090535, 2020): no shape is left out.
 _SHAPES = ((0.5, 0.25), (0.75, 0.2), (1.0, 0.3), (1.5, 0.15), (2.5, 0.1))
 #: Age at the first log: most files are made for a battery that is new, many for one in its first years.
@@ -82,7 +82,7 @@ class AgeingLaws(NamedTuple):
         return self.first_age[:, None] + by_time + by_use
 
     def loss(self, days: np.ndarray, cycles: np.ndarray) -> np.ndarray:
-        """(H, n) lost logarithm of the capacity, >= 0."""
+        """(H, n) loss of the logarithm of the capacity, >= 0."""
         return WORN_LOSS * self.age(days, cycles) ** self.shape[:, None]
 
     def chosen(self, rows: np.ndarray) -> AgeingLaws:
@@ -91,7 +91,7 @@ class AgeingLaws(NamedTuple):
 
 
 def ageing_laws(chemistry: str = "") -> AgeingLaws:
-    """Laws for a battery of this chemistry, "" where unknown, as likely as its population makes them."""
+    """Laws for a battery of this chemistry, "" where unknown, with the prior probabilities of its population."""
     of_years = _LEAD_ACID_YEARS if chemistry == "lead-acid" else _LITHIUM_YEARS
     of_cycles = _CYCLES.get(chemistry, _CYCLES_OF_ANY)
     z = np.linspace(-_REACH, _REACH, _POINTS)
@@ -111,7 +111,7 @@ def no_law() -> AgeingLaws:
     return AgeingLaws(never, never, np.ones(1), np.zeros(1), np.zeros(1))
 
 
-#: A log that narrows the logarithm of a quantity to no less than this by itself says nothing of it.
+#: A log that by itself gives the logarithm of a quantity no better than this says nothing about it.
 SAYS_NOTHING_STD = 0.5
 _UNKNOWN = Normal(math.nan, math.inf)
 
@@ -122,7 +122,7 @@ class HealthPoint(NamedTuple):
     log: str  #: its name
     time_s: float  #: Unix time of the middle of the log [s]
     hours: float  #: its length
-    cycles: float  #: full cycles' worth of charge that it moved
+    cycles: float  #: charge that it moved, in full cycles
     #: ln of the capacity over that when new, from this log alone; std inf where it says nothing
     log_capacity: Normal = _UNKNOWN
     log_resistance: Normal = _UNKNOWN  #: ln of the resistance at 25 degC over that when new, likewise
@@ -131,17 +131,17 @@ class HealthPoint(NamedTuple):
 
     @property
     def shows_capacity(self) -> bool:
-        """True where the log alone says something of the capacity."""
+        """True where the log alone says something about the capacity."""
         return self.log_capacity.std < SAYS_NOTHING_STD
 
     @property
     def shows_resistance(self) -> bool:
-        """True where the log alone says something of the resistance."""
+        """True where the log alone says something about the resistance."""
         return self.log_resistance.std < SAYS_NOTHING_STD
 
 
 def logarithm(quantity: Normal, reference: float) -> Normal:
-    """Distribution of ln(quantity / reference); of std inf where the quantity is not known."""
+    """Distribution of ln(quantity / reference); its std is inf where the quantity is not known."""
     if not (quantity.mean > 0.0 and math.isfinite(quantity.std)):
         return _UNKNOWN
     return Normal(math.log(quantity.mean / reference), quantity.relative_std)
@@ -158,7 +158,7 @@ class Track(NamedTuple):
 
     @classmethod
     def of(cls, points: Sequence[HealthPoint], quantity: str) -> Track:
-        """The logs that say something of this quantity, a field of `HealthPoint`."""
+        """The logs that say something about this quantity, a field of `HealthPoint`."""
         start_s = min((point.time_s for point in points), default=0.0)
         moved = np.cumsum([point.cycles for point in points])
         rows = [
@@ -169,10 +169,10 @@ class Track(NamedTuple):
         return cls(*np.array(rows, dtype=float).reshape(-1, 4).T)
 
 
-#: Capacity that comes and goes from log to log: after a rest of days it is 1 % larger (Epding et al., J. Electrochem.
-#: Soc. 166, 2019; the cells of NASA), and at another temperature.
+#: Reversible change of the capacity from log to log: after days of rest it is 1 % larger (Epding et al.,
+#: J. Electrochem. Soc. 166, 2019; the cells of NASA), and it changes with temperature.
 REVERSIBLE_STD = 0.01
-#: Beyond this many standard deviations a log counts less the further it is off (Huber), as an error of its own.
+#: Beyond this many standard deviations a log counts less the further off it is (Huber), as an error of its own.
 _HUBER = 2.0
 _ROBUST_ROUNDS = 6
 #: Laws that are less likely than this share of the best are left out of the mixture.
@@ -198,14 +198,14 @@ class CapacityUncertainty(NamedTuple):
 
 
 class AgeingFit(NamedTuple):
-    """Laws that fit a track, and what each makes of the capacity."""
+    """Laws that fit a track, their weights, and the capacity that follows."""
 
     #: (H,) those that are not negligible; the weights add up to 1
     laws: AgeingLaws
     weight: np.ndarray
     uncertainty: CapacityUncertainty  #: as assumed
-    track: Track  #: with the standard deviations as used, those of logs that are off by more than usual enlarged
-    residual: np.ndarray  #: (n,) y_k less the mean of the mixture, in standard deviations of that log alone
+    track: Track  #: with the standard deviations as used, enlarged for logs that are off by more than usual
+    residual: np.ndarray  #: (n,) y_k minus the mean of the mixture, in standard deviations of that log alone
 
     def level(self, days: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean (H, m) and covariance (m, m) of u at these times, given all logs."""
@@ -226,9 +226,9 @@ class AgeingFit(NamedTuple):
 def fit_ageing(
     laws: AgeingLaws, track: Track, uncertainty: CapacityUncertainty, reversible_std: float = REVERSIBLE_STD
 ) -> AgeingFit:
-    """The laws weighed by a track of capacities; without logs by their prior alone.
+    """The laws weighted by a track of capacities; without logs by their prior alone.
 
-    reversible_std: of what comes and goes from log to log.
+    reversible_std: of the reversible change from log to log.
     """
     own_std = np.hypot(track.std, reversible_std)
     u = track.value + laws.loss(track.days, track.cycles)
@@ -238,7 +238,7 @@ def fit_ageing(
         used = track._replace(std=std)
         observed_cov = observed_covariance(uncertainty, used)
         weight = _weights(laws.log_prior, u, observed_cov)
-        mean = weight @ u  # what is expected of a log is linear in u: that of the mixture is that of its mean
+        mean = weight @ u  # the expected value of a log is linear in u: that of the mixture follows from its mean
         residual = (mean - u_cov @ np.linalg.solve(observed_cov, mean)) / own_std
         std = own_std * np.sqrt(np.maximum(1.0, np.abs(residual) / _HUBER))
     likely = weight > 0.0
@@ -258,15 +258,16 @@ def observed_covariance(uncertainty: CapacityUncertainty, track: Track) -> np.nd
     return uncertainty.covariance(track.days, track.days) + np.diag(track.std**2)
 
 
-#: Batteries drawn, and how far ahead they are looked at; later counts as never.
+#: Number of simulated batteries, and how far ahead they are followed; later counts as never.
 DRAWS = 4000
 HORIZON_YEARS = 30.0
 _STEPS_AHEAD = 400
 #: First step [days]; the others grow with the time ahead.
 _FIRST_STEP_DAYS = 0.5
-#: Standard deviation of ln(use ahead over use so far): what a robot does next year nobody knows.
+#: Standard deviation of ln(use ahead over use so far): the use of a robot next year is not known.
 USE_AHEAD_STD = 0.3
-#: ln of the age of the knee, and by how much the loss is steeper after it: most cells pass it beyond the end of life.
+#: Standard deviation of ln(age of the knee), median of that age, and by how much the loss is steeper after it: most
+#: cells reach the knee after the end of life.
 _KNEE_AGE_STD, _KNEE_AGE = 0.5, 1.3
 _KNEE_STEEPER = 2.0
 
@@ -285,7 +286,7 @@ class LifeAhead(NamedTuple):
         return float(self.days[np.argmax(reached)]) if reached.any() else math.inf
 
     def within(self, days: float) -> float:
-        """Probability that it will be worn out within so many days."""
+        """Probability that it will be worn out within this many days."""
         return float(np.interp(days, self.days, self.probability))
 
 
@@ -306,7 +307,7 @@ def life_ahead(
 def _loss_ahead(
     laws: AgeingLaws, now_days: float, now_cycles: float, ahead: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """(M, m) loss of each drawn law at the times ahead (m,), with a knee of its own."""
+    """(M, m) loss of each sampled law at the times ahead (m,), with a knee of its own."""
     use = np.exp(USE_AHEAD_STD * rng.standard_normal(len(laws.years)))
     per_day = now_cycles / now_days if now_days > 0.0 else 0.0
     by_time = (now_days + ahead) / (DAYS_PER_YEAR * laws.years[:, None])

@@ -1,13 +1,13 @@
-"""Sudden changes of the capacity: what no ageing does, told apart by what changed with them.
+"""Sudden changes of the capacity that ageing cannot explain, classified by what changed with them.
 
 A battery loses capacity within months. Where it seems to fall (or to grow) between two logs, the cause is one of
 
-    a wrong counter     the current reads by a factor g differently: capacity g times, resistance 1/g times as large
+    a wrong counter     the current reads high or low by a factor g: capacity g times, resistance 1/g times as large
     cold                the logs after it were colder, and the resistance of the file may not grow enough
     broken-off charges  no log after it shows the battery full
     the battery         damage, a bad contact, or another battery
 
-or it cannot be said. The step is a normal distribution of its own on top of the trend; its evidence decides.
+or is unknown. The step has a normal distribution of its own on top of the trend; its evidence decides.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ import numpy as np
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.health.ageing import AgeingFit, HealthPoint, Track, observed_covariance
 
-#: Standard deviation of ln(capacity) of a step before it is seen: gains and broken cells reach 10 to 30 %.
+#: Prior standard deviation of a step of ln(capacity): wrong gains and broken cells reach 10 to 30 %.
 STEP_STD = 0.15
-#: Smaller steps are not told from what comes and goes.
+#: Smaller steps cannot be distinguished from reversible changes.
 LEAST_STEP = 0.04
 #: One log in a thousand is followed by a step; the evidence has to outweigh that.
 _LOG_ODDS = math.log(1000.0)
@@ -44,7 +44,7 @@ class SuddenChange(NamedTuple):
     before: str
     after: str
     days: float  #: of the first log after it
-    #: change of their logarithms
+    #: change of the logarithm of each
     capacity: Normal
     resistance: Normal
     cause: Cause  #: most likely
@@ -56,7 +56,7 @@ class SuddenChange(NamedTuple):
 
 
 class Outlier(NamedTuple):
-    """A log whose capacity is off the trend by itself, by so many standard deviations, and the likely cause."""
+    """A single log whose capacity is off the trend, by how many standard deviations, and the likely cause."""
 
     log: str
     deviation: float
@@ -66,7 +66,7 @@ class Outlier(NamedTuple):
 def find_change(fit: AgeingFit, points: Sequence[HealthPoint]) -> SuddenChange | None:
     """The most evident step of the capacity; None where there is none.
 
-    points: those that say something of the capacity, one for each sample of the track.
+    points: those that say something about the capacity, one for each sample of the track.
     """
     found = _most_evident(fit)
     if found is None:
@@ -79,7 +79,7 @@ def find_change(fit: AgeingFit, points: Sequence[HealthPoint]) -> SuddenChange |
 
 
 def without_change(track: Track, step: SuddenChange) -> Track:
-    """The track as it would be without the step: one of the battery is taken from the logs before it."""
+    """Remove a step from the track: from the logs before it if the battery itself changed, else from those after."""
     after = track.days >= step.days
     shift = np.where(after, 0.0, step.capacity.mean) if step.is_of_battery else np.where(after, -step.capacity.mean, 0)
     return track._replace(value=track.value + shift, std=np.hypot(track.std, np.where(shift, step.capacity.std, 0.0)))
@@ -94,7 +94,7 @@ def outliers(fit: AgeingFit, points: Sequence[HealthPoint]) -> list[Outlier]:
 def _most_evident(fit: AgeingFit) -> tuple[int, Normal] | None:
     """Index of the first log after the step and its size.
 
-    With K the covariance and h = 1 after the step: evidence (h' K^-1 r)^2 / (2 (h' K^-1 h + 1/s^2)) less its width.
+    With K the covariance, h = 1 after the step, P = h' K^-1 h + 1/s^2: evidence (h' K^-1 r)^2 / (2 P) - ln(s^2 P) / 2.
     """
     track, best = fit.track, int(np.argmax(fit.weight))
     n = len(track.days)

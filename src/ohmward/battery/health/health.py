@@ -1,6 +1,6 @@
 """Health of a battery over months: learn from each of its logs in order of time, then judge the trend.
 
-That is the trend, sudden changes, and the time left.
+The result is the trend, sudden changes, and the time left.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ from ohmward.errors import InputError
 from ohmward.logs.log import LogSource, as_logs
 from ohmward.rich_display import RichDisplay
 
-#: Seed of the batteries that are drawn for the time left: equal logs give equal answers.
+#: Seed of the batteries that are simulated for the time left: equal logs give equal answers.
 _SEED = 1
-#: Steps that are looked for, the most evident first.
+#: Largest number of steps that are searched for, the most evident first.
 _MOST_CHANGES = 3
-#: Cells of one type leave the factory within this of each other (1 sigma); a label promises the least of them.
+#: Relative spread of the capacity of new cells of one type (1 sigma); a label promises the least of them.
 NEW_CAPACITY_STD = 0.03
-#: Resistance of one log to the next that comes and goes: other currents and another range of SoC.
+#: Reversible change of the resistance from one log to the next: other currents and another range of SoC.
 _RESISTANCE_REVERSIBLE_STD = 0.05
 
 
@@ -60,10 +60,10 @@ class Health(NamedTuple):
     #: trends of ln(capacity) and ln(resistance) over those when new
     capacity: AgeingFit
     resistance: AgeingFit
-    #: what is no ageing, or may not be
+    #: steps and single logs that ageing does not explain, or may not
     changes: tuple[SuddenChange, ...]
     outliers: tuple[Outlier, ...]
-    ahead: LifeAhead  #: what may become of the capacity, and when the battery will be worn out
+    ahead: LifeAhead  #: distribution of the future capacity, and of when the battery will be worn out
 
     @property
     def now(self) -> tuple[float, float]:
@@ -88,11 +88,11 @@ def health_of(
     share: float = WORN_SHARE,
     common_std: float | None = None,
 ) -> Health:
-    """Health over the logs that these points are of.
+    """Health over the logs that these points come from.
 
-    battery: its chemistry, and how its capacity and resistance may walk.
+    battery: for its chemistry, and the random walk of its capacity and resistance.
     points: at least one, in any order.
-    share: of the capacity when new, to which the time left counts.
+    share: of the capacity when new, at which the battery counts as worn out.
     common_std: relative error of the capacity that all logs share; by default that of the sensor's gain and of the
         ends of the curve.
     """
@@ -112,7 +112,7 @@ def _span(points: Sequence[HealthPoint]) -> tuple[float, float]:
 def _without_changes(
     battery: Battery, usable: Sequence[HealthPoint], points: Sequence[HealthPoint], common_std: float | None
 ) -> tuple[AgeingFit, list[SuddenChange]]:
-    """Trend of the capacity without its sudden changes, and these."""
+    """Trend of the capacity without its sudden changes, and the changes."""
     common_std = common_error(battery, ()) if common_std is None else common_std
     uncertainty = CapacityUncertainty(NEW_CAPACITY_STD, common_std, battery.noise.capacity_walk)
     laws = ageing_laws(battery.chemistry)
@@ -127,9 +127,9 @@ def _without_changes(
 
 
 def _resistance(battery: Battery, points: Sequence[HealthPoint]) -> AgeingFit:
-    """Trend of the resistance: no law, a random walk."""
+    """Trend of the resistance: a random walk without an ageing law."""
     noise = battery.noise
-    # the filter's walk in 100 hours is most of it what comes and goes; what stays takes ten times as long
+    # most of the filter's walk in 100 hours is reversible; the change that stays takes ten times as long
     uncertainty = CapacityUncertainty(noise.resistance_std, battery.sensor.gain_std, noise.resistance_walk)
     return fit_ageing(no_law(), Track.of(points, "log_resistance"), uncertainty, _RESISTANCE_REVERSIBLE_STD)
 
@@ -141,7 +141,7 @@ def _at(fit: AgeingFit, days: float, cycles: float) -> Normal:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BatteryHealth(RichDisplay):
-    """Logs of a battery, what each taught, and the health that follows."""
+    """Logs of a battery, what was learnt from each, and the health that follows."""
 
     battery: Battery
     new: Newness  #: capacity and resistance that the health is measured against
@@ -151,7 +151,7 @@ class BatteryHealth(RichDisplay):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was assumed of the time and of the battery when new."""
+        """Assumptions about the time of the logs and about the battery when new."""
         return (*self.dated.notes, *self.new.notes)
 
     def __repr__(self) -> str:
@@ -170,19 +170,19 @@ def health(
     worn: float = WORN_SHARE,
     progress: Callable[[str, float], None] | None = None,
 ) -> BatteryHealth:
-    """Capacity and resistance against new over months of logs, sudden changes, and the time left.
+    """Capacity and resistance relative to new over months of logs, sudden changes, and the time left.
 
     >>> found = ow.health(ow.load_battery("battery.toml"), ["day.csv", "next-day.csv"])
     >>> found.plot().save("health.html")
 
     battery: as it was when new.
-    logs: in any order where they have clocks; or paths or DataFrames of them.
+    logs: in any order if they have clocks; or paths or DataFrames of them.
     new_capacity_Ah: of the battery when new; by default the battery file's.
-    worn: share of the capacity when new, to which the time left counts.
-    progress: called with the name of a log and the share of all that is done.
+    worn: share of the capacity when new, at which the battery counts as worn out.
+    progress: called with the name of a log and the share of the work that is done.
 
     Raises:
-        InputError: some logs have a clock and some have none, or no log tells the health of this battery.
+        InputError: some logs have a clock and some have none, or no log shows the health of this battery.
     """
     require_battery(battery)
     require_positive("worn", worn)

@@ -1,12 +1,12 @@
-"""History of a battery: its logs in order of time, and what each of them alone shows of its health.
+"""History of a battery: its logs in order of time, and the health that each of them alone shows.
 
-Capacity of a discharge: what the battery gives from full down to where its discharges have lately ended.
+Capacity of a discharge: what the battery gives from full down to where its recent discharges have ended.
 
     D = Q (1 - s_low)
 
 Q is the charge down to the empty end of the open-circuit curve; a high current, or a resistance that has grown, ends a
-discharge earlier, at s_low. Q and s_low are found together from the same log, and their errors cancel in D: it is known
-as well as that charge was counted and as the battery was full before or after it.
+discharge earlier, at s_low. Q and s_low are found together from the same log, and their errors cancel in D: it is as
+accurate as the count of that charge, and as the full charge before or after it.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
-#: A battery that has been below this SoC is one that is emptied in use.
+#: A battery that has been below this SoC counts as emptied in use.
 _EMPTIED_BELOW = 0.25
-#: A discharge that gave this share of the one before was not broken off: from one to the next a battery loses less.
+#: A discharge that gave this share of the previous one was not broken off: a battery loses less from one to the next.
 _WHOLE = 0.95
 #: A battery above this SoC has been charged fully.
 _FULL_SOC = 0.97
-#: A file whose resistances are known worse than this was not tested: the first logs stand for the new battery.
+#: A file with a larger error of the resistances was not tested: the first logs stand for the new battery.
 _TESTED_RESISTANCE_STD = 0.35
-#: A log that tells the resistance better than this shows it.
+#: A log shows the resistance if it determines it better than this.
 _KNOWN_RESISTANCE_STD = 0.1
 
 
@@ -42,21 +42,21 @@ class DatedLogs(NamedTuple):
     """Logs in order of time."""
 
     logs: tuple[Log, ...]  #: as given, in order
-    start_s: np.ndarray  #: (n,) Unix time of their first samples; where no log has a clock, since the first
+    start_s: np.ndarray  #: (n,) Unix time of their first samples; if no log has a clock, time since the first
     has_clock: bool  #: True where these are dates
-    notes: tuple[str, ...] = ()  #: what was assumed of the time
+    notes: tuple[str, ...] = ()  #: assumptions about the time
 
 
 class Newness(NamedTuple):
-    """Battery when new, that health is measured against."""
+    """Battery when new, the reference for its health."""
 
     capacity_Ah: float  #: between full and empty
     resistance_ohm: float  #: of a pulse of 1 C and ten seconds at half charge and 25 degC
-    notes: tuple[str, ...] = ()  #: where they are from
+    notes: tuple[str, ...] = ()  #: sources of these values
 
 
 def in_order_of_time(logs: Sequence[Log]) -> DatedLogs:
-    """The logs by their clocks; those of a battery that has none one after the other, as they are given.
+    """The logs in order of their clocks; without any clock, one after the other as they are given.
 
     Raises:
         InputError: some have a clock and some have none.
@@ -78,13 +78,13 @@ def in_order_of_time(logs: Sequence[Log]) -> DatedLogs:
 
 
 def unlearnt(battery: Battery) -> Battery:
-    """The battery as if it had seen no log: health is read from all of them, also those that the file knows."""
+    """The battery as if it had learnt from no log: health uses all logs, also those that are in the file already."""
     knowledge = battery.knowledge
     return battery if knowledge is None else replace(battery, knowledge=replace(knowledge, logs=()))
 
 
 def newness(battery: Battery, updates: Sequence[LogUpdate], capacity_Ah: float | None = None) -> Newness:
-    """The battery when new: that of the file, its resistance of the first logs where the file was not tested."""
+    """The battery when new: the file's, but with the resistance of the first logs if the file was not tested."""
     new_Ah = battery.capacity_Ah if capacity_Ah is None else capacity_Ah
     source = "the battery file's" if capacity_Ah is None else "as given"
     notes = [f"capacity when new: {new_Ah:.4g} Ah, {source}"]
@@ -105,10 +105,10 @@ def newness(battery: Battery, updates: Sequence[LogUpdate], capacity_Ah: float |
 
 
 def points_of(dated: DatedLogs, updates: Sequence[LogUpdate], new: Newness) -> list[HealthPoint]:
-    """One point a log; one that taught nothing has its time and throughput.
+    """One point per log; a log that was set aside has only its time and throughput.
 
-    The capacity is that of a discharge as the battery is used, over what a new one would have given down to the end of
-    its first discharge; of a deeper one the share down to there. Where it is never emptied, it is all of its capacity.
+    The capacity is that of a discharge in use, over what a new battery would have given down to the end of its first
+    discharge; of a deeper one only the share down to there. If it is never emptied, it is the whole capacity.
     """
     used = used_capacities(updates)
     first = next((each.latest for each in used if each.latest), None)
@@ -129,7 +129,7 @@ def points_of(dated: DatedLogs, updates: Sequence[LogUpdate], new: Newness) -> l
 def common_error(battery: Battery, updates: Sequence[LogUpdate]) -> float:
     """Relative error that all logs share: of the sensor's gain, and of where the empty end of the curve lies.
 
-    Where discharges are judged they are all measured against the first that shows their end, and share its error.
+    Where discharges are compared, they are all relative to the first that shows their end, and share its error.
     """
     first = next((update for update, each in zip(updates, used_capacities(updates), strict=True) if each.latest), None)
     if first is not None:
@@ -138,7 +138,7 @@ def common_error(battery: Battery, updates: Sequence[LogUpdate]) -> float:
 
 
 def _own_discharge(update: LogUpdate, used: UsedCapacity, first: FullDischarge) -> Normal:
-    """Capacity of a discharge as deep as the first at most, where this log is the one that shows its end."""
+    """Capacity of a discharge no deeper than the first; its std is inf unless this log shows its end."""
     mean, std = used.capacity_Ah.mean, used.capacity_Ah.std
     if used.latest is None or used.latest.log != update.log:
         return Normal(mean, math.inf)
@@ -172,7 +172,7 @@ class UsedCapacity(NamedTuple):
     """Capacity of a battery as it is used, after an update."""
 
     latest: FullDischarge | None  #: the discharge that shows it; None where the battery was not emptied yet
-    capacity_Ah: Normal  #: of a discharge; the whole capacity where nobody has seen where discharges would end
+    capacity_Ah: Normal  #: of a discharge; the whole capacity while the end of discharges is unknown
 
 
 def used_capacities(updates: Sequence[LogUpdate]) -> list[UsedCapacity]:
@@ -195,15 +195,15 @@ def _next(latest: FullDischarge | None, update: LogUpdate) -> FullDischarge | No
 
 
 def _as_counted(update: LogUpdate) -> Normal:
-    """Charge from full down to the lowest SoC as the sensor counts it, its offset over the log left in.
+    """Charge from full down to the lowest SoC as the sensor counts it, its offset over the log included.
 
-    A charge and the discharge before it count the offset the other way; what a log turns around cancels.
+    A charge counts the offset with the opposite sign of a discharge; where a log has both, it cancels.
     """
     turned = (update.soc_end.mean - update.soc_start.mean) / max(update.soc_max - update.soc_min, 1e-3)
     return update.given_Ah._replace(mean=update.given_Ah.mean + turned * update.offset_A.mean * update.hours)
 
 
 def _of_next(latest: FullDischarge) -> Normal:
-    """Capacity of the discharge that follows: as the latest, but for what comes and goes."""
+    """Capacity of the next discharge: that of the latest, made less certain by reversible changes."""
     given_Ah = latest.given_Ah.mean
     return Normal(given_Ah, math.hypot(latest.given_Ah.std, REVERSIBLE_STD * given_Ah))

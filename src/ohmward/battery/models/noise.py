@@ -12,14 +12,14 @@ from ohmward.checks import require_between, require_each_not_negative, require_f
 from ohmward.trace import clip, maximum, sqrt, table
 from ohmward.trace.expression import Scalar
 
-#: A current that nobody measured, in multiples of the capacity per hour: a usual one where it counts over the time for
-#: which it is unknown, a large one where it counts at one instant.
+#: Assumed size of a current that is not measured, in multiples of the capacity per hour: a usual one where it acts over
+#: the time for which it is unknown, a large one where it acts at one instant.
 USUAL_C, MOMENTARY_C = 0.3, 1.0
 
-#: Standard deviation of a SoC of which nothing is known; no ignorance makes it larger.
+#: Standard deviation of an unknown SoC; none is larger.
 SOC_UNKNOWN_STD = 0.5
 
-#: Standard deviation of a hysteresis state of which nothing is known: evenly spread over [-1, 1] it would be 0.58, but
+#: Standard deviation of an unknown hysteresis state: evenly spread over [-1, 1] it would be 0.58, but
 #: after a long charge or discharge the state is at one of the ends.
 HYSTERESIS_UNKNOWN_STD = 0.7
 
@@ -27,33 +27,33 @@ HYSTERESIS_UNKNOWN_STD = 0.7
 #: tenth over a full charge.
 HYSTERESIS_VARIANCE_PER_SOC = 0.01
 
-#: How far an RC voltage wanders from its model, as the current through its resistance that would do it, in multiples of
-#: the capacity per hour: a resistance from a battery file is right to about that at the currents of a drive.
+#: Random walk of an RC voltage about its model, as the current through its resistance that would cause it, in multiples
+#: of the capacity per hour: a resistance from a battery file is accurate to about that at the currents of a drive.
 PAIR_CURRENT_C = 0.005
 
-#: Between two samples the current is taken as linear. The true mean may be off by this share of the step in current:
+#: Between two samples the current is assumed linear. The true mean may be off by this share of the step in current:
 #: half of the 1/sqrt(12) that a single jump at an unknown instant would have.
 PATH_SHARE = 0.15
 
 #: Correlation of the errors of R_0 and of the pairs: age and contacts act on both, the shapes of the two curves differ.
 RESISTANCE_CORRELATION = 0.7
 
-#: Correlation length of the error of the curve's level, as a change of SoC. What a model errs by on one pass over the
-#: curve it errs by on the next, on LFP and in the cold on NMC; a level that stayed for ever would take up what a wrong
-#: resistance leaves in the cold.
+#: Correlation length of the error of the curve's level, as a change of SoC. The error of a model on one pass over the
+#: curve recurs on the next, on LFP and in the cold on NMC; a level that stayed for ever would absorb the error that a
+#: wrong resistance leaves in the cold.
 LEVEL_SOC_LENGTH = 1.0
 
-#: A file does not know how old its battery is: relative error of the capacity, and error of the logarithm of the
-#: resistances. Cells with 80 % of their capacity have about 1.5 times the resistance.
+#: Relative error of the capacity and error of the logarithm of the resistances because a file does not know how old its
+#: battery is. Cells with 80 % of their capacity have about 1.5 times the resistance.
 AGED_CAPACITY_STD = 0.1
 AGED_RESISTANCE_STD = 0.3
-#: They are as large so many days after a log that showed them, and grow with the days until then: in daily use a
-#: battery loses 5 to 10 % of its capacity in a year. From there on they grow with the root of time, up to twice as
-#: large in four years, after which most batteries have been replaced.
+#: They are reached this many days after a log that showed capacity and resistances, growing linearly until then: in
+#: daily use a battery loses 5 to 10 % of its capacity in a year. From then on they grow with the root of time, up to
+#: twice as large in four years, after which most batteries have been replaced.
 AGED_AFTER_DAYS = 365
 OLDEST_YEARS = 4
 
-#: A shorter step counts as this one [s] where errors hold on from sample to sample, so that R stays finite at dt = 0.
+#: A shorter step counts as this one [s] where errors persist from sample to sample, so that R stays finite at dt = 0.
 _SHORTEST_STEP_S = 1e-3
 
 HOUR_S = 3600.0
@@ -109,9 +109,9 @@ class BatteryNoise:
                 require_between(f"noise.{f.name}", value, 0.0, 1.0 if f.name == "ageing_correlation" else float("inf"))
 
     def on(self, unix_s: float) -> BatteryNoise:
-        """The noise on a day: the capacity is known as on that of its last log, the more age lies between the less.
+        """The noise on a day: capacity and resistances are less certain the more time has passed since the last log.
 
-        Without a date of either, or where the clock of the day has not been set, it is the noise itself.
+        Without a date of either, or if the clock had not been set on that day, the noise is unchanged.
         """
         days = (unix_s - self.capacity_known_unix_s) / DAY_S
         if not (self.capacity_known_unix_s and -OLDEST_YEARS * AGED_AFTER_DAYS < days < math.inf):
@@ -149,7 +149,7 @@ class BatteryNoise:
     def curve_stds(self, soc: Scalar, away_K: Scalar) -> tuple[Scalar, Scalar]:
         """Standard deviations [V] of the curve at this SoC and of its level, `away_K` from the curve's temperature.
 
-        The temperature moves the level, where the file doubts one.
+        The error by temperature adds to that of the level if the file gives one, else to that of the curve.
         """
         own_V, thermal_V = self.model_std_at(soc), self.ocv_std_V_per_K * away_K
         if self.level_std_V:
@@ -179,7 +179,7 @@ class BatteryNoise:
         return self.resistance_variance(coldness_per_K(u.error_degC, p.reference_degC)) + weather * weather
 
     def samples_per_error(self, dt_s: Scalar) -> Scalar:
-        """Number of samples that share one error that holds on for `correlation_s`, at least 1: R is so much larger."""
+        """Number of samples that share one error that persists for `correlation_s`, at least 1: the factor of R."""
         return maximum(1.0, 2 * self.correlation_s / maximum(dt_s, _SHORTEST_STEP_S))
 
 
@@ -189,7 +189,7 @@ OFFSET_SHARE = 0.025
 OFFSET_WALK_SHARE = 0.001
 NOISE_SHARE = 0.002
 
-#: An offset of more standard deviations is none: something else is wrong.
+#: An offset of more standard deviations is not credible: something else is wrong.
 MOST_OFFSET = 3.0
 
 
@@ -216,7 +216,7 @@ class CurrentSensor:
         return abs(offset_A - self.offset_A) > MOST_OFFSET * self.offset_std_A
 
     def rest_threshold_A(self, capacity_Ah: float, share: float) -> float:
-        """Rest threshold of the measured current [A]: `share` of 1 C and three sigma of the noise."""
+        """Rest threshold of the measured current [A]: `share` of 1 C plus three sigma of the noise."""
         return share * capacity_Ah + 3.0 * self.noise_std_A
 
 

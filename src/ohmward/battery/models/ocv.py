@@ -1,11 +1,11 @@
 """Open-circuit voltage against state of charge: mean curve, hysteresis, temperature, and the slip of an aged cell.
 
-Curves along SoC stand on a uniform grid, or on knots: straight between them, constant beyond.
+Curves along SoC are given on a uniform grid, or on knots: straight between them, constant beyond.
 
-A cell that has lost lithium has not its first curve over less charge: the electrodes have slipped against each other.
-Between oxides of nickel, manganese and cobalt and graphite the sloped curve of the oxide stays where it was below
-full, and the knee of graphite comes earlier at empty; with iron phosphate, whose curve is flat, that of graphite stays
-where it was above empty, and the knee comes earlier at full. With a loss L of the capacity, s = `share`,
+The curve of a cell that has lost lithium is not its first curve over less charge: the electrodes have slipped against
+each other. With oxides of nickel, manganese and cobalt against graphite, the sloped curve of the oxide stays in place
+below full, and the knee of graphite comes earlier at empty; with iron phosphate, whose curve is flat, that of graphite
+stays in place above empty, and the knee comes earlier at full. With a loss L of the capacity, s = `share`,
 
 OCV_aged(z) = OCV(z + s L (1 - z) z^2 / (z^2 + k^2))   where full stays (s > 0),
 OCV_aged(z) = OCV(z + s L z (1 - z)^2 / ((1 - z)^2 + k^2))   where empty stays (s < 0).
@@ -58,9 +58,9 @@ _KNEE_AT_EMPTY, _KNEE_AT_FULL = 0.2, 0.08
 
 
 def slip_shape(soc: Any, share: float) -> Any:
-    """Change of the SoC on the curve for each unit of `share` and of the loss; float, array or traced.
+    """Change of the SoC on the curve per unit of `share` and of the loss; float, array or traced.
 
-    share: its sign says the end that stays, >= 0 full.
+    share: its sign gives the end that stays in place, full for >= 0.
     """
     z = clip(soc, 0.0, 1.0)
     moved, knee = (z, _KNEE_AT_EMPTY) if share >= 0.0 else (1.0 - z, _KNEE_AT_FULL)
@@ -75,10 +75,10 @@ def monotone(values: np.ndarray) -> np.ndarray:
 def beyond_line(above_V: Any, below_V: Any) -> tuple[Any, Any]:
     """Mean [V] and variance [V^2] of what a line through the mean leaves out of a curve over a normal SoC.
 
-    By the points of Gauss and Hermite, sqrt(3) sigma above and below the mean: derivatives would take the unevenness of
-    a measured curve for its shape (statistical linearisation, Gelb 1974, 6.2).
+    By Gauss-Hermite points, sqrt(3) sigma above and below the mean: derivatives would mistake the unevenness of a
+    measured curve for its shape (statistical linearisation, Gelb 1974, 6.2).
 
-    above_V, below_V: the curve less the line at the outer points.
+    above_V, below_V: the curve minus the line at the outer points.
     """
     mean_V = (above_V + below_V) / 6.0
     return mean_V, (above_V * above_V + below_V * below_V) / 6.0 - mean_V * mean_V
@@ -142,9 +142,9 @@ class OcvCurve:
     ) -> OcvCurve:
         """The curve as a fit corrected it.
 
-        voltage_V: (N,) its mean on a uniform grid of SoC, as far as it rises; hysteresis_ratio: >= 0, of the hysteresis
+        voltage_V: (N,) its mean on a uniform grid of SoC, made monotone here; hysteresis_ratio: >= 0, of the hysteresis
         over that of this curve; more_V_per_K: (N,) or 0, change with temperature beyond that of this curve.
-        soc: (N,) where hysteresis and change with temperature were on this curve; None leaves them there.
+        soc: (N,) SoC at which hysteresis and change with temperature are read from this curve; None keeps their places.
         """
         soc = np.linspace(0.0, 1.0, voltage_V.size) if soc is None else soc
         hysteresis_V = np.maximum(hysteresis_ratio * np.asarray(self.hysteresis_at(soc)), 0.0)

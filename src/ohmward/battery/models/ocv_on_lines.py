@@ -1,4 +1,4 @@
-"""Open-circuit voltage curve as few straight lines, since the table of a curve takes flash on a microcontroller.
+"""Open-circuit voltage curve as a few straight lines, which take less flash on a microcontroller than a table.
 
 A line goes on as long as one slope stays within the error of every point of the curve on the way; the next one begins
 where it ends (swing filter: Elmeleegy et al., VLDB 2009). The lines end on a uniform grid, so that a table finds them
@@ -14,7 +14,7 @@ import numpy as np
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.checks import require_positive
 
-#: Places of the grid, tried in turn.
+#: Numbers of places of the grid, tried in turn.
 GRIDS = (51, 101, 151, 201, 251, 301, 401, 501, 601, 801, 1201, 1601)
 
 #: Points of the curve that are compared between two places.
@@ -32,8 +32,8 @@ class OnLines(NamedTuple):
 def on_lines(ocv: OcvCurve, error_V: float) -> OnLines:
     """The mean curve at its reference temperature as lines that take the least memory; without hysteresis.
 
-    error_V: largest difference that is allowed anywhere from SoC 0 to 1 [V], > 0. Where lines within it would take more
-        memory than the curve does, it stays as it is.
+    error_V: largest difference that is allowed anywhere from SoC 0 to 1 [V], > 0. If lines within it would take more
+        memory than the curve does, the curve stays as it is.
 
     Raises:
         InputError: the error is not positive.

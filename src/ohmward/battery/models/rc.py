@@ -7,11 +7,11 @@ s = C_s / C and the charge q since the start, its voltage is exactly that of a T
     R_0 = R_t + R_b R_s / D      R_1 = (R_b - s D)^2 / D      tau = s (1 - s) C D
 
 where the OCV curve stands in place of the straight line V_start + q / C. So a battery of five elements is filtered and
-identified as a Thevenin circuit; the steps in the elements' own states are those of the publications, in the laboratory
+identified as a Thevenin circuit; the steps in the elements' own states, as published, are in the laboratory
 (`ohmward_lab.published.rc_circuit`).
 
-No test tells the five elements apart: they stand behind four numbers. [T] and [P] settle it by R_b = R_s; where
-that would make R_t negative (a slow, large C_s), R_t is the 0.625 R_0 of the rule in [P], and R_b > R_s.
+No test can separate the five elements: the voltage depends on four numbers only. [T] and [P] resolve this by R_b = R_s;
+where that would make R_t negative (a slow, large C_s), R_t is the 0.625 R_0 of the rule in [P], and R_b > R_s.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ class RcModel:
     r_terminal_ohm: float  #: resistance in front of both [ohm], > 0
     ocv: OcvCurve  #: open-circuit voltage of the same cell or pack
     capacity_Ah: float  #: charge between full and empty, > 0
-    #: the resistances grow with exp(activation_K (1/T - 1/T_reference)), the reference being that of the curve; with
-    #: the capacitances the time constant grows as much
+    #: the resistances grow with exp(activation_K (1/T - 1/T_reference)), the reference being that of the curve; the
+    #: time constant grows by the same factor
     activation_K: float = 0.0
 
     def __post_init__(self) -> None:
@@ -140,9 +140,9 @@ def equivalent_thevenin(model: RcModel) -> Thevenin:
     )
 
 
-#: The straight line of a curve is the best one between these states of charge: most curves bend away at the ends.
+#: The straight line of a curve is fitted between these states of charge: most curves bend away at the ends.
 _LINE_SOC = (0.1, 0.9)
-#: Points of SoC, and times after a step, at which a circuit is compared with the one of one pair.
+#: Points of SoC, and times after a step, at which a circuit is compared with its equivalent of one pair.
 _SHARE_POINTS, _STEP_TIMES = 21, 60
 #: Keeps a relative difference of two circuits without resistances at 0.
 _NO_OHM = 1e-12
@@ -188,7 +188,7 @@ def rc_of_thevenin(model: Thevenin) -> RcModel:
 
 
 def one_pair(model: Thevenin) -> Thevenin:
-    """The circuit with one RC pair alike at every SoC, as the RC model has it; all else as it is.
+    """The circuit with one RC pair, the same at every SoC, as in the RC model; all else is unchanged.
 
     R_0 and the sum of the pairs are their means along SoC; the time constant is the geometric mean of all, weighted by
     their resistances.
@@ -212,7 +212,7 @@ def one_pair(model: Thevenin) -> Thevenin:
 def one_pair_noise(model: Thevenin, noise: BatteryNoise) -> BatteryNoise:
     """Noise to assume with `one_pair`, given that of the model: their difference is an error of the overpotential.
 
-    Its share is the largest relative difference of their responses to a step of current, along SoC; it holds on for the
+    Its share is the largest relative difference of their responses to a step of current, along SoC; it persists for the
     time constant.
     """
     alone, soc = one_pair(model), np.linspace(0.0, 1.0, _SHARE_POINTS)

@@ -1,13 +1,13 @@
-"""Thevenin model along a log with its sensitivities to corrections of the file, made by the compiler.
+"""Thevenin model along a log with its sensitivities to corrections of the file, derived by the compiler.
 
 The step is that of `thevenin.next_state` and `thevenin.voltage`; q are the corrections theta and the RC voltages at the
 start:
 
     x+ = f(x, theta)      S+ = df/dx S + df/dq        V = g(x+, theta)      dV/dq = dg/dx S+ + dg/dq
 
-A `Kernel` scans it. The corrections are a state that stays, so that one kernel serves every iteration of a fit. The
-derivatives of the voltage are those at the SoC of the state: through the curve SoC acts as the user of the curve says,
-and a resistance that depends on SoC tells nothing of it, since its course along SoC is known far less than the curve.
+A `Kernel` scans it. The corrections are a constant state, so that one kernel serves every iteration of a fit. The
+derivatives of the voltage are taken at constant SoC: its effect through the curve is left to the user of the curve, and
+a resistance that depends on SoC says nothing about SoC, since its course along SoC is known far less than the curve.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ class CircuitAlong(NamedTuple):
     voltage_V: Any
     over_V2: Any  #: sum of the squares of the overpotentials [V^2]
     soc_columns: Any  #: (T, P)
-    #: (T, Q) of the voltage at this SoC; those of the RC voltages by the ones at the start or after the last gap before
+    #: (T, Q) of the voltage at constant SoC; those by RC voltages refer to the start or to the last gap before
     voltage_columns: Any
     hysteresis_V: Any  #: difference of the voltages from the upper and the lower hysteresis at the start
-    left: Any  #: (T, n) share that is left of the RC voltages of the start or the last gap before this sample
+    left: Any  #: (T, n) share of the RC voltages at the start, or at the last gap before, that is left at this sample
 
 
 class SensitiveCircuit(NamedTuple):

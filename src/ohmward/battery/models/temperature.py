@@ -12,7 +12,7 @@ KELVIN = 273.15
 #: Gas constant and charge of a mole of electrons: their ratio times T is the thermal voltage.
 GAS_J_PER_MOL_K, FARADAY_C_PER_MOL = 8.314462618, 96485.33212
 
-#: Room temperature [degC]: where tests are made, and what is assumed where nothing measures it.
+#: Room temperature [degC], at which tests are made, and which is assumed where it is not measured.
 ROOM_DEGC = 25.0
 
 

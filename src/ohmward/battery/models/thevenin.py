@@ -32,7 +32,7 @@ _ROUND = 1e-4
 #: show 2300 to 3200 K at 0.5, 4000 at 0.3, 7500 at 0.2 and 9500 at 0.15.
 EMPTYING_SOC = 0.35
 
-#: Points of a resistance along SoC that was corrected, at least.
+#: Smallest number of points of a corrected resistance along SoC.
 _CORRECTED_POINTS = 21
 #: Corrected time constants stay apart by this factor at least.
 _TAU_RATIO = 1.5
@@ -43,11 +43,11 @@ class CircuitInput(NamedTuple):
 
     current_A: Any
     temperature_degC: Any
-    unknown_K: Any = 0.0  #: standard deviation of a temperature that nobody measures; no model looks at it
+    unknown_K: Any = 0.0  #: standard deviation of a temperature that is not measured; models ignore it
 
     @property
     def error_degC(self) -> Any:
-        """Temperature for which errors are taken: that of a colder battery where nobody measures it."""
+        """Temperature for which errors are evaluated: that of a colder battery where it is not measured."""
         return self.temperature_degC - self.unknown_K
 
 
@@ -83,7 +83,7 @@ AS_IDENTIFIED = StateOfHealth()
 
 @dataclass(frozen=True)
 class Thevenin:
-    """Parameters of the Thevenin model. Resistances stand on a uniform grid of SoC from 0 to 1, ends included."""
+    """Parameters of the Thevenin model. Resistances are on a uniform grid of SoC from 0 to 1, ends included."""
 
     capacity_Ah: float  #: charge between full and empty, > 0
     ocv: OcvCurve  #: open-circuit voltage
@@ -165,7 +165,7 @@ class Thevenin:
         return arrhenius_factor(temperature_degC, own_K, self.reference_degC)
 
     def emptying_factor(self, soc: Any, temperature_degC: Any) -> Any:
-        """Factor of the resistances of the RC pairs beyond that, 1 at the reference and above `EMPTYING_SOC`."""
+        """Further factor of the resistances of the RC pairs, 1 at the reference and above `EMPTYING_SOC`."""
         if self.empty_activation_K == 0.0:
             return 1.0
         cold = coldness_per_K(temperature_degC, self.reference_degC)
@@ -202,29 +202,29 @@ class Thevenin:
         )
 
 
-#: SoC at which corrections of a resistance stand. Resistances rise towards empty, so their knots are closer there.
+#: SoC at which corrections of a resistance are given. Resistances rise towards empty, so their knots are closer there.
 RESISTANCE_KNOTS = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
 
 
 class Corrections(NamedTuple):
-    """Corrections of a battery file that a fit looks for: the ratios of `StateOfHealth`, and what they do to the file.
+    """Corrections of a battery file, as unknowns of a fit: the ratios as in `StateOfHealth`, and the corrected circuit.
 
-    All are 0 for the file as it stands. Logarithms cannot turn a resistance negative, and make twice as large as likely
-    as half as large. () is not corrected. Their prior is that of `learning.parameters`, by these names.
+    All are 0 for the file as it is. Logarithms cannot turn a resistance negative, and make twice as large as likely as
+    half as large. () is not corrected. Their priors are in `learning.parameters`, under these names.
     """
 
     efficiency: Any = ()  #: (1,) ln of the coulombic efficiency over the file's
     ohmic: Any = ()  #: (5,) ln of R_0 over the file's on RESISTANCE_KNOTS
     pair: Any = ()  #: (n * 5,) the same of R_1, then of R_2, ...
     tau: Any = ()  #: (n,) ln of the time constants over the file's
-    activation: Any = ()  #: (2,) of the activation temperatures of R_0 and of the R_j [K]
-    empty_activation: Any = ()  #: (1,) of that of the R_j towards empty [K]
+    activation: Any = ()  #: (2,) change of the activation temperatures of R_0 and of the R_j [K]
+    empty_activation: Any = ()  #: (1,) change of that of the R_j towards empty [K]
     hysteresis: Any = ()  #: (1,) ln of the hysteresis voltage over the file's
-    offset: Any = ()  #: (1,) of the reading of the current sensor at zero current [A]
+    offset: Any = ()  #: (1,) change of the reading of the current sensor at zero current [A]
 
     @property
     def soh_capacity(self) -> Scalar:
-        """Always 1: a log shows the charge, of which the capacity of the file is the unit."""
+        """Always 1: a log shows the charge in units of the file's capacity."""
         return 1.0
 
     @property
@@ -267,7 +267,7 @@ class Corrections(NamedTuple):
         return self.offset[0] if len(self.offset) else 0.0
 
     def made(self, p: Thevenin) -> Thevenin:
-        """The circuit with the corrections made; its curve stays."""
+        """The circuit with the corrections applied; its open-circuit curve is unchanged."""
         ohmic, pair_K = np.asarray(self.ohmic), p.activation_K if p.pair_activation_K is None else p.pair_activation_K
         pairs, knots = np.asarray(self.pair), RESISTANCE_KNOTS.size
         ohmic_K, more_pair_K = self.activation if len(self.activation) else (0.0, 0.0)
@@ -285,7 +285,7 @@ class Corrections(NamedTuple):
 
 
 def _times(ohm: tuple[float, ...], log_ratio: np.ndarray) -> tuple[float, ...]:
-    """Resistances along SoC times a factor on RESISTANCE_KNOTS, on a grid that shows it; none for ()."""
+    """Resistances along SoC times a factor on RESISTANCE_KNOTS, on a grid fine enough for it; unchanged for ()."""
     if not log_ratio.size:
         return ohm
     grid = np.linspace(0.0, 1.0, len(ohm))
@@ -342,7 +342,7 @@ def open_circuit(x: np.ndarray, u: CircuitInput, p: Thevenin) -> Any:
 
 
 def log_ratio_by_weather(u: CircuitInput, p: Thevenin) -> Any:
-    """Standard deviation of ln R by a temperature that nobody measures, that of a colder battery; 0 where it is."""
+    """Standard deviation of ln R by an unmeasured temperature, that of a colder battery; 0 where it is measured."""
     activation_K = max(p.activation_K, p.pair_activation_K or 0.0)
     return activation_K * coldness_per_K(u.error_degC, u.temperature_degC)
 

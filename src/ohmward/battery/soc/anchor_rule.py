@@ -1,19 +1,19 @@
 """Rule for the events that anchor the state of charge: a full charge, a cut-off under load, a long rest.
 
     full    the voltage has stood still at that of a full battery while the charging current fell to a small share
-    top     the voltage of a charge has left the flat part of the curve, whether a charger holds it there or not
-    empty   a load ended at a voltage that, but for its overpotential, is that of an empty battery
-    rest    no current for so long that the RC pairs are gone
+    top     the charging voltage has left the flat part of the curve, whether a charger holds it there or not
+    empty   a load ended at a voltage that, without its overpotential, is that of an empty battery
+    rest    no current for so long that the RC pairs have relaxed
 
     soc_full  = 1 - d/2 +- hypot(width, d/2)     d = 1 - OCV^-1(V - R i): full by the charger, or by the curve
     soc_top   = 0.985 - u +- hypot(width, 0.015, std of u)
-    soc_empty = OCV^-1(V + R |i|) + u +- hypot(width, std of u, what a doubt of R and of the curve adds)
-                u = |i| tau / Q, the charge that diffusion keeps from a strong load
+    soc_empty = OCV^-1(V + R |i|) + u +- hypot(width, std of u, effect of the errors of R and of the curve)
+                u = |i| tau / Q, the charge that diffusion withholds from a strong load
     soc_rest  = OCV^-1(V) +- half of OCV^-1 between V + std and V - std
 
-R is that of a steady current at this temperature, so that a cold battery, which a charger leaves further from full,
-has the wider anchor. Full and empty tell more than the voltage: charger and protection define them. That of a rest is
-its voltage once more. Each is seen once; traceable.
+R is the resistance to a steady current at this temperature, so that a cold battery, which a charger leaves further from
+full, has the wider anchor. Full and empty say more than the voltage: charger and protection define them. A rest only
+repeats its voltage. Each event is reported once; traceable.
 """
 
 from __future__ import annotations
@@ -32,37 +32,37 @@ from ohmward.filters.gate import choose
 from ohmward.trace import clip, exp, logical_not, maximum, minimum, sqrt, table, where
 from ohmward.trace.expression import Scalar
 
-#: A voltage at the limit of a charger stays within this share of itself; that of a sensor errs by as much.
+#: At the limit of a charger the voltage stays within this share of itself; a sensor errs by as much.
 _FLAT_SHARE = 0.004
-#: A charger has reached its limit where the voltage is that of at least this state of charge at rest, and at most this
-#: share below that of full: on a flat curve the branch of a charge alone reaches the former.
+#: A charger has reached its limit where the voltage is at least that of this state of charge at rest, and at most this
+#: share below that of a full battery: on a flat curve the charge branch alone reaches the former.
 _FULL_SOC, _BELOW_FULL = 0.985, 0.015
-#: At the end of a flat curve the voltage of a charge rises over that of this share of the capacity before, by more than
-#: the curve does between these states of charge.
+#: At the end of a flat curve the charging voltage rises, over this share of the capacity, by more than the curve does
+#: between these states of charge.
 _RISE_SOC, _BETWEEN_ENDS = 0.03, (0.1, 0.9)
-#: An end is steep where the curve rises by so many times as much there.
+#: An end is steep where the curve rises by more than this many times as much.
 _STEEP = 2.0
-#: A charger may have a lower limit of its own. It holds the voltage where the drop of its current would have moved it
-#: by so many times the width in which it stands still: resistances of a label are known within a factor of two.
+#: A charger may have a lower limit of its own. It holds the voltage where the fall of its current would have moved it
+#: by this many times the width in which it stands still: resistances on a label are known to within a factor of two.
 _HELD_DROPS = 2.0
-#: That limit is below full where the curve says so by so many of its standard deviations. It is above this state of
-#: charge: less would be no charge for a day.
+#: That limit is below full where the curve says so by this many of its standard deviations. It is above this state of
+#: charge: less would not last for a day.
 BEYOND_SIGMAS, _LOWEST_LIMIT_SOC = 2.0, 0.8
 #: By the end of a charge the current has fallen to this share of its largest: a charge at a small constant current has
 #: no such end.
 _TAPERED = 0.5
-#: A current is a load, or ends a charge, beyond this rate over the capacity [1/h], and a rest below that one.
+#: Rate over the capacity [1/h] above which a current is a load or ends a charge, and that below which it is a rest.
 _LOAD_C, REST_C = 0.02, 0.01
 #: A cut-off is below this state of charge by the curve, and stays there for this time [s]; the end of a flat curve is
 #: passed for as long. Peaks of a load or a charge are shorter.
 _EMPTY_SOC, _LOW_S = 0.03, 30.0
-#: Lead-acid runs out of acid, and its voltage falls far below the line of the curve: 1.80 V a cell of 1.88 V at rest.
+#: Lead-acid runs out of acid, and its voltage falls far below the line of the curve: 1.80 V a cell, 1.88 V at rest.
 _DEPLETED_SHARE = 0.96
-#: A load has ended where this share of it is left.
+#: A load has ended where less than this share of it is left.
 _LOAD_ENDED = 0.2
-#: A full battery is full once more after this share of its capacity has been taken out, an empty one likewise.
+#: A full charge is reported again after this share of the capacity has been taken out, a cut-off after it was put in.
 AGAIN = 0.05
-#: A rest is long after so many of the largest time constant at its temperature, and this time [s].
+#: A rest is long after this many of the largest time constant at its temperature, and at least after this time [s].
 _RELAXED, _LONG_REST_S = 4.0, 3600.0
 #: Time constant of a circuit without RC pairs [s].
 _WITHOUT_PAIRS_S = 1.0
@@ -70,18 +70,18 @@ _WITHOUT_PAIRS_S = 1.0
 _LONGEST_ANCHOR_STEP_S = 3600.0
 #: A charging current that falls by this share of its largest in a shorter step [s] was switched off.
 _SUDDEN_S, _SUDDEN_SHARE = 60.0, 0.5
-#: An event that says less about the state of charge is none.
+#: Events with a larger standard deviation of the state of charge are ignored.
 _MOST_STD = 0.1
 #: Points of the inverse of the curve.
 _INVERSE_POINTS = 257
 
 
 class AnchorLimits(NamedTuple):
-    """What chargers and protections of one kind of battery do."""
+    """Limits of the chargers and protections of one kind of battery."""
 
     taper_C: float  #: last current of a full charge, in multiples of the capacity per hour
-    held_s: float  #: shortest time at the limit before [s]
-    #: standard deviations of the state of charge where a charger or a protection ends
+    held_s: float  #: shortest time at the voltage limit before that [s]
+    #: standard deviations of the state of charge where a charger or a protection stops
     full_std: float
     empty_std: float
     #: charge that a load leaves behind at its cut-off, over its current [s], and its standard deviation
@@ -89,20 +89,20 @@ class AnchorLimits(NamedTuple):
     left_std_s: float
 
 
-#: Chargers of lithium stop at C/10 to C/30; 2 C leave 3 to 8 % in fresh cells, 10 to 20 % in worn ones.
+#: Lithium chargers stop at C/10 to C/30; a load of 2 C leaves 3 to 8 % in fresh cells, 10 to 20 % in worn ones.
 LITHIUM_LIMITS = AnchorLimits(0.05, 120.0, 0.01, 0.02, 100.0, 250.0)
-#: Monitors of lead-acid take 2 to 4 % of C for full. Its last percents take a day, its depth depends on the current.
+#: Lead-acid monitors report full at 2 to 4 % of C. The last few percent take a day, the depth depends on the current.
 GASSING_LIMITS = AnchorLimits(0.03, 1800.0, 0.03, 0.05, 600.0, 600.0)
 
 
 class TopMemory(NamedTuple):
     """Memory of a charge that reaches the steep end of a flat curve, plain numbers."""
 
-    #: voltage but for the drop, and current, over the last `_RISE_SOC` of charge; 0 before the first
+    #: means of the voltage without its drop, and of the current, over the last `_RISE_SOC` of charge; 0 at the start
     usual_V: Any = 0.0
     usual_A: Any = 0.0
-    high_s: Any = 0.0  #: time for which the voltage has been above that, samples without one left out
-    #: charge taken out since that told the state of charge, over the capacity, at most 1
+    high_s: Any = 0.0  #: time for which the voltage has been above that, samples without a voltage left out
+    #: charge taken out since this event last occurred, over the capacity, at most 1
     discharged: Any = 1.0
 
 
@@ -116,18 +116,18 @@ class AnchorMemory(NamedTuple):
     discharged: Any = 1.0
     charged: Any = 1.0
     load_A: Any = 0.0  #: current of the sample before where it was a load, else 0
-    #: strongest load, fading with the slowest RC pair, so that what it left in the pairs is no empty battery
+    #: strongest load, fading with the slowest RC pair: what it left in the pairs must not pass for an empty battery
     peak_load_A: Any = 0.0
-    low_s: Any = 0.0  #: time for which its voltage has been that of a cut-off, less that for which it has not
-    #: state of charge of that cut-off
+    low_s: Any = 0.0  #: time for which its voltage has been that of a cut-off, less the time for which it has not
+    #: state of charge of that cut-off, and its standard deviation
     low_soc: Any = 0.0
     low_std: Any = 1.0
-    #: of a charge on a flat curve
+    #: memory of a charge on a flat curve
     top: TopMemory = TopMemory()
 
 
 class AnchorEvent(NamedTuple):
-    """Conditions that a sample completes a full charge or a cut-off, and the state of charge that it tells."""
+    """Conditions that a sample completes a full charge or a cut-off, and the state of charge that this implies."""
 
     full: Any
     empty: Any
@@ -141,7 +141,7 @@ class AnchorEvent(NamedTuple):
         return self.full | self.empty | self.top
 
     def or_else(self, other: AnchorEvent) -> AnchorEvent:
-        """This event, and the other one where this is none."""
+        """This event where there is one, else the other."""
         return choose(self.tells_soc, self, other)
 
 
@@ -157,7 +157,7 @@ class SocNormal(NamedTuple):
 
 
 class SocAnchor(NamedTuple):
-    """Sample of a log at which something else than a model of the voltage tells the state of charge."""
+    """Sample of a log at which the state of charge is known from another source than a model of the voltage."""
 
     sample: int
     soc: float
@@ -169,13 +169,13 @@ class SocAnchor(NamedTuple):
 class AnchorRule:
     """Settings; `step` is a pure function of them."""
 
-    #: of the battery
+    #: battery model, its noise, and the current sensor
     model: Thevenin
     noise: BatteryNoise
     sensor: CurrentSensor
 
     def step(self, before: AnchorMemory, clean: CleanSocSample) -> tuple[AnchorMemory, AnchorEvent]:
-        """The memory after a sample, and what it completes."""
+        """The memory after a sample, and the event that the sample completes."""
         usable = clean.voltage_measured & clean.current_measured
         held = self.hold_limit(before, clean, usable)
         full = self.is_full(held, clean)
@@ -193,8 +193,8 @@ class AnchorRule:
     def reach_top(self, memory: AnchorMemory, clean: CleanSocSample) -> tuple[AnchorMemory, AnchorEvent]:
         """The memory after a sample, and the event that a charge has reached the steep end of a flat curve.
 
-        It has where the voltage rises by more than the curve does elsewhere. The level of the curve, by which plateaus
-        of cells differ more than they rise, has no part in that.
+        It has where the voltage rises by more than the curve does elsewhere. The level of the curve is not used for
+        that: the plateaus of cells differ by more than they rise.
         """
         if not self.has_steep_end:
             return memory, NO_EVENT
@@ -221,7 +221,7 @@ class AnchorRule:
         return memory._replace(top=after), AnchorEvent(False, False, *end, top)
 
     def spurious_rise_V(self, drop_V: Scalar, u: CircuitInput) -> Scalar:
-        """Rise [V] that noise, hysteresis and a change of the drop, if resistances are as high as may be, can feign."""
+        """Rise [V] that noise, hysteresis and a change of the drop, at the largest likely resistances, can imitate."""
         still_V = _hypot(self.noise.voltage_std_V, self.model.hysteresis_V_at(1.0, u.temperature_degC))
         most = exp(BEYOND_SIGMAS * sqrt(self.noise.resistance_variance_at(u, self.model)))
         return BEYOND_SIGMAS * still_V + (most - 1.0) * abs(drop_V)
@@ -233,19 +233,19 @@ class AnchorRule:
         return SocNormal(_FULL_SOC - left.soc, _hypot(width, left.std))
 
     def left_by_diffusion(self, current_A: Scalar, temperature_degC: Scalar) -> SocNormal:
-        """Share of the charge that diffusion keeps from a load or a charge of this size."""
+        """Share of the capacity that diffusion withholds from a load or a charge of this size."""
         rate_per_s = current_A / self.model.capacity_As
         slower = maximum(1.0 / self.model.rate_arrhenius_factor(temperature_degC), 1.0)
         return SocNormal(rate_per_s * self.limits.left_s * slower, rate_per_s * self.limits.left_std_s * slower)
 
     def fade(self, clean: CleanSocSample) -> Scalar:
-        """Share of what a current has left in the slowest RC pair that is there after the step."""
+        """Decay factor of the slowest RC pair over the step."""
         return exp(clean.dt_s * self.model.rate_arrhenius_factor(clean.now.temperature_degC) * (-1 / self.slowest_s))
 
     def hold_limit(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
         """The memory with the voltage that stands still, its largest current, and the charge that flowed.
 
-        A current that stops at once is no taper: until the RC pairs relax, the voltage hardly falls.
+        A current that stops abruptly is not a taper: until the RC pairs relax, the voltage hardly falls.
         """
         current_A, share = clean.now.current_A, clean.mean.current_A * clean.dt_s / self.model.capacity_As
         same = usable & (abs(clean.voltage_V - memory.limit_V) < _FLAT_SHARE * memory.limit_V)
@@ -270,7 +270,7 @@ class AnchorRule:
         return at_limit & self.has_tapered(memory, clean) & (memory.discharged > AGAIN)
 
     def stops_below_full(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
-        """True where a charger has tapered at a limit of its own, below that of a full battery beyond doubt."""
+        """True where a charger has tapered at a limit of its own that is clearly below that of a full battery."""
         if self.gases:
             return False
         still = self.at_rest(self.relaxed_V(clean.voltage_V, clean.now), clean.now)
@@ -284,17 +284,17 @@ class AnchorRule:
         return tapered & (memory.held_s > self.limits.held_s)
 
     def is_held(self, memory: AnchorMemory, clean: CleanSocSample) -> Any:
-        """True where a charger holds the voltage: without it, the drop of the current would have moved it further."""
+        """True where a charger holds the voltage: otherwise the fall of the current would have moved it further."""
         drop_V = self.steady_ohm(1.0, clean.now) * (memory.peak_A - clean.now.current_A)
         return drop_V > _HELD_DROPS * _FLAT_SHARE * memory.limit_V
 
     def full(self, voltage_V: Scalar, u: CircuitInput) -> SocNormal:
-        """State of charge of a complete charge."""
+        """State of charge at the end of a complete charge."""
         missing = 1.0 - self.soc_at(self.relaxed_V(voltage_V, u))
         return SocNormal(1.0 - 0.5 * missing, _hypot(self.limits.full_std, 0.5 * missing))
 
     def relaxed_V(self, voltage_V: Scalar, u: CircuitInput) -> Scalar:
-        """Voltage [V] of a charge near full without its overpotential."""
+        """Voltage [V] of a nearly full battery without the overpotential of its charge."""
         return voltage_V - self.steady_ohm(1.0, u) * maximum(u.current_A, 0.0)
 
     def hold_low(self, memory: AnchorMemory, clean: CleanSocSample, usable: Any) -> AnchorMemory:
@@ -313,7 +313,7 @@ class AnchorRule:
         )
 
     def was_low(self, memory: AnchorMemory) -> Any:
-        """True where a load that ends now is cut off: low for long enough, and as low as to tell something."""
+        """True where a load that ends now is cut off: low for long enough, at a sufficiently known state of charge."""
         return (memory.low_s > _LOW_S) & (memory.low_std < _MOST_STD)
 
     def cut_off(self, voltage_V: Scalar, u: CircuitInput) -> SocNormal:
@@ -340,7 +340,7 @@ class AnchorRule:
         return continue_rest(before, resting, clean.dt_s, maximum(needed_s, _LONG_REST_S), tells)
 
     def at_rest(self, voltage_V: Scalar, u: CircuitInput) -> SocNormal:
-        """State of charge of a battery at rest at this voltage, from the curve of the file and its doubts."""
+        """State of charge of a battery at rest at this voltage, from the curve of the file and its errors."""
         soc, noise = self.soc_at(voltage_V), self.noise
         hysteresis_V = HYSTERESIS_UNKNOWN_STD * self.model.hysteresis_V_at(soc, u.temperature_degC)
         uncertain_V = sqrt(noise.voltage_std_V**2 + noise.model_std_at(soc) ** 2 + hysteresis_V * hysteresis_V)
@@ -397,7 +397,7 @@ class AnchorRule:
 
     @property
     def full_V(self) -> float:
-        """Least voltage of a charger that has reached its limit [V]."""
+        """Lowest voltage of a charger that has reached its limit [V]."""
         return self.model.gassing_V or max(self.nearly_full_V, (1.0 - _BELOW_FULL) * self.model.ocv.voltage_V[-1])
 
     @cached_property
@@ -407,18 +407,18 @@ class AnchorRule:
 
     @property
     def empty_V(self) -> float:
-        """Voltage [V] but for the overpotential below which a load is cut off."""
+        """Voltage [V], without the overpotential, below which a load is cut off."""
         ocv = self.model.ocv
         return _DEPLETED_SHARE * ocv.voltage_V[0] if self.gases else float(ocv.mean_V(_EMPTY_SOC, ocv.reference_degC))
 
     @property
     def taper_A(self) -> float:
-        """Largest last current of a full charge."""
+        """Largest current at the end of a full charge."""
         return self.limits.taper_C * self.model.capacity_Ah
 
     @property
     def load_A(self) -> float:
-        """Least current that is a load."""
+        """Smallest current that is a load."""
         return _LOAD_C * self.model.capacity_Ah + 3.0 * self.sensor.noise_std_A
 
     @property

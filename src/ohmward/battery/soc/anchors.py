@@ -1,4 +1,4 @@
-"""Anchors in a log: full charges, cut-offs under load and long rests, each with the state of charge that it tells."""
+"""Anchors in a log: full charges, cut-offs under load and long rests, each with the state of charge that it implies."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ from ohmward.trace import Kernel, where
 
 AnchorKind = Literal["full charge", "nearly full", "empty", "rest"]
 
-#: Origin of an anchor that no column tells.
+#: Source of an anchor that no column reports.
 VOLTAGE = "voltage"
 
-#: A long log is looked through in stretches of so many samples, so that what is remembered of each stays small; each
-#: begins and ends so many samples beyond, for events that began before it and go on after it.
+#: A long log is searched in stretches of this many samples, so that the memory for each stays small; each is extended
+#: by this many samples at both ends, for events that began before it or end after it.
 _STRETCH, _LEAD = 240_000, 20_000
 
 
 class Anchor(NamedTuple):
-    """Event that tells the state of charge."""
+    """Event that anchors the state of charge."""
 
-    #: a full charge, the cut-off of a load at empty, or a long rest. The first two are what charger and protection
-    #: define, beyond what the voltage says; a rest says through the curve what its voltage says, and no more.
+    #: a full charge, the cut-off of a load at empty, or a long rest. Charger and protection define the first two, which
+    #: say more than the voltage; a rest says no more than its voltage does through the curve.
     kind: AnchorKind
     time_s: float  #: in the log [s]
-    sample: int  #: the index there
-    soc: float  #: state of charge and its standard deviation
+    sample: int  #: its index in the log
+    soc: float  #: state of charge
     soc_std: float  #: its standard deviation
-    #: of that sample; nan where there is none
+    #: measured at that sample; nan where there is none
     voltage_V: float
     current_A: float
     temperature_degC: float
-    source: str = VOLTAGE  #: `VOLTAGE`, or the name of the column that says so
+    source: str = VOLTAGE  #: `VOLTAGE`, or the name of the column that reports it
 
 
 class FinderState(NamedTuple):
-    """Last credible current and temperature, the memory of the rule, and the rest that the battery may be in."""
+    """Last credible current and temperature, the memory of the rule, and the present rest, if any."""
 
     current_A: Any
     temperature_degC: Any
@@ -55,7 +55,7 @@ class FinderState(NamedTuple):
 
 
 class FinderOutput(NamedTuple):
-    """What a sample shows; conditions are 1 and 0."""
+    """Output at a sample; conditions are 1 and 0."""
 
     current_A: Any  #: last credible current
     temperature_degC: Any  #: last credible temperature
@@ -78,7 +78,7 @@ class AnchorFinder:
 
     @property
     def limits(self) -> SampleLimits:
-        """Limits of what is believed of a sample."""
+        """Plausibility limits of a sample."""
         model = self.rule.model
         return sample_limits(model, self.gap_s)
 
@@ -118,8 +118,8 @@ class AnchorFinder:
 def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
     """The anchors in a log, in order, each event once.
 
-    The rule is that of the live estimator (`AnchorRule`), but a log shows how it goes on: a full charge and a rest
-    stand at their end, where they tell most, and a load that ends low with the log or before a gap has been cut off.
+    The rule is that of the live estimator (`AnchorRule`), but a log shows what follows: a full charge and a rest are
+    placed at their end, where they say most, and a load that is low at the end of the log or before a gap was cut off.
     """
     finder = _finder(battery)
     found: list[Anchor] = []
@@ -136,10 +136,10 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
 
 
 class JudgedAnchor(NamedTuple):
-    """An anchor beside the estimate before it, or before the filter used it: it sees a full charge while it tapers."""
+    """An anchor, and the estimate before it or before the filter used it, which sees a full charge while it tapers."""
 
     anchor: Anchor
-    used: bool  #: the filter has corrected itself by it
+    used: bool  #: the filter has been corrected by it
     soc_estimated: float
     soc_std_estimated: float
 
@@ -150,11 +150,11 @@ class JudgedAnchor(NamedTuple):
 
 
 def judged_anchors(log: Log, battery: Battery, run: SocRun) -> list[JudgedAnchor]:
-    """The anchors in a log, each beside the estimate."""
+    """The anchors in a log, each with the estimate before it."""
     used = np.flatnonzero(run.flags & SocFlag.ANCHORED)
     before, found = -1, []
     for anchor in find_anchors(log, battery):
-        usable = anchor.kind != "rest"  # no filter needs to be told of one
+        usable = anchor.kind != "rest"  # filters use the voltage of a rest anyway
         seen = used[(used > before) & (used <= anchor.sample)] if usable else used[:0]
         k = max(int(seen[-1] if seen.size else anchor.sample) - 1, 0)
         found.append(JudgedAnchor(anchor, bool(seen.size), float(run.soc[k]), float(run.soc_std[k])))
@@ -163,7 +163,7 @@ def judged_anchors(log: Log, battery: Battery, run: SocRun) -> list[JudgedAnchor
 
 
 def charger_limit_V(log: Log, battery: Battery) -> float | None:
-    """Highest voltage [V], but for its overpotential, at which a charger stops below a full battery; None for none."""
+    """Highest voltage [V], without overpotential, at which a charger stops below full; None if it never does."""
     finder, limits_V = _finder(battery), []
     for stretch in _stretches(log, finder):
         seen, voltage_V = stretch.output, log.voltage_V[stretch.inside]
@@ -177,7 +177,7 @@ def charger_limit_V(log: Log, battery: Battery) -> float | None:
 
 
 class _Stretch(NamedTuple):
-    """Stretch of a log: its first sample, the samples that were looked at, and what was found in them."""
+    """Stretch of a log: its first sample, the samples that were searched, and what was found in them."""
 
     first: int
     inside: slice
@@ -202,7 +202,7 @@ def _stretches(log: Log, finder: AnchorFinder) -> Iterator[_Stretch]:
 
 
 def _anchors_inside(log: Log, inside: slice, finder: AnchorFinder, output: FinderOutput) -> Iterator[Anchor]:
-    """The anchors that current and voltage show in some samples of a log."""
+    """The anchors that current and voltage show in a part of a log."""
     rule, event = finder.rule, output.event
 
     def at(k: int) -> tuple[float, CircuitInput]:
@@ -234,9 +234,9 @@ def _end_of_run(held_s: np.ndarray, k: int) -> int:
 
 
 def _without_repeats(anchors: Sequence[Anchor], moved_As: np.ndarray, apart_As: float) -> Iterator[Anchor]:
-    """The anchors, those of one charge or one cut-off once: between two of them charge flows the other way.
+    """The anchors, only one for each charge or cut-off: between two of a kind, charge flows the other way.
 
-    moved_As: (T,) charge of each interval, > 0 charges; apart_As: least of it the other way.
+    moved_As: (T,) charge of each interval, > 0 charges; apart_As: least charge that has to flow the other way.
     """
     out_As, in_As = np.cumsum(np.maximum(-moved_As, 0.0)), np.cumsum(np.maximum(moved_As, 0.0))
     flowed = {"full charge": out_As, "nearly full": out_As, "empty": in_As}

@@ -16,9 +16,9 @@
                                      temperature of the test, and closes where it comes back
     hysteresis_log_ratio             ln of the hysteresis voltage over the file's
 
-The last four are there only where the file is in doubt about them. The measurement noise is not white either: an error
-that holds on for a correlation time is one observation in that time, however often it is sampled, so
-R = variance * 2 correlation time / dt. Axis and overpotential err in both ways.
+The last four exist only where the file gives them a standard deviation. The measurement noise is not white either: an
+error that persists for a correlation time is one observation in that time, however often it is sampled, so
+R = variance * 2 correlation time / dt. Errors of axis and overpotential enter both the state and R.
 """
 
 from __future__ import annotations
@@ -63,33 +63,33 @@ from ohmward.filters.belief import Belief
 from ohmward.trace import clip, exp, linearize, maximum, minimum, sign, sqrt, where
 from ohmward.trace.expression import Scalar
 
-#: Standard deviation [V] that an RC voltage has at the start at least, so that no variance is zero: far below a sensor.
+#: Smallest standard deviation [V] of an RC voltage at the start, so that no variance is zero: far below any sensor's.
 LEAST_PAIR_STD_V = 1e-5
 
 #: The tangent is taken at least this far inside the ends of the curve, which goes on there as a straight line.
 END_MARGIN = 0.01
 
-#: The tangent is judged over a SoC of this standard deviation at most, and by the steep ends of the curve, this much of
-#: SoC, only where a belief of the standard deviation `END_STD` reaches them: an unknown SoC would let no voltage in.
+#: The error of the tangent is evaluated over a SoC of at most this standard deviation, and within the steep ends of the
+#: curve, each this wide, over one of at most `END_STD`: otherwise an unknown SoC would let no voltage in.
 TANGENT_STD = 0.2
 STEEP_END = 0.1
 END_STD = 0.1
 
-#: Share of an error of the activation that is not common to all of the overpotential: another one at every SoC, and in
-#: every process of the cell. Measured on LFP, NCA and NMC at -15 to 5 degC with files from 25 degC.
+#: Share of an error of the activation that is not common to the whole overpotential: it differs with SoC, and between
+#: the processes of the cell. Measured on LFP, NCA and NMC at -15 to 5 degC with files from 25 degC.
 UNEVEN_ACTIVATION = 0.5
 
 #: Relative error of the rate at which the hysteresis follows the charge; cells differ by a factor of two.
 HYSTERESIS_RATE_STD = 0.5
 
-#: The same where it follows the net charge, as the variance of its state per unit that it would move if it did not
-#: saturate: turned from one branch to the other it is off by 0.14. On a branch that leaves it a variance.
+#: The same where it follows the net charge: variance of its state per unit that it would move if it did not saturate.
+#: After a turn from one branch to the other it is off by 0.14. On a branch it keeps a variance.
 HYSTERESIS_TURN_VARIANCE = 0.01
 
 #: Far below the resistance of any battery [ohm].
 _LEAST_OHM = 1e-9
 
-#: The largest capacity that is told is ten times the file's: the gain is its inverse.
+#: The largest capacity that is reported is ten times the file's: the gain is its inverse.
 LEAST_CHARGE_GAIN = 0.1
 
 #: Index of the state of charge in the state.
@@ -97,10 +97,10 @@ SOC = 0
 
 
 class AugmentedState(NamedTuple):
-    """The state vector taken apart; likewise vectors of standard deviations or of process variances.
+    """Elements of the state vector, or of a vector of standard deviations or process variances.
 
     circuit: (n + 2,) state of the model, as `Thevenin.state_names`.
-    All others are the states of the errors; one that the file does not doubt is 0.
+    All others are the states of the errors; 0 for one that the file takes as exact.
     """
 
     circuit: Any
@@ -119,7 +119,7 @@ class AugmentedState(NamedTuple):
         return StateOfHealth(resistance_ratio=exp(self.ohmic_log_ratio + coldness * self.ohmic_activation_error_K))
 
     def pair(self, coldness: Scalar) -> StateOfHealth:
-        """The same of the RC pairs."""
+        """The same for the RC pairs."""
         return StateOfHealth(resistance_ratio=exp(self.pair_log_ratio + coldness * self.pair_activation_error_K))
 
 
@@ -127,9 +127,9 @@ class VoltageError(NamedTuple):
     """Difference between the measured voltage and the model's."""
 
     model_std_V: Scalar  #: standard deviation of the error that stays with SoC, the unit of the state `model_error`
-    variance: Scalar  #: of all else [V^2]
-    weight: Scalar  #: factor of that variance in R, because errors hold on from sample to sample
-    uncertain_V2: Scalar = 0.0  #: part of both by the errors of axis and overpotential [V^2]
+    variance: Scalar  #: of all other errors [V^2]
+    weight: Scalar  #: factor of that variance in R, because errors persist from sample to sample
+    uncertain_V2: Scalar = 0.0  #: part of both from the errors of axis and overpotential [V^2]
     #: mean [V] of what the tangent of the curve leaves out, and its part of the variance [V^2]
     tangent_V: Scalar = 0.0
     tangent_V2: Scalar = 0.0
@@ -141,8 +141,8 @@ class AugmentedThevenin:
     """Model functions of the filter: next state, voltage, and their noise."""
 
     model: Thevenin  #: the circuit
-    noise: BatteryNoise  #: of voltage and model
-    sensor: CurrentSensor  #: of the current
+    noise: BatteryNoise  #: noise of voltage and model
+    sensor: CurrentSensor  #: current sensor
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -151,7 +151,7 @@ class AugmentedThevenin:
 
     @property
     def error_names(self) -> tuple[str, ...]:
-        """Names of the states of the errors, in order; without those that the file does not doubt."""
+        """Names of the states of the errors, in order; without those that the file takes as exact."""
         stds = {
             "level_error": self.noise.level_std_V,
             "ohmic_activation_error_K": self.noise.activation_std_K,
@@ -201,7 +201,7 @@ class AugmentedThevenin:
         return Belief(self.vector(mean), cov)
 
     def at_rest(self, belief: Belief, dt_s: float, temperature_degC: float) -> Belief:
-        """The belief after `dt_s` [s] without any current, not even a sensor's: RC voltages fade, all else stays."""
+        """The belief after `dt_s` [s] at a current of exactly zero: RC voltages fade, all else stays."""
         decays = pair_decays(CircuitInput(0.0, temperature_degC), self.model, dt_s)
         F, Q = np.eye(len(belief.mean)), np.zeros_like(belief.cov)
         for j, a in enumerate(decays, start=1):
@@ -220,7 +220,7 @@ class AugmentedThevenin:
     def coldness(self, u: CircuitInput) -> Scalar:
         """Distance from the temperature of the file in an Arrhenius law, 1/T - 1/T_reference [1/K].
 
-        Where nobody measures T, errors are those of a battery that is colder by its standard deviation.
+        Where T is not measured, errors are those of a battery that is colder by its standard deviation.
         """
         return coldness_per_K(u.error_degC, self.model.reference_degC)
 
@@ -250,7 +250,7 @@ class AugmentedThevenin:
         return circuit_V + lasting_V + error.tangent_V
 
     def resistance_ratio(self, state: AugmentedState) -> Scalar:
-        """Resistance to a steady current over that of the file, at the temperature of the file."""
+        """Resistance to a steady current over the file's, at the reference temperature of the file."""
         soc, u = state.circuit[SOC], CircuitInput(-1.0, self.model.reference_degC)
         ohmic_ohm, pair_ohm = ohmic_resistance(soc, u, self.model), sum(pair_resistances(soc, u, self.model))
         grown_ohm = ohmic_ohm * exp(state.ohmic_log_ratio) + pair_ohm * exp(state.pair_log_ratio)
@@ -260,8 +260,8 @@ class AugmentedThevenin:
     def known(self, belief: Belief) -> dict[str, Scalar]:
         """SoC, offset, capacity and resistance with their standard deviations, as the fields of `SocEstimate`.
 
-        Of a function g of the state that is sqrt(G P G'), G = dg/dx. The capacity of the battery cannot be told from
-        the gain of the sensor that counts it, whose error is added.
+        The standard deviation of a function g of the state is sqrt(G P G'), G = dg/dx. Capacity cannot be separated
+        from the gain of the sensor that counts it, so the error of the gain is added.
         """
         x, P = self.split(belief.mean), belief.cov
         variances = self.split(np.diag(P))
@@ -280,7 +280,7 @@ class AugmentedThevenin:
         }
 
     def error_decays(self, current_A: Scalar, clean: CleanSocSample) -> tuple[Scalar, Scalar]:
-        """Decay factors of the model error and of the level's by the charge of this step."""
+        """Decay factors of the model error and the level error over the charge of this step."""
         unknown_A = where(clean.current_known, 0.0, USUAL_C * self.model.capacity_Ah)
         moved_As = (abs(current_A) + unknown_A) * clean.dt_s
         moved = moved_As / self.model.capacity_As
@@ -309,7 +309,7 @@ class AugmentedThevenin:
         return np.diag(self.vector(variances))
 
     def walk_A(self, clean: CleanSocSample) -> Scalar:
-        """Standard deviation [A] of the current as if by which the RC voltages wander."""
+        """Standard deviation [A] of the current that would cause the random walk of the RC voltages."""
         return where(clean.current_known, PAIR_CURRENT_C, MOMENTARY_C) * self.model.capacity_Ah
 
     def pair_ohm(self, x: np.ndarray, clean: CleanSocSample) -> list[Any]:
@@ -318,9 +318,9 @@ class AugmentedThevenin:
         return [ratio * r for r in pair_resistances(x[SOC], clean.mean, self.model)]
 
     def hysteresis_variance(self, h: Scalar, clean: CleanSocSample) -> Scalar:
-        """Process variance of the hysteresis state h: where it moves, its rate may be another; it may also be unknown.
+        """Process variance of the hysteresis state h: its rate is uncertain, and the current may be unknown.
 
-        A rate that is wrong by `HYSTERESIS_RATE_STD` leaves an error that comes and goes with the way still ahead.
+        A rate that is wrong by `HYSTERESIS_RATE_STD` leaves an error in proportion to the distance still to go.
         """
         p, i = self.model, clean.mean.current_A
         moved = abs(i) * clean.dt_s / p.capacity_As
@@ -333,7 +333,7 @@ class AugmentedThevenin:
         return HYSTERESIS_VARIANCE_PER_SOC * moved + turned + unknown
 
     def voltage_error(self, prior: Belief, clean: CleanSocSample) -> VoltageError:
-        """Errors of the voltage that the model gives in the state that is believed."""
+        """Errors of the voltage that the model predicts at the prior mean."""
         noise, state = self.noise, self.split(prior.mean)
         u = clean.now._replace(current_A=clean.now.current_A - state.offset_A)
         soc = state.circuit[SOC]
@@ -357,7 +357,7 @@ class AugmentedThevenin:
         )
 
     def error_shares(self, soc: Scalar, u: CircuitInput) -> dict[str, Scalar]:
-        """Shares of the errors that stay in the standard deviation of their sum at rest; their squares add to 1."""
+        """Shares of model and level error in the standard deviation of their sum at rest; their squares add up to 1."""
         if not self.noise.level_std_V:
             return {"model_error": 1.0}
         _, level_V = self.noise.curve_stds(soc, u.error_degC - self.model.ocv.reference_degC)
@@ -367,7 +367,7 @@ class AugmentedThevenin:
     def tangent_error(
         self, soc: Scalar, slope: Scalar, std: Scalar, circuit: np.ndarray, u: CircuitInput
     ) -> tuple[Scalar, Scalar]:
-        """Mean [V] and variance [V^2] of what the tangent of the open-circuit voltage leaves out over a normal SoC."""
+        """Mean [V] and variance [V^2] of what the tangent of the open-circuit voltage leaves out for a normal SoC."""
         away, near = math.sqrt(3.0) * std, math.sqrt(3.0) * minimum(std, END_STD)
         low = maximum(soc - away, minimum(soc - near, STEEP_END))
         high = minimum(soc + away, maximum(soc + near, 1.0 - STEEP_END))
@@ -380,7 +380,7 @@ class AugmentedThevenin:
         return overpotentials(state.circuit, u, self.model, state.ohmic(self.coldness(u)))
 
     def overpotential_share(self, soc: Scalar, u: CircuitInput) -> Scalar:
-        """Relative error of the overpotential that is no common factor; it grows away from the test's temperature."""
+        """Relative error of the overpotential beyond a common factor; it grows away from the test's temperature."""
         base = self.noise.overpotential_share_at(soc)
         cold = self.coldness(u)
         uneven = UNEVEN_ACTIVATION * self.noise.activation_std_K * cold
@@ -393,12 +393,12 @@ class AugmentedThevenin:
         return state.circuit[SOC] + self.model.ocv_slip * self.slip_at(state)
 
     def axis_variance(self, state: AugmentedState) -> Scalar:
-        """Variance of the SoC axis of the curve: that of the file, and what a loss of capacity adds."""
+        """Variance of the SoC axis of the curve: the file's, and what a loss of capacity adds."""
         slipped = self.noise.ocv_slip_std * self.slip_at(state)
         return self.noise.soc_axis_std**2 + slipped * slipped
 
     def slip_at(self, state: AugmentedState) -> Scalar:
-        """Slip of the electrodes in this state, for each unit of `ocv_slip`; the loss is over the capacity left."""
+        """Slip of the electrodes in this state per unit of `ocv_slip`; the loss is relative to the capacity left."""
         return slip_shape(state.circuit[SOC], self.model.ocv_slip) * (state.charge_gain - 1.0)
 
     def total_ohm(self, state: AugmentedState, u: CircuitInput) -> Scalar:

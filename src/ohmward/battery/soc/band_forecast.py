@@ -1,7 +1,7 @@
-"""Band of the state of charge that a battery file promises: on a working day, at any temperature, after one more test.
+"""Band of the state of charge to expect from a battery file: on a working day, at any temperature, after one more test.
 
 The robot drives from 90 % down to 30 %, with loads that change and a rest in every hour, while the filter of the file
-looks on. Battery and sensors do exactly what the file says, so that what is left is what the file does not know.
+runs. Battery and sensors do exactly what the file says, so that only the uncertainty in the file remains.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ STEP_S, LOAD_S = 10.0, 60.0
 LOADS = (0.2, 1.0, 2.0, 0.8)
 #: The band counts from here on [s]: an unknown start needs its first rests.
 COUNTED_FROM_S = 1800.0
-#: A start that is known, as a robot knows it in the morning: the default of `SocEstimator`.
+#: Standard deviation of a known start, as in the morning: the default of `SocEstimator`.
 KNOWN_START_STD = 0.03
-#: Temperatures of a battery's usual report [degC].
+#: Temperatures of the usual report on a battery [degC].
 TEMPERATURES_DEGC = (25.0, 0.0, -10.0)
 
 
@@ -42,16 +42,16 @@ class BandForecast:
     """Half width of the 95 % band, root mean square along the day, in points."""
 
     temperature_degC: float  #: of the day
-    known_start: float  #: where the day begins with a SoC known within 3 % (1 sigma)
-    unknown_start: float  #: where it begins with the first voltage
+    known_start: float  #: where the day begins with a SoC known to within 3 % (1 sigma)
+    unknown_start: float  #: where SoC at the start comes from the first voltage
 
 
 @dataclass(frozen=True)
 class BandsAfterTest:
-    """Bands at the usual temperatures if one test left no doubt about what it shows."""
+    """Bands at the usual temperatures if one test removed all uncertainty about what it measures."""
 
     test: str  #: in words, "after ..." or "with ..."
-    bands: tuple[BandForecast, ...]  #: one for each temperature, unchanged where the test says nothing
+    bands: tuple[BandForecast, ...]  #: one for each temperature, unchanged where the test has no effect
 
 
 def forecast(battery: Battery, temperatures_degC: Sequence[float] = TEMPERATURES_DEGC) -> tuple[BandForecast, ...]:
@@ -74,9 +74,9 @@ def forecasts_after_tests(
 
 
 def after_tests(battery: Battery) -> dict[str, Battery]:
-    """The battery file after each test, at best: without the doubts that the test removes.
+    """The battery file after each test, at best: without the uncertainty that the test removes.
 
-    A curve that was measured is known as well as that of a file from a low-rate test and a label.
+    A measured curve is known as well as that of a file made from a low-rate test and a label.
     """
     noise = battery.noise
     curve_V = max(start_noise(battery.chemistry, battery.n_series, ocv_known=True).model_std_V)
@@ -132,7 +132,7 @@ WORTH_A_TEST = 0.05
 
 
 def worthwhile_tests(battery: Battery, bands: Sequence[BandForecast]) -> list[BandsAfterTest]:
-    """The bands after each test that narrows them, the best first; none where the file has no bands.
+    """The bands after each test that narrows them, the best first; none if the file has no bands.
 
     bands: of the file as it is.
     """
@@ -145,7 +145,7 @@ def _width(bands: Sequence[BandForecast]) -> float:
 
 
 def taken_as_exact(battery: Battery) -> list[str]:
-    """Keys of [noise] by which the file takes as exact what no test knows exactly."""
+    """Keys of [noise] that are 0 in the file, although no test determines their quantity exactly."""
     keys = ["capacity_std", "resistance_std", "activation_std_K", "ocv_std_V_per_K"]
     keys += ["hysteresis_std"] if any(battery.thevenin.ocv.hysteresis_V) else []
     return [key for key in keys if getattr(battery.noise, key) == 0.0]

@@ -31,14 +31,14 @@ from ohmward.battery.soc.thevenin_filter import FilterState, TheveninFilter
 from ohmward.filters.belief import Belief, unpack
 from ohmward.filters.consistency import BAND_95
 
-#: States whose correlation matrix is closer to singular than this are the same state for the budget.
+#: States whose correlation matrix is closer to singular than this count as one state in the budget.
 _LEAST_EIGENVALUE = 1e-9
 
 
 class VariancePart(NamedTuple):
     """One line of the budget."""
 
-    variance: float  #: part of the whole; all parts together with `VarianceBudget.rest` are the whole
+    variance: float  #: part of the whole; all parts and `VarianceBudget.rest` add up to the whole
     removable: float  #: variance that would vanish if this cause alone were known
 
 
@@ -54,7 +54,7 @@ def variance_budget(cov: np.ndarray, of: int, causes: Mapping[str, Sequence[int]
     """The budget of the state `of`, for causes that are groups of other states.
 
     cov: (n, n), symmetric positive semidefinite.  causes: indices of the states of each cause, by name; about ten at
-    most, because every subset of them is looked at.
+    most, because every subset of them is evaluated.
     """
     names = tuple(causes)
     explained = {
@@ -91,14 +91,14 @@ def _shapley_value(name: str, names: tuple[str, ...], explained: Mapping[tuple[s
     return total
 
 
-#: Half width of the 95 % band up to which SoC is known: one bar of a gauge with ten.
+#: Half width of the 95 % band up to which SoC counts as known: one bar of a gauge with ten.
 KNOWN_HALF_WIDTH = 0.10
-#: Parts of the band below this are not worth a word: half a point.
+#: Smaller parts of the band are not mentioned: half a point.
 LEAST_PART = 0.005
 #: Time for which a current must have been missing before it is named as the cause [s].
 _MISSING_S = 60.0
 
-#: Share of the variance from which a cause is a reason to name, and how many reasons a sentence has at most.
+#: Smallest share of the variance of a cause that is named as a reason, and largest number of reasons in a sentence.
 _MAIN_SHARE, _MOST_REASONS = 0.2, 3
 
 
@@ -107,7 +107,7 @@ class Cause(NamedTuple):
 
     name: str  #: for programs
     text: str  #: in words, as a part of a sentence
-    #: its part of the half width of the 95 % band, in points; the squares of all parts add up to that of the half
+    #: its part of the half width of the 95 % band, in points; the squares of all parts add up to the square of the half
     #: width, as in every uncertainty budget
     points: float
     points_without: float  #: half width in points if this alone were known
@@ -115,13 +115,13 @@ class Cause(NamedTuple):
 
 
 class Conditions(NamedTuple):
-    """Present state of the battery in the quantities that the sentences need."""
+    """Present state of the battery, in the quantities that the sentences need."""
 
     settings: TheveninFilter
     history: ChargeHistory
-    #: largest standard deviation of the states of each cause; of capacity and resistance as the estimate has them
+    #: largest standard deviation of the states of each cause; for capacity and resistance that of the estimate
     std: Mapping[str, float]
-    temperature_degC: float  #: of the battery; where nobody measures it, that for which the errors are taken
+    temperature_degC: float  #: of the battery; if not measured, the colder one assumed for errors
     slope_V: float  #: change of the open-circuit voltage per unit of SoC
     error_V: Mapping[str, float]  #: standard deviation of each part of the model's voltage error, by cause
     usual_error_V: Mapping[str, float]  #: the same under a usual load
@@ -139,7 +139,7 @@ class Wording(NamedTuple):
 
 
 def causes_of(now: Conditions, belief: Belief) -> tuple[Cause, ...]:
-    """The causes that are worth a word, the largest part first."""
+    """The causes that are worth mentioning, the largest part first."""
     budget = variance_budget(belief.cov, SOC, cause_states(now.settings.state_names))
     earlier = budget.rest * voltage_limited_share(now, belief)
     counted = budget.rest - earlier
@@ -166,7 +166,7 @@ def causes_of(now: Conditions, belief: Belief) -> tuple[Cause, ...]:
 
 
 def reasons(now: Conditions, causes: tuple[Cause, ...]) -> tuple[str, ...]:
-    """The reasons for a wide band as one says them: the place on the curve, the main causes, the time without a charge.
+    """The reasons for a wide band in words: the place on the curve, the main causes, the time without a charge.
 
     On a flat part of the curve any error of the voltage is a large error of SoC, so the place comes first, and the last
     full charge counts as much as any cause.
@@ -195,7 +195,7 @@ def cause_states(state_names: tuple[str, ...]) -> dict[str, list[int]]:
 
 
 def shared_out(parts: Mapping[str, VariancePart], now: Conditions) -> dict[str, VariancePart]:
-    """The parts with those of the voltage errors and of the charge gain divided among the errors behind them."""
+    """The parts, with the voltage errors and the charge gain divided among the errors behind them."""
     noise, sensor = now.settings.noise, now.settings.sensor
     shares = {
         "voltage_error": _shares(now.error_V),
@@ -232,7 +232,7 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
     slope_V = float(settings.system.ocv_slope(np.array([x.circuit[SOC]]), x.circuit, u)[0])
     now_V = float(np.linalg.norm([float(v) for v in settings.system.overpotentials(x, u)]))
     usual_V = float(settings.system.total_ohm(x, u)) * USUAL_C * settings.model.capacity_Ah
-    # of the SoC axis: that of the file, and what a lost capacity has moved
+    # SoC axis: the error in the file, and the shift by a loss of capacity
     axis_std = settings.noise.soc_axis_std
     moved_std = math.sqrt(max(float(settings.system.axis_variance(x)) - axis_std**2, 0.0))
     slopes_V = {"axis": axis_std * slope_V, "capacity": moved_std * slope_V}
@@ -259,7 +259,7 @@ def voltage_errors(settings: TheveninFilter, x: AugmentedState, u: CircuitInput,
     at_test, here = float(noise.overpotential_share_at(soc)), float(settings.system.overpotential_share(soc, u))
     weather = UNEVEN_ACTIVATION * float(log_ratio_by_weather(u, model))
     elsewhere_V = math.sqrt(max(here**2 - at_test**2 - weather**2, 0.0)) * over_V
-    tested = noise.activation_std_K == 0.0  # then the cold alone is to blame, not what nobody knows of it
+    tested = noise.activation_std_K == 0.0  # then the cold itself is to blame, not an untested activation
     return {
         "curve": math.hypot(float(noise.model_std_at(soc)), noise.level_std_V),
         "overpotential": math.hypot(at_test * over_V, elsewhere_V if tested else 0.0),
@@ -270,7 +270,7 @@ def voltage_errors(settings: TheveninFilter, x: AugmentedState, u: CircuitInput,
 
 
 def voltage_limited_share(now: Conditions, belief: Belief) -> float:
-    """Share of the remaining variance that comes from errors of earlier voltages, not from counting; 0 if nobody knows.
+    """Share of the remaining variance that comes from errors of earlier voltages, not from counting; 0 if unknown.
 
     1 - P / P_0: a voltage that brought the variance P_0 of counting alone down to P has left its own errors in P.
     """
@@ -286,12 +286,12 @@ def voltage_limited_share(now: Conditions, belief: Belief) -> float:
 
 
 def is_flat(now: Conditions) -> bool:
-    """True where the voltage cannot tell SoC within `KNOWN_HALF_WIDTH`, even after a long rest."""
+    """True where the voltage cannot determine SoC to within `KNOWN_HALF_WIDTH`, even after a long rest."""
     return now.slope_V * KNOWN_HALF_WIDTH < BAND_95 * now.unsettled_V
 
 
 def time_in_words(seconds: float) -> str:
-    """A length of time as it is said: "25 minutes", "7 hours", "6 days"."""
+    """A duration in words: "25 minutes", "7 hours", "6 days"."""
     for unit, length_s in (("day", 86400.0), ("hour", 3600.0)):
         if round(seconds / length_s) >= 2:
             return f"{seconds / length_s:.0f} {unit}s"
@@ -386,10 +386,10 @@ WORDINGS: dict[str, Wording] = {
     "relaxation": Wording(lambda now: "voltage not settled after the last load", _settling),
 }
 
-#: Causes that a test would remove, of those that are wide because there was none.
+#: Causes that are large for lack of a test, which would remove them.
 TESTED = ("activation", "capacity", "hysteresis_size", "ocv_temperature")
 
-#: Cause of a state of the filter by a part of its name, looked at in this order; all others are voltages of RC pairs.
+#: Cause of a state of the filter by a part of its name, matched in this order; all others are voltages of RC pairs.
 _CAUSE_BY_NAME = {
     "activation": "activation",
     "hysteresis_": "hysteresis_size",

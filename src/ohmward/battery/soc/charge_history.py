@@ -1,4 +1,4 @@
-"""Memory of an estimator for people: when the battery was last certainly full, and from where charge is counted."""
+"""Memory of a stateful estimator: when the battery was last certainly full, and from where charge is counted."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class ChargeMemory(NamedTuple):
         """The memory in a snapshot.
 
         Raises:
-            InputError: something else than a memory.
+            InputError: something other than a memory.
         """
         if not isinstance(memory, Mapping):
             raise InputError(f"snapshot memory must be that of snapshot(), got {memory!r:.80}; leave the key out")
@@ -80,7 +80,7 @@ class ChargeMemory(NamedTuple):
         if not len(full):
             return self
         lasts = {len(full) - 1 - int(np.argmax(happened[::-1])) for happened in (full, diverged) if happened.any()}
-        memory = ChargeMemory() if time_s[0] < self.anchor_s else self  # a clock that was set tells no times before it
+        memory = ChargeMemory() if time_s[0] < self.anchor_s else self  # times before the clock was set do not count
         for row in sorted({0} | lasts):
             memory = memory.after(float(time_s[row]), SocEstimate(*(float(column[row]) for column in estimates)))
         return memory

@@ -1,4 +1,4 @@
-"""Sanitise a sample of the battery: what its sensors and its clock cannot have shown is replaced and flagged."""
+"""Sanitise a sample of the battery: replace and flag values that its sensors and its clock cannot have shown."""
 
 from __future__ import annotations
 
@@ -15,51 +15,51 @@ from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC, MOST_C
 from ohmward.trace import logical_not, maximum, where
 from ohmward.trace.expression import Scalar
 
-#: Without a sensor the last current is believed for about this time, then less and less.
+#: Time constant with which the last current fades while none is measured [s].
 HOLD_S = 30.0
 
 #: A longer step says nothing about the current between its two samples [s].
 CURRENT_GAP_S = 600.0
 
-#: A longer step is a clock that was set, not a battery that waited.
+#: A longer step means that the clock was set, not that the battery was idle [s].
 LONGEST_PAUSE_S = 365 * 86400.0
 
 #: Largest voltage of a cell over its highest open-circuit voltage; a sensor without its wire shows 0.
 HIGHEST_VOLTAGE_RATIO = 2.0
 
-#: Standard deviation of a temperature that nobody has measured yet [K]: a robot works indoors and in the field.
+#: Standard deviation of a temperature that has not been measured yet [K]: a robot works indoors and outdoors.
 WEATHER_STD_K = 15.0
 
-#: Where the largest current is not given, a number from here on is none: squares and sums of it overflow.
+#: Without a limit of the current, anything from here on counts as missing [A]: its squares and sums overflow.
 _NO_NUMBER_A = 1e9
 
 
 class SampleLimits(NamedTuple):
-    """Limits of what is believed of a sample."""
+    """Plausibility limits of a sample."""
 
     gap_s: float  #: a longer step says nothing about the current between its two samples
     #: largest current; more is a fault of the sensor: one sample of it would move SoC for good
     current_A: float = math.inf
-    #: of the battery; no such battery shows more than `HIGHEST_VOLTAGE_RATIO` times as much
+    #: of the battery; `HIGHEST_VOLTAGE_RATIO` times as much, and more, is a fault of the sensor
     highest_ocv_V: float = math.inf
 
 
 def sample_limits(model: Thevenin | RcModel, gap_s: float) -> SampleLimits:
-    """Limits of what is believed of a sample of a battery."""
+    """Plausibility limits of a sample of a battery."""
     return SampleLimits(gap_s, MOST_C * model.capacity_Ah, model.ocv.voltage_V[-1])
 
 
 class CleanSocSample(NamedTuple):
-    """A sample whose every number is finite, with flags of what was replaced."""
+    """Sample with finite numbers only, and flags for those that were replaced."""
 
     dt_s: Scalar  #: step [s], >= 0
     mean: CircuitInput  #: mean current over the step and temperature
     now: CircuitInput  #: current of this instant and temperature
     change_A: Scalar  #: current now minus current before
     current_measured: Any  #: the condition that the current of this instant is measured
-    current_known: Any  #: the condition that it is, and close enough in time to the one before
-    unknown_s: Scalar  #: time for which the current has not been known, this step included; 0 where it is
-    voltage_V: Scalar  #: measured terminal voltage; 0 where it is not
+    current_known: Any  #: the condition that it is measured, and close enough in time to the previous one
+    unknown_s: Scalar  #: time for which the current has not been known, this step included; 0 where it is known
+    voltage_V: Scalar  #: measured terminal voltage; 0 where it is missing
     voltage_measured: Any  #: the condition that it is measured
     flags: Scalar  #: sum of `SocFlag`
 
@@ -68,9 +68,9 @@ class CleanBareSample(NamedTuple):
     """A sample sanitised for filters that must fit into a small microcontroller: no flags, no fading, no gaps."""
 
     dt_s: Scalar  #: step [s], >= 0
-    current_A: Scalar  #: of this instant; that of the sample before where it is not measured
+    current_A: Scalar  #: of this instant; the previous one where it is missing
     mean_A: Scalar  #: mean current over the step
-    voltage_V: Scalar  #: measured terminal voltage; 0 where it is not
+    voltage_V: Scalar  #: measured terminal voltage; 0 where it is missing
     measured: Any  #: the condition that it is measured
 
 
@@ -78,19 +78,19 @@ class Rest(NamedTuple):
     """A rest of the battery."""
 
     rest_s: Any = 0.0  #: time for which the current has been below the rest threshold
-    used: Any = 0.0  #: 1 once the voltage of this rest has been used: it would say the same again and again
+    used: Any = 0.0  #: 1 once the voltage of this rest has been used: repeating it would add nothing
 
 
 def sanitize(
     sample: SocSample, before: CircuitInput, limits: SampleLimits, unknown_before_s: Scalar = 0.0
 ) -> CleanSocSample:
-    """The sample with everything that cannot be true replaced by what was last known, and flagged.
+    """The sample with impossible values replaced by the last credible ones, and flagged.
 
-    Where the step is a gap, the line between its two currents is taken for `limits.gap_s` of it and no current for the
-    rest: a robot that was switched off did not go on driving.
+    Over a gap, the straight line between its two currents is assumed for `limits.gap_s`, and no current for the
+    remainder: a robot that was switched off did not go on driving.
 
     before: last current and temperature.
-    unknown_before_s: time for which the current had not been known before this step.
+    unknown_before_s: time for which the current was unknown before this step.
     """
     step = sanitize_step(sample.dt_s, LONGEST_PAUSE_S, limits.gap_s)
     current_measured = is_current(sample.current_A, limits.current_A)
@@ -125,7 +125,7 @@ def sanitize(
 def sanitize_bare(
     sample: SocSample, before_A: Scalar, highest_ocv_V: float, longest_step_s: float = LONGEST_PAUSE_S
 ) -> CleanBareSample:
-    """The sample with a current, a step and a voltage that cannot be true replaced; before_A: last current."""
+    """The sample with an impossible current, step or voltage replaced; before_A: last current."""
     current_A = hold(sample.current_A, is_current(sample.current_A), before_A)
     measured = is_voltage(sample.voltage_V, highest_ocv_V)
     return CleanBareSample(
@@ -138,7 +138,7 @@ def sanitize_bare(
 
 
 def first_input(first: SocSample, current_limit_A: float = math.inf) -> CircuitInput:
-    """Current and temperature of the first sample: no current and room temperature where it says nothing credible."""
+    """Current and temperature of the first sample; zero and room temperature where they are not credible."""
     current_A = hold(first.current_A, is_current(first.current_A, current_limit_A), 0.0)
     measured = is_temperature(first.temperature_degC)
     temperature_degC = hold(first.temperature_degC, measured, ROOM_DEGC)
@@ -149,7 +149,7 @@ def continue_rest(before: Rest, resting: Any, dt_s: Scalar, settle_s: float, usa
     """The rest after a step, and the condition that its voltage is to be used now: once, when the rest has settled.
 
     resting: the condition that the current is below the rest threshold.
-    settle_s: length of a rest after which its voltage is that of an open circuit.
+    settle_s: length of a rest after which its voltage is the open-circuit voltage.
     usable: the condition that there is a voltage.
     """
     rest_s = where(resting, before.rest_s + dt_s, 0.0)

@@ -50,7 +50,7 @@ class CoulombState(NamedTuple):
     white_variance: Any  #: variance of the errors that accumulate at random: start, sensor noise, gaps
     moved: Any  #: net change of SoC since the start; a gain error multiplies it
     elapsed_s: Any  #: time since the start; an offset multiplies it
-    #: last credible ones
+    #: last credible values
     current_A: Any
     temperature_degC: Any
     unknown_s: Any  #: time for which the current has not been known
@@ -58,12 +58,12 @@ class CoulombState(NamedTuple):
 
 @dataclass(frozen=True)
 class CoulombCounting:
-    """Settings; the voltage is looked at once, to find or check the initial SoC."""
+    """Settings; the voltage is used once, to find or check the initial SoC."""
 
     model: Thevenin  #: gives capacity and coulombic efficiency, and the OCV for the start
-    #: of the model; its capacity, and its voltage for the start
+    #: errors of the model: of its capacity, and of its voltage for the start
     noise: BatteryNoise = field(default_factory=BatteryNoise)
-    sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: of the current
+    sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: current sensor
     gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
 
     def __post_init__(self) -> None:
@@ -71,7 +71,7 @@ class CoulombCounting:
 
     @property
     def limits(self) -> SampleLimits:
-        """Limits of what is believed of a sample."""
+        """Plausibility limits of a sample."""
         return sample_limits(self.model, self.gap_s)
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> CoulombState:
@@ -118,8 +118,8 @@ class CoulombCounting:
 def charge_variance(clean: CleanSocSample, sensor: CurrentSensor, model: Thevenin) -> Scalar:
     """Variance of the change of SoC in one step: sensor noise, the path between two samples (`PATH_SHARE`), a gap.
 
-    An unknown current is a usual one, `USUAL_C`, in either direction, and the same one until it is known again: its
-    variance grows with the square of the time, whether that is one long step or many short ones.
+    An unknown current is assumed to be a usual one, `USUAL_C`, in either direction, and constant until it is known
+    again: the variance grows with the square of the time, whether in one long step or in many short ones.
     """
     sensor_As2 = sensor.noise_std_A**2 * clean.dt_s
     path_As2 = (PATH_SHARE * clean.change_A * clean.dt_s) ** 2
@@ -134,13 +134,13 @@ def growth_while_unknown(variance: Callable[[Any], Any], clean: CleanSocSample) 
     return where(clean.current_known, 0.0, growth)
 
 
-#: Overpotential that is left when a rest has settled, as the current through the pairs that would hold it, in multiples
-#: of the capacity per hour: after `settle_s` the pairs of the model have relaxed, the diffusion that it lacks has not.
+#: Overpotential that remains after a rest has settled, as the current through the RC pairs that would cause it, in
+#: multiples of the capacity per hour: after `settle_s` the pairs have relaxed, but diffusion, not modelled, has not.
 REST_CURRENT_C = 0.05
 
 
 class RestOcvState(NamedTuple):
-    """Coulomb counting, and the rest that the battery may be in."""
+    """State of coulomb counting, and the present rest, if any."""
 
     counting: CoulombState
     rest: Rest
@@ -148,13 +148,13 @@ class RestOcvState(NamedTuple):
 
 @dataclass(frozen=True)
 class RestOcv:
-    """Settings, the first as for coulomb counting."""
+    """Settings; the first four are those of coulomb counting."""
 
     model: Thevenin
     noise: BatteryNoise = field(default_factory=BatteryNoise)
     sensor: CurrentSensor = field(default_factory=CurrentSensor)
     gap_s: float = CURRENT_GAP_S
-    rest_share: float = 0.03  #: current below this share of 1 C, and three sigma of its noise, counts as rest
+    rest_share: float = 0.03  #: current below this share of 1 C plus three sigma of its noise counts as rest
     settle_s: float = 900.0  #: length of a rest before its voltage is used
 
     def __post_init__(self) -> None:
@@ -196,7 +196,7 @@ class RestOcv:
         )
 
     def correct(self, state: CoulombState, soc_std: Scalar, voltage_V: Scalar) -> tuple[CoulombState, Scalar, Scalar]:
-        """Coulomb counting restarted from this voltage of a rest, a scalar Kalman update.
+        """Coulomb counting restarted from the voltage of a rest by a scalar Kalman update.
 
         soc_std: of the SoC so far.
         Returns: also the open-circuit voltage expected before it, and the standard deviation of the innovation [V].

@@ -1,4 +1,4 @@
-"""State of charge for people: an estimator that remembers. `update` takes live samples, `run` takes a whole log."""
+"""Stateful estimator of the state of charge: `update` takes live samples, `run` takes a whole log."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ class SocRun(Run[SocEstimate]):
     settings: Any
     kernel: Kernel
     end: Any
-    history: ChargeHistory  #: time since events that anchor SoC, before the log too where the estimator went on
+    history: ChargeHistory  #: time since the events that anchor SoC, also those before this log
     label: str = "estimate"  #: estimator and battery, for a legend
 
     flag_type = SocFlag
 
     def explain(self) -> Explanation:
-        """The state of charge at the end of the log in one sentence, and the causes of its band."""
+        """State of charge at the end of the log in one sentence, and the causes of its uncertainty."""
         last = SocEstimate(*(float(column[-1]) for column in self.estimates))
         return explain(self.settings, self.kernel, self.end, last, self.history)
 
@@ -57,14 +57,13 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
     (0.8, True)
 
     Args:
-        battery: identified or generic; or settings of an estimator, as `make_estimator` or `TheveninFilter` gives them.
+        battery: identified or generic; or settings of an estimator: a `TheveninFilter`, or those of `make_estimator`.
         initial_soc: in [0, 1]; None takes it from the first voltage.
         initial_soc_std: standard deviation of that value. A value that the first voltage contradicts is overruled.
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
-        filter: name of the estimator of a battery, see `ohmward.available`; by default the one that wins for its
-            chemistry.
-        unix_s: Unix time of the first sample [s], for what the battery's file knows of its capacity becomes doubtful
-            with age; None where nobody knows. `run` takes that of the log.
+        filter: name of the estimator, see `ohmward.available`; by default the Gaussian sum filter, "gsf".
+        unix_s: Unix time of the first sample [s], since the capacity in the battery file becomes less certain with age;
+            None if unknown. `run` takes it from the log.
     """
 
     flag_type = SocFlag
@@ -97,15 +96,15 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         voltage_V: float | None,
         temperature_degC: float | None = math.nan,
     ) -> SocEstimate:
-        """Estimate after one live sample. A bad one is survived and flagged, see `SocFlag`; None and nan are missing.
+        """Estimate after one live sample; a bad one is tolerated and flagged, see `SocFlag`. None and nan are missing.
 
-        time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
-            where it is earlier by more than a minute, or the fifth late one in a row, the clock was set, and time goes
-            on from there.
+        time_s: time stamp. A late sample (its time stamp before the previous one) is used without a step in time; if
+            it is earlier by more than a minute, or the fifth late one in a row, the clock is assumed to have been set,
+            and time continues from there.
         current_A: > 0 charges.
 
         Raises:
-            InputError: something else than a number.
+            InputError: something other than a number.
         """
         if not float is type(time_s) is type(current_A) is type(voltage_V) is type(temperature_degC):
             time_s = number("time_s", time_s)
@@ -129,7 +128,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         return super().step(sample)
 
     def _after_gap(self, sample: Any, clock_s: float) -> SocEstimate:
-        """Estimate after a sample that a gap comes before in which nothing is known of the current."""
+        """Estimate after a sample that follows a gap with unknown current."""
         dt_s, *measured = sample
         if not dt_s <= LONGEST_PAUSE_S:
             return self._advance(sample, clock_s)
@@ -140,14 +139,14 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         return self.last
 
     def _begin_after_gap(self, first: SocSample, gap_s: float) -> None:
-        """Begin again before the first sample that follows such a gap."""
+        """Restart before the first sample that follows such a gap."""
         self.state, self.memory = after_gap(self.settings, self.state, first, gap_s), _NO_MEMORY
 
     def run(self, log: LogSource, progress: Progress | None = None) -> SocRun:
-        """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start.
+        """Estimates for every sample of a log, continuing from the present state; a new estimator starts with the log.
 
-        Where a column of the log says that the battery is full, as a charger does, the filters on the Thevenin model
-        are told, as by `tell_soc`.
+        Where a column of the log reports a full battery, as a charger does, the filters on the Thevenin model are
+        corrected as by `tell_soc`.
 
         log: a Log, or a path or DataFrame of one.
         progress: called now and then with (steps done, T).
@@ -161,14 +160,14 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         return SocRun(log.time_s, estimates, seconds, settings, self.kernel, self.state, history, self.title)
 
     def tell_soc(self, soc: float = 1.0, soc_std: float | None = None) -> SocEstimate:
-        """Estimate after something else than a sample has told the state of charge, such as the flag of a charger.
+        """Estimate after a state of charge from another source than the samples, such as the flag of a charger.
 
-        To tell it once more changes next to nothing, so that it may be called for as long as the charger says so.
+        Repeating it changes next to nothing, so it may be called for as long as the charger reports full.
 
-        soc: told, in [0, 1]; soc_std: its standard deviation, None is that of a full charge in this chemistry.
+        soc: given, in [0, 1]; soc_std: its standard deviation, None takes that of a full charge in this chemistry.
 
         Raises:
-            InputError: values out of range, no sample yet, or an estimator that cannot be told.
+            InputError: values out of range, no sample yet, or an estimator that takes no state of charge from outside.
         """
         if self.last is None:
             raise InputError("tell_soc needs an estimate: give update() a sample first")
@@ -181,14 +180,14 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         return self.last
 
     def _with_given(self, soc: float = 1.0, soc_std: float | None = None) -> SocEstimate:
-        """The estimate after the last one when the state of charge was told, and the state with it."""
+        """Update the state with a given state of charge, and return the estimate."""
         std = full_charge(self.settings).std if soc_std is None and takes_given_soc(self.settings) else soc_std
         assert self.last is not None
         self.state, estimate = tell_soc(self.settings, self.state, self.last, SocNormal(soc, std))
         return estimate
 
     def _scan_log(self, log: Log, progress: Progress | None) -> tuple[SocEstimate, float]:
-        """Estimates along a log and the seconds; a piece of it ends where a column says full, or at a long gap."""
+        """Estimates along a log and the run time [s]; the log is split where a column reports full and at long gaps."""
         samples = samples_of(log, self.time_s)
         says_full = says_full_at(self.settings, log)
         gaps = {k: float(samples.dt_s[k]) for k in after_long_gaps(self.settings, samples.dt_s)}
@@ -214,7 +213,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         return SocEstimate(*(np.concatenate(columns) for columns in zip(*pieces, strict=True))), seconds
 
     def explain(self) -> Explanation:
-        """The state of charge in one sentence, the causes of its band, and what would settle it; takes some 50 ms.
+        """State of charge in one sentence, the causes of its uncertainty, and what would settle it; takes about 50 ms.
 
         Raises:
             InputError: there is no estimate before the first sample.
@@ -230,7 +229,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
 
     @classmethod
     def restore(cls, settings: Any, snapshot: Mapping[str, Any], **options: Any) -> Self:
-        """The estimator that goes on from a snapshot, see `LiveEstimator.restore`; one without a memory begins one."""
+        """Estimator that continues from a snapshot, see `LiveEstimator.restore`; the memory may be missing from it."""
         estimator = super().restore(settings, snapshot, **options)
         if "memory" in snapshot:
             estimator.memory = ChargeMemory.of_json(snapshot["memory"])
@@ -241,7 +240,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         return on_day(self.settings, self.unix_s).init(first, self.initial_soc, self.initial_soc_std)
 
     def init_again(self, sample: SocSample) -> Any:
-        """State before a sample of which nothing is known: what was said of the start no longer holds."""
+        """State before a sample after the last state was lost: the initial SoC given by the user no longer holds."""
         return self.settings.init(sample)
 
     def no_sample(self) -> SocSample:
@@ -254,7 +253,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
 
 
 def estimator_of(battery: Battery | Estimator, filter: str) -> Estimator:
-    """The estimator of that name for a battery; one that is given is taken as it is.
+    """Estimator of that name for a battery; an estimator is returned as it is.
 
     Raises:
         InputError: neither a battery nor an estimator, or no estimator of that name.
@@ -265,19 +264,19 @@ def estimator_of(battery: Battery | Estimator, filter: str) -> Estimator:
 
 
 def says_full_at(settings: Estimator, log: Log) -> set[int]:
-    """Rows at which a column of the log tells this estimator that the battery is full."""
+    """Rows at which a column of the log reports a full battery; none for an estimator that cannot use it."""
     return {k for _, k in log.full_charges()} if takes_given_soc(settings) else set()
 
 
 def after_long_gaps(settings: Estimator, dt_s: np.ndarray) -> list[int]:
-    """Rows after a gap in which nothing is known of the current; dt_s: steps (T,)."""
+    """Rows that follow a gap with unknown current; dt_s: steps (T,)."""
     return np.flatnonzero((dt_s > longest_known_gap_s(settings)) & (dt_s <= LONGEST_PAUSE_S)).tolist()
 
 
 def on_day(settings: Estimator, unix_s: float | None) -> Estimator:
-    """The estimator that begins at a Unix time [s], with what its battery's file knows of the capacity by then.
+    """Estimator for a start at a Unix time [s], with the uncertainty that capacity and resistances have by then.
 
-    Its step is the same; only the state that it begins with is not. None is a day that nobody knows.
+    Its step is the same; only the initial state differs. None is an unknown day.
     """
     if unix_s is None:
         return settings
@@ -289,7 +288,7 @@ def on_day(settings: Estimator, unix_s: float | None) -> Estimator:
 
 
 def _from(begin: int, steps: int, progress: Progress | None) -> Progress | None:
-    """The progress of a piece of a log that begins after so many steps."""
+    """Progress callback for a piece of a log that begins after `begin` steps."""
     return None if progress is None else lambda done, _: progress(begin + done, steps)
 
 
@@ -300,7 +299,7 @@ def _title(battery: Battery | Estimator, filter: str) -> str:
 
 
 def samples_of(log: Log, before_s: float = math.nan) -> SocSample:
-    """The log as samples (T,), its first step counted from `before_s` where that is a time before it."""
+    """The log as samples (T,); its first step counts from `before_s` if that is before the log."""
     first = log.time_s[0] if not before_s < log.time_s[0] else before_s
     temperature = log.temperature_degC
     if temperature is None:

@@ -1,9 +1,9 @@
-"""State of charge in one sentence: known within so much, or between these bounds, why, and what would settle it.
+"""State of charge in one sentence: its band, or its bounds with the reasons and what would settle it.
 
 Rehearsal of a remedy: the band that the filter will show after a rest or a full charge, computed beforehand. The truth
 is placed at two points of the belief along SoC, one standard deviation below and above the mean, with every other state
-moved along as it is correlated. From each of them the model gives the voltage that the remedy would show, and the
-filter itself runs on it from its present state. The mean of the two variances is what to expect.
+moved along by its correlation. From each of them the model gives the voltage that the remedy would show, and the filter
+itself runs on it from its present state. The mean of the two variances is the one to expect.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ REHEARSAL_STEP_S = 30.0
 CHARGE_C = 0.25
 #: Rest after a full charge [s], in which the charger still holds the battery.
 AFTER_CHARGE_S = 1800.0
-#: The truth stands here, in standard deviations from the belief: the two-point Gauss-Hermite rule, equal weights.
+#: Assumed truths, in standard deviations from the mean: the two-point Gauss-Hermite rule, equal weights.
 POINTS = (-1.0, 1.0)
 
 
@@ -75,14 +75,14 @@ def std_after_full_charge(settings: TheveninFilter, kernel: Kernel, state: Filte
 def filtered(
     settings: TheveninFilter, kernel: Kernel, state: FilterState, x: np.ndarray, samples: SocSample
 ) -> SocEstimate:
-    """Estimates (T,) of the filter from a state on, where the battery is in the true state x."""
+    """Estimates (T,) of the filter, continuing from a state while the battery is in the true state x."""
     voltage_V = true_voltage(settings, state, x, samples)
     _, estimates = kernel.scan(state, samples._replace(voltage_V=voltage_V))
     return estimates
 
 
 def truth_at(settings: TheveninFilter, belief: Belief, point: float) -> np.ndarray:
-    """State whose SoC is `point` standard deviations from the believed one, the others as they are correlated."""
+    """State whose SoC is `point` standard deviations from the mean, the others moved along by their correlation."""
     direction = belief.cov[:, SOC] / np.sqrt(max(belief.cov[SOC, SOC], 1e-12))
     x = belief.mean + point * direction
     hysteresis = settings.system.hysteresis_index
@@ -92,7 +92,7 @@ def truth_at(settings: TheveninFilter, belief: Belief, point: float) -> np.ndarr
 
 
 def true_voltage(settings: TheveninFilter, state: FilterState, x: np.ndarray, samples: SocSample) -> np.ndarray:
-    """(T,) voltage [V] of the model along the samples, from its state x on."""
+    """(T,) voltage [V] of the model along the samples, starting in state x."""
     before_A = np.concatenate([[state.current_A], samples.current_A[:-1]])
     no_variance = np.zeros((len(x), len(x)))
 
@@ -109,7 +109,7 @@ def true_voltage(settings: TheveninFilter, state: FilterState, x: np.ndarray, sa
 
 
 def _measured_A(settings: TheveninFilter, x: np.ndarray, true_A: Any) -> Any:
-    """Current that the sensor shows of a true one, where the true state is x."""
+    """Reading of the sensor at a true current, where the true state is x."""
     return true_A + float(x[settings.system.offset_index])
 
 
@@ -140,7 +140,7 @@ class Remedy(NamedTuple):
 
 
 class Explanation(NamedTuple):
-    """State of charge as people say it; `str()` is the sentence."""
+    """State of charge in words; `str()` is the sentence."""
 
     soc: float
     #: ends of the 95 % band, in [0, 1]

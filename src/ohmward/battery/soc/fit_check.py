@@ -1,12 +1,12 @@
-"""Checks that the battery file fits the log: errors that no sensor and no battery of this kind has are no estimates.
+"""Checks that the battery file fits the log: the estimates must not need errors that sensor and battery cannot have.
 
-A file of another battery, chemistry or capacity, a current of the wrong sign or unit: the filter then explains the
-voltage by whatever state may err, and is sure of it. Three things in its estimates show it: an offset that the current
-sensor cannot have, a capacity that no such battery has, and innovations that stay larger than the filter expects. Two
-show in the log itself: another number of cells explains the voltage, or the current misses a charge.
+With a file of another battery, chemistry or capacity, or a current of the wrong sign or unit, the filter explains the
+voltage by whatever state may be in error, and is confident. Three signs are in its estimates: an offset that the
+current sensor cannot have, a capacity that no such battery has, and innovations that stay larger than the filter
+expects. Two are in the log itself: another number of cells explains the voltage, or the current misses a charge.
 
-A spike of the voltage says nothing about the file. What is outside the gate counts as its limit, so that only errors
-over a large share of the time make a misfit.
+A spike of the voltage says nothing about the file. An innovation outside the gate counts as its limit, so that only
+errors over a large share of the time make a misfit.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ LARGEST = math.sqrt(TheveninFilter.gate)
 def misfits(battery: Battery, log: Log, settings: Estimator, estimates: SocEstimate) -> tuple[Note, ...]:
     """Warnings that the battery file does not fit the log and the estimates are not to be trusted; () where it does.
 
-    settings, estimates: of the estimator that ran over the log. Only those of filters whose states are the errors of
-        sensor and model too are judged; the innovations of others always are larger than they expect.
+    settings, estimates: of the estimator that ran over the log. Only filters that have the errors of sensor and model
+        as states are judged; the innovations of others are always larger than they expect.
     """
     found = list(contradictions(log, battery))
     if is_judged(settings) and (needed := _needed(log.time_s, settings, estimates)):
@@ -51,7 +51,7 @@ def is_judged(settings: Estimator) -> TypeGuard[TheveninFilter | GaussianSumFilt
 
 
 def _needed(time_s: np.ndarray, settings: TheveninFilter | GaussianSumFilter, estimates: SocEstimate) -> list[str]:
-    """Errors that the file would need to explain the log, and that sensor and battery cannot have."""
+    """Errors that it would take to explain the log with this file, but that sensor and battery cannot have."""
     sensor = settings.sensor
     offset_A, capacity = float(estimates.current_offset_A[-1]), float(estimates.soh_capacity[-1])
     needed = []
@@ -66,7 +66,7 @@ def _needed(time_s: np.ndarray, settings: TheveninFilter | GaussianSumFilter, es
 
 
 def lasting_error(time_s: np.ndarray, estimates: SocEstimate) -> float:
-    """Errors of the voltage over those that the filter expects: of single samples or of minutes, whichever is more.
+    """Errors of the voltage over the expected ones: of single samples or of means over minutes, whichever is larger.
 
     nan where there are too few.
     """

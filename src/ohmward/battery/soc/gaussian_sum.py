@@ -1,18 +1,18 @@
-"""State of charge by a Gaussian sum filter: a few extended Kalman filters side by side, weighed by their likelihood.
+"""State of charge by a Gaussian sum filter: a few extended Kalman filters side by side, weighted by their likelihood.
 
     p(x) = sum of w_k N(x; m_k, P_k)                                                    (Alspach and Sorenson 1972)
     w_k <- w_k^a N(nu_k; 0, S_k),    a = exp(-moved charge / length)            (Raftery, Karny and Ettler 2010, 2.7)
 
-One Gaussian cannot hold "the value given at the start is right, or it is wrong", nor a flat part of the curve from an
-unknown start. Each hypothesis begins at another part of the state of charge (`initial_soc.hypotheses`); all see the
-same samples, and the voltage tells which of them holds. Mean and standard deviation are those of the sum.
+One Gaussian cannot represent "the value given at the start is right, or it is wrong", nor a flat part of the curve from
+an unknown start. Each hypothesis begins in another range of the state of charge (`initial_soc.hypotheses`); all see the
+same samples, and the voltage decides between them. Mean and standard deviation are those of the sum.
 
-Evidence fades as charge moves on, by the forgetting factor a: a hypothesis explains a voltage by errors of
-the model that hold on as far as the level of the curve does, and by the next pass they are others. Without it a small
-error of the model, met at every pass, decides in a day between hypotheses that are all in doubt.
+Evidence fades as charge flows, by the forgetting factor a: the errors of the model by which a hypothesis explains a
+voltage persist as far as the level of the curve does, and have changed by the next pass. Without it a small error of
+the model, met at every pass, would decide within a day between hypotheses that are all uncertain.
 
-A voltage that no hypothesis can believe weighs none of them; one that some can believe weighs all, at most as much as
-their gate. The voltage contradicts the filter where it contradicts every hypothesis.
+A voltage that every hypothesis rejects leaves the weights as they are; one that some accept changes all of them, at
+most by as much as the gate. The voltage contradicts the filter where it contradicts every hypothesis.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ from ohmward.filters.gate import choose, restarted_at
 from ohmward.trace import clip, exp, log, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 
-#: Hypotheses of the default: told right, and two cells of "told wrong", or three cells of an unknown start. With two
-#: the interval score of wrong starts on measured LFP doubles, with four nothing is gained.
+#: Default number of hypotheses: "the given value is right" and two cells of "it is wrong", or three cells of an unknown
+#: start. With two the interval score of wrong starts on measured LFP doubles, with four nothing is gained.
 HYPOTHESES = 3
 
-#: Least weight of a hypothesis over that of the most likely one, as a logarithm: no weight underflows, one that was
-#: ruled out can come back, and at the far end of the curve it adds less than 0.3 % to the standard deviation.
+#: Smallest weight of a hypothesis over that of the most likely one, as a logarithm: no weight underflows, a hypothesis
+#: that was ruled out can come back, and at the far end of the curve it adds less than 0.3 % to the standard deviation.
 LEAST_LOG_WEIGHT = -12.0
 
 
@@ -54,7 +54,7 @@ class GaussianSumState(NamedTuple):
 
     members: tuple[FilterState, ...]  #: state of the filter of each hypothesis
     log_weights: np.ndarray  #: (K,), ln of the weights over that of the most likely hypothesis, at most 0
-    walk_A2: np.ndarray  #: (n,), variance of the current [A^2] as if by which each RC voltage has wandered
+    walk_A2: np.ndarray  #: (n,), variance of the current [A^2] that would cause the random walk of each RC voltage
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class GaussianSumFilter:
         return self.member.state_names
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> GaussianSumState:
-        """State before the first sample, which it looks at; arguments as those of `TheveninFilter.init`."""
+        """State before the first sample, whose voltage is used; arguments as for `TheveninFilter.init`."""
         return self.start_from(first, *self.voltage_start.hypotheses(first, soc, soc_std))
 
     @property
@@ -97,9 +97,9 @@ class GaussianSumFilter:
         return self.begun(members, [log(maximum(part.weight, _TINY)) for part in parts])
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> GaussianSumState:
-        """State before the first sample, with a SoC that is taken as it is; traceable, for microcontrollers.
+        """State before the first sample at the given SoC, unchecked by its voltage; traceable, for microcontrollers.
 
-        That it is wrong has the same prior as in `init`, in cells of equal width.
+        The prior probability that it is wrong is that of `init`, in cells of equal width.
         """
         wrong = equal_cells(self.count - 1)
         members = tuple(self.member.start(first, *part) for part in [(soc, soc_std), *wrong])
@@ -135,7 +135,7 @@ class GaussianSumFilter:
         return after, with_misfit(mixed([step.estimate for step in steps], log_weights), self.sensor)
 
     def walk_variance(self, before_A2: np.ndarray, clean: CleanSocSample) -> np.ndarray:
-        """(n,) variance of the current [A^2] as if by which each RC voltage has wandered, after this step."""
+        """(n,) variance of the current [A^2] that would cause the random walk of each RC voltage, after this step."""
         decays = pair_decays(clean.mean, self.member.model, clean.dt_s)
         now_A2 = self.system.walk_A(clean) ** 2
         return np.array([now_A2 + a * a * (old - now_A2) for a, old in zip(decays, before_A2, strict=True)])
@@ -143,7 +143,7 @@ class GaussianSumFilter:
     def evidence(
         self, before: FilterState, update: TheveninUpdate, walk_A2: np.ndarray, clean: CleanSocSample
     ) -> Scalar:
-        """Log likelihood of the hypothesis that this filter holds; see `log_likelihood`."""
+        """Log likelihood of the hypothesis of this filter; see `log_likelihood`."""
         fades = pair_decays(clean.mean, self.member.model, self.member.noise.correlation_s)
         ohm = self.system.pair_ohm(before.belief.mean, clean)
         renewed_V2 = sum(r * r * v * (1 - a * a) for r, v, a in zip(ohm, walk_A2, fades, strict=True))
@@ -154,7 +154,7 @@ class GaussianSumFilter:
         return log_likelihood(update.correction.innovation, update.R, update.error, widths, self.member.gate)
 
     def variance_after(self, before: FilterState, name: str, decay: Scalar) -> Scalar:
-        """Variance of the Gauss-Markov state `name` of a member after a step, 1 where it is not there."""
+        """Variance of the Gauss-Markov state `name` of a member after a step, 1 where it has no such state."""
         if name not in self.state_names:
             return 1.0
         k = self.state_names.index(name)
@@ -162,13 +162,13 @@ class GaussianSumFilter:
 
     @property
     def restarts(self) -> list[Callable[[Belief], Belief]]:
-        """Functions that declare SoC unknown in each hypothesis: one cell of it for each, of equal width."""
+        """Functions that declare SoC unknown in each hypothesis: each gets one of the cells of equal width."""
         if self.count == 1:
             return [forget_soc]
         return [partial(restarted_at, i=SOC, mean=soc, variance=std**2) for soc, std in equal_cells(self.count)]
 
     def merged(self, state: GaussianSumState) -> FilterState:
-        """The state of one filter whose belief has the mean and the covariance of the sum; the rest as most likely."""
+        """State of one filter with the mean and the covariance of the sum; the rest is the most likely member's."""
         beliefs = [unpack(member.belief) for member in state.members]
         weights = normalised(state.log_weights)
         mean = sum(w * b.mean for w, b in zip(weights, beliefs, strict=True))
@@ -182,7 +182,7 @@ def equal_cells(count: int) -> list[tuple[float, float]]:
 
 
 def relative(log_weights: Sequence[Any] | np.ndarray) -> np.ndarray:
-    """(K,) log weights over the largest of them, none below `LEAST_LOG_WEIGHT`."""
+    """(K,) log weights relative to the largest of them, none below `LEAST_LOG_WEIGHT`."""
     largest = reduce(maximum, log_weights)
     return np.array([maximum(log_weight - largest, LEAST_LOG_WEIGHT) for log_weight in log_weights])
 
@@ -195,7 +195,7 @@ def normalised(log_weights: Iterable[Any]) -> list[Any]:
 
 
 def most_likely(members: Sequence[Any], log_weights: Sequence[Any] | np.ndarray) -> Any:
-    """The member of the largest weight, the first of several."""
+    """The member with the largest weight, the first of several."""
     best, largest = members[0], log_weights[0]
     for member, log_weight in zip(members[1:], log_weights[1:], strict=True):
         best = choose(log_weight > largest, member, best)
@@ -204,7 +204,7 @@ def most_likely(members: Sequence[Any], log_weights: Sequence[Any] | np.ndarray)
 
 
 def mixed(estimates: Sequence[SocEstimate], log_weights: Sequence[Any] | np.ndarray) -> SocEstimate:
-    """Estimate of the sum: means and standard deviations of the states; voltage and flags as most likely."""
+    """Estimate of the sum: means and standard deviations of the states; voltage and flags of the most likely."""
     weights = normalised(log_weights)
     states: dict[str, Scalar] = {}
     for name, name_std in STD_OF.items():
@@ -216,7 +216,7 @@ def mixed(estimates: Sequence[SocEstimate], log_weights: Sequence[Any] | np.ndar
     return most_likely(estimates, log_weights)._replace(**states)
 
 
-#: Least variance of what passes in the error of a voltage [V^2]: no sensor is better.
+#: Smallest variance of the part of a voltage error that does not stay with SoC [V^2]: no sensor is better.
 _LEAST_V2 = 1e-8
 
 #: Mass of a hypothesis that the first voltage rules out.
@@ -224,10 +224,10 @@ _TINY = float(np.finfo(float).tiny)
 
 
 class Widths(NamedTuple):
-    """Parts of the variance of a voltage that are charged apart from all else."""
+    """Parts of the variance of a voltage that the likelihood treats separately."""
 
-    renewed_V2: Scalar = 0.0  #: by the state, what the process noise brings back whenever it was learnt [V^2]
-    staying_V2: Scalar = 0.0  #: by the errors of the model, which stay while SoC stays [V^2]
+    renewed_V2: Scalar = 0.0  #: from the state, what the process noise restores after every update [V^2]
+    staying_V2: Scalar = 0.0  #: from the errors of the model, which stay while SoC stays [V^2]
     moved_on: Scalar = 1.0  #: share of that error which is new with this sample, in [0, 1]
 
 
@@ -236,18 +236,18 @@ def log_likelihood(
 ) -> Scalar:
     """Log density of a voltage before it was used, up to a constant that is the same for every belief.
 
-    With A = S - R the variance of the voltage by the state, f the part of it that the process noise brings back
-    whenever it was learnt, v the variance of one sample and w its weight:
+    With A = S - R the variance of the voltage from the state, f the part of it that the process noise restores after
+    every update, v the variance of one sample and w its weight:
 
         -(nu^2 / S' + ln(S' / R') + ln(v + f) / w) / 2,    R' = R + w f,    S' = R' + A - f
 
     The density of one sample to the power of 1/w, averaged over the part of the state that stays: one observation in
-    every w samples, as in the update. As a part of the state f would be charged for with every sample, and prefer
-    whichever hypothesis has the least resistance. With w = 1 it is ln N(nu; 0, S).
+    every w samples, as in the update. As a part of the state f would be penalised at every sample, and favour the
+    hypothesis with the least resistance. With w = 1 it is ln N(nu; 0, S).
 
-    The errors that stay while SoC stays, e in S and b in v, leave the voltage wide where the curve is steep, and that
-    is no news as long as SoC stays. Charged with every observation they would rule out whichever hypothesis stands
-    there; they are charged as SoC moves on, by the share m that is new:
+    The errors that stay while SoC stays, e in S and b in v, make the voltage uncertain where the curve is steep, and
+    that is no new information as long as SoC stays. Penalised at every observation they would rule out any hypothesis
+    there; they are penalised as SoC moves on, by the share m that is new:
 
         ln(S' / R') + ln(v + f) / w   becomes
         ln((S' - e) / R') + ln(v - b + f) / w + m (ln(S' / (S' - e)) + ln((v + f) / (v - b + f)))
@@ -256,7 +256,7 @@ def log_likelihood(
         innovation: nu (1,) and S (1, 1), [V] and [V^2].
         R: of the update [V^2], w v or more.
         error: v, b and w.
-        widths: f, e and m; at most A of the first two is taken.
+        widths: f, e and m; f and e together are limited to A.
         largest_nis: of one sample: an outlier counts no more.
     """
     nu, S, w = innovation.value[0], innovation.cov[0, 0], error.weight

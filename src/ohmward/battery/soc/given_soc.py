@@ -1,10 +1,10 @@
-"""State of charge that something else than a sample tells, such as a charger that says that the battery is full.
+"""State of charge from another source than a sample, such as a charger that reports a full battery.
 
-    SoC ~ N(s, std^2)    where the belief knows it worse, with everything that goes with it;    as it was elsewhere
+    SoC ~ N(s, std^2)    where the belief is less certain, with all correlated states;    unchanged elsewhere
 
-That is the Kalman update by s with the information that the belief lacks, 1 / R = 1 / std^2 - 1 / P: said once more it
-changes nothing, since the second time errs as the first one did. A belief that it contradicts beyond the gate forgets
-its SoC first: charger and user know.
+That is the Kalman update by s with the information that the belief lacks, 1 / R = 1 / std^2 - 1 / P: a repetition
+changes nothing, since it has the same error as the first time. A belief that s contradicts beyond the gate forgets its
+SoC first: charger and user know better.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from ohmward.filters.belief import Belief, pack, unpack
 from ohmward.filters.gate import inflate
 from ohmward.filters.kalman import correct_state
 
-#: After a longer gap the battery may be full or empty [s]: a usual current has by then moved all that can be unknown.
+#: After a longer gap the battery may be full or empty [s]: by then a usual current makes SoC as uncertain as it can be.
 NOTHING_KNOWN_AFTER_S = 3600.0 * SOC_UNKNOWN_STD / USUAL_C
 
-#: Share of the prior for "the charge is another than before such a gap": a logger or a computer that was off tells
-#: nothing of a charger.
+#: Prior probability that the charge differs from that before such a gap: a logger or a computer that was off says
+#: nothing about a charger.
 WRONG_AFTER_GAP = 0.5
 
-#: Drawn by electronics that are off, as a share of the capacity per hour: ten times that of a good protection board.
+#: Standby draw of electronics that are off, as a share of the capacity per hour: ten times a good protection board's.
 STANDBY_PER_HOUR = 0.01
 
-#: A voltage that moves the charge of before an absence by so many of its standard deviations contradicts it.
+#: A voltage contradicts the charge before an absence if it moves it by this many of its standard deviations.
 CONTRADICTS_STD = 3.0
 
 
@@ -47,14 +47,14 @@ def takes_given_soc(settings: Any) -> bool:
 
 
 def full_charge(settings: TheveninFilter | GaussianSumFilter) -> SocNormal:
-    """State of charge where a charger says full, its width by chemistry."""
+    """State of charge when a charger reports full, with a standard deviation by chemistry."""
     return SocNormal(1.0, _single(settings).anchor_rule.limits.full_std)
 
 
 def after_absence(settings: Any, state: Any, away_s: float, moved_std: float) -> Any:
-    """State after `away_s` [s] without samples or current, in which SoC moved by some `moved_std`.
+    """State after `away_s` [s] without samples or current, in which SoC moved with standard deviation `moved_std`.
 
-    The errors of the curve stay with SoC as they were: the first voltage afterwards errs as the last one did.
+    The errors of the curve stay with SoC as they were: the first voltage afterwards has the error of the last one.
     """
 
     def rested(member: FilterState) -> FilterState:
@@ -65,7 +65,7 @@ def after_absence(settings: Any, state: Any, away_s: float, moved_std: float) ->
 
 
 def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: SocNormal) -> Any:
-    """State after the first voltage of an absence, which is one more look; `sample` has the time away as its step.
+    """State after the first voltage that follows an absence, one more update; `sample` has the time away as its step.
 
     Where it contradicts the charge `before` it, somebody has charged or used the battery: the voltage alone counts.
     """
@@ -85,16 +85,16 @@ def after_first_voltage(settings: Any, state: Any, sample: SocSample, before: So
 
 
 def longest_known_gap_s(settings: Any) -> float:
-    """Longest step [s] after which something is known of the charge without `after_gap`; inf where that cannot help."""
+    """Longest step [s] after which the charge is still known without `after_gap`; inf where that cannot help."""
     return max(_single(settings).gap_s, NOTHING_KNOWN_AFTER_S) if takes_given_soc(settings) else math.inf
 
 
 def after_gap(settings: TheveninFilter | GaussianSumFilter, state: Any, first: SocSample, gap_s: float) -> Any:
-    """State before the first sample of a gap of `gap_s` [s] in which nothing is known of the current.
+    """State before the first sample after a gap of `gap_s` [s] with unknown current.
 
-    Either the robot was off, and the charge is that of before but for what its electronics drew, or it is any other. In
-    this a gap is a start with a value that is as likely wrong as right, and its first voltage is weighed in the same
-    way. What was learnt of capacity and resistances is the battery's and goes on.
+    Either the robot was off, and the charge is the previous one apart from what its electronics drew, or it can be any.
+    So a gap is a start with a given value that is as likely wrong as right, and its first voltage is used in the same
+    way. The estimates of capacity and resistances belong to the battery and are kept.
     """
     before = unpack((settings.merged(state) if isinstance(settings, GaussianSumFilter) else state).belief)
     soc, variance = min(max(float(before.mean[SOC]), 0.0), 1.0), float(before.cov[SOC, SOC])
@@ -114,22 +114,22 @@ def after_gap(settings: TheveninFilter | GaussianSumFilter, state: Any, first: S
 
 
 def _of_each(change: Callable[[FilterState], FilterState], settings: Any, state: Any) -> Any:
-    """The state with that of every hypothesis changed."""
+    """The state with `change` applied to the state of every hypothesis."""
     if isinstance(settings, GaussianSumFilter):
         return state._replace(members=tuple(change(member) for member in state.members))
     return change(state)
 
 
 def _single(settings: TheveninFilter | GaussianSumFilter) -> TheveninFilter:
-    """The filter, of a sum that of every hypothesis."""
+    """The filter itself; for a Gaussian sum that of every hypothesis."""
     return settings.member if isinstance(settings, GaussianSumFilter) else settings
 
 
 def tell_soc(settings: Any, state: Any, estimate: SocEstimate, given: SocNormal) -> tuple[Any, SocEstimate]:
-    """State and estimate after the state of charge was told; estimate: of the sample before.
+    """State and estimate after a state of charge was given; estimate: the last one.
 
     Raises:
-        InputError: the estimator cannot be told.
+        InputError: the estimator takes no state of charge from outside.
     """
     if isinstance(settings, GaussianSumFilter):
         return _tell_sum(settings, state, estimate, given)
@@ -153,7 +153,7 @@ def _tell_filter(
 def _tell_sum(
     settings: GaussianSumFilter, state: GaussianSumState, estimate: SocEstimate, given: SocNormal
 ) -> tuple[GaussianSumState, SocEstimate]:
-    """All hypotheses after it; their weights by how well each foresaw it."""
+    """Update all hypotheses, and weight them by how well each predicted the given state of charge."""
     foreseen = [_log_density(unpack(member.belief), given) for member in state.members]
     parts = [_tell_filter(settings.member, member, estimate, given) for member in state.members]
     log_weights = relative(np.asarray(state.log_weights, dtype=float) + foreseen)
@@ -162,7 +162,7 @@ def _tell_sum(
 
 
 def with_given_soc(belief: Belief, given: SocNormal, gate: float = math.inf) -> Belief:
-    """The belief after its SoC was told; the first equation."""
+    """The belief after its SoC was given; the first equation."""
     P, R = float(belief.cov[SOC, SOC]), given.std**2
     if (given.soc - belief.mean[SOC]) ** 2 > gate * (P + R):
         belief = forget_soc(belief)
@@ -173,6 +173,6 @@ def with_given_soc(belief: Belief, given: SocNormal, gate: float = math.inf) -> 
 
 
 def _log_density(belief: Belief, given: SocNormal) -> float:
-    """Ln N(s; mean, P + std^2) up to a constant; a repetition weighs nothing that is as likely before."""
+    """Ln N(s; mean, P + std^2) up to a constant; a repetition does not change the weights of equal hypotheses."""
     S = float(belief.cov[SOC, SOC]) + given.std**2
     return -0.5 * (float(given.soc - belief.mean[SOC]) ** 2 / S + math.log(S))

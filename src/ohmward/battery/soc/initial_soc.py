@@ -1,9 +1,9 @@
 """State of charge before the first step: from a value, from the first voltage, or from both.
 
-On a grid of SoC the first voltage is weighed with all that can be wrong about it; mean and standard deviation of the
-result start the filter. A value that the voltage contradicts is overruled: the prior keeps a small share for "the value
-is wrong". Without a value the prior is flat. This is a Bayesian update without linearisation, where it matters most:
-an OCV curve is flat here and steep there.
+On a grid of SoC the likelihood of the first voltage accounts for all of its errors; mean and standard deviation of the
+posterior start the filter. A value that the voltage contradicts is overruled: the prior keeps a small share for "the
+value is wrong". Without a value the prior is flat. This is a Bayesian update without linearisation, where it matters
+most: an OCV curve is flat in some places and steep in others.
 
 The expected voltage of one SoC can be traced; the density on the grid (`start_density`) is plain NumPy.
 """
@@ -31,7 +31,8 @@ from ohmward.battery.soc.start_density import (
 from ohmward.checks import require_between, require_positive
 from ohmward.trace import exp, sqrt
 
-#: RC voltages before the first sample, as a share of those of a steady current of its size: anything from 0 to 1.
+#: Standard deviation of the RC voltages before the first sample, as a share of those of a steady current of its size:
+#: the true share may be anything from 0 to 1.
 PAST_SHARE = 0.5
 
 
@@ -39,7 +40,7 @@ PAST_SHARE = 0.5
 class VoltageStart:
     """Start of an estimator from the first voltage."""
 
-    #: of the battery
+    #: battery model, its noise, and the current sensor
     model: Thevenin
     noise: BatteryNoise
     sensor: CurrentSensor
@@ -62,7 +63,7 @@ class VoltageStart:
         return start_hypotheses(grid, first.voltage_V, expected, soc, soc_std, self.count, wrong_share)
 
     def expected_voltage(self, soc: Any, first: SocSample) -> ExpectedVoltage:
-        """First voltage OCV + R_0 i expected at `soc`, and what can be wrong about it; float, array or traced."""
+        """First voltage OCV + R_0 i expected at `soc`, and its errors; float, array or traced."""
         u, p = first_input(first, self.current_limit_A), self.model
         mean_V = p.ocv.mean_V(soc, u.temperature_degC) + ohmic_drop(soc, u, p)
         std_V = first_voltage_std(soc, u, p, self.noise, self.sensor)
@@ -70,7 +71,7 @@ class VoltageStart:
 
 
 def lasting_std_V(soc: Any, u: CircuitInput, p: Thevenin, noise: BatteryNoise) -> Any:
-    """Standard deviation [V] of the model at rest where it stays with SoC: of curve, level, axis and temperature."""
+    """Standard deviation [V] of the model's error at rest that stays with SoC: curve, level, axis and temperature."""
     above_V = p.ocv.mean_V(soc + GRID_STEP, u.temperature_degC)
     slope = (above_V - p.ocv.mean_V(soc - GRID_STEP, u.temperature_degC)) * (0.5 / GRID_STEP)
     curve_V, level_V = noise.curve_stds(soc, u.error_degC - p.ocv.reference_degC)

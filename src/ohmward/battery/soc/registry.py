@@ -17,15 +17,15 @@ from ohmward.battery.soc.thevenin_filter import TheveninFilter
 from ohmward.errors import InputError
 from ohmward.lab import lab
 
-#: So begin the names of the estimators that reproduce a publication.
+#: Prefix of the names of estimators that reproduce a publication.
 _PUBLISHED = "published."
 
-#: The estimator of a user who does not choose, see `chosen_name`.
+#: Name that stands for the default estimator, see `chosen_name`.
 DEFAULT = "default"
 
 
 class EstimatorSettings(NamedTuple):
-    """Settings of the use of a battery, the same for every estimator.
+    """Settings for the use of a battery, the same for every estimator.
 
     >>> settings = ow.EstimatorSettings(idle_current_A=-0.15)
     >>> ow.SocEstimator(ow.make_estimator("ekf", ow.load_battery("battery.toml"), settings))
@@ -35,26 +35,26 @@ class EstimatorSettings(NamedTuple):
     #: true current of a rest, > 0 charges: 0 in a laboratory, minus the idle draw on a robot; None when unknown
     idle_current_A: float | None = None
     gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
-    #: let full charges and cut-offs correct the filters on the Thevenin model. None does so where the battery gases:
-    #: there the voltage of a charge says nothing. Cells of lithium show by their voltage that they are full, and
-    #: whether a worn one is empty at its cut-off is a matter of the load.
+    #: let full charges and cut-offs correct the filters on the Thevenin model. None does so for a battery that gases,
+    #: whose voltage says nothing while charging. Lithium cells show by their voltage that they are full, and whether
+    #: a worn one is empty at its cut-off depends on the load.
     anchors: bool | None = None
 
 
 class Choice(NamedTuple):
-    """An estimator to choose: its title, and the function that makes it from a battery file."""
+    """Title of an estimator, and the function that makes it from a battery file."""
 
     title: str
     make: Callable[[Battery, EstimatorSettings], Estimator]
 
 
 def make_estimator(name: str, battery: Battery, settings: EstimatorSettings | None = None) -> Estimator:
-    """The estimator called `name` for a battery, in capitals or not.
+    """Make the estimator called `name` for a battery; upper and lower case are the same.
 
     >>> estimator = ow.SocEstimator(ow.make_estimator("textbook-ukf", ow.load_battery("battery.toml")))
 
     Raises:
-        InputError: there is none of that name, the battery is none, or its file lacks the model it needs.
+        InputError: no estimator of that name, not a battery, or a battery file without the model that it needs.
     """
     require_battery(battery)
     choice = _find(chosen_name(name.lower())) if isinstance(name, str) else None
@@ -64,7 +64,7 @@ def make_estimator(name: str, battery: Battery, settings: EstimatorSettings | No
 
 
 def chosen_name(name: str) -> str:
-    """The name itself, and for `DEFAULT` that of the estimator that wins."""
+    """The name itself; for `DEFAULT` that of the default estimator."""
     return "gsf" if name == DEFAULT else name
 
 
@@ -84,7 +84,7 @@ def available(battery: Battery, with_published: bool = False) -> tuple[str, ...]
     >>> ow.available(ow.load_battery("battery.toml"))
     ('ekf', 'ukf', 'gsf', 'rc', 'textbook-ekf', 'textbook-ukf', 'coulomb', 'ocv')
 
-    with_published: among these, after those for use, the ones that reproduce a publication.
+    with_published: append the estimators that reproduce a publication.
     """
 
     def possible(name: str) -> bool:
@@ -98,7 +98,7 @@ def available(battery: Battery, with_published: bool = False) -> tuple[str, ...]
 
 
 def published() -> Mapping[str, Choice]:
-    """Estimators that reproduce a publication, by name, of the laboratory."""
+    """Estimators of the laboratory that reproduce a publication, by name."""
     return lab("published.registry").PUBLISHED
 
 
@@ -107,7 +107,7 @@ def _find(name: str) -> Choice | None:
 
 
 def thevenin_filter(method: str, matching: bool = False) -> Callable[[Battery, EstimatorSettings], TheveninFilter]:
-    """The function that makes the Thevenin filter of this method."""
+    """Function that makes the Thevenin filter with this method."""
 
     def make(battery: Battery, settings: EstimatorSettings) -> TheveninFilter:
         return TheveninFilter(
@@ -125,7 +125,7 @@ def thevenin_filter(method: str, matching: bool = False) -> Callable[[Battery, E
 
 
 def _one_pair(battery: Battery, settings: EstimatorSettings) -> TheveninFilter:
-    """The extended filter on the circuit that the RC model of [P] has: one RC pair alike at every SoC."""
+    """Extended Kalman filter on the circuit of the RC model of [P]: one RC pair, the same at every SoC."""
     model, noise = one_pair(battery.thevenin), one_pair_noise(battery.thevenin, battery.noise)
     return thevenin_filter("ekf")(replace(battery, thevenin=model, noise=noise), settings)
 
@@ -142,7 +142,7 @@ def _counting(cls: type[CoulombCounting] | type[RestOcv]) -> Callable[[Battery, 
     return lambda battery, settings: cls(battery.thevenin, battery.noise, battery.sensor, gap_s=settings.gap_s)
 
 
-#: The estimators for use.
+#: Estimators for general use, by name.
 ESTIMATORS: dict[str, Choice] = {
     "ekf": Choice("Thevenin model, extended Kalman filter", thevenin_filter("ekf")),
     "ukf": Choice("Thevenin model, unscented Kalman filter", thevenin_filter("ukf")),

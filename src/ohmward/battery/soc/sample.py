@@ -26,7 +26,7 @@ class SocSample(NamedTuple):
 
 
 class SocEstimate(NamedTuple):
-    """Estimate after a sample; a quantity that the estimator does not have is nan.
+    """Estimate after a sample; quantities that the estimator does not provide are nan.
 
     >>> estimate = ow.SocEstimator(ow.load_battery("battery.toml")).update(0.0, current_A=-2.0, voltage_V=13.1)
     >>> 0 <= estimate.soc <= 1, estimate.soc_std > 0
@@ -55,7 +55,7 @@ class SocEstimate(NamedTuple):
     flags: Any
 
 
-#: States in an estimate, and where it has their standard deviations.
+#: States in an estimate, and the fields with their standard deviations.
 STD_OF = {
     "soc": "soc_std",
     "current_offset_A": "current_offset_std_A",
@@ -63,7 +63,7 @@ STD_OF = {
     "resistance_ratio": "resistance_ratio_std",
 }
 
-#: What an estimator learns beside SoC.
+#: States that an estimator learns besides SoC.
 LEARNT = tuple(STD_OF)[1:]
 
 
@@ -74,17 +74,17 @@ class SocFlag(SampleFlag):
     SocFlag.NO_CURRENT
     """
 
-    NO_CURRENT = 1  # no number, or one that no battery has: the last current was held, and faded
-    NO_VOLTAGE = 2  # no number, or one that no battery has: predicted only
-    BAD_TIME = 4  # dt_s no number, negative or years: taken as 0; dt_s = 0 is a repeated sample
-    GAP = 8  # longer than the estimator trusts a straight line between two currents
+    NO_CURRENT = 1  # missing or impossible: the last current was held, and faded
+    NO_VOLTAGE = 2  # missing or impossible: predicted only
+    BAD_TIME = 4  # dt_s not a number, negative or over a year: 0 was used; dt_s = 0 is a repeated sample
+    GAP = 8  # step too long to assume a straight line between its two currents
     VOLTAGE_REJECTED = 16  # innovation outside its gate
     REST = 32  # current known: the zero-current update was made
     SOC_LIMITED = 64  # estimate projected into [0, 1]
     NOT_POSITIVE_DEFINITE = 128  # the covariance had to be repaired
     DIVERGED = 256  # the voltage has contradicted the estimate for too long: SoC was declared unknown
     RESTARTED = 512  # in Python: the state was no longer a number, a new one was started from this sample
-    ANCHORED = 1024  # a full charge, the steep end of a flat curve or the cut-off of a load told SoC
+    ANCHORED = 1024  # a full charge, the steep end of a flat curve or the cut-off of a load corrected SoC
     MISFIT = 2048  # an offset or a capacity that sensor and battery cannot have: another battery's file?
 
 
@@ -96,5 +96,5 @@ class Estimator(Protocol):
         ...
 
     def step(self, state: Any, sample: SocSample) -> tuple[Any, SocEstimate]:
-        """State after a sample, and the estimate then."""
+        """State and estimate after a sample."""
         ...

@@ -18,13 +18,13 @@ from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Log
 
-#: A start that was not known is found within the first hour or not at all.
+#: An unknown start is found within the first hour or not at all.
 SETTLE_S = 3600.0
 
-#: An error of more standard deviations is a wrong answer given with confidence; of a normal distribution 0.006 %.
+#: An error of more standard deviations is a confident wrong answer; 0.006 % of a normal distribution.
 CONFIDENTLY_WRONG = 4.0
 
-#: Fields of the score of a state of charge by the names of its figures.
+#: Names of the figures of a state of charge, and their fields in its score.
 _SOC_FIGURES = {
     "soc_rmse": "rmse",
     "soc_mae": "mae",
@@ -118,7 +118,7 @@ def soc_scores(log: Log, estimates: SocEstimate, truth: np.ndarray | None) -> di
 
 
 def soc_figures(log: Log, estimates: SocEstimate) -> dict[str, float | None]:
-    """Start, end and range of the state of charge along a log, the error of the voltage, what was learnt at the end."""
+    """Start, end and range of the state of charge in a log, the error of the voltage, the states learnt at its end."""
     e, voltage = estimates, voltage_score(log, estimates)
     return {
         "soc_initial": float(e.soc[0]),
@@ -132,12 +132,12 @@ def soc_figures(log: Log, estimates: SocEstimate) -> dict[str, float | None]:
 
 
 def voltage_score(log: Log, estimates: SocEstimate) -> Score | None:
-    """Score of the expected voltage [V] without those that it rejected; None where the estimator expects none."""
+    """Score of the expected voltage [V] without rejected samples; None where the estimator expects no voltage."""
     return score(estimates.voltage_V, np.where(rejected_voltages(log, estimates), np.nan, log.voltage_V))
 
 
 def rejected_voltages(log: Log, estimates: SocEstimate) -> np.ndarray:
-    """(T,) True for voltages that the estimator did not believe: outside its gate, or those of no such battery."""
+    """(T,) True for voltages that the estimator did not use: outside its gate, or impossible for the battery."""
     left_out = int(SocFlag.VOLTAGE_REJECTED | SocFlag.NO_VOLTAGE)
     return np.isfinite(log.voltage_V) & (np.nan_to_num(estimates.flags).astype(int) & left_out != 0)
 
@@ -160,10 +160,10 @@ class SocReference(NamedTuple):
 
 
 def soc_reference(log: Log, column: str, capacity_Ah: float, start_soc: float | None = None) -> SocReference:
-    """Reference in a column, whose name and range tell its kind.
+    """Reference in a column, whose kind follows from its name and range.
 
     column: name; Ah or mAh in it is a counter, "%" or "percent" a percentage; `a - b` is the difference of two columns,
-        as of a counter for each direction.
+        such as one counter for each direction.
     capacity_Ah: turns a counter of ampere hours into a share.
     start_soc: reference at the first value of such a counter.
 
@@ -191,7 +191,7 @@ def soc_reference(log: Log, column: str, capacity_Ah: float, start_soc: float | 
 def _from_counter(
     log: Log, column: str, counter_Ah: np.ndarray, capacity_Ah: float, start_soc: float | None
 ) -> SocReference:
-    """Start plus counted charge over capacity; the current tells in which direction the counter counts."""
+    """Start plus counted charge over capacity; the current shows in which direction the counter counts."""
     if start_soc is None:
         raise InputError(
             f"{log.name}: {column!r} counts ampere hours; say where it starts with --truth-start 1.0 (or --initial-soc)"
@@ -211,9 +211,9 @@ def _from_counter(
 
 
 def _counted_charge(log: Log, counter_Ah: np.ndarray) -> tuple[np.ndarray, str, bool]:
-    """Charge of a counter (T,) since the first sample [Ah], > 0 when it went in; the current tells sign and resets.
+    """Charge of a counter (T,) since the first sample [Ah], > 0 when it went in; the current shows sign and resets.
 
-    Returns: also the way in which it counts up, "charging" or "discharging", and True where it was reset.
+    Returns: also the direction in which it counts up, "charging" or "discharging", and True where it was reset.
     """
     moved_Ah = np.diff(log.charge_Ah(), prepend=0.0)
     plain_Ah = np.diff(counter_Ah, prepend=counter_Ah[0])

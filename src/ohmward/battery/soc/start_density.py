@@ -9,25 +9,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-#: Share of the prior for a wrong value: then nothing is known.
+#: Prior probability that a given value is wrong: then nothing is known.
 WRONG_SHARE = 0.02
 
-#: Steps of SoC, so that a peak around a value does not fall between two.
+#: Step of the grid of SoC, small enough for a peak around a value not to fall between two points.
 GRID_STEP = 0.0025
 
-#: Extent of the grid beyond empty and full. A value at an end is a claim about the end, not about the middle: cut
-#: off there, "full" would come out as full minus 0.8 sigma.
+#: Extent of the grid beyond empty and full. A value at an end is a statement about that end: with the grid cut off
+#: there, "full" would come out as full minus 0.8 sigma.
 MARGIN = 0.2
 
-#: Share by which a first voltage may lie beyond the curve before it is taken for a fault of its sensor.
+#: Share by which a first voltage may lie beyond the curve before it counts as a fault of its sensor.
 BEYOND = 0.25
 
-#: Smallest standard deviation of the start: no first voltage tells SoC better.
+#: Smallest standard deviation of the start: no first voltage determines SoC better.
 LEAST_STD = 1e-3
 
 
 class ExpectedVoltage(NamedTuple):
-    """First voltage that each SoC would have, and what can be wrong about it; numbers or arrays (G,) along the grid."""
+    """First voltage expected at each SoC, and its errors; numbers or arrays (G,) along the grid."""
 
     mean_V: np.ndarray  #: expected voltage
     std_V: np.ndarray  #: standard deviation of the measured voltage about it
@@ -39,7 +39,7 @@ class FirstVoltage(NamedTuple):
 
     likelihood: np.ndarray  #: up to a factor
     model_error_std_V: np.ndarray  #: standard deviation of the model's error that stays with SoC
-    #: of that error, given the voltage and SoC
+    #: mean and standard deviation of that error, given the voltage and SoC
     error_V: np.ndarray
     error_std_V: np.ndarray
 
@@ -49,10 +49,10 @@ class InitialSoc(NamedTuple):
 
     soc: float
     std: float
-    model_error: float = 0.0  #: of the model's voltage where it stays with SoC, in its own standard deviations
+    model_error: float = 0.0  #: error of the model's voltage that stays with SoC, in its own standard deviations
     model_error_std: float = 1.0  #: its standard deviation
-    #: of SoC with it. The first voltage tells their sum: a curve that is too low comes with a SoC that is too high, and
-    #: the same voltage once more is no news.
+    #: of SoC with that error. The first voltage only shows their sum: a curve that is too low goes with a SoC that is
+    #: too high, and the same voltage again adds no information.
     covariance: float = 0.0
 
 
@@ -64,7 +64,7 @@ class Hypothesis(NamedTuple):
 
 
 def soc_grid(soc: float | None) -> np.ndarray:
-    """Grid of SoC with one point on the value, where there is one: a narrow peak would fall between two."""
+    """Grid of SoC with one point on the value, where there is one: else a narrow peak would fall between two."""
     around = 0.5 if soc is None else soc
     grid = np.linspace(-MARGIN, 1.0 + MARGIN, round((1.0 + 2.0 * MARGIN) / GRID_STEP) + 1)
     return grid + (around - grid[np.argmin(np.abs(grid - around))])
@@ -92,16 +92,16 @@ def start_hypotheses(
     else:
         cells = _cells_of_equal_mass(anywhere * first.likelihood, count - len(given))
         priors = [*given, *(anywhere * cell for cell in cells)]
-    # beside a value that is told the voltage counts once more as it goes on: that is what finds a wrong one
+    # beside a given value the voltage counts again in the filter: that is what exposes a wrong value
     return tuple(_moments(grid, prior, first, joint=soc is None) for prior in priors)
 
 
 def _first_voltage(grid: np.ndarray, voltage_V: float, expected: ExpectedVoltage) -> FirstVoltage:
     """Likelihood of the voltage at each SoC and the model's error that goes with it; flat without a credible voltage.
 
-    A voltage a little beyond the curve, as after charging or under load, is that of full or empty.
-    The curve ascends: where it is too low for the voltage at one SoC, it is at every lower one too, however little is
-    known of the curve there, as of the knee at empty; and the other way round.
+    A voltage a little beyond the curve, as after charging or under load, counts as that of full or empty.
+    The curve rises: where it is too low for the voltage at one SoC, it is too low at every lower SoC, however uncertain
+    the curve is there, as at the knee near empty; and vice versa.
     """
     mean_V, std_V, model_std_V = expected
     unknown = FirstVoltage(np.ones_like(grid), model_std_V, np.zeros_like(grid), model_std_V)
@@ -120,7 +120,7 @@ def _first_voltage(grid: np.ndarray, voltage_V: float, expected: ExpectedVoltage
 
 
 def _moments(grid: np.ndarray, prior: np.ndarray, first: FirstVoltage, joint: bool) -> Hypothesis:
-    """Mass, mean and standard deviation of a part, `joint` with the error of the model; if ruled out, of its prior."""
+    """Mass and moments of a part, `joint` with the error of the model; those of its prior if it is ruled out."""
     density = prior * first.likelihood
     mass = float(density.sum())
     density = density / mass if mass > 0.0 else prior / prior.sum()

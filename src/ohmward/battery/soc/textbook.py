@@ -37,7 +37,7 @@ from ohmward.trace.expression import Scalar
 
 METHODS = ("ekf", "ukf")
 
-#: Standard deviation of an RC voltage at the start [V] where neither current nor resistance say that it may be larger.
+#: Standard deviation of an RC voltage at the start [V], in addition to that by the first current.
 LEAST_START_STD_V = 1e-3
 
 
@@ -51,26 +51,26 @@ class TextbookState(NamedTuple):
 class VoltageSample(NamedTuple):
     """Voltage of a sample."""
 
-    voltage_V: Scalar  #: measured; 0 where it is not
+    voltage_V: Scalar  #: measured; 0 where it is missing
     drop_V: Scalar  #: across the ohmic resistance
     measured: Any  #: the condition that it is measured
 
 
 @dataclass(frozen=True)
 class TextbookFilter:
-    """Settings; `init`, `start` and `step` are pure functions of them. Temperature and hysteresis are not looked at."""
+    """Settings; `init`, `start` and `step` are pure functions of them. Temperature and hysteresis are ignored."""
 
     model: Thevenin  #: the circuit, at its reference temperature
-    #: of the voltage, and the model's error; this filter does not use the rest of it
+    #: noise of the voltage and error of the model; the other values are not used
     noise: BatteryNoise = field(default_factory=BatteryNoise)
-    sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: of the current; likewise its noise only
+    sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: current sensor; only its noise is used
     method: str = "ukf"  #: "ekf" or "ukf"
 
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> TextbookState:
-        """State before the first sample; a SoC that is None comes from its voltage."""
+        """State before the first sample; `soc` None takes it from the first voltage."""
         return self.start_from(first, *self.voltage_start.hypotheses(first, soc, soc_std))
 
     @property
@@ -83,7 +83,7 @@ class TextbookFilter:
         return self.start(first, part.start.soc, part.start.std)
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> TextbookState:
-        """State before the first sample, with a SoC that is taken as it is; traceable."""
+        """State before the first sample at the given SoC, unchecked by its voltage; traceable."""
         u = first_input(first)
         std = [soc_std, *(r * abs(u.current_A) + LEAST_START_STD_V for r in self.pairs(soc))]
         mean = np.array([soc, *(0.0 for _ in std[1:])])

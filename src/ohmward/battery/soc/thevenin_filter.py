@@ -1,8 +1,8 @@
 """State of charge by a Kalman filter on the Thevenin model and the errors of sensors and model.
 
-The states are those of `AugmentedThevenin`: the model's, and those of the errors that make the sigma honest.
+The states are those of `AugmentedThevenin`: the circuit's, and the errors that have to be states for an honest sigma.
 
-One step works with the extended and the unscented filter, with or without matching R to the residuals ([T] 3.49-3.50).
+The same step serves the extended and the unscented filter, with or without matching R to the residuals ([T] 3.49-3.50).
 Q is not matched: matching both finds the size of the noise but not the ratio of Q to R, which sets the gain
 (`ohmward.filters.adaptive`), and the Q here is physical.
 """
@@ -43,28 +43,28 @@ from ohmward.filters.linear_algebra import mirror_lower
 from ohmward.trace import clip, logical_not, maximum, minimum, where
 from ohmward.trace.expression import Scalar
 
-#: Capacity over the file's that a battery of the file can have: one that has lost half is at the end of its second
-#: life, and none has gained half.
+#: Range of plausible capacities, relative to the file's: a battery that has lost half is at the end of its second
+#: life, and none gains half.
 LEAST_CAPACITY, MOST_CAPACITY = 0.5, 1.5
 
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
 
 
-#: A voltage that stays the same to the last digit is that of a dead sensor where the drop of a load in the ohmic
-#: resistance must have moved it by so many standard deviations of its noise: twice the step of a coarse converter.
+#: A voltage that stays the same to the last digit comes from a dead sensor if the ohmic drop of a load must have moved
+#: it by this many standard deviations of its noise: twice the step of a coarse converter.
 FROZEN_STD = 10.0
 
-#: A voltage that has stood still for longer before that was found has told SoC [s].
+#: A frozen voltage that was used for longer than this before it was found has corrupted SoC [s].
 FROZEN_S = 60.0
 
 
 class HeldVoltage(NamedTuple):
-    """The last voltage, and what it has stood still for, to the last digit."""
+    """The last voltage, and for how long it has stood still to the last digit."""
 
-    voltage_V: Scalar = -1.0  #: no battery has that of the start
-    load_A: Scalar = 0.0  #: current out of the battery, negative, when it came
-    used_s: Scalar = 0.0  #: time for which it has been used since
+    voltage_V: Scalar = -1.0  #: the initial value is one that no battery has
+    load_A: Scalar = 0.0  #: current out of the battery, negative, when this voltage first came
+    used_s: Scalar = 0.0  #: time for which it has been used since then
     frozen: Scalar = 0.0  #: 1 where the load has changed too much since for the sensor to be alive
 
 
@@ -73,19 +73,19 @@ class FilterState(NamedTuple):
 
     belief: PackedBelief  #: mean, as `TheveninFilter.state_names`, and lower triangle of the covariance
     noise: adaptive.NoiseEstimate  #: moments for covariance matching [V^2]
-    #: last credible ones
+    #: last credible values
     current_A: Scalar
     temperature_degC: Scalar
     rest_s: Scalar  #: time for which the current has looked like rest
     rejected_s: Scalar  #: time for which the voltage has contradicted the belief
     unknown_s: Scalar  #: time for which the current has not been known
-    anchors: AnchorMemory  #: memory for the events that tell SoC
+    anchors: AnchorMemory  #: memory for the events that anchor SoC
     unknown_K: Scalar = 0.0  #: standard deviation of the temperature, 0 once it has been measured
-    held: HeldVoltage = HeldVoltage()  #: for a voltage that stands still
+    held: HeldVoltage = HeldVoltage()  #: memory for a voltage that stands still
 
 
 class CleanInput(NamedTuple):
-    """A sample sanitised, the event that it completes, and the memories after it."""
+    """Sanitised sample, the event that it completes, and the memories after it."""
 
     sample: CleanSocSample
     event: AnchorEvent
@@ -98,15 +98,15 @@ class TheveninUpdate(NamedTuple):
     """The belief after a voltage, or the prior where it was not used."""
 
     belief: Belief
-    correction: Correction  #: by the voltage, whether it was used or not, or by the SoC that an event told
-    #: expected before it, and the standard deviation of the innovation as a single sample, nan where an event told SoC
+    correction: Correction  #: by the voltage, whether it was used or not, or by the SoC of an anchor event
+    #: expected before it, and the standard deviation of the innovation as a single sample, nan at an anchor event
     voltage_V: Scalar
     voltage_std_V: Scalar
     noise: adaptive.NoiseEstimate  #: moments for covariance matching
     accepted: Any  #: the condition that the voltage was used
     contradicts: Any  #: the condition that the voltage contradicts the belief
-    R: Scalar  #: by which the voltage was weighed [V^2]
-    error: VoltageError  #: of the voltage, or of the event that shows SoC in its place
+    R: Scalar  #: measurement noise variance of the update [V^2]
+    error: VoltageError  #: of the voltage, or of the anchor event used in its place
 
 
 class TheveninStep(NamedTuple):
@@ -118,7 +118,7 @@ class TheveninStep(NamedTuple):
 
 
 def forget_soc(belief: Belief) -> Belief:
-    """The belief with the standard deviation of an unknown SoC about its mean."""
+    """The belief with the standard deviation of an unknown SoC; the mean stays."""
     return inflate(belief, SOC, SOC_UNKNOWN_STD**2 - belief.cov[SOC, SOC])
 
 
@@ -127,20 +127,20 @@ class TheveninFilter:
     """Settings; `init` and `step` are pure functions of them."""
 
     model: Thevenin  #: the circuit
-    noise: BatteryNoise = field(default_factory=BatteryNoise)  #: of voltage and model
-    sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: of the current
+    noise: BatteryNoise = field(default_factory=BatteryNoise)  #: noise of voltage and model
+    sensor: CurrentSensor = field(default_factory=CurrentSensor)  #: current sensor
     method: str = "ekf"  #: "ekf" or "ukf" (redrawn sigma points)
     matching: bool = False  #: learn R from the residuals (AEKF, AUKF), `noise` being the floor
-    window: float = 100.0  #: effective samples of that; [T] takes 100
-    #: true current of a rest (0 in a laboratory, minus the idle draw on a robot); None when unknown, then a rest
-    #: teaches nothing about the current sensor
+    window: float = 100.0  #: effective number of samples for that; [T] uses 100
+    #: true current of a rest (0 in a laboratory, minus the idle draw on a robot); None when unknown, then a rest says
+    #: nothing about the current sensor
     idle_current_A: float | None = None
     rest_hold_s: float = 30.0  #: time for which the current must look like rest first
     gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
-    #: largest NIS of a voltage that is used, and largest square of an error that holds on, in its variance
+    #: largest NIS of a voltage that is used, and largest square of a persistent error, relative to its variance
     gate: float = 25.0
     reset_after_s: float = 60.0  #: time of contradiction after which the filter has diverged: SoC is declared unknown
-    anchors: bool = False  #: let a full charge and a cut-off tell SoC, not the steep end of a flat curve alone
+    anchors: bool = False  #: let full charges and cut-offs correct SoC, not only the steep end of a flat curve
 
     def __post_init__(self) -> None:
         require_one_of("method", self.method, METHODS)
@@ -158,7 +158,7 @@ class TheveninFilter:
 
     @cached_property
     def anchor_rule(self) -> AnchorRule:
-        """Rule for the events that tell SoC."""
+        """Rule for the events that anchor SoC."""
         return AnchorRule(self.model, self.noise, self.sensor)
 
     @property
@@ -168,11 +168,11 @@ class TheveninFilter:
 
     @property
     def limits(self) -> SampleLimits:
-        """Limits of what is believed of a sample."""
+        """Plausibility limits of a sample."""
         return sample_limits(self.model, self.gap_s)
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> FilterState:
-        """State before the first sample, which it looks at: a SoC that its voltage contradicts is overruled.
+        """State before the first sample, whose voltage is used: it overrules a SoC that it contradicts.
 
         soc: initial state of charge, None when unknown.  soc_std: standard deviation of that value.
         """
@@ -184,10 +184,10 @@ class TheveninFilter:
         return VoltageStart(self.model, self.noise, self.sensor, self.limits.current_A)
 
     def start_from(self, first: SocSample, part: Hypothesis) -> FilterState:
-        """State before the first sample, with the error of the model that goes with SoC in its voltage; traceable.
+        """State before the first sample, with the correlation of SoC and the model's voltage error; traceable.
 
-        That error e of unit variance is the sum a m + b l of the state m and, where there is one, the level's l, by
-        their shares of the variance. The voltage tells nothing of b m - a l.
+        That error e, of unit variance, is a m + b l, of the model error m and, where there is one, the level error l;
+        a^2 and b^2 are their shares of the variance. The voltage says nothing about b m - a l.
         """
         start = part.start
         state = self.start(first, start.soc, start.std)
@@ -203,7 +203,7 @@ class TheveninFilter:
         return state._replace(belief=pack(Belief(mean, cov)))
 
     def start(self, first: SocSample, soc: Scalar, soc_std: Scalar) -> FilterState:
-        """State before the first sample, with a SoC that is taken as it is; traceable, for microcontrollers."""
+        """State before the first sample at the given SoC, unchecked by its voltage; traceable, for microcontrollers."""
         u = first_input(first, self.limits.current_A)
         belief = pack(self.system.start(soc, soc_std, u))
         moments = adaptive.NoiseEstimate(np.zeros((1, 1)), np.zeros((1, 1)), 0.0)
@@ -216,7 +216,7 @@ class TheveninFilter:
         return done.state, with_misfit(done.estimate, self.sensor)
 
     def with_new_curve_errors(self, belief: Belief) -> Belief:
-        """The belief with the errors of the curve as at a start: a voltage that contradicts it has driven them off."""
+        """The belief with the errors of the curve as at a start: a contradicting voltage has driven them away."""
         for name in ("model_error", "level_error"):
             if name in self.state_names:
                 belief = restarted_at(belief, self.state_names.index(name), 0.0, 1.0)
@@ -242,7 +242,7 @@ class TheveninFilter:
         update = self.correct(state, prior, clean, taken.event)
         posterior, limited = self.within_limits(update.belief)
 
-        contradicts_still = update.contradicts & logical_not(diverged)  # a reset begins the time anew
+        contradicts_still = update.contradicts & logical_not(diverged)  # a reset restarts the timer
         after = FilterState(
             pack(posterior),
             update.noise,
@@ -267,23 +267,23 @@ class TheveninFilter:
         return TheveninStep(after, self.estimate(posterior, update, clean, flags), update)
 
     def take_in(self, state: FilterState, sample: SocSample) -> CleanInput:
-        """The sample sanitised, and what it completes; voltages of a battery that gases complete a charge."""
+        """The sanitised sample, and the event that it completes; voltages while gassing still count for events."""
         held, misled, clean = self.without_frozen(state.held, self.sanitize(state, sample))
         find = self.anchor_rule.step if self.anchors else self.anchor_rule.reach_top
         anchors, event = find(state.anchors, clean)
         return CleanInput(self.without_gassing(clean, anchors), event, anchors, held, misled)
 
     def sanitize(self, state: FilterState, sample: SocSample) -> CleanSocSample:
-        """The sample with what cannot be true replaced and flagged."""
+        """The sample with impossible values replaced and flagged."""
         before = CircuitInput(state.current_A, state.temperature_degC, state.unknown_K)
         return sanitize(sample, before, self.limits, state.unknown_s)
 
     def without_frozen(self, before: HeldVoltage, clean: CleanSocSample) -> tuple[HeldVoltage, Any, CleanSocSample]:
         """The memory after the sample, and the sample without a voltage that stands still while the load changes.
 
-        A charger holds the voltage too, while its current falls. The condition between them: that the voltage which
-        comes after shows that the one before, used for `FROZEN_S`, was not that of the battery. One that only comes
-        later than its current moves as the load asks.
+        A charger holds the voltage too, while its current falls, so only loads count. The condition returned between
+        the two is that the next voltage shows the frozen one, used for `FROZEN_S`, not to have been the battery's: a
+        voltage that only lags behind its current moves by the drop of the load.
         """
         load_A = minimum(clean.now.current_A, 0.0)
         same = clean.voltage_measured & (clean.voltage_V == before.voltage_V)
@@ -306,9 +306,9 @@ class TheveninFilter:
         return held, misled & (came_V < 0.5 * drop_V), used
 
     def without_gassing(self, clean: CleanSocSample, anchors: AnchorMemory) -> CleanSocSample:
-        """The sample of a battery that gases without what tells nothing of its charge.
+        """The sample of a gassing battery without the parts that say nothing about its charge.
 
-        That is its voltage while it gases, and after a full charge all further charge.
+        These are its voltage while it gases, and any further charge after a full charge.
         """
         if self.model.gassing_V is None:
             return clean
@@ -327,10 +327,10 @@ class TheveninFilter:
     def correct(
         self, state: FilterState, prior: Belief, clean: CleanSocSample, event: AnchorEvent = NO_EVENT
     ) -> TheveninUpdate:
-        """The belief after the voltage of the step; a full charge or a cut-off shows SoC itself in its place.
+        """The belief after the voltage of the step; at a full charge or a cut-off, SoC is measured in its place.
 
-        Charger and protection define full and empty, so that these pass every gate. R counts an error of the model for
-        minutes, so it is never far below H P H': the plain difference P - K S K' keeps its digits.
+        Charger and protection define full and empty, so these events pass without a gate. R counts an error of the
+        model for minutes, so it is never far below H P H': the plain difference P - K S K' keeps its digits.
         """
         system, anchored = self.system, event.tells_soc
         error = self.voltage_error(prior, clean)
@@ -359,15 +359,15 @@ class TheveninFilter:
         )
 
     def voltage_error(self, prior: Belief, clean: CleanSocSample) -> VoltageError:
-        """Errors of the voltage; sigma points see for themselves what a tangent leaves out of its mean."""
+        """Errors of the voltage; sigma points already contain what a tangent leaves out of the mean."""
         error = self.system.voltage_error(prior, clean)
         return error._replace(tangent_V=0.0) if self.method == "ukf" else error
 
     def contradicts(self, innovation: Innovation, repeated: Scalar) -> Any:
-        """True where the voltage contradicts the belief beyond the variance of an error that holds on.
+        """True where the voltage contradicts the belief by more than a persistent error can explain.
 
-        The gate on NIS finds single outliers. R is so large because an error may hold on; one that holds on beyond
-        what the variance itself allows is a contradiction although every single sample passes that gate.
+        The gate on NIS finds single outliers. R is large because an error may persist; one that persists and exceeds
+        what its own variance allows is a contradiction although every single sample passes that gate.
 
         repeated: part of R that is there only because samples are not independent.
         """
@@ -377,8 +377,8 @@ class TheveninFilter:
     def rest_s(self, state: FilterState, prior: Belief, clean: CleanSocSample) -> Scalar:
         """Time [s] for which the current has looked like rest.
 
-        It looks like rest where the current is the declared one within three sigma of its noise and two of the offset.
-        A wider gate would take another steady current for the declared one, and learn the difference as an offset.
+        It looks like rest if the current is the declared one to within three sigma of its noise plus two of the offset.
+        A wider gate would mistake another steady current for the declared one, and learn the difference as an offset.
         """
         if self.idle_current_A is None:
             return 0.0
@@ -393,14 +393,14 @@ class TheveninFilter:
         return rest_s > self.rest_hold_s
 
     def zero_current_update(self, belief: Belief, clean: CleanSocSample, resting: Any) -> Belief:
-        """The belief after the current of a rest, which beyond the declared one is the sensor's offset."""
+        """The belief after the current of a rest: its difference from the declared one is the sensor's offset."""
         if self.idle_current_A is None:
             return belief
         offset_A = clean.now.current_A - self.idle_current_A
         return correct_state(belief, self.system.offset_index, offset_A, self.sensor.noise_std_A**2, resting)
 
     def within_limits(self, belief: Belief) -> tuple[Belief, Scalar]:
-        """The belief with SoC and hysteresis in their ranges, and the condition that SoC was not.
+        """The belief with SoC and hysteresis in their ranges, and the condition that SoC was out of range.
 
         SoC is projected into [0, 1] along its covariance, hysteresis clipped into [-1, 1]; their standard deviations
         stay at most those of an unknown state.
@@ -417,14 +417,14 @@ class TheveninFilter:
         return Belief(projected, mirror_lower(P * np.outer(scale, scale))), abs(mean[SOC] - soc) > 0.0
 
     def learn(self, state: FilterState, correction: Correction, residual: np.ndarray) -> adaptive.NoiseEstimate:
-        """Moments that R is matched to, as after this voltage."""
+        """Moments that R is matched to, after this voltage."""
         if not self.matching:
             return state.noise
         return adaptive.remember(state.noise, correction.innovation.value, residual, self.window)
 
     def estimate(self, posterior: Belief, update: TheveninUpdate, clean: CleanSocSample, flags: Scalar) -> SocEstimate:
         """Estimate after the sample."""
-        used = clean.voltage_measured & (update.voltage_std_V > 0.0)  # nan where an event told SoC
+        used = clean.voltage_measured & (update.voltage_std_V > 0.0)  # nan at an anchor event
         return SocEstimate(
             **self.system.known(posterior),
             voltage_V=update.voltage_V,
@@ -440,11 +440,11 @@ def _at_most(std: float, variance: Scalar) -> Scalar:
 
 
 def implausible_capacity(soh_capacity: Scalar) -> Any:
-    """True where no battery of the file has this capacity, over the file's."""
+    """True where this capacity, relative to the file's, is not plausible."""
     return (soh_capacity < LEAST_CAPACITY) | (soh_capacity > MOST_CAPACITY)
 
 
 def with_misfit(estimate: SocEstimate, sensor: CurrentSensor) -> SocEstimate:
-    """The estimate, flagged where it asks for an offset or a capacity that sensor and battery cannot have."""
+    """The estimate, flagged where sensor and battery cannot have its offset or capacity."""
     misfit = sensor.contradicts(estimate.current_offset_A) | implausible_capacity(estimate.soh_capacity)
     return estimate._replace(flags=estimate.flags + flags_of({SocFlag.MISFIT: misfit}))
