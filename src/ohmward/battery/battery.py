@@ -20,13 +20,13 @@ class SeenLog:
     """A log that a battery has learnt from."""
 
     name: str  #: of the log
-    fingerprint: str = ""  #: of its measurements; the same log once more has the same one, "" where none was taken
+    fingerprint: str = ""  #: of its measurements, the same for another copy of the log; "" where none was computed
     #: Unix time of its first and its last sample, None without a wall clock
     start_unix_s: float | None = None
     end_unix_s: float | None = None
     hours: float = 0.0  #: its length
     summary: str = ""  #: what was learnt from it, in a line
-    anchors: int = 0  #: number of times at which something else than the voltage told its state of charge
+    anchors: int = 0  #: number of times at which something other than the voltage gave its state of charge
     end_soc: float | None = None  #: state of charge at its last sample, None in a file that did not keep it
     end_soc_std: float | None = None  #: its standard deviation
     end_current_A: float = 0.0  #: current there
@@ -36,11 +36,11 @@ class SeenLog:
 class Knowledge:
     """Covariance of the errors left in the parameters of a battery file; their means are in the file itself."""
 
-    names: tuple[str, ...]  #: (K,) of the parameters, as `learning.parameters` defines them
+    names: tuple[str, ...]  #: (K,) names of the parameters, as `learning.parameters` defines them
     covariance: tuple[float, ...]  #: (K (K + 1) / 2,) lower triangle, row by row
-    logs: tuple[SeenLog, ...] = ()  #: that the battery has learnt from, in their order
-    #: lowest state of charge that they have shown. Above it the curve is known over the charge below full, whatever the
-    #: capacity is; below it, along SoC.
+    logs: tuple[SeenLog, ...] = ()  #: logs that the battery has learnt from, in order
+    #: lowest state of charge in these logs. Above it the curve is known over the charge below full, whatever the
+    #: capacity; below it, over SoC.
     seen_from_soc: float = 1.0
 
     def __post_init__(self) -> None:
@@ -63,7 +63,7 @@ class Knowledge:
 
     @property
     def matrix(self) -> np.ndarray:
-        """(K, K) covariance; what rounding took from its smallest variances is given back."""
+        """(K, K) covariance; eigenvalues that rounding in the file made too small are raised to a minimum."""
         size = len(self.names)
         full = np.zeros((size, size))
         full[np.tril_indices(size)] = self.covariance
@@ -73,9 +73,9 @@ class Knowledge:
         return np.outer(std, std) * ((vectors * np.maximum(values, _LEAST_KNOWN_EIGENVALUE)) @ vectors.T)
 
 
-#: Numbers in a file have six digits, so that no eigenvalue of a correlation matrix is known better.
+#: Smallest eigenvalue of a correlation matrix: numbers in a file have six digits.
 _LEAST_KNOWN_EIGENVALUE = 1e-6
-#: Least variance of a parameter, in its unit.
+#: Smallest variance of a parameter, in its unit.
 _LEAST_VARIANCE = math.ulp(1.0)
 
 
@@ -96,7 +96,7 @@ class LogFit:
 
     log: str  #: its name
     test: str  #: kind of test
-    #: the range that it covers
+    #: range of SoC in the log
     soc_min: float
     soc_max: float
     #: measured minus simulated voltage; 0 for a log that only gave the OCV curve
@@ -108,8 +108,8 @@ class LogFit:
 class Provenance:
     """Provenance of the numbers of a battery."""
 
-    capacity_given_Ah: float  #: of the user
-    capacity_measured_Ah: float = 0.0  #: from the logs, 0 where they do not tell it
+    capacity_given_Ah: float  #: by the user
+    capacity_measured_Ah: float = 0.0  #: from the logs, 0 where they do not show it
     logs: tuple[LogFit, ...] = ()  #: one entry for each log
     confidence: tuple[ConfidenceInterval, ...] = ()  #: 95 % intervals of the parameters
     notes: tuple[str, ...] = ()  #: assumptions and findings, warnings included
@@ -171,14 +171,14 @@ class Battery(RichDisplay):
 
     @property
     def curve_seen_from_soc(self) -> float:
-        """State of charge down to which they have shown its curve, 1 for none."""
+        """State of charge down to which the logs have shown its curve, 1 without logs."""
         return self.knowledge.seen_from_soc if self.knowledge else 1.0
 
 
 def require_battery(battery: object, others: str = "") -> Battery:
-    """The battery itself, or InputError for anything else, as the path of one.
+    """The battery itself; InputError for anything else, such as the path of a file.
 
-    others: what else would do, in words.
+    others: what else is accepted, in words.
     """
     if not isinstance(battery, Battery):
         raise InputError(

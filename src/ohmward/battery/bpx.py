@@ -4,9 +4,9 @@ With the SoC z the stoichiometries of the electrodes go between their limits in 
 
 OCV(z) = U_p(x_p(z)) - U_n(x_n(z)),
 
-and so does its change with temperature. For small currents the resistances are those of the single particle model with
-electrolyte, linear about rest (Marquis et al., J. Electrochem. Soc. 166 A3693, 2019): with the area A of all electrode
-pairs, thickness L, surface a per volume, and transport efficiency B of each layer,
+and likewise for its change with temperature. For small currents the resistances are those of the single particle model
+with electrolyte, linearised about rest (Marquis et al., J. Electrochem. Soc. 166 A3693, 2019): with the area A of all
+electrode pairs, thickness L, surface a per volume, and transport efficiency B of each layer,
 
 R_0 = sum over electrodes of  R T / (F j_0 a L A) + L / (3 sigma A) + L / (3 kappa B A),   + L_s / (kappa B_s A),
 
@@ -40,11 +40,11 @@ from ohmward.battery.models.thevenin import Thevenin
 from ohmward.checks import require_positive
 from ohmward.errors import InputError
 
-#: Points of the resistances along SoC; they are taken between these shares of it, beyond which j_0 has no end.
+#: Points of the resistances along SoC, and distance from SoC 0 and 1 within which they are held: 1 / j_0 may diverge.
 _RESISTANCE_POINTS, _ENDS = 21, 0.01
 #: Half step of a stoichiometry for the slope of a potential.
 _DX = 1e-3
-#: A file whose electrodes hold this much more or less than its nominal capacity is at odds with itself.
+#: Relative difference of electrode and nominal capacity beyond which a file contradicts itself.
 _CAPACITY_OFF = 0.3
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: getattr(np, name)
@@ -67,12 +67,12 @@ class _Electrode(NamedTuple):
     """One electrode, along the SoC of the cell."""
 
     stoichiometry: Function
-    potential_V: Function  #: of the stoichiometry
+    potential_V: Function  #: as a function of the stoichiometry
     entropy_V_per_K: Function  #: likewise
     charge_As: float  #: from stoichiometry 0 to 1
     usable_As: float  #: between its limits
     lag_s: float
-    exchange_A: Function  #: current of exchange, of the stoichiometry
+    exchange_A: Function  #: exchange current as a function of the stoichiometry
     ohm: float  #: of matrix and electrolyte
     rate_K: float  #: activation of the exchange current
     lag_K: float  #: activation of the diffusivity
@@ -81,20 +81,20 @@ class _Electrode(NamedTuple):
 def battery_from_bpx(
     path: str | PathLike[str], chemistry: str, n_series: int = 1, capacity_Ah: float | None = None, label: str = ""
 ) -> Battery:
-    """The battery of cells that a BPX file describes.
+    """Battery made of the cells that a BPX file describes.
 
-    Curve, its change with temperature, resistances and time constants are the file's; what it says nothing of, and how
-    far one cell differs from another, is the chemistry's.
+    The curve, its change with temperature, the resistances and the time constants come from the file; everything else,
+    and the spread from cell to cell, from the chemistry.
 
     >>> battery_from_bpx("cell.json", "nmc", n_series=4).n_series  # doctest: +SKIP
     4
 
     chemistry: such as "nmc".
-    capacity_Ah: of strings in parallel [Ah]; None is one cell.
+    capacity_Ah: of all parallel strings together [Ah]; None for a single string.
     label: name of the battery; by default the file's title.
 
     Raises:
-        InputError: the file cannot be read, is no BPX file, or has what is not read here: blended electrodes.
+        InputError: the file cannot be read, is not a BPX file, or has blended electrodes, which are not supported.
     """
     source = _Source(Path(path))
     cell = source.table("Parameterisation", "Cell")
@@ -173,7 +173,7 @@ def _thevenin(
 
 
 def _diffusion_ohm(e: _Electrode, soc: np.ndarray) -> tuple[float, ...]:
-    """(M,) resistance of the diffusion in an electrode's particles, the slope taken over a twentieth of SoC."""
+    """(M,) resistance of the diffusion in an electrode's particles, with the slope averaged over a twentieth of SoC."""
     near = np.linspace(-0.025, 0.025, 11)
     x = e.stoichiometry(np.clip(soc[:, None] + near, _ENDS, 1.0 - _ENDS))
     slopes = np.abs(e.potential_V(x + _DX) - e.potential_V(x - _DX)) / (2.0 * _DX)
@@ -194,7 +194,7 @@ class _Source:
 
     @property
     def title(self) -> str:
-        """What the file calls the cell."""
+        """Name of the cell in the file."""
         header = self.content.get("Header")
         return str(header.get("Title") or self.path.stem) if isinstance(header, dict) else self.path.stem
 
@@ -239,7 +239,7 @@ class _Source:
         return max(float(table.get(f"{of} activation energy [J.mol-1]") or 0.0), 0.0) / GAS_J_PER_MOL_K
 
     def conductivity_S_m(self) -> float:
-        """Conductivity of the electrolyte at rest; infinite where the file, of a single particle model, has none."""
+        """Conductivity of the electrolyte at rest; infinite where the file has none, as for a single particle model."""
         electrolyte = self.table("Parameterisation", "Electrolyte", optional=True)
         if not electrolyte:
             return math.inf
@@ -258,7 +258,7 @@ class _Source:
         return self.number(layer, "Thickness [m]") / (kappa * efficiency * area_m2)
 
     def electrode(self, name: str, area_m2: float, reference_K: float, rises: bool) -> _Electrode:
-        """An electrode; rises: its stoichiometry rises with the SoC."""
+        """An electrode; rises: True where its stoichiometry rises with the SoC."""
         t = self.table("Parameterisation", name)
         if "Particle" in t:
             raise InputError(
@@ -297,10 +297,10 @@ class _Source:
 
 
 def _evaluated(node: ast.expr, x: np.ndarray) -> Any:
-    """An expression in x of numbers, + - * / ** and functions; nothing else is called.
+    """Evaluate an expression in x of numbers, + - * / ** and functions; nothing else is called.
 
     Raises:
-        ValueError: anything else in it.
+        ValueError: the expression contains anything else.
     """
     match node:
         case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):

@@ -1,7 +1,7 @@
 """Start values for a battery without any test, by chemistry and capacity, with a noise to match.
 
 The curves are read off published open-circuit curves of such cells and rounded; single cells differ by some 10 mV.
-Resistances scale with 1 / capacity. The filter carries them as states that are known within a factor of two, and finds
+Resistances scale with 1 / capacity. The filter carries them as states known to within a factor of two, and estimates
 them; an identified battery is always better.
 """
 
@@ -20,17 +20,17 @@ from ohmward.checks import require_one_of, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.consistency import BAND_95
 
-#: Of a label: capacity, as batteries that are some years old have lost 10 to 30 % of it; logarithm of the resistances,
-#: which over the label's were 0.3 to 3.6 on ten measured cells and packs.
+#: Standard deviations for a label: relative, of the capacity, of which batteries some years old have lost 10 to 30 %;
+#: of the logarithm of the resistances, which were 0.3 to 3.6 times the label's on ten measured cells and packs.
 _LABEL_CAPACITY_STD = 0.1
 _LABEL_RESISTANCE_STD = 0.8
 #: Voltage of a lithium-ion cell [V].
 CELL_V = 3.7
 #: Points of the uniform SoC grid of an OCV curve made here.
 OCV_POINTS = 201
-#: A battery that gases does so above this share of the voltage of a full one at rest: about 2.23 V of a lead-acid cell.
+#: Voltage above which a battery gases, relative to a full one at rest: about 2.23 V for a lead-acid cell.
 _GASSING_SHARE = 1.03
-#: Lowest voltage over that of an empty battery, highest over that of a full one; a charge with gas goes further above.
+#: Lowest voltage relative to an empty battery, and highest relative to a full one; the last for batteries that gas.
 _LOWEST, _HIGHEST, _GASSING = 0.9, 1.05, 1.2
 
 
@@ -50,26 +50,26 @@ class CurvePrior(NamedTuple):
     """Distribution over cells of the difference between their open-circuit voltage and the curve of their chemistry."""
 
     std_V: tuple[float, ...]  #: (M,) of one cell, on a uniform grid of SoC from 0 to 1
-    soc_std: float = 0.03  #: error of the SoC axis, by which the steep parts of the curve lie elsewhere
+    soc_std: float = 0.03  #: error of the SoC axis, which shifts the steep parts of the curve
     soc_length: float = 1.0  #: correlation length of the difference, as a change of SoC
     middle_soc_std: float = 0.0  #: error of the SoC axis that is largest in the middle, full and empty being known
-    line_std_V: Any = 0.0  #: (K,) error of a straight line beyond its logs, of the battery, where it is corrected
+    line_std_V: Any = 0.0  #: (K,) error of a straight line beyond its logs, for the whole battery, on OCV_KNOTS
 
 
 class HysteresisPrior(NamedTuple):
     """Distribution over cells of the hysteresis: its share of the low-rate gap, and its rate gamma, log-normal."""
 
-    #: the low-rate gap holds slow overpotential as well
+    #: the low-rate gap includes slow overpotential as well
     share: Normal = Normal(0.5, 0.2)
     rate: float = 40.0
     rate_log_std: float = 0.7
 
 
 class ChemistryPrior(NamedTuple):
-    """Distribution over cells of what a test may not have shown, and errors of the circuit of such cells.
+    """Distribution over cells of the values that a test may leave open, and circuit errors of such cells.
 
-    The prior regularises an identification where data are thin, and so gives honest covariances. Its volts are relative
-    to a cell of CELL_V, so that a pack or a lead-acid battery needs no other numbers.
+    The prior regularises an identification where data are thin, and so gives honest covariances. Its voltages are for a
+    cell of CELL_V and are scaled, so that a pack or a lead-acid battery needs no other numbers.
     """
 
     activation_K: Normal  #: activation temperature of the ohmic resistance, from edges of the current within a second
@@ -80,14 +80,14 @@ class ChemistryPrior(NamedTuple):
     ocv_std_V_per_K: float  #: change of the open-circuit voltage with temperature, about 0, per CELL_V of the battery
     curve: CurvePrior  #: deviation of the open-circuit voltage from the chemistry's [V] per cell, between the ends
     hysteresis_V: float  #: typical half distance of the branches, per CELL_V
-    #: activation temperature of the RC pairs at empty beyond pair_activation_K
+    #: activation temperature of the RC pairs at empty, in addition to pair_activation_K
     empty_activation_K: Normal = Normal(0.0, 8000.0)
     #: share of a capacity loss by which the electrodes shift against each other: if positive, the full end of the curve
     #: stays, if negative, the empty end
     ocv_slip: Normal = Normal(0.0, 0.5)
     hysteresis_activation_K: float = 0.0  #: activation temperature of the hysteresis, where that follows the net charge
     #: correlation of capacity loss and resistance growth by ageing, for a given capacity and for one measured from full
-    #: to empty at a low rate: an unchanged resistance then implies the capacity within 7 and 4 %
+    #: to empty at a low rate: an unchanged resistance then gives the capacity to within 7 and 4 %
     ageing_correlation: tuple[float, float] = (0.7, 0.9)
 
     walk_share: float = 0.25  #: random walk of a resistance over 0.1 of SoC, as a share of its level
@@ -112,54 +112,54 @@ class ChemistryPrior(NamedTuple):
     gassing_soc: float = 0.85  #: SoC above which it does
     rest_V: float = 0.002  #: standard deviation of each RC voltage at the start of a record that starts at rest
     start_V: float = 0.03  #: the same for any other record
-    model_V: float = 0.003  #: least model error at any SoC, however good the fit
+    model_V: float = 0.003  #: smallest model error at any SoC, however good the fit
     #: the same where no low-rate test has shown the curve: the residual of a drive is the best case
     unmeasured_model_V: float | None = None
     pulses_V: float = 0.008  #: the same where there are only short pulses, which show only the start of slow processes
     model_soc_length: float = 0.1  #: correlation length of the model error, as a change of SoC
-    seeks_transfer: bool = True  #: fit the charge transfer that bends the ohmic drop, from tests at two temperatures
+    seeks_transfer: bool = True  #: fit the charge transfer in the ohmic drop, from tests at two temperatures
 
     @property
     def activations_K(self) -> tuple[Normal, Normal, Normal]:
-        """Activations of the ohmic resistance, of those of the RC pairs and of the time constants."""
+        """Activations of the ohmic resistance, of the RC resistances and of the time constants."""
         return self.activation_K, self.pair_activation_K, self.tau_activation_K
 
 
-#: Root mean square of the difference between published open-circuit curves of cells and the curve here, in tenths of
-#: SoC and times the 1.2 to 1.4 by which so few cells may tell it too small (quantile of Student's t over that of a
-#: normal distribution). NCA and LCO, of six: Panasonic PF, two of Samsung, NCA_Kim2011, Ramadass2004, Ai2020.
+#: RMS difference between published open-circuit curves of cells and the curve here, at every tenth of SoC, times 1.2 to
+#: 1.4, the factor by which so few cells may underestimate it (quantile of Student's t over that of a normal
+#: distribution). Six NCA and LCO cells: Panasonic PF, two of Samsung, NCA_Kim2011, Ramadass2004, Ai2020.
 _NCA_CURVE = CurvePrior((0.20, 0.08, 0.06, 0.05, 0.04, 0.04, 0.04, 0.04, 0.04, 0.02, 0.015))
 _LCO_CURVE = _NCA_CURVE._replace(soc_length=0.5)
-#: The same of eleven cells with the label NMC: LG M50 in three versions, Molicel P42A, NMC111 pouch of About:Energy,
+#: The same for eleven cells labelled NMC: LG M50 in three versions, Molicel P42A, NMC111 pouch of About:Energy,
 #: Mohtat2020, Samsung 20R, two of TU Eindhoven, and the blends with LMO of two cars, which lie 0.1 to 0.19 V higher.
 _NMC_CURVE = CurvePrior((0.35, 0.17, 0.125, 0.11, 0.10, 0.095, 0.08, 0.07, 0.05, 0.02, 0.015))
-#: The same of seven LFP cells: A123 of two kinds and as Safari and Delacourt 2011 have it, Lithium Werks 18650, 18650
-#: of About:Energy, one of TU Eindhoven (its plateau 55 mV higher), Prada2013 (20 to 80 mV lower). They pass 3.1 V at 3
-#: to 15 % of charge, where the curve has 5 %; that knee and the plateau know little of each other.
+#: The same for seven LFP cells: two kinds of A123 and that of Safari and Delacourt 2011, Lithium Werks 18650, 18650 of
+#: About:Energy, one of TU Eindhoven (its plateau 55 mV higher), Prada2013 (20 to 80 mV lower). They pass 3.1 V at 3 to
+#: 15 % SoC, the curve here at 5 %; the errors at that knee and on the plateau are hardly correlated.
 _LFP_CURVE = CurvePrior((0.25, 0.12, 0.06, 0.05, 0.04, 0.04, 0.04, 0.04, 0.04, 0.04, 0.04), 0.05, 0.5)
 
 #: Lithium-ion cells. Fitted from -15 to 45 degC: A123 LFP 2500 and 3100 to 4000 K (ohmic and pairs), Panasonic NCA 2700
 #: and 3100 to 4800, an NMC cell of TU Eindhoven 2800 and 2600, the pack of an i3 3100 in all; time constants 1600 to
-#: 3400. Electrolytes conduct with about 2000 K, charge transfer takes 6000 to 8000 (Jow et al., J. Electrochem. Soc.
-#: 2012), so that all grow towards the cold, 1200 K between 25 and 45, 4300 between 5 and -15 degC. The curve of the NMC
-#: cell moves by 0.17 mV/K (rms along SoC), that of the LFP cell by 0.10.
+#: 3400. Conduction in electrolytes has about 2000 K, charge transfer 6000 to 8000 (Jow et al., J. Electrochem. Soc.
+#: 2012), so activations grow towards the cold: 1200 K between 25 and 45, 4300 between 5 and -15 degC. The OCV of the
+#: NMC cell changes by 0.17 mV/K (rms along SoC), that of the LFP cell by 0.10.
 _LITHIUM = ChemistryPrior(
     Normal(2700.0, 900.0), Normal(3700.0, 1200.0), Normal(1800.0, 1200.0), 1000.0, 2e-4, _NCA_CURVE, 0.003
 )
-#: A full cell with cobalt oxide moves by 0.1 to 0.7 mV/K, measured by Ai et al. (J. Electrochem. Soc. 2020); theirs
-#: slips by 0.3 of the loss where two thirds of it are lithium, and by -0.34 to 0.6.
+#: The OCV of a full cell with cobalt oxide changes by 0.1 to 0.7 mV/K (Ai et al., J. Electrochem. Soc. 2020, measured);
+#: their cell slips by 0.3 of the loss where two thirds of it are lithium, otherwise by -0.34 to 0.6.
 _COBALT = _LITHIUM._replace(ocv_std_V_per_K=3.5e-4, curve=_LCO_CURVE, ocv_slip=Normal(0.3, 0.4))
 #: Ageing makes one LFP cell slip by 0.64 +- 0.19 of the loss, and its empty end stays.
-#: The hysteresis that fits of an A123 cell show grows by 1500 K from 45 to -15 degC, its gap at C/30 by 1800 K.
-#: On the plateau hysteresis and a slow overpotential look alike in a drive that discharges: with either the residual is
-#: the same, and only a charge tells them apart. So the prior holds their split, and the noise has its width. Half the
-#: gap of an A123 cell at C/30 is 17 mV at 25, 25 at 5 and 50 at -15 degC: 12 mV and a resistance. The current of
-#: low-rate branches is another one, which tells them apart: then 0.71 to 0.87 of the gap at -15 to 45 degC is
-#: hysteresis, which turns over with 2/17 of the charge. A pair of a few hundred seconds fits a drive as well as a slow
-#: one, and then fails elsewhere.
-#: Models of two LFP cells err by 6 to 17 mV (mean over 10 min) on other records, where they fit their own within 4.
-#: Between two rests, a resistance that may walk takes what the curve does there. From pulses at 25 degC, four simulated
-#: cells: RMSE 1.3 % with a walk of 0.25, 0.8 % with half of it.
+#: In fits of an A123 cell from 45 to -15 degC the activation of the hysteresis is 1500 K, of its gap at C/30 1800 K.
+#: On the plateau hysteresis and a slow overpotential look alike in a drive that discharges: the residual is the same
+#: with either, and only a charge separates them. So the prior fixes their split, and the noise has its width. Half the
+#: gap of an A123 cell at C/30 is 17 mV at 25, 25 at 5 and 50 at -15 degC: 12 mV and a resistance. Low-rate branches
+#: have another current, which separates the two: then 0.71 to 0.87 of the gap at -15 to 45 degC is hysteresis, which
+#: reverses over 2/17 of the charge. A pair of a few hundred seconds fits a drive as well as a slow one, and then fails
+#: elsewhere.
+#: Models of two LFP cells err by 6 to 17 mV (mean over 10 min) on other records, and by up to 4 mV on their own.
+#: Between two rests, a resistance that is free to walk absorbs the shape of the curve. From pulses at 25 degC, four
+#: simulated cells: RMSE 1.3 % with a walk of 0.25, 0.8 % with half of it.
 _IRON_PHOSPHATE = _LITHIUM._replace(
     ocv_std_V_per_K=1.2e-4,
     curve=_LFP_CURVE,
@@ -176,15 +176,16 @@ _IRON_PHOSPHATE = _LITHIUM._replace(
     unmeasured_model_V=0.008,
 )
 #: Two thirds of a loss are lithium (60 to 80 % in cars), the rest material of both electrodes: half-cell curves of four
-#: NMC cells then slip by 0.44 of it; by 0.65 with lithium alone, by -0.24 to 0.77 with one electrode besides.
+#: NMC cells then slip by 0.44 of it; by 0.65 with lithium alone, by -0.24 to 0.77 with lithium and one electrode.
 _NICKEL_MANGANESE_COBALT = _LITHIUM._replace(curve=_NMC_CURVE, ocv_slip=Normal(0.45, 0.35))
-#: Pulses of a Panasonic NCA cell at -10 to 25 degC: the transfer of lithium into a nearly full layered oxide. Slip of a
-#: cell whose positive electrode ends the discharge: -0.18 +- 0.27, and as much again in another shape.
+#: Activation at empty from pulses of a Panasonic NCA cell at -10 to 25 degC: transfer of lithium into a nearly full
+#: layered oxide. Slip of a cell whose positive electrode ends the discharge: -0.18 +- 0.27, and as much again in
+#: another shape.
 _NICKEL_COBALT_ALUMINIUM = _LITHIUM._replace(empty_activation_K=Normal(11000.0, 8000.0), ocv_slip=Normal(0.0, 0.6))
 #: Lithium titanate stays at 1.55 V against lithium, so that a cell follows its positive electrode: mostly NMC, as here,
 #: or manganese oxide, whose cells lie 0.1 V higher in the middle. No cell was measured here.
 _TITANATE = _LITHIUM._replace(curve=CurvePrior((0.3, 0.12, *(0.09,) * 7, 0.06, 0.05), 0.05), ocv_slip=Normal(0.0, 0.5))
-#: Hard carbon against a layered oxide, as the first cells on the market, 1.5 to 3.95 V; a cell with a vanadium
+#: Hard carbon against a layered oxide, as in the first cells on the market, 1.5 to 3.95 V; a cell with a vanadium
 #: fluorophosphate (Chayambuka et al., Electrochimica Acta 404, 139764, 2022) is 0.35 to 0.85 V higher. No cell was
 #: measured here: a test is worth more than with any other chemistry.
 _SODIUM = _LITHIUM._replace(
@@ -193,7 +194,7 @@ _SODIUM = _LITHIUM._replace(
     hysteresis_V=0.01,
 )
 #: Rested voltages after charge and discharge differ by some 50 mV over most of the charge (Verbrugge and Tate, J. Power
-#: Sources 126, 236, 2004); the electrolyte is alkaline water, and a cell moves by some 0.4 mV/K.
+#: Sources 126, 236, 2004); the electrolyte is alkaline water, and a cell's OCV changes by some 0.4 mV/K.
 _NICKEL = ChemistryPrior(
     Normal(1500.0, 1000.0),
     Normal(2500.0, 1500.0),
@@ -205,13 +206,13 @@ _NICKEL = ChemistryPrior(
     ageing_correlation=(0.0, 0.0),
     unfitted_curve=CurvePrior((0.015,) * 2, 0.03, 0.3),
 )
-#: Near full more and more of a charge makes oxygen instead.
+#: Near full a growing part of the charging current makes oxygen instead.
 _NICKEL_EFFICIENCY = 0.95
-#: Acid conducts with about 1500 K; a cell of 2 V moves by 0.2 mV/K (Bode, Lead-Acid Batteries, 1977). It diffuses for
-#: hours, which is worth a tenth of the charge in a day of work.
-#: Charging is another reaction than discharging and makes gas near full; no two discharges are quite alike. The curve
-#: has no phases, so what is wrong with it here is wrong over half of the charge: with a length of 0.1 such an error
-#: would average out in one discharge, and 80 % of the truth were covered instead of 98.
+#: Conduction in acid has about 1500 K; a 2 V cell changes by 0.2 mV/K (Bode, Lead-Acid Batteries, 1977). Acid diffuses
+#: for hours, which is worth a tenth of the charge in a day of work.
+#: Charging is a different reaction from discharging and makes gas near full; no two discharges are quite alike. The
+#: curve has no phases, so an error of it extends over half of the charge: with a correlation length of 0.1 it would
+#: average out in one discharge, and the band would cover 80 % of the true values instead of 98.
 _LEAD_ACID = ChemistryPrior(
     Normal(1500.0, 700.0),
     Normal(2000.0, 1000.0),
@@ -236,8 +237,8 @@ _LEAD_ACID = ChemistryPrior(
     model_soc_length=0.5,
     seeks_transfer=False,
 )
-#: From full to full a sealed battery stores 93 % of what a charger delivers, measured, most of the loss being gas near
-#: full; in the middle it is more, all of it in a model of porous electrodes without gas.
+#: Measured from full to full, a sealed battery stores 93 % of what a charger delivers, most of the loss being gas near
+#: full; in the middle it stores more, and all of it in a model of porous electrodes without gas.
 _LEAD_ACID_EFFICIENCY = 0.97
 #: A battery of unknown chemistry: all of the above are within one standard deviation or two.
 _UNNAMED = ChemistryPrior(
@@ -259,17 +260,17 @@ class Chemistry:
     #: open-circuit voltage of one cell at 25 degC
     soc: tuple[float, ...]
     ocv_V: tuple[float, ...]
-    hysteresis_V: float  #: half the distance of charge and discharge branch
+    hysteresis_V: float  #: half the distance between charge and discharge branch
     #: resistance times capacity
     r0_ohm_Ah: float
     r1_ohm_Ah: float
     r2_ohm_Ah: float
     tau_s: tuple[float, float]  #: of both RC pairs
     coulombic_efficiency: float = 1.0  #: share of the charging current that is stored
-    prior: ChemistryPrior = _LITHIUM  #: of what a test may not show
+    prior: ChemistryPrior = _LITHIUM  #: for what a test may leave open
     #: True where part of a charge makes gas near full, so that the voltage of a charge is not that of the cell
     gases: bool = False
-    #: True where transfer of charge, which bends the ohmic drop, may be most of it in a warm room
+    #: True where charge transfer, which makes the ohmic drop nonlinear, may dominate it at room temperature
     charge_transfer: bool = False
 
     def gassing_V(self, ocv: OcvCurve) -> float | None:
@@ -376,8 +377,8 @@ CHEMISTRIES: dict[str, Chemistry] = {
     ),
 }
 
-#: What else the chemistries are called, on labels and in shops. A cell that says no more than lithium-ion may be any of
-#: those with cobalt, and the band of NMC is the widest.
+#: Other names of the chemistries, on labels and in shops. A cell labelled only lithium-ion may be any of those with
+#: cobalt, and the band of NMC is the widest.
 _OTHER_NAMES = {
     "lfp": ("lifepo4", "life", "lifepo", "lithium-iron-phosphate"),
     "nmc": ("ncm", "linimncoo2", "li-ion", "liion", "lithium-ion", "lion"),
@@ -392,10 +393,10 @@ _NAMES = {other: name for name, others in _OTHER_NAMES.items() for other in (nam
 
 
 def chemistry_name(name: str) -> str:
-    """The name that a chemistry has here: "lfp" for "LiFePO4", "lead-acid" for "AGM"; "" stays, for an unknown one.
+    """Name of a chemistry as used here: "lfp" for "LiFePO4", "lead-acid" for "AGM"; "" stays, for an unknown one.
 
     Raises:
-        InputError: there is no such chemistry; it lists what there is.
+        InputError: there is no such chemistry; the message lists those that exist.
     """
     if not name:
         return ""
@@ -409,7 +410,7 @@ def chemistry_name(name: str) -> str:
 
 
 def chemistry(name: str) -> Chemistry:
-    """The chemistry called `name`, by any of its names; InputError lists what there is."""
+    """The chemistry called `name`, by any of its names; InputError lists those that exist."""
     name = chemistry_name(name)
     require_one_of("chemistry", name, CHEMISTRIES)
     return CHEMISTRIES[name]
@@ -451,7 +452,7 @@ def start_model(name: str, capacity_Ah: float, n_series: int = 1, ocv: OcvCurve 
 
 
 def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str = "") -> Battery:
-    """Battery of a chemistry and capacity without any test, and with the noise that follows.
+    """Battery of a chemistry and capacity without any test, with noise to match.
 
     >>> battery = ow.generic_battery("lfp", capacity_Ah=20, n_series=8)
     >>> battery.voltage_max_V

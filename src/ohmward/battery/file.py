@@ -23,16 +23,16 @@ _HEADER = """\
 # A list along SoC stands on a uniform grid from SoC 0 to SoC 1, ends included. *_std are standard deviations.
 """
 _FORMAT = "ohmward-battery/3"
-#: Cells of one chemistry differ in voltage and in resistance times capacity by less than these factors: two to four
-#: cells for one, or a pack for its cell, do not; nor does a thousand, of milliampere hours. Old and cold cells have ten
-#: times the usual resistance.
+#: Cells of one chemistry differ in voltage and in resistance times capacity by less than these factors: a wrong number
+#: of cells, two to four for one or a pack for its cell, exceeds them, and so does mAh for Ah, a factor of a thousand.
+#: Old and cold cells have ten times the usual resistance.
 _OTHER_VOLTAGE, _OTHER_RESISTANCE = 1.4, 100.0
 
 
 def _as_thevenin(table: dict[str, Any]) -> dict[str, Any]:
-    """The table of a file that gives its circuit by the elements of the RC model, [rc], with the Thevenin circuit.
+    """Table of a file with its RC model, [rc], replaced by the equivalent Thevenin circuit.
 
-    Where [thevenin] stands as well, that is the circuit, and [rc] with its [rc_noise] is left aside.
+    Where the file has [thevenin] as well, that is the circuit, and [rc] with its [rc_noise] is ignored.
     """
     rest = {key: value for key, value in table.items() if key not in ("rc", "rc_noise")}
     if "rc" not in table or "thevenin" in table:
@@ -42,19 +42,19 @@ def _as_thevenin(table: dict[str, Any]) -> dict[str, Any]:
     return noise | rest | {"thevenin": asdict(model)}
 
 
-#: Its `dump` and `parse` give and take the text.
+#: Format of the file; `dump` returns its text, `parse` reads it.
 BATTERY_FILE = TomlFile(
     Battery, _FORMAT, _HEADER, once={"thevenin": ("capacity_Ah",), "rc": ("capacity_Ah",)}, normal=_as_thevenin
 )
 
 
 def save_battery(battery: Battery, path: str | PathLike[str]) -> None:
-    """Write the battery file; numbers are rounded to 6 digits. The file is either whole or not there.
+    """Write the battery file; numbers are rounded to 6 digits. It is written completely or not at all.
 
     >>> ow.save_battery(ow.generic_battery("nmc", capacity_Ah=5), "cell.toml")
 
     Raises:
-        InputError: it is no battery.
+        InputError: it is not a battery.
         OhmwardError: the file cannot be written.
     """
     require_battery(battery)
@@ -62,10 +62,10 @@ def save_battery(battery: Battery, path: str | PathLike[str]) -> None:
 
 
 def replace_battery(battery: Battery, path: str | PathLike[str]) -> Path | None:
-    """Write the battery file as `save_battery` does, and keep the one before beside it; its path, None for none.
+    """Write the battery file as `save_battery` does; keep a previous one as a backup and return its path, else None.
 
     Raises:
-        OhmwardError: a file cannot be written; the one before is then where it was.
+        OhmwardError: a file cannot be written; the previous one is then where it was.
     """
     backup = back_up(Path(path))
     save_battery(battery, path)
@@ -79,7 +79,7 @@ def load_battery(path: str | PathLike[str]) -> Battery:
     4
 
     Raises:
-        InputError: the file cannot be read or says something that a battery cannot be; names file, key, rule and fix.
+        InputError: the file cannot be read or has an impossible value; names file, key, rule and fix.
     """
     battery = BATTERY_FILE.load(path)
     try:
@@ -91,10 +91,10 @@ def load_battery(path: str | PathLike[str]) -> Battery:
 
 
 def _require_agreement(battery: Battery) -> None:
-    """Refuse numbers that contradict each other, as a key does that was edited in another unit or alone.
+    """Refuse numbers that contradict each other, such as a key edited in another unit or alone.
 
     Raises:
-        InputError: cells of this chemistry have another voltage by far, or another resistance for this capacity.
+        InputError: cells of this chemistry have a far different voltage, or resistance for this capacity.
     """
     if not battery.chemistry:
         return

@@ -1,7 +1,7 @@
-"""Fingerprint of a log, by which a battery file knows the measurements that it has learnt from.
+"""Fingerprint of a log, by which a battery file recognises the measurements that it has learnt from.
 
 Means of voltage and current over bins of equal length. A part of the log has the same means as the whole, whatever the
-zero of its clock, and so has, almost, a log with every tenth sample: both are found by shifting one against the other.
+zero of its clock, and a log of every tenth sample nearly so: both are found by shifting one against the other.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from ohmward.logs.log import Log
 #: Bins of a log, and their shortest and longest length: a fingerprint of a day has 96 numbers, of ten days 960.
 _BINS = 48
 _SHORTEST_BIN_S, _LONGEST_BIN_S = 30.0, 1800.0
-#: A bin has at least so many samples, and a log so many bins, however short it is.
+#: Fewest samples in a bin, and fewest bins of a log, however short it is.
 _SAMPLES_PER_BIN = 4
 _FEWEST_BINS = 8
 #: Levels of a mean between the lowest and the highest of its log: two bytes.
 _LEVELS = 65535
-#: Samples that are the same give means that differ by rounding, by so many levels.
+#: Levels by which rounding makes the means of the same samples differ.
 _ROUNDING_LEVELS = 3.0
-#: Means of the same samples may differ in this share of the bins, at the ends and where single samples were repaired.
+#: Share of the bins in which means of the same samples may differ: at the ends and where single samples were repaired.
 _MOST_OTHER_BINS = 0.2
-#: Logarithm of the odds that two logs are the same: e^25 against a thousand logs with ten thousand shifts each.
+#: Log odds above which two logs are the same: e^25 against a thousand logs with ten thousand shifts each.
 _CERTAIN_LOG_ODDS = 25.0
-#: Two sampling intervals that differ by less than this share are one: then only the very same samples are the same log.
+#: Sampling intervals that differ by less than this share are equal: then only identical samples are the same log.
 _SAME_INTERVAL = 0.05
-#: Wall clocks of one log agree within this time; a clock that is set by the network moves by less.
+#: Wall clocks of one log agree to within this time; a network moves the clock that it sets by less.
 _SAME_CLOCK_S = 120.0
-#: Shifts that are tried first, in bins, those that are refined, and the steps of each refinement.
+#: Step between the shifts tried first, in bins, number of shifts that are refined, and steps of each refinement.
 _SHIFT_BINS = 0.125
 _REFINED = 32
 _NEAREST_STEPS = 8
-#: Numbers that are worked on at once: 16 MB.
+#: Numbers processed at once: 16 MB.
 _NUMBERS_AT_ONCE = 2_000_000
 
 
@@ -86,7 +86,7 @@ def unlearnt_parts(log: Log, fingerprints: Iterable[str]) -> tuple[Log, ...]:
 
 
 def overlap_s(log: Log, text: str) -> tuple[float, float] | None:
-    """Begin and end, from the log's first sample, of the time that it shares with the log of a fingerprint, or None."""
+    """Start and end, from the log's first sample, of the time that it shares with the log of a fingerprint, or None."""
     if not text or log.duration_s <= 0:
         return None
     seen, integrals = _unpacked(text), _integrals(log)
@@ -152,13 +152,13 @@ def _edges(seen: LogProfile, shift_s: np.ndarray) -> np.ndarray:
 
 
 def _inside(edges_s: np.ndarray, duration_s: float) -> np.ndarray:
-    """(..., n) bins that lie within the log; a thousandth of a bin may stand out, from rounding of the times."""
+    """(..., n) bins that lie within the log; a thousandth of a bin may lie outside, from rounding of the times."""
     slack = 1e-3 * (edges_s[..., 1:2] - edges_s[..., :1])
     return (edges_s[..., :-1] >= -slack) & (edges_s[..., 1:] <= duration_s + slack)
 
 
 def _likely_shifts(integrals: LogIntegrals, seen: LogProfile) -> np.ndarray:
-    """Shifts [s] at which the log looks most like the one seen, one for each hill of the likelihood."""
+    """Shifts [s] at which the log looks most like the one seen, one for each peak of the likelihood."""
     step = _SHIFT_BINS * seen.bin_s
     shifts = np.arange(seen.bin_s - seen.duration_s, integrals.duration_s - 0.5 * seen.bin_s, step)
     shifts = np.union1d(shifts, [0.0, integrals.duration_s - seen.duration_s])
@@ -180,7 +180,7 @@ def _likelihood(integrals: LogIntegrals, seen: LogProfile, shift_s: np.ndarray) 
 
 
 def _refine(integrals: LogIntegrals, seen: LogProfile, shifts: np.ndarray) -> np.ndarray:
-    """The shifts (K,) at the nearest least squares, by steps of Gauss and Newton; none longer than a bin."""
+    """The shifts (K,) moved to the nearest least-squares minimum by Gauss-Newton steps of at most a bin."""
     width = 1e-3 * seen.bin_s
     for _ in range(_NEAREST_STEPS):
         edges = _edges(seen, shifts)
@@ -196,8 +196,8 @@ def _refine(integrals: LogIntegrals, seen: LogProfile, shifts: np.ndarray) -> np
 def _log_odds(integrals: LogIntegrals, seen: LogProfile, log: Log, shift_s: float) -> float:
     """Logarithm of the odds that at this shift both are the same log; -inf where they are not.
 
-    Each bin that agrees within sigma counts log(S / sigma), S being the spread of the means over their log: a battery
-    that rests all day says nothing about the day.
+    Each bin that agrees within sigma counts log(S / sigma), S being the spread of the means over their log: the log of
+    a battery that rests all day matches nothing in particular.
     """
     edges = _edges(seen, np.array([shift_s]))[0]
     inside = _inside(edges, integrals.duration_s)
@@ -214,10 +214,10 @@ def _log_odds(integrals: LogIntegrals, seen: LogProfile, log: Log, shift_s: floa
 
 
 def _tolerances(seen: LogProfile, log: Log, shift_s: float, edges_s: np.ndarray) -> np.ndarray:
-    """(M, 2, n) standard deviations by which the means of the same log may differ: its very samples, and fewer of them.
+    """(M, 2, n) standard deviations by which the means of the same log may differ: with identical samples, or fewer.
 
-    A mission that is driven twice shows nearly the same means; at one sampling interval, or on other days by the clock,
-    only the very samples are the same log.
+    A mission that is driven twice shows nearly the same means; at equal sampling intervals, or on different days by the
+    clock, only identical samples are the same log.
     """
     exact = np.broadcast_to(_ROUNDING_LEVELS * seen.level, seen.means.shape)
     intervals_s = sorted((seen.interval_s, float(np.median(log.dt_s))))
@@ -230,7 +230,7 @@ def _tolerances(seen: LogProfile, log: Log, shift_s: float, edges_s: np.ndarray)
 
 
 def _clock_shift(seen: LogProfile, log: Log) -> list[float]:
-    """The shift that the wall clocks tell, where both have one."""
+    """Shift by the wall clocks, where both logs have one."""
     if log.begin_unix_s is None or not np.isfinite(seen.start_unix_s):
         return []
     return [seen.start_unix_s - log.begin_unix_s]

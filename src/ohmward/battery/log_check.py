@@ -1,10 +1,10 @@
-"""Check that a log can be of the battery that it is estimated with, and under conditions that its tests have shown.
+"""Check that a log can be of the battery that it is estimated with, and under conditions that its tests cover.
 
 The number of cells in series follows from the shape of the voltage. With N cells the mean voltage of one is
 
     v / N = OCV(soc_0 + q / Q) + R_0 i + R_1 i_slow,
 
-q the charge that the log counts; a wrong N puts the log on a part of the curve whose shape the charge does not explain.
+with q the charge counted in the log; a wrong N puts it on a part of the curve whose shape does not match that charge.
 """
 
 from __future__ import annotations
@@ -27,50 +27,50 @@ from ohmward.runs import long_runs
 from ohmward.signals.current_sign import CurrentSign
 from ohmward.signals.current_size import HIDDEN_CHARGE, RELAXED_S
 
-#: The tests behind a battery file cover its usual voltages: beyond them by this share the log is of another battery,
+#: Share by which voltages lie outside the range of the tests behind a battery file: usual ones of another battery,
 OTHER_BATTERY = 0.2
-#: and by this share single voltages are worth a warning.
+#: and single ones that are worth a warning.
 BEYOND_TESTS = 0.02
 #: A charger holds a battery above its open-circuit voltage, but not by this share for most of a log.
 ABOVE_FULL = 0.1
-#: A resistance that is known worse than this at a temperature of the log is worth a warning (1 sigma, relative).
+#: Relative standard deviation of the resistance at a temperature of the log above which a warning is given.
 DOUBTFUL_RESISTANCE = 0.1
 
-#: Numbers of cells that are tried beside the file's: so many more and fewer.
+#: Numbers of cells tried besides the file's: up to this many more and fewer.
 _CELLS_APART = 2
-#: Another number of cells explains a log better where the errors of the voltage with the file's number are larger than
-#: this for a cell [V], and than so many times those of the other. Of right files on measured cells, cold and aged ones
-#: among them, they are 1.6 times as large at most.
+#: Another number of cells explains a log better where the voltage error of a cell with the file's number is larger than
+#: this [V], and than this multiple of the error with the other number. With correct files on measured cells, cold and
+#: aged ones included, it is at most 1.6 times as large.
 _CELL_ERROR_V, _TIMES_BETTER = 0.03, 2.5
-#: One sign of the current explains it better than the other where the errors of that are so many times larger, and
+#: One sign of the current explains a log better where the error with the other one is this many times larger, and
 #: larger than this [V].
 _TIMES_WORSE, _WRONG_V = 2.0, 0.003
-#: A log is explained in windows of at most this length, and as many as this of them; within one, the offset of the
-#: current sensor moves the charge by at most this share of the capacity, and the capacity is one of these over the
-#: file's.
+#: A log is explained in windows: their longest length [s] and largest number; the largest charge that the offset of the
+#: current sensor moves in one, over the capacity; multiples of that offset, and capacities over the file's, that are
+#: tried.
 _WINDOW_S, _MOST_WINDOWS = 6 * 3600.0, 12
 _OFFSET_SHARE, _OFFSETS, _CAPACITIES = 0.15, (0.0, -0.5, 0.5, -1.0, 1.0), (1.0, 0.85, 1.15, 0.75, 1.3, 0.67)
-#: Rows of a window and samples in one, fewest rows, starts that are tried, and the part of the rows that spikes do not
-#: touch.
+#: Rows of a window and samples in one, fewest rows, starting SoCs that are tried, and share of the rows that are free
+#: of spikes.
 _ROWS, _ROW_SAMPLES, _FEWEST_ROWS, _STARTS, _WITHOUT_SPIKES = 60, 15, 30, 30, 0.95
-#: Overpotentials of so many times those of the file weigh as much as so many times this error [V] of the cell voltage:
-#: without a prior a steady current would explain any number of cells.
+#: Resistances r times the file's weigh as much as an error of the cell voltage of r times this [V]: without a prior a
+#: steady current would explain any number of cells.
 _PER_RATIO_V = 0.003
 #: Time constant of the slow part of the overpotential [s].
 _SLOW_S = 1000.0
 
-#: A battery is idle that gives less than this current, in multiples of the capacity per hour; one sample of noise does
-#: not end a rest. After `RELAXED_S` its voltage has relaxed but for a few millivolts, and moves no further than
-#: self-discharge, idle current and a late relaxation do: by this voltage a cell, and by this much of the state of
-#: charge by the curve, and more with every hour.
+#: A battery that delivers less than this current, in multiples of the capacity per hour, is idle; one noisy sample does
+#: not end a rest. After `RELAXED_S` its voltage has relaxed to within a few millivolts. Self-discharge, idle current
+#: and late relaxation then move it by no more than this voltage a cell, this state of charge by the curve, and this
+#: state of charge more with every hour.
 _IDLE_LOAD_C = 0.1
 _HIDDEN_V, _HIDDEN_SOC, _HIDDEN_SOC_PER_HOUR = 0.05, 0.1, 0.02
-#: A change of an idle current moves the voltage by at most so many times the file's resistance to a steady one.
+#: A change of an idle current moves the voltage through at most this multiple of the file's steady-state resistance.
 _IDLE_RESISTANCE = 2.0
 #: Samples of a median.
 MEDIAN_OF = 5
 
-#: What to look at where a battery file does not explain a log.
+#: Advice where a battery file does not explain a log.
 OTHER_FILE = (
     "are the given chemistry, capacity and n_series those of this battery, and are sign and unit of the current right?"
 )
@@ -79,7 +79,7 @@ OTHER_FILE = (
 def check_log(log: Log, battery: Battery) -> Log:
     """The log, with a warning where its voltage leaves the range of the battery's tests by more than 2 %.
 
-    Likewise where the tests say little of the resistance at its temperatures.
+    Likewise where the resistance at its temperatures is uncertain.
 
     Raises:
         InputError: the median voltage is more than 20 % outside: another battery, or another unit.
@@ -137,9 +137,9 @@ class _WindowMeans(NamedTuple):
     """Means over the parts of a window, (T,) each."""
 
     charge: np.ndarray  #: counted since the start of the window, as a share of the capacity
-    offset_charge: np.ndarray  #: (O, T) the same of the offsets that are tried
+    offset_charge: np.ndarray  #: (O, T) the same for the offsets that are tried
     voltage_V: np.ndarray  #: of the battery
-    overpotentials: np.ndarray  #: (T, 2) the overpotential of a cell by the file's resistances, quick and slow [V]
+    overpotentials: np.ndarray  #: (T, 2) fast and slow overpotential of a cell by the file's resistances [V]
 
 
 def sign_by_model(log: Log, battery: Battery) -> CurrentSign | None:
@@ -168,9 +168,9 @@ def cell_error_V(
     enough_V: float = 0.0,
     resistance_ratio: float = 0.0,
 ) -> float:
-    """RMS error [V] of the mean cell voltage that this number of cells leaves.
+    """RMS error [V] of the mean cell voltage with this number of cells.
 
-    enough_V: ends a search.  resistance_ratio: that of the file which is likely beforehand.
+    enough_V: error at which a search ends.  resistance_ratio: prior mean of the resistances over the file's.
     """
     squares = [_unexplained_V2(rows, curve_V, cells, enough_V**2, resistance_ratio) for rows in windows]
     return float(np.sqrt(np.average(squares, weights=[rows.voltage_V.size for rows in windows])))
@@ -237,7 +237,7 @@ def _without_spikes(values: np.ndarray) -> np.ndarray:
 def _unexplained_V2(
     rows: _WindowMeans, curve_V: np.ndarray, cells: int, enough_V2: float, resistance_ratio: float
 ) -> float:
-    """Mean square [V^2] of the cell voltage that the curve and the overpotentials leave, at the best start."""
+    """Mean square error [V^2] of the cell voltage by the curve and the overpotentials, at the best start."""
     grid, least_V2 = np.linspace(0.0, 1.0, curve_V.size), np.inf
     least_rows = max(int(_WITHOUT_SPIKES * rows.charge.size), 1)
     C = rows.overpotentials
@@ -277,7 +277,7 @@ def unmeasured_charge(log: Log, battery: Battery) -> str:
 
 
 def moving_rests(log: Log, battery: Battery) -> list[tuple[int, int]]:
-    """First and end index of rests in which the voltage moves further than that of a battery at rest does."""
+    """First and end index of rests in which the voltage moves further than a resting battery's does."""
     at_rest = np.abs(log.current_A - battery.sensor.offset_A) < REST_C * battery.capacity_Ah
     found = []
     for run, late in _relaxed(log, battery, at_rest):
@@ -288,9 +288,9 @@ def moving_rests(log: Log, battery: Battery) -> list[tuple[int, int]]:
 
 
 def hidden_charges(log: Log, battery: Battery) -> list[tuple[int, int]]:
-    """First and end index of stretches without a charging current in which the voltage rises as by a charge.
+    """First and end index of stretches without a charging current in which the voltage rises as in a charge.
 
-    That is by more than relaxation and the changes of the idle current make it.
+    That is, by more than relaxation and changes of the idle current explain.
     """
     excess_A = log.current_A - battery.sensor.offset_A
     idle = (excess_A < REST_C * battery.capacity_Ah) & (excess_A > -_IDLE_LOAD_C * battery.capacity_Ah)
@@ -307,10 +307,9 @@ def hidden_charges(log: Log, battery: Battery) -> list[tuple[int, int]]:
 
 
 def _relaxed(log: Log, battery: Battery, condition: np.ndarray) -> Iterator[tuple[tuple[int, int], np.ndarray]]:
-    """First and end index of the runs of a condition that tell something, without gaps of the log in them.
+    """First and end index of the runs of a condition that are long enough, without gaps of the log in them.
 
-    Beside each the indices of its samples with a voltage after the relaxation. Single samples of noise do not end a
-    run.
+    With each come the indices of its samples with a voltage after relaxation. Single noisy samples do not end a run.
     """
     ended = ~condition & np.isfinite(log.current_A)
     alone = ended & ~np.append(False, ended[:-1]) & ~np.append(ended[1:], False)
@@ -330,7 +329,7 @@ def _steady_ohm(battery: Battery) -> float:
 
 
 def _is_far(low_V: float, high_V: float, by_current_V: float, log: Log, late: np.ndarray, battery: Battery) -> bool:
-    """True where two voltages are further apart than relaxation, self-discharge and by_current_V [V] put them."""
+    """True where two voltages are further apart than relaxation, self-discharge and by_current_V [V] explain."""
     curve_V = battery.thevenin.ocv.voltage_V
     low_soc, high_soc = np.interp([low_V, high_V - by_current_V], curve_V, np.linspace(0.0, 1.0, len(curve_V)))
     hours = (log.time_s[late[-1]] - log.time_s[late[0]] + RELAXED_S) / SECONDS_PER_HOUR
@@ -345,7 +344,7 @@ def medians(values: np.ndarray) -> np.ndarray:
 
 
 def _check_temperature(log: Log, battery: Battery) -> Log:
-    """The log, with a warning where the resistance is doubtful at its temperatures, and a note where it has none."""
+    """The log, with a warning where the resistance at its temperatures is uncertain, and a note where it has none."""
     if log.temperature_degC is None or not np.isfinite(log.temperature_degC).any():
         text = (
             f"no temperature: the battery is taken to be at {ROOM_DEGC:g} ± {WEATHER_STD_K:g} degC, which widens the "

@@ -15,20 +15,20 @@ from ohmward.optional import require
 
 #: Points of the uniform SoC grid of the curve.
 GRID = np.linspace(0.0, 1.0, 201)
-#: SoC beyond 0 or 1 by less is counting error of the table's author.
+#: SoC beyond 0 or 1 by less is put down to counting errors in the table.
 _SOC_TOLERANCE = 0.005
 #: A voltage that falls with rising SoC by less than this share of itself is noise of the measurement and is levelled.
 _FALL_SHARE = 0.0015
-#: A table must span so much of SoC.
+#: Smallest span of SoC in a table.
 _SMALLEST_SPAN = 0.2
 #: A table that ends further than this from empty or full is worth a note on how the curve goes on.
 _END_GAP = 0.02
-#: The usual voltage of a log lies on the curve, but for the overpotential of its currents, as a share of itself.
+#: Largest distance of a log's usual voltage from the curve, as a share of it: the overpotential of its currents.
 _OVERPOTENTIAL = 0.1
 
 
 class GivenOcv(NamedTuple):
-    """An OCV curve that the user has, and what was assumed of it."""
+    """An OCV curve given by the user, and the assumptions made about it."""
 
     curve: OcvCurve  #: of a cell or of the pack
     covered: tuple[float, float] = (0.0, 1.0)  #: lowest and highest SoC of its points
@@ -39,13 +39,13 @@ def load_ocv(source: Any) -> GivenOcv:
     """The OCV curve of a CSV or Parquet file or a DataFrame with the columns SoC and voltage.
 
     SoC in 0 to 1 or in percent, rising or falling, any spacing. Optional: the change with temperature (dV/dT), the
-    charge and the discharge branch or half their distance (hysteresis), the temperature of the table. Columns are told
-    by their names and units: `soc, ocv_V`, `SOC [%], OCV (mV)`, `ocv_charge_V, ocv_discharge_V`, `dV/dT [mV/K]`.
+    charge and the discharge branch or half their distance (hysteresis), the temperature of the table. Columns are
+    recognised by name and unit: `soc, ocv_V`, `SOC [%], OCV (mV)`, `ocv_charge_V, ocv_discharge_V`, `dV/dT [mV/K]`.
     Between the points the curve is a monotone cubic; beyond the ends it goes straight on.
 
     Raises:
-        InputError: a column is missing, SoC beyond 0 to 1 or in no order, a voltage that falls with SoC, fewer than 2
-            points or less than 20 % of SoC.
+        InputError: a column is missing, SoC is outside 0 to 1 or unsorted, a voltage falls with SoC, or there are fewer
+            than 2 points or less than 20 % of SoC.
     """
     return curve_of(read_ocv_table(source))
 
@@ -53,7 +53,7 @@ def load_ocv(source: Any) -> GivenOcv:
 def given_ocv(ocv: Any, voltage_V: np.ndarray, n_series: int) -> GivenOcv:
     """The curve of the pack from what the user gave: an OcvCurve, the path of a table, or a DataFrame.
 
-    voltage_V: (T,) of all logs; they tell the curve of a cell from that of the pack.
+    voltage_V: (T,) of all logs; decides whether the curve is of a cell or of the pack.
     """
     given = ocv if isinstance(ocv, GivenOcv) else GivenOcv(ocv) if isinstance(ocv, OcvCurve) else load_ocv(ocv)
     return in_series(given, voltage_V, n_series)
@@ -103,7 +103,7 @@ def in_series(given: GivenOcv, voltage_V: np.ndarray, n_series: int) -> GivenOcv
 
 
 def _covers(curve: OcvCurve, cells: int, usual_V: float) -> bool:
-    """True where the voltage lies on the curve of so many cells, or within 10 % of it."""
+    """True where the voltage lies on the curve of this many cells, or within 10 % of it."""
     low_V, high_V = cells * curve.voltage_V[0], cells * curve.voltage_V[-1]
     return (1 - _OVERPOTENTIAL) * low_V <= usual_V <= (1 + _OVERPOTENTIAL) * high_V
 

@@ -2,7 +2,7 @@
 
     minimise  (x - m)' P^-1 (x - m) + sum w rho(r^2 / R),      R = white^2 + (share over)^2 + (std slope)^2
 
-with the residuals r = y - V(x). An error of the model holds on for minutes, so that a sample counts w <= 1. Samples
+with the residuals r = y - V(x). An error of the model persists for minutes, so that a sample counts w <= 1. Samples
 that do not fit count less: rho is the pseudo-Huber loss (Hartley and Zisserman 2004, A6.8), by reweighting.
 """
 
@@ -14,18 +14,18 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 #: Knots of SoC of the correction of the open-circuit curve. Stages of graphite are 5 % of SoC wide and more; the ends
-#: are steep. The curves of the chemistries turn at knots, so that no SoC axis fits better than another because of where
-#: the turns of a curve that is not the cell's lie.
+#: are steep. The curves of the chemistries have their bends at knots, so that the bends of a curve that is not the
+#: cell's favour no SoC axis over another.
 OCV_KNOTS = np.concatenate([[0.0, 0.01, 0.02, 0.035], np.linspace(0.05, 0.95, 37), [0.96, 0.97, 0.98, 0.99, 1.0]])
 #: Knots of the correction of its change with temperature, and correlation length of that: a stage of graphite.
 ENTROPY_KNOTS, ENTROPY_LENGTH = np.array([0.0, 0.5, 1.0]), 0.2
-#: Errors beyond so many standard deviations count less.
+#: Number of standard deviations beyond which errors count less.
 _ROBUST_AT = 2.5
-#: Error of SoC from sample to sample, which the slope of the curve turns into one of the voltage.
+#: Error of SoC from sample to sample, which the slope of the curve turns into a voltage error.
 _SOC_STD = 0.003
-#: Halvings of a step at most, and the step, in posterior standard deviations, at which the search has ended.
+#: Most halvings of a step, and step in posterior standard deviations below which the search ends.
 _MOST_HALVINGS, _SMALL_STEP = 5, 0.03
-#: The cost may rise by so much in a step: the slope of the curve is a mean, so that no step is quite downhill.
+#: Largest rise of the cost in a step: the slope of the curve is an average, so that no step is exactly downhill.
 _SLACK = 0.5
 
 
@@ -40,7 +40,7 @@ class Gaussian(NamedTuple):
         return Gaussian(self.precision + other.precision, self.information + other.information)
 
     def cost(self, x: np.ndarray) -> float:
-        """(x - m)' P^-1 (x - m) but for what does not depend on x."""
+        """(x - m)' P^-1 (x - m), up to a constant."""
         return float(x @ self.precision @ x - 2.0 * self.information @ x)
 
 
@@ -54,7 +54,7 @@ class Tangent(Protocol):
 
     @property
     def columns(self) -> np.ndarray:
-        """(R, K) derivatives of what was expected, over the same."""
+        """(R, K) derivatives of the expected values, over the same standard deviations."""
         ...
 
     @property
@@ -63,7 +63,7 @@ class Tangent(Protocol):
         ...
 
 
-#: Rows of a problem as its user has them.
+#: Type of the rows of a problem.
 T = TypeVar("T", bound=Tangent)
 
 

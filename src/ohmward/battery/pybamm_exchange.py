@@ -1,4 +1,4 @@
-"""Out to PyBaMM and PyBOP, and back: parameter values of their equivalent circuit, data sets and solutions.
+"""Exchange with PyBaMM and PyBOP: parameter values of their equivalent circuit, data sets and solutions.
 
 Currents > 0 discharge there, and charge here.
 """
@@ -15,11 +15,11 @@ from ohmward.battery.models.thevenin import Thevenin
 from ohmward.logs.log import Log
 from ohmward.optional import require
 
-#: A battery file says nothing of heat: so large a thermal mass [J/K] holds the cell at the temperature of its air.
+#: Thermal mass [J/K] large enough to hold the cell at ambient temperature, since a battery file has no thermal data.
 _NO_WARMING_J_K = 1e9
-#: PyBaMM's circuit refuses to begin where it would stop, at SoC 0 and 1; so far inside it begins.
+#: Distance from SoC 0 and 1 at the start: PyBaMM's circuit refuses to begin where it would stop.
 _INSIDE = 1e-6
-#: Least resistance [ohm] of an RC pair, by which its capacitance is divided.
+#: Smallest resistance [ohm] of an RC pair: its capacitance is the time constant over it.
 _LEAST_OHM = 1e-9
 
 
@@ -27,13 +27,13 @@ def to_pybamm(battery: Battery, soc: float = 1.0, temperature_degC: float = 25.0
     """`pybamm.ParameterValues` of the battery for `pybamm.equivalent_circuit.Thevenin`, as PyBOP takes them too.
 
     The model wants `options={"number of rc elements": battery.thevenin.pairs}`. Its curve is the mean of the branches:
-    hysteresis, charge transfer that bends the ohmic drop, and what grows towards empty in the cold have no place there.
+    hysteresis, the nonlinear ohmic drop of charge transfer and the extra activation at empty have no place there.
 
     soc: at the start.
-    temperature_degC: of the cell and of the air about it.
+    temperature_degC: of the cell and of the ambient air.
 
     Raises:
-        InputError: it is no battery.
+        InputError: it is not a battery.
         MissingPackageError: PyBaMM is not installed.
     """
     pybamm = require("pybamm", "the exchange with PyBaMM")
@@ -91,7 +91,7 @@ def to_dataset(log: Log) -> dict[str, np.ndarray]:
 
 
 def log_of_solution(solution: Any, name: str = "pybamm") -> Log:
-    """The log of a `pybamm.Solution`, of any of its models; a moment that two steps share is there once."""
+    """Log of a `pybamm.Solution` of any PyBaMM model; a time that two steps share appears once."""
     time_s, first = np.unique(solution["Time [s]"].entries, return_index=True)
     columns = [solution[key].entries[first] for key in ("Current [A]", "Voltage [V]")]
     try:

@@ -1,4 +1,4 @@
-"""Linear unknowns of the circuit: their layout, the columns of the voltage, and what cells have in common as a prior.
+"""Linear unknowns of the circuit: their layout, the columns of the voltage, and the prior that cells have in common.
 
 With the SoC known, the time constants, the hysteresis rate gamma and the activation K fixed,
 
@@ -42,7 +42,7 @@ class Rates(NamedTuple):
     tau_activation_K: float = 0.0
     #: the drop beyond which r0 i grows as its logarithm; None for one in proportion to the current
     transfer_V: float | None = None
-    empty_activation_K: float = 0.0  #: of r_1 ... r_n at empty beyond that, the chemistry's.
+    empty_activation_K: float = 0.0  #: additional one of r_1 ... r_n at empty, the chemistry's.
     net_charge_hysteresis: bool = False  #: True where the hysteresis follows the net charge
     hysteresis_activation_K: float = 0.0  #: of the hysteresis voltage, the chemistry's
 
@@ -169,10 +169,10 @@ def covered(samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
     return time_s >= _COVERED_S
 
 
-#: Error of the curve as a share of the half gap of its branches: the truth lies between them, not in the middle.
+#: Error of the curve over half the gap of its branches: the true curve lies between them, not always in the middle.
 _GAP_SHARE = 0.5
-#: Width of the curve's temperature slope where low-rate tests measured it, over that where they did not: their branches
-#: hold overpotential, which changes with temperature as well.
+#: Error of the curve's temperature slope where low-rate tests measured it, relative to that where they did not: their
+#: branches include overpotential, which changes with temperature as well.
 _MEASURED_SLOPE = 0.5
 
 
@@ -207,7 +207,7 @@ def resistance_prior(
 ) -> Gaussian:
     """The prior of the resistances: random walks along SoC about a level, r0 alike in both directions.
 
-    levels: (2 + n,) level of each resistance [ohm]; shapes: (2 + n, 21) its expected course along SoC, about 1.
+    levels: (2 + n,) level of each resistance [ohm]; shapes: (2 + n, 21) its expected shape along SoC, about 1.
     """
     precision = np.zeros((layout.size, layout.size))
     information = np.zeros(layout.size)

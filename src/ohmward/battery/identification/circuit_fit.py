@@ -1,8 +1,8 @@
 """Circuit whose voltage fits whole records best, by separable least squares (variable projection).
 
-For given time constants the rest is linear and is solved at once (`circuit_solve`); the search outside runs over the
-logarithms of time constants and rates only. The number of RC pairs is that of most evidence. The solution then gives
-the Thevenin model.
+For given time constants the rest is linear and is solved at once (`circuit_solve`); the outer search runs over the
+logarithms of time constants and rates only. The number of RC pairs is chosen by evidence. The solution then gives the
+Thevenin model.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ohmward.optional import require
 
 #: Rates of the hysteresis to start from.
 _GAMMAS = (10.0, 40.0)
-#: Steps of each search; each has as many evaluations more as there are parameters.
+#: Steps of each search; each takes a further evaluation for every parameter.
 _EVALUATIONS = 6
 #: Step of the numerical derivative in the logarithms.
 _STEP = 0.02
@@ -74,9 +74,9 @@ def fit_circuit(
 ) -> CircuitFit:
     """The circuit with `pairs` RC pairs that fits the records best.
 
-    Several starts are compared, two of them searched from, and the better one searched on.
+    Several starts are compared, a search runs from two of them, and the better search is continued.
     progress: called with the share done, from 0 to 1.
-    near: rates near which it lies, as another fit shows; the best of them alone is searched from, once.
+    near: rates to start from, known from another fit; a single search then runs from the best of them.
     """
     report = progress or (lambda share: None)
     low, high = _bounds(problem, pairs)
@@ -97,7 +97,7 @@ def fit_circuit(
 
 
 def _first_rates(problem: CircuitProblem, pairs: int) -> list[Rates]:
-    """Rates to start from where nothing is known."""
+    """Rates to start from without another fit."""
     usual = [problem.usual_rates(tau_s) for tau_s in _STARTS[pairs]]
     if not any(problem.ocv.hysteresis_V):
         return usual
@@ -162,16 +162,16 @@ def _bounds(problem: CircuitProblem, pairs: int) -> tuple[np.ndarray, np.ndarray
     return np.array(low), np.array(high)
 
 
-#: A process has gone to 1 - e^-2 = 86 % in a rest of two time constants: its own end is then known.
+#: Slowest time constant over the longest rest: in two time constants a process reaches 1 - e^-2 = 86 % of its end.
 _REST_SHARE = 0.5
-#: Under a load the open-circuit voltage moves as well; a process that takes longer than a tenth of the record is told
-#: from an error of the OCV curve by nothing.
+#: Under a load the open-circuit voltage moves as well; a process that takes longer than a tenth of the record cannot be
+#: separated from an error of the OCV curve.
 _RECORD_SHARE = 0.1
 #: One pair more needs strong evidence: 2 ln(Bayes factor) > 6 (Kass and Raftery, J. Am. Stat. Assoc. 1995).
 _STRONG_EVIDENCE = 6.0
 #: The fit with two pairs comes first, at this share of the time; the others start from its time constants.
 _FIRST, _SECOND = 0.6, 0.9
-#: Time constants of a further pair, over those that two pairs have: between them, and faster than both.
+#: Time constant of a third pair to start from, over the faster of two; its inverse, over the slower.
 _FASTER = 0.25
 
 
@@ -186,7 +186,7 @@ def longest_tau_s(records: Sequence[Record]) -> float:
 
 
 def choose_pairs(problem: CircuitProblem, progress: Callable[[float], None]) -> tuple[CircuitFit, Note]:
-    """The circuit with one, two or three RC pairs, the fewest that no strong evidence speaks against, and a note on it.
+    """The circuit with one, two or three RC pairs, the fewest without strong evidence for more, and a note on it.
 
     The evidence of a fit is its score, minus twice the log of the marginal likelihood.
     """
@@ -235,9 +235,9 @@ def _note(chosen: int, fits: dict[int, CircuitFit]) -> Note:
 
 #: Points of the OCV grid over which the gap is averaged: 5 % of SoC.
 _SHAPE_SMOOTHING = 11
-#: Largest share of a curve that may run backwards by more than noise, and that noise over the voltage of full.
+#: Largest share of a curve that may fall with SoC by more than noise, and that noise over the voltage at full.
 _MOST_BACKWARDS, _SMALL_FALL = 0.03, 3e-4
-#: No resistance is a smaller share of its mean along SoC, however narrow the gap.
+#: Smallest resistance over its mean along SoC, however narrow the gap.
 _SMALLEST_SHAPE = 0.3
 
 
@@ -267,7 +267,7 @@ def corrected_ocv(solution: CircuitSolution, problem: CircuitProblem) -> OcvCurv
 
 
 def curve_notes(solution: CircuitSolution, problem: CircuitProblem) -> tuple[Note, ...]:
-    """A warning where much of the fitted OCV curve runs backwards, so that `corrected_ocv` levels it."""
+    """A warning where much of the fitted OCV curve falls with SoC, so that `corrected_ocv` levels it."""
     fitted_V = _fitted_curve_V(solution, problem)
     falls_V = np.maximum.accumulate(fitted_V) - np.minimum.accumulate(fitted_V[::-1])[::-1]
     share = float(np.mean(falls_V > _SMALL_FALL * fitted_V[-1]))
@@ -297,10 +297,10 @@ def start_of(solution: CircuitSolution, part: int) -> tuple[tuple[float, ...], f
 
 
 def slow_shape(ocv: OcvCurve, samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:
-    """(21,) expected course of the slowest resistance along SoC, about 1 with data: that of the low-rate gap.
+    """(21,) expected shape of the slowest resistance along SoC, about 1 where there are data: that of the low-rate gap.
 
     The gap of the low-rate branches is slow overpotential as well as hysteresis, so it shows where the battery is slow.
-    Its ends hold more than that and are replaced. Flat without a gap.
+    Its ends include more than that and are replaced. Flat without a gap.
     """
     gap_V = smooth(np.asarray(ocv.hysteresis_at(OCV_GRID)) * np.ones(OCV_GRID.size), _SHAPE_SMOOTHING)
     shape = np.interp(RESISTANCE_GRID, OCV_GRID, gap_V)

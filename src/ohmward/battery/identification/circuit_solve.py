@@ -33,27 +33,27 @@ from ohmward.trace import Kernel, linearize
 VOLTAGE_STD_V = 0.003
 #: Samples closer than this share one error of the model [s].
 CORRELATION_S = 60.0
-#: The robust weights have settled after so many steps.
+#: Steps after which the robust weights have settled.
 _STEPS = 2
-#: Keeps the levels of resistances that no data show from being singular.
+#: Keeps the equations for the levels of resistances without data from being singular.
 _RIDGE = 1e-9
-#: Least level of a resistance, as a share of the sum of all: a prior of no width would hold it at 0.
+#: Smallest level of a resistance, as a share of the sum of all: a prior of no width would hold it at 0.
 _SMALLEST_SHARE = 0.02
 #: Relative error of the model's overpotential.
 _OVERPOTENTIAL_SHARE = 0.03
 #: Half step of SoC for the slope of the curve.
 _DSOC = 0.005
-#: A time constant beyond what the records can show is held there within about this share.
+#: A time constant slower than the records can show is held at that limit to within about this share.
 _BEYOND_LOG_STD = 0.02
 #: Currents below this share of the largest keep the direction of the one before.
 _SAME_DIRECTION_SHARE = 0.03
 
-#: The drop beyond which the ohmic part grows as a logarithm, of a lithium-ion cell: two electrodes whose resistance is
+#: Drop of a lithium-ion cell beyond which its ohmic part grows as a logarithm: two electrodes whose resistance is
 #: charge transfer alone have 4 R T / F = 0.1 V, NCA cells from 10 to -10 degC 0.7 to 1 V.
 _TRANSFER_V, _TRANSFER_LOG_STD, _TRANSFERS_V = 0.4, 0.8, (0.05, 5.0)
-#: Bounds of gamma, and gamma of a circuit without hysteresis; nothing depends on it.
+#: Bounds of gamma, and gamma of a circuit without hysteresis, on which nothing depends.
 _HYSTERESIS_RATES, _UNUSED_RATE = (5.0, 200.0), 20.0
-#: The search counts activations in this unit, so that all its parameters are of order 1 [K], and within these bounds.
+#: Unit of activations in the search, so that all its parameters are of order 1, and bounds of the activations [K].
 _ACTIVATION_UNIT_K, _ACTIVATIONS_K = 1000.0, (-5000.0, 15000.0)
 #: Names of the activations in `Rates`.
 _ACTIVATIONS = ("activation_K", "pair_activation_K", "tau_activation_K")
@@ -92,18 +92,18 @@ class CircuitProblem(NamedTuple):
     ocv: OcvCurve  #: the curve to correct
     capacity_Ah: float
     prior: ChemistryPrior  #: of circuit and curve
-    slow_shape: np.ndarray  #: (21,) expected course of the slowest resistance along SoC, about 1
+    slow_shape: np.ndarray  #: (21,) expected shape of the slowest resistance along SoC, about 1
     reference_degC: float  #: temperature at which the resistances hold
     fit_activation: bool  #: True where currents flowed at temperatures that differ enough
-    #: slowest time constant that the records can show; one that is usual for the chemistry is taken too
+    #: slowest time constant that the records can show; one that is usual for the chemistry is allowed too
     longest_tau_s: float = np.inf
-    #: that of the ohmic drop where it is not sought; None for one in proportion to the current
+    #: drop beyond which the ohmic part grows as a logarithm, where that is not sought; None if it is linear
     transfer_V: float | None = None
     branches: tuple[FitSamples, ...] = ()  #: low-rate branches, fitted like the records
 
     @property
     def seeks_transfer(self) -> bool:
-        """True where the records show how charge transfer bends the ohmic drop, and the chemistry does not tell."""
+        """True where the records show the charge transfer in the ohmic drop, and the chemistry leaves it open."""
         return self.fit_activation and self.prior.seeks_transfer
 
     @property
@@ -127,8 +127,8 @@ class CircuitProblem(NamedTuple):
     def usual_rates(self, tau_s: tuple[float, ...]) -> Rates:
         """Rates with these time constants and all others as usual for the chemistry.
 
-        A hysteresis that low-rate branches show follows the net charge. Tests at two temperatures fit what grows in the
-        cold as activations of the resistances.
+        A hysteresis that low-rate branches show follows the net charge. With tests at two temperatures, growth in the
+        cold is fitted as activations of the resistances.
         """
         usual, branches = self.prior, bool(self.branches)
         ohmic_K, pairs_K, tau_K = (A.mean for A in usual.activations_K)
@@ -157,7 +157,7 @@ class CircuitProblem(NamedTuple):
 
 @cache
 def _transferred() -> Kernel:
-    """An ohmic drop over the V_t of charge transfer, and its derivative, by the drop without it over V_t."""
+    """Ohmic drop with charge transfer over V_t, and its derivative, by the drop without it over V_t."""
 
     def step(nothing: Any, x: Any) -> tuple[Any, tuple[Any, Any]]:
         value, slope = linearize(lambda z: z * transfer_share(z[0]), np.array([x]))
@@ -211,20 +211,20 @@ class LinearRows(NamedTuple):
     misfit: float  #: sum of squares of the residuals over their standard deviations, outlying samples counting in full
 
     def information(self, x: np.ndarray) -> Gaussian:
-        """What the records say of the unknowns, from the rows about x: their normal equations."""
+        """Information of the records on the unknowns, from the rows about x: their normal equations."""
         target = self.residual + self.columns @ x
         return Gaussian(self.columns.T @ self.columns, self.columns.T @ target)
 
 
 class LinearSystem(NamedTuple):
-    """Voltage less OCV curve of all records as y = A x, where charge transfer bends the ohmic drop."""
+    """Voltage minus OCV curve of all records as y = A x, but for the nonlinear ohmic drop of charge transfer."""
 
     columns: np.ndarray  #: A (M, K)
     targets: np.ndarray  #: y (M,)
     std_V: np.ndarray  #: (M,) of each sample
-    weights: np.ndarray  #: (M,) samples that it counts as
+    weights: np.ndarray  #: (M,) number of samples that each counts as
     ohmic: slice  #: the columns of R_0
-    transfer_V: float | None  #: that of the bend; None for none
+    transfer_V: float | None  #: V_t of the ohmic drop; None if it is linear
 
     def about(self, x: np.ndarray, robust: np.ndarray | None = None) -> LinearRows:
         """The rows about x; robust: (M,) their weights, None finds them.
@@ -302,7 +302,7 @@ def _target(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
 
 
 def _std_V(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
-    """(N,) standard deviation of a sample, more in and after a charge if the prior says that it is another reaction."""
+    """(N,) standard deviation of a sample, larger in and after a charge where the prior has a different reaction."""
     above_V = problem.ocv.mean_V(samples.soc + _DSOC, ROOM_DEGC)
     below_V = problem.ocv.mean_V(samples.soc - _DSOC, ROOM_DEGC)
     slope_V = (above_V - below_V) / (2 * _DSOC)
@@ -312,7 +312,7 @@ def _std_V(problem: CircuitProblem, samples: FitSamples) -> np.ndarray:
 
 
 def _samples(samples: FitSamples) -> np.ndarray:
-    """(N,) samples that each counts as: those closer than 60 s share one error, one without a voltage is none."""
+    """(N,) number of samples that each counts as: those within 60 s share one error, one without a voltage counts 0."""
     return np.where(np.isfinite(samples.voltage_V), np.minimum(samples.dt_s, CORRELATION_S) / CORRELATION_S, 0.0)
 
 
@@ -330,9 +330,9 @@ def last_direction(current_A: np.ndarray) -> np.ndarray:
 
 
 def _prior(problem: CircuitProblem, layout: ParameterLayout, records: Gaussian) -> Gaussian:
-    """The prior about the levels that the resistances would have if each took its expected course along SoC.
+    """The prior about the levels that the resistances would have if each had its expected shape along SoC.
 
-    records: what these say of x.
+    records: their information on x.
     """
     shapes = np.ones((layout.blocks, RESISTANCE_GRID.size))
     if layout.pairs:
@@ -344,7 +344,7 @@ def _prior(problem: CircuitProblem, layout: ParameterLayout, records: Gaussian) 
 
 
 def _levels(layout: ParameterLayout, shapes: np.ndarray, H: np.ndarray, g: np.ndarray) -> np.ndarray:
-    """(2 + n,) levels [ohm] of resistances with given courses (2 + n, 21) in the normal equations H x = g."""
+    """(2 + n,) levels [ohm] of resistances with given shapes (2 + n, 21) in the normal equations H x = g."""
     S = np.zeros((layout.size, layout.blocks + layout.size - layout.resistances.stop))
     for j in range(layout.blocks):
         S[layout.block(j), j] = shapes[j]

@@ -50,7 +50,7 @@ def confidence_intervals(fit: CircuitFit) -> tuple[ConfidenceInterval, ...]:
 def not_identified(
     fit: CircuitFit, samples: Sequence[FitSamples], capacity_Ah: float, hysteresis: bool
 ) -> tuple[str, ...]:
-    """Sentences on the parameters that the data do not show, and on what was put in their place.
+    """Sentences on the parameters that the data do not show, and on the values used instead.
 
     hysteresis: True where the OCV curve has two branches, whose distance gives the slow resistance its shape.
     """
@@ -115,7 +115,7 @@ def _range(first: int, stop: int) -> str:
 
 
 def _share(s: CircuitSolution, where: np.ndarray) -> float:
-    """Two standard deviations of the total resistance over itself, the largest where (21,) is true."""
+    """Two relative standard deviations of the total resistance, the largest where `where` (21,) is true."""
     rows = s.layout.steady_resistance[where]
     std = np.sqrt(np.einsum("ij,jk,ik->i", rows, s.cov, rows))
     return float(np.max(2 * std / np.maximum(rows @ s.x, 1e-9)))
@@ -135,28 +135,28 @@ def _directions(samples: Sequence[FitSamples], capacity_Ah: float) -> list[str]:
 
 
 #: Resistances at temperatures that differ by more show an activation [K]: 10 K change them by a fifth. Days that warm
-#: by 6 K change them by less than SoC and current do: they told -2900 to 5700 K of the RC pairs of simulated cells.
+#: by 6 K change them by less than SoC and current do: they gave -2900 to 5700 K for the RC pairs of simulated cells.
 _SPREAD_K = 10.0
 #: Share of the charge that may have flowed below the low and above the high temperature.
 _OUTSIDE_SHARE = 0.02
 
-#: No test knows the activation of a battery better [K]: that of measured cells differs by 1000 and more between warm
-#: and cold, and a fit at two temperatures is used beyond them.
+#: Smallest standard deviation of an activation [K]: that of measured cells differs by 1000 and more between warm and
+#: cold, and a fit at two temperatures is also used beyond them.
 _ACTIVATION_FLOOR_K = 700.0
-#: Relative error of a hysteresis that low-rate branches show: 0.35 to 0.7 of their gap on measured LFP cells.
+#: Relative error of a hysteresis from low-rate branches: it is 0.35 to 0.7 of their gap on measured LFP cells.
 _HYSTERESIS_STD = 0.5
-#: The same where the circuit was fitted to the branches as well: the share of their gap that is no overpotential was
-#: 0.71 to 0.87 of a cell at -15 to 45 degC.
+#: The same where the circuit was fitted to the branches as well: the part of their gap that is not overpotential was
+#: 0.71 to 0.87 for a cell at -15 to 45 degC.
 _MEASURED_HYSTERESIS_STD = 0.15
-#: No hysteresis is a smaller share of the gap, where a relative error needs one.
+#: Smallest hysteresis, as a share of the gap, by which its error is divided.
 _SMALLEST_SCALE = 0.1
-#: Least error of the curve's temperature slope over that of the chemistry: rests at two temperatures are not equally
-#: complete, and low-rate branches hold overpotential, which changes with temperature as well.
+#: Smallest error of the curve's temperature slope over that of the chemistry: rests at two temperatures are not equally
+#: complete, and low-rate branches include overpotential, which changes with temperature as well.
 _LEAST_SLOPE = 0.5
 
 
 def activation_std_K(fit: CircuitFit, problem: CircuitProblem) -> float:
-    """Standard deviation of all activations together [K]: of the fit, or the chemistry's at one temperature."""
+    """Standard deviation common to all activations [K]: of the fit, or the chemistry's for tests at one temperature."""
     usual_K = problem.prior.activation_std_K
     if not problem.fit_activation:
         return usual_K
@@ -190,7 +190,7 @@ def unknown_hysteresis_V(problem: CircuitProblem) -> float:
 
 
 def untested_sentences(fit: CircuitFit, problem: CircuitProblem, chemistry: str) -> tuple[str, ...]:
-    """Sentences on what was taken from the chemistry `chemistry`, "" for an unknown one."""
+    """Sentences on the values taken from the chemistry `chemistry`, "" for an unknown one."""
     kind = f"{chemistry} cells" if chemistry else "batteries (name the chemistry for narrower values)"
     return (*_hysteresis(problem, kind), *_activation(problem, kind), *_ocv_temperature(fit, problem, kind))
 
@@ -246,7 +246,7 @@ class LoadTemperature(NamedTuple):
 
 
 def load_temperature(samples: Sequence[FitSamples]) -> LoadTemperature:
-    """Temperatures at which current flowed, of every sample and not only of every log; by the charge that flowed."""
+    """Range of temperatures at which current flowed, by sample rather than by log, weighted by the charge moved."""
     degC = np.concatenate([s.temperature_degC for s in samples])
     moved = np.concatenate([np.abs(s.mean_current_A) * s.dt_s for s in samples])
     order = np.argsort(degC)
@@ -259,17 +259,17 @@ def load_temperature(samples: Sequence[FitSamples]) -> LoadTemperature:
 #: to another of the same cell it was 18 %, with the open-circuit voltage known.
 _LASTING_LOAD_ERROR = 0.15
 
-#: Error of the SoC axis of the OCV curve where its anchors are sure: branches of measured cells agree so.
+#: Error of the SoC axis of the OCV curve with exact anchors: branches of measured cells agree to within this.
 SOC_AXIS_STD = 0.005
-#: White noise of a voltage sensor is no smaller, of a lithium-ion cell [V].
+#: Smallest white noise of a voltage sensor, for a lithium-ion cell [V].
 _SMALLEST_STD_V = 0.002
-#: Short pulses show only the start of a slow process: least error of the overpotential after them.
+#: Short pulses show only the start of a slow process: smallest error of the overpotential after them.
 _PULSES_SHARE = 0.15
 _PULSES_CORRELATION_S = 300.0
 #: Residuals count within this distance of a state of charge.
 _SOC_WINDOW = 0.05
 #: Error of a cell's model 0.1 of SoC away from any data [V], and the largest where low-rate branches of both directions
-#: have shown the curve there: 3 to 9 mV of measured cells at the temperature of the test, 12 mV in the cold.
+#: have shown the curve there: 3 to 9 mV for measured cells at the temperature of the test, 12 mV in the cold.
 _UNVISITED_STD_V = 0.03
 _UNVISITED_ON_BRANCHES_STD_V = 0.012
 #: Relative error of the overpotential: usual, and largest.
@@ -352,7 +352,7 @@ def beyond_axis_V(std_V: np.ndarray, ocv: OcvCurve, axis_std: float = SOC_AXIS_S
 def residual_std_V(solution: CircuitSolution, problem: CircuitProblem) -> np.ndarray:
     """(21,) rms of the residual within 5 % of each SoC [V], nan where there are no data.
 
-    Samples that count little in the fit, as the charge of a lead-acid battery, count little here.
+    Samples that count little in the fit, such as the charge of a lead-acid battery, count little here.
     """
     soc = np.concatenate([s.soc for s in problem.samples])
     factor = np.concatenate([error_factor(problem.prior, s) for s in problem.samples])
@@ -366,7 +366,7 @@ def residual_std_V(solution: CircuitSolution, problem: CircuitProblem) -> np.nda
 def overpotential_share(
     solution: CircuitSolution, problem: CircuitProblem, p: Thevenin, least: float
 ) -> float | tuple[float, ...]:
-    """Relative error of the overpotential: `least`, or (21,) by the residuals about each SoC of charges in the fit."""
+    """Relative error of the overpotential: `least`, or (21,) from the residuals of charges near each SoC in the fit."""
     if problem.prior.charging_factor == 1.0:
         return least
     soc = np.concatenate([s.soc for s in problem.samples])
@@ -418,7 +418,7 @@ def white_std_V(solution: CircuitSolution) -> float:
 
 
 def correlation_s(solution: CircuitSolution, samples: Sequence[FitSamples]) -> float:
-    """Correlation time of the residual [s]: its autocorrelation falls to 1/e, on a grid of 10 s."""
+    """Correlation time of the residual [s], after which its autocorrelation has fallen to 1/e, on a grid of 10 s."""
     times = [_decay_s(s, r) for s, r in zip(samples, solution.residual_V, strict=True)]
     low, high = _CORRELATION_S
     return float(min(max(np.median(times), low), high))

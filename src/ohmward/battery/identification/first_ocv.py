@@ -1,4 +1,4 @@
-"""First open-circuit voltage, which the fit of the circuit corrects, from the best source that there is.
+"""First open-circuit voltage, which the fit of the circuit corrects, from the best source available.
 
 In order: the curve that the user gives; low-rate tests; rests at several states of charge; the chemistry's usual curve;
 for the RC model alone, a straight line through drives.
@@ -61,28 +61,28 @@ class IdentificationSettings(NamedTuple):
     ocv: Any = None
 
 
-#: Error of the chemistry's usual curve for a cell of 3.7 V, of its SoC axis, and the SoC over which they hold on: cells
+#: Error of the chemistry's usual curve for a cell of 3.7 V, of its SoC axis, and their correlation length in SoC: cells
 #: of one chemistry differ by a shift, a stretch and a bend.
 _USUAL_CURVE = CurvePrior((0.03,) * 2, 0.03, 0.3)
-#: Relative error of the slope of a straight line beyond the logs that it was laid through: the slope of the curves of
+#: Relative error of the slope of a straight line beyond the logs that it was fitted to: the slope of the curves of
 #: NCA, NMC and LCO between 20 and 60 % is 0.8, 0.6 and 0.4 of that between 60 and 100 %.
 _SLOPE_STD = 0.3
-#: Logs that move SoC by less do not show the slope of their open-circuit voltage.
+#: Smallest change of SoC in which logs show the slope of their open-circuit voltage.
 _LEAST_SOC_RANGE = 0.05
 #: Time constants [s] of the overpotential beside a straight line, which the fit of the circuit then finds.
 _LINE_TAUS_S = (10.0, 60.0, 300.0)
 
 
 class FirstOcv(NamedTuple):
-    """The first curve and what is known of it."""
+    """The first curve, its source and its errors."""
 
     curve: OcvCurve
-    #: where it comes from, "line" a straight line through a drive
+    #: where it comes from; "line": a straight line through a drive
     source: Literal["given", "low-rate", "rests", "chemistry", "line"]
     fitted: tuple[Record, ...]  #: the records that the circuit is fitted to
-    branches: tuple[OcvBranch, ...] = ()  #: low-rate discharges and charges, none for another source
-    axis_std: float = 0.0  #: error of its SoC axis in the middle beyond the usual
-    line_std_V: Any = 0.0  #: error on OCV_KNOTS of a straight line beyond the logs that it was laid through
+    branches: tuple[OcvBranch, ...] = ()  #: low-rate discharges and charges, () for another source
+    axis_std: float = 0.0  #: additional error of its SoC axis in the middle
+    line_std_V: Any = 0.0  #: error on OCV_KNOTS of a straight line beyond the logs that it was fitted to
     notes: tuple[Note, ...] = ()  #: how it was found
 
     @property
@@ -92,7 +92,7 @@ class FirstOcv(NamedTuple):
 
     @property
     def not_identified(self) -> tuple[str, ...]:
-        """Sentence on a curve that nobody measured."""
+        """Sentence on a curve that was not measured."""
         if self.source == "line":
             return ("open-circuit voltage: no curve in the logs; a straight line was taken",)
         if self.source != "chemistry":
@@ -193,12 +193,12 @@ def _usual_ocv(records: Sequence[Record], settings: IdentificationSettings) -> F
 
 
 def line_through(records: Sequence[Record], axes: Sequence[SocAxis], capacity_Ah: float, why: InputError) -> FirstOcv:
-    """The straight line that drives at a known state of charge show, beside resistances, by least squares.
+    """Fit a straight line and resistances to drives at a known state of charge, by least squares.
 
     V = V_0 + V_1 soc + R_0 i + sum R_k F_k[i], all coefficients >= 0, F_k a first-order filter of gain 1. A charge and
-    the rest after it are left out: gassing and the limit of a charger are nothing that a line follows.
+    the rest after it are left out: a line cannot follow gassing or the limit of a charger.
 
-    why: refusal of all other sources.
+    why: error raised by the other sources.
 
     Raises:
         InputError: the records move SoC too little to show a slope, or their voltage does not rise.

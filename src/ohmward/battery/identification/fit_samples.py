@@ -1,4 +1,4 @@
-"""Samples of a record for the fit, every one at the edges of the current, and the model along them.
+"""Samples of a record for the fit, with all those at the edges of the current, and the model along them.
 
 With the SoC known, the steps of `thevenin.next_state` are taken all at once: an RC pair is a recursion that is linear
 in its voltage.
@@ -30,7 +30,7 @@ _GROWTH = 0.1
 RELAXED_AFTER_S = 60.0
 #: Most samples of varying current.
 _MOST_VARYING = 6000
-#: SoC at which a low-rate branch is fitted; its ends are steep and hold the polarisation of a full or empty cell.
+#: SoC at which a low-rate branch is fitted; its ends are steep and include the polarisation of a full or empty cell.
 _BRANCH_SOC = np.linspace(0.02, 0.98, 97)
 
 
@@ -175,7 +175,7 @@ def pair_steps(samples: FitSamples, p: Thevenin) -> list[PairSteps]:
 
 
 def hysteresis_along(samples: FitSamples, p: Thevenin, starts: Sequence[float]) -> np.ndarray:
-    """(N, S) hysteresis state from each of these at the first sample."""
+    """(N, S) hysteresis state along the samples, from each of these starts."""
     moved = samples.dt_s * (p.hysteresis_rate / p.capacity_As)
     start = np.array(starts, dtype=float)
     return np.asarray(

@@ -1,14 +1,13 @@
 """Identification of a battery from logs of tests at a known capacity: the chain of [P] 2.3.
 
 Charge, phases of the current, state of charge, open-circuit voltage, circuit, noise, confidence: one file for each
-stage, and `identify_in_detail` returns what every stage found.
+stage, and `identify_in_detail` returns the results of every stage.
 
-Ohmic drop of a battery whose chemistry says how charge transfer bends it: lead-acid.
+Ohmic drop of a chemistry in which charge transfer may make it nonlinear: lead-acid.
 
-Transfer of charge follows Butler and Volmer, i = 2 i_0 sinh(F V / 2RT) with equal coefficients: a current three times
-as large takes less than three times the voltage. Where one electrode takes most of the drop it is
-V_t asinh(R_0 i / V_t) with V_t = 2RT / F for each cell, and nothing is sought; where conduction does, it is R_0 i. The
-logs choose.
+Charge transfer follows Butler and Volmer, i = 2 i_0 sinh(F V / 2RT) with equal coefficients: three times the current
+takes less than three times the voltage. Where one electrode takes most of the drop it is V_t asinh(R_0 i / V_t) with
+V_t = 2RT / F for each cell, without a further unknown; where conduction does, it is R_0 i. The logs decide.
 """
 
 from __future__ import annotations
@@ -75,21 +74,21 @@ from ohmward.errors import InputError
 from ohmward.logs.log import Log, LogSource, Note, as_logs
 from ohmward.optional import one_blas_thread
 
-#: Relative error of the usual gap between low-rate branches: half of it is 2 to 21 mV in the middle of seven cells of
-#: lithium at 25 degC, where 12 to 19 are usual.
+#: Relative error of the usual gap between low-rate branches: half of it is 2 to 21 mV at mid SoC of seven lithium
+#: cells at 25 degC, where 12 to 19 are usual.
 _GAP_ERROR = 0.5
-#: A bent drop is taken where it leaves less than this share of the squared residuals of a straight one: 0.25 to 0.56 in
-#: pulses, low-rate tests and drives of cells with this law, 1.15 to 2.4 of a measured and a simulated battery without.
-#: The evidence does not tell: its robust weights take the pulses that a straight drop misses for outliers.
+#: A nonlinear drop is used where it leaves less than this share of the squared residuals of a linear one: 0.25 to 0.56
+#: in pulses, low-rate tests and drives of cells with this law, 1.15 to 2.4 for a measured and a simulated battery
+#: without. The evidence cannot decide: its robust weights treat the pulses that a linear drop misses as outliers.
 _CLEARLY_BETTER = 0.8
-#: Relative error of a capacity on the day on which a low-rate test showed the whole of it, and another test.
+#: Relative error of a capacity on the day of a test that showed all of it: a low-rate test, and another one.
 TESTED_CAPACITY_STD, PULSED_CAPACITY_STD = 0.02, 0.04
 
 Progress = Callable[[str, float], None]
 
 
 class Identified(NamedTuple):
-    """The battery and everything that led to it."""
+    """The identified battery and the results behind it."""
 
     battery: Battery
     branches: tuple[OcvBranch, ...]  #: low-rate discharges and charges
@@ -107,9 +106,9 @@ class Preparation(NamedTuple):
     """Results of the stages before the fit."""
 
     records: tuple[Record, ...]  #: of all logs
-    axes: tuple[SocAxis, ...]  #: state of charge of those to fit, `first.fitted`
+    axes: tuple[SocAxis, ...]  #: state of charge along those to fit, `first.fitted`
     first: FirstOcv  #: the first curve, and the records to fit
-    notes: tuple[Note, ...]  #: how all was done
+    notes: tuple[Note, ...]  #: assumptions and findings
 
 
 def identify(
@@ -125,7 +124,7 @@ def identify(
     ocv: OcvCurve | str | PathLike[str] | Any = None,
     progress: Progress | None = None,
 ) -> Battery:
-    """The battery in one or several logs of tests; `identify_in_detail` also returns what every stage found.
+    """Identify a battery from one or several test logs; `identify_in_detail` also returns the results of every stage.
 
     >>> battery = ow.identify("test.csv", capacity_Ah=12, chemistry="lfp", n_series=4)
     >>> ow.save_battery(battery, "battery.toml")
@@ -135,11 +134,11 @@ def identify(
     capacity_Ah: charge between full and empty, > 0.
     model: one of MODELS.
     chemistry, n_series, name: for the battery file; the chemistry also gives start values where the logs give none.
-    initial_soc: state of charge at the start of the log, or of several by their names, where they do not show it.
-    idle_current_A: what the battery delivers at rest, <= 0, where it is known; None finds rests about 0 A and declares
+    initial_soc: state of charge at the start of the log, or of several by name, where the logs do not show it.
+    idle_current_A: current of the battery at rest, <= 0, if known; None looks for rests around 0 A and declares
         nothing to the estimators.
-    ocv: the open-circuit voltage where it is known: an OcvCurve, or a table as `load_ocv` reads it. Then no low-rate
-        test is needed, and drives alone identify the rest.
+    ocv: the open-circuit voltage, if known: an OcvCurve, or a table as `load_ocv` reads it. Then no low-rate test is
+        needed, and drives alone identify the rest.
     progress: called with the name of the stage and the share done, from 0 to 1.
 
     Raises:
@@ -198,7 +197,7 @@ def prepare(records: tuple[Record, ...], settings: IdentificationSettings) -> Pr
 
 
 def _axis(record: Record, settings: IdentificationSettings, first: FirstOcv | None) -> SocAxis:
-    """The axis of a record; one whose own rests made the curve learns nothing more about itself from that curve."""
+    """SoC axis of a record; a curve made from the record's own rests is not used again for its axis."""
     start, efficiency = settings.initial_soc.get(record.log.name), usual_efficiency(settings)
     curve, axis_std = (first.curve, first.axis_std) if first else (None, 0.0)
     if first and first.source == "rests" and known_without_curve(record, settings):
@@ -252,7 +251,7 @@ def _thevenin(prepared: Preparation, settings: IdentificationSettings, progress:
 def _fit(
     problem: CircuitProblem, settings: IdentificationSettings, progress: Callable[[float], None]
 ) -> tuple[CircuitFit, tuple[Note, ...]]:
-    """The circuit with the number of RC pairs that the model names, or with that of most evidence, and notes on it."""
+    """The circuit with the number of RC pairs that the model names, or with the most evidence, and notes on it."""
     notes: list[Note] = []
     if settings.model == DEFAULT_MODEL:
         fit, note = choose_pairs(problem, progress)
@@ -334,7 +333,7 @@ def _beside_one_branch(model: Thevenin, branch: OcvBranch, settings: Identificat
 
 
 def _battery(prepared: Preparation, settings: IdentificationSettings, model: Thevenin, noise: BatteryNoise) -> Battery:
-    """The battery with this circuit; settings and limits of the voltage from the logs."""
+    """The battery with this circuit, the user's settings, and voltage limits from the logs."""
     voltage_V = np.concatenate([r.log.voltage_V for r in prepared.records])
     noise_A = max((current_noise_A(r.current_A) for r in prepared.first.fitted), default=0.0)
     return Battery(
@@ -354,7 +353,7 @@ def _battery(prepared: Preparation, settings: IdentificationSettings, model: The
 def _with_known_capacity(
     noise: BatteryNoise, prepared: Preparation, capacity_Ah: float, details: Sequence[LogDetails] = ()
 ) -> BatteryNoise:
-    """The noise with the day on which a log showed the whole capacity, where there is such a log and it has a date."""
+    """The noise with the date of the log that showed the whole capacity, if there is such a log with a date."""
     complete = [branch for branch in prepared.first.branches if branch.complete]
     discharges = [branch for branch in complete if branch.direction == "discharge"] or complete  # charges may gas
     logs = {record.log.name: record.log for record in prepared.records}
@@ -398,7 +397,7 @@ def cells_transfer_V(reference_degC: float, n_series: int) -> float:
 
 
 def try_transfer(problem: CircuitProblem, straight: CircuitFit, n_series: int) -> tuple[CircuitFit, Note]:
-    """The fit with a bent drop where the logs clearly show it, else the straight one; a note on it."""
+    """The fit with a nonlinear drop where the logs clearly show it, else the linear one; a note on it."""
     transfer_V = cells_transfer_V(problem.reference_degC, n_series)
     near = straight.solution.rates._replace(transfer_V=transfer_V)
     with_transfer = fit_circuit(problem._replace(transfer_V=transfer_V), len(near.tau_s), near=(near,))

@@ -26,13 +26,13 @@ from ohmward.battery.models.thevenin import Thevenin
 from ohmward.filters.consistency import BAND_95
 from ohmward.logs.log import Note
 
-#: Longest interval across an edge [s], where the log is no slower.
+#: Longest interval across an edge [s], unless the log is slower.
 SLOWEST_EDGE_S = 2.0
 #: Smallest edge: C/10.
 _SMALLEST_RATE = 1 / 10
 #: Fewest edges for a resistance with a standard error.
 _FEWEST_EDGES = 3
-#: A log goes from full to empty within this of either, is not colder [degC], and falls to the voltage of this SoC.
+#: A log from full to empty: largest distance from either, lowest temperature [degC], and SoC whose voltage it reaches.
 _WHOLE_WITHIN, _COLDEST_WHOLE_DEGC, _EMPTY_SOC = 0.03, 15.0, 0.02
 
 
@@ -59,7 +59,7 @@ class OhmicResistance(NamedTuple):
 def find_edges(record: Record, soc: np.ndarray, capacity_Ah: float) -> tuple[Edge, ...]:
     """Jumps of the current of more than C/10 within 2 s (or the log's own interval, if that is longer).
 
-    In an interval of dt the RC pairs move as well: the resistance is R_0 and a part of r_1 of about dt/tau_1.
+    Within dt the RC pairs move as well: the resistance is R_0 and about dt/tau_1 of r_1.
     soc: (T,) state of charge along the record.
     """
     time_s, current_A, voltage_V = record.log.time_s, record.current_A, record.log.voltage_V
@@ -102,10 +102,10 @@ _MOST_OF_A_REST = 200
 #: Points of the grid of time constants, and the smallest ratio of two.
 _TAUS = 24
 _SMALLEST_RATIO = 2.0
-#: Refinements of the grid, each with a ratio of its points of the one before to this power.
+#: Refinements of the grid, and power to which each raises the ratio of neighbouring points.
 _REFINEMENTS = 2
 _REFINEMENT = 0.4
-#: Keeps exponentials that are alike from making the normal equations singular.
+#: Keeps similar exponentials from making the normal equations singular.
 _EXPONENTIALS_RIDGE = 1e-12
 
 
@@ -113,7 +113,7 @@ class ExponentialFit(NamedTuple):
     """Sum of exponentials through one rest."""
 
     v_inf_V: float  #: voltage [V] that it tends to
-    #: (n,) of each
+    #: (n,) of each exponential
     amplitude_V: tuple[float, ...]
     tau_s: tuple[float, ...]
     rms_V: float  #: of the residual
@@ -216,9 +216,9 @@ class LogDetails:
 
     @property
     def is_whole(self) -> bool:
-        """True where the log goes from full to empty: its charge ends where its voltage has fallen to that of empty.
+        """True where the log goes from full to empty by its charge, and its voltage falls to that of empty.
 
-        A load in the cold takes the voltage there before.
+        In the cold a load takes the voltage there early.
         """
         soc, degC = self.axis.soc, self.record.typical_degC()
         warm = degC is None or degC >= _COLDEST_WHOLE_DEGC
@@ -238,7 +238,7 @@ class LogDetails:
 
     @cached_property
     def relaxations(self) -> tuple[Relaxation, ...]:
-        """Rests with the exponentials through them."""
+        """Rests with the exponentials fitted to them."""
         return find_relaxations(self.record, self.axis.soc)
 
     @property
@@ -253,7 +253,7 @@ class LogDetails:
 
     @property
     def quality(self) -> LogFit:
-        """Range of SoC and residual of the fit below gassing; samples weigh as the time they stand for."""
+        """Range of SoC and residual of the fit below gassing; samples are weighted by the time they stand for."""
         residual_V, modelled = np.concatenate(self.residual_V), self._modelled
         weight = np.minimum(np.concatenate([s.dt_s for s in self.parts])[modelled], COARSEST_S)
         mean_square = weight @ residual_V[modelled] ** 2 / max(weight.sum(), 1e-9)
@@ -285,11 +285,11 @@ def branch_fits(branches: Sequence[OcvBranch]) -> tuple[LogFit, ...]:
     return tuple(log_fit(b.log_name, f"low-rate {b.direction}", b.soc) for b in branches)
 
 
-#: Cells of one chemistry differ, and a log may be a charge: usual voltages beyond the curve by this share are others'.
+#: Share by which usual voltages may lie beyond the curve: cells of one chemistry differ, and a log may be a charge.
 _BEYOND_CURVE = 0.08
 
-#: Largest error of the voltage, RMS, over the range of the open-circuit voltage from empty to full. Tests of twenty
-#: cells, measured and of porous electrodes, are reproduced within 0.041 by files that then estimate well.
+#: Largest RMS error of the voltage over the range of the open-circuit voltage from empty to full. Files that estimate
+#: well reproduce tests of twenty cells, measured and of porous electrodes, to within 0.041.
 MOST_OF_RANGE = 0.1
 
 
@@ -330,9 +330,9 @@ def _gassing(log: LogDetails) -> Note:
 
 
 def label_notes(voltage_V: np.ndarray, chemistry: str, n_series: int) -> tuple[Note, ...]:
-    """A warning where the usual voltage of the logs is not that of so many cells of this chemistry.
+    """A warning where the usual voltage of the logs is not that of this many cells of this chemistry.
 
-    voltage_V: (T,) of all logs.  chemistry: "" where nobody says.
+    voltage_V: (T,) of all logs.  chemistry: "" if unknown.
     """
     if not chemistry:
         return ()

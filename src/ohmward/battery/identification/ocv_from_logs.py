@@ -16,17 +16,17 @@ from ohmward.optional import require
 OCV_GRID = np.linspace(0.0, 1.0, 201)
 #: Branches whose temperatures differ by less belong together.
 SAME_TEMPERATURE_K = 5.0
-#: Shares of the capacity: of a complete branch, of one that also ends at a voltage limit, of the shortest that is used.
+#: Smallest shares of the capacity: of a complete branch, of one that also ends at a voltage limit, of one that is used.
 _COMPLETE_SHARE = 0.93
 _LIMIT_SHARE = 0.8
 _SHORTEST_SHARE = 0.3
-#: Relative distance to the highest or lowest voltage of a log that is its limit.
+#: A branch ends at a limit if its last voltage is this close to the highest or lowest of the log, relatively.
 _LIMIT_TOLERANCE = 0.002
 #: Opposite branches of which one moves less than this share of the other do not both run from full to empty.
 _AGREEING_SHARE = 0.97
-#: A gap between the branches this many times as uneven along SoC speaks against an alignment of them.
+#: An alignment of the branches is wrong where their gap is this many times as uneven along SoC as with another one.
 _UNEVEN = 2.0
-#: SoC over which that is looked at: the ends of the curve are steep.
+#: SoC at which that is compared: the ends of the curve are steep.
 _MIDDLE = np.linspace(0.1, 0.9, 81)
 #: Relative difference of a branch's charge to the capacity that deserves a warning.
 CAPACITY_WARNING = 0.03
@@ -40,7 +40,7 @@ class OcvBranch(NamedTuple):
     log_name: str
     direction: Literal["discharge", "charge"]
     soc: np.ndarray  #: (N,) state of charge
-    voltage_V: np.ndarray  #: (N,) at it, both in order of time
+    voltage_V: np.ndarray  #: (N,) voltage there, both in order of time
     current_A: float  #: mean current, > 0 charges
     moved_Ah: float  #: charge of the whole branch, >= 0
     temperature_degC: float | None  #: median during the branch, or None
@@ -55,7 +55,7 @@ def find_branches(record: Record, capacity_Ah: float, initial_soc: float | None 
     `initial_soc`.
 
     Raises:
-        InputError: a branch is shorter and nothing says where it starts.
+        InputError: a branch is shorter and its start is unknown.
     """
     branches: list[OcvBranch] = []
     for phase in record.phases:
@@ -69,8 +69,8 @@ def find_branches(record: Record, capacity_Ah: float, initial_soc: float | None 
 def reconcile_branches(branches: Sequence[OcvBranch]) -> tuple[OcvBranch, ...]:
     """The branches; one that moved clearly less than its opposite at that temperature ended before full or empty.
 
-    In the cold a charge reaches its limit early. Such a branch runs from where it started at the scale of the opposite
-    one, unless the gap between both is far more even with the branch stretched to the whole axis: then its charge was
+    In the cold a charge reaches its limit early. Such a branch keeps its start and gets the scale of the opposite one,
+    unless the gap between both is far more even with the branch stretched to the whole axis: then its charge was
     counted wrongly.
     """
     return tuple(_reconciled(branch, branches) for branch in branches)
@@ -79,8 +79,8 @@ def reconcile_branches(branches: Sequence[OcvBranch]) -> tuple[OcvBranch, ...]:
 def branch_axis_std(branches: Sequence[OcvBranch]) -> float:
     """Standard deviation of the SoC axis in its middle that the branches leave open, 0 where their charges agree.
 
-    Of two that differ by x one is stretched or ends early: that moves its middle by x/2, and the mean of both branches
-    by x/4. Full and empty are told by the voltage.
+    Where two differ by x, one is stretched or ends early: that moves its middle by x/2, and the mean of both branches
+    by x/4. Full and empty are known from the voltage.
     """
     differences = [
         1 - branch.moved_Ah / opposite.moved_Ah for branch in branches for opposite in _longer(branch, branches)
@@ -203,7 +203,7 @@ def _by_temperature(branches: Sequence[OcvBranch], otherwise_degC: float) -> dic
 
 
 def _mean_and_hysteresis(branches: Sequence[OcvBranch]) -> tuple[np.ndarray, np.ndarray]:
-    """(201,) mean curve and hysteresis [V], the latter held where only one direction was measured."""
+    """(201,) mean curve and hysteresis [V], which closes to 0 where only one direction was measured."""
     curves = [_on_grid([b for b in branches if b.direction == way]) for way in ("discharge", "charge")]
     discharge, charge = curves
     if np.isnan(discharge).all() or np.isnan(charge).all():
@@ -263,7 +263,7 @@ def _branch_note(branch: OcvBranch, capacity_Ah: float) -> Note:
 
 #: Points of the curve.
 _RESTED_CURVE_POINTS = 101
-#: Rests within this of SoC are one point.
+#: Rests whose SoC differs by less are one point.
 _SAME_SOC = 0.01
 #: Fewest points, and smallest span of SoC, that make a curve.
 _FEWEST_POINTS = 2

@@ -18,15 +18,15 @@ from ohmward.battery.soc.anchor_rule import REST_C
 from ohmward.errors import InputError
 from ohmward.logs.log import SECONDS_PER_HOUR, Log, Note, counted
 
-#: A gap in the recording is longer than this [s], and than so many median intervals.
+#: A gap in the recording is longer than this [s], and than this many median intervals.
 RECORDING_GAP_S = 120.0
 _GAP_INTERVALS = 20.0
-#: Intervals up to so many medians are used to compare a counter with the current.
+#: Longest interval, in medians, that is used to compare a counter with the current.
 _USUAL_INTERVALS = 3.0
-#: A counter is one if its slope over the integral of the current is 1 within this, from sums over so many blocks.
+#: A counter's slope over the integral of the current is 1 to within this, from sums over this many blocks.
 _COUNTER_TOLERANCE = 0.05
 _BLOCKS = 200
-#: Intervals of a block within which the sum of the counter holds.
+#: Intervals of a block, over which the charge is made to match the counter.
 _BLOCK_INTERVALS = 100
 #: Gain error of a current sensor: the error of an interval in which the current does not change.
 _GAIN_ERROR = 1e-3
@@ -37,7 +37,7 @@ class ChargeIntegral(NamedTuple):
 
     moved_Ah: np.ndarray  #: (T,) [Ah], > 0 when charge went in; the first is 0
     unknown: np.ndarray  #: (T,) bool, a gap during which an unknown charge may have flowed; moved_Ah is 0 there
-    notes: tuple[Note, ...] = ()  #: on intervals whose charge the current does not tell
+    notes: tuple[Note, ...] = ()  #: on intervals whose charge the current does not show
 
     @property
     def total_Ah(self) -> np.ndarray:
@@ -61,9 +61,9 @@ class Counter(NamedTuple):
 def count_charge(log: Log) -> ChargeIntegral:
     """Charge of each interval of the log: the mean of both currents, corrected by a charge counter if there is one.
 
-    Where the current changes by di within an interval dt, the mean of both samples is wrong by up to |di| dt/2, and it
-    says nothing about a gap in the recording. A counter column that agrees with the current elsewhere settles both:
-    its difference to the integral is given to the intervals in proportion to that error.
+    Where the current changes by di within an interval dt, the charge by the mean of both is wrong by up to |di| dt/2,
+    and in a gap of the recording it is unknown. A counter column that agrees with the current elsewhere settles both:
+    its difference from the integral is spread over the intervals in proportion to that error.
 
     Raises:
         InputError: the log has no current.
@@ -99,7 +99,7 @@ def find_gaps(time_s: np.ndarray) -> np.ndarray:
 def find_counter(log: Log, moved_Ah: np.ndarray, gap: np.ndarray) -> Counter | None:
     """The charge counter among the log's extra columns that agrees with the current, or None.
 
-    moved_Ah: (T,) integral of the current over each interval [Ah]; gap: (T,) bool, intervals without that.
+    moved_Ah: (T,) integral of the current over each interval [Ah]; gap: (T,) bool, intervals where that is unknown.
     """
     dt_s = np.diff(log.time_s, prepend=log.time_s[0])
     usable = ~gap & (dt_s <= _USUAL_INTERVALS * np.median(dt_s))
@@ -145,14 +145,14 @@ def _slope(step_Ah: np.ndarray, moved_Ah: np.ndarray, usable: np.ndarray) -> flo
 
 
 def _resolution(values_Ah: np.ndarray) -> float:
-    """The smallest change but for the rounding of the file."""
+    """The smallest change apart from rounding in the file."""
     steps = np.abs(np.diff(values_Ah))
     steps = steps[steps > 1e-9 * np.ptp(values_Ah)]
     return float(np.quantile(steps, 0.01)) if steps.size else 0.0
 
 
 def _settle(moved_Ah: np.ndarray, error_Ah: np.ndarray, gap: np.ndarray, step_Ah: np.ndarray) -> np.ndarray:
-    """(T,) charge of each interval: the integral, and in each block of intervals the same sum as the counter."""
+    """(T,) charge of each interval: the integral, corrected to the counter's sum in each block of intervals."""
     weight = np.where(gap, 0.0, error_Ah + _GAIN_ERROR * np.abs(moved_Ah))
     starts = np.arange(0, moved_Ah.size, _BLOCK_INTERVALS)
     missing_Ah = np.add.reduceat(np.where(gap, 0.0, step_Ah - moved_Ah), starts)
@@ -174,7 +174,7 @@ def _gap_notes(gap: np.ndarray) -> tuple[Note, ...]:
     return (Note(f"{counted(int(gap.sum()), 'gap')} without a charge counter: what flowed there is not known"),)
 
 
-#: Rates over 1 C: largest of a low-rate test, smallest of a pulse.
+#: Rates relative to 1 C: largest of a low-rate test, smallest of a pulse.
 LOW_RATE = 1 / 15
 PULSE_RATE = 1 / 20
 #: Durations of a pulse and of the rest before it [s].
@@ -182,11 +182,11 @@ LONGEST_PULSE_S = 400.0
 SHORTEST_REST_S = 10.0
 #: Samples of the shortest log that may hold a pulse and its rest.
 FEWEST_OF_A_PULSE = 5
-#: A current jumps by more than this rate and this share of itself; a constant one stays within the last share.
+#: A jump of the current exceeds this rate and this share of it; a constant current stays within the last share.
 _JUMP_RATE = 1 / 50
 _JUMP_SHARE = 0.05
 _CONSTANT_SHARE = 0.1
-#: Share of the charge that a low-rate test moves slowly, and that varying currents may move among pulses.
+#: Smallest share of the charge moved slowly in a low-rate test, largest moved by varying currents in a pulse test.
 _LOW_RATE_SHARE = 0.6
 _VARYING_SHARE = 0.2
 #: Fewest pulses of a pulse test.
@@ -244,7 +244,7 @@ def is_rest(phase: Phase, shortest_s: float = SHORTEST_REST_S) -> bool:
 
 
 def settled_ends(record: Record) -> tuple[tuple[Phase, int], ...]:
-    """The rest with which a record starts and those in which the voltage has settled, each with its last voltage."""
+    """Rest at the start of a record and rests whose voltage has settled, each with the index of its last voltage."""
     rests = [*(p for p in record.phases[:1] if is_rest(p)), *find_rests(record.phases, SETTLED_REST_S)]
     known = np.isfinite(record.log.voltage_V)
     ends = [(p, p.first + np.flatnonzero(known[p.first : p.last + 1])) for p in rests]
@@ -289,8 +289,8 @@ def _joined(
     )
 
 
-#: Relative difference of voltages that are the same rest, and length of a rest whose voltage has settled [s]: a minute
-#: after a pulse of 6 C it still rises by as much as a discharge of 5 % would lower it.
+#: Largest relative difference of voltages in the same rest, and length of a rest whose voltage has settled [s]: a
+#: minute after a pulse of 6 C it has yet to rise by as much as a discharge of 5 % would lower it.
 _SAME_VOLTAGE = 0.003
 SETTLED_REST_S = 600.0
 
@@ -302,7 +302,7 @@ class Record(NamedTuple):
     charge: ChargeIntegral
     phases: tuple[Phase, ...]
     test: Test
-    #: direction of the charge that flowed unseen before the record, -1 discharge, 1 charge, 0 unknown
+    #: direction of the unrecorded charge before the record, -1 discharge, 1 charge, 0 unknown
     came_from: int = 0
 
     @property
@@ -325,8 +325,8 @@ class Record(NamedTuple):
 def make_records(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> tuple[Record, ...]:
     """Charge, phases and kind of test of a log: one record, or several where gaps of unknown charge divide it.
 
-    A gap divides nothing where the battery has rested for 10 minutes before it, and rests at the same voltage (within
-    0.3 %) after it.
+    A gap does not divide the log where the battery has rested for 10 minutes before it, and rests at the same voltage
+    (within 0.3 %) after it.
 
     Raises:
         InputError: no current in the log, or too short for a pulse.
@@ -354,9 +354,9 @@ def make_records(log: Log, capacity_Ah: float, idle_current_A: float = 0.0) -> t
 
 
 def _after_gap(before: Record, record: Record) -> Record:
-    """The record with the direction of the charge in the gap before it, told by the voltages at rest on both sides.
+    """The record with the direction of the charge in the gap before it, from the rest voltages on both sides.
 
-    A voltage that had not settled before the gap tells it only where it went on against its relaxation.
+    A voltage that had not settled before the gap shows it only where it moved against its relaxation.
     """
     if not (before.phases[-1].kind == record.phases[0].kind == "rest"):
         return record

@@ -1,4 +1,4 @@
-"""State of charge along a record: charge counted, tied to samples at which it is known."""
+"""State of charge along a record: counted charge, tied to samples of known state of charge."""
 
 from __future__ import annotations
 
@@ -17,38 +17,38 @@ from ohmward.battery.soc.anchor_rule import LITHIUM_LIMITS, REST_C, SocAnchor
 from ohmward.errors import InputError
 from ohmward.logs.log import Note
 
-#: SoC is known so well where a charge with constant voltage has tapered: that of this log, not of another charger.
+#: Standard deviation of SoC where a constant-voltage charge has tapered, for the charger of this log and no other.
 FULL_STD = 0.005
-#: A state of charge that whoever made the test gives, in whole points.
+#: Standard deviation of a state of charge given by the tester, in whole per cent.
 TEST_START_STD = 0.01
-#: A log that moves so much of the capacity was full at its highest charge, and SoC is known within these.
+#: A log that moves this share of the capacity was full at its highest charge; bounds of the standard deviation there.
 _SWEEP_SHARE = 0.85
 _SWEEP_STD = (0.01, 0.03)
-#: A log ends empty where its lowest voltage lies within this share of the capacity of its lowest charge.
+#: A log ends empty where its charge at the lowest voltage is within this share of the capacity of its lowest charge.
 _AT_THE_END = 0.03
-#: A constant voltage lies within this share of the highest of the log, for at least so long; breaks are bridged [s].
+#: A constant voltage: largest relative distance from the log's highest, longest break bridged and shortest length [s].
 _TOP_SHARE = 0.02
 _TOP_BREAK_S = 600.0
 _SHORTEST_TOP_S = 60.0
-#: Samples at the end of a taper whose mean current counts, and least charge of a taper as a share of the capacity.
+#: Samples at the end of a taper whose mean current counts, and smallest charge of a taper as a share of the capacity.
 _TAPER_SAMPLES = 3
 _TAPER_CHARGE = 0.003
 #: A rest that follows a full charge within an hour is that of a full battery [s].
 _SOON_S = 3600.0
-#: No rest tells SoC better.
+#: Smallest standard deviation of SoC from a rest.
 _SMALLEST_REST_STD = 0.005
-#: Error of an open-circuit voltage at the end of a rest, over itself.
+#: Relative error of an open-circuit voltage at the end of a rest.
 _VOLTAGE_STD_SHARE = 0.0015
-#: A low-rate gap holds slow overpotential too: so much of its half is hysteresis that a rest shows, and its error. On
-#: A123 LFP cells 0.7 to 0.9 of it; after an hour of rest a Panasonic NCA cell lies on the low-rate discharge itself.
+#: A low-rate gap includes slow overpotential: share of its half that is hysteresis at a rest, and its error. On A123
+#: LFP cells it is 0.7 to 0.9; after an hour of rest a Panasonic NCA cell lies on the low-rate discharge itself.
 _HYSTERESIS_SHARE, _HYSTERESIS_SHARE_STD = 0.9, 0.25
-#: Hysteresis turns within a few per cent of SoC: usual rate gamma.
+#: Usual rate gamma of the hysteresis, which reverses within a few per cent of SoC.
 _USUAL_GAMMA = 40.0
 #: Losses below this are errors of the current sensor.
 _SMALLEST_LOSS = 0.01
 #: SoC beyond [0, 1] by more means a wrong capacity.
 _MOST_OUTSIDE = 0.1
-#: Rests tell a capacity where they span so much of SoC and each is known so well.
+#: Smallest span of SoC and largest standard deviation of rests that show a capacity.
 _CAPACITY_SPAN = 0.5
 _CAPACITY_REST_STD = 0.02
 
@@ -79,18 +79,18 @@ def anchor_soc(
     ocv_axis_std: float = 0.0,
     empty_V: float = 0.0,
 ) -> SocAxis:
-    """The state of charge along a record, tied to what is known best.
+    """The state of charge along a record, tied to its best anchors.
 
-    In order: the ends of full charges and, before the first of them, `initial_soc` of the user, known to
-    `TEST_START_STD`; the rest at which `ocv` tells the SoC best; a sweep of at least 85 % of the capacity, whose top is
-    taken as full.
-    The loss between two full charges gives the coulombic efficiency, and the rest of the difference is spread over the
-    charge that flowed; without them `efficiency` holds.
+    In order: the ends of full charges and, before the first of them, `initial_soc` of the user, known to within
+    `TEST_START_STD`; the rest at which `ocv` gives the SoC best; a sweep of at least 85 % of the capacity, whose top is
+    assumed full.
+    The loss between two full charges gives the coulombic efficiency, and any difference left is spread over the charge
+    that flowed; without them `efficiency` holds.
     ocv_axis_std: standard deviation of the SoC axis of `ocv` in the middle.
     empty_V: usual open-circuit voltage of an empty battery of this chemistry; 0 where that is unknown.
 
     Raises:
-        InputError: nothing tells the SoC; the SoC leaves [0, 1] by more than 0.1 because the capacity is wrong.
+        InputError: nothing shows the SoC; the SoC leaves [0, 1] by more than 0.1 because the capacity is wrong.
     """
     anchors = find_anchors(record, capacity_Ah, ocv, initial_soc, ocv_axis_std, empty_V)
     efficiency = _efficiency(record, anchors, efficiency)
@@ -132,7 +132,7 @@ def find_anchors(
 
 
 def axis_bridge(soc: Any) -> Any:
-    """Course along SoC of an error of the axis that is 0 where the battery is full or empty, and 1 in the middle."""
+    """Shape along SoC of an error of the axis that is 0 where the battery is full or empty, and 1 in the middle."""
     inside = np.clip(soc, 0.0, 1.0)
     return 2 * np.sqrt(inside * (1 - inside))
 
@@ -141,7 +141,7 @@ def _require_likely_capacity(record: Record, capacity_Ah: float) -> None:
     """Refuse a capacity in mAh: a log that moves a few thousandths of it, but a likely share of a thousandth.
 
     Raises:
-        InputError: so it seems.
+        InputError: the capacity seems to be in mAh.
     """
     moved_Ah = float(np.ptp(record.charge.total_Ah))
     if 1000.0 * moved_Ah > 0.5 * capacity_Ah > 10.0 * moved_Ah:
@@ -178,8 +178,8 @@ def rest_anchors(record: Record, ocv: OcvCurve, capacity_Ah: float) -> tuple[Soc
 def sweep_anchor(record: Record, capacity_Ah: float, empty_V: float = 0.0) -> tuple[SocAnchor, ...]:
     """Full at the highest charge of a log that moves at least 85 % of the capacity, else nothing.
 
-    What it does not move may be missing at the top, or at the bottom: half of it is the standard deviation. Where the
-    load has drawn the battery below `empty_V` at the end, no more was to be had at that rate: it is at the bottom.
+    The charge that it does not move may be missing at the top or at the bottom: half of it is the standard deviation.
+    If a load has drawn the battery below `empty_V` at the end, that rate left no more: it is missing at the bottom.
     """
     total_Ah, voltage_V = record.charge.total_Ah, record.log.voltage_V
     if np.ptp(total_Ah) < _SWEEP_SHARE * capacity_Ah:
@@ -192,7 +192,7 @@ def sweep_anchor(record: Record, capacity_Ah: float, empty_V: float = 0.0) -> tu
 
 
 def axis_std(records: Sequence[Record], axes: Sequence[SocAxis]) -> float:
-    """Standard deviation of the axes of several records, each counting as the charge that it moves."""
+    """Standard deviation of the axes of several records, weighted by the charge that each moves."""
     moved_Ah = [float(np.abs(r.charge.moved_Ah).sum()) for r in records]
     return float(np.sqrt(np.average([a.std**2 for a in axes], weights=moved_Ah)))
 
@@ -200,7 +200,7 @@ def axis_std(records: Sequence[Record], axes: Sequence[SocAxis]) -> float:
 def capacity_from_rests(record: Record, axis: SocAxis, ocv: OcvCurve, capacity_Ah: float) -> float | None:
     """Capacity [Ah] for which the counted charge agrees with the open-circuit voltage at the rests.
 
-    None where the rests span less than half of the SoC range, or their voltages tell SoC no better than to 2 %.
+    None where the rests span less than half of the SoC range, or their voltages give SoC no better than to 2 %.
     """
     rests = [a for a in rest_anchors(record, ocv, capacity_Ah) if a.std < _CAPACITY_REST_STD and 0.0 < a.soc < 1.0]
     by_charge = np.array([axis.soc[a.sample] for a in rests])
@@ -223,7 +223,7 @@ def _tops(record: Record, capacity_Ah: float) -> list[tuple[int, int]]:
 
 
 def _end_of_taper(record: Record, first: int, last: int, capacity_Ah: float) -> int | None:
-    """End of a charge with constant voltage, its current died away, among the samples first ... last, or None."""
+    """End of a constant-voltage charge whose current has tapered, among the samples first ... last, or None."""
     current_A = record.current_A[first : last + 1]
     charging = np.flatnonzero(current_A > REST_C * capacity_Ah)
     if charging.size < _TAPER_SAMPLES or record.log.time_s[last] - record.log.time_s[first] < _SHORTEST_TOP_S:
@@ -254,9 +254,9 @@ def _hysteresis(record: Record, capacity_Ah: float) -> tuple[np.ndarray, np.ndar
 
 
 def _by_voltage(record: Record, sample: int, ocv: OcvCurve, degC: float, h: float, known: float) -> SocAnchor:
-    """SoC at a rest voltage, on the side of the mean curve that the hysteresis state `h` tells.
+    """SoC at a rest voltage, on the side of the mean curve given by the hysteresis state `h`.
 
-    The voltage is unknown by 1.5 mV per volt and by the error of the hysteresis: all of it where nothing is known of h.
+    The voltage errs by 1.5 mV per volt and by the error of the hysteresis, which is all of it where h is unknown.
     """
     voltage_V = float(record.log.voltage_V[sample])
     branch = _HYSTERESIS_SHARE * h

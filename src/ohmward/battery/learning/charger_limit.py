@@ -1,14 +1,14 @@
 """Full end of the curve of a label, where the charger of a battery stops below the limit of its chemistry.
 
-Chargers of lithium are set to 4.1 V a cell as well as to 4.2, and a robot calls its battery full where its charger has
+Lithium chargers are set to 4.1 V a cell as well as to 4.2, and a robot calls its battery full where its charger has
 tapered. With the SoC z_c of the curve at that voltage,
 
     OCV'(z) = OCV(z z_c)        Q' = Q (1 + z_c) / 2    of a label, which counts from either limit
                                 Q' = Q z_c              where logs have shown the charge along the curve
 
-A file from a test knows the full end itself, and so does one that has learnt from a full charge: to them a charger that
-stops below it leaves the battery less than full. Where the charger of a label was the lower one and a later one holds a
-higher voltage, the curve of the chemistry goes on from there, z_c > 1, with the widths of a label.
+A file from a test has the full end itself, and so has one that has learnt from a full charge: for them a charger that
+stops below it leaves the battery less than full. Where a battery with a label had the lower charger and a later one
+holds a higher voltage, the curve of the chemistry goes on from there, z_c > 1, with the standard deviations of a label.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from ohmward.battery.soc.anchor_rule import BEYOND_SIGMAS, AnchorRule
 from ohmward.battery.soc.anchors import VOLTAGE, Anchor, charger_limit_V, find_anchors
 from ohmward.logs.log import Log
 
-#: A full end was lowered by more than 7 points, twice what the curve of a label may err there. It is raised by no less
+#: A full end was lowered by more than 7 % of SoC, twice the error of a label's curve there. It is raised by no less
 #: than this factor: a full battery at rest lies some 30 mV below its charger.
 _LEAST_RAISE = 1.05
-#: Points of the curve at least.
+#: Fewest points of the curve.
 _LEAST_CURVE_POINTS = 201
 
 
 def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
-    """The battery that is full where its charger stops in this log; as it is where its full end is known."""
+    """The battery that is full where its charger stops in this log; unchanged where its full end is known."""
     if battery.identification is not None or battery.thevenin.gassing_V is not None:
         return battery
     rule = AnchorRule(battery.thevenin, battery.noise, battery.sensor)
@@ -51,7 +51,7 @@ def full_at_charger_limit(battery: Battery, log: Log) -> Battery:
 
 
 def raised_to(battery: Battery, full_V: float) -> Battery:
-    """The battery that is full at this higher voltage, known no better than a label; as it is where it is no higher."""
+    """The battery that is full at this higher voltage, with the errors of a label; unchanged where it is no higher."""
     if not _was_lowered(battery):
         return battery
     before_soc = _soc_of_chemistry(battery, battery.thevenin.ocv.voltage_V[-1])
@@ -69,8 +69,8 @@ def raised_to(battery: Battery, full_V: float) -> Battery:
 def with_full_at(battery: Battery, soc: float) -> Battery:
     """The battery whose full end is at this SoC of its curve.
 
-    Its curve may be stretched as a whole or at its upper end alone, so that half of what is missing joins the error of
-    the axis, and that of a label.
+    Its curve may be stretched as a whole or at its upper end alone, so that half of the missing range is added to the
+    errors of the axis and of the capacity of a label.
     """
     model, noise, half = battery.thevenin, battery.noise, 0.5 * (1.0 - soc)
     knowledge, capacity_Ah = battery.knowledge, battery.capacity_Ah * (1.0 - half)
@@ -101,7 +101,7 @@ def _full_charges(log: Log, battery: Battery) -> list[Anchor]:
 
 
 def _was_lowered(battery: Battery) -> bool:
-    """True where the full end lies below that of the chemistry beyond the doubt of a label; never on a flat curve."""
+    """True where the full end lies below the chemistry's by more than the error of a label; never on a flat curve."""
     if not battery.chemistry:
         return False
     label = generic_battery(battery.chemistry, battery.capacity_Ah, battery.n_series)

@@ -1,14 +1,14 @@
-"""Fold what was learnt into a battery file: means into the model, widths into the noise, with floors.
+"""Fold learnt parameters into a battery file: means into the model, standard deviations into the noise, with floors.
 
-A log cannot make a file surer than the model is good: no width falls below a floor, however many logs agree.
+A log cannot make a file more certain than its model is accurate: however many logs agree, every error has a floor.
 
-Resistance to a pulse, as testers of batteries measure it and people quote it.
+Resistance to a pulse, as battery testers measure and quote it.
 
 After a rest a current I of one capacity per hour flows for t = 10 s:
 
     R = (overpotentials of `models.thevenin` after it + (I t / Q) dOCV/ds) / I
 
-The last term is what the charge drawn moves the open-circuit voltage: a tester's voltage falls by it as well.
+The last term is the fall of the open-circuit voltage by the charge drawn, which a tester measures as well.
 """
 
 from __future__ import annotations
@@ -37,30 +37,30 @@ from ohmward.battery.models.thevenin import (
 from ohmward.battery.posterior import ENTROPY_KNOTS, OCV_KNOTS
 from ohmward.filters.consistency import BAND_95
 
-#: Duration of the pulse [s], and the state of charge before the one that is quoted.
+#: Duration of the pulse [s], and state of charge before the pulse that is quoted.
 PULSE_S, _HALF = 10.0, 0.5
 
-#: The error of the model that stays with SoC is this at least [V], for each CELL_V of the battery, and its length.
+#: Smallest error of the model that stays with SoC [V], for each CELL_V of the battery, and its correlation length.
 MODEL_STD_V, _MODEL_LENGTH = 0.005, 0.1
-#: The same of a battery that gases: acid that moves slowly leaves 18 to 50 mV of 12 V after a day of loads.
+#: The same for a battery that gases: slowly diffusing acid leaves 18 to 50 mV of 12 V after a day of loads.
 _GASSING_MODEL_STD_V = 0.01
-#: Least relative errors: of the capacity, of all resistances, of the overpotential at one SoC, of the hysteresis.
+#: Smallest relative errors: of the capacity, of all resistances, of the overpotential at one SoC, of the hysteresis.
 _CAPACITY_STD, _RESISTANCE_STD, _SHARE, _HYSTERESIS_STD = 0.01, 0.05, 0.1, 0.15
-#: Least error of the activation temperatures, as identification knows them best [K].
+#: Smallest error of the activation temperatures, that of the best identification [K].
 _ACTIVATION_STD_K = 700.0
-#: Least errors of the change of the curve with temperature and of its slip, over those before any log.
+#: Smallest error of the change of the curve with temperature, over that before any log.
 _ENTROPY_SHARE = 0.5
-#: Where nothing but the curve has told the charge, a log cannot see a shift of the axis: so much of the error that the
-#: chemistry's curves have is left.
+#: Share of the axis error of the chemistry's curves that is left where only the curve has shown the charge: a log
+#: cannot see a shift of the axis then.
 _UNANCHORED_SHARE = 0.5
 #: Grid of the error along SoC.
 _NOISE_GRID = np.linspace(0.0, 1.0, 21)
-#: Correlations between knots of the curve that tell how long its error lasts.
+#: Distance in SoC at which the correlation of the curve's error is taken, for its length.
 _NEIGHBOUR = 0.1
 
 
 def model_floor_V(battery: Battery) -> float:
-    """Least error of the model's voltage [V] that stays with SoC."""
+    """Smallest error of the model's voltage [V] that stays with SoC."""
     model = battery.thevenin
     cell_V = chemistry_prior(battery.chemistry).unmeasured_model_V or MODEL_STD_V
     cell_V = cell_V if model.gassing_V is None else _GASSING_MODEL_STD_V
@@ -70,9 +70,9 @@ def model_floor_V(battery: Battery) -> float:
 def fold(
     battery: Battery, theta: np.ndarray, covariance: np.ndarray, lowest_soc: float, logs: Sequence[SeenLog]
 ) -> Battery:
-    """The battery with the corrections theta (K,) made, and with the covariance (K, K) of what is left of their errors.
+    """The battery with the corrections theta (K,) applied, and with the covariance (K, K) of their remaining errors.
 
-    lowest_soc: that the log has shown, by the new capacity; logs: all that it has learnt from.
+    lowest_soc: lowest SoC of the log, by the new capacity; logs: all that it has learnt from.
     """
     p = parameters_of(battery)
     curve, offset, sensor = OpenCircuit(battery, theta), p.group("offset"), battery.sensor
@@ -97,8 +97,8 @@ def fold(
 def covariance_of_folded(curve: OpenCircuit, folded: Battery, covariance: np.ndarray) -> np.ndarray:
     """(K, K) covariance of the corrections of the new file, whose knots lie elsewhere along the charge below full.
 
-    The error of the voltage at a charge is the same before and after: what moved it with the capacity, and now does
-    not, is an error of the knots.
+    The error of the voltage at a charge is the same before and after: the part that moved with the capacity, and now
+    does not, becomes an error of the knots.
     """
     p, battery = curve.parameters, curve.battery
     ocv, slip, capacity = p.group("ocv"), p.group("slip"), p.group("capacity")
@@ -117,11 +117,11 @@ def covariance_of_folded(curve: OpenCircuit, folded: Battery, covariance: np.nda
 
 
 def without_capacity(covariance: np.ndarray, battery: Battery) -> np.ndarray:
-    """The covariance (K, K) without the correlation of the capacity with all else.
+    """The covariance (K, K) without the correlation of the capacity with all other parameters.
 
-    The voltage at a charge below full is the same whatever the capacity is, once it was seen, and what was not seen
-    stretches with the capacity by itself (`curve_place`). A correlation that is left comes from between the knots, and
-    each log would find the capacity in it anew.
+    Where logs have shown the curve, the voltage at a charge below full is the same whatever the capacity is; the rest
+    of the curve stretches with the capacity by itself (`CurvePlace`). A correlation that is left comes from between the
+    knots, and each log would infer the capacity from it again.
     """
     found, q = covariance.copy(), parameters_of(battery).group("capacity")
     found[q, :], found[:, q] = 0.0, 0.0
@@ -130,7 +130,7 @@ def without_capacity(covariance: np.ndarray, battery: Battery) -> np.ndarray:
 
 
 def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
-    """(K,) change of the parameters by a change of the logarithm of the capacity with age, whose electrodes slip."""
+    """(K,) change of the parameters with the logarithm of the capacity in ageing, slip of the electrodes included."""
     model, direction = battery.thevenin, np.zeros(p.size)
     direction[p.group("capacity")] = 1.0
     direction[p.group("ocv")] = _slope_by_capacity_V(battery, OCV_KNOTS)
@@ -140,7 +140,7 @@ def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
 def _slope_by_capacity_V(battery: Battery, soc: np.ndarray) -> np.ndarray:
     """(N,) change of the curve at these SoC with the logarithm of the capacity [V].
 
-    As far as logs have shown the curve it is known over the charge below full, and along SoC as wrong as the capacity.
+    Where logs have shown the curve it is known over the charge below full, so that along SoC it errs with the capacity.
     """
     stretched = CurvePlace(battery.curve_seen_from_soc, 0.0).columns(soc)[:, 0]
     return mean_slope_V(battery.thevenin.ocv, soc) * (1.0 - soc - stretched)
@@ -154,7 +154,7 @@ def slip_direction(battery: Battery, p: Parameters) -> np.ndarray:
 
 
 def folded_model(curve: OpenCircuit) -> Thevenin:
-    """The circuit with the corrections made."""
+    """The circuit with the corrections applied."""
     model, p, theta = curve.model, curve.parameters, curve.theta
     corrections = Corrections(*(theta[p.group(name)] for name in Corrections._fields))
     return replace(
@@ -166,7 +166,7 @@ def folded_model(curve: OpenCircuit) -> Thevenin:
 
 
 def folded_curve(curve: OpenCircuit) -> OcvCurve:
-    """The open-circuit curve with the corrections made, as far as they leave it rising."""
+    """The open-circuit curve with the corrections applied, as far as they leave it rising."""
     ocv, p, theta = curve.model.ocv, curve.parameters, curve.theta
     soc = np.linspace(0.0, 1.0, max(len(ocv.voltage_V), 201))
     voltage_V = curve.at(file_charge(soc, curve.place.log_ratio), ocv.reference_degC)
@@ -176,7 +176,7 @@ def folded_curve(curve: OpenCircuit) -> OcvCurve:
 
 
 def folded_noise(battery: Battery, p: Parameters, covariance: np.ndarray) -> BatteryNoise:
-    """The noise of the battery with these errors left in its parameters, none below its floor or above what it was."""
+    """Noise of the battery with these errors left in its parameters, none below its floor or above the old value."""
     noise, gain_std = battery.noise, battery.sensor.gain_std
     std = np.sqrt(np.diag(covariance))
     curve_V, length = _curve_error(battery, p, covariance)
@@ -195,7 +195,7 @@ def folded_noise(battery: Battery, p: Parameters, covariance: np.ndarray) -> Bat
         overpotential_share=_share(noise, p, std),
         capacity_std=_between(_CAPACITY_STD, capacity_std, noise.capacity_std),
         resistance_std=_between(_RESISTANCE_STD, resistance_std(battery, covariance), noise.resistance_std),
-        ageing_correlation=0.0,  # what a log has left of either is an error of its own
+        ageing_correlation=0.0,  # the errors that a log leaves in either are independent
         activation_std_K=_between(_ACTIVATION_STD_K, activation_K, noise.activation_std_K),
         empty_activation_std_K=_between(0.0, empty_K, noise.empty_activation_std_K),
         ocv_std_V_per_K=_between(_ENTROPY_SHARE * noise.ocv_std_V_per_K, entropy, noise.ocv_std_V_per_K),
@@ -204,7 +204,7 @@ def folded_noise(battery: Battery, p: Parameters, covariance: np.ndarray) -> Bat
 
 
 def known_since(battery: Battery, unix_s: float | None) -> Battery:
-    """The battery whose capacity is known as well as its noise says since that day; as it is where nobody knows it."""
+    """The battery with that day as the date of its capacity error; unchanged where the day is unknown."""
     if unix_s is None:
         return battery
     noise = battery.noise
@@ -213,7 +213,7 @@ def known_since(battery: Battery, unix_s: float | None) -> Battery:
 
 
 def never_anchored(battery: Battery, before: Battery) -> Battery:
-    """The battery whose SoC axis is known no better than curves tell it, as no log has shown it full or empty."""
+    """The battery with at least the axis error that curves alone leave, as no log has shown it full or empty."""
     least = _UNANCHORED_SHARE * chemistry_prior(battery.chemistry).curve.soc_std
     axis_std = max(battery.noise.soc_axis_std, min(before.noise.soc_axis_std, least))
     return replace(battery, noise=replace(battery.noise, soc_axis_std=axis_std))
@@ -248,14 +248,14 @@ def _curve_error(battery: Battery, p: Parameters, covariance: np.ndarray) -> tup
 
 
 def _axis_std(battery: Battery, curve_V: np.ndarray) -> float:
-    """Error of the SoC axis by that of the curve where it is steep."""
+    """Error of the SoC axis, from that of the curve where it is steep."""
     slope_V = mean_slope_V(battery.thevenin.ocv, _NOISE_GRID)
     steep = slope_V >= np.quantile(slope_V, 0.75)
     return float(np.median(curve_V[steep] / slope_V[steep]))
 
 
 def _share(noise: BatteryNoise, p: Parameters, std: np.ndarray) -> float | tuple[float, ...]:
-    """Relative error of the overpotential: what shapes of resistances and time constants leave open, and the floor."""
+    """Relative error of the overpotential, from the remaining errors of the resistances and the floor."""
     shape = np.square(std[p.resistances]).mean()
     before = np.asarray(noise.overpotential_share)
     found = np.minimum(np.maximum(before, 0.0), np.hypot(_SHARE, 0.25 * np.sqrt(shape)))
@@ -263,7 +263,7 @@ def _share(noise: BatteryNoise, p: Parameters, std: np.ndarray) -> float | tuple
 
 
 def _between(floor: float, found: float, before: float) -> float:
-    """The value found, not below the floor and never above the one before."""
+    """The value found, not below the floor and never above the previous one."""
     return min(max(found, floor), before)
 
 
@@ -280,27 +280,27 @@ def pulse_ohm_along(model: Thevenin, soc: np.ndarray) -> np.ndarray:
     return ohm + mean_slope_V(model.ocv, soc) * PULSE_S / model.capacity_As
 
 
-#: How the sentences of a label begin; those of a test stay as they are.
+#: Beginnings of the sentences of a label; those of a test stay as they are.
 _OF_A_LABEL = ("everything", "capacity: ", "resistances: ", "open-circuit voltage: ")
-#: A curve that is seen down to this SoC is seen to its end.
+#: A curve that is known down to this SoC is known to its end.
 _SEEN_TO_THE_END = 0.02
 
 
 class KnownBattery(NamedTuple):
     """Quantities of a battery file with their standard deviations."""
 
-    capacity_Ah: Normal  #: the gain of the current sensor cannot be told from it
+    capacity_Ah: Normal  #: with the gain error of the current sensor, which cannot be separated from it
     resistance_ohm: Normal  #: to ten seconds of 1 C at half charge and the temperature of the file
     offset_A: Normal  #: reading of the current sensor at zero current
     #: (21,) standard deviation of the open-circuit curve that the estimators assume, from SoC 0 to 1
     ocv_std_V: np.ndarray
-    #: what it has learnt from
+    #: number and length of the logs that it has learnt from
     logs: int
     hours: float
 
 
 def known(battery: Battery) -> KnownBattery:
-    """Quantities that a battery file knows, and how well."""
+    """Quantities of a battery file with their standard deviations."""
     p, covariance = parameters_of(battery), prior_covariance(battery)
     learnt = float(covariance[p.group("capacity"), p.group("capacity")].sum())
     capacity_std = np.hypot(max(np.sqrt(learnt), _CAPACITY_STD), battery.sensor.gain_std)
@@ -323,7 +323,7 @@ def ocv_std_V(battery: Battery, soc: Any) -> np.ndarray:
 
 
 def not_identified_sentences(battery: Battery) -> tuple[str, ...]:
-    """The sentences on what is not known of the battery, those of its label brought up to what it has learnt."""
+    """The sentences on what is not identified, those of a label updated to what the battery has learnt."""
     others = tuple(text for text in battery.not_identified if not text.startswith(_OF_A_LABEL))
     if battery.knowledge is None or not any(text.startswith(_OF_A_LABEL[0]) for text in battery.not_identified):
         return battery.not_identified

@@ -1,4 +1,4 @@
-"""Learn a battery from everyday logs: each log narrows what the file does not know about itself.
+"""Learn a battery from everyday logs: each log narrows the uncertainty of the file.
 
     before each log   P <- P + walk of capacity and resistances since the log before
     each part of it   x = most likely corrections and unknowns of the part, P = their posterior covariance
@@ -73,25 +73,25 @@ from ohmward.logs.log import SECONDS_PER_HOUR, Log, LogSource, as_logs
 Progress = Callable[[str, float], None]
 
 #: Random walk of the logarithms of capacity and resistances by use, in one full cycle: cells lose 0.02 to 0.3 % of
-#: their capacity in one, and a trend that goes on for some ten cycles is followed.
+#: their capacity in one, and a trend over some ten cycles is followed.
 _CYCLE_WALK = 0.005
 #: Rounds in which a file that has learnt from no log finds how much its battery has aged since it was written.
 _AGE_ROUNDS = 3
-#: Steps of the search with which hills of the posterior are compared.
+#: Steps of the search that compares modes of the posterior.
 _FEW_STEPS = 3
-#: Every so many rows are enough to compare them.
+#: Spacing of the rows that are used to compare them.
 _COARSE = 10
 
 
 class Learnt(NamedTuple):
-    """The battery after all logs, and what each of them taught."""
+    """The battery after all logs, and the update by each of them."""
 
     battery: Battery
     updates: tuple[LogUpdate, ...]
 
 
 class _Part(NamedTuple):
-    """Update by a part of a log: the battery after it, its solution and model, and what it alone says."""
+    """Update by a part of a log: the battery after it, its solution and model, and the estimates from it alone."""
 
     battery: Battery
     solution: Solution
@@ -106,7 +106,7 @@ def learn(
     initial_soc: Mapping[str, float] | None = None,
     progress: Progress | None = None,
 ) -> Learnt:
-    """The battery after the logs, one after the other, with everything in its file that they taught.
+    """Update a battery by logs, one after the other.
 
     >>> learnt = ow.learn(ow.load_battery("battery.toml"), ["day.csv"])
     >>> [update.verdict for update in learnt.updates]
@@ -114,11 +114,11 @@ def learn(
     >>> ow.save_battery(learnt.battery, "battery.toml")
 
     logs: a Log or several, or paths or DataFrames of them.
-    initial_soc: state of charge at the start of a log by its name, where it is known.
+    initial_soc: states of charge at the start of logs by their names, where known.
     progress: called with the name of each log and the share of them that is done.
 
     Raises:
-        InputError: the battery is none.
+        InputError: `battery` is not a Battery.
     """
     require_battery(battery)
     logs = as_logs(logs)
@@ -134,9 +134,9 @@ def learn(
 def learn_log(
     battery: Battery, log: Log, initial_soc: float | None = None, check_fit: bool = True
 ) -> tuple[Battery, LogUpdate]:
-    """The battery after one log, and what it taught; the battery as it was where the log is set aside.
+    """The battery after one log, and the update by it; the battery is unchanged where the log is set aside.
 
-    check_fit: set a log aside that the file does not fit by the check of `ohmward soc`.
+    check_fit: set aside a log that the file does not fit by the check of `ohmward soc`.
     """
     try:
         new = new_parts(battery, log)
@@ -182,7 +182,7 @@ def learn_log(
 
 
 def _remember(before: Battery, after: Battery, log: SeenLog) -> Battery:
-    """The battery with the log among those that it has learnt."""
+    """The battery with the log among those that it has learnt from."""
     assert after.knowledge is not None
     logs = (*before.learnt_logs, log)
     learnt = known_since(replace(after, knowledge=replace(after.knowledge, logs=logs)), log.end_unix_s)
@@ -218,7 +218,7 @@ def _misfit_of_file(battery: Battery, parts: Sequence[Log], initial_soc: float |
 
 
 def aged(battery: Battery, hours: float, cycles: float) -> Battery:
-    """The battery that has aged for so long and by so many full cycles; capacity and resistances walk."""
+    """The battery aged by these hours and full cycles, in which capacity and resistances walk."""
     if battery.knowledge is None:
         return battery
     p, noise, span_s = parameters_of(battery), battery.noise, SECONDS_PER_HOUR * hours
@@ -234,7 +234,7 @@ def aged(battery: Battery, hours: float, cycles: float) -> Battery:
 
 
 def hours_since_last(battery: Battery, log: Log) -> float:
-    """Hours between the last log that the battery has seen and this one; 0 where no clock tells."""
+    """Hours between the last log that the battery has seen and this one; 0 without a clock."""
     start = log.begin_unix_s
     ends = [seen.end_unix_s for seen in battery.learnt_logs if seen.end_unix_s]
     return max(start - max(ends), 0.0) / SECONDS_PER_HOUR if ends and start is not None else 0.0
@@ -289,7 +289,7 @@ def _prior(model: VoltageModel) -> Belief:
 
 
 def _best_start(model: VoltageModel, prior: Belief, anchors: tuple[SocAnchor, ...]) -> np.ndarray:
-    """The start of the search that leads to the highest hill."""
+    """The start of the search that leads to the highest mode."""
     place = model.parameters.size + model.nuisances.soc
     candidates = []
     for soc in likely_starts(model, prior.mean, anchors):
@@ -340,6 +340,6 @@ def _soc_at(part: _Part, sample: int) -> Normal:
 
 
 def _not_learnt(battery: Battery, log: Log, verdict: str, reason: str) -> LogUpdate:
-    """The update by a log that showed nothing new."""
+    """The update by a log that was set aside or seen before."""
     found, hours = known(battery), log.duration_s / SECONDS_PER_HOUR
     return LogUpdate(log.name, verdict, reason, hours, found.capacity_Ah, found.resistance_ohm, found.offset_A)

@@ -1,4 +1,4 @@
-"""Faults by which a log would teach wrong things: what is repaired, and what sets the log aside."""
+"""Faults of a log that would corrupt what is learnt: some are repaired, others set the log aside."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from ohmward.signals.current_sign import check_current_sign, sign_evidence
 from ohmward.signals.current_size import HIDDEN_CHARGE
 from ohmward.signals.survey import resolution
 
-#: Samples with current and voltage, and time: less tells nothing about a battery.
+#: Fewest samples with current and voltage, and shortest time, that show anything about a battery.
 _FEWEST_SAMPLES = 10
 _SHORTEST_S = 120.0
-#: A value that stays the same to the last digit for so long and so many samples may be that of a dead sensor,
+#: A value that stays the same to the last digit for this time and number of samples may be that of a dead sensor,
 _STUCK_S, _STUCK_SAMPLES = 120.0, 10
-#: if meanwhile the voltage must have moved by so many of its smallest steps, or has moved by so many standard
+#: if meanwhile the voltage must have moved by this many of its smallest steps, or has moved by this many standard
 #: deviations of its noise from sample to sample.
 _MISSED_STEPS, _MOVED_STD = 5.0, 4.0
-#: A steady current moves the voltage its own way. Against it go noise and the warmth of the battery, which lowers its
-#: overpotential by this share.
+#: A steady current moves the voltage in its own direction. Noise moves it the other way, and so does the warming of the
+#: battery, which lowers its overpotential by this share.
 _WARMED = 0.3
 #: A log whose sensor was stuck for this share of the time is set aside.
 _MOSTLY = 0.5
-#: Resistances may be lower than those of the file by so many standard deviations.
+#: Resistances may be lower than those of the file by this many standard deviations.
 _LEAST_RESISTANCE_STD = 2.0
 
 
@@ -46,7 +46,7 @@ def usable_log(log: Log, battery: Battery) -> Log:
     """The log without the stretches in which a sensor was stuck, each with a note.
 
     Raises:
-        InputError: the log cannot teach anything about this battery; says why.
+        InputError: nothing can be learnt from the log about this battery; says why.
     """
     _require_samples(log)
     check_log(log, battery)
@@ -92,7 +92,7 @@ def _without_stuck_voltage(log: Log, battery: Battery) -> Log:
 def _without_stuck_current(log: Log, battery: Battery) -> Log:
     """The log without the currents that stay the same to the last digit while the voltage jumps as under a load.
 
-    So do those of a load or a charge against which the voltage moves.
+    Currents of a load or a charge against which the voltage moves are left out as well.
     """
     known = log.voltage_V[np.isfinite(log.voltage_V)]
     noise_V = max(battery.noise.voltage_std_V, resolution(known))
@@ -108,7 +108,7 @@ def _without_stuck_current(log: Log, battery: Battery) -> Log:
 
 
 def _against_V(voltage_V: np.ndarray, current_A: float, battery: Battery) -> float:
-    """Voltage [V] by which a battery moves against its constant current, beyond what warmth does; 0 at rest."""
+    """Voltage [V] by which a battery moves against its constant current, beyond the effect of warming; 0 at rest."""
     known = voltage_V[np.isfinite(voltage_V)]
     model = battery.thevenin
     if abs(current_A) <= REST_C * battery.capacity_Ah or known.size < 2 * MEDIAN_OF:
@@ -119,7 +119,7 @@ def _against_V(voltage_V: np.ndarray, current_A: float, battery: Battery) -> flo
 
 
 def _without_hidden_current(log: Log, battery: Battery) -> Log:
-    """The log without currents that do not show by what the voltage moves: a charge, or a load."""
+    """The log without currents that do not show the charge or load that moves the voltage."""
     log = _without(log, "current", moving_rests(log, battery), "did not show what charged or discharged the battery")
     return _without(log, "current", hidden_charges(log, battery), HIDDEN_CHARGE)
 
@@ -162,7 +162,7 @@ def _least_resistance(battery: Battery) -> float:
 
 
 def _range(values: np.ndarray) -> float:
-    """Range of the values without the outermost hundredth on either side, which a fault of one sample may be."""
+    """Range of the values without the outermost hundredth on either side, which may be faults of single samples."""
     known = values[np.isfinite(values)]
     return float(np.ptp(np.quantile(known, [0.01, 0.99]))) if known.size else 0.0
 

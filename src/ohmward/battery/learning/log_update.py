@@ -1,11 +1,11 @@
-"""Update of a battery file by one log, and capacity and resistance as a part of it shows them by itself.
+"""Update of a battery file by one log, and capacity and resistance estimated from a part of it alone.
 
 With the posterior N(m, C) of the corrections, their prior N(0, P) and the information L = C^-1 - P^-1 of the part, its
 own likelihood along a direction d, all other corrections at their most likely values, is normal about
 
     m + d (d' P^-1 m) / (d' L d),        with the variance 1 / (d' L d).
 
-A trend over months is fitted to these: knowledge that is carried from log to log would count again and again.
+A trend over months is fitted to these: estimates carried from log to log would count the same data again and again.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from ohmward.battery.learning.voltage_model import VoltageModel
 from ohmward.battery.soc.anchors import Anchor
 from ohmward.filters.belief import Belief
 
-#: An empty battery has given all; the logarithm of what is left of its capacity needs a little.
+#: Smallest share of the capacity drawn from full, for its logarithm.
 _LEAST_GIVEN = 1e-3
-#: A logarithm that is known worse than within 1 says nothing of its quantity.
+#: Smallest information about a logarithm: with a standard deviation above 1 nothing is known about the quantity.
 _LEAST_INFORMATION = 1.0
 _SAYS_NOTHING = Normal(float("nan"), float("inf"))
 
 
 class LogEstimates(NamedTuple):
-    """Statements of a part of a log by itself."""
+    """Estimates from a part of a log alone."""
 
-    #: with std inf where it says nothing
+    #: with std inf where it shows nothing
     capacity_Ah: Normal
     resistance_ohm: Normal
     lowest_soc: float  #: of the part
@@ -44,7 +44,7 @@ class LogEstimates(NamedTuple):
 
 
 def log_estimates(model: VoltageModel, prior: Belief, found: Solution, after: Battery) -> LogEstimates:
-    """Statements of a part by itself; after: the battery with its corrections."""
+    """Estimates from a part alone; after: the battery with its corrections."""
     p = model.parameters
     K = p.size
     precision = np.linalg.inv(prior.cov[:K, :K])
@@ -64,7 +64,7 @@ def log_estimates(model: VoltageModel, prior: Belief, found: Solution, after: Ba
 
 
 def combined(shares: Sequence[Normal]) -> Normal:
-    """The normal distributions of one positive quantity that several parts say, as one."""
+    """Combine the normal distributions of one positive quantity from several parts."""
     known = [share for share in shares if np.isfinite(share.std)]
     if not known:
         return _SAYS_NOTHING
@@ -74,7 +74,7 @@ def combined(shares: Sequence[Normal]) -> Normal:
 
 
 def log_estimate(now: float, d: np.ndarray, pull: np.ndarray, information: np.ndarray) -> Normal:
-    """A quantity that is `now` in the corrected file, whose logarithm grows along d."""
+    """Estimate of a quantity that is `now` in the corrected file, and whose logarithm grows along d."""
     of_part = float(d @ information @ d)
     if not of_part > _LEAST_INFORMATION:
         return _SAYS_NOTHING
@@ -98,29 +98,29 @@ class LogUpdate(NamedTuple):
 
     log: str  #: its name
     verdict: str  #: "learnt", "set aside" or "seen"
-    reason: str  #: why it was set aside, or what it taught, in a sentence
+    reason: str  #: why it was set aside, or what was learnt from it, in a sentence
     hours: float  #: its length
-    #: what is known after this log, see `KnownBattery`
+    #: estimates after this log, see `KnownBattery`
     capacity_Ah: Normal
     resistance_ohm: Normal
     offset_A: Normal
     #: range of SoC in it
     soc_min: float = math.nan
     soc_max: float = math.nan
-    #: by what factor the standard deviation of each group of parameters narrowed, by its name
+    #: factor by which the standard deviation of each group of parameters narrowed, by its name
     information: Mapping[str, float] = MappingProxyType({})
     residual_rms_V: float = math.nan  #: measured minus expected voltage
-    #: factor by which the squares of these errors exceed what the file expects of them, at least 1
+    #: factor by which the squares of these errors exceed the variance that the file expects, at least 1
     misfit: float = math.nan
     #: SoC at the first and the last sample
     soc_start: Normal = Normal(math.nan, math.nan)
     soc_end: Normal = Normal(math.nan, math.nan)
-    #: what this log alone says of them, all other parameters as they are known after it; the standard deviation is inf
-    #: where it says nothing
+    #: estimates from this log alone, with all other parameters as known after it; the standard deviation is inf where
+    #: it shows nothing
     own_capacity_Ah: Normal = _SAYS_NOTHING
     own_resistance_ohm: Normal = _SAYS_NOTHING
     given_Ah: Normal = _SAYS_NOTHING  #: charge from full down to the lowest SoC of the log
-    anchors: tuple[Anchor, ...] = ()  #: what told SoC beside the voltage
+    anchors: tuple[Anchor, ...] = ()  #: events that gave SoC besides the voltage
     left_out: tuple[str, ...] = ()  #: stretches and samples of the log that were not used, and why
 
     def as_dict(self) -> dict[str, Any]:

@@ -1,7 +1,7 @@
-"""Knowledge that a live estimator has gained on board, folded into the battery file when it is asked for.
+"""Knowledge that a live estimator has gained on board, folded into the battery file on request.
 
 The filter carries the corrections z that it can see while it runs: the levels of capacity and resistances, activations,
-hysteresis and the sensor's offset. Its belief N(m, C) began as N(0, C_0), so the samples have taught the information
+hysteresis and the sensor's offset. Its belief N(m, C) began as N(0, C_0), so the samples have added the information
 
     J = C^-1 - C_0^-1 >= 0,        b = C^-1 m,
 
@@ -32,16 +32,16 @@ from ohmward.errors import InputError
 from ohmward.filters.belief import Belief, unpack
 from ohmward.logs.log import SECONDS_PER_HOUR
 
-#: No correction goes beyond so many standard deviations of what the file knew: a fault of a sensor is no ageing.
+#: Largest correction, in prior standard deviations of the file: a sensor fault is not ageing.
 MOST_CORRECTION_STD = 3.0
-#: SoC about which the errors of the file are taken; they do not depend on it.
+#: SoC at which the errors of the file are evaluated; they do not depend on it.
 _ANY_SOC = 0.5
 
 
 def learnt_on_board(battery: Battery, estimator: SocEstimator) -> Battery:
     """The battery file with what its live estimator has learnt since it began; the estimator stays as it is.
 
-    battery: that the estimator was made with. The result is complete each time; it is not added to one before it.
+    battery: the one that the estimator was made with. The result is complete each time, not added to a previous one.
 
     Raises:
         InputError: there was no sample yet, the filter carries no such corrections, or it is of another battery.
@@ -98,7 +98,7 @@ def _belief(estimator: SocEstimator) -> tuple[AugmentedThevenin, Belief]:
 def _information(system: AugmentedThevenin, belief: Belief, names: list[str]) -> tuple[np.ndarray, np.ndarray]:
     """Information J (n, n) and vector b (n,) of the samples on these states, from the belief before them and now.
 
-    A direction in which the belief has not narrowed, for it walks, has taught nothing.
+    A direction in which the belief has not narrowed, because it walks, has no information.
     """
     room = CircuitInput(0.0, system.model.reference_degC)
     began = system.start(_ANY_SOC, 1.0, room)
@@ -128,7 +128,7 @@ def _corrections(
 
 
 def _posterior(P: np.ndarray, H: np.ndarray, J: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corrections (K,) and covariance (K, K) after what was taught; no correction beyond `MOST_CORRECTION_STD`."""
+    """Corrections (K,) and covariance (K, K) with this information; no correction beyond `MOST_CORRECTION_STD`."""
     seen = H @ P
     gain = seen.T @ J @ np.linalg.inv(np.eye(len(J)) + seen @ H.T @ J)
     covariance = P - gain @ seen

@@ -1,7 +1,7 @@
 """Parameters that a battery learns, each the correction of a value in its file, and their prior covariance.
 
-All corrections are 0 for the file as it stands, so that the prior has mean 0. Logarithms cannot turn a resistance or a
-capacity negative, and make twice as large as likely as half as large.
+All corrections are 0 for the file as it stands, so that the prior has mean 0. Logarithms keep resistances and
+capacity positive, and make twice a value as likely as half of it.
 """
 
 from __future__ import annotations
@@ -18,29 +18,29 @@ from ohmward.battery.models.thevenin import RESISTANCE_KNOTS, Thevenin
 from ohmward.battery.posterior import ENTROPY_KNOTS, ENTROPY_LENGTH, OCV_KNOTS
 from ohmward.errors import InputError
 
-#: The charger's voltage limit defines a full lithium cell, so that an error of the SoC axis ends there: this share of
-#: it is left, and no more than chargers differ. A test has shown the limit itself, a label that of the chemistry.
+#: The charger's voltage limit defines a full lithium cell, so that an error of the SoC axis falls to this share of it
+#: there, and to no more than chargers differ. A test has shown the limit itself, a label that of the chemistry.
 _FULL_SHARE, _FULL_STD = 1.0 / 3.0, 0.01
-#: Where an error of the axis begins to end there, since cells differ in how they leave full: on the way from 1 to 0.95
-#: the curves of four NMC cells fall by 14 to 52 mV more than their chemistry's. So half of its variance is local.
+#: SoC from which an error of the axis falls towards full, local share of its variance, and correlation length of that:
+#: cells differ near full; from 1 to 0.95 the curves of four NMC cells fall by 14 to 52 mV more than the chemistry's.
 _FULL_FROM, _LOCAL_SHARE, _LOCAL_LENGTH = 0.95, 0.5, 0.1
 #: Correlation length [SoC] of a resistance about its level, and of the axis.
 _RESISTANCE_LENGTH, _AXIS_LENGTH = 0.3, 1.0
-#: The relative error of the overpotential is a mean over resistances that err apart: one at one SoC errs by so many of
-#: it, and its time constant by so many.
+#: The relative error of the overpotential is a mean over resistances with errors of their own: one resistance at one
+#: SoC errs by this multiple of it, and a time constant by the other.
 _SHAPE_SHARES, _TAU_SHARES = 2.0, 3.0
-#: On RESISTANCE_KNOTS: towards empty resistances differ more, over half charge by exp(0.1 to 0.5) in R_0 and by
+#: On RESISTANCE_KNOTS: towards empty resistances differ more, relative to half charge by exp(0.1 to 0.5) in R_0 and by
 #: exp(0.4 to 4.6) in the pairs, in full tests of three simulated cells.
 _SHAPE_FACTORS = np.array([2.7, 1.6, 1.0, 1.0, 1.0])
-#: The acid of a battery that gases goes into its plates: in a full test of a porous one R_0 grows from full on, over
-#: half charge by exp(-0.7) there and exp(0.6), exp(1.0) and exp(1.0) at 0.3, 0.1 and empty.
+#: The acid of a battery that gases goes into its plates: in a full test of a porous one R_0 grows from full on:
+#: relative to half charge it is exp(-0.7) there, and exp(0.6), exp(1.0) and exp(1.0) at 0.3, 0.1 and empty.
 _GASSING_SHAPE_FACTORS = np.array([4.0, 3.0, 2.0, 1.3, 1.0])
 #: Levels of two RC pairs differ from their common level by this share of its error: they share what relaxes.
 _PAIR_SHARE = 0.5
 #: Error of a coulombic efficiency as a share of what it loses: 1 - 0.97 comes from cells with 1 to 5 %.
 _LOSS_SHARE = 0.6
 
-#: An error of the SoC axis moves a curve by its mean slope over so much to either side.
+#: An error of the SoC axis moves a curve by its mean slope over this much SoC to either side.
 _SLOPE_WIDTH = 0.02
 
 #: Names of the groups for people.
@@ -61,7 +61,7 @@ TITLES = {
 
 
 class Group(NamedTuple):
-    """Parameters of one kind: their names, and the standard deviation of each before any log."""
+    """Parameters of one kind: their names, and their covariance before any log."""
 
     names: tuple[str, ...]
     covariance: np.ndarray
@@ -70,7 +70,7 @@ class Group(NamedTuple):
 class Parameters(NamedTuple):
     """The parameters of a battery in their order."""
 
-    sizes: Mapping[str, int]  #: number of each group, by its name; 0 for one that the file does not doubt
+    sizes: Mapping[str, int]  #: number of each group, by its name; 0 for one that the file takes as exact
     names: tuple[str, ...]  #: (K,) of the parameters
 
     @property
@@ -79,7 +79,7 @@ class Parameters(NamedTuple):
         return len(self.names)
 
     def group(self, name: str) -> slice:
-        """The parameters of a group in the vector of all; empty for one that the file does not doubt."""
+        """The parameters of a group in the vector of all; empty for one that the file takes as exact."""
         before = 0
         for other, size in self.sizes.items():
             if other == name:
@@ -99,17 +99,17 @@ class Parameters(NamedTuple):
 
 
 def parameters_of(battery: Battery) -> Parameters:
-    """The parameters of a battery, those that its file does not doubt left out."""
+    """The parameters of a battery, without those that its file takes as exact."""
     return _Prior(battery, battery.thevenin).parameters
 
 
 def prior_covariance(battery: Battery) -> np.ndarray:
-    """(K, K) covariance of the corrections: what the file has learnt, or what its noise says before any log."""
+    """(K, K) covariance of the corrections: the one learnt, or that of the file's noise before any log."""
     prior = _Prior(battery, battery.thevenin)
     learnt, names, P = battery.knowledge, prior.parameters.names, prior.covariance
     if learnt is None or not set(learnt.names) <= set(names):
         return P
-    # a parameter that the file did not know when it learnt follows those that it did, as before any log
+    # a parameter that the file did not have when it learnt follows the others as before any log
     known = [names.index(name) for name in learnt.names]
     among = np.ix_(known, known)
     follows = np.linalg.solve(P[among], P[known, :])
@@ -155,7 +155,7 @@ class _Prior(NamedTuple):
 
     @property
     def groups(self) -> dict[str, Group]:
-        """All groups in their order, without members where the file does not doubt them."""
+        """All groups in their order, without members where the file takes them as exact."""
         noise, model = self.noise, self.model
         lost = 1.0 - model.coulombic_efficiency
         hysteresis_std = noise.hysteresis_std * any(model.ocv.hysteresis_V)
@@ -222,7 +222,7 @@ def mean_slope_V(ocv: OcvCurve, soc: np.ndarray) -> np.ndarray:
 
 
 def _each(names: list[str], stds: list[float]) -> Group:
-    """Independent parameters; those that are not doubted are left out."""
+    """Independent parameters; those without an error are left out."""
     doubted = [(name, std) for name, std in zip(names, stds, strict=True) if std > 0.0]
     return Group(tuple(name for name, _ in doubted), np.diag([std**2 for _, std in doubted]))
 

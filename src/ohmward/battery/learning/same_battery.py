@@ -1,9 +1,9 @@
-"""Check that a log is of the battery of the file: what the log alone tells of it against what the file knows.
+"""Check that a log is of the battery of the file: estimates from the log alone against those of the file.
 
-The log is learnt once more from the widths of a label, as if nothing else were known. Where what it then tells differs
-from the file by far more than both may err, it is of another battery, or of this one after a change that no log showed;
-where only the offset of the current sensor does, of another sensor. A log whose voltage follows from its current with
-no parameters at all contradicts itself: its current is not that of the battery.
+The log is learnt once more with the prior of a label, as if nothing else were known. Where its estimates then differ
+from the file's by far more than the errors of both, it is of another battery, or of this one after a change that no log
+showed; where only the offset of the current sensor does, of another sensor. A log whose voltage follows from its
+current for no parameter values contradicts itself: its current is not that of the battery.
 """
 
 from __future__ import annotations
@@ -20,37 +20,37 @@ from ohmward.battery.learning.log_update import LogUpdate
 from ohmward.battery.models.noise import OFFSET_SHARE
 from ohmward.filters.consistency import BAND_95
 
-#: Length of the vector of both differences, in their standard deviations, that sets a log aside. Later logs of one
-#: battery stay below 2.0 in six simulated cells and below 2.6 in measured ones; the same cell with 80 % of its charge
-#: and 1.5 times its resistance lies 3 to 5 off.
+#: Norm of both differences, in their standard deviations, above which a log is set aside. Later logs of one battery
+#: stay below 2.0 in six simulated cells and below 2.6 in measured ones; the same cell with 80 % of its charge and 1.5
+#: times its resistance lies 3 to 5 off.
 _OTHER_BATTERY_STD = 3.5
-#: A shorter one does where the file explains the log far worse than the log alone would be: by this much of the
+#: A smaller norm is enough where the file explains the log far worse than a fit to the log alone: by this much of the
 #: logarithm of the likelihood. It is below 40 for later logs of one battery, and 61 to 300 for that other cell.
 _DOUBTFUL, _EXPLAINED_WORSE = 1.5, 60.0
-#: A label may be wrong by more than a battery file: a battery at the end of its life has 70 % of it.
+#: A label may be wrong by more than a battery file: a battery at the end of its life has 70 % of its capacity.
 _OTHER_LABEL = 4.5
-#: A log that goes through more than this share of the capacity that was fitted to it is of a larger battery: SoC axis
-#: and sensor err by less.
+#: A log that goes through more than this multiple of the capacity that was fitted to it is of a larger battery: SoC
+#: axis and sensor err by less.
 _DEEPEST_DISCHARGE = 1.15
-#: A log that moves capacity and resistance together by less than this many standard deviations of the file, and fits it
-#: but for this factor, confirms it: files never know them better than a seventh as well as a log alone, so that one
-#: which differed by `_OTHER_BATTERY_STD` would move them by 0.5.
+#: A log that moves capacity and resistance together by less than this many standard deviations of the file, with a
+#: misfit below this, confirms it: a file's standard deviations are never below a seventh of those of a log alone, so
+#: that a log which differed by `_OTHER_BATTERY_STD` would move them by 0.5.
 _CONFIRMS, _FITS = 0.2, 1.1
-#: A difference that is told, where both together have set a log aside.
+#: Smallest difference that is reported, in standard deviations, where both together have set a log aside.
 _WORTH_TELLING = 1.0
-#: The offset of a sensor differs by so many standard deviations where the sensor is another one, or has a fault.
+#: Difference of the sensor's offset, in standard deviations, beyond which the sensor is another one, or has a fault.
 _OTHER_SENSOR = 4.5
-#: One log may move capacity or resistance of a file that has learnt by so many of its standard deviations. Good logs
-#: of nine measured and six simulated batteries move them by less than 2.5, a voltage that shows 3 % too much by 4.6.
+#: Largest change of capacity and resistance by one log, in standard deviations of a file that has learnt. Good logs of
+#: nine measured and six simulated batteries move them by less than 2.5, a voltage that reads 3 % too high by 4.6.
 _MOVED = 4.0
 #: Misfit of a log whose voltage does not follow from its current. It is 1.0 to 1.6 in good logs of these batteries, 6
 #: in one at 0 degC that follows one at -10 degC, and 15 to 1300 where a sensor was dead for hours, has lost the sign,
-#: or does not see the charger. From a label, whose widths leave room for any good log, a smaller one raises doubts.
+#: or does not see the charger. From a label, whose wide prior fits any good log, a smaller one is suspect.
 _UNEXPLAINED, _MISFITS = 12.0, 3.0
 
 
 def forgotten(battery: Battery) -> Battery:
-    """The battery as its label tells it: the values of the file, with widths as before any test or log."""
+    """The battery as its label gives it: the values of the file, with standard deviations as before any test or log."""
     label, noise, sensor = start_noise(battery.chemistry, battery.n_series), battery.noise, battery.sensor
     wide = replace(
         noise,
@@ -67,7 +67,7 @@ def forgotten(battery: Battery) -> Battery:
 
 
 def is_label(battery: Battery) -> bool:
-    """True for a file that is as doubtful as a label."""
+    """True for a file that is as uncertain as a label."""
     label = start_noise(battery.chemistry, battery.n_series)
     return battery.knowledge is None and battery.noise.resistance_std >= label.resistance_std
 
@@ -96,7 +96,7 @@ def other_label(known: KnownBattery, after: LogUpdate) -> str:
 
 
 def moved_too_far(known: KnownBattery, after: LogUpdate) -> str:
-    """Contradiction of a log that moves what the file knows further than that may err; "" for none."""
+    """Contradiction of a log that moves the file's values further than their errors allow; "" for none."""
     return _contradiction(known, after, _moved(known, after), _MOVED)
 
 
@@ -111,7 +111,7 @@ def too_small(capacity_Ah: Normal, depth: float) -> str:
 def other_battery(known: KnownBattery, alone: LogUpdate, explained_worse: float = 0.0) -> str:
     """Contradiction of a log with a file that knows its battery; "" for none.
 
-    alone: what the log tells with nothing else known.
+    alone: estimates from the log with nothing else known.
     explained_worse: see the function of this name.
     """
     z = [_log_ratio(old, new) / np.hypot(old.relative_std, new.relative_std) for old, new in _pairs(known, alone)]
@@ -126,7 +126,7 @@ def explained_worse(duration_s: float, correlation_s: float, rms_V: float, alone
 
     n ln(rms / rms_alone) with n = duration / (2 correlation time) errors that are independent, each counting twice.
 
-    correlation_s: for which an error of the model holds on; rms_V, alone_rms_V: of the errors of the voltage.
+    correlation_s: correlation time of the model's error; rms_V, alone_rms_V: of the errors of the voltage.
     """
     if not (rms_V > 0.0 and alone_rms_V > 0.0):
         return 0.0
@@ -146,7 +146,7 @@ def _other_sensor(known: KnownBattery, found: LogUpdate, std_A: float) -> str:
 
 
 def _contradiction(known: KnownBattery, found: LogUpdate, z: list[float], limit: float) -> str:
-    """Sentence on the differences, z of which are those in standard deviations, where they are beyond the limit."""
+    """Sentence on the differences, z in standard deviations, where their norm is beyond the limit."""
     if np.linalg.norm(z) < limit:
         return ""
     units = (("capacity", "Ah", 1.0), ("resistance", "mohm", 1e3))

@@ -1,7 +1,7 @@
 """Samples of a log for learning: sanitised, cut into parts that are solved at once, and the rows whose voltage is used.
 
 Charge is summed over every sample, the voltages of the RC pairs over steps of some seconds with their mean current. The
-voltage is compared in few of them, since its errors hold on for minutes.
+voltage is compared in only a few of them, since its errors persist for minutes.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from ohmward.logs.log import SECONDS_PER_HOUR, Log
 from ohmward.quantities import MOST_C
 from ohmward.runs import runs
 
-#: Charge and overpotentials are summed over steps of so long [s], a tenth of a usual fast pair of a cell, and one in
-#: so many of them is a row.
+#: Step over which charge and overpotentials are summed [s], a tenth of a usual fast time constant of a cell, and steps
+#: to a row.
 STEP_S, ROW_STEPS = 2.0, 3
-#: Most steps and most gaps of a part: more are solved one after the other.
+#: Most steps and most gaps of a part; a log with more is solved part by part.
 _MOST_SAMPLES, _MOST_GAPS = 60_000, 30
-#: A log of fewer samples says nothing, nor does a part.
+#: Fewest samples of a log, and of a part.
 _FEWEST = 2
-#: A cut at a gap costs nothing: the nearest one is taken within this share of the length of a part.
+#: A cut at a gap costs nothing: the nearest gap within this share of the length of a part is used.
 _NEAR = 0.25
-#: A charge that nobody counted is at most all of it.
+#: Largest standard deviation of an uncounted change of SoC.
 _MOST_UNKNOWN = 0.5
-#: The charge that samples leave open between them is followed in so many steps.
+#: Number of steps in which the charge that samples leave open between them is modelled.
 _PATH_STEPS = 20
-#: Shortest rest, in which the current changes from step to step by noise only, so many of its standard deviations; a
-#: longer one is taken in pieces of so long [s].
+#: Shortest rest, length of the pieces of a longer one [s], and largest change of its current from step to step, in
+#: standard deviations of the noise.
 _REST_S, _PIECE_S, _STEP_SIGMAS = 20.0, 600.0, 5.0
-#: Less than this of SoC is not worth following.
+#: Smallest standard deviation of SoC for which that is done.
 _LEAST_PATH = 1e-3
 
 
@@ -50,7 +50,7 @@ class Jump(NamedTuple):
 
 
 class DeclaredRest(NamedTuple):
-    """A rest whose true current is declared: its last sample, and what the sensor shows beyond it on average [A]."""
+    """A rest whose true current is declared: its last sample, and by how much the sensor exceeds it on average [A]."""
 
     sample: int
     excess_A: float
@@ -92,7 +92,7 @@ def samples_of(log: Log, battery: Battery) -> Iterator[Samples]:
 
 
 class _Sanitized(NamedTuple):
-    """Samples with a credible current, (T,) each, thinned; `Samples` has the meaning of each."""
+    """Samples with a credible current, (T,) each, thinned; see `Samples` for each of them."""
 
     name: str
     time_s: np.ndarray
@@ -152,7 +152,7 @@ def _thinned(time_s: np.ndarray, gap: np.ndarray) -> np.ndarray:
 
 
 def _path_variance(dt_s: np.ndarray, current_A: np.ndarray, battery: Battery) -> np.ndarray:
-    """(T,) variance of SoC by what the current did between two samples, and by the noise of its sensor."""
+    """(T,) variance of SoC from the unknown current between two samples, and from the noise of its sensor."""
     change_A = np.diff(current_A, prepend=current_A[0])
     noise_A2 = battery.sensor.noise_std_A**2 / np.maximum(dt_s, 1.0)
     charge_Ah2 = ((PATH_SHARE * change_A) ** 2 + noise_A2) * (dt_s / SECONDS_PER_HOUR) ** 2
@@ -160,7 +160,7 @@ def _path_variance(dt_s: np.ndarray, current_A: np.ndarray, battery: Battery) ->
 
 
 def _temperature(log: Log) -> np.ndarray:
-    """(T,) temperature, bridged by straight lines; that of a room without one."""
+    """(T,) temperature, bridged by straight lines; room temperature where the log has none."""
     measured_degC: Any = log.temperature_degC
     known = np.zeros(len(log), dtype=bool) if measured_degC is None else np.asarray(is_temperature(measured_degC))
     if not known.any():
@@ -169,7 +169,7 @@ def _temperature(log: Log) -> np.ndarray:
 
 
 def _parts(dt_s: np.ndarray, gaps: np.ndarray) -> Iterator[slice]:
-    """Parts of at most so many samples and gaps, as even as they come; cut at a gap where one is near."""
+    """Parts of a limited number of samples and gaps, as even as possible; cut at a gap where one is near."""
     count = max(-(-dt_s.size // _MOST_SAMPLES), -(-gaps.size // _MOST_GAPS), 1)
     edges = np.linspace(0, dt_s.size, count + 1).astype(int)
     if gaps.size and count > 1:
@@ -221,10 +221,10 @@ def _path_jumps(path: np.ndarray) -> list[Jump]:
 
 
 def _declared_rests(current_A: np.ndarray, time_s: np.ndarray, battery: Battery) -> list[DeclaredRest]:
-    """Rests in which the current is steady, and the declared one within noise and offset of its sensor.
+    """Rests in which the current is steady, and equals the declared one to within noise and offset of the sensor.
 
-    A steady current that differs from that of most rests is a small load, not the sensor's offset. What a robot draws
-    at rest is not declared by most files: taken for about 0, it made files sure of a wrong capacity.
+    A steady current that differs from that of most rests is a small load, not the sensor's offset. Most files do not
+    declare what a robot draws at rest: assuming about 0 made files certain of a wrong capacity.
     """
     if battery.idle_current_A is None:
         return []

@@ -1,9 +1,9 @@
 """Most likely corrections of a battery given a part of a log, and their covariance, by the search of `posterior`.
 
-Beside the voltages, anchors tell the SoC: ((soc_a - s_a(x)) / std_a)^2. A voltage counts w = row time / (2 correlation
-time), as in the filter's R, and all count less where they err by more than their R says.
+Besides the voltages, anchors give the SoC: ((soc_a - s_a(x)) / std_a)^2. A voltage counts w = row time / (2 correlation
+time), as in the filter's R, and all voltages count less where their errors are larger than R.
 
-A curve with knees makes the distribution of the capacity skewed: a Gaussian at its mode is too sure. On a grid of
+A curve with knees makes the distribution of the capacity skewed: a Gaussian at its mode is too narrow. On a grid of
 capacities q = ln Q, all else is fitted (Laplace, as in Rue et al. 2009, J. R. Stat. Soc. B 71, 319):
 
     -2 ln p(q) = cost(x_q) + ln det H_q       x_q, H_q the most likely other unknowns at q and their Hessian
@@ -27,16 +27,16 @@ from ohmward.filters.belief import Belief
 
 #: Most steps of the search.
 _MOST_STEPS = 10
-#: The model errs by this share of the overpotential at least, however many parameters fit it; more than
-#: `_LARGEST_SHARE` is what the parameters themselves leave open before they are learnt.
+#: Largest share of the overpotential by which the model itself errs; anything above it is the error of the parameters
+#: before they are learnt.
 _LARGEST_SHARE = 0.1
-#: Rounds in which the misfit is found, and by what factor it may still grow.
+#: Rounds in which the misfit is found, and factor by which it may still grow.
 _ROUNDS, _SAME_MISFIT = 2, 1.05
 #: Share of the rows that a sensor may have spoilt.
 _GLITCHES = 0.05
-#: Keeps the offset that a rest shows from being exact [A].
+#: Smallest error of the offset that a rest shows [A].
 _LEAST_OFFSET_A = 1e-6
-#: SoC cannot leave 0 to 1 but for the error of full and empty themselves.
+#: SoC can leave 0 to 1 only by the error of full and empty themselves.
 _BOUND_STD = 0.01
 
 
@@ -48,11 +48,11 @@ class Solution(NamedTuple):
     covariance: np.ndarray  #: (n, n)
     cost: float  #: at the minimum, up to a constant
     residual_V: np.ndarray  #: (N,) measured minus expected voltage in the rows
-    variance_V2: np.ndarray  #: (N,) what was expected of its square
+    variance_V2: np.ndarray  #: (N,) its expected variance
     weight: np.ndarray  #: (N,) of each row
     misfit: float  #: factor by which the residuals exceed their variance, 1 where they do not
     charge: ChargeAlong  #: charge and state of charge at every sample
-    tells_capacity: bool = True  #: False where the distribution of the capacity has another hill
+    tells_capacity: bool = True  #: False where the distribution of the capacity has another mode
 
 
 class PartRows(NamedTuple):
@@ -62,7 +62,7 @@ class PartRows(NamedTuple):
     columns: np.ndarray  #: (R, n) derivatives, over the same
     cost: float
     residual_V: np.ndarray  #: (N,) measured minus expected voltage
-    variance_V2: np.ndarray  #: (N,) as of a single sample
+    variance_V2: np.ndarray  #: (N,) expected variance of a single sample
     charge: ChargeAlong
 
 
@@ -75,7 +75,7 @@ def solve(
     fixed: Mapping[int, float] | None = None,
     misfit: float | None = None,
 ) -> Solution:
-    """The solution from a start (n,), its rows counting less where they err by more than their variance.
+    """The solution from a start (n,), with rows counting less where their errors are larger than their variance.
 
     prior: of all unknowns (n,).
     fixed: values of unknowns that are not sought, by their place.
@@ -108,7 +108,7 @@ def solve(
 def misfit_of(residual_V: np.ndarray, variance_V2: np.ndarray) -> float:
     """Factor by which the squares of the residuals exceed their variance on average, at least 1.
 
-    The `_GLITCHES` that fit worst are left out: the robust weights have them.
+    The share `_GLITCHES` that fits worst is left out: the robust weights take care of it.
     """
     square = np.sort(residual_V**2 / variance_V2)
     usual = square[: square.size - int(_GLITCHES * square.size)]
@@ -123,7 +123,7 @@ class _PartProblem:
         self.measured_V = model.samples.voltage_V[model.rows]
         row_s = model.samples.row_s * model.samples.rows.size / max(model.rows.size, 1)
         self.weight = np.full(model.rows.size, row_s / max(row_s, 2 * model.battery.noise.correlation_s))
-        # of an error that holds on, the first sample is as good as any: a rest before a drive counts
+        # the first sample of a persistent error is as good as any: a rest before a drive counts
         self.weight[np.unique(np.searchsorted(model.rows, model.starts).clip(0, model.rows.size - 1))] = 1.0
         self.offset_std_A = max(model.battery.sensor.noise_std_A, _LEAST_OFFSET_A)
 
@@ -147,7 +147,7 @@ class _PartProblem:
         return PartRows(residual, columns, cost, residual_V, variance_V2, p.charge)
 
     def soc_rows(self, x: np.ndarray, charge: ChargeAlong) -> tuple[np.ndarray, np.ndarray]:
-        """Rows of the anchors, and of SoC where it would leave 0 to 1 most."""
+        """Rows of the anchors, and of SoC where it lies furthest outside 0 to 1."""
         soc = charge.soc
         highest, lowest = int(np.argmax(soc)), int(np.argmin(soc))
         rows = list(self.anchors)
@@ -162,30 +162,30 @@ class _PartProblem:
         return residual / std, charge.soc_columns(at) / std[:, None]
 
 
-#: Steps of the grid to either side: the first in standard deviations at the mode, each longer than the one before by a
-#: factor, at most so many, and none beyond so large a -2 ln of the density over that of the mode.
+#: Steps of the grid to either side: the first in standard deviations at the mode, factor from one to the next, largest
+#: number, and rise of -2 ln of the density above its minimum at which they end.
 _FIRST, _LONGER, _MOST, _FAR = 0.8, 1.5, 7, 12.0
-#: A part reaches a new stretch of the curve where it ends so far below all others, beyond the error of its SoC.
+#: A part reaches a new stretch of the curve where it goes this far below all others, beyond the error of its SoC.
 _DEEPER = 0.01
 #: An anchor below this SoC is a cut-off, not a full charge.
 _HALF = 0.5
-#: Where -2 ln of the density falls so much below that of the mode, there is another hill, too far away for a model that
-#: is linear about this one: such a log does not tell the capacity. Between two hills it rises by so much; a fall
-#: without a rise is the same hill, whose top the search has not quite reached.
+#: Where -2 ln of the density falls this much below that of the mode, there is another mode, too far away for a model
+#: that is linear about this one: such a log does not give the capacity. Between two modes it rises by this much; a fall
+#: without a rise is the same mode, whose top the search has not quite reached.
 _HIGHER, _BARRIER = 3.0, 0.5
-#: Least first step, and steps of the search at each point.
+#: Smallest first step, and steps of the search at each point.
 _LEAST_STEP, _STEPS = 0.002, 4
-#: Every so many rows are enough for it, and never fewer than so many.
+#: Largest spacing of the rows that are used, and fewest rows.
 _COARSE, _ROWS = 10, 300
 
 
 def capacity_marginal(
     model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution
 ) -> Normal | None:
-    """Mean and standard deviation of the correction of the logarithm of the capacity; None where it has hills.
+    """Mean and standard deviation of the correction of the logarithm of the capacity; None with several modes.
 
-    Some rows are enough for a log that has one hill. Where they show another one, all rows are asked of a log that
-    counts the charge between full charges and cut-offs more than once; any other one does not tell the capacity.
+    Some rows are enough for a log that has one mode. Where they show another one, all rows are used for a log that
+    counts the charge between full charges and cut-offs more than once; any other log does not give the capacity.
     """
     some = max(1, min(_COARSE, model.rows.size // _ROWS))
     cut_offs = sum(a.soc < _HALF for a in anchors)
@@ -198,7 +198,7 @@ def capacity_marginal(
 
 
 def _scan(model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution) -> dict[float, float]:
-    """-2 ln of the density by the correction of ln Q about a solution; empty where it is not the highest hill."""
+    """-2 ln of the density by the correction of ln Q about a solution; empty where it is not the highest mode."""
     q = model.parameters.group("capacity").start
     step = max(_FIRST * float(np.sqrt(found.covariance[q, q])), _LEAST_STEP)
     x, cost = _profile(model, prior, anchors, found.x, float(found.x[q]), found.misfit)
@@ -228,7 +228,7 @@ def _profile(
 
 
 def moments(points: Mapping[float, float]) -> Normal:
-    """Mean and standard deviation of a density by -2 ln of it at some points, by trapezoids."""
+    """Mean and standard deviation of a density from -2 ln of it at some points, by the trapezoidal rule."""
     grid = np.array(sorted(points))
     cost = np.array([points[value] for value in grid])
     widths = 0.5 * (np.diff(grid, prepend=grid[0]) + np.diff(grid, append=grid[-1]))
@@ -239,10 +239,10 @@ def moments(points: Mapping[float, float]) -> Normal:
 
 
 def with_capacity(model: VoltageModel, prior: Belief, anchors: Sequence[SocAnchor], found: Solution) -> Solution:
-    """The solution with the distribution of the capacity that its part can tell.
+    """The solution with the distribution of the capacity that its part supports.
 
-    A part that reaches below all that logs have shown tells it by the knee at empty, a cut-off by where empty is. Any
-    other part tells nothing of it: along the charge below full the curve is the same whatever the capacity is.
+    A part that reaches below all earlier logs shows it by the knee at empty, a cut-off by the place of empty. Any other
+    part says nothing about it: along the charge below full the curve is the same whatever the capacity is.
     """
     q, knowledge = model.parameters.group("capacity").start, model.battery.knowledge
     lowest_soc = float(found.charge.soc.min())
@@ -267,7 +267,7 @@ def with_marginal(
 
 
 def _with_variance(found: Solution, q: int, variance: float) -> Solution:
-    """The solution with this variance of the unknown q; all others follow as their covariance with it says."""
+    """The solution with this variance of the unknown q; all others follow by their covariance with it."""
     slope = found.covariance[:, q] / found.covariance[q, q]
     added = variance - found.covariance[q, q]
     return found._replace(covariance=found.covariance + added * np.outer(slope, slope))

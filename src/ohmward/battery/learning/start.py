@@ -1,17 +1,17 @@
-"""Start of a part of a log: its state of charge, by something else than the voltage or by trial, and the battery's age.
+"""Start of a part of a log: state of charge, from another source than the voltage or by trial, and age of the battery.
 
-A log that goes on where another one ended starts with its charge: days that are cut at midnight teach as one log does.
-The voltage of a flat curve fits several states of charge. Each is a mode of the posterior, and a search finds only its
-own, so that it is worth a try from each.
+A log that goes on where another one ended starts with its charge: days cut at midnight count as one log does. The
+voltage of a flat curve fits several states of charge. Each is a mode of the posterior, and a search finds only its
+own, so that one is started from each.
 
-How old a battery is that has a file without logs is an unknown of its first log. Ageing takes capacity and adds
-resistance on a scale lambda that nobody knows. Where a change q lies beyond the standard deviation of the file, the
-prior is that of the scale which it makes as likely to be exceeded as not:
+The age of a battery whose file has no logs is an unknown of its first log. Ageing takes capacity and adds resistance on
+an unknown scale lambda. Where a change q lies beyond the standard deviation of the file, the prior is that with the
+median scale, given the change:
 
     q ~ N(0, lambda^2),   lambda = 1.5 |q|,   with p(lambda | q) ~ exp(-q^2 / (2 lambda^2)) / lambda, lambda <= 0.5
 
-so that a battery that has clearly aged is hardly pulled back to a new one. What the slip of the electrodes does not
-describe of an aged curve grows with the loss of capacity.
+so that a battery that has clearly aged is hardly pulled back to a new one. The part of an aged curve that the slip of
+the electrodes does not describe grows with the loss of capacity.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ from ohmward.battery.soc.anchors import Anchor
 from ohmward.filters.belief import Belief
 from ohmward.logs.log import SECONDS_PER_HOUR, Log
 
-#: Standard deviation of a state of charge that the user gives for the start of a log, as the filter takes it.
+#: Standard deviation of a state of charge that the user gives for the start of a log, as in the filter.
 _GIVEN_STD = 0.03
-#: A log goes on with the charge of the one before if no longer than this [s] lies between them, and then that charge is
-#: as unsure as this at least.
+#: Longest time [s] between two logs of which one goes on with the charge of the other, and smallest standard deviation
+#: of that charge.
 _CONTINUES_S, _CONTINUED_STD = 1800.0, 0.01
-#: Between the two the current of either side may have gone on, and this multiple of the capacity per hour besides.
+#: Between the two the current of either log may have continued, and this multiple of the capacity per hour as well.
 _BETWEEN_C = 0.05
-#: A rest at the voltage of full is full within this.
+#: Standard deviation of SoC in a rest at the voltage of a full battery.
 _FULL_AT_REST_STD = 0.03
 
 
 def given_at_start(battery: Battery, log: Log, initial_soc: float | None) -> tuple[SocAnchor, ...]:
-    """State of charge at the first sample by the user, or by the log that ended just before; () where neither tells.
+    """State of charge at the first sample by the user, or by the log that ended just before; () without either.
 
-    The current of either log may have gone on between the two.
+    The current of either log may have continued between the two.
     """
     if initial_soc is not None:
         return (SocAnchor(0, initial_soc, _GIVEN_STD),)
@@ -68,7 +68,7 @@ def given_at_start(battery: Battery, log: Log, initial_soc: float | None) -> tup
 
 
 def full_at_start(battery: Battery, samples: Samples) -> tuple[SocAnchor, ...]:
-    """State of charge of a part that starts at rest at the voltage of a full battery or above; () for another one."""
+    """State of charge of a part that starts at rest at the voltage of a full battery or above; () for any other."""
     full_V = float(battery.thevenin.ocv.mean_V(1.0, samples.temperature_degC[0]))
     resting = abs(samples.current_A[0]) <= REST_C * battery.capacity_Ah
     if not (resting and samples.voltage_V[0] >= full_V):
@@ -77,35 +77,35 @@ def full_at_start(battery: Battery, samples: Samples) -> tuple[SocAnchor, ...]:
 
 
 def soc_anchors(anchors: Sequence[Anchor], samples: Samples) -> tuple[SocAnchor, ...]:
-    """The anchors within a part; a rest tells no more than its voltage, which is used anyway."""
+    """The anchors within a part, except rests: they add nothing to their voltage, which is used anyway."""
     inside = [a for a in anchors if a.kind != "rest" and samples.time_s[0] <= a.time_s <= samples.time_s[-1]]
     return tuple(SocAnchor(int(np.searchsorted(samples.time_s, a.time_s)), a.soc, a.soc_std) for a in inside)
 
 
 #: Scale of ageing over a change: the median of p(lambda | q) for a change of 0.2.
 _SCALE = 1.5
-#: Error of the SoC axis of an aged curve beside its slip, for each unit of the loss over the capacity that is left,
-#: and its correlation length: of four simulated cells at 80 % it is 0.04 to 0.1.
+#: Error of the SoC axis of an aged curve in addition to its slip, for each unit of the loss over the capacity that is
+#: left, and its correlation length: for four simulated cells at 80 % it is 0.04 to 0.1.
 _SHAPE_STD, _SHAPE_LENGTH = 0.1, 0.2
-#: Full and empty stay full and empty, so that this error ends within so much of them.
+#: Full and empty stay full and empty, so that this error falls to 0 within this distance of them.
 _ENDS = 0.2
 
-#: A log of which less than this share is new has been seen, where the new part cannot be learnt.
+#: A log of which less than this share is new counts as seen where the new part cannot be learnt.
 _MOSTLY_SEEN = 0.5
 
-#: States of charge that are looked at, and how many hills are climbed at most.
+#: States of charge that are tried, and most modes that are searched from.
 _GRID = np.linspace(0.0, 1.0, 41)
 _MOST_STARTS = 4
-#: Rows that are looked at.
+#: Number of rows that are used.
 _ROWS = 400
-#: A hill that is so much higher than another, as a difference of -2 ln p, is alone.
+#: Difference of -2 ln p from the highest mode beyond which another one is ignored.
 _CLEAR = 60.0
-#: Step of SoC for the slope of the curve, width of the bounds of SoC, and least variance of the curve [V^2].
+#: Step of SoC for the slope of the curve, width of the bounds of SoC, and smallest variance of the curve [V^2].
 _HALF_STEP, _BOUND_STD, _LEAST_V2 = 0.005, 0.05, 1e-12
 
 
 def likely_starts(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -> list[float]:
-    """States of charge at the start, the most likely first, at the unknowns x (n,) otherwise."""
+    """States of charge at the start, the most likely first, with all other unknowns as in x (n,)."""
     rows = model.rows[:: max(1, model.rows.size // _ROWS)]
     coarse = VoltageModel(model.battery, model.samples, rows)
     costs = _costs(coarse, x, anchors)
@@ -153,7 +153,7 @@ def prior_of_age(model: VoltageModel, prior: Belief, x: np.ndarray) -> Belief:
     covariance[q, q] += _scale2(max(-float(x[q].sum()), 0.0), covariance[q, q])
     together = np.ix_(resistances, resistances)
     covariance[together] += _scale2(max(float(x[resistances].mean()), 0.0), covariance[together])
-    # (K,) of what slip does not describe of a curve at this loss of capacity
+    # (K,) error of a curve at this loss of capacity that slip does not describe
     loss = max(float(np.expm1(-x[q].sum())), 0.0)
     inside = np.minimum(np.minimum(OCV_KNOTS, 1.0 - OCV_KNOTS) / _ENDS, 1.0)
     axis_V = _SHAPE_STD * loss * inside * mean_slope_V(model.battery.thevenin.ocv, OCV_KNOTS)
@@ -162,7 +162,7 @@ def prior_of_age(model: VoltageModel, prior: Belief, x: np.ndarray) -> Belief:
 
 
 def _scale2(change: float, covariance: np.ndarray) -> float:
-    """Variance that a change which these unknowns have in common adds to their covariance."""
+    """Variance that a change common to these unknowns adds to their covariance."""
     shared = float(covariance.min(initial=np.inf))
     return _SCALE**2 * change**2 - shared if change**2 > shared else 0.0
 
@@ -174,14 +174,14 @@ class NewParts(NamedTuple):
     fingerprint: str  #: of the whole log
     hours: float  #: length of the parts together
     mostly_seen: bool  #: True where most of the log was learnt before
-    left_out: tuple[str, ...]  #: sentences on what is not used of it, and why
+    left_out: tuple[str, ...]  #: sentences on the parts that are not used, and why
 
 
 def new_parts(battery: Battery, log: Log) -> NewParts:
-    """The parts of a log that can teach the battery something new.
+    """The parts of a log from which the battery can learn something new.
 
     Raises:
-        InputError: the log cannot teach anything about this battery; says why.
+        InputError: nothing can be learnt from the log about this battery; says why.
     """
     usable = usable_log(log, battery)
     tested = battery.identification.fingerprints if battery.identification else ()

@@ -1,23 +1,23 @@
-"""Voltage of a battery along a part of a log, and its derivatives by all that is not known.
+"""Voltage of a battery along a part of a log, and its derivatives by all unknowns.
 
     c(t)    = c_0 + jumps + (counted(t) - integral of the offset) / Q_file       charge, by the capacity of the file
     s(t)    = 1 - (1 - c(t)) Q_file / Q                                          state of charge
     V_ocv(c) = OCV(z, T) + c_ocv(c) + (T - T_0) e(c)                             open-circuit voltage
     V       = V_ocv(c, T) + M(c, T) h + v_0 + sum v_j
 
-The corrections stand along the charge c, since that is what a log shows. Charge, overpotentials and hysteresis with
-their derivatives are the model's own, see `sensitivities`. An offset that changes in the middle of a log acts from
-there on as one that was there from the start.
+The corrections are functions of the charge c, since that is what a log shows. Charge, overpotentials and hysteresis
+with their derivatives are the model's own, see `sensitivities`. An offset that changes in the middle of a log acts from
+there on like one that was present from the start.
 
 Where logs have shown the curve, down to the SoC l, it is pinned to the charge below full, whatever the capacity is.
-Below, it is known along SoC, so that it stretches to where empty is: at the charge e = 1 - Q / Q_file, with the
-capacity Q_file taken for 1, the place z on the curve of the file is
+Below, it is known along SoC, so that it stretches to empty, at the charge e = 1 - Q / Q_file in units of Q_file. The
+place z on the curve of the file is
 
     z(c) = c                            c >= l
     z(c) = l (c - e) / (l - e)          c <  l
 
-No log has been seen with l = 1: then z is the state of charge, and for a battery that may have aged since its test, the
-slip of its electrodes moves it.
+With l = 1 no log has shown the curve: then z is the state of charge, and for a battery that may have aged since its
+test, the slip of its electrodes moves it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from ohmward.battery.posterior import ENTROPY_KNOTS, OCV_KNOTS
 from ohmward.logs.log import SECONDS_PER_HOUR
 from ohmward.trace import Kernel, exp, linearize, where
 
-#: A shorter stretch than this above empty is not stretched: it is as good as seen.
+#: A range of SoC above empty that is shorter than this is not stretched: it counts as shown.
 _SHORTEST = 0.02
 
 
@@ -57,7 +57,7 @@ class CurvePlace(NamedTuple):
         return 1.0 - exp(self.log_ratio)
 
     def at(self, charge: Any) -> Any:
-        """Places (N,) of these charges c; traced as well."""
+        """Places (N,) of these charges c, array or traced."""
         low, empty = self.seen_from_soc, self.empty
         stretches = (low > _SHORTEST) & (low - empty > _SHORTEST) & (charge < low)
         z = where(stretches, low * (charge - empty) / where(stretches, low - empty, 1.0), charge)
@@ -93,8 +93,8 @@ def file_charge(soc: np.ndarray, log_ratio: float) -> np.ndarray:
     return 1.0 - (1.0 - soc) * np.exp(log_ratio)
 
 
-#: Half step of SoC for the slope of the curve: nearly a distance of its knots, so that the slope has no steps there.
-#: They would tell the capacity from where the knots lie.
+#: Half step of SoC for the slope of the curve: nearly the distance of its knots, so that the slope has no steps there.
+#: With steps the capacity would depend on where the knots lie.
 _HALF_STEP = 0.02
 
 
@@ -156,16 +156,16 @@ class OpenCircuit:
         return columns
 
 
-#: The offset of a current sensor is followed in steps of so many hours, at most so many of them.
+#: Interval between changes of the offset of a current sensor [h], and most such changes.
 _OFFSET_HOURS, _MOST_OFFSETS = 6.0, 30
-#: Knots of SoC of the error that one log has for itself, however well the model fits all others.
+#: Knots of SoC of the error peculiar to one log, however well the model fits all others.
 MISFIT_KNOTS = np.linspace(0.0, 1.0, 11)
 _MISFIT_LENGTH = 0.1
-#: RC voltages at the start of a part, as those of this current in multiples of the capacity per hour.
+#: Error of the RC voltages at the start of a part: those of this current, in multiples of the capacity per hour.
 _START_C = 0.15
 #: Keeps the walk of a sensor that has none from being singular [A].
 _LEAST_WALK_A = 1e-9
-#: Least standard deviation of an RC voltage at the start, for each volt of the battery.
+#: Smallest standard deviation of an RC voltage at the start, for each volt of the battery.
 _LEAST_PAIR_SHARE = 5e-4
 
 
@@ -256,7 +256,7 @@ class VoltageModel:
 
     battery: Battery  #: as its file has it
     samples: Samples  #: of the part
-    rows: np.ndarray  #: (N,) indices of the samples that are looked at
+    rows: np.ndarray  #: (N,) indices of the samples whose voltage is compared
     #: circuit, linear about a point; None runs the circuit through the log for all unknowns
     about: LinearCircuit | None = None
 
@@ -304,7 +304,7 @@ class VoltageModel:
         return VoltagePrediction(soc, voltage_V, there.over_V2, columns, there.charge)
 
     def linear_about(self, x: np.ndarray, every: int) -> VoltageModel:
-        """The model with every so many rows, its circuit linear about x: much quicker."""
+        """The model with every `every`-th row, its circuit linear about x: much quicker."""
         part = VoltageModel(self.battery, self.samples, self.rows[::every])
         there = part.circuit(x)
         columns = there.charge.columns(np.arange(self.samples.time_s.size))
@@ -327,7 +327,7 @@ class VoltageModel:
 
     @cached_property
     def sensitive(self) -> SensitiveCircuit:
-        """The circuit without its curve, with an offset also where the file does not doubt it: a log may change it."""
+        """The circuit without its curve, with an offset even where the file takes it as exact: a log may change it."""
         sizes = Corrections(*(self.parameters.sizes[name] for name in Corrections._fields))._replace(offset=1)
         return SensitiveCircuit(without_curve(self.model), sizes)
 
@@ -355,7 +355,7 @@ class VoltageModel:
         return np.maximum(at - _HYSTERESIS_STEP, -1.0), np.minimum(at + _HYSTERESIS_STEP, 1.0)
 
     def _circuit_samples(self, nu: np.ndarray, low: np.ndarray, high: np.ndarray) -> CircuitSample:
-        """The samples with what the nuisances nu (M,) say of them."""
+        """The samples with the values of the nuisances nu (M,)."""
         samples, nuisances, starts = self.samples, self.nuisances, self.starts
         T = samples.time_s.size
         counted, moved = np.ones(T), np.zeros(T)
@@ -397,7 +397,7 @@ class VoltageModel:
             of_log[:, nuisances.offsets] = found[:, P - 1, None] * (rows[:, None] >= self.offset_starts)
         segment = np.searchsorted(self.starts, rows, side="right") - 1
         for j in range(self.model.pairs):
-            # what is left of the voltage at the start of each segment at the start of each later one
+            # share of the voltage at the start of each segment that is left at the start of each later one
             left = np.tril(np.ones((self.starts.size, self.starts.size)))
             for k, share in enumerate(along.left[self.starts[1:], j], start=1):
                 left[k:, :k] *= share
