@@ -24,11 +24,11 @@ _AHEAD = 2
 def on_dask(
     job: Job, batches: Sequence[list[str]], address: str, timeout_s: float = SCHEDULER_TIMEOUT_S
 ) -> Iterator[list[dict[str, Any]]]:
-    """Rows of each batch as it is finished; no more batches are under way than keep the workers busy.
+    """Rows of each batch as it is finished; only as many batches are submitted as keep the workers busy.
 
-    Dask gives the batch of a worker that died to another one. A batch that fails there too is done once more log by
-    log. Dask blames everything that a dying worker had before it, so the logs that fail then are done once more at the
-    end, each with the cluster to itself; those that fail alone have the reason in `error`.
+    Dask gives the batch of a worker that died to another one. A batch that fails there too is run once more log by
+    log. Dask blames everything that a dying worker held, so the logs that fail then are run once more at the end, each
+    with the cluster to itself; those that fail alone have the reason in `error`.
 
     Raises:
         InputError: no scheduler at this address, no workers, or workers without this version of ohmward.
@@ -60,7 +60,7 @@ def on_dask(
 
 
 def _alone(client: Client, job: Job, path: str, address: str) -> list[dict[str, Any]]:
-    """Row of a log that has the cluster to itself; one that fails has its reason."""
+    """Row of a log that has the cluster to itself; if it fails, with the reason."""
     future = _submit(client, job, [path])
     error = _error(future, address)
     return [failed(path, f"{path}: {type(error).__name__}: {error}")] if error else future.result()

@@ -1,7 +1,7 @@
 """Jobs of a fleet: an estimator for all of its logs side by side, or for those of each robot one after the other.
 
-Of a robot, what the estimator knew at the end of a log, charge, capacity, resistance and the sensor's offset, is where
-it begins the next one; the pause between them makes it less sure of the charge.
+For a robot, the estimator begins each log with its estimates of charge, capacity, resistance and sensor offset at the
+end of the previous one; the pause between them makes the charge less certain.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from ohmward.logs.selection import split_selection
 class Job:
     """An estimator and its settings, the same for every log."""
 
-    battery: str  #: text of the battery file, which travels with the job to where the file is not
+    battery: str  #: text of the battery file, so that the job runs on machines without the file
     filter: str = DEFAULT  #: name of the estimator
     initial_soc: float | None = None  #: at the start of every log; None takes it from the first voltage
     initial_soc_std: float = 0.03  #: its standard deviation
@@ -46,7 +46,7 @@ class Job:
 
     @property
     def digest(self) -> str:
-        """Digest of the settings: another one for every job with other results."""
+        """Digest of the settings, different for every job with other results."""
         return digest_of(asdict(self))
 
     def run(self, paths: Sequence[str]) -> list[dict[str, Any]]:
@@ -73,7 +73,7 @@ def failed(path: str, reason: str) -> dict[str, Any]:
 
 
 def _row(text: str, log: Log, battery: Battery, estimator: Estimator, found: SocEstimate) -> dict[str, Any]:
-    """Row of a log: its figures, None for one that this estimator does not know, and whether the battery file fits."""
+    """Row of a log: its figures, None for those that the estimator does not have, and whether the battery file fits."""
     wrong = misfits(battery, log, estimator, found)
     fit = {"error": None, "fits": not wrong, "misfit": wrong[0].text if wrong else None}
     incidents = found.flags.astype(int) & ~int(SocFlag.REST | SocFlag.ANCHORED)
@@ -88,7 +88,7 @@ def _write(folder: str | None, name: str, log: Log, found: SocEstimate) -> None:
         write_table(table, Path(folder) / f"{name}.estimates.parquet")
 
 
-#: Without a wall clock nothing tells the pause between two logs [s]: so long that no charge is counted over it.
+#: Assumed pause between two logs without a wall clock [s]: so long that no charge is counted over it.
 UNKNOWN_PAUSE_S = 3600.0
 #: Logs of one robot that overlap by more than this [s] are not of one battery.
 _OVERLAP_S = 1.0
@@ -108,11 +108,11 @@ class RobotJob:
 
     settings: Job  #: of every log; the initial state of charge is that of the first log of each robot
     robots: dict[str, list[str]]  #: robot -> its logs
-    batteries: str | None = None  #: folder for the file of each robot's battery as it was learnt; None writes none
+    batteries: str | None = None  #: folder for the learnt battery file of each robot; None writes none
 
     @property
     def digest(self) -> str:
-        """Digest of the settings: another one for every job with other results; the logs are part of the items."""
+        """Digest of the settings, different for every job with other results; the logs are part of the items."""
         return digest_of([asdict(self.settings), self.batteries])
 
     @property
@@ -122,11 +122,11 @@ class RobotJob:
 
     @property
     def items(self) -> list[str]:
-        """An item for each robot, another one where its logs have changed."""
+        """An item for each robot, which changes when its logs do."""
         return [f"{robot} {_fingerprint(logs)}" for robot, logs in sorted(self.robots.items())]
 
     def run(self, paths: Sequence[str]) -> list[dict[str, Any]]:
-        """Rows of robots, in the order of the items; that of a robot none of whose logs can be used has an `error`."""
+        """Rows of robots, in the order of the items; if none of a robot's logs can be used, its row has an `error`."""
         return [self._robot(item) for item in paths]
 
     def _robot(self, item: str) -> dict[str, Any]:
@@ -177,7 +177,7 @@ class RobotJob:
         return usable
 
     def _learn(self, robot: str, battery: Battery, estimator: SocEstimator) -> dict[str, Any]:
-        """The file of the robot's battery as the estimator has learnt it; None for one that learns nothing."""
+        """Write the battery file that the estimator has learnt for the robot; None for one that learns nothing."""
         if self.batteries is None:
             return {"battery": None}
         path = Path(self.batteries) / f"{_file_name(robot)}.toml"
@@ -189,7 +189,7 @@ class RobotJob:
 
 
 def _one_after_the_other(read: Sequence[tuple[str, Log]]) -> list[_Dated]:
-    """Logs without a wall clock as they are named, with a pause of unknown length between them."""
+    """Logs without a wall clock in the order in which they are given, with an assumed pause between them."""
     found, start_s = [], 0.0
     for text, log in read:
         found.append(_Dated(text, log, start_s))
@@ -204,7 +204,7 @@ def _date(log: Log) -> str | None:
 
 
 def _fingerprint(texts: Sequence[str]) -> str:
-    """Digest of logs, another one where a file has changed."""
+    """Digest of logs, which changes when a file does."""
     stats = []
     for text in texts:
         path = split_selection(text)[0]

@@ -1,8 +1,8 @@
 """Many logs of one battery type through one estimator, a log in each lane.
 
-The logs are sorted by length, the longest first, so those that are still running are always the first lanes. Where one
-ends, the next part goes on without it. Parts are few: a lane runs on for a while after the end of its log, on samples
-without a measurement, and its estimates there are dropped.
+The logs are sorted by length, the longest first, so those that are still running are always the first lanes. After the
+end of a log, the next part runs without it. Parts are few, so a lane runs on for a while after the end of its log, on
+samples without a measurement, and its estimates there are dropped.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def estimate_logs(
     initial_soc_std: float = 0.03,
     lowering: str | None = None,
 ) -> list[SocEstimate]:
-    """Estimates for each log, every field (T,): those of `SocEstimator.run`, to rounding.
+    """Estimates for each log, every field (T,), equal to those of `SocEstimator.run` up to rounding.
 
     initial_soc: of every log; None takes it from each log's first voltage.
     lowering: see `ohmward.trace.Kernel`.
@@ -47,7 +47,7 @@ def estimate_logs(
 
 
 def _in_one_piece(estimator: Estimator, log: Log) -> bool:
-    """True for a log whose estimates are those of steps alone."""
+    """True for a log without reports of full charge or long gaps, whose estimates need plain steps only."""
     return not says_full_at(estimator, log) and not after_long_gaps(estimator, np.diff(log.time_s))
 
 
@@ -92,7 +92,7 @@ def _kernel(estimator: Any, lowering: str | None) -> Kernel:
 
 
 def _padded(columns: list[np.ndarray], length: int) -> np.ndarray:
-    """(T, B), a log in each column and in one piece of memory; nan after its end."""
+    """Table (T, B) with a log in each column, contiguous in memory; nan after its end."""
     table = np.full((len(columns), length), np.nan)
     for row, column in zip(table, columns, strict=True):
         row[: len(column)] = column
@@ -100,7 +100,7 @@ def _padded(columns: list[np.ndarray], length: int) -> np.ndarray:
 
 
 def _parts(lengths: np.ndarray) -> Iterator[tuple[int, int, int]]:
-    """First and last step of each part, and the number of lanes that still run; lengths (B,) falling."""
+    """First and last step of each part, and the number of lanes that still run; lengths (B,) in descending order."""
     longest = int(lengths[0])
     width = -(-longest // _PARTS)
     first = 0

@@ -1,4 +1,4 @@
-"""Everyday logs to battery files that know more, log by log: a file for each serial number; can be resumed."""
+"""Learning battery files from everyday logs, log by log: a file for each serial number; can be resumed."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from ohmward.logs.battery_columns import serial_numbers
 from ohmward.logs.log import ReadOptions
 from ohmward.logs.selection import selected_name, split_selection
 
-#: What a log has taught: its file and battery, then the fields of the update; of the journal: a log and its updates.
+#: Result of a log: its file and battery, then the fields of the update; in the journal: a log and its updates.
 Row = dict[str, Any]
 
 
 class LearningJob(NamedTuple):
-    """What updates depend on beside the logs."""
+    """Inputs of the updates besides the logs."""
 
-    start: Battery  #: what is known of each battery that has no file yet
+    start: Battery  #: starting point for each battery that has no file yet
     reading: ReadOptions
     starts: Mapping[str, float]  #: initial state of charge by the log's name, that of "" holds for all others
-    others: Sequence[str] = ()  #: logs of which those of equal columns tell the sign of the current where one does not
+    others: Sequence[str] = ()  #: logs; those with equal columns give the sign of the current if a log does not show it
 
     @property
     def digest(self) -> str:
-        """Another one for every job with other results."""
+        """Digest of the job, different for every job with other results."""
         return digest_of([BATTERY_FILE.dump(self.start), asdict(self.reading), dict(self.starts)])
 
 
@@ -43,10 +43,10 @@ def learn_all(
     journal: Journal,
     report: Callable[[str, float], None] | None = None,
 ) -> list[Row]:
-    """Rows of all logs, those of the journal as they were; the batteries in `files` have learnt them.
+    """Learn from all logs and return their rows, those in the journal unchanged; updates the batteries in `files`.
 
-    texts: files, or files and the rows wanted of them, the oldest first.
-    report: is called with the log and the share that is done.
+    texts: files, perhaps with a selection of their rows, the oldest first.
+    report: called with the log and the fraction done.
     """
     done = {row["text"]: row for row in journal.rows}
     rows: list[Row] = []
@@ -67,7 +67,7 @@ def learn_all(
 
 
 def learn_log(text: str, job: LearningJob, files: BatteryFiles) -> list[Row]:
-    """The updates of a log; the batteries in `files` have learnt them."""
+    """Learn from a log and return its updates; updates the batteries in `files`."""
     try:
         parts = by_battery(text, job.reading, files)
     except InputError as error:
@@ -82,7 +82,7 @@ def learn_log(text: str, job: LearningJob, files: BatteryFiles) -> list[Row]:
 
 
 def by_battery(text: str, reading: ReadOptions, files: BatteryFiles) -> list[tuple[str, str]]:
-    """The rows of each battery in a log and its serial number, "" where the log does not tell.
+    """The selection of rows for each battery in a log, and its serial number, "" if the log gives none.
 
     Raises:
         InputError: the log cannot be read, or holds several batteries where the output is one file.
@@ -109,7 +109,7 @@ def _learn(text: str, serial_number: str, job: LearningJob, files: BatteryFiles)
     start = job.starts.get(log.name, job.starts.get(""))
     learnt = learn(files.after[key], [log], initial_soc={} if start is None else {log.name: start})
     if learnt.battery is not files.after[key]:
-        # as the file will have it, so that a run that goes on after an interruption ends with the same file
+        # as written to the file, so that a run resumed after an interruption ends with the same file
         files.after[key] = BATTERY_FILE.parse(BATTERY_FILE.dump(learnt.battery))
     path = str(split_selection(text)[0])
     head = {"path": path, "serial_number": serial_number or None, "battery_file": key or None}
@@ -130,7 +130,7 @@ def refused(text: str, serial_number: str, reason: str) -> Row:
         "battery_file": None,
         "log": name,
         "verdict": "set aside",
-        # the name of the log stands beside it anyway
+        # the row names the log anyway
         "reason": reason.removeprefix(f"{path.name}: ").removeprefix(f"{name}: "),
         "notes": [],
     }
@@ -140,7 +140,7 @@ def refused(text: str, serial_number: str, reason: str) -> Row:
 class BatteryFiles:
     """The batteries of a run by the files that they are written to."""
 
-    start: Battery  #: what is known of each battery that has no file yet
+    start: Battery  #: starting point for each battery that has no file yet
     output: Path | None  #: the file, or the folder of one file for each serial number; None writes none
     #: each battery by its file, when it was opened and now; "" is the file of a run without output
     before: dict[str, Battery] = field(default_factory=dict)
@@ -170,7 +170,7 @@ class BatteryFiles:
         return key
 
     def restore(self, key: str, battery: Battery) -> None:
-        """Put the battery of an interrupted run in its place."""
+        """Restore the battery of an interrupted run."""
         self._load(key, battery.serial_number)
         self.after[key] = battery
 
@@ -184,7 +184,7 @@ class BatteryFiles:
         return str(self.output / f"{re.sub(r'[^A-Za-z0-9._-]', '_', serial_number)}.toml")
 
     def _load(self, key: str, serial_number: str) -> None:
-        """Take up the battery of a file, once; in a folder the file that is there goes on from where it stands."""
+        """Load the battery of a file, once; in a folder an existing file is continued."""
         if key in self.after:
             return
         if self.one_for_each:
@@ -194,7 +194,7 @@ class BatteryFiles:
         self.before[key] = self.after[key] = known
 
     def write(self) -> dict[str, str | None]:
-        """Write every file whose battery has changed or that is not there; each with the path of the one before."""
+        """Write every file whose battery has changed or that is missing; each with the path of its backup, or None."""
         written: dict[str, str | None] = {}
         for key, battery in self.after.items():
             if key and (battery != self.before[key] or not Path(key).exists()):
@@ -204,10 +204,10 @@ class BatteryFiles:
 
 
 class Journal:
-    """A file beside the output, one line for each log; it goes when the run is done.
+    """A file beside the output, one line for each log; it is removed when the run is done.
 
     path: None keeps no journal.
-    job: what the updates depend on beside the logs; a journal of another job is begun anew.
+    job: digest of the inputs besides the logs; a journal of another job is restarted.
     """
 
     def __init__(self, path: Path | None, job: str):

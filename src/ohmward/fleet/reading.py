@@ -1,4 +1,4 @@
-"""A log whose own data do not tell the sign of its current, with the sign of others like it, or of its battery file."""
+"""Logs whose data do not show the sign of the current, read with the sign of similar logs or by the battery file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ohmward.logs.selection import split_selection
 from ohmward.logs.table import Note, Progress, TableFile, counted
 from ohmward.signals.current_sign import CurrentSign, sign_evidence
 
-#: So many other logs are looked at.
+#: Most other logs examined.
 _MOST_OTHERS = 9
 T = TypeVar("T")
 
@@ -31,14 +31,14 @@ def read_one_of(
     progress: Progress | None = None,
     file: TableFile | None = None,
 ) -> Log:
-    """The log of this name, see `ReadOptions.read`; where its data do not tell the sign, others or the battery do.
+    """Read the log of this name by `ReadOptions.read`; if its data do not show the sign, other logs or the battery do.
 
-    others: names of logs, of which those of equal columns have the same sign.
+    others: names of logs, of which those with equal columns are assumed to have the same sign.
     battery: of the log, if it is known.
 
     Raises:
-        UnknownSignError: neither tells.
-        InputError, OhmwardError: as `ReadOptions.read`.
+        UnknownSignError: nothing shows the sign.
+        InputError, OhmwardError: as in `ReadOptions.read`.
     """
     try:
         return reading.read(text, extra, progress, file)
@@ -57,7 +57,7 @@ def read_one_of(
 
 
 def _sign_of_others(text: str, others: tuple[str, ...], reading: ReadOptions) -> tuple[CurrentSign | None, str]:
-    """The sign that all other logs of equal columns tell, as far as they tell one, and who tells it."""
+    """The sign on which all other logs with equal columns agree if they show one, and a phrase that names them."""
     names = _columns(text, reading)
     alike = [other for other in others if other != text and _columns(other, reading) == names]
     verdicts = [_own_sign(other, reading) for other in some_of(alike)]
@@ -65,18 +65,18 @@ def _sign_of_others(text: str, others: tuple[str, ...], reading: ReadOptions) ->
 
 
 def some_of(others: Sequence[T]) -> Sequence[T]:
-    """Those of the others that are looked at, spread over all of them."""
+    """The others that are examined, spread over all of them."""
     return others[:: max(len(others) // _MOST_OTHERS, 1)][:_MOST_OTHERS]
 
 
 def unanimous(verdicts: Sequence[CurrentSign | None]) -> CurrentSign | None:
-    """The sign that all who tell one tell; None where none does, or they contradict each other."""
+    """The sign on which all verdicts but None agree; None if there are none, or they contradict each other."""
     signs = set(verdicts) - {None}
     return signs.pop() if len(signs) == 1 else None
 
 
 def sign_in_data(log: Log) -> CurrentSign | None:
-    """The sign that the data of a log tell; None where they do not."""
+    """The sign that the data of a log show; None if they show none."""
     verdict = sign_evidence(log.time_s, log.current_A, log.voltage_V).verdict
     return "charge" if verdict == "charge" else "discharge" if verdict == "discharge" else None
 
@@ -92,7 +92,7 @@ def _columns(text: str, reading: ReadOptions) -> tuple[str, ...] | None:
 
 @lru_cache(maxsize=1024)
 def _own_sign(text: str, reading: ReadOptions) -> CurrentSign | None:
-    """The sign that the data of a log tell; None where they do not, or it cannot be read."""
+    """The sign that the data of a log show; None if they show none, or the log cannot be read."""
     try:
         return sign_in_data(replace(reading, current_sign="charge").read(text, ()))
     except OhmwardError:

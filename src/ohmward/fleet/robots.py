@@ -1,4 +1,4 @@
-"""The robots of a fleet: whose log a file is, and charge, capacity, resistance and alarms of each, the worst first."""
+"""The robots of a fleet: their logs, and charge, capacity, resistance and alarms of each, the worst first."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from ohmward.logs.selection import labels_in, split_selection
 from ohmward.logs.table import TableFile, counted
 from ohmward.signals.survey import spread
 
-#: Ways to tell the robot beside the name of a column; the first tries the others in turn.
+#: Ways to identify the robot, besides the name of a column; the first tries the others in turn.
 AUTO, ALONE, SERIAL, NAME, FOLDER = "auto", "log", "serial", "name", "folder"
 WAYS = (AUTO, ALONE, SERIAL, NAME, FOLDER)
 _COLUMN = re.compile(r"^(?:robot|vehicle|device|machine|agv|amr|unit)(?:[ _]?(?:id|name|no|number))?$", re.IGNORECASE)
-#: A name with a date, or a number behind a separator, at its end: `amr-00_2026-01-01`, `mower 3 run 12`.
+#: A name with a date, or a number after a separator, at its end: `amr-00_2026-01-01`, `mower 3 run 12`.
 _DATED = re.compile(r"^(?P<robot>.*?[^\W_].*?)[ _.-]+(?:\d{4}[-_.]?\d{2}[-_.]?\d{2}|\d{9,}).*$")
 _NUMBERED = re.compile(r"^(?P<robot>.*?[^\W_].*?)[ _.-]+(?:run|log|part|day|trip|bag)?[ _.-]*\d+$", re.IGNORECASE)
 
@@ -29,16 +29,16 @@ _NUMBERED = re.compile(r"^(?P<robot>.*?[^\W_].*?)[ _.-]+(?:run|log|part|day|trip
 class Robots(NamedTuple):
     """Logs by their robots."""
 
-    by: str  #: the way, or the name of the column, that told them
-    logs: dict[str, list[str]]  #: robot -> its logs; with rows of a file where it holds several robots
+    by: str  #: the way, or the name of the column, by which they were identified
+    logs: dict[str, list[str]]  #: robot -> its logs; with a selection of rows if a file holds several robots
 
 
 def robots_of(texts: Sequence[str], by: str | None = None, hints: FileHints | None = None) -> Robots:
-    """The robots of logs.
+    """Assign logs to their robots.
 
-    texts: names of logs, or of logs and the rows wanted of them.
+    texts: names of logs, perhaps with a selection of their rows.
     by: one of `WAYS`, or the name of a column; `auto`, the default, takes the first that gives a robot several logs: a
-        column of robots, serial numbers, names, folders; where none does, each log is alone.
+        column of robots, serial numbers, names, folders; if none does, each log counts as a robot.
 
     Raises:
         InputError: no log has the column, or a serial number.
@@ -81,7 +81,7 @@ def _required(by: str, texts: Sequence[str], files: dict[str, TableFile], find: 
 
 
 def _by_column(texts: Sequence[str], files: dict[str, TableFile], find: Find) -> dict[str, list[str]]:
-    """Robots by the values of a column; a log without it goes to the robot of its name."""
+    """Robots by the values of a column; a log without it is assigned by its name."""
     robots: dict[str, list[str]] = {}
     left = []
     for text in texts:
@@ -135,14 +135,14 @@ def _opened(text: str, hints: FileHints | None) -> TableFile | None:
         return None
 
 
-#: One-sided 95 % of a normal distribution: what is claimed holds with that probability.
+#: One-sided 95 % of a normal distribution: an alarm holds with that probability.
 _SURELY = 1.645
-#: A battery below this share of its capacity is worn out, one above this ratio of its resistance is doubtful.
+#: A battery below this share of its capacity is worn out, one above this ratio of its resistance is suspect.
 WORN, HIGH_RESISTANCE = 0.8, 2.0
-#: A robot differs from the fleet by so many standard deviations, of the fleet and its own together, and by this share
-#: at least; fewer robots show no spread.
+#: An outlier differs from the fleet by this many standard deviations, fleet and robot combined, and by at least this
+#: share; fewest robots that show a spread.
 _OUTLIER, _LEAST_SHARE, _FEWEST_ROBOTS = 3.5, 0.1, 5
-#: What is known of a robot as it stands in the row of its last log.
+#: Fields of a robot that are those in the row of its last log.
 _AS_IN_THE_ROW = (
     "soh_capacity", "soh_capacity_std", "resistance_ratio", "resistance_ratio_std", "current_offset_A",
 )  # fmt: skip
@@ -151,10 +151,10 @@ LOW_SOC = 0.1
 
 
 class RobotRecord(NamedTuple):
-    """A robot at the end of its last log; a quantity that its estimator does not have is None."""
+    """A robot at the end of its last log; a quantity that its estimator does not provide is None."""
 
     robot: str
-    logs: int  #: that were used
+    logs: int  #: number used
     refused: int
     hours: float
     begins: str | None  #: time of the first and of the last log, ISO 8601
@@ -168,14 +168,14 @@ class RobotRecord(NamedTuple):
     resistance_ratio: float | None  #: over the battery file's
     resistance_ratio_std: float | None
     current_offset_A: float | None
-    battery: str | None  #: its battery file, as it was learnt
+    battery: str | None  #: its learnt battery file
     alarms: tuple[str, ...]
 
 
 def robot_states(rows: Sequence[Mapping[str, Any]]) -> list[RobotRecord]:
     """The robots of a finished job, the worst first: by the number of their alarms, then by their capacity.
 
-    rows: of `RobotJob.run`.
+    rows: from `RobotJob.run`.
     """
     rows = [row if "logs" in row else _lost(row) for row in rows]
     states = [_state(row) for row in rows]
@@ -218,7 +218,7 @@ def _state(row: Mapping[str, Any]) -> RobotRecord:
 
 
 def _alarms(state: RobotRecord, row: Mapping[str, Any]) -> Iterator[str]:
-    """What is wrong with a robot by itself."""
+    """Alarms of a robot by itself."""
     used = [log for log in row["logs"] if not log["error"]]
     if not used:
         yield "none of its logs could be used"
@@ -236,7 +236,7 @@ def _alarms(state: RobotRecord, row: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _outliers(state: RobotRecord, fleet: Mapping[str, tuple[float, float] | None]) -> Iterator[str]:
-    """In what a robot is worse than the fleet."""
+    """Alarms of a robot that is worse than the fleet."""
     for name, what, way in (("soh_capacity", "capacity", -1.0), ("resistance_ratio", "resistance", 1.0)):
         value, own_std, known = getattr(state, name), getattr(state, f"{name}_std") or 0.0, fleet[name]
         if value is None or known is None:

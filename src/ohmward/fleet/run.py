@@ -38,7 +38,7 @@ class FleetJob(Protocol):
 
     @property
     def digest(self) -> str:
-        """Another one for every job with other results."""
+        """Digest of the job, different for every job with other results."""
         ...
 
     @property
@@ -52,7 +52,7 @@ class FleetJob(Protocol):
 
 
 def digest_of(settings: Any) -> str:
-    """Digest of the settings of a job, as JSON knows them."""
+    """Digest of the settings of a job, written as JSON."""
     return hashlib.sha256(json.dumps(settings).encode()).hexdigest()[:16]
 
 
@@ -74,7 +74,7 @@ class Finished(NamedTuple):
 
 
 def in_processes(job: FleetJob, batches: Sequence[list[str]], processes: int = 1) -> Iterator[list[dict[str, Any]]]:
-    """Rows of each batch as it is finished; no more batches are under way than keep the processes busy.
+    """Rows of each batch as it is finished; only as many batches are submitted as keep the processes busy.
 
     Raises:
         InputError: `processes` is not positive.
@@ -117,7 +117,7 @@ def _side_by_side(job: FleetJob, batches: Sequence[list[str]], processes: int) -
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """Processes that begin meanwhile never see an interrupt, whose traceback each of them would print."""
+    """Keep interrupts from processes started meanwhile, each of which would print a traceback."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return

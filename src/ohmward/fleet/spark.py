@@ -38,12 +38,12 @@ def soc_stream(
 ) -> DataFrame:
     """Estimates for a streaming DataFrame, a row of `SCHEMA` for each of its rows.
 
-    Within a micro-batch the rows of a robot are taken in order of time, because Spark keeps no other; a row that is
-    late for its micro-batch is used as `SocEstimator.update` says. Bad values are flagged, see `SocFlag`.
+    Within a micro-batch the rows of a robot are sorted by time, because Spark keeps no order; a row that comes too late
+    for its micro-batch is treated as in `SocEstimator.update`. Bad values are flagged, see `SocFlag`.
 
     samples: columns robot and `MEASURED`; null is no measurement.
     battery: text of the battery file of all robots.
-    current_sign: effect of a positive current, "charge" or "discharge"; `sign_of_fleet` tells it.
+    current_sign: effect of a positive current, "charge" or "discharge"; `sign_of_fleet` finds it.
 
     Raises:
         InputError: a column is missing, the sign is neither, or the battery file cannot be read or lacks the model
@@ -60,17 +60,16 @@ def soc_stream(
 
 
 def sign_of_fleet(history: DataFrame, battery: str) -> CurrentSign:
-    """Effect of a positive current in the samples of a fleet, as `ohmward fleet` tells it of logs with equal columns.
+    """Effect of a positive current in the samples of a fleet, found as by `ohmward fleet` for logs with equal columns.
 
-    All robots whose own samples tell a sign must tell the same one; where none does, the voltages must tell by the
-    battery file.
+    All robots whose own samples show a sign must agree; if none does, the voltages must show it by the battery file.
 
     history: a static DataFrame with the columns of `soc_stream`; hours of a few robots are enough.
     battery: text of the battery file of all robots.
 
     Raises:
         InputError: a column is missing.
-        UnknownSignError: neither the samples nor the battery file tell.
+        UnknownSignError: neither the samples nor the battery file show the sign.
         OhmwardError: pyspark is older than 4.0 or not installed.
     """
     samples = _measured(history, _functions(history), 1.0)
@@ -89,7 +88,7 @@ def sign_of_fleet(history: DataFrame, battery: str) -> CurrentSign:
 
 
 def _votes(battery: str, frame: PandasFrame) -> PandasFrame:
-    """The sign that the samples of one robot tell, and the one by the battery file, null for none."""
+    """The sign that the samples of one robot show, and the one by the battery file, null for none."""
     pandas = require("pandas", "the stream")
 
     frame = frame.dropna(subset=["time_s"]).drop_duplicates("time_s").sort_values("time_s")
@@ -117,14 +116,14 @@ class SocOfRobot:
         self.initial_soc, self.initial_soc_std = initial_soc, initial_soc_std
 
     def estimator(self, snapshot: str | None = None) -> SocEstimator:
-        """A new one, or the one that goes on from a snapshot in JSON."""
+        """A new estimator, or one restored from a snapshot in JSON."""
         settings = make_estimator(self.filter, BATTERY_FILE.parse(self.battery))
         if snapshot is not None:
             return SocEstimator.restore(settings, json.loads(snapshot))
         return SocEstimator(settings, self.initial_soc, self.initial_soc_std)
 
     def init(self, handle: Any) -> None:
-        """Before the first row of a task."""
+        """Prepare the state before the first row of a task."""
         self._state = handle.getValueState("estimator", "snapshot string")
 
     def handleInputRows(self, key: Any, rows: Iterator[PandasFrame], timer_values: Any) -> Iterator[PandasFrame]:
@@ -137,11 +136,11 @@ class SocOfRobot:
         self._state.update((json.dumps(estimator.snapshot()),))
 
     def close(self) -> None:
-        """After the last row of a task."""
+        """Nothing to do after the last row of a task."""
 
 
 def estimates(robot: str, frame: PandasFrame, estimator: SocEstimator) -> PandasFrame:
-    """The rows of `SCHEMA` for rows of `MEASURED`; the estimator goes on."""
+    """The rows of `SCHEMA` for rows of `MEASURED`; advances the estimator."""
     pandas = require("pandas", "the stream")
 
     samples = frame[list(MEASURED)].astype(float).fillna(math.nan).itertuples(index=False, name=None)

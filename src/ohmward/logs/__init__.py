@@ -30,7 +30,7 @@ __all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> Any:
-    """Load a name from its file: a robot that runs an estimator of charge needs no reader of drives."""
+    """Load a name from its module on first use: a robot that estimates its charge needs no reader of drives."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -1,4 +1,4 @@
-"""Files of named arrays: MATLAB, HDF5, NumPy, Feather, and those of cyclers. The arrays of one length are a table."""
+"""Files of named arrays: MATLAB, HDF5, NumPy, Feather, and those of cyclers. Arrays of equal length form a table."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ohmward.logs.table import Opener, Table, TableFile, file_of, parsing, row_n
 from ohmward.optional import require
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
-#: Kinds of NumPy that a column may have.
+#: Kinds of NumPy types that a column may have.
 _KINDS = "biufmM"
 
 
@@ -72,12 +72,12 @@ def open_feather(path: Path, hints: FileHints) -> TableFile:
 
 
 def open_arrays(source: str, arrays: Mapping[str, Any], hints: FileHints, advice: str = "") -> TableFile:
-    """The table of the most arrays of one length.
+    """The table of the largest group of arrays of equal length.
 
-    arrays: name -> values, those of other shapes among them; of a name with points the last part that is unique.
+    arrays: name -> values of any shape; a name with points is shortened to its last part where that is unique.
 
     Raises:
-        InputError: no two arrays have one length above 1.
+        InputError: no two arrays have an equal length above 1.
     """
     lengths: dict[int, dict[str, np.ndarray]] = defaultdict(dict)
     for name, values in arrays.items():
@@ -114,7 +114,7 @@ def open_mpr(path: Path, hints: FileHints) -> TableFile:
     """The columns of a file of EC-Lab, of a version that galvani knows."""
     galvani = require("galvani", "a file of EC-Lab (.mpr)")
     with parsing(path, "no .mpr file that galvani reads", "export it in EC-Lab as text"):
-        # not the file itself, whose `read` takes the memory for whatever length a damaged header says
+        # not the file itself, whose `read` allocates memory for any length that a damaged header gives
         data = galvani.MPRfile(io.BytesIO(path.read_bytes())).data
     return open_arrays(path.name, {name: np.asarray(data[name]) for name in data.dtype.names}, hints)
 
@@ -136,7 +136,7 @@ def is_ndax(path: Path) -> bool:
         return False
 
 
-#: First bytes of the formats that they tell.
+#: Opener of each format that is recognised by its first bytes.
 OPENERS: dict[bytes, Opener] = {
     b"BIO-LOGIC MODULAR FILE": open_mpr,
     b"NEWARE": open_neware,

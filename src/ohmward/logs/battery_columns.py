@@ -1,4 +1,4 @@
-"""Columns that say more of a battery: cells, a current for each direction, power, mode, full charge, serial number."""
+"""Further columns of a battery: cells, a current for each direction, power, mode, full charge, serial number."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ohmward.logs.selection import labels_in
 from ohmward.logs.table import Note, Table, TableFile, numbers
 from ohmward.logs.units import UNITS, Unit, split_unit, unit_in_name
 
-#: The sum of the cells and the voltage of the pack are measured by different converters, and the wires between them
-#: drop a few millivolts a cell.
+#: Largest relative difference between the sum of the cells and the voltage of the pack: they are measured by different
+#: converters, and the wires between them drop a few millivolts a cell.
 SUM_TOLERANCE = 0.01
 #: Cells without a unit in their names are in mV where they show more than this: no cell has 100 V.
 _LARGEST_CELL_V = 100.0
@@ -37,7 +37,7 @@ class CellVoltages(NamedTuple):
 def find_cells(
     columns: Mapping[str, np.ndarray], pack_V: np.ndarray, n_series: int
 ) -> tuple[CellVoltages | None, tuple[Note, ...]]:
-    """The cell voltages among columns; None where there are none. Notes say what was taken, or did not fit.
+    """The cell voltages among columns, or None; notes on what was used or did not fit.
 
     columns: name -> (T,), in the units of the file: the `extra` of a log.
     pack_V: (T,) of the pack [V].
@@ -77,7 +77,7 @@ def cell_names(names: Collection[str]) -> tuple[str, ...]:
 
 
 def numbered_rows(names: Collection[str]) -> list[tuple[str, ...]]:
-    """Rows of two and more names that differ in one number only, which counts from 0 or 1; those of a voltage."""
+    """Groups of two or more names of voltages that differ only in one number, which counts from 0 or 1."""
     rows: dict[str, dict[int, str]] = {}
     for name in filter(_may_be_voltage, names):
         for number in re.finditer(r"\d+", name):
@@ -128,7 +128,7 @@ def _may_be_voltage(name: str) -> bool:
 
 
 def _unit_of(row: Sequence[str], cells: np.ndarray) -> Unit:
-    """The unit in the names of cells; without one, what the numbers (T, n) can be."""
+    """The unit in the names of cells; without one, the unit for which the numbers (T, n) are plausible."""
     return unit_in_name(row[0], ("voltage",)) or UNITS["mv" if np.nanmedian(cells) > _LARGEST_CELL_V else "v"]
 
 
@@ -141,9 +141,9 @@ _CURRENT = "pack current [A]"
 
 
 def with_both_ways(file: TableFile, columns: Mapping[str, str] | None = None) -> TableFile:
-    """The file with the charging less the discharging current as a column, where it has both and no other current.
+    """The file with the charging minus the discharging current as a column, if it has both and no other current.
 
-    The size of each is taken, whatever its sign: the column says the direction.
+    The magnitude of each is used, whatever its sign: the column gives the direction.
 
     columns: those that the caller named.
     """
@@ -167,7 +167,7 @@ def with_both_ways(file: TableFile, columns: Mapping[str, str] | None = None) ->
 def with_power(
     file: TableFile, columns: Mapping[str, str] | None = None, units: Mapping[str, str] | None = None
 ) -> TableFile:
-    """The file with the power over the voltage as a column, where it has one power of the battery and no current.
+    """The file with power divided by voltage as a current column, if it has one battery power and no current.
 
     columns, units: those that the caller named.
     """
@@ -195,14 +195,14 @@ def _has(
     leave: Collection[str] = (),
     units: Mapping[str, str] | None = None,
 ) -> Column | None:
-    """The column of a channel among all but those to leave, where there is one."""
+    """The column of a channel, if there is one, among all columns but those in `leave`."""
     optional = channel._replace(required=False)
     of_channel = {quantity: unit for quantity, unit in (units or {}).items() if quantity == channel.name}
     return find_column(file.source, file.names, optional, file.given(columns), of_channel, leave)
 
 
 def _only(found: Sequence[str]) -> str | None:
-    """The one column that was found; None where there is none, or are several."""
+    """The only column found; None if there are none or several."""
     return found[0] if len(found) == 1 else None
 
 
@@ -232,17 +232,17 @@ def _is_current(name: str, direction: Collection[str]) -> bool:
 _STATES = (frozenset(("state",)), frozenset(("status",)), frozenset(("mode",)), frozenset(("step", "type")),
           frozenset(("md",)), frozenset(("step", "name")), frozenset(("work", "mode")), frozenset(("direction",)),
           frozenset(("type",)), frozenset(("phase",)), frozenset(("operation",)))  # fmt: skip
-#: Words of a column that is 1 while the battery is charged, and of its cells.
+#: Words in the name of a column that is 1 while the battery is charged, and the texts of its cells.
 _CHARGING, _BESIDE_CHARGING = "charging", word_set("is charging battery batt status state flag")
 _FLAGS = {"1": 1, "1.0": 1, "true": 1, "0": -1, "0.0": -1, "false": -1}
 _SAYS_DISCHARGE = re.compile(r"^d(?:\W|$)|dis|dch|dsg|dsch|entlad|放电", re.IGNORECASE)
 _SAYS_CHARGE = re.compile(r"^c(?:\W|$)|ch[aghr]|^cccv|^laden|充电", re.IGNORECASE)
-#: At rest what little flows leaves the battery.
+#: At rest any small current discharges the battery.
 _SAYS_REST = re.compile(r"^r(?:\W|$)|rest|idle|wait|pause|stand ?by|ruhe|静置|搁置", re.IGNORECASE)
 
 
 def state_column(file: TableFile) -> str | None:
-    """The column of texts that name charge or discharge among its first cells; None where there is none."""
+    """The column whose first cells name charge or discharge, or are flags of charging; None if there is none."""
     for name, cells in file.head.items():
         named = frozenset(letters(name)) in _STATES and any(_direction(cell) for cell in cells)
         if named or (_is_charging_flag(name) and cells and all(cell.strip().lower() in _FLAGS for cell in cells)):
@@ -251,7 +251,7 @@ def state_column(file: TableFile) -> str | None:
 
 
 def with_direction(current: np.ndarray, states: np.ndarray, name: str) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The current (T,), > 0 charging by the state beside it, where it is never negative and discharges at all."""
+    """The current (T,), > 0 charging by the state column, if it is never negative and some states are a discharge."""
     is_flag = _is_charging_flag(name)
     if np.nanmin(current, initial=0.0) < 0 or (states.dtype != object and not is_flag):
         return current, ()
@@ -284,7 +284,7 @@ _STATUS, _STATUS_FULL = word_set("power supply status"), 4.0
 
 
 def full_charges(extra: Mapping[str, np.ndarray]) -> tuple[tuple[str, int], ...]:
-    """Name of the column and sample of each charge that one of the columns (T,) begins to call complete."""
+    """Name of the column and sample of each onset of full charge that one of the columns (T,) reports."""
     found = []
     for name, values in extra.items():
         if _is_status(name):
@@ -311,8 +311,7 @@ def _is_flag(name: str) -> bool:
     return any(words >= full and words - full <= _BESIDE for full in _FULL)
 
 
-#: Names of the column of a serial number, written together and in small letters, with or without the word for the
-#: battery before them.
+#: Names of a column of serial numbers, reduced to lower-case letters, without the word for the battery before them.
 _SERIAL = frozenset(("serial", "serialnumber", "serialno", "serialnr"))
 _OF_BATTERY = re.compile(r"^(battery|batt|bat|pack|accu)(state)?")
 
@@ -328,7 +327,7 @@ def serial_numbers(
 ) -> tuple[tuple[str, str], ...]:
     """Column and value of each serial number in a file, in order of appearance; () for a file without any.
 
-    where: column -> value of the rows wanted; a serial number among them is the only one.
+    where: column -> value of the rows wanted; if it gives a serial number, that is the only one.
 
     Raises:
         InputError: the file cannot be read.

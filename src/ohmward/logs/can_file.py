@@ -1,4 +1,4 @@
-"""Recordings of a CAN bus (candump, ASC, BLF, TRC, CSV, MDF): signals of the frames by the database of the bus."""
+"""Recordings of a CAN bus (candump, ASC, BLF, TRC, CSV, MDF), decoded to signals with the database of the bus."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _TEXTS = (
     (re.compile(rb"timestamp,arbitration_id,extended,"), "CSVReader"),
     (re.compile(rb"\"?Time Stamp\"?,\"?ID\"?,\"?Extended\"?,"), ""),
 )
-#: The reader of python-can for the one that is no text.
+#: The reader of python-can for the one binary format.
 _BLF = "BLFReader"
 _MOST_BYTES = 8
 #: A group of MDF unpacks to this many bytes, or to this many times the file's size, at most.
@@ -46,14 +46,14 @@ class CanFrames(NamedTuple):
 
 
 def can_reader(head: bytes) -> str | None:
-    """The reader of python-can for a text that begins so, "" for the table of SavvyCAN, None where it is no CAN."""
+    """The reader of python-can for a text with this beginning, "" for a SavvyCAN table, None for anything but CAN."""
     return next((reader for beginning, reader in _TEXTS if beginning.match(head.lstrip(b"\xef\xbb\xbf"))), None)
 
 
 def open_can(path: Path, hints: FileHints, reader: str) -> TableFile:
     """The signals of the frames in a recording of a CAN bus; refused without a database that knows some of them.
 
-    reader: as of `can_reader`, or `_BLF`.
+    reader: from `can_reader`, or `_BLF`.
     """
     if hints.dbc is None:
         raise _without_database(path)
@@ -64,7 +64,7 @@ def open_can(path: Path, hints: FileHints, reader: str) -> TableFile:
 
 
 def open_mdf(path: Path, hints: FileHints) -> TableFile:
-    """The signals in a file of ASAM MDF, or in the CAN frames that it holds; refused as of `open_can`."""
+    """The signals in a file of ASAM MDF, or in the CAN frames that it holds; refused as in `open_can`."""
     asammdf = require("asammdf", "an MDF file")
     with (
         parsing(path, "no readable MDF file", "export it again, as MDF 4 or CSV"),
@@ -89,7 +89,7 @@ def open_mdf(path: Path, hints: FileHints) -> TableFile:
 
 @contextmanager
 def _closing_what_is_half_read() -> Iterator[None]:
-    """Close a file whose reading asammdf gives up: its own `close` needs an attribute that is then gone.
+    """Close a file that asammdf fails to read: its own `close` needs an attribute that is missing then.
 
     The garbage collector would close it at any later time, with an error on the screen and its copy left on the disk.
     """
@@ -110,7 +110,7 @@ _BUS_EVENT = 0x2
 
 
 def _require_size(path: Path, file: Any) -> None:
-    """Refuse a file whose groups say that they hold far more than it can."""
+    """Refuse a file whose groups claim to hold far more than it can."""
     groups = [group.channel_group for group in file.groups]
     largest = max((group.cycles_nr * max(group.samples_byte_nr, 1) for group in groups), default=0)
     if largest > max(_UNPACKED_TIMES * path.stat().st_size, _UNPACKED_BYTES):
@@ -118,7 +118,7 @@ def _require_size(path: Path, file: Any) -> None:
 
 
 def _groups(file: Any) -> dict[str, Stream]:
-    """The groups of channels; the columns are called by their channels, and groups by their first one."""
+    """The groups of channels as streams, by number; the columns are named after the channels."""
     start_s = file.header.start_time.timestamp()
     seen: set[str] = set()
     streams = {}
@@ -149,15 +149,15 @@ def load_can_database(path: str) -> Any:
         return cantools.database.load_file(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
-    except Exception as error:  # parsers raise of every kind
+    except Exception as error:  # the parsers raise many kinds
         reason = " ".join(str(error).split())[:200]
         raise InputError(f"{path}: is no CAN database that can be read ({reason}); give a DBC file") from error
 
 
 def _open_frames(source: str, frames: Iterable[CanFrames], dbc: str, database: Any, notes: Iterable[Note]) -> TableFile:
-    """The signals of frames by a database, a stream for each message; refused where it knows none of the frames.
+    """The signals of frames by a database, a stream for each message; refused if it knows none of the frames.
 
-    A signal whose name stands in several messages is called `MESSAGE.SIGNAL`.
+    A signal whose name occurs in several messages is called `MESSAGE.SIGNAL`.
     """
     decoded: dict[str, tuple[np.ndarray, dict[str, np.ndarray]]] = {}
     unknown, broken = 0, 0
@@ -191,7 +191,7 @@ def _open_frames(source: str, frames: Iterable[CanFrames], dbc: str, database: A
 
 
 def _decoded(message: Any, frames: CanFrames) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """(n,) bool, which frames could be decoded, and of these the signals that are numbers, by name and unit."""
+    """Mask (n,) of the frames that could be decoded, and their numeric signals, by name and unit."""
     units = {signal.name: signal.unit for signal in message.signals}
     known: dict[bytes, Mapping[str, Any]] = {}
     for payload in dict.fromkeys(frames.payloads):
@@ -226,19 +226,19 @@ def _by_identifier(path: Path, received: Iterable[_Received]) -> list[CanFrames]
 
 
 def _of_python_can(path: Path, reader: str, notes: list[Note]) -> Iterator[_Received]:
-    """The frames of a file by a reader of python-can; of one that is cut off those before the cut, with a note."""
+    """The frames of a file, read by python-can; of a truncated file those before the cut, with a note."""
     can = require("can", "a recording of CAN")
     is_text = reader != _BLF
     is_empty = True
     try:
-        # a stream of ours: python-can leaves its own open where it gives up, and prints what it cannot read
+        # our own stream: python-can leaves its stream open on errors, and prints what it cannot read
         with silenced(), path.open("r" if is_text else "rb", errors="replace" if is_text else None) as stream:
             for message in getattr(can, reader)(stream):
                 if message.is_error_frame or message.is_remote_frame:
                     continue
                 yield (message.arbitration_id, message.is_extended_id), message.timestamp, bytes(message.data)
                 is_empty = False
-    except Exception as error:  # of its parsers, many kinds
+    except Exception as error:  # its parsers raise many kinds
         if is_empty:
             raise InputError(f"{path.name}: no readable recording of CAN ({error}); record it again") from error
         notes.append(Note(f"the file is damaged or cut off ({error}): the frames before that were read", "warning"))
@@ -247,7 +247,7 @@ def _of_python_can(path: Path, reader: str, notes: list[Note]) -> Iterator[_Rece
 def _of_savvycan(path: Path, encoding: str | None, notes: list[Note]) -> Iterator[_Received]:
     """The frames of a table of SavvyCAN (GVRET): time [us], identifier and bytes in hexadecimal.
 
-    Rows that cannot be read so are left out and counted.
+    Rows that do not fit this format are left out and counted.
     """
     broken = 0
     with open_text(path, encoding) as stream:
@@ -266,7 +266,7 @@ def _of_savvycan(path: Path, encoding: str | None, notes: list[Note]) -> Iterato
 
 
 def _without_database(path: Path) -> InputError:
-    """The refusal of frames without a database, with the one that lies beside them."""
+    """The error for frames without a database, which suggests one in the same folder."""
     beside = sorted(found for found in path.parent.glob("*") if found.suffix.lower() in (".dbc", ".kcd", ".sym"))
     name = str(beside[0]) if beside else "FILE.dbc"
     return InputError(
@@ -276,7 +276,7 @@ def _without_database(path: Path) -> InputError:
     )
 
 
-#: First bytes of the formats that they tell.
+#: Opener of each format that is recognised by its first bytes.
 OPENERS: dict[bytes, Opener] = {
     b"LOGG": partial(open_can, reader=_BLF),
     b"MDF     ": open_mdf,

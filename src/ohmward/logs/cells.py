@@ -1,6 +1,6 @@
-"""Cells of a text table (numbers with units, marks between thousands, a decimal comma; dates), and its header.
+"""Cells of a text table (numbers with units, thousands separators, a decimal comma; dates), and its header.
 
-The header is the rows of cells above the first rows of values, below whatever text a logger writes first.
+The header is the rows of cells above the first rows of values, below any text that a logger writes first.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from ohmward.logs.table import MISSING, number
 from ohmward.logs.units import Unit, split_unit, unit_of
 
-#: Spaces between thousands (those that break no line), and the apostrophe of Switzerland.
+#: Thousands separators: non-breaking spaces, and the Swiss apostrophe.
 _SPACES = "\u00a0\u202f\u2009"
 _BETWEEN = f"[{_SPACES}'’ ]"
 _SIGNS = str.maketrans({"\u2212": "-", "\uff0d": "-", "\u2013": "-"})
@@ -28,14 +28,14 @@ _TIME_OF_DAY = r"\d{1,2}:\d\d(?::\d\d(?:[.,:]\d+)?)?(?:\s*[AaPp]\.?[Mm]\.?)?"
 _DATE_MARKS = r"\d{1,4}\s*[-/.年]\s*(?:\d{1,2}|[A-Za-z]{3,9})\s*[-/.月]\s*\d{1,4}日?|\d{4}-\d{3}"
 _MONTH = r"\b(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*\b"
 _TIME = re.compile(rf"{_TIME_OF_DAY}|{_DATE_MARKS}|{_MONTH}.*\d{{4}}|^\s*\d{{8}}T?\d{{6}}|^P(?:\d|T)", re.IGNORECASE)
-#: Marks between cells that no date and no number holds.
+#: Delimiters of cells that occur in no date and no number.
 _MARKS = re.compile(r"[;|\t]")
 _GROUPS_OF_THREE = re.compile(r"^[-+]?[1-9]\d{0,2}(?:,\d{3})+(?P<fraction>\.\d+)?$")
 _COMMA = re.compile(r"^[-+]?\d*,\d+(?:[eE][-+]?\d+)?$")
 
 
 class Marks(NamedTuple):
-    """Notation of numbers: a comma before decimals; marks between thousands."""
+    """Notation of numbers: a decimal comma; the thousands separator."""
 
     decimal_comma: bool = False
     thousands: str = ""
@@ -55,7 +55,7 @@ def is_value(cell: str) -> bool:
 
 
 def unit_in_cells(cells: Iterable[str]) -> Unit | None:
-    """The unit behind the first number that has one, where all cells are numbers; None for none."""
+    """The unit after the first number that has one, if all cells are numbers; else None."""
     first = None
     for cell in cells:
         if cell.strip().lower() in MISSING:
@@ -69,7 +69,7 @@ def unit_in_cells(cells: Iterable[str]) -> Unit | None:
 
 
 def find_marks(columns: Sequence[Sequence[str]], delimiter: str) -> Marks | None:
-    """The notation of the numbers in columns of cells; None where a comma may be either mark."""
+    """The notation of the numbers in columns of cells; None if a comma may be decimal or a thousands separator."""
     comma = [
         [cell for cell in map(_bare, cells) if "," in cell and (_COMMA.match(cell) or _GROUPS_OF_THREE.match(cell))]
         for cells in columns
@@ -91,9 +91,9 @@ def find_marks(columns: Sequence[Sequence[str]], delimiter: str) -> Marks | None
 
 
 def parse_cells(cells: Sequence[str], marks: Marks, unit: Unit | None = None) -> np.ndarray:
-    """(T,) float64 where every cell is a number, perhaps with a unit, or missing; else the text as dtype object.
+    """The cells (T,) as float64 if each is a number, perhaps with a unit, or missing; else as text (dtype object).
 
-    unit: of the column; cells in another one of its dimension are converted.
+    unit: of the column; cells in another unit of the same dimension are converted.
     """
     if not marks.thousands:
         numbers = [cell.replace(",", ".") for cell in cells] if marks.decimal_comma else cells
@@ -137,7 +137,7 @@ def _value(cell: str, marks: Marks, unit: Unit | None) -> float | None:
         return None
 
 
-#: Units of quantities that no channel has, in small letters.
+#: Units of quantities that no channel has, in lower case.
 _OTHER_UNITS = frozenset(("ohm", "mohm", "ω", "mω", "hz"))
 
 
@@ -150,7 +150,7 @@ Row = Sequence[str]
 
 #: The zone that Victron's portal writes below `timestamp`: "Europe/Berlin (+01:00)".
 _ZONE = re.compile(r"^(?P<zone>[A-Z]\w+/[\w/-]+) \([+-]\d\d:\d\d\)$")
-#: Longest unit that is not known, like "[Cnt]".
+#: Length of the longest unknown unit, like "[Cnt]".
 _LONGEST_UNIT = 7
 
 
@@ -164,7 +164,7 @@ class ValueBlock(NamedTuple):
 
     @property
     def weight(self) -> float:
-        """Number of rows that are surely values."""
+        """Number of rows times the share of values in them."""
         return self.length * self.share
 
 
@@ -178,7 +178,7 @@ class Header(NamedTuple):
 
 
 def unique_names(names: Sequence[str]) -> tuple[str, ...]:
-    """The names, those that stand a second time with a number before their unit: `Temp`, `Temp 2`; `I 2 [A]`."""
+    """The names, with a number before the unit of repeated ones: `Temp`, `Temp 2`; `I 2 [A]`."""
     unique: list[str] = []
     for name in names:
         stem, unit = next(split_unit(name))
@@ -209,7 +209,7 @@ def find_block(rows: Sequence[Row]) -> ValueBlock | None:
 
 
 def _cells(row: Row) -> tuple[int, int]:
-    """Numbers of the cells that are filled, and of the values among these, which a single cell is not."""
+    """Number of filled cells, and of values among them; a single cell is not a value."""
     filled = [cell for cell in row if cell.strip()]
     return len(filled), sum(map(is_value, filled)) if len(row) > 1 else 0
 
@@ -226,7 +226,8 @@ def is_data(row: Row) -> bool:
 def find_header(rows: Sequence[Row], block: ValueBlock) -> Header:
     """The header of a block of values.
 
-    Above it may stand rows of units and text that is no header; a row of values that a note interrupts goes on.
+    Above the block may stand rows of units and text that is no header. The values begin below the first row with these
+    names, also if a note or another header interrupts them.
     """
     above = [at for at in range(block.first) if _may_be_header(rows[at], block.width)]
     of_units = [at for at in above if _is_unit_row(rows[at])]
@@ -248,7 +249,7 @@ def find_header(rows: Sequence[Row], block: ValueBlock) -> Header:
 
 
 def _may_be_header(row: Row, width: int) -> bool:
-    """True for a row of texts that is as long as the rows of values, but for empty cells and a last remark."""
+    """True for a row of texts as long as the rows of values, except for empty cells and a last remark."""
     filled = [cell for cell in row if cell.strip()]
     long = len(row) in (width, width + 1) or (len(row) > width and not any(cell.strip() for cell in row[width:]))
     short = width > len(row) >= max(2, width - 1)
@@ -274,7 +275,7 @@ def _with_unit(name: str, unit: str) -> str:
 
 
 def _with_devices(names: list[str], devices: Row | None) -> tuple[list[str], str | None]:
-    """The names, those of Victron's portal with the devices above where they are needed, and its time zone."""
+    """The names, in files of Victron's portal with the device above where it is needed, and their time zone."""
     if devices is None or not (zone := _ZONE.match(names[0])) or devices[0].strip() != "timestamp":
         return names, None
     whole = [

@@ -1,4 +1,4 @@
-"""The channels of batteries and drives: how the columns of a log call the quantities of the table."""
+"""The channels of batteries and drives: names that log columns have for the quantities of the table."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SPELLED_OUT: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
-#: Between the words of `PackVoltage`; not of `mAmps`. Behind the letter of `Iavg`.
+#: Boundary between words: in `PackVoltage`, not in `mAmps`; after the letter in `Iavg`.
 _WITHIN = re.compile(r"(?<=[a-z][a-z])(?=[A-Z][a-z])|(?<=\b[IUViuv])(?=avg\b)")
 
 
@@ -42,7 +42,7 @@ def robot_words(stem: str) -> list[str]:
 class Channel(NamedTuple):
     """A quantity that a column may hold."""
 
-    name: str  #: as in `columns={"current": "I_batt"}`; a channel of wheels stands behind a wheel's name
+    name: str  #: as in `columns={"current": "I_batt"}`; for a wheel it follows the wheel's name
     #: of its units; default: the unit where a column names none; example: units for a message
     dimensions: tuple[str, ...]
 
@@ -65,9 +65,9 @@ _OF_BATTERY = word_set(
     "battery batt bat bms hv pack terminal total measured meas test state field data main header stamp surface payload "
     "utc gmt"
 )
-# Words of columns that serve where there is nothing better.
+# Words of columns that are used only if there is nothing better.
 _SECOND_CHOICE = word_set("cell raw mean avg average")
-# And of those that serve where there is no such one either.
+# And of columns that are used only if there is none of those either.
 _THIRD_CHOICE = word_set("now latest bus in input line")
 _BESIDE_BATTERY = (
     frozenset[str](),
@@ -85,7 +85,7 @@ _BESIDE_BODY = (word_set("imu data body base robot msg"),)
 
 
 def channel_for(quantity: Quantity) -> Channel:
-    """The channel of a quantity: the columns that may be it, by its words."""
+    """The channel of a quantity: how to recognise its columns by their words."""
     unit = unit_of(quantity.unit)
     assert unit is not None, f"{quantity.name}: no unit {quantity.unit!r}"
     of_battery = quantity.owner == "battery"
@@ -155,7 +155,7 @@ OCV_TABLE = tuple(
 BATTERY = (TIME, *_channels_of("battery"))
 #: The channels of each wheel, those of the motor only where it is driven.
 WHEEL = (WHEEL_SPEED, MOTOR_CURRENT)
-#: A yaw becomes a rate where there is no gyro.
+#: A yaw angle is turned into a rate if there is no gyro.
 YAW = Channel("yaw", ("angle",), UNITS["rad"], "rad or deg", words_of("yaw", "yaw angle"), _BESIDE_BODY)
 #: The channels of a robot's body.
 BODY = (*_channels_of("body"), YAW)
@@ -163,6 +163,6 @@ CHANNELS = {channel.name: channel for channel in (*BATTERY, *WHEEL, *BODY, *OCV_
 
 
 def channel_of(quantity: str) -> Channel:
-    """The channel of a quantity of one wheel or of the whole: `front_left_wheel_speed` is a `wheel_speed`."""
+    """The channel of a quantity, also of a single wheel: `front_left_wheel_speed` is a `wheel_speed`."""
     of_wheels = [channel for channel in WHEEL if quantity.endswith(channel.name)]
     return of_wheels[0] if of_wheels else CHANNELS[quantity]

@@ -1,6 +1,6 @@
 """From the columns of a file to the samples of a log: text, missing values, several sampling rates, gaps.
 
-Durations, intervals and charges that no log has are refused: the unit of the time is wrong.
+Impossible durations, intervals and charges are refused: they show that the unit of the time is wrong.
 """
 
 from __future__ import annotations
@@ -20,41 +20,41 @@ from ohmward.signals.checks import no_numbers, stuck
 from ohmward.signals.current_sign import edge_test
 from ohmward.signals.survey import find_gaps, spread, usual_interval_s
 
-#: No instrument shows a larger number, in whatever unit; squares of it are finite.
+#: Larger than any reading of an instrument in any unit; its square is finite.
 LARGEST_READING = 1e18
-#: A voltage of no battery stands alone, for less than half of so many samples, and so far from those around it, as a
-#: share of the usual one: pulses of a cold cell move it less.
+#: A voltage spike lasts less than half of this many samples, and is farther from the samples around it than this
+#: fraction of the usual voltage: pulses of a cold cell move it less.
 _AROUND, _FAR = 7, 1 / 3
-#: A temperature that stands alone, so far [K] from those around it, is no battery's: pulses warm a cell by a few.
+#: A temperature spike is farther than this [K] from the samples around it: pulses warm a cell by only a few kelvins.
 _FAR_K = 20.0
-#: A temperature [degC] that never changes and lies outside of these comes from no sensor: -127, -40, 85, 127.
+#: A temperature that never changes and lies outside these limits [degC] is an error code: -127, -40, 85, 127.
 COLDEST_CHAMBER_DEGC, HOTTEST_CHAMBER_DEGC = -35.0, 80.0
-#: So many samples at least tell that it never changes.
+#: Fewest samples to call a temperature constant.
 _SAMPLES_OF_A_CONSTANT = 50
-#: A current that may be none stands alone and is larger than so many times all but the largest hundredth; the voltage
-#: answers one that flows by this share of the resistance at least.
+#: A suspected current spike is larger than this many times the 99th percentile; it is real if the voltage responds with
+#: at least this fraction of resistance times current step.
 _HUGE, _ANSWERS = 3.0, 0.2
-#: A current that stays the same for this time [s] and so many rows is stuck where the voltage makes large moves that
-#: turn back so often, and by this share as often as elsewhere.
+#: A current that stays the same for this time [s] and this many rows is stuck if large moves of the voltage reverse at
+#: least this many times, and at this fraction of the rate of large moves elsewhere.
 _STUCK_S, _STUCK_ROWS, _STUCK_TURNS, _STUCK_SHARE = 60.0, 30, 6, 0.25
-#: A move is large that is by this share that of the largest edge of the current, and by so many times the noise.
+#: A voltage move is large above this fraction of that at the largest current edge, and this many times the noise.
 _LARGE_MOVE, _BEYOND_NOISE = 0.1, 6.0
 _ALONE = "no measurement, far from the rows around"
-# Where fewer than this fraction of the currents have a voltage in their row, each has a rate of its own.
+# If fewer than this fraction of the currents have a voltage in their row, the two have different sampling rates.
 _TOGETHER_FRACTION = 0.5
-# Silences of a recorder of changes up to so long [s] are filled, with so many rows at most.
+# Silences of a recorder of changes are filled up to this duration [s], each with at most this many rows.
 _UNCHANGED_S, _MOST_COPIES = 60.0, 600
-# Fewest values of a column of changes, and the most different ones among them, over their number.
+# Fewest values of a column of changes, and the largest fraction of them that are distinct.
 _FEWEST_CHANGES, _DIFFERENT = 30, 0.25
-# Current and voltage come in turn where this fraction of so many rows or more follow one of the other.
+# Current and voltage alternate if this fraction of the rows, of at least this many, follow one of the other kind.
 _IN_TURN, _TURNS = 0.9, 20
 
 
 def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
-    """Every channel but the time in the unit of its quantity, as float64; infinite values become NaN.
+    """Convert every channel but the time to the unit of its quantity, as float64; infinite values become NaN.
 
     Raises:
-        InputError: text where a number must stand (names the line), or no value of the current or voltage at all.
+        InputError: text where a number is expected (names the line), or no value of the current or voltage at all.
     """
     for channel in BATTERY:
         if channel is TIME or channel.name not in chosen:
@@ -79,28 +79,28 @@ def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]
 
 
 def without_spikes(voltage_V: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The voltages (T,) [V] with NaN in single rows that no battery shows, as 0 or 65.535 V, and a note on them."""
+    """The voltages (T,) [V] with isolated impossible values, such as 0 or 65.535 V, set to NaN, and a note on them."""
     usual_V = _usual(voltage_V)
     rows, _ = _alone(voltage_V, usual_V, _FAR * abs(usual_V))
     return without_rows(voltage_V, rows, "voltage", "V", _ALONE)
 
 
 def without_temperature_spikes(degC: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The temperatures (T,) [degC] with NaN in single rows that no battery shows, as -40 or 0, and a note on them."""
+    """The temperatures (T,) [degC] with isolated impossible values, as -40 or 0, set to NaN, and a note on them."""
     rows, _ = _alone(degC, _usual(degC), _FAR_K)
     return without_rows(degC, rows, "temperature", "degC", _ALONE)
 
 
 def _usual(values: np.ndarray) -> float:
-    """Median of the values (T,) that are known; 0 where none is."""
+    """Median of the finite values among (T,); 0 if there are none."""
     return float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
 
 
 def without_silent_spikes(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The currents (T,) [A] with NaN in single huge ones that the voltage (T,) [V] does not answer, and a note on them.
+    """The currents (T,) [A] with huge values to which the voltage (T,) [V] does not respond set to NaN, and a note.
 
-    32.767 or 655.35 A of a bus that was disturbed are such; one that flows moves the voltage by the resistance at once,
-    or in the next row where that is sampled later.
+    A disturbed bus gives 32.767 or 655.35 A, for example. A current that flows moves the voltage across the resistance
+    at once, or in the next row if the voltage is sampled later.
     """
     known = np.isfinite(current_A)
     usual_A = float(np.quantile(np.abs(current_A[known]), 0.99)) if known.any() else 0.0
@@ -122,9 +122,9 @@ def without_silent_spikes(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple
 def without_stuck_current(
     time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray
 ) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The currents (T,) [A] with NaN where they stay the same to the last digit and the load goes on, with a note each.
+    """The currents (T,) [A] with NaN where they freeze to the last digit although the load goes on, with a note each.
 
-    In a rest or at a steady load the voltage relaxes; a load that goes on unseen moves it back and forth as before.
+    At rest or under a steady load the voltage relaxes; a load that is no longer measured still moves it back and forth.
     """
     steady = long_runs(np.diff(current_A, prepend=np.nan) == 0.0, time_s, _STUCK_S, _STUCK_ROWS)
     if not steady:
@@ -155,9 +155,9 @@ def without_stuck_current(
 def battery_temperature(
     hints: FileHints, column: Column | None, measured: np.ndarray | None, samples: int
 ) -> tuple[np.ndarray | None, tuple[Note, ...]]:
-    """The temperature (T,) [degC] that was measured, else the one that the user told; None for neither.
+    """The measured temperature (T,) [degC], else the one given by the user, else None; and notes.
 
-    column: of the temperature, where there is one.
+    column: of the temperature, if there is one.
     """
     given_degC = hints.temperature_degC
     notes: tuple[Note, ...] = ()
@@ -180,7 +180,7 @@ def battery_temperature(
 
 
 def _is_of_no_sensor(column: Column, measured: np.ndarray) -> bool:
-    """True for a temperature (T,) [degC] that never changes and is zero, in degC or the column's unit, or no chamber's.
+    """True for a constant temperature (T,) [degC] that is zero, in degC or the column's unit, or beyond any chamber's.
 
     A constant 25 degC may be the set point of a chamber.
     """
@@ -196,9 +196,9 @@ def _is_of_no_sensor(column: Column, measured: np.ndarray) -> bool:
 def without_impossible(
     quantity: Quantity, values: np.ndarray, unit_known: bool = False
 ) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The values (T,) of a quantity with NaN in place of those that no battery has, and a note on them.
+    """The values (T,) of a quantity with those impossible for a battery set to NaN, and a note on them.
 
-    Where they are most, and the unit is not known for sure, that is wrong, and all stay.
+    If most of them are impossible and the unit is not certain, the unit is wrong, and all values are kept.
     """
     with np.errstate(invalid="ignore"):
         wrong = (values < quantity.limits.lowest) | (values > quantity.limits.highest)
@@ -208,7 +208,7 @@ def without_impossible(
 
 
 def _alone(values: np.ndarray, usual: float, far: float) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of the values (T,) farther than `far` from the usual one and the median of those around; and the medians."""
+    """Rows of values (T,) farther than `far` from `usual` and from the median of those around; and these medians."""
     known = np.flatnonzero(np.isfinite(values))
     if known.size < _AROUND:
         return np.empty(0, int), np.empty(0)
@@ -248,7 +248,7 @@ def drop_untimed(table: Table, time: str) -> Table:
 
 
 def drop_text(table: Table) -> Table:
-    """The numeric columns that have a value at all, as float64."""
+    """The numeric columns with at least one value, as float64."""
     numeric = {name: numbers(table, name) for name, values in table.columns.items() if values.dtype.kind in "fium"}
     measured = {name: values for name, values in numeric.items() if np.isfinite(values).any()}
     left_out = {"text": table.columns.keys() - numeric.keys(), "empty": numeric.keys() - measured.keys()}
@@ -257,12 +257,12 @@ def drop_text(table: Table) -> Table:
 
 
 def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
-    """Rows that have a current or a voltage; what was sampled on rows of its own is interpolated onto them.
+    """Rows that have a current or a voltage; channels sampled on rows of their own are interpolated onto them.
 
-    The temperature, and whatever else the battery has, is always interpolated linearly over rows that lack it. The
-    current is, where the file samples it on other rows than the voltage; where the two come in turn, from one sensor,
-    rows of the current alone go. Single missing values of both stay NaN. Where the recorder writes changes alone, a
-    value holds until the next one.
+    The temperature and all further battery channels are always interpolated linearly over rows that lack them. The
+    current is interpolated only if the file samples it on other rows than the voltage; if the two alternate, as from
+    one sensor, rows with a current alone are dropped. Single missing values of both stay NaN. If the recorder writes
+    changes only, a value holds until the next one.
     """
     time = chosen["time"].name
     current = chosen["current"].name
@@ -290,9 +290,9 @@ def merge_rates(table: Table, chosen: Mapping[str, Column]) -> Table:
 
 
 def _hold_changes(table: Table, time: str, names: Sequence[str]) -> Table:
-    """The table with these columns held from change to change, where changes are all that was written.
+    """The table with these columns held from one change to the next, if only changes were written.
 
-    A silence in which nothing has changed is no gap: rows are added in it, as often as usual.
+    A silence in which nothing has changed is not a gap: rows are added in it at the usual interval.
     """
     columns = {name: table.columns[name] for name in names}
     sparse = {name: values for name, values in columns.items() if not np.isfinite(values).all()}
@@ -314,7 +314,7 @@ def _hold_changes(table: Table, time: str, names: Sequence[str]) -> Table:
 
 
 def _are_changes(values: np.ndarray) -> bool:
-    """True of few different values, none of which comes twice in a row: a sensor of that resolution repeats itself."""
+    """True for few distinct values among many: sampled regularly, a sensor of that resolution would repeat itself."""
     known = values[np.isfinite(values)]
     return known.size >= _FEWEST_CHANGES and bool(np.unique(known).size <= _DIFFERENT * known.size)
 
@@ -339,7 +339,7 @@ def missing_notes(table: Table, chosen: Mapping[str, Column]) -> list[Note]:
 
 
 def on_lines(at_s: np.ndarray, time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values (N,) at times (N,) on straight lines between samples (T,); NaN within gaps and outside of them."""
+    """Values (N,) at times (N,), linear between samples (T,); NaN within gaps, before the first and after the last."""
     found = np.interp(at_s, time_s, values, left=np.nan, right=np.nan)
     for gap in find_gaps(time_s):
         found[(at_s > time_s[gap]) & (at_s < time_s[gap + 1])] = np.nan
@@ -358,28 +358,28 @@ def gap_notes(time_s: np.ndarray) -> tuple[Note, ...]:
 
 YEAR_S = 365.25 * 86400.0
 _HOUR_S = 3600.0
-#: No battery logs for longer.
+#: Longest plausible log.
 LONGEST_S = 50.0 * YEAR_S
-#: A battery that lets its largest current flow one way for longer than this is emptied by a thousandth of its capacity
-#: in an hour: no test and no robot is so slow, but milliseconds read as seconds are.
+#: Longest plausible time for the largest current to flow one way: it would move a thousandth of the capacity an hour,
+#: slower than any test or robot, but typical of milliseconds read as seconds.
 LONGEST_FLOW_H = 1000.0
-#: The same where the unit of the time is a guess: curves of open-circuit voltage are taken in 50 h.
+#: The same if the unit of the time is a guess: tests of the open-circuit voltage take 50 h.
 LONGEST_FLOW_GUESSED_H = 60.0
-#: Shortest interval between samples of a time whose unit is a guess, of batteries and of drives: hours and minutes read
-#: as seconds are shorter.
+#: Shortest plausible sampling interval of batteries and of drives if the unit of the time is a guess: hours and minutes
+#: read as seconds are shorter.
 SHORTEST_INTERVAL_S, SHORTEST_DRIVE_S = 1e-3, 5e-4
 #: Intervals of times in minutes and in hours that are read as seconds: 1, 5 and 10 s are 1/60 to 1/6 of a minute, and
-#: 5 s to a minute are 1/720 to 1/60 of an hour. So many samples a second are no round number; 30 and 120 are those of
-#: cameras.
+#: 5 s to a minute are 1/720 to 1/60 of an hour. As sampling rates these are not round numbers; 30 and 120 Hz are left
+#: out because cameras use them.
 _IN_MINUTES_S = (1 / 720, 1 / 360, 1 / 180, 1 / 60, 1 / 12, 1 / 6)
 _ALIKE = 0.004
-#: Intervals from this on are chosen by people, as full half minutes; others are milliseconds or microseconds.
+#: From this interval on people choose multiples of half a minute; other intervals are milliseconds or microseconds.
 CHOSEN_FROM_S, HALF_MINUTE_S = 90.0, 30.0
-#: Longest interval between samples of the wheels of a drive: slower ones show no slip.
+#: Longest sampling interval of wheels: slower sampling shows no slip.
 SLOWEST_DRIVE_S = 5.0
-#: From this interval on a guessed unit is worth a warning: twenty milliseconds read as seconds look like a slow logger.
+#: From this interval on a guessed unit is worth a warning: 20 ms read as 20 s look like a slow logger.
 DOUBTFUL_FROM_S = 10.0
-#: Share of an interval by which loggers are late.
+#: Largest deviation from a multiple of half a minute, in half minutes: loggers are a little late.
 _JITTER = 0.1
 _UNITS = ("ms", "us", "ns", "min", "h", "d")
 
@@ -387,13 +387,13 @@ _UNITS = ("ms", "us", "ns", "min", "h", "d")
 def require_plausible(
     source: str, time: Column, time_s: np.ndarray, current_A: np.ndarray, guessed: bool
 ) -> tuple[Note, ...]:
-    """Refuse a log that cannot be; warn where seconds are a guess and the samples lie as far apart as milliseconds do.
+    """Refuse an impossible log; warn if seconds are a guess and the interval is more typical of milliseconds.
 
     time: its column.  time_s: (T,) [s], increasing.  current_A: (T,) [A], nan where it is not known.
-    guessed: nothing told the unit of the time.
+    guessed: the unit of the time is a guess.
 
     Raises:
-        InputError: names the duration, the interval or the charge, and the options that set it right.
+        InputError: names the duration, the interval or the charge, and the options that correct it.
     """
     if time_s.size < 2:
         return ()
@@ -419,12 +419,12 @@ def require_plausible(
 
 
 def require_plausible_drive(source: str, time: Column, time_s: np.ndarray, guessed: bool) -> None:
-    """Refuse a drive whose wheels are sampled too seldom by a clock whose unit is a guess.
+    """Refuse a drive with an implausible sampling interval if the unit of the time is a guess.
 
-    time: its column.  time_s: (T,) [s], increasing.  guessed: nothing told the unit of the time.
+    time: its column.  time_s: (T,) [s], increasing.  guessed: the unit of the time is a guess.
 
     Raises:
-        InputError: names the interval and the options that set it right.
+        InputError: names the interval and the options that correct it.
     """
     if (
         guessed
@@ -438,14 +438,14 @@ def require_plausible_drive(source: str, time: Column, time_s: np.ndarray, guess
 
 
 def _advice(interval_s: float) -> str:
-    """How to say the unit of a time that gives this interval in seconds, the likeliest first."""
+    """Advice to give the unit of a time with this interval if read as seconds, the likeliest unit first."""
     first = "ms" if interval_s > 1.0 else "min" if interval_s >= SHORTEST_INTERVAL_S else "h"
     others = ", ".join(unit for unit in _UNITS if unit != first)
     return f"say its unit with --unit time={first} (units={{'time': '{first}'}}), {others}, or, if it is right, time=s"
 
 
 def _is_interval(seconds: float) -> bool:
-    """True where people let a logger take a sample so often."""
+    """True for a sampling interval [s] that people would choose for a logger."""
     if seconds < CHOSEN_FROM_S:
         in_minutes = any(abs(seconds - other) < _ALIKE * other for other in _IN_MINUTES_S)
         return seconds >= SHORTEST_INTERVAL_S and not in_minutes
@@ -453,7 +453,7 @@ def _is_interval(seconds: float) -> bool:
 
 
 def _flow_h(steps: np.ndarray, current_A: np.ndarray) -> float:
-    """Range of the charge over the largest current [h]."""
+    """Range of the charge divided by the largest current [h]."""
     known = np.nan_to_num(current_A)
     largest = float(np.abs(known).max())
     if largest == 0.0:

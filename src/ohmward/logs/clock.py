@@ -1,4 +1,4 @@
-"""A time column in whatever notation, as seconds."""
+"""A time column in any notation, as seconds."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ from ohmward.logs.units import UNITS
 _UNIX_S = (946_684_800.0, 4_102_444_800.0)
 #: Numbers like 20260328091500.
 _COMPACT = (2.0e13, 2.1e13)
-#: A time of day that falls by more than this has gone over midnight.
+#: A time of day that falls by more than this has passed midnight.
 _OVER_MIDNIGHT_S = 0.9 * DAY_S
 #: 14:03 and 00:14, of hours and minutes or of minutes and seconds.
 _TWO_NUMBERS = re.compile(r"^\s*\d+:\d\d(?:[.,]\d+)?\s*$")
 _HOURS_OF_DAY = 24
-#: A clock that jumps by this was set.
+#: A clock that jumps by at least this was set.
 _SET_FROM_S = 365.0 * DAY_S
-#: Serial dates a hundred seconds apart at most; as seconds they would be a hundred thousandth of that.
+#: Largest interval of serial dates, 100 s in days; read as seconds it would be about 1 ms.
 _SERIAL_STEP = 100.0 / DAY_S
 
 
@@ -54,7 +54,7 @@ class Clock(NamedTuple):
     start_unix_s: float | None  #: Unix time of its zero, None if elapsed
     notes: tuple[Note, ...] = ()
     guessed_unit: bool = False  #: the column names no unit, and is no Unix time
-    time_zone: str = "UTC"  #: of a wall clock's dates, "" where they name none and were taken as UTC
+    time_zone: str = "UTC"  #: of a wall clock's dates, "" where they name none and are assumed to be UTC
 
 
 def nanosecond_column(names: Sequence[str], name: str) -> str | None:
@@ -64,7 +64,7 @@ def nanosecond_column(names: Sequence[str], name: str) -> str | None:
 
 
 def date_column(file: TableFile, name: str) -> str | None:
-    """The column that holds the date of the times of day in `name`, or the times of day of its dates; None for none."""
+    """The column of the dates for the times of day in `name`, or of the times of day for its dates, or None."""
     cells = [cell for cell in file.head.get(name, ()) if cell.strip()]
     if not cells or has_date(cells[0]) == has_time_of_day(cells[0]):
         return None
@@ -83,23 +83,23 @@ def _are_parts(cells: Sequence[str], of_days: bool) -> bool:
 
 
 def read_clock(table: Table, column: Column, hints: FileHints | None = None, date: str | None = None) -> Clock:
-    """Seconds from elapsed time, Unix time (s, ms, us or ns, told by magnitude), dates, h:mm:ss, durations.
+    """Seconds from elapsed time, Unix time (s, ms, us or ns, by magnitude), dates, h:mm:ss, durations.
 
     Wall clocks become seconds since their first sample; elapsed times keep the file's own zero.
 
-    date: the column of `date_column`.
+    date: the column from `date_column`.
 
     Raises:
-        InputError: a cell is neither a number nor a date; names the line. Serial dates, or a change of clocks, that
-            the user must explain.
+        InputError: a cell is neither a number nor a date; names the line. Serial dates, or a clock change for daylight
+            saving, that the user must explain.
     """
     return _set_at_boot(_read_clock(table, column, hints or FileHints(), date), column.name)
 
 
 def _set_at_boot(clock: Clock, name: str) -> Clock:
-    """The clock without the jump of one that was set while it ran, within a day; with a note.
+    """Remove the jump of a clock that was set within a day of its start, with a note.
 
-    It began at a New Year, or before 2000. The rows before the jump end a usual interval before it.
+    Such a clock starts at a New Year, or before 2000. The rows before the jump end a usual interval before the others.
     """
     known = np.flatnonzero(np.isfinite(clock.time_s))
     steps = np.diff(clock.time_s[known])
@@ -151,13 +151,13 @@ def _read_clock(table: Table, column: Column, hints: FileHints, date: str | None
 def are_whole_days(dates: np.ndarray) -> bool:
     """True for datetime64 values (T,) that have no time of day."""
     known = dates[~np.isnat(dates)]
-    if np.any(known[:1] != known[:1].astype("M8[D]")):  # as nearly always: the others need not be looked at
+    if np.any(known[:1] != known[:1].astype("M8[D]")):  # nearly always so: the others need no check
         return False
     return bool(np.all(known == known.astype("M8[D]")))
 
 
 def _with_nanoseconds(seconds: np.ndarray, nanoseconds: np.ndarray) -> np.ndarray:
-    """(T,) datetime64 of whole seconds and nanoseconds, NaT where one is missing or no time."""
+    """Times (T,) as datetime64 from whole seconds and nanoseconds, NaT where one is missing or not a time."""
     known = (np.abs(nanoseconds) < 1e10) & (np.abs(seconds) < _UNIX_S[1])
     stamps = np.full(seconds.size, "NaT", "M8[ns]")
     whole = seconds[known].astype(np.int64) * 1_000_000_000 + nanoseconds[known].astype(np.int64)
@@ -166,7 +166,7 @@ def _with_nanoseconds(seconds: np.ndarray, nanoseconds: np.ndarray) -> np.ndarra
 
 
 def _joined(values: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(T,) date and time of two columns."""
+    """Date and time (T,) joined from two columns."""
     pairs = zip(values, others, strict=True)
     first = next((str(value) for value in values if str(value).strip()), "")
     parts = (((b, a) if has_time_of_day(first) else (a, b)) for a, b in pairs)
@@ -205,7 +205,7 @@ def _from_numbers(table: Table, column: Column, values: np.ndarray, hints: FileH
 
 
 def _are_serial(table: Table, column: Column, values: np.ndarray) -> bool:
-    """True for days since 1899 in a column that is named after dates; InputError where it may be of seconds."""
+    """True for days since 1899 in a column that is called a date; InputError where they may be seconds."""
     if not values.size or not (values.min() > EXCEL_DAYS[0] and values.max() < EXCEL_DAYS[1]):
         return False
     steps = np.abs(np.diff(values.astype(float)))
@@ -223,7 +223,7 @@ def _are_serial(table: Table, column: Column, values: np.ndarray) -> bool:
 def _scaled(values: np.ndarray, scale: float) -> np.ndarray:
     if scale == 1.0:
         return values.astype(float, copy=False)
-    with np.errstate(over="ignore"):  # what is infinite then is no time
+    with np.errstate(over="ignore"):  # an infinite result is not a time
         return values * scale
 
 
@@ -250,9 +250,9 @@ def _times_of_day(table: Table, column: Column, values: np.ndarray, first: str, 
 
 
 def _of_two_numbers(table: Table, column: Column, values: np.ndarray, hints: FileHints) -> Clock:
-    """Seconds of hours and minutes, or of minutes and seconds where the first number goes beyond a day's hours.
+    """Seconds of hours and minutes, or of minutes and seconds if the first number exceeds the hours of a day.
 
-    Where it does not, a log from 0:00 on in steps of one may be either, and is refused.
+    If it does not, a log from 0:00 on in steps of one may be either, and is refused.
     """
     first = next(cell for cell in values if cell.strip())
     if any(_TWO_NUMBERS.match(cell) is None for cell in values if cell.strip()):
@@ -280,7 +280,7 @@ def _dates(table: Table, column: Column, cells: Any, first: str, hints: FileHint
 
 
 def _each(table: Table, column: Column, cells: Any, read: Callable[[str], float], first: str) -> np.ndarray:
-    """(T,) the cells one by one; InputError for the first that is no time."""
+    """Read the cells (T,) one by one; InputError for the first that is not a time."""
     seconds = np.empty(len(cells))
     for row, cell in enumerate(cells):
         try:
@@ -292,7 +292,7 @@ def _each(table: Table, column: Column, cells: Any, read: Callable[[str], float]
 
 
 def _over_midnight(column: Column, seconds: np.ndarray) -> Clock:
-    """Seconds of durations, or of times of day; the next day where they fall by almost one."""
+    """Seconds of durations, or of times of day, which go on to the next day where they fall by almost a day."""
     days = np.cumsum(np.concatenate([[0.0], np.diff(np.where(np.isfinite(seconds), seconds, 0.0)) < -_OVER_MIDNIGHT_S]))
     if not np.isfinite(seconds).all() or not days.any() or np.nanmax(seconds) >= DAY_S:
         return Clock(seconds, None)
@@ -312,7 +312,7 @@ def _require_one_row_a_day(table: Table, column: Column, seconds: np.ndarray) ->
 
 
 def _from_dates(table: Table, column: Column, dates: Dates, hints: FileHints, what: str, first: object = None) -> Clock:
-    """Seconds since the first of dates, which are UTC, of the zone that was told, or taken as UTC."""
+    """Seconds since the first of dates, which are UTC, in the zone of the hints, or assumed to be UTC."""
     seconds = dates.seconds
     if isinstance(first, str) and not has_time_of_day(first):
         _require_one_row_a_day(table, column, seconds)

@@ -1,4 +1,4 @@
-"""The column of each channel, told by its name, and the unit in it."""
+"""The column of each channel, found by its name, and the unit in that name."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from ohmward.errors import InputError
 from ohmward.logs.channels import BATTERY, CURRENT, TEMPERATURE, TIME, VOLTAGE, Channel, channel_of, letters, word_set
 from ohmward.logs.units import Unit, split_unit, unit_in_brackets, unit_in_name, unit_of, without_notation
 
-# Words that make a column something else than a measurement of the battery.
+# Words that make a column something other than a measurement of the battery.
 _OTHER_WORDS = word_set(
     "true truth std sigma var limit max min set setpoint target reference error residual predicted estimated estimate "
     "model step open circuit ocv delta offset bias nanosec nsecs nsec"
 )
 # Words of clocks that may be set while a log runs.
 _WALL_CLOCK = ("stamp", "date", "unix", "epoch", "dpt", "realtime", "datum", "fecha", "changed")
-# Words of the time since the start of a test, beside which `Time` is that of a step.
+# Words of the time since the start of a test; next to such a column `Time` is that of a step.
 _WHOLE_TIME = word_set("total test elapsed prog program run cumulative absolute")
 _IN, _OUT = word_set("in input"), word_set("out output")
-#: A longer word that is alike to this share may be a misspelled one.
+#: A word longer than this that is at least this similar to a known one may be a misspelling.
 _SHORTEST_MISSPELLED, _ALIKE = 4, 0.75
 # Ranks of the ways in which a name may fit a channel; 0 is best.
 _BESIDE = (0, 1, 2, 4)
 _BARE_LETTER, _WALL_CLOCK_TIME, _OF_AUXILIARY, _NOTATED, _LAST_WORD, _NEVER = 2, 3, 3, 4, 5, 99
-#: The temperature, beside a column of the time.
+#: A temperature, if another column is the time.
 _TEMPERATURE = "T"
-#: The battery beside that of a vehicle's drive.
+#: A vehicle's auxiliary battery.
 _AUXILIARY = re.compile(r"\b12 ?v\b|\baux", re.IGNORECASE)
-#: Quantities that a unit tells alone, in the column of a battery.
+#: Quantities that the unit alone identifies, in a column of a battery.
 _BY_UNIT = (CURRENT, VOLTAGE)
 
 
 class UnclearColumnsError(InputError):
-    """Names do not tell the column of a quantity, or of several."""
+    """The names do not show which column holds a quantity, or several."""
 
     def __init__(self, source: str, names: Sequence[str], faults: Mapping[str, str], choice: Mapping[str, str | None]):
         self.faults = faults  #: quantity -> its fault, a clause
-        self.choice = choice  #: quantity -> a column that it may be, None where none is like it
+        self.choice = choice  #: quantity -> a column that may hold it, None if none has a similar name
         given = {quantity: name or "NAME" for quantity, name in choice.items()}
         options = [f"{quantity}={name}" for quantity, name in given.items()]
         flags = " ".join(f"--column {argument(option)}" for option in options)
@@ -57,7 +57,7 @@ class UnclearColumnsError(InputError):
 
 
 class Column(NamedTuple):
-    """A column chosen for a quantity; `unit` is None where its name does not say it."""
+    """A column chosen for a quantity; `unit` is None if its name gives none."""
 
     name: str
     unit: Unit | None
@@ -72,18 +72,18 @@ def find_columns(
 ) -> dict[str, Column]:
     """The column of each quantity of a battery: `current_A`, `Current / mA`, `I (A)`, `pack.voltage`, `timestamp_ns`.
 
-    Names of the whole battery win over names of a cell, and those over names that merely end in the word.
+    Names of the whole battery take precedence over names of a cell, and those over names that merely end in the word.
 
     source: the file's name, for messages.
     names: the columns of the file.
     columns: quantity -> column name, where the caller knows better.
-    units: quantity -> unit ("mA", "mV", "ms", "K", ...), where the name is silent or wrong.
-    head: column -> its first cells, by which a time may be guessed.
+    units: quantity -> unit ("mA", "mV", "ms", "K", ...), where the name gives none or a wrong one.
+    head: column -> its first cells, from which a time column may be guessed.
     Returns: quantity -> Column; temperature may be missing.
 
     Raises:
         UnclearColumnsError: quantities are missing, or two columns fit equally well; names all of them.
-        InputError: an override names what does not exist, or one column for two quantities.
+        InputError: an override names something that does not exist, or one column for two quantities.
     """
     columns = columns or {}
     units = units or {}
@@ -129,7 +129,7 @@ def has_log(names: Sequence[str]) -> bool:
 
 
 def other_times(names: Sequence[str], chosen: str) -> list[Column]:
-    """The columns that may be the time beside the chosen one, the best first."""
+    """The columns other than the chosen one that may be the time, the best first."""
     ranked = [(rank, k, column) for k, name in enumerate(names) for rank, column in _ranks(TIME, name)]
     fits = [column for rank, _, column in sorted(ranked, key=lambda one: one[:2]) if rank < _NEVER]
     return [column for column in fits if column.name != chosen]
@@ -143,9 +143,9 @@ def find_column(
     units: Mapping[str, str],
     leave: Collection[str] = (),
 ) -> Column | None:
-    """The column of one channel; None only where it is not required. Arguments as of `find_columns`.
+    """The column of one channel; None only if it is not required. Arguments as in `find_columns`.
 
-    leave: columns that are not to be guessed.
+    leave: columns that must not be guessed.
     """
     quantity = channel.name
     free = [name for name in names if name not in {*columns.values(), *leave}]
@@ -162,7 +162,7 @@ def find_column(
 
 
 def named_column(source: str, names: Sequence[str], quantity: str, wanted: str, unit_is_given: bool = False) -> Column:
-    """The column that the caller named, upper or lower case.
+    """The column that the caller named, in upper or lower case.
 
     Raises:
         InputError: there is none, or it names the unit of another quantity and no other unit is given.
@@ -232,13 +232,13 @@ def _best(source: str, names: Sequence[str], channel: Channel) -> Column | None:
 
 
 def _is_way_back(name: str, other: str) -> bool:
-    """True for a current out beside one in, where the battery's is neither alone; a converter has a voltage in, too."""
+    """True for a current out next to one in, neither alone the battery's; a converter has a voltage in, too."""
     words, beside = set(letters(name)), set(letters(other))
     return bool(words & _IN and beside & _OUT) and words - _IN == beside - _OUT
 
 
 def _ranks(channel: Channel, name: str) -> Iterator[tuple[int, Column]]:
-    """Ranks of the ways to take a name for this channel."""
+    """Ranks of the ways to read a name as this channel."""
     for stem, unit in split_unit(name):
         if unit is None or unit.dimension in channel.dimensions:
             yield _rank(channel, stem, unit), Column(name, unit)
@@ -251,7 +251,7 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
     # a bare `t` is a time; a temperature called `T` must carry its unit
     if channel is TEMPERATURE and unit is None and stem.lower() == "t":
         return _NEVER
-    # `T1` is a temperature, a column `test` without a unit the number of one
+    # `T1` is a temperature, a column `test` without a unit is the number of a test
     if channel is TIME and unit is None and (re.fullmatch(r"[tT]\d+", stem) or words == ["test"]):
         return _NEVER
     for rank, beside in zip(_BESIDE, channel.beside, strict=False):
@@ -270,7 +270,7 @@ def _rank(channel: Channel, stem: str, unit: Unit | None) -> int:
 
 
 def _nearest(names: Sequence[str], channel: Channel) -> str | None:
-    """The column whose name is most like that of a channel, by its first letters or misspelled; None for none."""
+    """The column whose name is most like that of a channel, by its first letters or misspelled, or None."""
     units = {name: next(split_unit(name))[1] for name in names}
     likely = [name for name in names if not _OTHER_WORDS & set(channel.split(name))]
     likely = [name for name in likely if (unit := units[name]) is None or unit.dimension in channel.dimensions]
@@ -298,7 +298,7 @@ def argument(text: str) -> str:
 
 
 def guess(wanted: str, names: Sequence[str]) -> str:
-    """A question that names the nearest column, or nothing."""
+    """A question that names the nearest column, or an empty text."""
     near = difflib.get_close_matches(wanted, names, n=1, cutoff=0.5)
     return f" (did you mean {near[0]!r}?)" if near else ""
 
@@ -348,6 +348,6 @@ def require_bdf_columns(file: str, names: Sequence[str]) -> None:
 
 
 def _quantity(name: str) -> tuple[str, str]:
-    """What a name calls its quantity, and the dimension of its unit, "" for none."""
+    """The name without its unit, and the dimension of that unit, "" for none."""
     stem, unit = next(split_unit(name))
     return stem, unit.dimension if unit else ""

@@ -1,4 +1,4 @@
-"""Text tables (CSV and its kin), read with the standard library in blocks of rows, or by Arrow where they are plain."""
+"""Text tables (CSV and the like), read by the standard library in blocks of rows, or by Arrow where they are plain."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | 
 def _blocks(
     path: Path, layout: CsvLayout, notes: list[Note], progress: Progress | None
 ) -> Iterator[tuple[list[list[str]], np.ndarray]]:
-    """Rows of equal length and their line numbers; says in `notes` what was left out."""
+    """Rows of equal length and their line numbers; what was left out is added to `notes`."""
     width, last_name = len(layout.names), layout.names[-1].partition(" [")[0]
     size = path.stat().st_size
     stray: list[int] = []
@@ -119,7 +119,7 @@ def _repair(
     for k, row in enumerate(rows):
         while len(row) > width and not row[-1].strip():
             rows[k] = row = row[:-1]
-    # a remark below the rows; a row of numbers that was cut off is none
+    # a remark below the rows; a truncated row of numbers is not a remark
     while at_end and len(rows) > 1 and len(rows[-1]) != width and not (is_data(rows[-1]) or is_value(rows[-1][0])):
         excerpt = layout.delimiter.join(rows[-1])[:40]
         notes.append(Note(f"line {line[-1]} below the rows left out: {excerpt!r}"))
@@ -142,19 +142,19 @@ def _join(blocks: list[np.ndarray]) -> np.ndarray:
     return np.concatenate(blocks)
 
 
-#: Below this Arrow is not worth its import.
+#: File size from which importing Arrow pays off.
 WORTH_BYTES = 4 << 20
-#: Bytes that are parsed at a time.
+#: Bytes parsed at a time.
 _BLOCK_BYTES = 1 << 23
 
 
 def read_numbers(
     path: Path, layout: CsvLayout, names: Sequence[str], progress: Progress | None = None
 ) -> dict[str, np.ndarray] | None:
-    """The named columns (T,) of a long table by Arrow, a row for every line; None where one of its lines is not plain.
+    """The named columns (T,) of a long table, read by Arrow, one row per line; None if any line is not plain.
 
-    They are the very numbers of the standard library, to which whatever is not plain (text, quotes, a line that is cut
-    off) is left.
+    The numbers are exactly those that the standard library reads, which handles everything that is not plain (text,
+    quotes, a truncated line).
     """
     size = path.stat().st_size
     if size < WORTH_BYTES or not names or (arrow := import_arrow()) is None or not (rows := _plain_rows(path, layout)):
@@ -173,7 +173,7 @@ def read_numbers(
                 first = last
                 if progress:
                     progress(stream.tell(), size)
-    except MemoryError:  # of Arrow, which counts it among its own
+    except MemoryError:  # Arrow's own is also an ArrowException
         raise
     except (arrow.ArrowException, OSError, ValueError):
         return None
@@ -181,7 +181,7 @@ def read_numbers(
 
 
 def _options(csv: ModuleType, arrow: ModuleType, layout: CsvLayout, keys: list[str]) -> tuple:
-    """Columns are called by their number, for a file may leave some unnamed."""
+    """Options for Arrow; columns are called by their number, because a file may leave some unnamed."""
     names = [str(k) for k in range(len(layout.names))]
     missing = sorted({"NaN", *(spelling for word in MISSING for spelling in (word, word.upper(), word.title()))})
     return (
@@ -198,7 +198,7 @@ def _options(csv: ModuleType, arrow: ModuleType, layout: CsvLayout, keys: list[s
 
 
 def _plain_rows(path: Path, layout: CsvLayout) -> int:
-    """Lines below the header; 0 where a quote may hide some, or a power failure left zeros."""
+    """Number of lines below the header; 0 if a quote may hide some, or a power failure left zeros."""
     lines = 0
     end = b"\n"
     with path.open("rb") as stream:

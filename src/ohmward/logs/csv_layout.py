@@ -28,7 +28,7 @@ from ohmward.logs.channels import BATTERY, letters
 from ohmward.logs.hints import FileHints
 from ohmward.logs.units import Unit, split_unit
 
-#: Marks at the beginning of a text, the longest first: that of UTF-32 LE begins with that of UTF-16 LE.
+#: Byte-order marks at the beginning of a text, the longest first: that of UTF-32 LE begins with that of UTF-16 LE.
 _MARKS = (
     (codecs.BOM_UTF32_LE, "utf-32"),
     (codecs.BOM_UTF32_BE, "utf-32"),
@@ -36,7 +36,7 @@ _MARKS = (
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
-#: Encodings of the world beside UTF-8. Western Europe first: it wins where no word tells.
+#: Encodings other than UTF-8. Western Europe first: it wins if no word decides.
 CODE_PAGES = (
     "cp1252",
     "cp1251",
@@ -74,7 +74,7 @@ def is_wide(encoding: str) -> bool:
 
 
 def _without_mark(head: bytes) -> str:
-    """UTF-16 or UTF-32 by the places of the zeros, which letters and digits of ASCII have there; "" for neither."""
+    """UTF-16 or UTF-32 by the places of the zero bytes in ASCII letters and digits; "" for neither."""
     sample = head[: len(head) & ~3][:4096]
     if len(sample) < 8:
         return ""
@@ -109,7 +109,7 @@ _BATTERY_STATE = (
 _PRESENT = _BATTERY_STATE.index("present")
 
 
-#: Columns that give a table away, and the fields of its `TableFile`.
+#: Columns that identify a known table, and the fields of its `TableFile`.
 _KNOWN: tuple[tuple[frozenset[str], dict[str, Any]], ...] = (
     # battery_status of PX4, as `ulog2csv` writes it: time since it was switched on
     (
@@ -127,12 +127,12 @@ _KNOWN: tuple[tuple[frozenset[str], dict[str, Any]], ...] = (
 
 
 def known_table(names: Collection[str]) -> dict[str, Any]:
-    """Further fields of the `TableFile` of a table with these columns, where they give it away."""
+    """Further fields of the `TableFile` of a table with these columns, if they identify it."""
     return next((about for columns, about in _KNOWN if columns <= set(names)), {})
 
 
 def names_without_header(row: Sequence[str]) -> list[str] | None:
-    """Names of the columns of a row as `ros2 topic echo --csv` writes a BatteryState; None for any other."""
+    """Names of the columns of a row that `ros2 topic echo --csv` writes for a BatteryState; None for any other row."""
     cells = [cell.strip() for cell in row]
     if len(cells) <= _PRESENT or cells[_PRESENT] not in ("True", "False"):
         return None
@@ -146,7 +146,7 @@ def names_without_header(row: Sequence[str]) -> list[str] | None:
 _HEAD_LINES = 400
 _HEAD_CHARACTERS = 1 << 20
 _LAYOUT_BYTES = 1 << 16
-#: A gzip file may unpack to this many bytes, or to this many times of what it took: logs shrink by 3 to 20.
+#: A gzip file may unpack to this many bytes, or to this many times its size: logs shrink by a factor of 3 to 20.
 UNPACKED_BYTES, _UNPACKED_TIMES = 16 << 20, 100
 _COMMENT = ("#", "%", "//", "~")
 # Ties go to the first: a comma may also be a decimal mark, and spaces stand in dates.
@@ -155,13 +155,13 @@ _DELIMITERS = "\t;,|"
 _SEPARATOR_LINE = re.compile(r'^"?sep=(?P<mark>.)"?$', re.IGNORECASE)
 #: Interval of a LabVIEW measurement whose rows carry no time.
 _INTERVAL = re.compile(r"^Delta_X\s+(?P<seconds>[\d.,Ee+-]+)")
-#: Lines that are looked at together.
+#: Lines processed at a time.
 _BLOCK_LINES = 5_000
-#: Behind the time that the serial monitor of Arduino writes before a line.
+#: Separator after the time that the serial monitor of Arduino writes before a line.
 _ARROW = " -> "
-#: Marks win over spaces, which stand in dates and names, where they divide this share of the rows.
+#: Delimiters take precedence over spaces, which occur in dates and names, if they divide this share of the rows.
 _MOSTLY = 0.5
-#: Cells of each column that are looked at to tell its notation.
+#: Cells of each column from which its notation is found.
 _HEAD_ROWS = 200
 
 
@@ -173,19 +173,19 @@ class CsvLayout(NamedTuple):
     marks: Marks  #: notation of the numbers
     skip_lines: int  #: lines before the first row
     encoding: str = "utf-8-sig"  #: of the text
-    split: Callable[[str], str] | None = None  #: makes a line one of cells between delimiters, where it is not so
-    units: Mapping[str, Unit] = {}  #: column -> unit that stands in its cells
+    split: Callable[[str], str] | None = None  #: puts delimiters between the cells of a line that has none
+    units: Mapping[str, Unit] = {}  #: column -> unit found in its cells
     #: column -> its first cells
     head: Mapping[str, tuple[str, ...]] = {}
 
     #: that the text names, or None
     timezone: str | None = None
     interval_s: float | None = None
-    leading: int = 0  #: empty cells before each row, by which rows of steps and cycles between them are told
+    leading: int = 0  #: empty cells before each row, which the rows of steps and cycles in between do not have
 
     @property
     def plain(self) -> bool:
-        """True where the cells are numbers between delimiters in the bytes of ASCII."""
+        """True if the cells are numbers between delimiters, in ASCII bytes."""
         return (
             self.split is None
             and not self.leading
@@ -205,7 +205,7 @@ class _Split(NamedTuple):
 
 
 class _LimitedGzip(gzip.GzipFile):
-    """A gzip file [path] that reading refuses where it unpacks to far more than a log does."""
+    """A gzip file that refuses to be read once it has unpacked to far more than a log would."""
 
     def __init__(self, path: Path, mode: Literal["rb"]) -> None:
         super().__init__(path, mode)
@@ -229,7 +229,7 @@ class _LimitedGzip(gzip.GzipFile):
 
 
 def open_text(path: Path, encoding: str | None = None) -> TextIO:
-    """The file as text, plain or gzip, in an encoding, or in the one that its first bytes tell.
+    """The file as text, plain or gzip, in an encoding, or in the one found from its first bytes.
 
     Raises:
         InputError: the file is not text.
@@ -258,7 +258,7 @@ def find_layout(path: Path, hints: FileHints | None = None) -> CsvLayout:
     """Read the head of a text table.
 
     Comments (`#`, `%`, `//`, `~`), a preamble of any text and empty lines may stand before the header, a row of units
-    below it. Where there is none, the last comment is the header, as `numpy.savetxt` and `rostopic echo -p` write it.
+    below it. Without a header, the last comment is used, as `numpy.savetxt` and `rostopic echo -p` write it.
 
     Raises:
         InputError: empty file, no header, one column only.
@@ -291,7 +291,7 @@ def find_layout(path: Path, hints: FileHints | None = None) -> CsvLayout:
 
 
 def _head(path: Path, stream: TextIO) -> list[str]:
-    """The first lines; InputError where they are none of a table."""
+    """The first lines; InputError if they cannot be those of a table."""
     lines: list[str] = []
     left = _HEAD_CHARACTERS
     while len(lines) < _HEAD_LINES and (line := stream.readline(left)):
@@ -315,7 +315,7 @@ def split_cells(line: str, delimiter: str) -> list[str]:
 
 
 def _best_split(lines: Sequence[str], mark: str) -> _Split | None:
-    """The way to divide the lines by which most of them are rows of values."""
+    """The way of dividing the lines that makes most of them rows of values."""
     if sum(_ARROW in line for line in lines) > _MOSTLY * len(lines):
         return _heaviest([_split_by(lines, one, partial(_at_arrow, delimiter=one)) for one in mark or _DELIMITERS])
     marked = _heaviest([_split_by(lines, delimiter, None) for delimiter in mark or _DELIMITERS])
@@ -341,7 +341,7 @@ def _split_by(lines: Sequence[str], delimiter: str, split: Callable[[str], str] 
     if block is None or block.width < 2:
         return None
     if split is _at_spaces and len({len(row) for row in rows[block.first :][: block.length]}) > 1:
-        return None  # of a table with holes spaces do not tell the columns
+        return None  # in a table with empty cells spaces do not show the columns
     return _Split(delimiter, split, rows, block)
 
 
@@ -368,7 +368,7 @@ def _fixed_width(lines: Sequence[str]) -> _Split | None:
 
 
 def _header(path: Path, before: Sequence[str], found: _Split, hints: FileHints) -> Header:
-    """The header of a block of values: of the user, the rows above, a comment, or a format without one."""
+    """The header of a block of values: from the user, the rows above, a comment, or a known format without one."""
     width = found.block.width
     if hints.names is not None:
         if len(hints.names) != width:
@@ -397,7 +397,7 @@ def _header(path: Path, before: Sequence[str], found: _Split, hints: FileHints) 
 
 
 def _with_notation(path: Path, layout: CsvLayout, data: Sequence[Sequence[str]]) -> CsvLayout:
-    """The layout with what the first rows tell of numbers and units."""
+    """The layout with the notation of numbers and the units found in the first rows."""
     columns = [[row[k] for row in data] for k in range(len(layout.names))]
     marks = find_marks(columns, layout.delimiter)
     if marks is None:
@@ -417,13 +417,13 @@ def _with_notation(path: Path, layout: CsvLayout, data: Sequence[Sequence[str]])
 
 
 def _named(name: str, unit: Unit | None) -> str:
-    """The name with the unit that stands in the cells, unless it has one."""
+    """The name with the unit found in its cells, unless it has one."""
     silent = unit is None or unit.dimension == "share" or any(found for _, found in split_unit(name))
     return name if silent or unit is None else f"{name} [{unit.symbol}]"
 
 
 def _leading(header: Header, rows: Sequence[Sequence[str]]) -> int:
-    """Empty cells before the names of records, below names of steps with one less (Neware's layered export)."""
+    """Number of empty cells before the names of records; the names of steps above have one less (Neware's export)."""
     count = next((k for k, name in enumerate(header.names) if name), 0)
     above = rows[header.row - 1] if header.row else []
     return count if count > 1 and len(above) >= count and not any(above[: count - 1]) and above[count - 1] else 0
@@ -449,7 +449,7 @@ def _check_names(path: Path, names: Sequence[str], encoding: str) -> None:
 
 
 def lines_of(stream: TextIO, layout: CsvLayout, stray: list[int]) -> Iterator[str]:
-    """The rows below the header, each in its line: a quote that nothing closes is left out, its line put in `stray`."""
+    """The lines below the header, one row each; an unclosed quote is left out, its line number added to `stray`."""
     first = layout.skip_lines + 1
     for _ in islice(stream, layout.skip_lines):
         pass

@@ -1,4 +1,4 @@
-"""Dates, times of day and time zones: texts in the notations of the world as seconds; a part of a log."""
+"""Dates, times of day and time zones: texts in many notations as seconds; the time window of a log."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ _DURATION = re.compile(
     r"^\s*(?:(?P<d>\d+)(?:\s*d(?:ays?)?,?\s*|\.|\s+))?(?P<h>\d+):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d*)?)\s*$"
 )
 _ISO_DURATION = re.compile(r"^\s*P(?:(\d+)D)?(?:T(?:(\d+)H)?(?:(\d+)M)?(?:(\d+(?:\.\d*)?)S)?)?\s*$")
-#: Orders of three numbers; the year first only of two digits each, without points between them.
+#: Orders of three numbers; year first only with two digits each and without points between them.
 _ORDERS = ("dmy", "mdy", "ymd")
-#: A column of days since this one holds serial dates of Excel, of the years 1955 to 2118.
+#: Zero of Excel's serial dates, and their range [d], of the years 1955 to 2118.
 _EXCEL_ZERO_S = (date(1899, 12, 30).toordinal() - _EPOCH) * DAY_S
 EXCEL_DAYS = (20_000.0, 80_000.0)
 
@@ -60,12 +60,12 @@ class Dates(NamedTuple):
 
 
 def from_excel(days: np.ndarray) -> np.ndarray:
-    """(T,) seconds since 1970 of serial dates, to the millisecond."""
+    """Seconds since 1970 (T,) of serial dates, rounded to milliseconds."""
     return np.round((days * DAY_S + _EXCEL_ZERO_S) * 1e3) / 1e3
 
 
 def from_compact(values: np.ndarray) -> np.ndarray | None:
-    """(T,) seconds since 1970 of numbers like 20260328091500; None where one is none."""
+    """Seconds since 1970 (T,) of numbers like 20260328091500; None if any of them is not a date."""
     try:
         return _read_any([f"{value:.0f}" if np.isfinite(value) else "" for value in values]).seconds
     except ValueError:
@@ -73,7 +73,7 @@ def from_compact(values: np.ndarray) -> np.ndarray | None:
 
 
 def duration_s(cell: str) -> float:
-    """Seconds of h:mm:ss, of days before it, and of ISO 8601.
+    """Seconds of a duration h:mm:ss, perhaps with days before it, or in ISO 8601.
 
     Raises:
         ValueError: another notation.
@@ -100,10 +100,10 @@ def has_time_of_day(cell: str) -> bool:
 def read_dates(cells: Sequence[str], time_format: str | None = None) -> Dates:
     """Dates of all cells in one notation.
 
-    time_format: in the notation of `strptime`, where the notation is not left to the reader.
+    time_format: a format of `strptime`; None finds the notation from the cells.
 
     Raises:
-        ValueError: with the cell that is no date; see `unreadable`.
+        ValueError: with the cell that is not a date; see `unreadable`.
         InputError: it may be day or month that stands first, and the dates do not tell.
     """
     if time_format is not None and time_format != EXCEL:
@@ -118,7 +118,7 @@ def read_dates(cells: Sequence[str], time_format: str | None = None) -> Dates:
 
 
 def _timestamps(moments: Sequence[datetime | None]) -> np.ndarray:
-    """(T,) seconds since 1970, nan for none; a time without a zone is taken as UTC."""
+    """Seconds since 1970 (T,), nan for None; a time without a zone is assumed to be UTC."""
     return np.array([np.nan if m is None else (m if m.tzinfo else m.replace(tzinfo=UTC)).timestamp() for m in moments])
 
 
@@ -133,7 +133,7 @@ def _read_any(cells: Sequence[str]) -> Dates:
 
 
 def _moment(cell: str) -> Moment:
-    """Day, as it is written, and time; ValueError for a cell that is no date."""
+    """Day, as it is written, and time; ValueError for a cell that is not a date."""
     text = cell.strip()
     if found := _COMPACT.match(text):
         year, month, day, h, m, s, zone = found.groups()
@@ -149,7 +149,7 @@ def _moment(cell: str) -> Moment:
 
 
 def _second_of_day(found: re.Match[str]) -> tuple[float, bool]:
-    """Seconds, those of another zone carried over to UTC."""
+    """Seconds of the day, in UTC if a zone is given, and whether they are UTC."""
     hour = int(found["h"])
     if found["half"]:
         if not 1 <= hour <= 12:
@@ -170,7 +170,7 @@ def _day_numbers(
 ) -> tuple[dict[str, int], bool]:
     """Number of each day since 1970, and whether day, month and year are certain.
 
-    halves: times are written with AM and PM, as where the month comes first.
+    halves: times are written with AM and PM, which is taken to mean that the month comes first.
     """
     read: dict[str, dict[str, int]] = {}
     for order in _ORDERS:
@@ -210,7 +210,7 @@ def _month(name: str) -> int:
 
 
 def unreadable(source: str, place: str, column: str, cell: str, first: str) -> InputError:
-    """The error for a cell that is no time."""
+    """The error for a cell that is not a time."""
     like = "" if cell == first else f" like {first!r}"
     how = f"or say how it is written with --time-format '{format_of(first)}' (FileHints(time_format=...))"
     if _ZONE_NAME.search(cell):
@@ -222,16 +222,16 @@ def unreadable(source: str, place: str, column: str, cell: str, first: str) -> I
 
 
 def format_of(cell: str) -> str:
-    """How a date is probably written, in the notation of `strptime`, the day before the month where it may be."""
+    """Probable format of a date for `strptime`, with the day before the month where both are possible."""
     text = _ZONE_NAME.sub("", cell.strip())
     for pattern, directives in _DIRECTIVES:
         text = pattern.sub(directives, text, count=1)
     return text if "%d" in text and not any(c.isdigit() for c in text) else "%d.%m.%Y %H:%M:%S"
 
 
-#: A time zone's name behind a time, as CET.
+#: A time zone's name after a time, such as CET.
 _ZONE_NAME = re.compile(r"(?<=\d)\s+[A-Z]{3,5}$")
-#: Parts of a date and of a time, and how `strptime` calls them.
+#: Parts of a date and of a time, and their directives in `strptime`.
 _DIRECTIVES = (
     (re.compile(r"\d{4}([-./])\d{1,2}\1\d{1,2}"), r"%Y\1%m\1%d"),
     (re.compile(r"\d{1,2}([-./])\d{1,2}\1\d{4}"), r"%d\1%m\1%Y"),
@@ -247,7 +247,7 @@ def text_of(seconds: float) -> str:
     return f"{datetime(1970, 1, 1) + timedelta(seconds=round(seconds)):%Y-%m-%d %H:%M:%S}"
 
 
-#: Zones whose clocks are put forward and back at times of their own.
+#: Zones whose clocks change for daylight saving at different times.
 _CHANGING = (
     "Europe/London", "Europe/Berlin", "Europe/Athens", "America/New_York", "America/Chicago", "America/Denver",
     "America/Los_Angeles", "Australia/Sydney",
@@ -255,14 +255,14 @@ _CHANGING = (
 #: Offsets change at full quarters of an hour.
 _QUARTER_S = 900.0
 _HOUR_S = 3600.0
-#: A change of clocks is looked for where the time goes by an hour this far from exactly [s].
+#: Tolerance [s] of a step that is an hour longer or shorter than usual, where a change of clocks is looked for.
 _ABOUT_S = 120.0
 
 
 def to_utc(local_s: np.ndarray, timezone: str) -> np.ndarray:
-    """(T,) seconds since 1970 in UTC of local clocks (T,), nan stays.
+    """Convert times (T,) of local clocks to seconds since 1970 in UTC; nan stays.
 
-    Of an hour that comes twice the rows after the one at which the time falls are the second.
+    In an hour that occurs twice, the rows from the fall of the time on belong to its second occurrence.
     """
     zone = zone_of(timezone)
     known = np.isfinite(local_s)
@@ -284,12 +284,12 @@ def to_utc(local_s: np.ndarray, timezone: str) -> np.ndarray:
 
 
 def require_no_change(source: str, column: str, local_s: np.ndarray) -> None:
-    """Refuse dates without a zone that go over the hour at which clocks are put forward or back.
+    """Refuse dates without a zone that cross the hour at which clocks are put forward or back.
 
-    local_s: (T,) as they are written.
+    local_s: (T,) [s] as written.
 
     Raises:
-        InputError: the log has a gap of an hour, or goes back by one, where the clocks of some zone do.
+        InputError: the log has a gap of an hour, or goes back by one, where the clocks of some zone are changed.
     """
     known = local_s[np.isfinite(local_s)]
     for before, after in _hours(known):
@@ -304,7 +304,7 @@ def require_no_change(source: str, column: str, local_s: np.ndarray) -> None:
 
 
 def _hours(local_s: np.ndarray) -> Iterator[tuple[float, float]]:
-    """The neighbours between which about an hour is left out, or comes again."""
+    """Pairs of neighbours between which about an hour is skipped or repeated."""
     steps = np.diff(local_s)
     if not steps.size:
         return
@@ -314,7 +314,7 @@ def _hours(local_s: np.ndarray) -> Iterator[tuple[float, float]]:
 
 
 def _changes(zone: ZoneInfo, before_s: float, after_s: float) -> bool:
-    """True where clocks of the zone leave out or repeat the hour between two readings."""
+    """True if clocks of the zone skip or repeat the hour between two readings."""
     if after_s > before_s:
         first = np.ceil(before_s / _QUARTER_S + 1e-9) * _QUARTER_S
         return _offset_s(zone, first, 0) < _offset_s(zone, first, 1)
@@ -328,12 +328,12 @@ def _offset_s(zone: ZoneInfo, local_s: float, fold: int) -> float:
 
 
 def window_s(name: str, start_unix_s: float | None, hints: FileHints) -> tuple[float, float] | None:
-    """From and until [s] on the clock of a log; None where all of it is wanted.
+    """Start and stop [s] on the clock of a log; None if all of it is wanted.
 
     name: of the log, for messages.  start_unix_s: Unix time of the clock's zero, None where it is not known.
 
     Raises:
-        InputError: no time, or a date for a log whose date is not known.
+        InputError: not a time, or a date for a log whose date is not known.
     """
     if hints.start is None and hints.stop is None:
         return None

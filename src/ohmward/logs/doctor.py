@@ -24,7 +24,7 @@ from ohmward.signals.survey import Sampling, Signal, find_gaps, sampling_of, sig
 _REST_FRACTION = 0.05
 _REST_LEAST_S = 10.0
 _PULSE_MOST_S = 120.0
-#: A log may be slower than a robot's estimators need the battery's signals [Hz].
+#: Lowest sampling rate of a log [Hz]; a robot's estimators need the battery's signals faster.
 _SLOWEST_LOG_HZ = 0.1
 
 
@@ -51,7 +51,7 @@ class Sign:
 
 @dataclass(frozen=True)
 class Survey:
-    """Everything that `survey` finds."""
+    """Result of `survey`."""
 
     samples: int
     duration_s: float
@@ -65,18 +65,18 @@ class Survey:
 
 @dataclass(frozen=True)
 class DriveSurvey:
-    """The numbers of a drive; signals of the wheels [rad/s] and motors [A] by the places of the wheels."""
+    """Statistics of a drive; signals of the wheels [rad/s] and motors [A] by the places of the wheels."""
 
     samples: int
     duration_s: float
     sampling: Sampling
     wheels: dict[str, Signal]
     motors: dict[str, Signal]
-    body: dict[str, Signal]  #: of the sensors of the body, in the units of their names
+    body: dict[str, Signal]  #: of the body sensors, in the units given by their names
 
 
 def survey_drive(log: DriveLog, places: Sequence[str]) -> DriveSurvey:
-    """The numbers of a drive; what was never measured is left out.
+    """Statistics of a drive, without the channels that were never measured.
 
     places: names of the wheels, driven ones first.
     """
@@ -95,9 +95,9 @@ def survey_drive(log: DriveLog, places: Sequence[str]) -> DriveSurvey:
 
 
 def survey(log: Log, evidence: SignEvidence | None = None) -> Survey:
-    """The numbers of a log.
+    """Statistics of a log.
 
-    evidence: of the sign of its current, where it is known already.
+    evidence: of the sign of its current, if already computed.
 
     Raises:
         InputError: the log has no current or no voltage at all.
@@ -147,7 +147,7 @@ def _resting(log: Log) -> np.ndarray:
 def _charge_Ah(log: Log, sign: float) -> float:
     """Charge [Ah] that went in (sign 1) or out (sign -1), trapezoids over the samples that have a current.
 
-    Gaps are left out: nobody knows the current there.
+    Gaps are left out: the current is unknown there.
     """
     known = np.isfinite(log.current_A)
     if known.sum() < 2:
@@ -176,12 +176,12 @@ class Findings(Generic[S]):
 
     @property
     def worst(self) -> Severity:
-        """The highest severity among the findings, which is that of the first; "info" without findings."""
+        """The highest severity among the findings, that of the first one; "info" without findings."""
         return self.findings[0].severity if self.findings else "info"
 
 
 def examine(log: LogSource) -> Findings[Survey]:
-    """Survey a log, or that of a path or DataFrame, and list everything suspicious in it, errors first.
+    """Survey a log, also given as a path or DataFrame, and list everything suspicious in it, errors first.
 
     >>> found = ow.examine("day.csv")
     >>> found.survey.samples
@@ -195,7 +195,7 @@ def examine(log: LogSource) -> Findings[Survey]:
 
 
 def examine_drive(log: DriveLog, places: Sequence[str]) -> Findings[DriveSurvey]:
-    """Survey a drive, and list everything in it that keeps speed, slip and pose from being known, errors first.
+    """Survey a drive, and list everything that prevents estimates of speed, slip and pose, errors first.
 
     places: names of the wheels, driven ones first.
     """
@@ -209,7 +209,7 @@ def _findings(log: Log | DriveLog, found: S, faults: Iterable[Finding]) -> Findi
 
 
 def _faults_of_drive(s: DriveSurvey) -> Iterator[Finding]:
-    """What keeps speed, slip and pose from being known."""
+    """Faults that prevent estimates of speed, slip and pose."""
     still = {name: wheel.minimum for name, wheel in s.wheels.items() if wheel.minimum == wheel.maximum}
     if len(still) == len(s.wheels) and not any(still.values()):
         yield Finding("error", "no wheel ever turns", "check the columns of the wheels and the encoders")
@@ -231,7 +231,7 @@ def _faults_of_drive(s: DriveSurvey) -> Iterator[Finding]:
 
 
 def _faults_of_battery(s: Survey, evidence: SignEvidence) -> Iterator[Finding]:
-    """What keeps a model from being identified, or the charge from being known."""
+    """Faults that prevent the identification of a model, or an estimate of the charge."""
     for name, signal in (("voltage", s.voltage), ("current", s.current), ("temperature", s.temperature)):
         if signal is None:
             yield Finding("info", "no temperature", "resistance and capacity depend on it; record it if you can")
@@ -267,7 +267,7 @@ def _faults_of_battery(s: Survey, evidence: SignEvidence) -> Iterator[Finding]:
             "an idle draw, or an offset of the sensor, by which coulomb counting drifts; let the filter estimate it",
         )
     finer = "use a finer sensor or range; small changes cannot be seen"
-    # a pulse test has few levels of current by intention
+    # a pulse test has few levels of current by design
     if s.current.levels >= 8 and s.current.resolution > 0.02 * s.current.largest:
         yield Finding("warning", f"the current has steps of {s.current.resolution:g} A, over 2 % of its largest", finer)
     if s.voltage.resolution > 0.02 * (s.voltage.maximum - s.voltage.minimum):
@@ -304,7 +304,7 @@ def _faults_of_sampling(s: Survey) -> Iterator[Finding]:
 
 
 def _gaps(sampling: Sampling) -> Iterator[Finding]:
-    """A finding on the gaps of any log."""
+    """A finding on the gaps in a log or drive."""
     if sampling.longest_gap_s > YEAR_S:
         yield Finding(
             "error",

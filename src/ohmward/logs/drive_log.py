@@ -1,4 +1,4 @@
-"""The log of a drive: wheels, motors and the body's sensors in SI units, and its reader, which mends the currents."""
+"""The log of a drive: wheels, motors and body sensors in SI units; its reader also corrects motor currents."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from ohmward.logs.time_series import TimeSeries
 from ohmward.logs.wheel_columns import Found, Mechanics, Wheels
 from ohmward.quantities import BODY, QUANTITIES
 
-#: A current that pulls backwards for this fraction of the samples must once be negative.
+#: Currents that are never negative are magnitudes if a wheel turns backwards under current for this share of samples.
 _BACKWARD_FRACTION = 0.05
 
-#: Currents present in less than nine of ten rows with wheel speeds come at a rate of their own.
+#: Currents present in less than this fraction of the rows with wheel speeds have a sampling rate of their own.
 _OWN_RATE_FRACTION = 0.9
 
-#: A heading counts clockwise where the gyro has turned by this standard deviation [rad] at least, and the heading by at
-#: least this share of it the other way.
+#: A heading counts clockwise if the integrated gyro rate has at least this standard deviation [rad], and the heading
+#: follows it with a slope below minus this fraction.
 _TURNED_RAD, _CLOCKWISE = 0.3, 0.5
 
 Mended = tuple[np.ndarray, list[Note]]
@@ -50,10 +50,10 @@ class DriveLog(TimeSeries):
     >>> log.wheel_speed_rad_s.shape
     (2, 2)
 
-    Any array-like of numbers will do; None and NaN are missing. Dates and durations as time become seconds.
+    Any array-like of numbers will do; None and NaN are missing. Times given as dates or durations become seconds.
 
     Raises:
-        InputError: no samples, shapes that differ, time that is not finite or does not increase, no numbers.
+        InputError: no samples, shapes that differ, time that is not finite or does not increase, non-numeric values.
     """
 
     name: str  #: usually the file's stem
@@ -64,17 +64,16 @@ class DriveLog(TimeSeries):
     yaw_rate_rad_s: np.ndarray | None = None  #: of a gyro, > 0 to the left
     acceleration_m_s2: np.ndarray | None = None  #: of an accelerometer along x, gravity included: at rest g sin(pitch)
     pitch_rad: np.ndarray | None = None  #: of an attitude filter, > 0 with the nose up
-    #: forward, from GNSS, visual or lidar odometry or optical flow; its standard deviation; the time before `time_s` at
-    #: which it was true
+    #: forward, from GNSS, visual or lidar odometry or optical flow; its standard deviation; its age at `time_s`
     speed_m_s: np.ndarray | None = None
     speed_std_m_s: np.ndarray | None = None
     speed_age_s: np.ndarray | None = None
-    #: of a compass or two GNSS antennas, > 0 to the left, from any zero; its standard deviation
+    #: of a compass or two GNSS antennas, > 0 to the left, from an arbitrary zero; its standard deviation
     heading_rad: np.ndarray | None = None
     heading_std_rad: np.ndarray | None = None
-    #: further quantities of the body by their name, and numeric columns by theirs in the file, (T,) each: truths, too
+    #: (T,) each: further quantities of the body by name, and numeric columns of the file by theirs, ground truth too
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
-    notes: tuple[Note, ...] = ()  #: everything that was assumed, converted or dropped on the way
+    notes: tuple[Note, ...] = ()  #: everything that was assumed, converted or dropped while reading
     #: Unix time [s] of time_s = 0 and the zone of its dates, as in `Log`
     start_unix_s: float | None = None
     time_zone: str = "UTC"
@@ -91,7 +90,7 @@ class DriveLog(TimeSeries):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """The channels of the body that were measured at all."""
+        """Channels of the body with at least one measured value."""
         values = {name: getattr(self, name) for name in BODY}
         return tuple(name for name, v in values.items() if v is not None and np.isfinite(v).any())
 
@@ -101,11 +100,11 @@ class DriveLog(TimeSeries):
         return read_drive(frame, robot, driven, **options)
 
     def to_pandas(self, places: Sequence[str] | None = None) -> Any:
-        """A DataFrame of `columns` over `time_s` [s]."""
+        """A DataFrame of `columns`, indexed by `time_s` [s]."""
         return to_frame(self.columns(places), self.name)
 
     def columns(self, places: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-        """A column (T,) for each channel, units in their names, and the extra columns.
+        """One column (T,) for each channel, with its unit in the name, and the extra columns.
 
         places: names of the wheels, driven ones first; wheel_1, wheel_2, ... unless given.
         """
@@ -137,31 +136,31 @@ def read_drive(
     sort_time: bool = False,
     hints: FileHints | None = None,
 ) -> DriveLog:
-    """The drive in a CSV or Parquet file, a recording of ROS, a ULog of PX4, or in a DataFrame.
+    """Read a drive from a CSV or Parquet file, a ROS recording, a PX4 ULog, or a DataFrame.
 
     >>> drive = ow.read_drive("drive.csv", ow.load_robot("rlma"))
     >>> drive.wheel_speed_rad_s.shape[1]
     4
 
-    source: the path of the file, of any of these formats whatever its name; or the DataFrame.
+    source: path of a file in any of these formats, whatever its name; or a DataFrame.
     robot: a Robot, or the names of its wheels, driven ones first.
     driven: number of driven wheels; only with names.
-    radius_m: of the wheels; needed for speeds in m/s at the rim; that of the robot unless given.
-    gear_ratio: of the motors; used where the speeds are the motors' own; that of the robot, or 1, unless given.
-    at_motor_shaft: wheel speeds and counts are of the motor, before the gear.
+    radius_m: of the wheels; needed for speeds in m/s at the rim; default: the robot's.
+    gear_ratio: of the motors; used for speeds measured at the motors; default: the robot's, or 1.
+    at_motor_shaft: wheel speeds and counts are measured at the motor, before the gear.
     counts_per_turn: of the encoders; needed for counts.
-    columns: channel -> column name, where names alone do not tell: {"front_left_wheel_speed": "velL"}.
+    columns: channel -> column name, where the names are not clear enough: {"front_left_wheel_speed": "velL"}.
     units: channel or kind -> unit: {"wheel_speed": "rpm"}.
     where: column -> value, to choose one of several recordings; "recording" counts clock restarts.
-        Of a recording of ROS, {"topic": "/joint_states,/imu"} names the topics.
+        For a ROS recording, {"topic": "/joint_states,/imu"} names the topics.
     extra: further columns to keep; None keeps every numeric one.
-    leave: columns not to take for a sensor by their names: truths.
+    leave: columns that must not be taken for a sensor because of their names, such as ground truth.
     sort_time: sort rows that are out of order, whatever the reason.
-    hints: names, encoding, notation of dates, time zone and the like, where the file does not tell.
+    hints: names, encoding, date format, time zone and the like, where the file does not give them.
 
     Raises:
         InputError: the file cannot be read as a drive; the message names the file, the place and the fix.
-        OhmwardError: Parquet without pyarrow, a recording of ROS without rosbags.
+        OhmwardError: Parquet without pyarrow, a ROS recording without rosbags.
     """
     require_mappings(columns=columns, units=units, where=where)
     wheels = _wheels(robot, driven)
@@ -182,16 +181,16 @@ def read_drive(
 
 
 def as_drive(source: DriveSource, robot: Any) -> DriveLog:
-    """The drive itself, or that of a robot in a path or DataFrame, read by `read_drive` without further options.
+    """The drive itself, or the one that `read_drive` reads from a path or DataFrame without further options.
 
     Raises:
-        InputError: neither, or what `read_drive` refuses.
+        InputError: none of these, or anything that `read_drive` refuses.
     """
     return source if isinstance(source, DriveLog) else read_drive(source, robot)
 
 
 def _as_log(file: TableFile, rows: RecordedTable, found: Found, wheels: Wheels, mechanics: Mechanics) -> DriveLog:
-    """The log of the rows in which something was measured, everything in SI units, the motors' currents mended."""
+    """Build the log from the rows with any measurement, in SI units, with corrected motor currents."""
     table = rows.table
     measured = [q for q in wheels.quantities[1:] if q in found.columns and found.columns[q].name in table.columns]
     columns = {quantity: found.columns[quantity] for quantity in measured}
@@ -240,7 +239,7 @@ def _as_log(file: TableFile, rows: RecordedTable, found: Found, wheels: Wheels, 
 
 
 def _wheels(robot: Any, driven: int | None) -> Wheels:
-    """The wheels of a robot, or of names and the number of driven ones; InputError for anything else."""
+    """The wheels of a robot, or from their names and the number of driven ones; InputError for anything else."""
     if hasattr(robot, "places") and driven in (None, robot.driven):
         return Wheels(tuple(place.name for place in robot.places), robot.driven)
     names = tuple(robot) if isinstance(robot, Iterable) and not isinstance(robot, str) else ()
@@ -253,14 +252,14 @@ def _wheels(robot: Any, driven: int | None) -> Wheels:
 
 
 def _share(current_A: np.ndarray, columns: Sequence[str]) -> Mended:
-    """Even shares of each current that is that of several motors; columns: name of that of each, "" for none."""
+    """Divide a current measured for several motors evenly among them; columns: name for each motor, "" for none."""
     shared = {name: count for name, count in Counter(columns).items() if name and count > 1}
     notes = [Note(f"{name!r} is the current of {count} wheels: shared evenly") for name, count in shared.items()]
     return current_A / np.array([shared.get(name, 1) for name in columns]), notes
 
 
 def _sign(current_A: np.ndarray, speed_rad_s: np.ndarray) -> Mended:
-    """Currents with the sign of their wheel where none is ever negative although wheels turn backwards."""
+    """Give currents the sign of their wheel's speed if none is ever negative although wheels turn backwards."""
     backward = speed_rad_s < 0
     often = ((backward & (current_A > 0)).mean(axis=0) > _BACKWARD_FRACTION).any()
     if not often or (current_A < 0).any():
@@ -273,7 +272,7 @@ def _sign(current_A: np.ndarray, speed_rad_s: np.ndarray) -> Mended:
 
 
 def _bridge(time_s: np.ndarray, current_A: np.ndarray, wheels_measured: np.ndarray, places: Sequence[str]) -> Mended:
-    """Straight lines between the samples of currents that come on rows of their own, but not over gaps."""
+    """Interpolate currents that are sampled on rows of their own linearly, but not over gaps."""
     known = np.isfinite(current_A)
     together = (known & wheels_measured[:, None]).sum(axis=0)
     apart = np.flatnonzero((known.sum(axis=0) > 1) & (together < _OWN_RATE_FRACTION * wheels_measured.sum()))
@@ -308,7 +307,7 @@ def _in_si(
 
 
 def _side_by_side(channels: Mapping[str, np.ndarray], quantities: Mapping[str, str], time_s: np.ndarray) -> np.ndarray:
-    """(T, wheels) one channel of several wheels, NaN where it was not measured."""
+    """One channel of several wheels (T, wheels), NaN where it was not measured."""
     values = np.full((time_s.size, len(quantities)), np.nan)
     for wheel, quantity in enumerate(quantities.values()):
         values[:, wheel] = channels.get(quantity, np.nan)
@@ -316,10 +315,10 @@ def _side_by_side(channels: Mapping[str, np.ndarray], quantities: Mapping[str, s
 
 
 def _at_once(time_s: np.ndarray, speed_rad_s: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """Speeds (T, wheels) of wheels that report in turns, at the times of the first one, and a note.
+    """Interpolate speeds (T, wheels) of wheels that report in turn to the times of the first one, with a note.
 
-    They are linear between two samples of a wheel, but not over gaps. Wheels of which some report together stay as
-    they are.
+    Speeds are linear between two samples of a wheel, but not over gaps. If all wheels report together in any row, the
+    speeds are unchanged.
     """
     measured = np.flatnonzero(np.isfinite(speed_rad_s).any(axis=0))
     known = np.isfinite(speed_rad_s[:, measured])
@@ -334,9 +333,9 @@ def _at_once(time_s: np.ndarray, speed_rad_s: np.ndarray) -> tuple[np.ndarray, t
 
 
 def _use_angles(time_s: np.ndarray, body: dict[str, np.ndarray]) -> list[Note]:
-    """Give the body a yaw rate where it has none, and turn a heading round that counts clockwise; with notes.
+    """Derive a missing yaw rate from the yaw angle or heading, and reverse a clockwise heading; with notes.
 
-    A heading whose changes are the yaw rate is left out: it must not count twice.
+    An angle from which the yaw rate is derived is removed, so that it is not used twice.
     """
     if "yaw_rate" not in body and (angles := [name for name in ("yaw", "heading") if name in body]):
         body["yaw_rate"] = wheel_columns.rate_of_change(time_s, body.pop(angles[0]), 2 * math.pi, over_gaps=True)

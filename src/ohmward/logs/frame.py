@@ -22,8 +22,8 @@ from ohmward.optional import require
 def plain_array(values: Any) -> np.ndarray:
     """The values as numbers (int or float), datetime64[ns] in UTC, timedelta64[ns] or text (dtype object).
 
-    None, NaN, NaT, pandas' NA and what NumPy masks are missing: NaN among numbers, NaT among dates and durations, an
-    empty text. Dates with a time zone become UTC, dates without one are taken as UTC. Numbers are not copied.
+    None, NaN, NaT, pandas' NA and masked NumPy values are missing: NaN in numbers, NaT in dates and durations, empty
+    in text. Dates with a time zone are converted to UTC, dates without one assumed UTC. Numbers are not copied.
     """
     if hasattr(values, "isna") and not isinstance(values.dtype, np.dtype):
         values = _from_extension(values)
@@ -40,7 +40,7 @@ def plain_array(values: Any) -> np.ndarray:
 
 
 def _without_masked(values: np.ma.MaskedArray) -> np.ndarray:
-    """The values, those that are masked missing."""
+    """The values, with masked ones set to missing."""
     plain, mask = np.asarray(values.data), np.ma.getmaskarray(values)
     if plain.dtype.kind in "iufb":
         return np.where(mask, np.nan, plain)
@@ -50,7 +50,7 @@ def _without_masked(values: np.ma.MaskedArray) -> np.ndarray:
 
 
 def _from_extension(values: Any) -> Any:
-    """A column of a type of pandas' own (with a time zone, with NA) as one of NumPy where there is a like one."""
+    """Convert a column of a pandas type (with time zone or NA) to the equivalent NumPy type, else to objects."""
     kind = values.dtype.kind
     if kind in "mM":
         return values.to_numpy("datetime64[ns]" if kind == "M" else "timedelta64[ns]")
@@ -72,7 +72,7 @@ def _from_objects(array: np.ndarray) -> np.ndarray:
         try:
             return np.array([np.nan if _is_missing(cell) else float(cell) for cell in cells]).reshape(array.shape)
         except (TypeError, ValueError):
-            pass  # something that is no number: its text says to the caller what it is
+            pass  # not a number: returned as text, which shows the caller what it is
     text = np.empty(len(cells), dtype=object)
     text[:] = ["" if _is_missing(cell) else str(cell) for cell in cells]
     return text.reshape(array.shape)
@@ -99,7 +99,7 @@ def import_arrow() -> ModuleType | None:
 
 
 def numbers_of(column: Any) -> np.ndarray:
-    """(T,) an Arrow column of numbers as int64 or float64, NaN where one is missing."""
+    """An Arrow column of numbers as (T,) int64 or float64, NaN where one is missing."""
     bare = type(column).from_buffers(column.type, len(column), [None, column.buffers()[1]], offset=column.offset)
     values = np.from_dlpack(bare)
     if column.null_count:
@@ -136,7 +136,7 @@ def _numpy(column: Any) -> np.ndarray:
 
 
 def is_frame(source: Any) -> bool:
-    """True for a DataFrame of pandas or its kin, and for what streams Arrow, or does when it is collected."""
+    """True for a DataFrame of pandas or similar, and for a frame that streams Arrow, directly or once collected."""
     has_columns = any(hasattr(type(source), name) for name in ("columns", "column_names", "schema"))
     streams = hasattr(source, "__arrow_c_stream__") or hasattr(type(source), "collect")
     return _is_of_pandas(source) or (has_columns and streams)
@@ -147,13 +147,13 @@ def _is_of_pandas(source: Any) -> bool:
 
 
 def open_frame(frame: Any) -> TableFile:
-    """The columns of a DataFrame; of pandas its index too where it has a name or tells the time.
+    """The columns of a DataFrame, and for pandas its index too if it has a name or holds the time.
 
-    An index of dates, of durations or of numbers without a name is the time unless `columns` says otherwise.
+    An index of dates, of durations or of unnamed floats is the time unless `columns` says otherwise.
 
     Raises:
-        InputError: several levels of columns or index, a name twice, or (on loading) no rows.
-        OhmwardError: pyarrow, which reads the frames of others than pandas, is not installed.
+        InputError: several levels of columns or index, a repeated name, or (on loading) no rows.
+        OhmwardError: pyarrow, which reads all frames but those of pandas, is not installed.
     """
     return _open_pandas(frame) if _is_of_pandas(frame) else _open_stream(frame)
 
@@ -175,7 +175,7 @@ def _open_stream(source: Any) -> TableFile:
 def _table_file(
     source: str, rows: int, columns: Sequence[str], column: Callable[[int], np.ndarray], time: str | None = None
 ) -> TableFile:
-    """The file of columns (rows,); column: makes the one of a number when it is asked for."""
+    """The TableFile of columns (rows,); column: makes the array at a given position on demand."""
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
         if not rows:
@@ -198,7 +198,7 @@ def _open_pandas(frame: Any) -> TableFile:
 
 
 def _index(frame: Any, columns: Collection[str]) -> tuple[dict[str, np.ndarray], str | None]:
-    """The index by its name, none where it only counts the rows; and its name where it is the time."""
+    """The index by its name, empty if it only counts the rows; and its name if it is the time, else None."""
     values = plain_array(frame.index)
     name = frame.index.name
     is_time = values.dtype.kind in "mM" or (values.dtype.kind == "f" and name is None)
@@ -209,7 +209,7 @@ def _index(frame: Any, columns: Collection[str]) -> tuple[dict[str, np.ndarray],
 
 
 def to_frame(columns: Mapping[str, np.ndarray], name: str) -> Any:
-    """A DataFrame of columns (T,) over the one called `time_s`; `name` is in its `attrs`.
+    """A DataFrame of columns (T,), indexed by the one called `time_s`; `name` is stored in its `attrs`.
 
     Raises:
         OhmwardError: pandas is not installed.
@@ -220,14 +220,14 @@ def to_frame(columns: Mapping[str, np.ndarray], name: str) -> Any:
     return frame
 
 
-#: Rows that are decoded at a time: what Arrow holds beside the columns stays small.
+#: Rows decoded at a time, so that Arrow needs little memory besides the columns.
 _DECODED_ROWS = 1 << 18
-#: Rows that a file keeps together.
+#: Rows of a row group in a written file.
 _GROUP_ROWS = 1 << 20
 
 
 def open_parquet(path: Path, hints: FileHints) -> TableFile:
-    """The columns of a Parquet file, read when they are asked for."""
+    """The columns of a Parquet file, read on demand."""
     pyarrow, parquet = _pyarrow()
     with parsing(path, "not a readable Parquet file", "write it again"):
         stored = tuple(parquet.read_schema(path).names)
@@ -235,11 +235,11 @@ def open_parquet(path: Path, hints: FileHints) -> TableFile:
 
     def load(names: Collection[str], progress: Progress | None = None) -> Table:
         try:
-            with parquet.ParquetFile(path, pre_buffer=False) as file:  # which would hold the whole file
+            with parquet.ParquetFile(path, pre_buffer=False) as file:  # buffering would hold the whole file
                 rows = file.metadata.num_rows
                 columns = _columns(file, [name for name in stored if name in names], progress)
-            pyarrow.default_memory_pool().release_unused()  # Arrow would keep what it decoded into
-        except MemoryError:  # of Arrow, which counts it among its own
+            pyarrow.default_memory_pool().release_unused()  # Arrow would keep its decoding buffers
+        except MemoryError:  # Arrow's own is also an ArrowException
             raise
         except (pyarrow.ArrowException, OSError) as error:
             raise InputError(f"{path.name}: the Parquet file is damaged ({error}); write it again") from error
@@ -251,7 +251,7 @@ def open_parquet(path: Path, hints: FileHints) -> TableFile:
 
 
 def _columns(file: Any, names: list[str], progress: Progress | None) -> dict[str, np.ndarray]:
-    """The columns (T,) of a file, block by block into arrays of their whole length; none where there are no rows."""
+    """The columns (T,) of a file, read block by block into full-length arrays; none if there are no rows."""
     rows = file.metadata.num_rows
     columns: dict[str, np.ndarray] = {}
     first = 0
@@ -261,7 +261,7 @@ def _columns(file: Any, names: list[str], progress: Progress | None) -> dict[str
             values = values_of(batch[name])
             if name not in columns:
                 columns[name] = np.empty(rows, values.dtype)
-            elif columns[name].dtype != values.dtype:  # whole numbers, until the first block that lacks one
+            elif columns[name].dtype != values.dtype:  # integers up to the first block with a missing value
                 columns[name] = columns[name].astype(np.result_type(columns[name], values))
             columns[name][first:last] = values
         first = last
@@ -273,7 +273,7 @@ def _columns(file: Any, names: list[str], progress: Progress | None) -> dict[str
 def write_parquet(path: Path, columns: Mapping[str, np.ndarray], progress: Progress | None = None) -> None:
     """Write columns (T,) as Parquet with zstd; NaN stays NaN.
 
-    progress: called now and then with the rows that are written and all rows.
+    progress: called now and then with the rows written and the total.
 
     Raises:
         OhmwardError: pyarrow is not installed.

@@ -1,4 +1,4 @@
-"""Facts about a file that it does not tell, or not clearly: the options of reading, which need no NumPy."""
+"""Facts about a file that it does not contain, or not clearly: the options of reading, which need no NumPy."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from zoneinfo import ZoneInfo
 
 from ohmward.errors import InputError
 
-#: The notation of days since 1899-12-30 in `time_format`.
+#: Value of `time_format` for days since 1899-12-30.
 EXCEL = "excel"
 
 
-#: Name of the choice of topics among the rows that are wanted: `--topic /a` is `--where topic=/a`.
+#: Key in `where` that names topics: `--topic /a` is `--where topic=/a`.
 TOPIC = "topic"
 
 
 class FileHints(NamedTuple):
-    """Facts about a file, each None where it is left to the reader."""
+    """Facts about a file, each None where it is to be found in the file."""
 
-    names: Sequence[str] | None = None  #: of the columns, of a table without a header
-    encoding: str | None = None  #: of a text, as Python names it: "cp1251"
+    names: Sequence[str] | None = None  #: of the columns, for a table without a header
+    encoding: str | None = None  #: of a text file, as Python names it: "cp1251"
     time_format: str | None = None  #: of dates as text, in the notation of `strptime`: "%d/%m/%Y %H:%M:%S"; or "excel"
     timezone: str | None = None  #: of dates that name none: "Europe/Berlin"
-    #: the part that is wanted, from `start` until before `stop`: seconds of the log, h:mm:ss, or a date
+    #: the part to read, from `start` to just before `stop`: seconds of the log, h:mm:ss, or a date
     start: str | None = None
     stop: str | None = None
     sample_time_s: float | None = None  #: interval [s] between the rows of a table without a time
     temperature_degC: float | None = None  #: of the battery, where the log has none
-    dbc: str | None = None  #: path of the database of the CAN bus, of a recording of its frames
+    dbc: str | None = None  #: path of the CAN database, for a recording of CAN frames
 
     def checked(self) -> FileHints:
-        """The same hints.
+        """The same hints, once checked.
 
         Raises:
             InputError: an encoding or a time zone that does not exist, an interval that is not > 0.
@@ -56,7 +56,7 @@ def zone_of(name: str) -> ZoneInfo:
     """The time zone of a name.
 
     Raises:
-        InputError: there is none.
+        InputError: there is no such zone.
     """
     try:
         return ZoneInfo(name)

@@ -62,24 +62,24 @@ class Log(TimeSeries):
     >>> len(log), log.duration_s
     (3, 2.0)
 
-    Any array-like of numbers will do; None and NaN are missing. Dates and durations as time become seconds.
+    Any array-like of numbers will do; None and NaN are missing. Times given as dates or durations become seconds.
 
     Raises:
-        InputError: no samples, shapes that differ, time that is not finite or does not increase, no numbers.
+        InputError: no samples, shapes that differ, time that is not finite or does not increase, non-numeric values.
     """
 
     name: str  #: usually the file's stem
-    #: (T,) [s], finite and strictly increasing; the zero is the file's own, or the first sample of a wall clock
+    #: (T,) [s], finite and strictly increasing; zero is that of the file, or its first sample if it has a wall clock
     time_s: np.ndarray
     current_A: np.ndarray  #: (T,) [A], > 0 charges; NaN where it was not measured
     voltage_V: np.ndarray  #: (T,) [V] of the whole pack; NaN where it was not measured
     temperature_degC: np.ndarray | None = None  #: (T,) [degC], or None when the file has no temperature
-    #: (T,) each: further quantities of the battery by their names, and numeric columns by theirs in the file, in the
-    #: file's own units
+    #: (T,) each: further quantities of the battery by name, and other numeric columns under the names and in the units
+    #: of the file
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
-    notes: tuple[Note, ...] = ()  #: everything that was assumed, converted or dropped on the way
+    notes: tuple[Note, ...] = ()  #: everything that was assumed, converted or dropped while reading
     start_unix_s: float | None = None  #: Unix time [s] of time_s = 0, or None when the file has no wall clock
-    time_zone: str = "UTC"  #: of the wall clock in the file; "" where its dates name none and were taken as UTC
+    time_zone: str = "UTC"  #: of the wall clock in the file; "" where its dates name none and are assumed to be UTC
 
     def __post_init__(self) -> None:
         self._freeze(_COLUMNS)
@@ -91,11 +91,11 @@ class Log(TimeSeries):
         return read_log(frame, **options)
 
     def to_pandas(self) -> Any:
-        """A DataFrame with the measured and the extra columns, units in their names, over `time_s` [s]."""
+        """A DataFrame of the measured and the extra columns, units in their names, indexed by `time_s` [s]."""
         return to_frame({**self.measured(), **self.extra}, self.name)
 
     def measured(self) -> dict[str, np.ndarray]:
-        """The time and what was measured, each (T,) under ohmward's own name; with a wall clock also `unix_time_s`."""
+        """Time and measured channels (T,) under ohmward's own names; with a wall clock also `unix_time_s`."""
         columns = {"time_s": self.time_s, "current_A": self.current_A, "voltage_V": self.voltage_V}
         if self.temperature_degC is not None:
             columns["temperature_degC"] = self.temperature_degC
@@ -114,13 +114,13 @@ class Log(TimeSeries):
         return None if self.start_unix_s is None else self.start_unix_s + float(self.time_s[-1])
 
     def throughput_Ah(self) -> float:
-        """Charge [Ah] that went in and out; nothing over an interval that ends without a current."""
+        """Charge [Ah] in and out, added up; an interval that ends without a current counts as zero."""
         return float(np.nansum(np.abs(self.current_A[1:]) * self.dt_s)) / SECONDS_PER_HOUR
 
     def charge_Ah(self) -> np.ndarray:
         """(T,) [Ah], the integral of the current from the first sample, > 0 when charge went in.
 
-        The current is linear between samples (trapezoids); samples without a current are bridged by the same line.
+        The current is linear between samples (trapezoids); where it is missing it is interpolated.
         """
         known = np.isfinite(self.current_A)
         if not known.any():
@@ -130,11 +130,11 @@ class Log(TimeSeries):
         return np.concatenate([[0.0], np.cumsum(mean * self.dt_s)]) / SECONDS_PER_HOUR
 
     def full_charges(self) -> tuple[tuple[str, int], ...]:
-        """Column and sample of each charge that a charger's column among `extra` begins to call complete."""
+        """Column and sample of each onset of full charge that a charger's column among `extra` reports."""
         return full_charges(self.extra)
 
     def describe(self) -> str:
-        """A few lines for people: the content of the log, then its notes."""
+        """Summary of the log in a few lines, followed by its notes."""
         interval = f"median interval {np.median(self.dt_s):g} s" if len(self) > 1 else "one sample"
         lines = [f"{self.name}: {counted(len(self), 'sample')}, {self.duration_s:g} s, {interval}"]
         lines += [_range("current", self.current_A, "A (> 0 charges)"), _range("voltage", self.voltage_V, "V")]
@@ -157,32 +157,32 @@ def read_log(
     progress: Progress | None = None,
     hints: FileHints | None = None,
 ) -> Log:
-    """The log in a text table, Parquet, BDF, Excel, MATLAB, HDF5, JSON, a recording of ROS, a ULog, or a DataFrame.
+    """Read a log from a text table, Parquet, BDF, Excel, MATLAB, HDF5, JSON, a ROS recording, a ULog, or a DataFrame.
 
     >>> log = ow.read_log("day.csv")
     >>> len(log), round(log.duration_s / 3600, 1), list(log.extra)
     (33744, 9.4, ['soc_true'])
     >>> log = ow.read_log("day.csv", current_sign="charge", columns={"current": "current_A"}, units={"current": "A"})
 
-    source: the path of the file, of any of these formats whatever its name; `-` for standard input; a folder of files
-        that are one log; or a DataFrame of pandas, polars, Arrow or DuckDB.
-    current_sign: effect of a positive current in the file: "charge", "discharge", or "auto" to tell from the voltage.
-    columns: quantity -> column name, where names alone do not tell: {"current": "I_batt"}.
-    units: quantity -> unit, where the names are silent or wrong: {"current": "mA"}.
+    source: path of a file in any of these formats, whatever its name; `-` for standard input; a folder whose files make
+        up one log; or a DataFrame of pandas, polars, Arrow or DuckDB.
+    current_sign: effect of a positive current in the file: "charge", "discharge", or "auto" to infer it from the data.
+    columns: quantity -> column name, where the names are not clear enough: {"current": "I_batt"}.
+    units: quantity -> unit, where the column names give none or a wrong one: {"current": "mA"}.
     where: column -> value, to choose one of several recordings: {"script": 1}; "recording" counts clock restarts.
-        Of a recording of ROS, {"topic": "/battery"} names the topics, separated by commas.
+        For a ROS recording, {"topic": "/battery"} names the topics, separated by commas.
     extra: further columns to keep; None keeps every numeric one.
     sort_time: sort rows that are out of order, whatever the reason.
-    progress: called now and then with the amounts read and to read.
-    hints: names, encoding, notation of dates, time zone and the like, where the file does not tell.
+    progress: called now and then with the amount read and the total.
+    hints: names, encoding, date format, time zone and the like, where the file does not give them.
 
-    Where a file has voltages of cells (`cell_voltage_1_V`, ...) and none of the pack, their sum is the voltage. Where
-    it has `charge_current` and `discharge_current` and no other, the current is the one less the other; where it has a
-    power and no current, the power over the voltage.
+    If a file has cell voltages (`cell_voltage_1_V`, ...) but no pack voltage, their sum is used. If it has
+    `charge_current` and `discharge_current` but no other current, the first minus the second is used; if it has a power
+    but no current, power divided by voltage.
 
     Raises:
         InputError: the file cannot be read as a log; the message names the file, the place and the fix.
-        OhmwardError: Parquet without pyarrow, a recording of ROS without rosbags.
+        OhmwardError: Parquet without pyarrow, a ROS recording without rosbags.
     """
     require_mappings(columns=columns, units=units, where=where)
     opened = open_table(source, hints)
@@ -213,9 +213,9 @@ def read_log(
 
 
 def _with_further(error: UnclearColumnsError, columns: Mapping[str, str], read: Callable[..., Log]) -> InputError:
-    """The error, and in it the sign and the units that the columns which it suggests do not tell either.
+    """The error, extended by the sign and the units that its suggested columns leave unclear as well.
 
-    columns: those that the caller named.  read: reads the log with others.
+    columns: those that the caller named.  read: reads the log with other options.
     """
     suggested = {quantity: name for quantity, name in error.choice.items() if name}
     if len(suggested) < len(error.choice):
@@ -241,12 +241,12 @@ class ReadOptions:
     """Options of `read_log`, the same for every log."""
 
     current_sign: CurrentSign = "auto"  #: "auto", "charge" or "discharge"
-    #: quantity and column, quantity and unit, column and value of the rows that are wanted
+    #: pairs of quantity and column, of quantity and unit, and of column and value to select rows by
     columns: tuple[tuple[str, str], ...] = ()
     units: tuple[tuple[str, str], ...] = ()
     where: tuple[tuple[str, str], ...] = ()
     sort_time: bool = False  #: sort rows that are out of order
-    hints: FileHints = field(default_factory=FileHints)  #: what the files do not tell of themselves
+    hints: FileHints = field(default_factory=FileHints)  #: facts that the files do not contain
 
     def read(
         self,
@@ -255,14 +255,14 @@ class ReadOptions:
         progress: Progress | None = None,
         file: TableFile | None = None,
     ) -> Log:
-        """The log of this name.
+        """Read the log of this name.
 
-        text: a file, or a file and the rows wanted of it, `ocv.parquet:script=1,temp_C=25`, then part of its name.
-        extra, progress: as of `read_log`.
-        file: the same file where it is open already.
+        text: a file, or a file and a selection of rows, `ocv.parquet:script=1,temp_C=25`, kept in the log's name.
+        extra, progress: as in `read_log`.
+        file: the same file if it is already open.
 
         Raises:
-            InputError, OhmwardError: as `read_log`.
+            InputError, OhmwardError: as in `read_log`.
         """
         path, where = split_selection(text)
         log = read_log(
@@ -280,10 +280,10 @@ class ReadOptions:
 
 
 def as_log(source: LogSource) -> Log:
-    """The log itself, or that of a path or DataFrame, read by `read_log` without further options.
+    """The log itself, or the one that `read_log` reads from a path or DataFrame without further options.
 
     Raises:
-        InputError: neither, or what `read_log` refuses.
+        InputError: none of these, or anything that `read_log` refuses.
     """
     return source if isinstance(source, Log) else read_log(source)
 
@@ -296,7 +296,7 @@ def as_logs(sources: LogSource | Sequence[LogSource]) -> tuple[Log, ...]:
 
 
 def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, left_out: set[str]) -> Log:
-    """The log of the rows of one recording, without the columns that are left out."""
+    """Build the log from the rows of one recording, without the columns in `left_out`."""
     chosen = rows.columns
     table = clean.merge_rates(rows.table, chosen)
     measured = {q: table.columns[column.name] for q, column in chosen.items() if column.name in table.columns}
@@ -347,22 +347,22 @@ def _as_log(file: TableFile, rows: RecordedTable, current_sign: CurrentSign, lef
 
 
 class UnknownSignError(InputError):
-    """The data do not tell whether a positive current charges the battery; `likely` is what most of them say."""
+    """The data do not show whether a positive current charges the battery; `likely` is the more likely sign."""
 
     def __init__(self, text: str, likely: CurrentSign, is_lost: bool = False) -> None:
         super().__init__(text, () if is_lost else ("--current-sign", likely))
         self.likely = likely
-        self.is_lost = is_lost  #: charge and discharge are written alike: no sign is right
+        self.is_lost = is_lost  #: charge and discharge are logged with the same sign: neither choice is right
 
 
 def charging_current(
     file: TableFile, wanted: CurrentSign, time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray
 ) -> tuple[np.ndarray, Note]:
-    """The current (T,) [A] of a file, > 0 charging, and a note: as told, as the format defines it, or from the data.
+    """Current (T,) [A] of a file, > 0 charging, and a note; the sign is given, set by the format, or found in the data.
 
     Raises:
-        UnknownSignError: nothing tells the sign, or the current has lost it.
-        InputError: `wanted` is none of the three.
+        UnknownSignError: the sign cannot be determined, or the current has lost it.
+        InputError: `wanted` is not one of the three choices.
     """
     if wanted not in get_args(CurrentSign):
         raise InputError(f"current_sign must be 'auto', 'charge' or 'discharge', not {wanted!r}")
@@ -399,7 +399,7 @@ def charging_current(
 
 
 def _given_note(given: str, by: str, evidence: SignEvidence, directions: str) -> Note:
-    """A note on a sign that somebody told; a warning where the data say the opposite."""
+    """Note on a sign that was given; a warning where the data contradict it."""
     text = f"positive current {given}s the battery ({by})"
     if directions:
         return Note(f"{text}, but {directions}", "warning")
@@ -409,7 +409,7 @@ def _given_note(given: str, by: str, evidence: SignEvidence, directions: str) ->
 
 
 def _further(measured: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[Note, ...]]:
-    """Quantities of the battery (T,) that have no array of their own in a log, by their name there, and notes on them.
+    """Quantities of the battery (T,) that have no array of their own in a log, by field name, and notes on them.
 
     measured: channel -> (T,), in the unit of its quantity.
     """

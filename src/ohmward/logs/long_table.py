@@ -1,4 +1,4 @@
-"""Long tables, a row for each value: InfluxDB, Home Assistant and their kin, as tables with a column for each name."""
+"""Long tables with a row for each value (InfluxDB, Home Assistant and the like) as tables with a column per name."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class LongColumns(NamedTuple):
     name: str
     value: str
     time: str
-    holds: bool = False  #: a value is written where it changes, and holds until then
+    holds: bool = False  #: values are written on change only, and hold until the next one
 
 
 _NAMES = ("name", "variable", "metric", "sensor", "field", "signal", "channel", "parameter", "key", "quantity", "tag")

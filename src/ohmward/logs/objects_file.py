@@ -21,7 +21,7 @@ _JSON = re.compile(rb"^(?:\xef\xbb\xbf)?\s*(?:\{|\[\s*[\[{\]])")
 _ECHO = re.compile(rb"(?:---\s*\n)?(?:[A-Za-z_]\w*:.*\n(?: *(?:- .*|[A-Za-z_]\w*:.*)?\n)*)---\s*\n")
 _ECHOED = re.compile(r"^(?P<indent> *)(?:- |(?P<name>[A-Za-z_]\w*):)\s*(?P<value>.*?)\s*$")
 _HEAD_BYTES = 4096
-#: `battery,robot=r1 voltage=13.2,current=-1.5 1700000000000000000`; a mark with a backslash before it is none.
+#: `battery,robot=r1 voltage=13.2,current=-1.5 1700000000000000000`; a mark after a backslash does not separate.
 _NAME = r"(?:[^,=\s\\]|\\.)+"
 _VALUE = r'(?:"(?:[^"\\]|\\.)*"|[^\s,]+)'
 _PROTOCOL = re.compile(
@@ -29,27 +29,27 @@ _PROTOCOL = re.compile(
     rf"(?P<fields>{_NAME}={_VALUE}(?:,{_NAME}={_VALUE})*)(?: +(?P<time>-?\d+))?\s*"
 )
 _TAG, _FIELD = re.compile(rf"({_NAME})=({_NAME})"), re.compile(rf"({_NAME})=({_VALUE})")
-#: Digits of a whole number that no stamp of nanoseconds has.
+#: Digits of a whole number that is too long for a stamp in nanoseconds.
 _TOO_LONG = 20
-#: What the serial monitor of Arduino writes before a line.
+#: Time that the serial monitor of Arduino writes before a line.
 _MONITOR = re.compile(r"(?P<time>\d\d:\d\d:\d\d(?:\.\d+)?) -> ")
 _PAIR = re.compile(
     r"(?P<name>[A-Za-z_]\w*(?:[ /-][A-Za-z_]\w*)*)\s*[:=]\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
     r"\s?(?P<unit>[A-Za-z°%µ]+(?![\w:=]))?(?=[\s,;|]|$)"
 )
-#: Lines that are looked at, and the share of a line that its pairs take.
+#: Number of lines examined, and smallest share of a line that its pairs take up.
 _HEAD_LINES, _MOSTLY = 5, 0.8
 
 
 def names_values(head: bytes) -> bool:
-    """True where a file begins like one of these texts."""
+    """True if a file begins like one of these texts."""
     return _JSON.match(head) is not None or _ECHO.match(head) is not None or is_labelled(head)
 
 
 def open_objects(path: Path, hints: FileHints) -> TableFile:
     """The columns of echoed messages, labelled lines, a JSON object a line, an array of objects, an object of columns.
 
-    Inner names stand after a point.
+    Nested names are joined by points.
     """
     text = path.read_text(encoding=hints.encoding or "utf-8-sig", errors="replace")
     head = text[:_HEAD_BYTES].encode()
@@ -81,7 +81,7 @@ def _content(source: str, text: str) -> Any:
 
 
 def _whole(digits: str) -> float:
-    """A whole number, as a float where it has too many digits for one of 64 bits."""
+    """A whole number, as a float if it has too many digits for 64 bits."""
     return int(digits) if len(digits) < _TOO_LONG else float(digits)
 
 
@@ -133,7 +133,7 @@ def _echoed(text: str) -> list[dict[str, str]]:
 
 
 def _alike(values: list[Any]) -> list[Any]:
-    """Numbers and what is missing as they are; text, where there is any, of all."""
+    """The values as numbers, with None for missing ones; all of them as text if any is not a number."""
     if not any(isinstance(value, str) for value in values):
         return [float(value) if isinstance(value, bool | int | float) else None for value in values]
     try:
@@ -162,7 +162,7 @@ def is_labelled(head: bytes) -> bool:
 
 
 def rows_of_lines(text: str) -> list[dict[str, Any]]:
-    """The numbers and texts of each line by their names; a line that was cut off or says something else is left out."""
+    """The numbers and texts of each line by their names; truncated lines and lines of another form are left out."""
     rows = []
     for line in text.splitlines():
         if found := _PROTOCOL.fullmatch(line):
@@ -183,7 +183,7 @@ def _is_row_of_pairs(line: str) -> bool:
 
 
 def _of_protocol(found: re.Match[str]) -> Iterator[tuple[str, Any]]:
-    """The time, the tags and the fields; a field called `value` has the name of its measurement."""
+    """The time, the tags and the fields; a field called `value` is named after its measurement."""
     if found["time"]:
         yield "time", int(found["time"])
     for name, value in _TAG.findall(found["tags"]):

@@ -1,4 +1,4 @@
-"""Table of open-circuit voltage against state of charge, as a file or DataFrame holds it."""
+"""Table of open-circuit voltage against state of charge, read from a file or DataFrame."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from ohmward.logs.columns import Column, find_column, listed
 from ohmward.logs.read import open_table
 from ohmward.logs.table import Note, counted, numbers
 
-#: A table of SoC whose largest value is above this is in percent: a share ends at 1, with some counting error.
+#: A table whose largest SoC is above this is in percent: a fraction ends at 1, plus some counting error.
 _PERCENT_ABOVE = 1.5
-#: Change of a cell's OCV with temperature [V/K] beyond which a column without a unit is in mV/K: entropy gives less
-#: than 1 mV/K for each cell, and 20 cells in series are the most that is likely.
+#: Change of the OCV with temperature [V/K] beyond which a column without a unit is in mV/K: entropy gives less than
+#: 1 mV/K for each cell, and 20 cells in series are the most that is likely.
 _MOST_V_PER_K = 0.02
 
 
 class OcvTable(NamedTuple):
-    """Columns of a table of open-circuit voltage in SI units, in the order of the file; None where there is none."""
+    """Columns of a table of open-circuit voltage in SI units, in the order of the file; None for missing ones."""
 
     source: str  #: the file's name
-    soc: np.ndarray  #: (K,) in shares
+    soc: np.ndarray  #: (K,) as a fraction
     #: (K,) mean curve and branches
     ocv_V: np.ndarray | None
     charge_V: np.ndarray | None
     discharge_V: np.ndarray | None
-    #: (K,) half the distance of the branches; slope_V_per_K: (K,) change with temperature
+    #: (K,) half the distance between the branches; slope_V_per_K: (K,) change with temperature
     hysteresis_V: np.ndarray | None
     slope_V_per_K: np.ndarray | None
     reference_degC: float | None  #: temperature of the table
@@ -36,7 +36,7 @@ class OcvTable(NamedTuple):
 
 
 def read_ocv_table(source: Any) -> OcvTable:
-    """The columns of a CSV or Parquet file or a DataFrame, told by their names and units; rows with a hole are dropped.
+    """The columns of a CSV or Parquet file or a DataFrame, found by name and unit; rows with a gap are dropped.
 
     Raises:
         InputError: no such file, no column for the SoC or the voltage, text among numbers, fewer than 2 rows.

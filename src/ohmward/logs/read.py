@@ -39,7 +39,7 @@ from ohmward.logs.workbook_file import open_workbook
 _UNPACK = "a packed file; unpack it first"
 _TO_SAVVYCAN = "; open it in SavvyCAN, save it as CSV of SavvyCAN (GVRET), and give that with --dbc"
 
-#: First bytes, what they are of, and the way out.
+#: First bytes of formats that are not read, what they are, and what to do instead.
 _KNOWN = tuple(
     (re.compile(beginning, re.DOTALL), about)
     for beginning, about in (
@@ -72,12 +72,12 @@ _KNOWN = tuple(
 
 
 STANDARD_INPUT = "-"
-#: Name of what came through standard input or a pipe.
+#: Name of a log from standard input or a pipe.
 _STREAM = "standard input"
 
 
 def is_stream(path: Path) -> bool:
-    """True for `-` and for pipes, which can be read but once."""
+    """True for `-` and for pipes, which can be read only once."""
     if str(path) == STANDARD_INPUT:
         return True
     try:
@@ -88,10 +88,10 @@ def is_stream(path: Path) -> bool:
 
 
 def stored(path: Path) -> Path:
-    """A file with the bytes of a stream, which lasts as long as the process.
+    """Copy a stream to a temporary file, which is deleted when the process ends.
 
     Raises:
-        InputError: nothing came.
+        InputError: the stream is empty.
     """
     folder = Path(tempfile.mkdtemp(prefix="ohmward-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
@@ -108,7 +108,7 @@ def stored(path: Path) -> Path:
 
 
 def _open_folder(folder: Path, hints: FileHints) -> TableFile:
-    """The files of a folder as one log, in the order of their names, numbers in them counted; all have its columns."""
+    """The files of a folder as one log, sorted by name with numbers in numeric order; all have the same columns."""
     paths = sorted((path for path in folder.iterdir() if path.name.lower().endswith(LOG_ENDINGS)), key=in_order)
     if not paths:
         raise InputError(f"{folder} is a folder; name one log file in it: none is called {', '.join(LOG_ENDINGS)}")
@@ -145,20 +145,20 @@ class Wanted(NamedTuple):
 
 
 class RecordedTable(NamedTuple):
-    """The rows of one recording in order of time, no time twice; only numbers."""
+    """The rows of one recording, numbers only, in order of time and without repeated times."""
 
     table: Table  #: its time in seconds; its notes say what was done
     columns: Mapping[str, Column]  #: channel -> column
     start_unix_s: float | None  #: Unix time of the clock's zero, None where it is not a wall clock
     own: frozenset[str]  #: the columns that are channels, labels or parts of the clock; all others are extra
-    guessed_unit: bool = False  #: nothing told the unit of the time
+    guessed_unit: bool = False  #: the unit of the time is a guess
     time_zone: str = "UTC"  #: of the dates, see `Clock`
 
 
 def open_table(source: Any, hints: FileHints | None = None) -> TableFile:
-    """The columns of a log or of a DataFrame, whatever they mean; a file that is open stays as it is.
+    """Open the columns of a log or of a DataFrame, whatever they mean; an open file is returned as it is.
 
-    source: a path, `-` for standard input, or a DataFrame.  hints: facts that the file does not tell.
+    source: a path, `-` for standard input, or a DataFrame.  hints: facts that the file does not contain.
 
     Raises:
         InputError: neither a path nor a DataFrame; no such file, a folder without a log, no permission, no log.
@@ -189,7 +189,7 @@ def open_table(source: Any, hints: FileHints | None = None) -> TableFile:
 
 
 def _open_file(path: Path, hints: FileHints) -> TableFile:
-    """The columns of one file, its format told by its first bytes."""
+    """Open one file, whose format is recognised by its first bytes."""
     if path.suffix.lower() == ".toml":
         raise InputError(f"{path}: is a TOML file, not a log; give it with its option (--battery, --robot, --floors)")
     with path.open("rb") as stream:
@@ -209,13 +209,13 @@ def _open_file(path: Path, hints: FileHints) -> TableFile:
 
 
 def _open_zip(path: Path, hints: FileHints) -> TableFile:
-    """A workbook, the arrays of NumPy, or a file of Neware."""
+    """Open a zip archive: a workbook, NumPy arrays (.npz), or a Neware file."""
     if is_ndax(path):
         return open_neware(path, hints)
     return open_npz(path, hints) if path.suffix.lower() == ".npz" else open_workbook(path, hints)
 
 
-#: First bytes of the formats that they tell.
+#: Opener of each format that is recognised by its first bytes.
 OPENERS: dict[bytes, Opener] = {
     **vehicle_file.OPENERS,
     **can_file.OPENERS,
@@ -225,7 +225,7 @@ OPENERS: dict[bytes, Opener] = {
     b"PK\x03\x04": _open_zip,
     b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1": open_workbook,  # .xls
 }
-#: Enough to see that of HDF5 behind a block of the user, and the beginning of JSON.
+#: Enough to find the HDF5 signature after a user block, and the beginning of JSON.
 HEAD_BYTES = 4096
 
 
@@ -234,14 +234,14 @@ def read_recording(
 ) -> RecordedTable:
     """Load the columns, choose the rows, read the clock, and put the rows in order of time.
 
-    Where the time starts again with each step of a test, another column that does not is the time, or else the steps
+    If the time restarts with each step of a test, another time column that does not is used; failing that, the steps
     are joined.
 
     columns: channel -> column; among them the time.
     to_numbers: turns the channels' columns into numbers, with a note on each.
 
     Raises:
-        InputError: a column, a label or a time that is not there, text among numbers, a time that does not increase.
+        InputError: a missing column, label or time, text among numbers, a time that does not increase.
     """
     try:
         return _read_rows(file, columns, wanted, to_numbers)
@@ -268,7 +268,7 @@ def _read_rows(
     to_numbers: Callable[[Table], Table],
     joined: bool = False,
 ) -> RecordedTable:
-    """The rows of one recording; joined: those of steps one after the other. See `read_recording`."""
+    """The rows of one recording; joined: put the steps of a test one after the other. See `read_recording`."""
     time = columns["time"].name
     date = date_column(file, time)
     own = {column.name for column in columns.values()} | {nanosecond_column(file.names, time) or time, date or time}
@@ -300,7 +300,7 @@ def _read_rows(
     except SeveralRecordingsError:
         if wanted.extra is None:
             raise
-        # one of the columns that are not wanted may tell the recordings apart: the same error, with its name
+        # a column that is not wanted may tell the recordings apart: read all, so that the error names it
         rows = _read_rows(file, columns, wanted._replace(extra=None), to_numbers, joined)
         return rows._replace(table=rows.table.only(names))
     table = drop_text(table.only({*names, RECORDING}))

@@ -1,7 +1,7 @@
 """The rows of one recording: picked out of a file that holds several, and in order of time.
 
-Everywhere `time` is the column of the time [s], which does not fall among instances and once the rows are sorted, and
-`channels` are the columns that were measured.
+Everywhere `time` is the time column [s], which never falls once the rows are sorted or when instances are sought, and
+`channels` are the measured columns.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from ohmward.logs.channels import letters, word_set
 from ohmward.logs.columns import argument, guess, listed
 from ohmward.logs.table import MISSING, Note, Table, TableFile, counted, numbers
 
-# A column that every file has: 1, 2, ... counted up where the clock starts again.
+# A column that every file has: 1, 2, ... counted up at each restart of the clock.
 RECORDING = "recording"
 _MOST_SEPARATORS, _MOST_LISTED = 3, 8
-#: A file and the rows that are wanted of it.
+#: A file with a selection of its rows.
 _SELECTION = re.compile(r"(?P<path>.+):(?P<where>[^:=,]+=[^:=,]+(,[^:=,]+=[^:=,]+)*)")
 #: Words in the name of a column that tells batteries or robots apart, and words beside them.
 _INSTANCE = frozenset(("instance", "battery", "pack", "bms", "robot"))
 _BESIDE_INSTANCE = frozenset(("id", "no", "nr", "number", "name", "index", "serial"))
-#: Words of the rest of a stamp, which tells its rows apart as well.
+#: Words for the finer part of a stamp in a column of its own, which also tells rows apart.
 _STAMP = frozenset(("s", "sec", "secs", "second", "seconds", "ms", "msec", "millis", "milliseconds", "us", "ns"))
-#: So many instances at most in one table; rows whose labels are looked at first.
+#: Most instances in one table; number of rows whose labels are checked first.
 _MOST_INSTANCES, _HEAD_ROWS = 16, 1000
-#: Fraction of the rows that take turns, or of the rarer instances that have the time of another row.
+#: Smallest fraction of rows at which the instance changes, or of rows of rarer instances that share another row's time.
 _SIDE_BY_SIDE = 0.5
-#: Fraction of the stamps that have a row of each instance.
+#: Smallest fraction of the stamps that have a row of each instance.
 _MOST_STAMPS = 0.9
-#: Between rows of different instances a channel changes by this many times its change within one.
+#: Between rows of different instances a channel changes by more than this many times its change within one.
 _MORE_CHANGE = 1.5
 
 
@@ -56,14 +56,14 @@ def select_rows(table: Table, where: Mapping[str, float | str]) -> Table:
 
 
 def recording_numbers(restarts: np.ndarray, size: int) -> np.ndarray:
-    """(T,) 1, 2, ... counted up at every row in `restarts` (K,)."""
+    """Number of the recording of each row (T,): 1, 2, ... counted up at every row in `restarts` (K,)."""
     return 1.0 + np.isin(np.arange(size), restarts).cumsum()
 
 
 def explain_recordings(table: Table, time: str, restarts: np.ndarray, separators: Sequence[str]) -> str:
-    """The message on a clock that starts again at the rows `restarts` (K,): the place, and a way to choose a recording.
+    """The message on a clock that restarts at the rows `restarts` (K,): the place, and how to choose a recording.
 
-    separators: as of `find_separators`.
+    separators: from `find_separators`.
     """
     at = int(restarts[0])
     time_s = table.columns[time]
@@ -85,7 +85,7 @@ def explain_recordings(table: Table, time: str, restarts: np.ndarray, separators
 def find_separators(table: Table, time: str, restarts: np.ndarray) -> tuple[str, ...]:
     """The fewest columns such that the time never falls among the rows that share their values; () if there are none.
 
-    Only columns that change about as often as the clock starts again are labels of recordings.
+    Only columns that change about as often as the clock restarts are labels of recordings.
 
     restarts: (K,) rows at which the time falls.
     """
@@ -104,12 +104,12 @@ def find_separators(table: Table, time: str, restarts: np.ndarray) -> tuple[str,
 
 
 def find_instances(table: Table, time: str, channels: Collection[str]) -> str | None:
-    """The column whose few values tell batteries or robots apart whose rows stand side by side; None for none.
+    """The column whose few values tell apart batteries or robots with interleaved rows; None if there is none.
 
-    The rows of the instances take turns, or those of the rarer ones share their stamps with others, and none has a
-    stamp twice. A flag of one battery may do the same: the name of the column must be that of instances, or a channel
-    changes more from instance to instance than within each. Under the name of instances, those that take turns may have
-    a stamp twice: the stamps are coarse.
+    The rows of the instances alternate, or those of the rarer ones share their stamps with others, and no instance has
+    a stamp twice. A flag of one battery may do the same: the name of the column must be one for instances, or a channel
+    must change more from instance to instance than within each. If the name is one for instances and their rows
+    alternate, a stamp may repeat: the stamps are coarse.
     """
     time_s = table.columns[time]
     equal = time_s[1:] == time_s[:-1]
@@ -138,11 +138,11 @@ def find_instances(table: Table, time: str, channels: Collection[str]) -> str | 
 
 
 def count_unnamed_instances(table: Table, time: str, channels: Collection[str]) -> int:
-    """Number of batteries or robots whose rows share each stamp without a column that tells them apart; 1 for none.
+    """Number of batteries or robots whose rows share each stamp without a column that tells them apart; else 1.
 
-    Every stamp, a few aside, has as many rows, and from one of these to the next a channel changes more than from
-    stamp to stamp. Rows of one battery under coarse stamps change less, but for a load that keeps time with them; the
-    rest of the stamp in a column of its own says that they are of one.
+    Nearly every stamp has this many rows, and a channel changes more from one of these to the next than from stamp to
+    stamp. Rows of one battery with coarse stamps change less, unless its load is synchronous with them; a column with
+    the finer part of the stamp shows that they are of one.
     """
     if any(name != time and _STAMP & set(letters(name)) for name in table.columns):
         return 1
@@ -187,7 +187,7 @@ def _differ(
 
 
 def _median_change(before: np.ndarray, later: np.ndarray) -> float:
-    """Median of the size of the changes that are known; 0 for none."""
+    """Median magnitude of the finite changes; 0 if there are none."""
     change = np.abs(later - before)
     known = np.isfinite(change)
     return float(np.median(change[known])) if known.any() else 0.0
@@ -242,14 +242,14 @@ def _listed(values: np.ndarray) -> str:
 
 
 def _plain(value) -> float | int | str:
-    """A number without its NumPy type, whole where it is whole; anything else as text."""
+    """A number as int if it is whole, else as float; anything else as text."""
     if not isinstance(value, int | float | np.number):
         return str(value)
     return int(value) if float(value).is_integer() else float(value)
 
 
 def split_selection(text: str) -> tuple[Path, dict[str, str]]:
-    """File and rows of `ocv.parquet:script=1,temp_C=25`; a file whose own name looks like that is a file."""
+    """File and selected rows of `ocv.parquet:script=1,temp_C=25`; an existing file of that name is taken whole."""
     found = None if Path(text).exists() else _SELECTION.fullmatch(text)
     if found is None:
         return Path(text), {}
@@ -273,20 +273,20 @@ class SeveralRecordingsError(InputError):
 
 #: Words in the name of a column that counts the steps of a test.
 _STEPS = word_set("step cycle cyc loop schritt zyklus 工步 循环")
-# More rows than this fraction out of order are not a few that were written late.
+# Largest fraction of rows out of order that passes for a few written late.
 _MOST_LATE = 0.05
-#: Where more than this fraction of the rows is measured again at the same time, the stamps are too coarse.
+#: If more than this fraction of the rows is measured again at the same time, the stamps are too coarse.
 _MOST_REPEATED = 0.2
-#: Quantile of the intervals between stamps that is the smallest one, a few odd stamps aside.
+#: Quantile of the intervals between stamps that is used as the smallest one, so that a few odd stamps do not count.
 _SMALLEST_STEP = 0.01
 #: Stamps that are this many times their smallest interval apart have a pause between them.
 _PAUSE = 1.5
 
 
 def find_restarts(time_s: np.ndarray) -> np.ndarray:
-    """(K,) rows at which the time falls by more than rows that were merely written late explain.
+    """Rows (K,) at which the time falls by more than a row written late would explain.
 
-    time_s: (T,) [s], finite. A row is late when it stands after a row that is at most one median interval younger.
+    time_s: (T,) [s], finite. A row is late if it follows a row that is newer by at most one median interval.
     """
     steps = np.diff(time_s)
     rising = steps[steps > 0]
@@ -316,7 +316,7 @@ def sort_rows(table: Table, time: str, *, sort_time: bool = False) -> Table:
 
 
 def join_steps(table: Table, time: str) -> Table:
-    """The table with one time for steps whose clock starts again at each: a usual interval after the one before."""
+    """The table with one time for all steps, whose clocks restart: each at least a usual interval after the last."""
     time_s = table.columns[time]
     steps = np.diff(time_s, prepend=time_s[0])
     restarts = find_restarts(time_s)
@@ -331,7 +331,7 @@ def join_steps(table: Table, time: str) -> Table:
 
 
 def require_one_instance(table: Table, time: str, channels: Collection[str]) -> None:
-    """Refuse rows of several batteries or robots side by side.
+    """Refuse interleaved rows of several batteries or robots.
 
     Raises:
         InputError: names the column that tells them apart, and its values.
@@ -351,11 +351,11 @@ def require_one_instance(table: Table, time: str, channels: Collection[str]) -> 
 
 
 def settle_equal_times(table: Table, time: str, channels: Collection[str]) -> Table:
-    """Rows with a time of their own each.
+    """Give each row a time of its own.
 
-    Rows of one time that hold different channels, or the same values twice, become one row. Rows that measured the
-    same channel again are readings of their own: where they are many, the stamps are coarser than the rows, which are
-    spread over the interval of the stamps; where they are few, the last one counts, with a warning.
+    Rows of one time that hold different channels, or repeat the same values, become one row. Rows that measured the
+    same channel again are separate readings: if they are many, the stamps are too coarse, and the rows are spread over
+    the interval between stamps; if they are few, the last one counts, with a warning.
     """
     share, differ = find_repeats(table, time, channels)
     if differ and share > _MOST_REPEATED:
@@ -364,7 +364,7 @@ def settle_equal_times(table: Table, time: str, channels: Collection[str]) -> Ta
 
 
 def find_repeats(table: Table, time: str, channels: Collection[str]) -> tuple[float, bool]:
-    """Share of the rows that measured what a later row of their time measured as well, and whether any two differ."""
+    """Fraction of rows with a channel that a later row of the same time measured again, and whether any two differ."""
     time_s = table.columns[time]
     again = np.zeros(time_s.size, dtype=bool)
     differ = False
@@ -384,7 +384,7 @@ def find_repeats(table: Table, time: str, channels: Collection[str]) -> tuple[fl
 def merge_equal_times(table: Table, time: str, level: str = "info") -> Table:
     """One row for each time; of rows with the same time, the last value of each column that is not NaN counts.
 
-    level: of the note on it.
+    level: of its note.
     """
     time_s = table.columns[time]
     later = time_s[1:] > time_s[:-1]
@@ -407,11 +407,11 @@ def merge_equal_times(table: Table, time: str, level: str = "info") -> Table:
 
 
 def _spread(table: Table, time: str) -> Table:
-    """The table with the n rows of each stamp, to which the logger rounded down, at equal intervals until the next.
+    """The table with the n rows of each rounded-down stamp spread at equal intervals up to the next stamp.
 
-    The interval of the stamps is the smallest between two of them. Beside a pause, at the start and at the end, a
-    stamp may hold fewer rows than its interval had room for: they lie at the usual distance from each other, before
-    the pause from the stamp on, after it up to the next stamp.
+    The interval of the stamps is the smallest between two of them. Next to a pause, at the start and at the end, a
+    stamp may hold fewer rows than fit into its interval: these are placed at the usual distance from each other, from
+    the stamp on before a pause, and up to the next stamp after it.
     """
     time_s = table.columns[time]
     stamp_s, group, count = np.unique(time_s, return_inverse=True, return_counts=True)
@@ -436,7 +436,7 @@ def _spread(table: Table, time: str) -> Table:
 
 
 def _require_late_rows_only(table: Table, time: str, late: np.ndarray) -> None:
-    """Raise InputError where more is out of order than a few rows that were written `late` (T,)."""
+    """Raise InputError if more is out of order than a few rows that were written `late` (T,)."""
     time_s = table.columns[time]
     steps = np.diff(time_s)
     falls, rises = np.count_nonzero(steps < 0), np.count_nonzero(steps > 0)

@@ -28,7 +28,7 @@ def open_sqlite(path: Path) -> Recording:
     """The messages of a file of rosbag2.
 
     Raises:
-        InputError: a database of something else.
+        InputError: it is not a database of rosbag2.
     """
     with closing(connect(path)) as database:
         topics = _topics(path, database)
@@ -57,12 +57,12 @@ def is_bag(path: Path) -> bool:
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """The database, which is not written to: a log of changes beside it is read where there is one."""
+    """Open the database for reading only; a write-ahead log beside it is read if there is one."""
     mode = "mode=ro" if path.with_name(path.name + "-wal").exists() else "immutable=1"
     database = sqlite3.connect(f"file:{quote(str(path.resolve()))}?{mode}", uri=True)
     database.text_factory = lambda text: text.decode(errors="replace")
     with suppress(sqlite3.DatabaseError):
-        database.execute("PRAGMA writable_schema = ON")  # without it a file shorter than it says is refused as a whole
+        database.execute("PRAGMA writable_schema = ON")  # without it a truncated file is refused as a whole
     return database
 
 

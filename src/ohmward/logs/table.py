@@ -23,7 +23,7 @@ class Note(NamedTuple):
 
     text: str
     level: str = "info"
-    options: tuple[str, ...] = ()  #: words of a command line that mend it, if it is a fault
+    options: tuple[str, ...] = ()  #: command-line options that correct it, if it is a fault
 
     def __str__(self) -> str:
         return f"{self.level}: {self.text}"
@@ -34,10 +34,10 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-#: Called now and then with the amounts done and to do: rows, or bytes of a text file.
+#: Called now and then with the amount done and the total: rows, or bytes of a text file.
 Progress = Callable[[int, int], None]
 
-#: Cells without a number, in small letters.
+#: Cell texts that mean a missing number, in lower case.
 MISSING = frozenset(("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", ".nan"))
 
 
@@ -51,7 +51,7 @@ RECORDING_ENDINGS = (".mcap", ".db3", ".bag")
 
 
 class Table(NamedTuple):
-    """Columns of one file and where each row stands in it."""
+    """Columns of one file, and the place of each row in it."""
 
     source: str  #: the file's name, for messages
     columns: Mapping[str, np.ndarray]  #: name -> (T,); numbers, datetime64, timedelta64, or text (dtype object)
@@ -92,12 +92,12 @@ class TableFile(NamedTuple):
     names: tuple[str, ...]  #: the columns in the file's order
     load: ColumnLoader  #: reads columns
     time: str | None = None  #: the column that is the time whatever its name, or None
-    #: of a recording of ROS, the same with the topics of a battery or of a drive alone; see `part`
+    #: for a ROS recording, the file with only the topics of a battery or of a drive; see `part`
     choose: Callable[[str, Mapping[str, float | str]], TableFile] | None = None
     #: "charge" or "discharge" where the format defines the effect of a positive current
     positive_current: str | None = None
-    head: Mapping[str, Sequence[str]] = {}  #: column -> its first cells, of a text
-    hints: FileHints = FileHints()  #: facts that the user or the file's preamble told
+    head: Mapping[str, Sequence[str]] = {}  #: column -> its first cells, for a text file
+    hints: FileHints = FileHints()  #: facts given by the user or the file's preamble
     units: Mapping[str, str] = {}  #: quantity -> unit that the format defines
 
     def part(self, kind: str, where: Mapping[str, float | str] | None = None) -> TableFile:
@@ -108,7 +108,7 @@ class TableFile(NamedTuple):
         return self.choose(kind, where or {}) if self.choose else self
 
     def given(self, columns: Mapping[str, str] | None) -> dict[str, str]:
-        """The columns that the caller names, and that of the time where the table knows it and the caller does not."""
+        """The columns that the caller names, and the time column if the file defines it and the caller does not."""
         return ({"time": self.time} if self.time else {}) | dict(columns or {})
 
     @property
@@ -133,7 +133,7 @@ class TableFile(NamedTuple):
     def with_column(
         self, name: str, sources: Collection[str], make: Callable[[Table], tuple[np.ndarray, Note]]
     ) -> TableFile:
-        """The file with one column more, (T,) with a note, made of others when it is loaded."""
+        """The file with one more column (T,) and its note, computed from other columns on loading."""
 
         def load(names: Collection[str], progress: Progress | None = None) -> Table:
             if name not in names:
@@ -146,23 +146,23 @@ class TableFile(NamedTuple):
 
 
 def file_of(table: Table, hints: FileHints, **about: Any) -> TableFile:
-    """The file of a table that is in memory; about: further fields of `TableFile`."""
+    """The TableFile of a table in memory; about: further fields of `TableFile`."""
     return TableFile(
         table.source, tuple(table.columns), lambda names, progress=None: table.only(names), hints=hints, **about
     )
 
 
-#: Opens a file with the facts that are known of it.
+#: Opens a file with the facts that are known about it.
 #:
 #: Raises:
-#:     InputError: damaged, or no log in it; names the file and the way out.
+#:     InputError: damaged, or no log in it; names the file and what to do.
 #:     OhmwardError: a package that the format needs is not installed.
 Opener = Callable[[Path, FileHints], TableFile]
 
 
 @contextmanager
 def parsing(path: Path, fault: str, advice: str) -> Iterator[None]:
-    """Turn whatever a parser raises, of many kinds, into an InputError: fault, its error and the way out."""
+    """Turn any exception of a parser into an InputError with the fault, the parser's message and the advice."""
     try:
         yield
     except OhmwardError:
@@ -172,13 +172,13 @@ def parsing(path: Path, fault: str, advice: str) -> Iterator[None]:
 
 
 def require_unique(source: str, names: Sequence[str]) -> None:
-    """Raise InputError where a name stands twice."""
+    """Raise InputError if a name occurs twice."""
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(f"{source}: more than one column is named {twice[0]!r}; rename them so that each is unique")
 
 
 def with_sample_time(file: TableFile) -> TableFile:
-    """The file with the time of its rows, where only the interval between them is known."""
+    """The file with a time column, if the hints give the interval between rows."""
     interval_s = file.hints.sample_time_s
     if interval_s is None:
         return file
@@ -189,18 +189,18 @@ def with_sample_time(file: TableFile) -> TableFile:
 
 
 def in_order(path: Path) -> list[tuple[int, int | str]]:
-    """Key of the order of files by their names, in which part 9 comes before part 10."""
+    """Sort key for files by name, in which part 9 comes before part 10."""
     return [(1, int(part)) if part.isdecimal() else (0, part) for part in re.split(r"(\d+)", path.name)]
 
 
 def row_numbers(first: int, count: int) -> np.ndarray:
-    """(count,) first, first + 1, ...; of half the size where they are not large."""
+    """The numbers first, first + 1, ... (count,); as int32 where they fit."""
     last = first + count - 1
     return np.arange(first, last + 1, dtype=np.int32 if last <= np.iinfo(np.int32).max else np.int64)
 
 
 def number(cell: str) -> float:
-    """The number in a cell, NaN where it says that there is none.
+    """The number in a cell, NaN for a cell that means a missing one.
 
     Raises:
         ValueError: the cell is text.
@@ -209,7 +209,7 @@ def number(cell: str) -> float:
 
 
 def can_read(read: Callable[[str], object], cell: str) -> bool:
-    """True where a reader takes the cell, without a ValueError."""
+    """True if a reader accepts the cell without a ValueError."""
     try:
         read(cell)
     except ValueError:
@@ -224,7 +224,7 @@ def held(values: np.ndarray) -> np.ndarray:
 
 
 def numbers(table: Table, name: str) -> np.ndarray:
-    """(T,) the column as float64, durations in seconds.
+    """The column (T,) as float64, durations in seconds.
 
     Raises:
         InputError: a cell is text; names its line.
@@ -250,11 +250,11 @@ BATTERY, DRIVE, BOTH = "battery", "drive", "both"
 
 
 class KnownType(NamedTuple):
-    """A type that is found without being named."""
+    """A message type that is found without being named."""
 
-    part: str  #: of what it tells, `battery`, `drive` or `both`
+    part: str  #: the subject of its messages: `battery`, `drive` or `both`
     columns: Mapping[str, str]  #: path of a field -> name of its column
-    by_name_only: bool = False  #: it is read where a topic of it is named
+    by_name_only: bool = False  #: read only if a topic of this type is named
 
 
 def choose_topics(
@@ -306,7 +306,7 @@ TIME = "time [s]"
 class Stream(NamedTuple):
     """Messages of one kind."""
 
-    type: str  #: by which those of a battery or of a drive are found
+    type: str  #: tells streams of a battery from those of a drive
     time_s: np.ndarray  #: (n,) since 1970, or since the start; or dates
     columns: Mapping[str, np.ndarray]  #: name -> (n,)
 
@@ -316,14 +316,14 @@ class Streams(NamedTuple):
 
     source: str  #: name of the file, for messages
     streams: Mapping[str, Stream]  #: by name
-    what: str  #: of what they are, for the notes: "topics of PX4"
+    what: str  #: what they are, for the notes: "topics of PX4"
     known: Mapping[str, KnownType] = {}  #: types that are found without being named; {}: names of columns decide
-    positive_current: str | None = None  #: as of `TableFile`
+    positive_current: str | None = None  #: as in `TableFile`
     notes: tuple[Note, ...] = ()
     hints: FileHints = FileHints()
 
     def open(self, chosen: Sequence[str] | None = None) -> TableFile:
-        """The columns of the chosen streams, of all without a choice."""
+        """The columns of the chosen streams, by default of all."""
         of_chosen = {name: self.streams[name] for name in (self.streams if chosen is None else chosen)}
         columns = dict.fromkeys([TIME, *(name for stream in of_chosen.values() for name in stream.columns)])
 
@@ -342,19 +342,19 @@ class Streams(NamedTuple):
 
 
 def _with_any(streams: Mapping[str, Stream], wanted: Collection[str]) -> Mapping[str, Stream]:
-    """The streams with a column that is wanted; all where none has one."""
+    """The streams with a wanted column; all of them if none has one."""
     return {name: stream for name, stream in streams.items() if stream.columns.keys() & set(wanted)} or streams
 
 
 def rows_of(
     source: str, time: str, streams: Mapping[str, Stream], wanted: Collection[str], notes: tuple[Note, ...]
 ) -> Table:
-    """The columns of some streams, a row for each message, in order of time where there are several streams.
+    """The columns of some streams, a row for each message, in order of time if there are several streams.
 
-    time: name of the column of the time.
+    time: name of the time column.
 
     Raises:
-        InputError: no message.
+        InputError: there are no messages.
     """
     chosen = _with_any(streams, wanted)
     times = [stream.time_s for stream in chosen.values() if stream.time_s.size]
@@ -369,7 +369,7 @@ def rows_of(
             if name not in wanted:
                 continue
             empty = np.full(whole.size, "", object) if values.dtype == object else np.full(whole.size, np.nan)
-            with np.errstate(invalid="ignore"):  # of a float32 whose bits are those of a signalling NaN
+            with np.errstate(invalid="ignore"):  # a float32 may have the bits of a signalling NaN
                 table.setdefault(name, empty)[begin:end] = values
         begin = end
     rows = Table(source, table, row_numbers(1, whole.size), "message", notes)

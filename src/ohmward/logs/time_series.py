@@ -1,4 +1,4 @@
-"""The common part of logs: read-only arrays over one time that increases, and the choice of samples."""
+"""The common base of logs: read-only arrays over one increasing time, and the selection of samples."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ class TimeSeries(RichDisplay):
         return np.diff(self.time_s)
 
     def column(self, name: str) -> np.ndarray:
-        """(T,) a further column of the file, in its own unit; `extra` has them all.
+        """A further column (T,) of the file, in its own unit; `extra` has them all.
 
         Raises:
-            InputError: there is no such column; it names the nearest.
+            InputError: there is no such column; the message names the nearest one.
         """
         if name in self.extra:
             return self.extra[name]
@@ -54,9 +54,9 @@ class TimeSeries(RichDisplay):
         raise InputError(f"{self.name}: there is no column {name!r}{guess(name, names)}; {there}")
 
     def quantities(self, owner: str) -> dict[str, np.ndarray]:
-        """What was measured of the "battery" or the "body", (T,) by the name in the table of quantities.
+        """Measured quantities (T,) of the "battery" or the "body", by their name in the table of quantities.
 
-        A quantity without a field of its own here is among `extra`.
+        A quantity without a field of its own is taken from `extra`.
         """
         known = [quantity for quantity in QUANTITIES.values() if quantity.owner == owner and quantity.words]
         found = {quantity.name: getattr(self, quantity.field, self.extra.get(quantity.field)) for quantity in known}
@@ -88,10 +88,10 @@ class TimeSeries(RichDisplay):
         return replace(log, notes=self.notes + notes)
 
     def part(self, hints: FileHints) -> Self:
-        """The part that the hints name, from a time until another; all where they name none.
+        """The part of the log between `start` and `stop` of the hints; all of it if they give neither.
 
         Raises:
-            InputError: it has no sample, or its ends are no times of this log.
+            InputError: it has no sample, or its ends are not times of this log.
         """
         window = window_s(self.name, self.start_unix_s, hints)
         return self if window is None else self.between(*window)
@@ -99,7 +99,7 @@ class TimeSeries(RichDisplay):
     def _freeze(self, names: Iterable[str]) -> None:
         """Make the time, the arrays of these names and those in `extra` read-only float64 views.
 
-        Dates as the time tell its Unix start, where that was not given.
+        A time given as dates also sets the Unix start, unless that was given.
         """
         start_unix_s = self.start_unix_s
         time_s = self._plain("time_s", self.time_s)
@@ -148,7 +148,7 @@ class TimeSeries(RichDisplay):
         return f"{type(self).__name__} {self.name!r}"
 
     def _require_lengths(self, names: Iterable[str]) -> None:
-        """The arrays of these names and all in `extra` are (T,) where they are there."""
+        """Raise InputError unless the arrays of these names and in `extra`, where present, are (T,)."""
         for name, values in {**{name: getattr(self, name) for name in names}, **self.extra}.items():
             if values is not None and values.shape != self.time_s.shape:
                 shapes = f"{name} has shape {values.shape}, time_s has {self.time_s.shape}"

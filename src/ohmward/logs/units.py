@@ -19,7 +19,7 @@ class Unit(NamedTuple):
     offset: float = 0.0
 
     def in_si(self, values: np.ndarray) -> np.ndarray:
-        """The values in SI units; the very array where nothing changes."""
+        """The values in SI units; the array itself if nothing changes."""
         scaled = values if self.scale == 1.0 else values * self.scale
         return scaled if self.offset == 0.0 else scaled + self.offset
 
@@ -90,7 +90,7 @@ _BRACKETS = re.compile(r"^(?P<stem>.*?)\s*[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]\
 _SLASH = re.compile(r"^(?P<stem>.+?)\s*/\s*(?P<unit>[^/]+?)\s*(?P<rest>)$")
 # `current_A`, `voltage mV`, `time.ms`
 _SUFFIX = re.compile(r"^(?P<stem>.+?)[\s_.,-]+(?P<unit>[^\W\d_]+|[°ºµμ]\w*)(?P<rest>)$")
-# `speed_m_s`, `wheel rad/s`, `temp_deg_C`: units of more than letters, the longest first
+# `speed_m_s`, `wheel rad/s`, `temp_deg_C`: units that are not letters alone, the longest first
 _OF_PARTS = sorted(
     (s for spellings in _SPELLINGS.values() for s in spellings if not s.isalpha()), key=len, reverse=True
 )
@@ -108,7 +108,7 @@ _CAPITALS = re.compile(
 _TIME_AS_UNIT = re.compile(r"^(?P<unit>[mµu]s)(?:_today)?$")
 # `voltage_now`, `current_now`: the files of a power supply under Linux, in millionths
 _POWER_SUPPLY = re.compile(r"^(?P<stem>voltage|current)_(now|avg)$")
-#: A name that is itself a unit names the quantity: `Volts`, `millis`; of shorter ones these.
+#: A name that is itself a unit names the quantity: `Volts`, `millis`; of shorter names only these do.
 _SHORTEST_UNIT_AS_NAME, _UNITS_AS_NAMES = 4, frozenset(("A", "mA", "mV"))
 
 
@@ -137,12 +137,12 @@ def unit_in_brackets(name: str) -> Unit | None:
     return unit_of(found["unit"]) if found else None
 
 
-#: How a time is written, behind its name: `(h:min:s)`, `[hh:mm:ss.SSS]`.
+#: Notation of a time after its name: `(h:min:s)`, `[hh:mm:ss.SSS]`.
 _NOTATION = re.compile(r"\s*[(\[]\s*h+:(?:m+|min):s+(?:\.[a-z0]+)?\s*[)\]]\s*$", re.IGNORECASE)
 
 
 def without_notation(name: str) -> str:
-    """The name of a time without how it is written: `Test Time(h:min:s)` is `Test Time`."""
+    """The name of a time without its notation: `Test Time(h:min:s)` is `Test Time`."""
     return _NOTATION.sub("", name)
 
 

@@ -31,9 +31,9 @@ _PX4 = {
 
 
 def open_ulog(path: Path, hints: FileHints) -> TableFile:
-    """The columns of a ULog file; of one that was cut off those before the cut."""
+    """The columns of a ULog file; of a truncated one those before the cut."""
     pyulog = require("pyulog", "a ULog file")
-    # a stream of ours: pyulog leaves its own open where it gives up
+    # our own stream: pyulog leaves its stream open on errors
     with parsing(path, "no readable ULog file", "download it from the vehicle again"), path.open("rb") as stream:
         log = pyulog.ULog(stream, disable_str_exceptions=True)
     streams = {}
@@ -51,10 +51,10 @@ def open_ulog(path: Path, hints: FileHints) -> TableFile:
 
 
 _DATAFLASH_TEXT = b"FMT, 128,"
-#: First bytes of packets of MAVLink 1 and 2 behind a stamp of eight bytes, and stamps [us] of 2001 to 2100.
+#: First byte of packets of MAVLink 1 and 2 after a stamp of eight bytes, and stamps [us] of 2001 to 2100.
 _PACKETS, _STAMPS = (0xFE, 0xFD), (10**15, 4 * 10**15)
 _YEAR_2001_S = 1e9
-#: Missing numbers of MAVLink.
+#: Numbers of MAVLink that mean a missing value.
 _NO_CELL_MV, _NO_CURRENT, _NO_DEGC = 65535, -1, 32767
 
 #: Messages that are found without being named; a positive current discharges, and z points down.
@@ -83,7 +83,7 @@ class _LoggedMessage(NamedTuple):
 
 
 def is_telemetry(head: bytes) -> bool:
-    """True for stamps and packets of MAVLink."""
+    """True for a stamp followed by a packet of MAVLink."""
     stamp = int.from_bytes(head[:8], "big")
     return len(head) > 8 and head[8] in _PACKETS and _STAMPS[0] < stamp < _STAMPS[1]
 
@@ -115,7 +115,7 @@ def _open(path: Path, hints: FileHints, messages: Callable[[], Iterator[_LoggedM
                     if isinstance(value, int | float):
                         columns[key].setdefault(name, array("d", [np.nan] * len(times[key]))).append(value)
                 times[key].append(message.time_s)
-    except Exception as error:  # of its parser, many kinds
+    except Exception as error:  # its parser raises many kinds
         if not times:
             raise InputError(f"{path.name}: no readable log of ArduPilot ({error}); download it again") from error
     if not times:
@@ -124,7 +124,7 @@ def _open(path: Path, hints: FileHints, messages: Callable[[], Iterator[_LoggedM
     for (type_, instance), of_type in columns.items():
         instances = [key[1] for key in columns if key[0] == type_]
         name = f"{type_}[{instance}]" if len(instances) > 1 else type_
-        # of several sensors of a drive the first one; which battery is meant only the user knows
+        # of several sensors of a drive the first one is used; only the user knows which battery is meant
         is_first = instance == min(instances) or (type_ in _ARDUPILOT and _ARDUPILOT[type_].part == BATTERY)
         time_s = np.array(times[type_, instance])
         whole = {field: np.array(values) for field, values in of_type.items() if len(values) == time_s.size}
@@ -135,7 +135,7 @@ def _open(path: Path, hints: FileHints, messages: Callable[[], Iterator[_LoggedM
 def _named(
     known: Mapping[str, KnownType], stream: str, type_: str, arrays: Mapping[str, np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """The columns of a stream: those of a known type by their quantities, with a minus negated; others as named."""
+    """The columns of a stream: of a known type by quantity, negated if marked by a minus; of others as named."""
     if type_ not in known:
         return {f"{stream}/{name}": values for name, values in arrays.items()}
     found = {}
@@ -146,7 +146,7 @@ def _named(
 
 
 def _of_dataflash(reader: Any, path: Path) -> Iterator[_LoggedMessage]:
-    log = reader.__new__(reader)  # at hand where its constructor gives up, which would leave the file open
+    log = reader.__new__(reader)  # kept in case its constructor fails, which would leave the file open
     try:
         log.__init__(str(path))
         while (message := log.recv_msg()) is not None:
@@ -177,7 +177,7 @@ def _of_telemetry(log: Any) -> Iterator[_LoggedMessage]:
 
 
 def _battery_status(message: Any) -> dict[str, float]:
-    """The numbers of BATTERY_STATUS; what there is not is NaN."""
+    """The numbers of BATTERY_STATUS; missing voltage, current and temperature are NaN."""
     cells_mV = [mV for mV in (*message.voltages, *getattr(message, "voltages_ext", ())) if 0 < mV < _NO_CELL_MV]
     current, degC = message.current_battery, message.temperature
     return {
@@ -188,7 +188,7 @@ def _battery_status(message: Any) -> dict[str, float]:
     }
 
 
-#: First bytes of the formats that they tell.
+#: Opener of each format that is recognised by its first bytes.
 OPENERS: dict[bytes, Opener] = {
     b"ULog\x01\x12\x35": open_ulog,
     b"\xa3\x95\x80": open_dataflash,

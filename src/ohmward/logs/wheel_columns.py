@@ -38,7 +38,7 @@ _CORNERS_IN_ORDER = ("front", "rear", "left", "right")
 
 
 class Wheels(NamedTuple):
-    """The wheels that are looked for: their names, driven ones first, and the number of driven ones."""
+    """The wheels to look for: their names, driven ones first, and the number of driven ones."""
 
     places: Sequence[str]
     driven: int
@@ -49,7 +49,7 @@ class Wheels(NamedTuple):
         return self.places[: self.driven]
 
     def of(self, channel: Channel) -> dict[str, str]:
-        """Place -> quantity of every wheel that has the channel; a motor's current only the driven ones have."""
+        """Place -> quantity of every wheel that has the channel; only driven wheels have a motor current."""
         places = self.driven_places if channel is MOTOR_CURRENT else self.places
         return {place: f"{place}_{channel.name}" for place in places}
 
@@ -61,14 +61,14 @@ class Wheels(NamedTuple):
 
 
 class Found(NamedTuple):
-    """columns: channel -> column, several wheels may share one; by_number: wheels were told by their numbers alone."""
+    """columns: channel -> column, several wheels may share one; by_number: wheels were identified by number alone."""
 
     columns: dict[str, Column]
     by_number: bool
 
 
 class _OfWheel(NamedTuple):
-    """A column that may be a channel of a wheel: of which `corner`, or of the wheel with which `number`."""
+    """A column that may be a channel of a wheel, with the `corner` or the `number` of that wheel."""
 
     column: Column
     corner: frozenset[str]
@@ -86,16 +86,16 @@ def find_drive_columns(
     """The column of each channel, by its name.
 
     `front_left_wheel_speed_rad_s`, `omega_fl`, `v_fl`, `left_wheel_vel`, `velL`, `wl`, `m1vel`, `velocity[0]`; `curL`,
-    `m1cur`; `gyro_z`, `wz`, `imu_acceleration_x`, `pitch_deg`, `gnss_speed`. A left and a right one serve all driven
-    wheels of their side. Names with words that are not known (`cmd_left`, `m1setvel`) are left alone.
+    `m1cur`; `gyro_z`, `wz`, `imu_acceleration_x`, `pitch_deg`, `gnss_speed`. A left and a right column serve all driven
+    wheels of their side. Names with unknown words (`cmd_left`, `m1setvel`) are ignored.
 
     source: the file's name, for messages.  names: the columns of the file.
     columns: channel -> column, where the caller knows better; `left_wheel_speed` means all driven wheels of that side.
-    units: channel or kind (`wheel_speed`) -> unit, where the names are silent or wrong.
-    leave: columns that are not to be guessed: truths.
+    units: channel or kind (`wheel_speed`) -> unit, where the names give none or a wrong one.
+    leave: columns that must not be guessed, such as ground truth.
 
     Raises:
-        InputError: no time or no wheel speed, two columns fit equally well, or an override names what does not exist.
+        InputError: no time or wheel speed, two columns fit equally well, or an override of something that is not there.
     """
     units = units or {}
     given = {quantity: name for key, name in (columns or {}).items() for quantity in _meant(key, wheels)}
@@ -119,7 +119,7 @@ def find_drive_columns(
 
 
 def wheel_places(names: Sequence[str]) -> tuple[str, ...]:
-    """Names of the wheels whose speeds or positions the columns are, front and left ones first; () for fewer than two.
+    """Names of the wheels that have a column of speed or position, front and left ones first; () for fewer than two.
 
     They are corners or sides, `front_left`, `right`, or where the columns have none, numbers.
     """
@@ -146,9 +146,9 @@ def _meant(quantity: str, wheels: Wheels) -> list[str]:
 
 
 def find_wheels(source: str, names: Sequence[str], channel: Channel, wheels: Wheels, given: Collection[str]) -> Found:
-    """The columns of one channel of the wheels: by their corners, and only if there are none by their numbers.
+    """The columns of one channel of the wheels, found by corner, or if there are none, by number.
 
-    given: channels that are not looked for.
+    given: channels not to look for.
 
     Raises:
         UnclearColumnsError: two columns fit a wheel equally well.
@@ -185,7 +185,7 @@ def _by_number(candidates: Sequence[_OfWheel], place: str, wheels: Wheels) -> li
 
 
 def _of_wheel(name: str, channel: Channel) -> _OfWheel | None:
-    """The name as a channel of a wheel, if all its words are known and one of them says so, or the unit of a speed."""
+    """The name as a channel of a wheel, if all its words are known and one of them, or a unit of speed, names it."""
     naming = frozenset[str]().union(*channel.words)
     counts = channel is WHEEL_COUNTS
     angles = [(stem, unit) for stem, unit in split_unit(name) if unit and unit.dimension in ("angle", "length")]
@@ -232,7 +232,7 @@ WIDTHS = (8, 16, 32)
 
 @dataclass(frozen=True)
 class Mechanics:
-    """The way from the shaft that is measured to the rim of the wheel.
+    """The transmission from the measured shaft to the rim of the wheel.
 
     Raises:
         InputError: one of the numbers is not > 0.
@@ -240,7 +240,7 @@ class Mechanics:
 
     radius_m: float | None = None  #: of the wheels, for speeds in m/s
     gear_ratio: float = 1.0  #: turns of the motor for one of the wheel
-    at_motor_shaft: bool = False  #: speeds and counts are of the motor, before the gear
+    at_motor_shaft: bool = False  #: speeds and counts are measured at the motor, before the gear
     counts_per_turn: float | None = None  #: of an encoder, for one turn of the shaft that it sits on
 
     def __post_init__(self) -> None:
@@ -250,9 +250,9 @@ class Mechanics:
 
 
 def unit_of_channel(quantity: str, column: Column, mechanics: Mechanics) -> Unit:
-    """The unit of a column; where nothing tells it, that of the channel.
+    """The unit of a column, by default that of the channel.
 
-    A wheel's speed called `v` is in m/s; counts are what `counts_per_turn` is given for, and the positions of a name.
+    A wheel speed called `v` is in m/s; it is in counts if `counts_per_turn` is given or its name is that of a position.
     """
     if column.unit:
         return column.unit
@@ -265,13 +265,13 @@ def unit_of_channel(quantity: str, column: Column, mechanics: Mechanics) -> Unit
     return UNITS["m/s"] if "v" in words else channel.default
 
 
-#: So many rows, turns and counts at least show that counts go up and down, in this share of the steps.
+#: Counts since the last row are recognised from this many rows, turns and counts on, if this share of steps reverses.
 _FEWEST_ROWS, _FEWEST_TURNS, _FEWEST_COUNTS, _UP_AND_DOWN = 50, 3.0, 2.0, 0.2
-#: Share of the usual interval of rows that lies between two at least; below 1, so that clocks that drift stay.
+#: Smallest interval between rows as a share of the usual one; below 1, so that times of a drifting clock are kept.
 _USUAL_SHARE = 0.98
-#: So many rows in a row show the usual interval, however they arrived.
+#: Number of consecutive rows that show the usual interval even if they arrived in bursts.
 _TOGETHER = 20
-#: A row that comes after less than this share of the interval in which it was measured is one of a burst.
+#: A row that arrives within this share of the interval at which it was measured is part of a burst.
 _BURST = 1 / 3
 _POSITION_WORDS = frozenset(word for words in WHEEL_COUNTS.words for word in words)
 
@@ -312,9 +312,9 @@ def wheel_speed(
 
 
 def are_since_last_row(counts: np.ndarray, counts_per_turn: float) -> bool:
-    """True for counts (T,) that are anew in each row: within a turn of zero, and up and down all the time.
+    """True for counts (T,) since the row before: within a turn of zero, and up and down all the time.
 
-    A counter turns round as seldom as the wheel does. Where the counts come to no way, it does not matter.
+    A running counter reverses as seldom as the wheel does. Where the counts add up to no distance, it does not matter.
     """
     values = counts[np.isfinite(counts)]
     if values.size < _FEWEST_ROWS or counter_bits(values) is not None:
@@ -330,9 +330,9 @@ def are_since_last_row(counts: np.ndarray, counts_per_turn: float) -> bool:
 def without_bursts(
     table: Table, time_s: np.ndarray, columns: Mapping[str, Column], mechanics: Mechanics
 ) -> tuple[np.ndarray, tuple[Note, ...]]:
-    """The times (T,) of the rows where positions of wheels arrived in bursts as they were measured, and a note.
+    """Times (T,) of the measurements, where rows with positions of wheels arrived in bursts, and a note.
 
-    A position over the time between two arrivals is no speed where the second did not wait for its turn.
+    Within a burst, the change of position over the time between two arrivals is not the speed.
     """
     positions = [
         table.columns[column.name]
@@ -353,10 +353,10 @@ def without_bursts(
 
 
 def even_times(time_s: np.ndarray) -> np.ndarray:
-    """Times (T,) [s] of positions that were measured evenly and arrived in bursts, as they would have without waiting.
+    """Times (T,) [s] at which positions were measured, if that was at even intervals but they arrived in bursts.
 
-    A row cannot have been measured later than any that came after it, less the usual interval for each in between.
-    Rows that come evenly, or with pauses, keep their times.
+    A row was measured no later than any row after it, less the usual interval for each step between the two. Rows that
+    arrive evenly, or with pauses, keep their times.
 
     time_s: (T,) [s] of arrival, increasing.
     """
@@ -368,9 +368,9 @@ def even_times(time_s: np.ndarray) -> np.ndarray:
 
 
 def speed_from_counts(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float) -> tuple[np.ndarray, str]:
-    """The speed of a wheel (T,) [rad/s] from its encoder, as of `rate_of_change`; a clause on rollovers, "" for none.
+    """The speed of a wheel (T,) [rad/s] from its encoder by `rate_of_change`; a clause on rollovers, "" for none.
 
-    counts: (T,) whole numbers, NaN where nothing new.  time_s: (T,) [s], increasing.
+    counts: (T,) whole numbers, NaN in rows without a new one.  time_s: (T,) [s], increasing.
     counts_per_turn: of the wheel, > 0.
     """
     values = counts[np.isfinite(counts)]
@@ -385,7 +385,7 @@ def speed_from_counts(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: f
 def speed_from_angle(angle_rad: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     """The speed (T,) [rad/s] of a wheel from its position (T,) [rad], NaN in rows without a new one and after gaps.
 
-    A position that stays within one turn is one that starts anew each turn, if it ever jumps by more than half of it.
+    A position that stays within one turn is assumed to wrap where it jumps by more than half a turn.
     """
     known = angle_rad[np.isfinite(angle_rad)]
     is_within_turn = known.size and np.ptp(known) <= 2 * math.pi + 1e-6
@@ -395,10 +395,10 @@ def speed_from_angle(angle_rad: np.ndarray, time_s: np.ndarray) -> np.ndarray:
 def rate_of_change(
     time_s: np.ndarray, values: np.ndarray, span: float = math.inf, scale: float = 1.0, over_gaps: bool = False
 ) -> np.ndarray:
-    """(T,) change of `scale` times the values (T,) over the time since the value before; NaN in rows without a value.
+    """Rate (T,) of `scale` times the values (T,) since the previous value; NaN in rows without a value.
 
-    span: at which the values start anew; they are taken to have changed the short way.
-    over_gaps: the rate over a gap counts; else it is NaN.
+    span: range after which the values wrap; changes are assumed to be the short way round.
+    over_gaps: keep the rate over a gap; else it is NaN.
     """
     known = np.flatnonzero(np.isfinite(values))
     steps = np.diff(values[known])
@@ -428,7 +428,7 @@ def counter_bits(counts: np.ndarray) -> int | None:
 
 
 def unit_notes(columns: Mapping[str, Column], mechanics: Mechanics) -> list[Note]:
-    """Notes on the units of the channels of a drive, one for all columns of a kind that are read alike."""
+    """Notes on the units of the channels of a drive, one for all columns of a kind with the same unit."""
     alike: dict[tuple[str, str, bool], list[str]] = {}
     for quantity, column in columns.items():
         key = channel_of(quantity).name, unit_of_channel(quantity, column, mechanics).symbol, column.unit is None
@@ -446,7 +446,7 @@ def unit_notes(columns: Mapping[str, Column], mechanics: Mechanics) -> list[Note
 
 
 def _shaft_notes(unit: Unit, names: list[str], mechanics: Mechanics) -> list[Note]:
-    """A note on the shaft or rim that the speeds of wheels are taken to be of, where that is not plain."""
+    """A note on the shaft or rim at which wheel speeds are assumed to be measured, where that is not obvious."""
     gear = f"{mechanics.gear_ratio:g}"
     if unit.dimension in ("speed", "length"):
         quantity = "speed" if unit.dimension == "speed" else "way"

@@ -1,4 +1,4 @@
-"""Workbooks of Excel and their kin, refused where their sheets would not fit the memory."""
+"""Workbooks of Excel and the like, refused if their sheets would not fit in memory."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note, Table, TableFile, file_of, parsing, row_numbers
 from ohmward.optional import require
 
-#: Cells of a workbook, empty ones between those that are filled among them, and bytes of its unpacked parts.
+#: Most cells of a workbook, including empty ones between filled ones, and most bytes of its unpacked parts.
 MOST_CELLS, MOST_BYTES = 1 << 24, 1 << 30
-#: Bytes of a part that are looked at together, and those of one tag that may lie across two such blocks.
+#: Bytes of a part examined at a time, and the longest tag that may lie across two such blocks.
 _BLOCK, _LONGEST_TAG = 1 << 20, 1 << 8
-#: A cell of Excel, and one with its place as nearly all write it.
+#: Tag of an Excel cell, and of one with its place, as nearly all programs write it.
 _CELL = re.compile(rb"<(?:\w+:)?c[\s/>]")
 _PLACE = re.compile(rb"""<(?:\w+:)?c [^<>]*?\br=["']([A-Z]{1,3})(\d{1,7})["']""")
 
@@ -49,9 +49,9 @@ def open_workbook(path: Path, hints: FileHints) -> TableFile:
 
 
 def _require_size(path: Path) -> None:
-    """Refuse a workbook whose sheets would not fit the memory; its parser holds all cells between those filled.
+    """Refuse a workbook whose sheets would not fit in memory; its parser holds all cells between filled ones.
 
-    A sheet of the older .xls has no more than 16 million.
+    A sheet of the older .xls has no more than 16 million cells.
     """
     if not zipfile.is_zipfile(path):
         return
@@ -94,7 +94,7 @@ class _Extent:
 
 
 def _cells_of_part(name: str, stream: IO[bytes]) -> int:
-    """Cells of a part of a workbook, from its first filled one to its last; the part is read to its end."""
+    """Number of cells in a part of a workbook, from its first filled one to its last; the part is read to its end."""
     if name == "content.xml":
         return _cells_of_xml(stream, _of_open_document)
     if "/worksheets/" in name and name.endswith(".bin"):
@@ -109,7 +109,7 @@ def _cells_of_part(name: str, stream: IO[bytes]) -> int:
 
 
 def _cells_of_places(stream: IO[bytes]) -> int | None:
-    """Cells of a sheet of Excel by the places that stand in them; None where one has none."""
+    """Number of cells in an Excel sheet by the places given in them; None if any cell has no place."""
     sheet = _Extent()
     before = b""
     while block := stream.read(_BLOCK):
@@ -147,7 +147,7 @@ def _cells_of_xml(stream: IO[bytes], include: Callable[[_Extent, str, dict[str, 
 
 
 def _of_excel(sheet: _Extent, tag: str, attributes: dict[str, str]) -> None:
-    """A row or a cell of Excel, with its place, such as 12 or XFD12, or behind the one before."""
+    """Include a row or a cell of Excel at its place, such as 12 or XFD12, or else after the previous one."""
     if tag == "row":
         sheet.row, sheet.column = int(attributes.get("r", sheet.row + 1)), 0
     elif tag == "c":
@@ -160,7 +160,7 @@ def _of_excel(sheet: _Extent, tag: str, attributes: dict[str, str]) -> None:
 
 
 def _of_open_document(sheet: _Extent, tag: str, attributes: dict[str, str]) -> None:
-    """A row or a cell of .ods, which stands once for several."""
+    """Include a row or a cell of .ods, which may stand for several repeated ones."""
     if tag == "table-row":
         repeated = int(attributes.get("table:number-rows-repeated", 1))
         sheet.first_row, sheet.row, sheet.column = sheet.row + 1, sheet.row + repeated, 0
@@ -171,7 +171,7 @@ def _of_open_document(sheet: _Extent, tag: str, attributes: dict[str, str]) -> N
 
 
 def _cells_of_records(stream: IO[bytes]) -> int:
-    """Cells of a sheet of .xlsb: records of kind, size and content."""
+    """Number of cells in a sheet of .xlsb: records of kind, size and content."""
     sheet = _Extent()
     while (kind := _packed_number(stream, 2)) is not None and (size := _packed_number(stream, 4)) is not None:
         record = stream.read(size)
@@ -184,7 +184,7 @@ def _cells_of_records(stream: IO[bytes]) -> int:
 
 
 def _packed_number(stream: IO[bytes], most: int) -> int | None:
-    """A number of seven bits a byte, of which the last has no eighth; None at the end."""
+    """A number stored in seven bits a byte, with the eighth bit clear in the last byte; None at the end."""
     number = 0
     for k in range(most):
         if not (byte := stream.read(1)):
@@ -212,7 +212,7 @@ def _table_file(
 
 
 def _text(cell: Any) -> str:
-    """A cell of a workbook as text that the reader of text tables knows."""
+    """A cell of a workbook as text in a notation that the reader of text tables knows."""
     if isinstance(cell, datetime):
         return cell.isoformat(" ")
     if isinstance(cell, date | time):

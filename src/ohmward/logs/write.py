@@ -23,9 +23,9 @@ from ohmward.optional import require
 
 TOPIC = "/ohmward"
 
-#: What a file that loses its end may lose, and what a viewer reads at once [bytes].
+#: Size of a chunk [bytes]: the most that a truncated file loses, and what a viewer reads at once.
 _CHUNK_BYTES = 1 << 18
-#: Rows that are written at a time.
+#: Rows written at a time.
 _WRITTEN_ROWS = 1 << 16
 _HEADER = """\
 ================================================================================
@@ -37,15 +37,15 @@ MSG: builtin_interfaces/Time
 int32 sec
 uint32 nanosec
 """
-#: Plain CDR, little-endian: the stamp, an empty frame, and zeros up to the first number of eight bytes.
+#: Plain CDR, little-endian: the stamp, an empty frame_id, and zeros up to the first eight-byte number.
 _BEFORE = [("encoding", "<u4"), ("sec", "<i4"), ("nanosec", "<u4"), ("frame_length", "<u4"), ("frame", "<u4")]
 _LITTLE_ENDIAN_CDR, _LENGTH_OF_EMPTY = 0x00000100, 1
 
 
 def write_mcap(path: Path, columns: Mapping[str, np.ndarray], progress: Progress | None = None) -> None:
-    """Write the numeric columns (T,) as messages of ROS 2; columns of text are left out.
+    """Write the numeric columns (T,) as ROS 2 messages; text columns are left out.
 
-    The time is that of `unix_time_s`, without it that of `time_s`, without both the number of the row.
+    The time of a message is `unix_time_s`, without that column `time_s`, without both the number of the row.
 
     Raises:
         OhmwardError: the package mcap is not installed.
@@ -72,7 +72,7 @@ def write_mcap(path: Path, columns: Mapping[str, np.ndarray], progress: Progress
 
 
 def _times_ns(columns: Mapping[str, np.ndarray], rows: int) -> np.ndarray:
-    """(T,) int64 [ns], not before 1970, which MCAP cannot say."""
+    """Time of each row (T,) as int64 [ns], clipped at 1970, before which MCAP has no times."""
     name = next((name for name in ("unix_time_s", "time_s") if name in columns), None)
     time_s = np.arange(rows, dtype=float) if name is None else columns[name].astype(float)
     seconds = np.floor(time_s)
@@ -80,7 +80,7 @@ def _times_ns(columns: Mapping[str, np.ndarray], rows: int) -> np.ndarray:
 
 
 def _field_names(names: list[str]) -> list[str]:
-    """Names that a message may have, each once: letters, digits and single underscores, a letter first."""
+    """Unique field names that a message may have: letters, digits and single underscores, a letter first."""
     fields: list[str] = []
     for name in names:
         plain = re.sub(r"[^0-9A-Za-z]+", "_", name).strip("_") or "column"
@@ -91,7 +91,7 @@ def _field_names(names: list[str]) -> list[str]:
 
 
 def _messages(time_ns: np.ndarray, columns: list[np.ndarray]) -> list[bytes]:
-    """A message of each row."""
+    """One message for each row."""
     table = np.zeros(time_ns.size, dtype=[*_BEFORE, *((f"f{k}", "<f8") for k in range(len(columns)))])
     table["encoding"], table["frame_length"] = _LITTLE_ENDIAN_CDR, _LENGTH_OF_EMPTY
     table["sec"], table["nanosec"] = np.divmod(time_ns, 10**9)
@@ -106,18 +106,18 @@ TABLES = (".csv", ".parquet", ".mcap")
 
 
 def write_log(log: LogSource, path: str | PathLike[str]) -> None:
-    """Write a log; the suffix says how: .csv, .parquet, .mcap, .bdf.csv or .bdf.parquet. Current > 0 charges in each.
+    """Write a log in the format of the suffix: .csv, .parquet, .mcap, .bdf.csv or .bdf.parquet; current > 0 charges.
 
     >>> ow.write_log("day.csv", "day.parquet")
     >>> len(ow.read_log("day.parquet"))
     33744
 
-    CSV, Parquet and MCAP carry ohmward's own names (time_s, current_A, voltage_V, temperature_degC, unix_time_s), BDF
+    CSV, Parquet and MCAP use ohmward's own names (time_s, current_A, voltage_V, temperature_degC, unix_time_s), BDF
     those of the Battery Data Format. The extra columns follow under their own names; notes are not written.
 
     Raises:
         InputError: an unknown suffix, or an extra column with the name of a measured one.
-        OhmwardError: the disk refused, Parquet without pyarrow, MCAP without mcap.
+        OhmwardError: the file cannot be written, Parquet without pyarrow, MCAP without mcap.
     """
     path = path_of(path)
     log = as_log(log)
@@ -135,11 +135,11 @@ def write_table(columns: Mapping[str, np.ndarray], path: str | PathLike[str], pr
     >>> run = ow.SocEstimator(ow.load_battery("battery.toml")).run("day.csv")
     >>> ow.write_table({"time_s": run.time_s, "soc": run.soc, "soc_std": run.soc_std}, "soc.csv")
 
-    progress: called now and then with the rows that are written and all rows.
+    progress: called now and then with the rows written and the total.
 
     Raises:
         InputError: an unknown suffix, or columns of different lengths.
-        OhmwardError: the disk refused, Parquet without pyarrow, MCAP without mcap.
+        OhmwardError: the file cannot be written, Parquet without pyarrow, MCAP without mcap.
     """
     require_mappings(columns=columns)
     path, columns = path_of(path), {name: np.asarray(values) for name, values in columns.items()}
@@ -173,13 +173,13 @@ def _write_csv(path: Path, columns: Mapping[str, np.ndarray], progress: Progress
                 progress(start + len(block[0]), rows)
 
 
-#: Rows from which on Arrow is worth its import.
+#: Number of rows from which importing Arrow pays off.
 WORTH_ROWS = 20_000
 
 
 def rows_as_text(columns: Sequence[np.ndarray]) -> str | None:
-    """Rows as the standard library writes them, by Arrow; None where a column is no number, or rows are few."""
-    # a row of one empty cell is quoted by the standard library, lest it be an empty line
+    """Rows as the standard library writes them, made by Arrow; None if a column is not numeric or rows are few."""
+    # the standard library quotes a row of one empty cell, so that its line is not empty
     if len(columns) < 2 or len(columns[0]) < WORTH_ROWS or any(c.dtype.kind not in "fiu" for c in columns):
         return None
     if (arrow := import_arrow()) is None:
@@ -203,7 +203,7 @@ def _cells(arrow: ModuleType, values: np.ndarray):
     size = np.abs(values)
     missing = np.isnan(values)
     text = compute.cast(arrow.array(values, mask=missing), arrow.string())
-    # the shortest digits are the same; Python writes whole numbers with a point, and takes exponents elsewhere
+    # both write the shortest digits; Python adds a point to whole numbers, and starts exponents at other sizes
     whole = (values == np.rint(values)) & (size < 1e10)
     if whole.any():
         pointed = compute.binary_join_element_wise(text, ".0", "")

@@ -1,1 +1,1 @@
-"""Checks of what sensors show: the same of a robot that runs, of a trial of its wiring, and of a log."""
+"""Checks of sensor signals, the same for a running robot, a trial of its wiring, and a log."""

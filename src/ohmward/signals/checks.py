@@ -1,7 +1,7 @@
-"""Checks of one signal, and the one sentence for each fault, whoever finds it.
+"""Checks of one signal, with one wording for each fault wherever it is found.
 
-A check is given what a signal showed, all of a log or the last seconds of a robot that runs, and what battery and robot
-make plausible. It says what is wrong and the fix, which in the setup of a robot is another key than for a log.
+A check takes the values of a signal, from a whole log or the last seconds of a running robot, and the limits plausible
+for battery and robot. It reports the fault and the fix, which in the setup of a robot is another key than for a log.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ohmward.quantities import Quantity, ValueLimits
 
 Severity = Literal["error", "warning", "info"]
 
-#: Where a fault is mended: in the setup of a robot, or by the options with which a log is read.
+#: Where a fault is corrected: in the setup of a robot, or by the options with which a log is read.
 Place = Literal["setup", "log"]
 
 
@@ -32,7 +32,7 @@ class Finding:
 
 
 class Scale(NamedTuple):
-    """A unit that is forgotten often: its factor to that of the quantity, its name, and its symbol for `--unit`."""
+    """A unit that is often forgotten: its factor to the quantity's unit, its name, and its symbol for `--unit`."""
 
     factor: float
     name: str
@@ -64,9 +64,9 @@ _SCALES = {
     ),
 }
 
-#: 0 K, and a room: a temperature nearer to that is likelier [degC].
+#: 0 K, and room temperature [degC], near which a temperature is likelier.
 _KELVIN_DEGC, _ROOM_DEGC = -273.15, 25.0
-#: What is lost where a quantity comes too seldom, by its owner.
+#: Effect of too low a sampling rate, and advice, by the owner of the quantity.
 _TOO_SLOW = {
     "battery": "ohmic resistance and fast time constants blur into one; sample at 1 Hz or faster",
     "wheel": "a wheel slips for tenths of a second; sample the wheels at 20 Hz or faster",
@@ -74,7 +74,7 @@ _TOO_SLOW = {
 
 
 def scales_of(quantity: Quantity, radius_m: float | None = None) -> tuple[Scale, ...]:
-    """Units that are forgotten often; with the radius of the wheels [m] those of a speed at the rim, too."""
+    """Units that are often forgotten; with the radius of the wheels [m] those of a speed at the rim, too."""
     known = _SCALES.get(quantity.unit, ())
     if radius_m is None or quantity.owner != "wheel":
         return known
@@ -82,7 +82,7 @@ def scales_of(quantity: Quantity, radius_m: float | None = None) -> tuple[Scale,
 
 
 def rescale(quantity: Quantity, scale: Scale, place: Place) -> str:
-    """The fix of a unit."""
+    """The fix for a wrong unit."""
     if place == "setup":
         return f"{scale.name}? then scale = {scale.factor:.4g}"
     return (
@@ -102,7 +102,7 @@ def beyond_limits(
 ) -> Iterator[Finding]:
     """A finding on values from lowest to highest that leave the limits of a quantity.
 
-    what: the signal, before the sentence: "the voltage ".  often: a clause on them.  radius_m: of the wheels [m].
+    what: the signal, before the sentence: "the voltage ".  often: a clause on how often.  radius_m: of the wheels [m].
     """
     low, high = limits
     if low <= lowest and highest <= high:
@@ -146,12 +146,12 @@ def _unit_advice(
 
 
 def no_number(often: str, what: str = "", severity: Severity = "warning") -> Finding:
-    """A signal that is no number; often: "in any of its values"."""
+    """A finding on values that are not numbers; often: "in any of its values"."""
     return Finding(severity, f"{what}no number {often}", "look at the sensor and its wire; estimators skip them")
 
 
 def no_numbers(count: int, samples: int, what: str = "") -> Iterator[Finding]:
-    """A finding on so many of the values of a signal that are no number."""
+    """A finding on the values of a signal that are not numbers, if count > 0."""
     if count == samples:
         yield no_number("in any of its values", what, "error")
     elif count:
@@ -159,30 +159,30 @@ def no_numbers(count: int, samples: int, what: str = "") -> Iterator[Finding]:
 
 
 def too_seldom(quantity: Quantity, rate_hz: float, least_hz: float, what: str = "") -> Iterator[Finding]:
-    """A finding on a signal that comes less often than least_hz; nan where the rate is not known."""
+    """A finding on a signal that comes less often than least_hz; rate_hz is nan if unknown."""
     if rate_hz < least_hz:
         text = f"{what}comes {rate_hz:.2g} times a second; at least {least_hz:g} are needed"
         yield Finding("warning", text, _TOO_SLOW[quantity.owner])
 
 
 def stuck(what: str = "", when: str = "", mover: str = "what moves with it") -> Finding:
-    """A sensor that repeats its value while others, which it must follow, do not; when: " from 1 s to 2 s"."""
+    """A finding on a sensor that repeats its value while those it must follow change; when: " from 1 s to 2 s"."""
     text = f"{what}stuck: the same to the last bit{when} while {mover} moves"
     return Finding("error", text, "look at the sensor and its wire")
 
 
-#: Counts without the size of one turn.
+#: Fault of counts without their number per turn.
 NOT_COUNTED = "counts need counts_per_turn = ... in the setup"
 
 
 def doubled(sources: Iterable[str], used: str = "") -> str:
-    """A signal that several sources send; used: the one whose values are taken."""
+    """The fault of a signal that several sources send; used: the one whose values are used."""
     choice = f"{used} is used, " if used else ""
     return f"{' and '.join(sources)} both send it; {choice}leave it out of one of them"
 
 
 def missing(came: str) -> str:
-    """A signal that its source promises and does not send; came: "never came from can0"."""
+    """The fault of a signal that its source should send but does not; came: "never came from can0"."""
     return f"{came}; check its wiring and its name there, or leave it out of signals"
 
 

@@ -1,9 +1,9 @@
-"""The sign of a current that charges the battery, told from the response of the voltage.
+"""The sign of a current that charges the battery, found from the response of the voltage.
 
 With current > 0 charging, an edge of the current moves the voltage the same way at once, because the ohmic resistance
-is positive; and a long steady current that charges raises the voltage. Either may decide; where they contradict each
-other the answer is that the data do not tell. Where neither is clear, as under a current that never stands still, the
-regression over all changes decides.
+is positive; and a long steady current that charges raises the voltage. Either may decide; if they contradict each
+other, the sign is undecidable. If neither is clear, as under a current that is never steady, the regression over all
+changes decides.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ohmward.runs import runs
 from ohmward.signals.checks import Finding, Place
 from ohmward.signals.survey import resolution, spread
 
-#: What a positive current in a file does; "auto" tells it from the data.
+#: Effect of a positive current in a file; "auto" infers it from the data.
 CurrentSign = Literal["auto", "charge", "discharge"]
 
 # Samples of a real log are not independent, so a clear |t| is far above the usual 3, and more so for a few edges.
@@ -26,25 +26,24 @@ CLEAR_T_OF_MANY = 5.0
 _MANY = 8
 # Of the edges weighted by size at least nine tenths agree: sum(dI dV) is 0.8 of sum(|dI dV|).
 CLEAR_AGREEMENT = 0.8
-# An edge, as a fraction of the largest change and of the largest current, and above rounding.
+# Smallest edge, as a fraction of the largest change and of the largest current, and above rounding.
 _EDGE = 0.2
 _EDGE_OF_LEVEL = 0.02
 _LEAST_EDGE_A = 1e-9
-# About so many samples, evenly along a log, tell its noise.
+# Approximate number of samples, evenly along a log, from which its noise is estimated.
 _NOISE_FROM = 10_000
-# A current without a sign has no more than this share on its other side; a step of it lasts so many samples, in which
-# the voltage moves on by so many times its noise.
+# A current without a sign has at most this share on its other side; a step of it lasts at least this many samples, in
+# which the voltage moves on by more than this many times its noise.
 _NO_SIGN, _LASTING, _GOES_ON = 0.02, 10, 3.0
 # A steady current stays within this fraction of its usual value, long enough for diffusion to raise the voltage.
 _STEADY = 0.1
 _TREND_PARTS = 5
 _TREND_LEAST_S = 300.0
-# Regression over all changes: so many parts of a log that hold equally much of the squares of the changes, as many
-# changes of equal size at least, and changes over so many samples: a voltage that was sampled later than the current
-# answers the longer ones only.
+# Regression over all changes: number of parts of a log with equal sums of squared changes; fewest changes, counted as
+# of equal size; samples that a change spans: a voltage sampled later than the current responds to the longer one only.
 _CHANGE_PARTS, _FEWEST_CHANGES = 10, 6
 _CHANGES_OVER = (1, 4)
-# So many samples a voltage may be older than its current, as where they are polled one after the other.
+# Most samples by which a voltage may be older than its current, as when they are polled one after the other.
 _LATE_SAMPLES = 3
 
 
@@ -54,7 +53,7 @@ class EdgeTest(NamedTuple):
     resistance_ohm: float  #: slope [ohm], > 0 when positive current charges; NaN without edges
     edges: int  #: their number
     t_value: float  #: slope over its standard error, from the noise of the voltage between edges
-    agreement: float  #: in [-1, 1], sum(dI dV) / sum(|dI dV|): 1 or -1 when every edge says the same
+    agreement: float  #: in [-1, 1], sum(dI dV) / sum(|dI dV|): 1 or -1 when all edges agree
 
     @property
     def sign(self) -> int:
@@ -74,7 +73,7 @@ class SignEvidence(NamedTuple):
 
     @property
     def likely(self) -> CurrentSign:
-        """The verdict, or what the edges say where that is not clear."""
+        """The verdict, or the sign that the edges suggest if that is undecidable."""
         discharges = self.edges.t_value < 0.0 if self.verdict == "undecidable" else self.verdict == "discharge"
         return "discharge" if discharges else "charge"
 
@@ -90,7 +89,7 @@ class SignEvidence(NamedTuple):
 
 
 def check_current_sign(evidence: SignEvidence, place: Place) -> Iterator[Finding]:
-    """A finding on a current of the other sign, or of one that the data do not tell."""
+    """A finding on a current of the wrong sign, or of one that the data do not show."""
     if evidence.verdict == "discharge":
         fix = "scale = -1" if place == "setup" else "read the log with the other --current-sign"
         text = f"the voltage answers the current with the wrong sign ({evidence})"
@@ -116,10 +115,10 @@ def sign_evidence(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarr
 
 
 def lost_sign(current_A: np.ndarray, voltage_V: np.ndarray) -> str:
-    """A sentence for a current (T,) [A] without a sign, although the battery is charged and discharged; else "".
+    """A sentence on a current (T,) [A] without a sign, although the battery is charged and discharged; else "".
 
-    Where the current rises at once, the voltage steps up or down, and goes on that way while the current stays: the
-    direction that is seen less often must be seen like that once at least.
+    Where the current rises abruptly, the voltage steps up or down, and goes on that way while the current stays: the
+    direction that is seen less often must be seen like that at least once.
     """
     known = np.isfinite(current_A) & np.isfinite(voltage_V)
     size_A, voltage_V = np.abs(current_A[known]), voltage_V[known]
@@ -141,7 +140,7 @@ def lost_sign(current_A: np.ndarray, voltage_V: np.ndarray) -> str:
 
 
 def _goes_on(size_A: np.ndarray, voltage_V: np.ndarray, way: float, noise_V: float) -> bool:
-    """True where the voltage (T,) moves on one way (1 up, -1 down) while the current (T,) stays as it begins."""
+    """True if the voltage (T,) goes on one way (1 up, -1 down) while the current (T,) stays near its first value."""
     changed = np.abs(size_A - size_A[0]) > _STEADY * size_A[0]
     stop = int(np.argmax(changed)) if changed.any() else size_A.size
     return stop >= _LASTING and way * (voltage_V[stop - 1] - voltage_V[0]) > _GOES_ON * noise_V
@@ -151,8 +150,8 @@ def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:
     """Regression of dV on dI, through the origin: R = sum(dI dV) / sum(dI^2) over changes between neighbours.
 
     An edge is at least a fifth of the largest change, 2 % of the largest current and six times the usual change. The
-    error of R comes from what the voltage does between edges (noise or slow drift, whichever is larger) and from the
-    rounding of two samples.
+    error of R comes from the changes of the voltage between edges (noise or slow drift, whichever is larger) or from
+    the rounding of two samples, if that is larger.
 
     current_A, voltage_V: (T,), no NaN.
     """
@@ -176,10 +175,10 @@ def edge_test(current_A: np.ndarray, voltage_V: np.ndarray) -> EdgeTest:
 
 
 def _answers_later(dI: np.ndarray, dV: np.ndarray, slope_ohm: float) -> bool:
-    """True where the voltage answers the changes of the current some samples later, and with the other sign.
+    """True if the voltage responds to changes of the current some samples later, and with the opposite sign.
 
-    dV_k = sum of R_j dI_{k-j} over the samples k: the voltage of a current that turns back soon seems to answer the
-    way back at once.
+    The fit is dV_k = sum over j of R_j dI_{k-j}, all samples k: if a current turns back soon, a late voltage seems to
+    respond at once to its way back.
     """
     count = dI.size - _LATE_SAMPLES
     if count <= _LATE_SAMPLES:
@@ -229,7 +228,7 @@ def change_test(current_A: np.ndarray, voltage_V: np.ndarray) -> int:
 def _sign_of_changes(dI: np.ndarray, dV: np.ndarray) -> int:
     """Sign of R in dV = R dI over changes (N,) where it is clear, else 0.
 
-    The error of R comes from how much the parts of the log disagree, which holds for samples that are not independent.
+    The error of R comes from how much the parts of the log disagree, which is valid for dependent samples, too.
     """
     squares = np.cumsum(dI * dI)
     if not squares.size or squares[-1] ** 2 < _FEWEST_CHANGES * np.sum(dI**4) or squares[-1] == 0.0:
@@ -243,7 +242,7 @@ def _sign_of_changes(dI: np.ndarray, dV: np.ndarray) -> int:
 
 
 def _longest_steady(time_s: np.ndarray, current_A: np.ndarray) -> slice | None:
-    """The longest stretch, in time, in which the current stays within a tenth of its usual value that is not rest."""
+    """The longest stretch, in time, in which the current stays within a tenth of its usual value outside rests."""
     size = np.abs(current_A)
     flowing = current_A[size > 0.01 * size.max(initial=0.0)]
     if not flowing.size:

@@ -1,4 +1,4 @@
-"""The size of a current, told from the voltage: a number that wrapped, a unit that was forgotten, a hidden charge."""
+"""The size of a current, checked against the voltage: a number that wrapped, a forgotten unit, a hidden charge."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from ohmward.signals.checks import Finding, Scale, scales_of
 from ohmward.signals.current_sign import edge_test
 from ohmward.signals.survey import resolution, spread
 
-#: Range of a 16-bit number, in its last digit; of its half the current uses this share at least.
+#: Range of a 16-bit number, in its last digit; smallest share of half that range that the current uses.
 _RANGE, _USED = 65_536, 0.5
 #: Last digits [A] that are tried, the smallest first.
 _LAST_DIGITS_A = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
-#: An edge of the voltage is this share of the largest; so many edges are looked at.
+#: Smallest edge of the voltage as a share of the largest; most edges examined.
 _EDGE, _MOST_EDGES = 0.2, 300
-#: So many edges wrapped at least, and so many did not; they leave this share of the squares that they leave as logged.
-#: Fewer that wrapped leave this share: a charge that begins and ends once. Steps above this share of the range tell the
-#: resistance.
+#: Fewest edges that wrapped, and that did not; largest sum of their squared residuals as a share of that as logged. The
+#: same for a few that wrapped, as of a charge that begins and ends once. Steps above the last share of the range show
+#: the resistance.
 _FEWEST, _LEFT = 5, 0.1
 _FEW, _LEFT_BY_FEW = 2, 0.01
 _LARGE = 0.02
-#: Edges whose squares are left at so many times those of the noise contradict nothing. So many resistances are tried.
+#: Edges with squared residuals up to this many times those of the noise contradict nothing. Most resistances tried.
 _NOISE, _MOST_OHMS = 4.0, 100
-#: A cell has more than this resistance [ohm], but for those of hundreds of ampere-hours, and at most this voltage.
+#: A cell has more than this resistance [ohm], except those of hundreds of ampere-hours, and at most this voltage [V].
 LEAST_CELL_OHM, HIGHEST_CELL_V = 3e-4, 4.3
-#: A resistance is below that where it is with so many standard errors, and currents from this on [A] are doubtful.
+#: A resistance is too small if it is by this many standard errors; smallest peak current [A] that is questioned.
 _CERTAIN, _DOUBTFUL_FROM_A = 3.0, 20.0
 
 
 #: A charge that the current sensor does not show.
 HIDDEN_CHARGE = "shows a discharge or none where the voltage rises as by a charge (does the charger bypass it?)"
-#: Without a battery file: from the first share of the largest current on a battery is charged, below the second it is
-#: idle; so long [s] after a load its voltage has relaxed, and rises no further by the last share.
+#: Without a battery file: share of the largest current from which a battery is charged, and below which it is idle;
+#: width of the median filter; time [s] after a load in which its voltage relaxes, to rise no further by the last share.
 _CHARGES, _IDLE, _MEDIAN_OF, RELAXED_S, _HIDDEN = 0.005, 0.1, 5, 1200.0, 0.03
 
 
 def check_hidden_charge(time_s: np.ndarray, current_A: np.ndarray, voltage_V: np.ndarray) -> Iterator[Finding]:
-    """A finding on the first stretch without a current in which the voltage rises as by a charge.
+    """A finding on the first stretch without a charging current in which the voltage rises as in a charge.
 
     time_s: (T,) [s] increasing; current_A: (T,), > 0 charges; voltage_V: (T,); nan where not known.
     """
@@ -71,7 +71,7 @@ def check_wrapped(current_A: np.ndarray, voltage_V: np.ndarray) -> Iterator[Find
     largest_A = float(np.abs(current_A[known]).max(initial=0.0))
     for digit_A in _LAST_DIGITS_A:
         range_A = digit_A * _RANGE
-        if not _USED * range_A / 2 <= largest_A <= range_A:  # to the half with a sign, to the whole without
+        if not _USED * range_A / 2 <= largest_A <= range_A:  # up to half the range with a sign, to all of it without
             continue
         if largest_A > range_A / 2 and not np.isclose(resolution(current_A[known]), digit_A, rtol=0.01):
             continue
@@ -88,7 +88,7 @@ def check_wrapped(current_A: np.ndarray, voltage_V: np.ndarray) -> Iterator[Find
 
 
 def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
-    """Number of edges at which the current wrapped; 0 where the edges as logged are explained as well.
+    """Number of edges at which the current wrapped; 0 if the edges as logged are explained equally well.
 
     dI, dV: (T - 1,) steps of current [A] and voltage [V].
     """
@@ -116,7 +116,7 @@ def count_wraps(dI: np.ndarray, dV: np.ndarray, range_A: float) -> int:
 
 
 def forgotten_scale(current_A: np.ndarray, voltage_V: np.ndarray) -> tuple[Scale, str] | None:
-    """The unit of a current whose resistance in amperes is by a thousand or a million too small, and why; else None.
+    """The unit of a current that in amperes gives a resistance too small by a thousand or a million, and why; or None.
 
     current_A, voltage_V: (T,), nan where not known.
     """

@@ -1,4 +1,4 @@
-"""The numbers of one signal: range, resolution, white noise; of a time its intervals and gaps."""
+"""Statistics of one signal: range, resolution, white noise; of a time, its intervals and gaps."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: An interval that is longer than its neighbours and the median by this factor is a gap, unless so many, and this share
-#: of all, are: where several sensors report in turn.
+#: An interval that is longer than its neighbours and the median by this factor is a gap, unless at least this many and
+#: this share of all are: then several sensors report in turn.
 _GAP_FACTOR, _FEWEST_OF_A_RHYTHM, _RHYTHM = 10.0, 20, 0.1
 #: Fewer second differences than these give no robust standard deviation.
 _NOISE_LEAST = 20
-#: So many intervals tell the usual one.
+#: Approximate number of intervals from which the usual one is found.
 _INTERVALS_LOOKED_AT = 10_000
 
 
@@ -45,7 +45,7 @@ class Signal:
 
 
 def sampling_of(time_s: np.ndarray) -> Sampling:
-    """The intervals of a time (T,) [s]."""
+    """Statistics of the intervals of a time (T,) [s]."""
     dt = np.diff(time_s)
     if not dt.size:
         return Sampling(0.0, 0.0, 0.0, 0.0, 0, 0.0)
@@ -62,9 +62,9 @@ def sampling_of(time_s: np.ndarray) -> Sampling:
 
 
 def signal_of(values: np.ndarray, resting: np.ndarray) -> Signal:
-    """The numbers of values (T,), some of them known.
+    """Statistics of values (T,), some of them finite.
 
-    resting: (T,) bool; the noise is that at rest where there is enough of it, because a working current is not noise.
+    resting: (T,) bool; the noise is estimated at rest if that is long enough, because a working current is not noise.
     """
     known = values[np.isfinite(values)]
     at_rest = np.where(resting, values, np.nan)
@@ -95,8 +95,8 @@ def find_gaps(time_s: np.ndarray) -> np.ndarray:
     """(G,) indices of the samples after which the log is silent for unusually long.
 
     A gap is more than ten times the median interval and more than ten times the intervals on both sides of it: where a
-    logger slows down at rest, one long interval follows another, and that is no gap; nor is one that comes all the
-    time, between the rows of sensors that report in turn.
+    logger slows down at rest, one long interval follows another, and that is no gap; nor is one that recurs all the
+    time between the rows of sensors that report in turn.
 
     time_s: (T,) [s].
     """

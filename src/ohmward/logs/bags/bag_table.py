@@ -30,11 +30,11 @@ from ohmward.logs.table import (
     rows_of,
 )
 
-#: Rows of a table that ohmward has written.
+#: Type of messages that are rows of a table written by ohmward.
 TABLE_TYPE = "ohmward_msgs/msg/Table"
 
 _SPEED = "speed [m/s]"
-#: Types that are found without being named, and those that a name makes a quantity.
+#: Types that are found without being named, and those that become a quantity when named.
 KNOWN = {
     "sensor_msgs/msg/BatteryState": KnownType(
         BATTERY,
@@ -64,9 +64,9 @@ _JOINT = re.compile(r"name\[(\d+)\]")
 
 
 def column_names(topic: Topic, layout: Layout) -> dict[str, str]:
-    """Name of the column -> path of the number, of the messages of a topic.
+    """Name of a column -> path of its number in the messages of a topic.
 
-    A topic of a type that is not known has all its numbers as `/topic/path`, or `/topic` of a message of one number.
+    A topic of unknown type has all its numbers as `/topic/path`, or `/topic` where the path is `data`.
     """
     known = KNOWN.get(topic.type)
     if known is None:
@@ -104,7 +104,7 @@ _METADATA = "metadata.yaml"
 
 
 def is_recording(path: Path) -> bool:
-    """True where a file begins as a recording does, or a folder holds one of `ros2 bag record`."""
+    """True if a file begins as a recording does, or a folder holds one from `ros2 bag record`."""
     return bool(parts_of(path)) if path.is_dir() else _magic(path) is not None
 
 
@@ -126,7 +126,7 @@ def open_recording(path: Path) -> Recording:
 
 
 def parts_of(folder: Path) -> list[Path]:
-    """The files of a recording in a folder, in the order in which they were written; none where it is no such folder.
+    """The files of a recording in a folder, in the order in which they were written; none if there is no recording.
 
     Raises:
         InputError: files that are compressed as a whole.
@@ -146,16 +146,16 @@ def parts_of(folder: Path) -> list[Path]:
 
 
 def _magic(path: Path) -> bytes | None:
-    """The first bytes of a file, as far as they tell a format; None for a database of something else."""
+    """The first bytes of a file that identify its format; None if none do, or for a database of something else."""
     with path.open("rb") as stream:
         head = stream.read(max(map(len, _OPENERS)))
     magic = next((magic for magic in _OPENERS if head.startswith(magic)), None)
     return None if magic == sqlite_file.MAGIC and not sqlite_file.is_bag(path) else magic
 
 
-#: Messages that are taken apart at a time.
+#: Messages decoded at a time.
 MESSAGES_AT_ONCE = 8192
-#: Stamps that differ from the times of receipt by more are of a clock that was never set, or of a simulation [s].
+#: Stamps that differ from the times of receipt by more than this [s] come from a clock never set, or a simulation.
 _STAMP_WITHIN_S = 86400.0
 
 _SECONDS, _NANOSECONDS = (
@@ -189,7 +189,7 @@ class Gatherer:
     def columns(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Times (n,) [ns] of the messages and their columns (n,), nan where a message lacks one.
 
-        The time is that of the stamp where the messages have one of this clock, else that of the receipt.
+        The time of a message is its stamp if that is of the recorder's clock, else the time of receipt.
         """
         if self._payloads:
             self._take_apart()
@@ -239,16 +239,16 @@ class Gatherer:
 
 
 def _numbers(layout: Layout, path: str, bytes_: np.ndarray) -> np.ndarray:
-    """(n,) a number of each message."""
+    """One number of each message (n,)."""
     number = layout.numbers[path]
     dtype = np.dtype(number.dtype)
     cells = np.ascontiguousarray(bytes_[:, number.at : number.at + dtype.itemsize]).view(dtype)[:, 0]
-    with np.errstate(invalid="ignore"):  # of a float32 whose bits are those of a signalling NaN
+    with np.errstate(invalid="ignore"):  # a float32 may have the bits of a signalling NaN
         return cells.astype(float)
 
 
 def _stamps(layout: Layout, bytes_: np.ndarray) -> np.ndarray:
-    """(n,) [ns] time of each message by its own stamp; 0 where it has none."""
+    """Time of each message (n,) [ns] by its own stamp; 0 where it has none."""
     fields = [next((name for name in names if name in layout.numbers), None) for names in (_SECONDS, _NANOSECONDS)]
     if None in fields:
         return np.zeros(len(bytes_), dtype=np.int64)
@@ -262,17 +262,17 @@ _YEAR_2000_NS = 946_684_800 * 10**9
 
 
 def open_bag(path: Path) -> TableFile:
-    """The columns of a recording of ROS, of all topics that are known by their types.
+    """The columns of a ROS recording, from all topics of known types.
 
     Raises:
-        InputError: no recording of ROS, or one without messages.
+        InputError: not a ROS recording, or one without messages.
         OhmwardError: the package rosbags is not installed.
     """
     recording = open_recording(path)
     first = recording.first_messages()
     if not first:
         raise InputError(f"{recording.source}: the recording holds no message; record it again, or name another one")
-    # those in a serialisation that is known
+    # those in a known serialisation
     readable = {name: message for name, message in first.items() if message.topic.encoding in (CDR, ROS1)}
     types = {name: KNOWN.get(message.topic.type) for name, message in readable.items()}
     known = [name for name, type_ in types.items() if type_ and not type_.by_name_only]
@@ -310,7 +310,7 @@ def _columns(source: str, message: Recorded) -> list[str]:
 
 
 def _load(recording: Recording, source: str, topics: list[Topic], wanted: Collection[str]) -> Table:
-    """The columns of some topics, a row for each message, in order of time where there are several topics."""
+    """The columns of some topics, a row for each message, in order of time if there are several topics."""
     gatherers = {topic.name: Gatherer(topic, wanted) for topic in topics}
     puts = {name: gatherer.put for name, gatherer in gatherers.items()}
     for topic, received_ns, payload in recording.messages(gatherers):

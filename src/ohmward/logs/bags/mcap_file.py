@@ -1,4 +1,4 @@
-"""MCAP files, read from the front, so that one that was cut off gives everything before the cut.
+"""MCAP files, read from the front, so that a truncated one gives everything before the cut.
 
 Format: mcap.dev/spec; a record is its kind (1 byte), its length (8 bytes) and its content, little-endian throughout.
 """
@@ -59,7 +59,7 @@ def open_mcap(path: Path) -> Recording:
 
 
 def _summary(path: Path) -> dict[str, Topic]:
-    """The topics by the summary at the end of a file; none where it was cut off."""
+    """The topics in the summary at the end of a file; none if it was cut off."""
     with path.open("rb") as stream:
         stream.seek(max(path.stat().st_size - _TAIL.size, 0))
         tail = stream.read()
@@ -115,7 +115,7 @@ def _unpacked(chunk: memoryview, recording: Recording) -> memoryview | None:
 
 
 def _decompressed(compression: str, packed: memoryview, size: int) -> memoryview:
-    """The content of a chunk; ValueError or RuntimeError where it is damaged, or claims to be larger than any."""
+    """The content of a chunk; ValueError or RuntimeError if it is damaged, or claims an implausible size."""
     if compression == "":
         return packed
     if compression == "lz4" and 0 < size <= _LARGEST_CHUNK:
@@ -159,7 +159,7 @@ def _messages(
 
 
 def _texts(content: memoryview, at: int, count: int) -> tuple[list[str], int]:
-    """Texts one after the other, each of a length and as many bytes, and the place behind them."""
+    """Consecutive texts, each stored as a length and that many bytes, and the place after them."""
     texts = []
     for _ in range(count):
         (length,) = struct.unpack_from("<I", content, at)

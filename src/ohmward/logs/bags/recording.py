@@ -44,7 +44,7 @@ class Recording:
     source: str  #: name for messages
     #: yields the messages of these topics, of all where None, in the order of the file, and adds to `notes`
     read: Callable[[Recording, Collection[str] | None], Iterator[Recorded]]
-    #: all topics by name; None before the recording was looked through
+    #: topics by name; before the recording is read those in its index
     topics: dict[str, Topic] = field(default_factory=dict)
     notes: dict[str, Note] = field(default_factory=dict)  #: what could not be read
     all_known: bool = False  #: `topics` has every topic before any message is read
@@ -79,7 +79,7 @@ class Single(NamedTuple):
 
 
 class Several(NamedTuple):
-    """An array: of fixed `size`, or a sequence that says its own where None."""
+    """An array of fixed `size`, or if that is None a sequence preceded by its length."""
 
     item: Single
     size: int | None
@@ -105,7 +105,7 @@ def definitions_of(topic: Topic) -> Definitions:
     if topic.definition:
         try:
             known |= typesys.get_types_from_msg(topic.definition, topic.type)
-        except Exception as error:  # of its parser, many kinds
+        except Exception as error:  # its parser raises many kinds
             raise InputError(f"topic {topic.name}: the definition of {topic.type} cannot be read ({error})") from error
     if topic.type not in known:
         raise InputError(
@@ -126,20 +126,20 @@ def _content(found: Any) -> Single | Several:
     return Single(detail[0] if kind.name == "BASE" else detail)
 
 
-#: Types of numbers and their notation in NumPy, without the order of bytes.
+#: Types of numbers and their notation in NumPy, without the byte order.
 _NUMBERS = {
     **{"bool": "u1", "byte": "u1", "octet": "u1", "char": "u1", "uint8": "u1", "int8": "i1"},
     **{"int16": "i2", "int32": "i4", "int64": "i8", "uint16": "u2", "uint32": "u4", "uint64": "u8"},
     **{"float32": "f4", "float64": "f8"},
 }
-#: Arrays of more elements are images and scans, not quantities: their numbers are passed over.
+#: Arrays of more elements are images and scans, not quantities: their numbers are skipped.
 MOST_ELEMENTS = 64
-#: Messages of messages of messages do not go deeper.
+#: Deepest nesting of messages.
 _DEEPEST = 32
 
 
 class Number(NamedTuple):
-    """A number in a message: its type as of NumPy with the order of bytes, and its place [bytes]."""
+    """A number in a message: its NumPy type with byte order, and its place [bytes]."""
 
     dtype: str
     at: int
@@ -157,7 +157,7 @@ def layout_of(payload: bytes, type_: str, definitions: Definitions, encoding: st
     """The layout of a message.
 
     Raises:
-        ValueError: shorter than it says.
+        ValueError: the message is shorter than its fields, or is not in a known form.
     """
     walk = _Walk(payload, definitions, encoding)
     walk.message(type_, "")
@@ -205,7 +205,7 @@ class _Walk:
             self.message(content.type, path)
 
     def several(self, content: Several, path: str) -> None:
-        """An array, which says its length unless that is fixed."""
+        """An array, preceded by its length unless that is fixed."""
         count = self.length() if content.size is None else content.size
         if content.item.type in _NUMBERS and count > MOST_ELEMENTS:
             size = int(_NUMBERS[content.item.type][1])
@@ -218,7 +218,7 @@ class _Walk:
             self.single(content.item, f"{path}[{k}]", in_array=True)
 
     def text(self, path: str, in_array: bool, width: int) -> None:
-        """A text; of ROS 2 with a zero at its end. In arrays texts are names, which tell messages apart."""
+        """A text, in ROS 2 with a zero at its end; in arrays texts are names, which tell layouts apart."""
         length = width * self.length()
         begin = self.at
         self.skip(length)
@@ -234,7 +234,7 @@ class _Walk:
         return int.from_bytes(self.payload[self.at - 4 : self.at], "big" if self.order == ">" else "little")
 
     def align(self, size: int) -> None:
-        """Go to the next place for a number of this size [bytes], which ROS 1 does not."""
+        """Go to the next aligned place for a number of this size [bytes]; ROS 1 does not align numbers."""
         if self.aligned:
             self.at += -(self.at - self.origin) % size
 

@@ -1,6 +1,6 @@
-"""Bags of ROS 1, read from the front and without their index, so that one that was cut off or never closed can be read.
+"""Bags of ROS 1, read from the front and without their index, so that a truncated or unclosed one can be read.
 
-Format: wiki.ros.org/Bags/Format/2.0; a record is a header of `name=value` fields and data, each behind its length.
+Format: wiki.ros.org/Bags/Format/2.0; a record is a header of `name=value` fields and data, each after its length.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def open_rosbag1(path: Path) -> Recording:
 
 
 def _index(path: Path) -> dict[str, Topic]:
-    """The topics by the index at the end of a bag; none where it was never closed."""
+    """The topics in the index at the end of a bag; none if it was never closed."""
     found = Recording(path.name, lambda *_: iter(()))
     with path.open("rb") as stream:
         first = next(_records(memoryview(stream.read(_LARGEST_HEADER))[len(MAGIC) :], found), None)
@@ -67,7 +67,7 @@ def _index(path: Path) -> dict[str, Topic]:
 
 
 def _records(view: memoryview, recording: Recording) -> Iterator[_Record]:
-    """The whole records from the front of a file or a chunk."""
+    """The complete records from the front of a file or a chunk."""
     at, end = 0, len(view)
     while at + 4 <= end:
         (size,) = _LENGTH.unpack_from(view, at)
@@ -95,7 +95,7 @@ def _header(text: bytes) -> dict[bytes, bytes]:
 
 
 def _unpacked(record: _Record, recording: Recording) -> memoryview:
-    """The records in a chunk; nothing where it is damaged."""
+    """The records in a chunk; nothing if it is damaged."""
     compression = record.header.get(b"compression", b"none")
     try:
         if compression == b"bz2":
