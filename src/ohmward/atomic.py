@@ -1,4 +1,4 @@
-"""Files that are either whole or not there."""
+"""Atomic writing of files: a file is either complete or unchanged."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from ohmward.errors import OhmwardError
 
 try:
     import fcntl
-except ImportError:  # Windows: what a killed process left there stays
+except ImportError:  # Windows: files left behind by a killed process stay
     fcntl = None  # type: ignore[assignment]
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary file beside `path` to write to; on success it is synced and takes the name, on an error it goes.
+    """Yield a temporary file beside `path` to write to; synced and renamed to `path` on success, removed on an error.
 
-    One that a killed process has left there goes with the next write of `path`.
+    A temporary file left behind by a killed process is removed at the next write of `path`.
 
     Raises:
-        OhmwardError: the operating system refused (disk full, no permission, no such folder); `path` is as it was.
+        OhmwardError: the operating system refused (disk full, no permission, no such folder); `path` is unchanged.
     """
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
@@ -42,12 +42,12 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-#: What the file before is called: battery.toml.bak.
+#: Suffix of the backup of a file: battery.toml.bak.
 BACKUP_SUFFIX = ".bak"
 
 
 def back_up(path: Path) -> Path | None:
-    """Keep what a file holds beside it, before it is written over; the path of that, None where there is no file.
+    """Back up a file beside it before it is overwritten; returns the path of the backup, None where there is no file.
 
     Raises:
         OhmwardError: it cannot be written.
@@ -62,7 +62,7 @@ def back_up(path: Path) -> Path | None:
 
 
 def write_text(path: Path, text: str | Iterable[str]) -> None:
-    """Write a text, or its pieces, in UTF-8 with line feeds; the file is whole or as it was.
+    """Write a text, or its pieces, in UTF-8 with line feeds; the file is complete or unchanged.
 
     Raises:
         OhmwardError: see `replacing`.
@@ -73,7 +73,7 @@ def write_text(path: Path, text: str | Iterable[str]) -> None:
 
 @contextmanager
 def _locked(temporary: Path) -> Iterator[None]:
-    """The new file, locked as long as its writer lives where the system has locks."""
+    """Create the temporary file, locked for as long as its writer runs where the system has locks."""
     with temporary.open("xb") as file:
         if not fcntl:
             file.close()  # an open file could not be renamed
@@ -86,7 +86,7 @@ def _lock(file: IO[bytes]) -> None:
     """Lock an open file.
 
     Raises:
-        OSError: another one holds it, or there are no locks here.
+        OSError: another process holds the lock, or the system has none.
     """
     if not fcntl:
         raise OSError(errno.ENOTSUP, "no locks")
@@ -94,7 +94,7 @@ def _lock(file: IO[bytes]) -> None:
 
 
 def _remove_abandoned(path: Path) -> None:
-    """Remove temporary files of `path` that nobody holds."""
+    """Remove temporary files of `path` that no process has locked."""
     for left in path.parent.glob(f".{escape(path.name)}.????????.part"):
         with suppress(OSError), left.open("rb") as file:
             _lock(file)

@@ -1,4 +1,4 @@
-"""Checks of parameters; each refusal names the parameter, the rule and the value."""
+"""Checks of parameters; each error names the parameter, the rule and the value."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ohmward.errors import InputError
 
 
 def as_numbers(name: str, values: Any, what: str = "an array of numbers") -> np.ndarray:
-    """The numbers as an array of floats; InputError where they are none, or of rows of different lengths."""
+    """Convert values to an array of floats; InputError for anything but numbers, or rows of different lengths."""
     try:
         if np.asarray(values).dtype.kind not in "SU":  # text would become a number too
             return np.asarray(values, dtype=float)
@@ -57,7 +57,7 @@ def require_length(name: str, values: Sequence[float], length: int, why: str) ->
 
 
 def require_one_of(name: str, value: object, known: Iterable[str]) -> None:
-    """Raise InputError unless the value is one of the known names; it lists them."""
+    """Raise InputError unless the value is one of the known names; the message lists them."""
     known = tuple(known)
     if value not in known:
         raise InputError(f"{name} must be one of {', '.join(known)}, got {value!r}")
@@ -71,7 +71,7 @@ def require_mappings(**values: Mapping[str, Any] | None) -> None:
 
 
 def path_of(path: str | PathLike[str]) -> Path:
-    """The path; InputError where it is something else."""
+    """Convert text to a Path; InputError for anything but text or a path."""
     if not isinstance(path, str | PathLike):
         raise InputError(f"the path of a file must be text or a Path, got {path!r:.80}")
     return Path(path)
@@ -89,8 +89,8 @@ def require_each_not_negative(prefix: str, owner: object, *names: str) -> None:
         require_between(prefix + name, getattr(owner, name), 0.0, np.inf)
 
 
-#: Largest absolute value of a number in a file, by the unit at the end of its key, the longer end before the shorter
-#: one that it holds. Far beyond anything that runs on wheels: they catch slips of the hand and broken files, 1e298 V,
+#: Largest absolute value of a number in a file, by the unit at the end of its key; longer endings come before shorter
+#: ones that they contain. Far beyond anything on wheels: the limits catch typing errors and broken files, 1e298 V,
 #: before the numbers overflow where nobody would look for the cause.
 LARGEST = {
     "_V_per_K": 10.0,
@@ -113,9 +113,9 @@ LARGEST = {
 
 
 def require_credible(place: str, value: Any) -> None:
-    """Raise InputError where a number is beyond what its unit can be of; what is no finite number is left to others.
+    """Raise InputError for a number beyond the limit of its unit; values that are not finite are left to other checks.
 
-    place: of the value, its key with its unit last, "thevenin.tau_s".  value: a number, or lists of numbers.
+    place: key of the value, with its unit last, "thevenin.tau_s".  value: a number, or lists of numbers.
     """
     largest = next((size for end, size in LARGEST.items() if place.endswith(end)), None)
     for number in _numbers(value):

@@ -1,4 +1,4 @@
-"""Exceptions of ohmward, one family, so that a caller can catch them all."""
+"""Exceptions of ohmward, in one family, so that a caller can catch them all."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class OhmwardError(Exception):
 
 
 class InputError(OhmwardError):
-    """Bad input of the caller or a file; the message names the thing, the rule, the value and the fix.
+    """Invalid input from the caller or a file; the message names the item, the rule, the value and the fix.
 
     >>> try:
     ...     ow.load_battery("none.toml")
@@ -27,7 +27,7 @@ class InputError(OhmwardError):
 
     The command line prints the message and ends with status 2.
 
-    options: words to add to the command line that mend it, where they are known.
+    options: command-line options that solve the problem, where they are known.
     """
 
     def __init__(self, text: str = "", options: Sequence[str] = ()) -> None:

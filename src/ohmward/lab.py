@@ -1,4 +1,4 @@
-"""Modules of the laboratory, the package `ohmward_lab`, which are loaded by name by who asks for them."""
+"""Modules of the laboratory, the package `ohmward_lab`, loaded by name on request."""
 
 from __future__ import annotations
 
@@ -7,5 +7,5 @@ from types import ModuleType
 
 
 def lab(module: str) -> ModuleType:
-    """The module of that name below `ohmward_lab`."""
+    """Import a module of `ohmward_lab` by its name."""
     return import_module(f"ohmward_lab.{module}")

@@ -1,4 +1,4 @@
-"""Packages that not everybody has: imported where they are used, and named where they are missing."""
+"""Optional packages: imported where they are used, and named in the error where they are missing."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 from ohmward.errors import OhmwardError
 
-#: Packages whose name on the index is not that of their import, and the one that goes with another.
+#: Packages whose name on the package index differs from their import name, and those that need another one.
 _ON_THE_INDEX = {
     "tomli_w": "tomli-w",
     "can": "python-can",
@@ -25,7 +25,7 @@ _ON_THE_INDEX = {
     "uvicorn": "starlette uvicorn",
 }
 
-#: Packages that come with something else first, and the way to them.
+#: Packages that usually come with other software, and how to get them.
 _ELSEWHERE = {
     "rclpy": "comes with ROS 2: source /opt/ros/DISTRO/setup.bash in the shell that starts ohmward; without ROS, on "
     "Linux and x86-64: pip install 'ros-rclpy[fastrtps]' ros-std-srvs ros-sensor-msgs ros-nav-msgs "
@@ -63,9 +63,9 @@ def require(module: str, user: str) -> Any:
 
 @contextmanager
 def silenced() -> Iterator[None]:
-    """Keep what a package prints off standard output and standard error, where results and errors stand.
+    """Keep the output of a package off standard output and standard error, which carry results and errors.
 
-    Off standard error also what its C prints, and meanwhile other threads.
+    On standard error this also silences its C code, and other threads in the meantime.
     """
     with Path(os.devnull).open("w") as nothing, redirect_stdout(nothing), redirect_stderr(nothing):
         try:
@@ -82,7 +82,7 @@ def silenced() -> Iterator[None]:
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:
-    """Keep BLAS on one thread: on small matrices its threads wait for each other, and take ten times as long."""
+    """Keep BLAS on one thread: on small matrices its threads wait for each other and take ten times as long."""
     try:
         from threadpoolctl import threadpool_limits
     except ImportError:

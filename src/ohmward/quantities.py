@@ -1,11 +1,11 @@
-"""Quantities that the sensors of a robot measure: one table, and the limits of what each can show.
+"""Quantities that the sensors of a robot measure: one table, and the limits of their values.
 
-The name of a quantity is that of its signal on the robot, of its path over MQTT and of its column in the store. A name
-alone is a quantity of the body or the battery, `battery_current_A`; one for each wheel, motor or cell has the wheel's
-name or a number from 0 behind a dot: `wheel_speed_rad_s.front_left`, `motor_current_A.0`, `cell_voltage_V.3`.
+A quantity, its signal on the robot, its path over MQTT and its column in the store have the same name. A plain name
+belongs to the body or the battery, `battery_current_A`; for each wheel, motor or cell, a dot and the wheel's name or a
+number from 0 follow: `wheel_speed_rad_s.front_left`, `motor_current_A.0`, `cell_voltage_V.3`.
 
-A row of the table is all that a quantity needs to be read from logs, wired, checked, stored and shown. What estimates
-with it is code of its own, and until there is any the row says `estimated_from=False`.
+A row of the table is all that a quantity needs to be read from logs, wired, checked, stored and shown. Estimating from
+it takes code of its own; until there is some, the row says `estimated_from=False`.
 """
 
 from __future__ import annotations
@@ -32,36 +32,36 @@ class Quantity(NamedTuple):
     meaning: str  #: in a few words
     owner: str  #: "battery" or "body"; "cell", "wheel", "motor" or "estimate" where there are several
     unit: str = ""  #: symbol of `ohmward.logs.units`, which knows its dimension
-    #: no sensor that works shows less or more; nan and infinity are not measured
+    #: range of a working sensor; nan and infinity count as not measured
     limits: ValueLimits = ValueLimits(-math.inf, math.inf)
-    words: frozenset[frozenset[str]] = frozenset()  #: in the names of columns, each a set of words in any order
+    words: frozenset[frozenset[str]] = frozenset()  #: names of its columns, each a set of words in any order
     example: str = ""  #: units for a message
-    other_dimensions: tuple[str, ...] = ()  #: of units that a column may have besides that of `unit`
-    #: an estimator takes it, so that a log has a field for it; else it is only read, stored and shown
+    other_dimensions: tuple[str, ...] = ()  #: of a column's unit, besides that of `unit`
+    #: an estimator uses it, so that a log has a field for it; else it is only read, stored and shown
     estimated_from: bool = True
-    required: bool = False  #: without it the log of its owner is refused
-    #: rate below which an estimator is of little use: of a battery, by logs at 1 Hz; of a wheel, by the time in which
-    #: it begins to slip
+    required: bool = False  #: a log of its owner is rejected without it
+    #: rate below which an estimator is of little use: for a battery from logs at 1 Hz, for a wheel from the time in
+    #: which it begins to slip
     least_hz: float = 0.0
-    ros_type: str = ""  #: message of ROS that has it, `sensor_msgs/msg/BatteryState`
-    ros_field: str = ""  #: its path there
-    axis_label: str = ""  #: of its figures, where it is not the name and the unit
-    #: in the names of signals, of a quantity that is no column of a log: a log's `soc` may be anybody's
+    ros_type: str = ""  #: ROS message that contains it, `sensor_msgs/msg/BatteryState`
+    ros_field: str = ""  #: path of its field in that message
+    axis_label: str = ""  #: in its figures, where it is not the name with the unit
+    #: names of its signals, for a quantity that is not a column of a log: a log's `soc` may come from any source
     signal_words: frozenset[frozenset[str]] = frozenset()
 
     @property
     def each(self) -> str:
-        """Of what there are several: "cell", "wheel", "motor" or "estimate"; "" where there is one."""
+        """Owner of which there are several: "cell", "wheel", "motor" or "estimate"; "" where there is one."""
         return "" if self.owner in ("battery", "body") else self.owner
 
     @property
     def group(self) -> str:
-        """The "battery" or the "drive", whose log and row of the store have it; "" for neither."""
+        """Group whose log and row of the store contain it: "battery" or "drive"; "" for neither."""
         return next((group for group, owners in GROUPS.items() if self.owner in owners), "")
 
     @property
     def field(self) -> str:
-        """Name in a log, which is one of a battery or of a drive: `current_A`."""
+        """Name in a battery log or a drive log: `current_A`."""
         return self.name.removeprefix("battery_")
 
     @property
@@ -71,7 +71,7 @@ class Quantity(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Name for people: `Current`."""
+        """Display name: `Current`."""
         return self.channel.replace("_", " ").capitalize()
 
     @property
@@ -86,12 +86,12 @@ def words_of(*names: str) -> frozenset[frozenset[str]]:
 
 
 def each_with_each(first: str, second: str) -> list[str]:
-    """Every word of the first with every word of the second; `-` stands for none."""
+    """Every word of the first with every word of the second; `-` stands for no word."""
     return [f"{a} {b}".replace("-", "") for a in first.split() for b in second.split()]
 
 
 def current_limits(ways: str) -> list[str]:
-    """Names of the largest current of a direction, each with each of its words."""
+    """Names of a current limit, with each of the words for its direction."""
     return each_with_each(ways, "limit") + [
         f"{way} {most} {current}" for way in ways.split() for most in ("max", "limit") for current in ("current", "i")
     ]
@@ -100,7 +100,7 @@ def current_limits(ways: str) -> list[str]:
 _BMS, _CHARGE, _DISCHARGE = "bms battery batt pack", "charge charging chg", "discharge discharging dischg dsg"
 _COMPASSES = "- compass magnetic mag gnss gps"
 _SPEEDOMETERS = "- ground gnss gps vo visual flow radar lidar"
-#: German writes what is measured and of what in one word.
+#: German writes a quantity and its owner as one word.
 _GERMAN = ("", "batterie", "akku", "pack", "klemmen", "gesamt")
 _BATTERY_STATE, _IMU, _ODOMETRY = "sensor_msgs/msg/BatteryState", "sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry"
 
@@ -192,16 +192,16 @@ _TABLE = (
              words_of(*each_with_each("heading", "std sigma")), "rad or deg"),
     Quantity("pose_reset", "1 when the pose is to begin again at its origin", "body", "1", ValueLimits(0.0, 1.0),
              estimated_from=False),
-    #: Of a microcontroller that estimates itself: passed on with the states, and not used.
+    #: From a microcontroller with its own estimator: passed on with the states, and not used.
     Quantity("estimate", "estimate of a microcontroller, by its own name", "estimate", estimated_from=False),
 )  # fmt: skip
 
 QUANTITIES = {quantity.name: quantity for quantity in _TABLE}
 
-#: Quantities that come when something happens: nobody misses them meanwhile.
+#: Quantities that are sent only when something happens: their absence is no fault.
 EVENTS = ("battery_full", "battery_changed", "pose_reset")
 
-#: Owners whose quantities make a log and a row of the store together.
+#: Owners whose quantities share a log and a row of the store.
 GROUPS = {"battery": ("battery", "cell"), "drive": ("wheel", "motor", "body")}
 
 
@@ -216,10 +216,10 @@ BODY = tuple(name for name, quantity in QUANTITIES.items() if quantity.owner == 
 
 
 def quantity_of(signal: str) -> Quantity:
-    """The quantity of a signal's name, that before the dot.
+    """Quantity of a signal, from the part of its name before the dot.
 
     Raises:
-        InputError: there is none of that name, or a wheel, motor or cell is named where there is one value, or the
+        InputError: no quantity of that name, or a wheel, motor or cell named where there is only one value, or the
             other way round.
     """
     name, dot, part = signal.partition(".")
@@ -236,11 +236,11 @@ def quantity_of(signal: str) -> Quantity:
     return quantity
 
 
-#: A battery is charged and discharged by no more than so many times its capacity in an hour: model aircraft are.
+#: Largest current of a battery, charge or discharge, in capacities per hour: model aircraft reach it.
 MOST_C = 20.0
 
-#: Voltages beyond those of the battery file by these factors are those of another battery, or in another unit: no
-#: battery is used at 70 % of its lowest or charged to 110 % of its highest voltage.
+#: Voltages beyond the battery file's limits by these factors belong to another battery or are in another unit: no
+#: battery is used at 70 % of its lowest voltage or charged to 110 % of its highest.
 _LOWEST_SHARE, _HIGHEST_SHARE = 0.7, 1.1
 
 #: Fastest rim of a robot with a known wheel [m/s]: a fast runner.
@@ -248,7 +248,7 @@ _FASTEST_RIM_M_S = 10.0
 
 
 def limits_of(name: str, battery: Any = None, robot: Any = None) -> ValueLimits:
-    """ValueLimits of a quantity: on this robot where its battery file or robot file tells them, else of every sensor.
+    """Limits of a quantity: those of this robot where its battery file or robot file has them, else of every sensor.
 
     battery: a `Battery`, or None.  robot: a `Robot`, or None.
     """
@@ -264,12 +264,12 @@ def limits_of(name: str, battery: Any = None, robot: Any = None) -> ValueLimits:
     return QUANTITIES[name].limits
 
 
-#: No battery is used beyond these.
+#: Temperature range in which batteries are used.
 COLDEST_DEGC, HOTTEST_DEGC = limits_of("battery_temperature_degC")
 
-#: No robot on wheels is faster.
+#: Speed that no wheeled robot exceeds.
 FASTEST_M_S = limits_of("speed_m_s").highest
 
-#: Largest speed of a wheel and current of a motor that a filter believes: sensors of a bench show more, wheels and
-#: motors of a robot, whose size a filter does not ask, do not.
+#: Largest wheel speed and motor current that a filter accepts, whatever the size of the robot: sensors on a bench may
+#: show more, the wheels and motors of a robot do not.
 MOST_WHEEL_RAD_S, MOST_MOTOR_A = 500.0, 200.0

@@ -1,21 +1,21 @@
-"""What a notebook shows of a log, a battery or a run; drawn by a room above, which a robot never loads."""
+"""Notebook display of a log, a battery or a run; drawn by a package above this one, which a robot never loads."""
 
 from __future__ import annotations
 
 from importlib import import_module
 from typing import Any
 
-#: Modules that draw every kind of result. They stand above and are loaded by their names, as a command is.
+#: Modules that draw every kind of result. They are in a package above and are loaded by name, as a command is.
 CARDS, PLOTS = "ohmward.figures.card", "ohmward.figures.plot"
 
 
 class RichDisplay:
-    """Something that a notebook shows by a few lines and a small picture, and that can be drawn."""
+    """Base of results that a notebook shows as a few lines and a small picture, and that can be plotted."""
 
     def plot(self, *others: Any, truth: Any = None) -> Any:
         """Figures with their 95 % bands: shown by a notebook, written by `plot().save("x.html")`, .svg, .pdf or .png.
 
-        others: further runs over the same log, drawn beside this one; truth: (T,) what they estimate, in its unit.
+        others: further runs over the same log, drawn beside this one; truth: (T,) true values, in the estimate's unit.
         """
         return import_module(PLOTS).plot(self, *others, truth=truth)
 

@@ -12,7 +12,7 @@ def runs(condition: np.ndarray) -> list[tuple[int, int]]:
 
 
 def long_runs(condition: np.ndarray, time_s: np.ndarray, least_s: float, fewest: int = 1) -> list[tuple[int, int]]:
-    """The `runs` that last so long from their first to their last sample, and have so many.
+    """The `runs` of at least `least_s` from their first to their last sample, with at least `fewest` samples.
 
     condition, time_s: (T,).
     """
@@ -22,7 +22,7 @@ def long_runs(condition: np.ndarray, time_s: np.ndarray, least_s: float, fewest:
 
 
 def from_to(time_s: np.ndarray) -> str:
-    """The time of a run in words: "from 12.5 s to 80 s"."""
+    """Time span of a run in words: "from 12.5 s to 80 s"."""
     first, last = (f"{at_s:.4g}" if abs(at_s) < 1e4 else f"{at_s:.0f}" for at_s in (time_s[0], time_s[-1]))
     return f"from {first} s to {last} s"
 

@@ -1,7 +1,7 @@
 """Comments of a TOML file that people edit: taken from its text, and written into the text that replaces it.
 
-A comment belongs to the key or the table below it, or before which it stands in the same line; one inside a list goes
-above its key. The comments of keys that are gone, and those after the last key, stand at the end.
+A comment belongs to the key or table below it, or to the one before it on the same line; one inside a list moves above
+its key. The comments of keys that are gone, and those after the last key, move to the end.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ _END = ""
 
 
 class _Comments(NamedTuple):
-    """Those of one key or table."""
+    """Comments of one key or table."""
 
     above: list[str]
     behind: str
 
 
 def with_comments(text: str, old: str) -> str:
-    """The text of a file with the comments that people have written into the old one; those of both stand once."""
+    """The text of a file with the comments that people have written into the old one; common ones appear once."""
     own = {line.strip() for line in text.splitlines() if line.startswith("#")}
     found = _comments(old, own)
     lines = []
@@ -38,7 +38,7 @@ def with_comments(text: str, old: str) -> str:
 
 
 def _comments(text: str, known: set[str]) -> dict[str, _Comments]:
-    """Comments by the name of what they belong to, without those that are known."""
+    """Comments by the name of their key or table, without the known ones."""
     found: dict[str, _Comments] = {}
     above: list[str] = []
     last = _END

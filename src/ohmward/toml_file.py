@@ -1,4 +1,4 @@
-"""TOML files that people read and edit: a frozen dataclass each, no unknown key, and a fix with every refusal."""
+"""TOML files that people read and edit: one frozen dataclass for each, no unknown key, and a fix in every error."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NUMBERS_PER_LINE = 10
 _PREFIX = "ohmward-"
 _KEY_PARTS = 64
 _KEY_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
-#: A dotted key so long that the parser's time and memory, which grow with the square of its parts, are none of a file.
+#: A dotted key longer than in any real file: the parser's time and memory grow with the square of its parts.
 _LONG_KEY = re.compile(rf"(?<![\w-])(?:{_KEY_PART}[ \t]*+\.[ \t]*+){{{_KEY_PARTS}}}")
 
 
@@ -34,17 +34,17 @@ _LONG_KEY = re.compile(rf"(?<![\w-])(?:{_KEY_PART}[ \t]*+\.[ \t]*+){{{_KEY_PARTS
 class TomlFile(Generic[T]):
     """One kind of file."""
 
-    cls: type[T]  #: the dataclass that it holds; dataclasses and tuples of them may stand in it. It checks its values.
+    cls: type[T]  #: the dataclass that it holds, which may contain others and tuples of them, and checks its values
     format: str  #: name and version, such as "ohmward-battery/1"; the first key of every file
     header: str  #: comments at the head, lines that start with "#"
     digits: int = 6  #: significant digits of the numbers written
     #: class -> value of its key `kind`, for fields that may hold one of several dataclasses
     kinds: Mapping[type, str] = field(default_factory=dict)
-    #: sub-table -> keys that it has in common with the head of the file, where alone they stand
+    #: sub-table -> keys that it shares with the head of the file and that are written only there
     once: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    #: changes the table of a file before its keys are looked at, for tables that may stand in place of others
+    #: rewrites the table of a file before its keys are checked, for tables that may replace others
     normal: Callable[[dict[str, Any]], dict[str, Any]] | None = None
-    #: keys that may name another file (.toml), such as "battery.file": its path is taken from the folder of the file
+    #: keys that may name another file (.toml), such as "battery.file": its path is relative to the folder of the file
     #: that names it
     paths: tuple[str, ...] = ()
 
@@ -54,7 +54,7 @@ class TomlFile(Generic[T]):
         return _noun(self.format)
 
     def save(self, value: T, path: str | PathLike[str]) -> None:
-        """Write the file; it is either whole or not there. Comments in the one that it replaces are kept.
+        """Write the file, complete or not at all; comments in the file that it replaces are kept.
 
         Raises:
             OhmwardError: the file cannot be written.
@@ -65,10 +65,10 @@ class TomlFile(Generic[T]):
         write_text(path, text)
 
     def load(self, path: str | PathLike[str]) -> T:
-        """The value in the file.
+        """Read the value from a file.
 
         Raises:
-            InputError: it cannot be read or holds what cannot be; names file, key, rule and fix.
+            InputError: the file cannot be read or has an invalid value; names file, key, rule and fix.
         """
         return parse_file(path, partial(self.parse, folder=path_of(path).parent), f"{self.noun} file")
 
@@ -82,7 +82,7 @@ class TomlFile(Generic[T]):
         return "\n".join([self.header, f'format = "{self.format}"', *lines]) + "\n"
 
     def parse(self, text: str, folder: str | PathLike[str] = "") -> T:
-        """The value in the text of a file; folder: that `paths` start from, the present one by default.
+        """Parse the text of a file; folder: the one that `paths` are relative to, by default the current one.
 
         Raises:
             InputError: not TOML, another format, an unknown or missing key, a value of another kind or out of range.
@@ -95,7 +95,7 @@ class TomlFile(Generic[T]):
         return self.from_table(self.normal(data) if self.normal else data)
 
     def _with_common_keys(self, data: dict[str, Any]) -> dict[str, Any]:
-        """The table with the keys of the head in the sub-tables that have them in common."""
+        """The table with the keys of the head copied into the sub-tables that share them."""
         for name, keys in self.once.items():
             if not isinstance(data.get(name), dict):
                 continue
@@ -117,10 +117,10 @@ class TomlFile(Generic[T]):
             raise InputError(f"format must be {self.format!r}, got {found!r}; update ohmward or make the file again")
 
     def from_table(self, table: Any, place: str = "") -> T:
-        """The value in a table of a file, at this place in it.
+        """Convert a table of a file, at this place in it, to the value.
 
         Raises:
-            InputError: as of `parse`.
+            InputError: as for `parse`.
         """
         value: T = self._from_table(self.cls, table, place)
         return value
@@ -161,7 +161,7 @@ class TomlFile(Generic[T]):
         return self._from_table(kinds[kind], {k: v for k, v in table.items() if k != "kind"}, place)
 
     def _plain(self, value: Any, hint: Any) -> Any:
-        """Dataclasses as tables, numbers with as many digits as mean something, all else as it is."""
+        """Dataclasses as tables, numbers rounded to `digits`, everything else unchanged."""
         if is_dataclass(value):
             hints = get_type_hints(type(value))
             kind = self.kinds.get(type(value)) if len(_classes(hint)) > 1 else None
@@ -172,10 +172,10 @@ class TomlFile(Generic[T]):
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The table in a text.
+    """Parse TOML text into a table.
 
     Raises:
-        InputError: no TOML, or more nested or longer than any file of ohmward; names the line where it can.
+        InputError: not TOML, or nested deeper or longer than any file of ohmward; names the line where it can.
     """
     if found := _LONG_KEY.search(text):
         line = text.count("\n", 0, found.start()) + 1
@@ -197,7 +197,7 @@ def _classes(hint: Any) -> list[Any]:
 
 
 def _converted(hint: Any, value: Any, place: str) -> Any:
-    """The value as the type of its field; msgspec's message with the place first, "tau_s[0]: expected ..."."""
+    """Convert a value to the type of its field; errors are msgspec's with the place first, "tau_s[0]: expected ..."."""
     msgspec = require("msgspec", "reading TOML")
 
     require_credible(place, value)
@@ -210,7 +210,7 @@ def _converted(hint: Any, value: Any, place: str) -> Any:
 
 
 def _start_path_from(folder: Path, data: dict[str, Any], key: str) -> None:
-    """Make the path under "table.key" one from the root; what is no path of a file is left as it is."""
+    """Make the path under "table.key" absolute; anything but the path of a .toml file is left unchanged."""
     *tables, name = key.split(".")
     table: Any = data
     for part in tables:
@@ -246,7 +246,7 @@ def _are_tables(value: Any) -> bool:
 
 
 def _literal(value: Any) -> str:
-    """A value; of a list ten numbers a line, anything else one a line."""
+    """TOML text of a value; a list has ten numbers a line, or one other item a line."""
     if type(value) in (int, float):
         return str(value)
     if not isinstance(value, list):
@@ -264,7 +264,7 @@ def parse_file(path: str | PathLike[str], parse: Callable[[str], T], what: str) 
     """Result of `parse` on the text of a file; what: the kind of file that it should be.
 
     Raises:
-        InputError: the file cannot be read, or `parse` refuses; names the file.
+        InputError: the file cannot be read, or `parse` rejects its text; names the file.
     """
     try:
         return parse(text_of(path))
@@ -278,11 +278,11 @@ def parse_file(path: str | PathLike[str], parse: Callable[[str], T], what: str) 
 
 
 def text_of(path: str | PathLike[str]) -> str:
-    """Text of a file in UTF-8, or in UTF-16 with its mark, as some editors and shells of Windows write it.
+    """Text of a file in UTF-8, or in UTF-16 with a byte order mark, as some Windows editors and shells write it.
 
     Raises:
         OSError: it cannot be read.
-        UnicodeDecodeError: it is no such text.
+        UnicodeDecodeError: it is neither.
     """
     data = Path(path).read_bytes()
     encoding = "utf-16" if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig"
@@ -298,5 +298,5 @@ def noun_of(path: str | PathLike[str]) -> str | None:
 
 
 def _noun(format_: str) -> str:
-    """Kind of a format: battery, of ohmward-battery/1."""
+    """Kind of a file format: battery for ohmward-battery/1."""
     return format_.removeprefix(_PREFIX).partition("/")[0]

@@ -23,7 +23,7 @@ from ohmward.errors import InputError
 from ohmward.lab import lab
 from ohmward.trace import trace
 
-#: The filter of the RC model's parameters, which is no estimator of state of charge.
+#: The filter of the RC model's parameters, which does not estimate the state of charge.
 JOINT = "textbook-joint"
 
 #: The filters whose step can be written as loops.
@@ -47,11 +47,11 @@ def battery_export(
 ) -> Export:
     """The estimator `filter_name` of a battery, or the filter JOINT of its RC model, ready to be written.
 
-    filter_name: as of `SocEstimator`; "default" is the one that it takes.
+    filter_name: as for `SocEstimator`; "default" is the one that it uses.
     name: prefix of the symbols and files.
     soc, soc_std: of the start in C, in its test and README; estimators whose start cannot be traced always start there.
     sample_time_s: constant time between samples [s]: `dt_s` is not used, and the code is smaller. None for any time.
-    style: "lines", a step without loops, the fastest; or "loops", which the filters in WITH_LOOPS have, the smallest.
+    style: "lines", a step without loops, the fastest; or "loops", the smallest, for the filters in WITH_LOOPS only.
     curve_error_V: largest error of the open-circuit voltage of a textbook filter, of the whole pack [V]: its curve
         becomes straight lines, and the table small. None keeps the curve.
 
@@ -112,7 +112,7 @@ def require_style(style: str, filter_name: str) -> None:
 
 
 def _on_lines(battery: Battery, filter_name: str, error_V: float) -> tuple[Battery, float]:
-    """The battery with its curve on straight lines, and their largest error [V]; for the filters in WITH_LINES."""
+    """The battery with its curve as straight lines, and their largest error [V]; for the filters in WITH_LINES."""
     if filter_name not in WITH_LINES:
         raise InputError(
             f"{filter_name} needs the hysteresis and the temperature coefficient of the curve too; a curve "
@@ -124,7 +124,7 @@ def _on_lines(battery: Battery, filter_name: str, error_V: float) -> tuple[Batte
 
 
 def at_fixed_rate(step: Callable[..., Any], sample_time_s: float | None) -> Callable[..., Any]:
-    """A function of state and sample with the time step as a constant; None leaves it as it is."""
+    """A function of state and sample with a constant time step; None leaves it unchanged."""
     if sample_time_s is None:
         return step
     require_positive("sample_time_s", sample_time_s)

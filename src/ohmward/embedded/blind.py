@@ -1,9 +1,8 @@
-"""The field's blind benchmark of state-of-charge estimators: what to hand in, and a rehearsal on logs that are open.
+"""Blind benchmark [K] of state-of-charge estimators: the submission, and a rehearsal on open logs.
 
-The model is given rows at 1 Hz one after the other and is judged by the root mean square of its error over each run:
-drives from full, charges, restarts in mid-drive and an offset of the current sensor. Before each run come an hour of
-copies of its first row, which count nothing; in a restart their current is zero. The score is the mean of the cases by
-their weights.
+The model receives rows at 1 Hz one after the other and is scored by its root mean square error over each run: drives
+from full, charges, restarts in mid-drive and an offset of the current sensor. Each run is preceded by an hour of copies
+of its first row, which are not scored; in a restart their current is zero. The score is the weighted mean of the cases.
 
 [K] P. Kollmeyer et al., A blind modeling tool for standardized evaluation of battery state of charge estimation
 algorithms, IEEE Transportation Electrification Conference, 2022.
@@ -23,7 +22,7 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.log import Log
 
-#: What the benchmark imports, and its interval [s].
+#: Module that the benchmark imports, and its interval [s].
 MODULE, INTERVAL_S = "Model", 1.0
 #: Copies of the first row before each run.
 PADDING_ROWS = 3600
@@ -31,9 +30,9 @@ PADDING_ROWS = 3600
 OFFSET_C = 0.3 / 4.6
 #: State of charge below which a restart begins, and its weight within the case.
 RESTARTS = {0.9: 3.0, 0.6: 2.0, 0.3: 1.0}
-#: Weights of the cases; a case without a run counts nothing.
+#: Weights of the cases; a case without a run is left out.
 WEIGHTS = {"drives": 0.7, "charges": 0.1, "restarts": 0.1, "offset": 0.1}
-#: Rows are interpolated over so long [s]; further apart they leave a gap.
+#: Longest gap [s] over which rows are interpolated.
 _INTERPOLATED_S = 60.0
 
 Model = Callable[..., tuple[np.ndarray, Any]]
@@ -53,16 +52,16 @@ class BlindRun(NamedTuple):
 
 
 class BlindScore(NamedTuple):
-    """What a model does in one run of one case."""
+    """Score of a model in one run of one case."""
 
     case: str  #: of `WEIGHTS`
-    run: str  #: name of the run, and what was done to it
+    run: str  #: name of the run, and how it was modified
     weight: float  #: within the case
     rmse: float  #: in [0, 1]
 
 
 def submission(text: str) -> bytes:
-    """The archive to hand in: the file of the model, flat."""
+    """The archive to submit: the file of the model, without a folder."""
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as files:
         files.writestr(zipfile.ZipInfo(f"{MODULE}.py"), text, zipfile.ZIP_DEFLATED)
@@ -98,9 +97,9 @@ def blind_run(log: Log, soc: np.ndarray) -> BlindRun:
 
 
 def rehearse(model: Model, run: BlindRun, capacity_Ah: float) -> Iterator[BlindScore]:
-    """The scores of a model in every case that a run allows, as they are found.
+    """Scores of a model in every case that a run allows, one by one.
 
-    capacity_Ah: of which the offset of the current sensor is a share.
+    capacity_Ah: the offset of the current sensor is a share of it.
     """
     yield BlindScore("charges" if run.charges else "drives", run.name, 1.0, _rmse(model, run))
     if run.charges:
@@ -122,7 +121,7 @@ def case_rmse(scores: Sequence[BlindScore], case: str) -> float:
 
 
 def weighted_rmse(scores: Sequence[BlindScore]) -> float:
-    """The score: mean of the cases that have a run, by their weights."""
+    """The score: weighted mean of the cases that have a run."""
     found = {case: weight for case, weight in WEIGHTS.items() if any(score.case == case for score in scores)}
     return sum(weight * case_rmse(scores, case) for case, weight in found.items()) / sum(found.values())
 

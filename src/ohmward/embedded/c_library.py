@@ -44,7 +44,7 @@ def _folder() -> Traversable:
     return resources.files("ohmward.embedded") / "templates"
 
 
-# Bytes of Thumb-2 code, compiled with -Os: of an operation, of one that chooses, of a number read or written. Fitted
+# Bytes of Thumb-2 code, compiled with -Os: of an operation, of a selection, of a number read or written. Fitted
 # to all filters; `tests/embedded/test_size.py` compares them with the compiler's.
 _BYTES_OF_OPERATION = 5.5
 _BYTES_OF_CHOICE = 18.0
@@ -53,7 +53,7 @@ _TIME_OF_LINES = "A step has no loops, and takes nearly the same time for every 
 _TIME_OF_LOOPS = "A step has loops of fixed length, and takes nearly the same time for every sample."
 _CHOICES = frozenset({"minimum", "maximum", "where", "sign"})
 
-#: Samples of an export with which Python and C are compared.
+#: Number of samples of an export with which Python and C are compared.
 VECTORS = 64
 
 
@@ -75,15 +75,15 @@ class Export(NamedTuple):
     flags: type[IntFlag]  #:   meanings of the bits of the output's flags
     arguments: tuple[float, ...]  #: values of the start's arguments after the sample, for the test
     samples: np.ndarray  #: (T, m) of the test vectors
-    loops: Loops | None = None  #:   the step as loops; None where it is a straight line
-    #: start from the first voltage, which a file of Python has; None where it cannot be traced
+    loops: Loops | None = None  #:   the step as loops; None for straight-line code
+    #: start from the first voltage, for a Python file; None where it cannot be traced
     voltage_start: VoltageStartPrograms | None = None
 
 
 class Size(NamedTuple):
     """Memory of a library on a microcontroller [bytes]; the state is exact, flash an estimate for Thumb-2 and -Os."""
 
-    operations: int  #: number of operations in its straight lines
+    operations: int  #: number of operations in its straight-line code
     flash: int  #: code and tables
     state: int  #: one state
 
@@ -108,7 +108,7 @@ def _code_bytes(program: Program) -> float:
 
 
 def check_fits(export: Export, flash_bytes: float | None, ram_bytes: float | None) -> None:
-    """Raise InputError if the library takes more flash or RAM than there is; the message says what is smaller."""
+    """Raise InputError if the library takes more flash or RAM than there is; the message names smaller choices."""
     needed = size(export)
     for what, bytes_, limit in (("flash", needed.flash, flash_bytes), ("RAM", needed.state, ram_bytes)):
         if limit is not None and bytes_ > limit:
@@ -154,15 +154,15 @@ def _words(export: Export, flags: Mapping[str, int], comments: Mapping[str, str]
     }
 
 
-#: The file that names its author, where there are several.
+#: The file that names ohmward as its author, where there are several.
 _SIGNED = "README.md"
 
 
 def write_library(files: Mapping[str, str], folder: Path) -> list[Path]:
-    """Write the files into a folder, which is made if it does not exist; each file is whole or as it was.
+    """Write the files into a folder, which is made if it does not exist; each file is complete or unchanged.
 
     Raises:
-        OhmwardError: the folder or a file cannot be written, or a file of that name is there that no export wrote.
+        OhmwardError: the folder or a file cannot be written, or a file of that name exists that no export wrote.
     """
     there = [folder / name for name in files if (folder / name).exists()]
     signed = folder / (_SIGNED if _SIGNED in files else next(iter(files)))

@@ -66,7 +66,7 @@ def _beside_fields(cls: type) -> Iterator[tuple[str, str]]:
 
 
 def _listed(cls: type) -> dict[str, str]:
-    """Those that the docstring lists, each with the indented lines that go on with it."""
+    """Meanings listed in the docstring, each with its indented continuation lines."""
     fields = set(inspect.get_annotations(cls))
     found: dict[str, str] = {}
     names: list[str] = []
@@ -84,5 +84,5 @@ def _listed(cls: type) -> dict[str, str]:
 
 
 def _safe(text: str) -> str:
-    """Text that cannot end a comment of C."""
+    """Text that cannot end a C comment."""
     return comment_text(text.strip().rstrip("."))

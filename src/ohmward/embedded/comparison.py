@@ -22,7 +22,7 @@ def compare(twin: Twin, export: Export, found: Any, samples: Any, arguments: tup
     """Largest difference of each member of the output over a log, |single - double|; nan against a number is inf.
 
     found:     the twin's outputs (T, ...).
-    samples:   of the log (T, ...), whose first the start looks at.
+    samples:   of the log (T, ...); the start uses the first.
     arguments: of the start.
 
     Raises:

@@ -13,7 +13,7 @@ from ohmward.embedded.traction import robot_export
 from ohmward.errors import InputError
 from ohmward.traction.robot.robot import Robot
 
-#: Filter of a microcontroller unless another is named: the sum of three takes three times as long.
+#: Default filter for a microcontroller: the Gaussian sum of three filters takes three times as long.
 SMALL = "ekf"
 
 
@@ -28,21 +28,21 @@ def export(
     curve_error_V: float | None = None,
     terrain: str = "dry asphalt",
 ) -> list[Path]:
-    """Write a C99 library with its build files, test vectors and README; the paths of its files.
+    """Write a C99 library with its build files, test vectors and README; returns the paths of its files.
 
     >>> battery = ow.load_battery("battery.toml")
     >>> [path.name for path in ow.export(battery, "firmware/soc", "textbook-ekf", sample_time_s=1.0)][:2]
     ['soc.h', 'soc.c']
 
     what: a battery, or a robot.
-    folder: to write, made if there is none.
+    folder: to write to, made if it does not exist.
     filter: of a battery as in `ohmward.available`, or "textbook-joint"; of a robot "ekf", "aekf", "ukf" or "aukf" for
         its speed, "odometry", "slip-controller" or "speed-controller".
     name: prefix of files and symbols; by default the folder's name.
     sample_time_s: constant time between samples [s]: the code is smaller. None for any time.
-    style: "lines", the fastest, or "loops", the smallest, which few filters have.
+    style: "lines", the fastest, or "loops", the smallest, which only a few filters have.
     curve_error_V: error of the open-circuit voltage of a textbook filter [V], of the whole pack, for a smaller table.
-    terrain: ground that the speed observer of a robot believes at first.
+    terrain: ground that the speed observer of a robot assumes at first.
 
     Raises:
         InputError: no such filter, style or ground, or neither a battery nor a robot.
@@ -64,6 +64,6 @@ def export(
 
 
 def symbol_of(folder: str | PathLike[str]) -> str:
-    """The folder's name as a prefix of C: small letters, digits and underscores."""
+    """The folder's name as a prefix for C: lower-case letters, digits and underscores."""
     word = re.sub(r"[^a-z0-9]+", "_", Path(folder).resolve().name.lower()).strip("_")
     return word if word[:1].isalpha() else f"filter_{word}".rstrip("_")

@@ -1,8 +1,8 @@
-"""Steps of bare filters as loops over their states in C: a fraction of the code of the straight line, and slower.
+"""Steps of bare filters as loops over their states in C: a fraction of the size of straight-line code, but slower.
 
-The loops are written by hand in templates/loops: a second text of these filters. The model's part (next state, curve,
-sanitised sample, output) is traced and becomes straight lines that the loops call. The operations and their order are
-those of the filter in NumPy, so the test vectors of the straight line hold for the loops too, to the last bit.
+The loops are written by hand in templates/loops, as a second source of these filters. The model's part (next state,
+curve, sanitised sample, output) is traced and becomes straight-line code that the loops call. The operations and their
+order are those of the filter in NumPy, so the test vectors of the straight-line code hold for the loops bit for bit.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def textbook_loops(textbook: TextbookFilter, state: Any, name: str, at_rate: AtR
 
 
 def _textbook_functions(textbook: TextbookFilter, state: Any, name: str, predicted: Program) -> list[Function]:
-    """Straight lines of the textbook filter: predict, the voltage of a state of charge, the output."""
+    """Straight-line code of the textbook filter: predict, the voltage of a state of charge, the output."""
     example = textbook.predicted(state, EXAMPLE)[1]
     estimate = trace(textbook.estimate, 0.0, 0.0, 0.0, 0.0, example, with_origins=True)
     before, clean = parts_of(predicted.result_structure)
@@ -82,7 +82,7 @@ def _textbook_functions(textbook: TextbookFilter, state: Any, name: str, predict
 
 
 def _curve(textbook: TextbookFilter, name: str, example: Any, in_clean: list[str]) -> Function:
-    """The voltage without that of the RC pairs; with its slope for the extended filter."""
+    """The voltage without the RC pairs; with its slope for the extended filter."""
 
     def value(soc: Scalar, clean: Any) -> Any:
         return textbook.curve_V(soc, clean.drop_V)

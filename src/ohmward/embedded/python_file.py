@@ -1,4 +1,4 @@
-"""An estimator of a battery as one file of Python, for where the package is not: blind benchmarks, reviews, teaching.
+"""An estimator of a battery as one Python file that does not need the package: blind benchmarks, reviews, teaching.
 
 The file is the traced program in double precision, operation by operation, and the definitions of these operations.
 """
@@ -18,7 +18,7 @@ from ohmward.trace import ieee
 from ohmward.trace.lower.python_source import Body, body
 from ohmward.trace.structure import scalar_names, size
 
-#: Interval of the rows of `Model` where the export leaves the time between samples free [s]: that of blind benchmarks.
+#: Interval of the rows of `Model` [s] where the export has no constant sample time: that of blind benchmarks.
 USUAL_INTERVAL_S = 1.0
 
 
@@ -27,11 +27,11 @@ def python_file(
 ) -> str:
     """Text of the file: `start` and `step`, and `Model(X, z)` over rows of current, voltage and temperature.
 
-    sample_time_s: that the export was made with; None takes the rows to come once a second.
-    soc, soc_std: initial state of charge, which the first voltage is weighed with; None takes it from that voltage.
+    sample_time_s: that the export was made with; None assumes one row a second.
+    soc, soc_std: initial state of charge, combined with the first voltage; None takes it from that voltage alone.
 
     Raises:
-        InputError: the export is no estimator that starts from the first voltage, or its name is none of a module.
+        InputError: the export is not an estimator that starts from the first voltage, or its name not a module name.
     """
     if export.voltage_start is None:
         raise InputError(

@@ -62,7 +62,7 @@ class ControllerOutput(NamedTuple):
 def robot_export(robot: Robot, filter_name: str, name: str, terrain: str) -> Export:
     """The observer, the odometry or the controller of a robot.
 
-    terrain: name of the ground that the observer believes at first.
+    terrain: name of the ground that the observer assumes at first.
 
     Raises:
         InputError: no such filter or ground, or wheels that scrub.
@@ -91,7 +91,7 @@ def observer_export(robot: Robot, terrain: Terrain, filter_name: str = "ekf", na
 
 
 def odometry_export(robot: Robot, name: str = ODOMETRY) -> Export:
-    """Pose and twist from encoders, gyro, outside speeds and a speed observer; it starts at the origin of its frame.
+    """Pose and twist from encoders, gyro, external speeds and a speed observer; it starts at the origin of its frame.
 
     Pose increments are left out: they need the memory of the last steps.
     """
@@ -172,7 +172,7 @@ def _drive(observer: SpeedObserver) -> np.ndarray:
 
 
 def _way(settings: PoseFilter) -> np.ndarray:
-    """Samples (T, m): a curve, with faults of encoder, gyro and clock, and a speed from outside."""
+    """Samples (T, m): a curve, with faults of encoder, gyro and clock, and an external speed."""
     rng, driven = np.random.default_rng(0), settings.robot.driven
     rows = []
     for k in range(VECTORS):

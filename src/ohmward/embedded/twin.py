@@ -25,7 +25,7 @@ import numpy as np
 from ohmward.errors import InputError, OhmwardError
 from ohmward.optional import require
 
-#: As in the Makefile of the library: fused products have other last bits.
+#: As in the Makefile of the library: fused multiply-adds would change the last bits.
 FLAGS = ("-std=c99", "-O2", "-fno-math-errno", "-ffp-contract=off")
 
 _DRIVER = """\
@@ -110,7 +110,7 @@ class Twin:
         return self.Output(*(_plain(outputs[word][0]) for word in self.Output._fields))
 
     def run(self, samples: Any) -> Any:
-        """`Output` after each sample of a log, arrays (T, ...), from the twin's state on.
+        """`Output` after each sample of a log, arrays (T, ...), continuing from the twin's state.
 
         samples: every member with a leading time axis (T, ...); one without it holds for all times.
 
@@ -126,7 +126,7 @@ class Twin:
         return self.State(*(_plain(self._state[word][0]) for word in self.State._fields))
 
     def dtype(self, struct: str) -> np.dtype:
-        """Layout in memory of "sample", "output" or "state", here and on a Cortex-M: reads dumps of the target."""
+        """Memory layout of "sample", "output" or "state", here and on a Cortex-M, for reading dumps of the target."""
         return self._dtypes[struct]
 
     def records(self, samples: Any) -> np.ndarray:
@@ -134,7 +134,7 @@ class Twin:
         return self._samples(samples, live=False)
 
     def flag_counts(self, outputs: Any) -> dict[str, int]:
-        """Number of samples that carry each flag, by its name in small letters; flags that never occur are left out."""
+        """Number of samples that carry each flag, by its lower-case name; flags that never occur are left out."""
         if "flags" not in self.Output._fields:
             return {}
         flags = outputs.flags[np.isfinite(outputs.flags)].astype(int)
@@ -174,7 +174,7 @@ class Twin:
         if value.size != math.prod(shape) * (count if timed else 1):
             raise InputError(f"{self.name}_sample.{word} has the shape {shape}, in a log (T, ...); got {value.shape}")
         try:
-            with np.errstate(over="ignore"):  # beyond the range of singles is infinite
+            with np.errstate(over="ignore"):  # values beyond single precision become infinite
                 return value.astype(float).reshape((count, *shape) if timed else shape).astype(np.float32)
         except (TypeError, ValueError) as error:
             raise InputError(f"{self.name}_sample.{word} must hold numbers, got {value!r:.80}") from error
@@ -298,5 +298,5 @@ def _members_of(tree: Any) -> Iterator[Any]:
 
 
 def _plain(value: Any) -> Any:
-    """A number or condition of Python; arrays stay."""
+    """A Python number or bool; an array stays one."""
     return value.copy() if isinstance(value, np.ndarray) else value.item()

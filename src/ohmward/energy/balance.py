@@ -2,9 +2,9 @@
 
 battery = idle + copper + drive + slip + rolling + climb + kinetic + residual
 
-Losses are >= 0. `climb` and `kinetic` are useful and come back, or part of them: downhill and braking they are < 0, and
-so is `battery` where the motors feed it. The residual holds what the models do not explain: the error of the assumed
-rolling resistance, the efficiency of the electronics, and an idle power that is not known.
+Losses are >= 0. `climb` and `kinetic` are useful energy, at least partly recovered: they are < 0 downhill and when
+braking, and so is `battery` where the motors charge it. The residual holds what the models do not explain: the error of
+the assumed rolling resistance, the efficiency of the electronics, and an unknown idle power.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 from ohmward.traction.speed_observer.estimator import motion_of
 
-#: Terms that add up to the power of a recorded drive: no load is pulled, and nothing is integrated.
+#: Terms that add up to the battery's power on a recorded drive: no load is towed, and no motion is integrated.
 DRIVE_TERMS = ("idle", "copper", "drive", "slip", "rolling", "climb", "kinetic", "residual")
 
 
@@ -29,9 +29,9 @@ class DriveEnergy(NamedTuple):
     """Energy of a whole drive."""
 
     balance: EnergyBalance  #: energy [J]
-    #: standard deviation of each term that has one, as if its error lasted from start to end: an upper bound
+    #: standard deviation of each term that has one, for an error that lasts from start to end: an upper bound
     std_J: dict[str, float]
-    regenerated_J: float  #: that flowed into the battery, >= 0; the rest of the braking is in the losses
+    regenerated_J: float  #: that flowed into the battery, >= 0; the rest of the braking energy is in the losses
 
 
 def drive_balance(
@@ -45,9 +45,9 @@ def drive_balance(
 
     log: with motor currents.
     observed: estimates of an observer along the log.
-    p: robot and the ground that it is believed to be on.
-    battery_W: (T,) power out of the battery; by default that of the motors and the idle draw.
-    idle_W: of the electronics; by default the robot's.
+    p: robot and the ground assumed under it.
+    battery_W: (T,) power out of the battery; by default that of the motors plus the idle power.
+    idle_W: power of the electronics; by default the robot's.
 
     Raises:
         InputError: no motor currents, or shapes that differ.
@@ -87,7 +87,7 @@ def integrate_drive(log: DriveLog, power: EnergyBalance, observed: SlipEstimate,
 
 
 def _rolling_W(observed: SlipEstimate, p: Scene) -> np.ndarray:
-    """(T,) loss to rolling resistance on the ground that is assumed."""
+    """(T,) loss to rolling resistance on the assumed ground."""
     robot = p.robot
     travel = _motion(observed, robot) @ robot.rolling.T
     load_N = normal_loads(RobotInput(np.zeros(robot.driven)), robot, np.zeros(2))
@@ -104,7 +104,7 @@ def _kinetic_rate_W(time_s: np.ndarray, observed: SlipEstimate, robot: Robot) ->
 
 
 def _motion(observed: SlipEstimate, robot: Robot) -> np.ndarray:
-    """(T, freedoms) speeds of the body; those to the side are those of an omni-directional robot's wheels."""
+    """(T, freedoms) speeds of the body; for an omni-directional robot from its wheels, sideways speed included."""
     if robot.freedoms == 3:
         return motion_of(robot, observed)
     motion = np.zeros((len(observed.speed_m_s), robot.freedoms))
@@ -125,7 +125,7 @@ def _check(log: DriveLog, observed: SlipEstimate, battery_W: np.ndarray | None, 
 
 
 def running_integral(x: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Integral from the first sample to each of them, 0 at the first; x: (T,) or as values, values: (T,) or (T, N)."""
+    """Integral from the first sample to each sample, 0 at the first; x: (T,) or as values, values: (T,) or (T, N)."""
     widths = np.diff(x, axis=0)
     widths = widths.reshape(*widths.shape, *[1] * (values.ndim - x.ndim))
     areas = 0.5 * widths * (values[1:] + values[:-1])

@@ -1,25 +1,25 @@
-"""Energy that a robot takes, by terrain, speed, slope and load: a regression with its uncertainty.
+"""Energy consumption of a robot by terrain, speed, slope and load: a regression with its uncertainty.
 
-A stretch of time t, for t_d of it under way at the mean speed v over d, with potential and kinetic energy gained L and
-mass ratio q = m / m_0 takes
+A stretch of duration t, with t_d of it under way over the distance d at the mean speed v, with the potential and
+kinetic energy gained L and the mass ratio q = m / m_0, takes
 
 E = idle t + q d [ f_k (1 + delta + delta_k) + c v ] + a (L + B) - b B + r (W / d)^2 t_d + e
 W = q d (f_k + c v) / a + L,     B = max(-W, 0),     e ~ N(0, sigma^2 (q f_k)^2 d)
 
-f_k [N] is the resistance of terrain k, losses of the drive included; W is the work of the wheels, and its force heats
-the windings by r; W depends on the coefficients, so the filter is an extended one. Height that is lost is saved as far
-as the resistance takes it; beyond that the robot brakes, and the share b of the braking energy B comes back
+f_k [N] is the resistance of terrain k, losses of the drive included; W is the work of the wheels, whose force W / d
+heats the windings; W depends on the coefficients, so the filter is an extended one. A descent saves energy as far as
+the resistance takes it up; beyond that the robot brakes, and recovers the share b of the braking energy B
 (regeneration efficiency). delta and delta_k are the day effects, of all terrains and of one: payload, tyre pressure,
-wet grass; each drive draws them anew from N(0, tau^2 / 2). So drives that differ are told apart from a robot that is
-not yet known, a mission under way sees its own day, and the next day is as uncertain as days are. The scatter is that
-of uneven ground: sigma^2 [m] is the length over which it is correlated times the square of its relative deviation, and
-long stretches average it; standing teaches the idle power only.
+wet grass; each drive has its own, from N(0, tau^2 / 2). This separates differences between drives from uncertainty
+about the robot: a mission under way learns its own day effects, and the next day is uncertain by the usual variation
+between days. The scatter e comes from uneven ground: sigma^2 [m] is its correlation length times the square of its
+relative standard deviation, and long stretches average it out; standing updates the idle power only.
 
 Coefficients are Gaussian; sigma^2 and tau^2 are inverse-gamma, so that predictions follow Student's t. For known
-variances this is Bayesian regression, exact where wheels never brake and no winding heats. The variances are learned
-from the part of each innovation that the update leaves to them (MacKay's count of well-determined parameters): with
-known coefficients that is the conjugate normal-inverse-gamma rule. The fully conjugate prior is not used, because there
-a smooth floor would make the robot sure of terrains that it has never seen.
+variances this is Bayesian regression, exact where the wheels never brake and the windings do not heat. The variances
+are learned from the part of each innovation that the update attributes to them (MacKay's count of well-determined
+parameters): with known coefficients this is the conjugate normal-inverse-gamma rule. The fully conjugate prior is not
+used: with it, a smooth floor would make the robot certain of terrains that it has never driven on.
 """
 
 from __future__ import annotations
@@ -38,20 +38,20 @@ from ohmward.filters import kalman
 from ohmward.filters.belief import Belief, Innovation, nis
 from ohmward.traction.robot.robot import GRAVITY
 
-#: Coefficients that all terrains share, in their order; `force_N` and `day_effect` of each terrain follow.
+#: Coefficients shared by all terrains, in order; `force_N` and `day_effect` of each terrain follow.
 SHARED = ("idle_W", "speed_N_s_per_m", "climb", "regeneration", "heat_W_per_N2", "day_effect")
 IDLE, SPEED, CLIMB, REGENERATION, HEAT, DAY_EFFECT = range(len(SHARED))
 _DAYS_PER_MONTH = 30.0
-#: Idle power is steadier than ground: it scatters as a resistance would at this speed.
+#: Idle power varies less than resistance: it scatters like a resistance at this speed.
 _IDLE_SPEED_M_S = 30.0
-#: Resistance below which no square is made of it, over the one that was expected.
+#: Smallest resistance used in squares, relative to the expected one.
 _LEAST_FORCE = 0.1
-#: A shorter stretch is a start or a stop: it teaches nothing of the ground.
+#: Shortest stretch that updates the coefficients of a terrain: a shorter one is a start or a stop.
 _SHORTEST_M = 3.0
-#: Beyond this NIS the ground is another than believed: only then the filter iterates, up to so many times with half
-#: steps. On ground as believed that would take its scatter for heat.
+#: NIS above which the filter iterates, with half steps, and the largest number of iterations. On ground as expected,
+#: iterating would mistake scatter for heat.
 _UNEXPECTED_NIS, _LINEARISATIONS = 9.0, 8
-#: A drive teaches the variance of day effects only where it has narrowed its own by this share.
+#: A drive updates the variance of the day effects only where it has reduced that of its own by this share.
 _LEAST_NARROWED = 0.02
 
 
@@ -71,7 +71,7 @@ class Consumption:
     reference_N: tuple[float, ...]  #: (K,) forces that the day effects of this drive are relative to
     scatter: Variance  #: sigma^2 [m]
     day: Variance  #: tau^2
-    visits: tuple[Visits, ...] = ()  #: (K,) what was driven there
+    visits: tuple[Visits, ...] = ()  #: (K,) totals of all drives there
     on_this_drive: tuple[str, ...] = ()  #: terrains of the drive under way
     last_drive_unix_s: float | None = None  #: when the last drive ended, where its log had a wall clock
 
@@ -113,7 +113,7 @@ class Consumption:
 
 
 class EnergyDemand(NamedTuple):
-    """Energy that stretches will take: mean, and variances by their cause; numbers, or (K,) along a way."""
+    """Energy that stretches will take: mean, and variances by their cause; numbers, or (K,) along a route."""
 
     mean_J: Any  #: expected
     learned_J2: Any  #: coefficients and model
@@ -124,13 +124,13 @@ class EnergyDemand(NamedTuple):
     scatter_dof: float
 
     def at(self, rows: Any) -> EnergyDemand:
-        """Up to some places of a way, by their numbers."""
+        """Demand up to some points of a route, by their indices."""
         along = {name: getattr(self, name)[rows] for name in ("mean_J", "learned_J2", "day_J2", "scatter_J2")}
         return self._replace(**along)
 
     @property
     def std_J(self) -> float:
-        """Standard deviation of all together."""
+        """Standard deviation from all causes together."""
         return float(np.sqrt(self.learned_J2 + self.day_J2 + self.scatter_J2))
 
 
@@ -145,9 +145,9 @@ def start(prior: ConsumptionPrior) -> Consumption:
 
 
 def begin_drive(c: Consumption, days: float = 0.0) -> Consumption:
-    """Belief at the start of a new drive after so many days.
+    """Belief at the start of a new drive, `days` after the last one.
 
-    The drive that ends updates the variance of the day effects, which are then drawn anew; coefficients drift.
+    The finished drive updates the variance of the day effects, which then restart from their prior; coefficients drift.
     """
     require_between("days", days, 0.0, np.inf)
     day = _learn_day(c)
@@ -163,10 +163,10 @@ def begin_drive(c: Consumption, days: float = 0.0) -> Consumption:
 
 
 def learn(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
-    """Belief after a stretch took this energy from the battery; one of less than 3 m is counted only.
+    """Belief after a stretch took this energy from the battery; one of less than 3 m only adds to the visits.
 
     Raises:
-        InputError: a time, distance or height below zero, or an energy that is no number.
+        InputError: a time, distance or height below zero, or an energy that is not finite.
     """
     _check(stretch, energy_J)
     c = with_terrain(c, stretch.terrain) if stretch.terrain else c
@@ -195,7 +195,7 @@ def energy_demand(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand:
 
 
 def energy_demands(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand:
-    """Energy from the begin of the stretches to the end of each, (K,); raises as `energy_demand`."""
+    """Energy from the start of the first stretch to the end of each, (K,); raises as `energy_demand`."""
     effects = c.day_effects
     mean_J = np.cumsum([design_row(c, s) for s in stretches], axis=0) @ c.mean
     H = np.cumsum([jacobian(c, s) for s in stretches], axis=0)
@@ -214,7 +214,7 @@ def energy_demands(c: Consumption, stretches: Sequence[Stretch]) -> EnergyDemand
 
 
 def with_terrain(c: Consumption, name: str) -> Consumption:
-    """The belief with a terrain that has not been met; unchanged where it has."""
+    """The belief with a new terrain; unchanged for a known one."""
     if name in c.terrains:
         return c
     force_N = c.prior.force_of(name)
@@ -253,9 +253,9 @@ def design_row(c: Consumption, stretch: Stretch) -> np.ndarray:
 
 
 def jacobian(c: Consumption, stretch: Stretch) -> np.ndarray:
-    """Derivative (6 + 2 K,) of the energy with respect to the coefficients, by the work of the wheels too.
+    """Derivative (6 + 2 K,) of the energy with respect to the coefficients, also through the work of the wheels.
 
-    dE/dW = 2 r W t_d / d^2, and b - a more where the wheels brake.
+    dE/dW = 2 r W t_d / d^2, plus b - a where the wheels brake.
     """
     x = design_row(c, stretch)
     if not stretch.terrain or not stretch.distance_m:
@@ -272,7 +272,7 @@ def jacobian(c: Consumption, stretch: Stretch) -> np.ndarray:
 
 
 def scatter_weight(c: Consumption, stretch: Stretch) -> float:
-    """Factor of sigma^2 [N^2 m]: resistance squared times distance, and idle power as if at 30 m/s."""
+    """Factor of sigma^2 [N^2 m]: resistance squared times distance, and idle power as a resistance at 30 m/s."""
     idle = c.prior.idle_W**2 * stretch.time_s / _IDLE_SPEED_M_S
     if not stretch.terrain:
         return idle
@@ -281,12 +281,12 @@ def scatter_weight(c: Consumption, stretch: Stretch) -> float:
 
 
 def mass_ratio(c: Consumption, stretch: Stretch) -> float:
-    """q: mass with payload over the mass that the forces belong to."""
+    """q: mass with payload over the mass that the forces refer to."""
     return (c.prior.mass_kg + stretch.payload_kg) / c.prior.mass_kg
 
 
 def force_N(c: Consumption, terrain: str) -> float:
-    """Resistance [N] as it is known now, at least a tenth of the expected one, where squares are made of it."""
+    """Estimated resistance [N] for use in squares, at least a tenth of the expected one."""
     return max(float(c.mean[c.force_index(terrain)]), _LEAST_FORCE * c.prior.force_of(terrain))
 
 
@@ -312,7 +312,7 @@ def mean_pull_N(c: Consumption, stretch: Stretch) -> float:
 
 
 def energy_of_slope_J(c: Consumption, stretch: Stretch) -> float:
-    """Energy [J] of a stretch beyond that of level ground, < 0 where it goes down: climb, braking and heat."""
+    """Energy [J] of a stretch compared with level ground, < 0 downhill: climb, braking and heat."""
     if not stretch.terrain:
         return 0.0
     x = design_row(c, stretch)
@@ -321,12 +321,12 @@ def energy_of_slope_J(c: Consumption, stretch: Stretch) -> float:
 
 
 def moving_time_s(stretch: Stretch) -> float:
-    """Time [s] without the stops, in which the wheels pull."""
+    """Time [s] under way, without the stops."""
     return stretch.time_s - stretch.standing_s
 
 
 def _corrected(c: Consumption, stretch: Stretch, energy_J: float, R: float) -> tuple[Belief, Innovation]:
-    """Extended Kalman filter; far from the believed ground iterated, and the iterate that explains the energy best."""
+    """Extended Kalman update; on unexpected ground iterated, with the iterate that explains the energy best."""
     before, fits = Belief(c.mean, c.cov), []
     for _ in range(_LINEARISATIONS):
         H = jacobian(c, stretch)
@@ -345,7 +345,7 @@ def _corrected(c: Consumption, stretch: Stretch, energy_J: float, R: float) -> t
 
 
 def _learn_day(c: Consumption) -> Variance:
-    """tau^2 after the drive that ends: each day effect has the variance tau^2 / 2, as far as the drive has shown it."""
+    """tau^2 after a drive: each day effect has the variance tau^2 / 2 and counts as far as the drive determined it."""
     if not c.on_this_drive:
         return c.day
     day = c.day
@@ -357,7 +357,7 @@ def _learn_day(c: Consumption) -> Variance:
 
 
 def _drift_variance(c: Consumption, days: float) -> np.ndarray:
-    """Variance of the change of the coefficients in so many days: a random walk."""
+    """Variance of the random walk of the coefficients over these days."""
     std = np.zeros(len(c.mean))
     std[IDLE] = c.prior.drift_std * c.prior.idle_W
     for name in c.terrains:
@@ -366,7 +366,7 @@ def _drift_variance(c: Consumption, days: float) -> np.ndarray:
 
 
 def _visited(c: Consumption, stretch: Stretch, energy_J: float) -> Consumption:
-    """The belief with the sums of its terrain after a stretch."""
+    """The belief with a stretch added to the totals of its terrain."""
     k = c.terrains.index(stretch.terrain)
     first = stretch.terrain not in c.on_this_drive
     v = c.visits[k]
@@ -387,12 +387,12 @@ def _check(stretch: Stretch, energy_J: float) -> None:
 class Variance(NamedTuple):
     """A variance with an inverse-gamma distribution."""
 
-    dof: float  #: degrees of freedom with which it is known
-    scale: float  #: dof times its usual value
+    dof: float  #: degrees of freedom of its distribution
+    scale: float  #: dof times its value
 
     @property
     def value(self) -> float:
-        """The variance to compute with."""
+        """Value of the variance for computations."""
         return self.scale / self.dof
 
     def updated(self, square: float, dof: float) -> Variance:
@@ -401,7 +401,7 @@ class Variance(NamedTuple):
 
 
 class Visits(NamedTuple):
-    """Sums over all that was driven on a terrain."""
+    """Totals of all drives on a terrain."""
 
     drives: int = 0
     distance_m: float = 0.0

@@ -1,4 +1,4 @@
-"""The consumption table: the learned consumption of a robot as TOML. It is the snapshot too."""
+"""The consumption table: the learned consumption of a robot as TOML, which is also its snapshot."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _HEADER = """\
 # What a robot takes from its battery, as ohmward has learned it from drives. The coefficients and their covariance are
 # what is read back; these lines are for people, and written anew each time.
 """
-#: Names in tables that were written before, and those of today.
+#: Names in older tables, and the current ones.
 _FORMER = {"regain": "regeneration", "regain_std": "regeneration_std", "own": "day_effect", "load": "day_effect"}
 _TABLES = ("prior", "scatter", "day", "terrain", "coefficients")
 
 
 def save_consumption(c: Consumption, path: str | PathLike[str]) -> None:
-    """Write the table; the file is either whole or not there.
+    """Write the table to a file, complete or not at all.
 
     >>> ow.save_consumption(ow.load_consumption("table.toml"), "copy.toml")
 
@@ -39,19 +39,19 @@ def save_consumption(c: Consumption, path: str | PathLike[str]) -> None:
 
 
 def load_consumption(path: str | PathLike[str]) -> Consumption:
-    """The table in a file.
+    """Load the table from a file.
 
     >>> ow.load_consumption("table.toml").terrains
     ('grass',)
 
     Raises:
-        InputError: the file cannot be read or is no consumption table; names file, key, rule and fix.
+        InputError: the file cannot be read or is not a consumption table; names file, key, rule and fix.
     """
     return parse_file(path, parse_consumption, "consumption table")
 
 
 def dump_consumption(c: Consumption) -> str:
-    """The text of the table; every digit is kept, so reading it back goes on to the bit."""
+    """The text of the table; every digit is kept, so that it reads back bit for bit."""
     tomli_w = require("tomli_w", "writing TOML")
 
     clock = {} if c.last_drive_unix_s is None else {"last_drive_unix_s": float(c.last_drive_unix_s)}
@@ -69,10 +69,10 @@ def dump_consumption(c: Consumption) -> str:
 
 
 def parse_consumption(text: str) -> Consumption:
-    """The table in a text.
+    """Parse the text of a table.
 
     Raises:
-        InputError: not TOML, another format, a key that is missing or of another kind.
+        InputError: not TOML, another format, a missing key or a value of the wrong type.
     """
     data = parse_toml(text)
     if (found := data.get("format")) != FORMAT:
@@ -110,7 +110,7 @@ def _from_tables(data: Mapping[str, Any]) -> Consumption:
 
 
 def _todays_name(name: str) -> str:
-    """Name of a coefficient, alone or as `kind:terrain`, in the words of today."""
+    """Current name of a coefficient, alone or as `kind:terrain`."""
     kind, colon, terrain = name.partition(":")
     return f"{_FORMER.get(kind, kind)}{colon}{terrain}"
 

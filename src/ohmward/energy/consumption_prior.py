@@ -1,4 +1,4 @@
-"""Prior of a robot's consumption from its data, before it has driven: broad, and right in its order of magnitude."""
+"""Prior of a robot's consumption from its data, before its first drive: broad, but of the right order of magnitude."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ohmward.checks import require_between, require_each_not_negative, require_e
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.terrain.floor import STIFFNESS, STIFFNESS_STD
 
-#: Rolling resistance over load, as in handbooks of vehicles, taken for the small wheels of robots.
+#: Rolling resistance over load, from vehicle handbooks, applied to the small wheels of robots.
 RESISTANCE = {
     "concrete": 0.02,
     "asphalt": 0.02,
@@ -26,34 +26,34 @@ RESISTANCE = {
 }
 #: Rolling resistance over load of any other ground.
 ANY_RESISTANCE = 0.05
-#: Standard deviation of such a number, relative to it.
+#: Relative standard deviation of these numbers.
 RESISTANCE_STD = 0.6
 #: Growth of the resistance with speed over load [s/m]: A3 of [T] 4.5.
 SPEED_RESISTANCE_S_PER_M = 0.02
-#: Of motor controllers.
+#: Efficiency of motor controllers.
 ELECTRONICS_EFFICIENCY = 0.9
-#: Heat of the windings at a pull of the robot's whole weight, over that weight [m/s], where the motors are not known:
-#: 0.5 for the Robotino's geared motors, 1.0 for those of a Husky, 2.0 for the hub motors of RLMA. Standard deviation
-#: relative to it; with motors of a data sheet, whose windings warm up and whose supply is not ideal, it is smaller.
+#: Heat of the windings at a traction force equal to the robot's weight, over that weight [m/s], for unknown motors:
+#: 0.5 for the Robotino's geared motors, 1.0 for those of a Husky, 2.0 for the hub motors of RLMA. Relative standard
+#: deviation, and the smaller one of motors with a data sheet, whose windings warm up and whose supply is not ideal.
 ANY_HEAT_M_S, ANY_HEAT_STD, HEAT_STD = 1.0, 0.7, 0.3
-#: Speed [m/s] at which the slip of the wheels, whose loss goes with the force squared as well, adds to that heat.
+#: Speed [m/s] for the loss to wheel slip, which is also proportional to the force squared and added to that heat.
 SLIP_SPEED_M_S = 1.0
-#: Idle power [W] of a robot without one.
+#: Idle power [W] assumed for a robot without a given one.
 ANY_IDLE_W = 10.0
 
 
 @dataclass(frozen=True)
 class ConsumptionPrior:
-    """Belief about a robot before it has driven, and about a terrain before it was met."""
+    """Prior of a robot before its first drive, and of a terrain before the first drive on it."""
 
-    mass_kg: float  #: to which `force_N` belongs, > 0
+    mass_kg: float  #: that `force_N` refers to, > 0
     #: of everything but the drives
     idle_W: float
     idle_std_W: float
     #: resistance of an unknown terrain, at the battery
     force_N: float
     force_std_N: float
-    #: its growth with speed
+    #: growth of the resistance with speed
     speed_N_s_per_m: float = 0.0
     speed_std_N_s_per_m: float = 0.0
     climb: float = 1.3  #: energy from the battery over the potential energy gained, about 1/efficiency
@@ -65,15 +65,15 @@ class ConsumptionPrior:
     heat_std_W_per_N2: float = 0.0
     scatter_m: float = 1.0  #: sigma^2 of `consumption`; 1 m is a fifth over 25 m
     day_std: float = 0.15  #: tau, standard deviation of the resistance from drive to drive, relative to it
-    #: error that no drive teaches, relative to the energy: gains of the sensors, curves taken as lines
+    #: error that no drive reveals, relative to the energy: gains of the sensors, curves approximated by lines
     model_std: float = 0.02
-    #: error that gentle slopes do not teach of steep ones, relative to the energy that slopes add: with it the errors
+    #: error on steep slopes that gentle ones do not reveal, relative to the energy that slopes add: with it the errors
     #: on slopes of 0.12 after drives on slopes of 0.03 have unit variance over 300 simulated robots whose slopes are
     #: measured with noise (their own tell 0.12; with the mass alone their mean is above, too)
     slope_std: float = 0.12
-    drift_std: float = 0.05  #: change of forces and idle power in a month, as a share of the prior's
+    drift_std: float = 0.05  #: drift of forces and idle power in a month, relative to those of the prior
     dof: float = 4.0  #: degrees of freedom of sigma^2 and tau^2, >= 3
-    #: resistance of terrains that handbooks know, by name
+    #: resistance of terrains with handbook values, by name
     terrain_force_N: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -88,7 +88,7 @@ class ConsumptionPrior:
             require_positive(f"prior.terrain_force_N.{name}", force_N)
 
     def force_of(self, terrain: str) -> float:
-        """Resistance [N] that is expected of a terrain before it was met."""
+        """Expected resistance [N] of a terrain before the first drive on it."""
         return self.terrain_force_N.get(terrain, self.force_N)
 
 
@@ -102,7 +102,7 @@ def prior_from_robot(robot: Robot) -> ConsumptionPrior:
 
 
 def heat_W_per_N2(robot: Robot) -> float:
-    """Heat of all windings over the square of the robot's force, all driven wheels pulling alike."""
+    """Heat of all windings over the square of the robot's force, shared equally by all driven wheels."""
     ampere_per_newton = robot.wheel.radius_m / robot.driven / robot.motor.wheel_constant_Nm_per_A
     return robot.driven * robot.motor.resistance_ohm * ampere_per_newton**2
 

@@ -1,4 +1,4 @@
-"""Stretches of a drive, recorded or under way: what was driven, on which terrain, for which energy."""
+"""Stretches of a drive, recorded or under way: motion, terrain and energy of each."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ class Driven(NamedTuple):
 
 @dataclass(frozen=True)
 class Cut:
-    """Rules by which a drive is cut."""
+    """Rules for cutting a drive into stretches."""
 
     longest_s: float = 180.0  #: longest stretch
     standing_m_s: float = 0.03  #: below this speed the robot stands, if it does so for at least `standing_s`
-    standing_s: float = 5.0  #: see there
+    standing_s: float = 5.0  #: shortest time of standing
     gap_s: float = 10.0  #: a longer step between two samples is not bridged
-    height_s: float = 10.0  #: time between two heights; with less, the noise of a pitch would count as climbing
+    height_s: float = 10.0  #: time between two heights; with less, pitch noise would count as climbing
 
     def __post_init__(self) -> None:
         require_each_positive("cut.", self, "longest_s", "gap_s", "height_s")
@@ -61,7 +61,7 @@ def cut_drive(
     time_s: (T,) increasing.
     speed_m_s: (T,) forward.  battery_W: (T,) > 0 out of the battery; nan in either is bridged where its neighbours are
         close.
-    terrain: the name under each sample (T,), or one for all.
+    terrain: name of the ground under each sample (T,), or one for all.
     grade_rad: (T,) > 0 with the nose up; level ground by default.
     payload_kg: on top of the robot's mass.
 
@@ -102,7 +102,7 @@ class _BridgedDrive(NamedTuple):
 def _bridged_drive(
     time_s: np.ndarray, speed_m_s: np.ndarray, battery_W: np.ndarray, grade_rad: np.ndarray | None, gap_s: float
 ) -> _BridgedDrive:
-    """The drive with short gaps bridged; an unknown slope is taken as the line between its known neighbours."""
+    """The drive with short gaps bridged; an unknown slope is interpolated between its known neighbours."""
     speed = bridged(time_s, speed_m_s, gap_s)
     grade = np.zeros(len(time_s)) if grade_rad is None else np.nan_to_num(bridged(time_s, grade_rad, np.inf))
     height_m = running_integral(time_s, np.nan_to_num(speed) * np.sin(grade))
@@ -147,13 +147,13 @@ def _pieces(time_s: np.ndarray, labels: np.ndarray, longest_s: float) -> Iterato
 
 
 def _still(speed_m_s: np.ndarray, cut: Cut) -> np.ndarray:
-    """(T - 1,) True for the intervals at whose ends the robot is slower than one that moves."""
+    """(T - 1,) True for the intervals with both ends below the speed of standing."""
     slow = np.abs(speed_m_s) < cut.standing_m_s
     return slow[:-1] & slow[1:]
 
 
 def _driven(drive: _BridgedDrive, terrain: str, payload_kg: float, cut: Cut) -> Driven:
-    """One stretch: all samples of `drive`, on one terrain, or standing where that is ""."""
+    """One stretch from all samples of `drive`, on one terrain, or standing where `terrain` is ""."""
     t, v = drive.time_s, np.abs(drive.speed_m_s)
     duration_s = float(t[-1] - t[0])
     stretch = Stretch(terrain, duration_s, payload_kg=payload_kg)
@@ -192,17 +192,17 @@ class DriveSample(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """A stretch that is under way."""
+    """A stretch under way."""
 
     stretch: Stretch  #: so far
     energy_J: float  #: out of the battery
-    #: height won since the last height was taken, and the time since then
+    #: height gained that is not yet in the stretch, and the time in which it was gained
     rise_m: float = 0.0
     rise_s: float = 0.0
 
 
 class DriveMeter(NamedTuple):
-    """State of a drive under way: the last sample, the stretch so far, and the stop that may be a part of it."""
+    """State of a drive under way: the last sample, the stretch so far, and a stop that may become part of it."""
 
     last: DriveSample | None = None
     moving: Measured | None = None
@@ -212,8 +212,8 @@ class DriveMeter(NamedTuple):
 def advance(meter: DriveMeter, now: DriveSample, cut: Cut) -> tuple[DriveMeter, list[Measured]]:
     """The drive after a sample, and the stretches that it has finished.
 
-    A stop that is shorter than `cut.standing_s` is a part of the stretch in which it happens. What was not measured, or
-    not for more than `cut.gap_s`, is left out.
+    A stop shorter than `cut.standing_s` is part of the stretch in which it happens. Intervals with a missing
+    measurement, or longer than `cut.gap_s`, are left out.
     """
     before = meter.last
     if before is None or not _is_bridged(before, now, cut):
@@ -231,7 +231,7 @@ _Step = tuple[Measured | None, Measured | None, list[Measured]]
 
 
 def _stand(meter: DriveMeter, interval: Measured, cut: Cut) -> _Step:
-    """Stretch, stop and what is finished after an interval in which the robot stands."""
+    """Stretch, stop and finished parts after an interval of standing."""
     stop = _together(meter.stop, interval, cut)
     if stop.stretch.time_s < cut.standing_s:
         return meter.moving, stop, []
@@ -243,7 +243,7 @@ def _stand(meter: DriveMeter, interval: Measured, cut: Cut) -> _Step:
 
 
 def _move(meter: DriveMeter, interval: Measured, cut: Cut) -> _Step:
-    """Stretch, stop and what is finished after an interval in which the robot moves."""
+    """Stretch, stop and finished parts after an interval of moving."""
     moving, done = meter.moving, []
     if meter.stop and meter.stop.stretch.terrain:
         interval = _together(meter.stop, interval, cut)
@@ -259,13 +259,13 @@ def _move(meter: DriveMeter, interval: Measured, cut: Cut) -> _Step:
 
 
 def _is_bridged(before: DriveSample, now: DriveSample, cut: Cut) -> bool:
-    """True where the line between two samples can be believed."""
+    """True where the drive may be interpolated between two samples."""
     measured = (before.speed_m_s, before.battery_W, now.speed_m_s, now.battery_W)
     return all(map(math.isfinite, measured)) and 0.0 < now.time_s - before.time_s <= cut.gap_s
 
 
 def _interval(a: DriveSample, b: DriveSample) -> Measured:
-    """The way between two samples by the trapezoidal rule, on the ground of the first."""
+    """Motion and energy between two samples by the trapezoidal rule, on the ground of the first."""
     half_s = 0.5 * (b.time_s - a.time_s)
     v, w = abs(a.speed_m_s), abs(b.speed_m_s)
     stretch = Stretch(
@@ -281,7 +281,7 @@ def _interval(a: DriveSample, b: DriveSample) -> Measured:
 
 
 def _together(first: Measured | None, second: Measured, cut: Cut) -> Measured:
-    """Two parts of one stretch, one after the other, with the heights taken that are due."""
+    """Join two consecutive parts of one stretch; the height gained enters the stretch when that is due."""
     if first is None:
         return second
     both = Measured(
@@ -294,7 +294,7 @@ def _together(first: Measured | None, second: Measured, cut: Cut) -> Measured:
 
 
 def _finished(part: Measured) -> Measured:
-    """The same with its height taken; one that stands has none."""
+    """The part with its height gained added to climb or descent; a stop has none."""
     if not part.stretch.terrain:
         return part._replace(rise_m=0.0, rise_s=0.0)
     climb_m = part.stretch.climb_m + max(part.rise_m, 0.0)

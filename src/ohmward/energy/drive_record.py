@@ -1,6 +1,6 @@
-"""A recorded drive as the energy sees it: motion, power of the battery, stretches on one ground, energy balance.
+"""A recorded drive in terms of energy: motion, battery power, stretches on one ground, energy balance.
 
-In figures: energy per metre and cost of transport, of a drive and of each terrain.
+Its key figures are energy per metre and cost of transport, of the drive and of each terrain.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from ohmward.traction.speed_observer.estimator import SlipRun, motion_of, observ
 from ohmward.traction.speed_observer.make_observer import make_observer
 from ohmward.traction.terrain.floor import travel_speed
 
-#: Columns that hold the slope of the ground [rad], the first that is there.
+#: Columns for the slope of the ground [rad]; the first one present is used.
 SLOPE_COLUMNS = ("grade_rad", "pitch_rad")
 
 
 class ObservedWheels(NamedTuple):
-    """A drive of wheels and motors, an observer's estimates along it, and the scene that the observer believes."""
+    """A drive of wheels and motors, an observer's estimates along it, and the scene that the observer assumes."""
 
     drive: DriveLog
     track: SlipRun
@@ -42,8 +42,8 @@ class ObservedWheels(NamedTuple):
 class BodyMotion(NamedTuple):
     """Motion at the samples of the battery's log."""
 
-    speed_m_s: np.ndarray  #: (T,) forward; of an omni-directional robot in whatever direction
-    grade_rad: np.ndarray | None  #: (T,) > 0 where it climbs forward; None on ground that is taken as level
+    speed_m_s: np.ndarray  #: (T,) forward; for an omni-directional robot in any direction
+    grade_rad: np.ndarray | None  #: (T,) > 0 where it climbs forward; None on ground assumed level
     #: the observed drive on its own clock; None where speed and grade are columns of the log
     wheels: ObservedWheels | None
     notes: tuple[Note, ...]  #: everything that was assumed
@@ -78,13 +78,13 @@ def observe_motion(
 ) -> BodyMotion:
     """Speed and grade at the times of a log, by an observer of wheels, motors and whatever else the drive has.
 
-    terrain: ground that is assumed at first.
+    terrain: ground assumed at the start.
     """
     drive = mended(robot, drive)
     chosen = make_observer(robot, drive, terrain)
     track = observe(chosen.observer, drive, progress)
     speed_m_s, grade_rad = track.estimates.speed_m_s, track.estimates.grade_rad
-    if robot.freedoms == 3:  # to the side it travels too, and only its forward part climbs
+    if robot.freedoms == 3:  # it also travels sideways, and only its forward part climbs
         forward_m_s, speed_m_s = speed_m_s, travel_speed(motion_of(robot, track.estimates))
         grade_rad = grade_rad * forward_m_s / np.maximum(speed_m_s, np.finfo(float).tiny)
     speed = np.interp(time_s, drive.time_s, speed_m_s)
@@ -116,7 +116,7 @@ def record_drive(
 ) -> DriveRecord:
     """Cut a drive into stretches and balance its energy.
 
-    ground: name under each sample (T,) of the log, or one for all.
+    ground: name of the ground under each sample (T,) of the log, or one for all.
     payload_kg: load during the drive.
 
     Raises:
@@ -156,14 +156,14 @@ def _idle_notes(balance: RecordedBalance | None) -> list[Note]:
     return [Note(text, "warning")]
 
 
-#: Speed [m/s] of a terrain that has not been driven on.
+#: Speed [m/s] assumed on a terrain that has not been driven on.
 _UNKNOWN_SPEED_M_S = 0.5
 #: Distance [m] over which the energy per metre of another day is predicted.
 _PREDICTED_M = 100.0
 
 
 class RecordFigures(NamedTuple):
-    """A recorded drive in figures; None where it was not measured."""
+    """Key figures of a recorded drive; None where not measured."""
 
     duration_s: float  #: of the log
     used_s: float  #: of the stretches that were measured
@@ -174,13 +174,13 @@ class RecordFigures(NamedTuple):
     cost_of_transport: float | None  #: energy over weight and distance
     regenerated_J: float | None  #: that flowed into the battery
     split_J: dict[str, float] | None  #: terms of the energy balance, the battery's first
-    split_std_J: dict[str, float] | None  #: standard deviation of those that have one
+    split_std_J: dict[str, float] | None  #: standard deviation of the terms that have one
 
 
 class TerrainFigures(NamedTuple):
-    """A terrain in figures; None where nothing was driven."""
+    """Key figures of a terrain; None where nothing was driven."""
 
-    #: of all that was driven there
+    #: over all drives there
     drives: int
     distance_m: float
     time_s: float
@@ -239,7 +239,7 @@ def cost_of_transport(c: Consumption, energy_J: float, distance_m: float) -> flo
 
 
 def usual_speed_m_s(c: Consumption, terrain: str) -> float:
-    """Mean speed of all that was driven there; half a metre a second where nothing was."""
+    """Mean speed of all drives on a terrain; 0.5 m/s where there were none."""
     visits = c.visits[c.terrains.index(terrain)]
     return visits.distance_m / visits.time_s if visits.time_s else _UNKNOWN_SPEED_M_S
 

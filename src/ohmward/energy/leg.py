@@ -1,4 +1,4 @@
-"""Legs of a plan, and stretches of ground, driven or planned, that the consumption takes."""
+"""Legs of a plan, and stretches of ground, driven or planned, as the consumption model uses them."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ class Stretch(NamedTuple):
     """A stretch of one terrain, driven or planned."""
 
     terrain: str  #: its name; "" where the robot only stands
-    time_s: float  #: with all stops
+    time_s: float  #: duration, stops included
     distance_m: float = 0.0  #: along the ground, >= 0, forward or backward
     speed_distance_m2_s: float = 0.0  #: integral of speed over distance; speed times distance at constant speed
     #: height gained and height lost, both >= 0
     climb_m: float = 0.0
     descent_m: float = 0.0
     payload_kg: float = 0.0  #: on top of the robot's mass
-    kinetic_m2_s2: float = 0.0  #: kinetic energy gained, per kg: half of the last speed squared less half of the first
-    standing_s: float = 0.0  #: of `time_s`, what the robot stands in stops too short to be a stretch of their own
+    kinetic_m2_s2: float = 0.0  #: kinetic energy gained per kg: half the last speed squared minus half the first
+    standing_s: float = 0.0  #: part of `time_s` spent standing, in stops that are not a stretch of their own
 
 
 #: Fields that double when a stretch is twice as long.
@@ -78,13 +78,13 @@ def part_of(stretch: Stretch, share: float) -> Stretch:
 
 
 def joined(first: Stretch, second: Stretch) -> Stretch:
-    """Two stretches of one ground and load as one."""
+    """Join two stretches with the same terrain and payload."""
     sums = {name: getattr(first, name) + getattr(second, name) for name in _MEASURES}
     return first._replace(**sums)
 
 
 def way_back(stretch: Stretch) -> Stretch:
-    """The same ground in the other direction."""
+    """The same stretch in the opposite direction."""
     return stretch._replace(climb_m=stretch.descent_m, descent_m=stretch.climb_m, kinetic_m2_s2=-stretch.kinetic_m2_s2)
 
 

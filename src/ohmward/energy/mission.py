@@ -1,6 +1,6 @@
-"""Mission analysis: from a recorded drive to the consumption that it teaches, the range left, and a plan's forecast.
+"""Mission analysis: consumption learned from a recorded drive, range left, and the forecast of a plan.
 
-A plan is a file of TOML that people write: units are part of the names, every key is known.
+A plan is a TOML file written by hand: units are part of the names, unknown keys are errors.
 
 
 log, drive = read_log("drive.csv"), read_drive("drive.csv", wheels, driven)
@@ -68,7 +68,7 @@ grade_rad = -0.02
 
 @dataclass(frozen=True)
 class Plan:
-    """A mission as its file has it."""
+    """A mission plan, as in its file."""
 
     leg: tuple[Leg, ...]  #: legs in the order of driving; at least one
     reserve_soc: float | None = None  #: SoC that must be left at the end, in [0, 1); default 0.1
@@ -86,7 +86,7 @@ class Plan:
 
     @property
     def legs(self) -> tuple[Leg, ...]:
-        """The legs with all that they carry."""
+        """The legs with their whole payload."""
         return tuple(replace(leg, payload_kg=leg.payload_kg + self.payload_kg) for leg in self.leg)
 
 
@@ -94,17 +94,17 @@ PLAN_FILE = TomlFile(Plan, FORMAT, "# A mission as ohmward plans it.")
 
 
 def load_plan(path: str | PathLike[str]) -> Plan:
-    """The plan in a file.
+    """Load the plan from a file.
 
     Raises:
-        InputError: the file cannot be read or is no plan; names file, key, rule and fix.
+        InputError: the file cannot be read or is not a plan; names file, key, rule and fix.
     """
     return PLAN_FILE.load(path)
 
 
-#: State of charge that is to be left where neither settings nor plan say it.
+#: State of charge that must be left where neither settings nor plan give it.
 DEFAULT_RESERVE = RangeSettings.reserve_soc
-#: A speed may be advised between these shares of the present one.
+#: Limits of the advised speed, relative to the present one.
 _SLOWER, _FASTER = 0.5, 1.5
 _SECONDS_PER_DAY = 86400.0
 
@@ -113,16 +113,16 @@ _SECONDS_PER_DAY = 86400.0
 class MissionSettings:
     """Settings of a mission analysis."""
 
-    soc: float | None = None  #: state of charge now; None takes it from an estimator along the log
+    soc: float | None = None  #: state of charge now; None runs an estimator along the log
     soc_std: float = 0.03  #: standard deviation of `soc`
     initial_soc: float | None = None  #: state of charge at the start of the log; None takes it from the voltage
     initial_soc_std: float = 0.03  #: standard deviation of `initial_soc`
     filter: str = DEFAULT  #: estimator of the state of charge, see `make_estimator`
-    reserve_soc: float | None = None  #: state of charge that is to be left; None takes the plan's, else 0.1
+    reserve_soc: float | None = None  #: state of charge that must be left; None takes the plan's, else 0.1
     cutoff_V: float | None = None  #: terminal voltage at which the robot stops; None takes the plan's
     payload_kg: float = 0.0  #: load during the log
     speed_column: str = "speed_m_s"  #: column of the log's speed [m/s], used without wheels
-    terrain: Terrain | None = None  #: ground that the observer of the wheels believes at first; None is dry asphalt
+    terrain: Terrain | None = None  #: ground that the observer of the wheels assumes at first; None is dry asphalt
     confidence: float = 0.95  #: probability with which the robot must come back from the latest point of return
 
 
@@ -132,11 +132,11 @@ class MissionResult(NamedTuple):
     battery: Battery  #: the battery file's
     record: DriveRecord | None  #: the recorded drive; None without a log
     plan: Plan | None  #: the mission ahead, if there is one
-    consumption: Consumption  #: with what the log taught
+    consumption: Consumption  #: updated from the log
     state: BatteryState  #: of the battery at the end of the log, or as given
-    range: Range  #: over ground like that of the plan, else of the log
+    range: Range  #: over ground like the plan's, else the log's
     forecast: MissionForecast | None  #: of the plan
-    advice: dict[str, SpeedAdvice]  #: speed of the least energy per metre, by terrain
+    advice: dict[str, SpeedAdvice]  #: speed of least energy per metre, by terrain
     notes: tuple[Note, ...]  #: everything that was assumed
 
 
@@ -157,8 +157,8 @@ def analyse(
     before: consumption as known before the drive.
     log: of the battery; without one a plan and `settings.soc` are needed.
     drive: wheels and motors of the same drive, of `robot`; without them the speed is a column of the log.
-    ground: name under each sample (T,) of the log, or one for all.
-    progress: of the observer, called now and then with (steps done, T).
+    ground: name of the ground under each sample (T,) of the log, or one for all.
+    progress: callback of the observer, called now and then with (steps done, T).
 
     Raises:
         InputError: neither log nor plan, no state of charge, a log of another battery, no speed.
@@ -190,7 +190,7 @@ def analyse(
 
 
 def learn_drive(before: Consumption, record: DriveRecord | None) -> tuple[Consumption, list[Note]]:
-    """Consumption after a new drive, and the days since the last one where both had a wall clock."""
+    """Consumption after a new drive, with a note of the days since the last one where both had a wall clock."""
     if record is None:
         return begin_drive(before), []
     notes = []
@@ -211,7 +211,7 @@ def battery_at_end(
     log: Log | None = None,
     estimates: SocEstimate | None = None,
 ) -> tuple[BatteryState, list[Note]]:
-    """State of the battery as given, else as estimated at the end of the log, and what was assumed.
+    """State of the battery as estimated at the end of the log, else as given, with notes of what was assumed.
 
     Raises:
         InputError: no state of charge, or one below the reserve.
@@ -231,7 +231,7 @@ def battery_at_end(
 
 
 def stretches_ahead(plan: Plan | None, record: DriveRecord | None) -> list[Stretch]:
-    """The legs of the plan, else ground like that of the drive."""
+    """Stretches of the plan's legs, else those of the drive."""
     if plan:
         return [stretch_of(leg) for leg in plan.legs]
     return [driven.stretch for driven in record.driven] if record else []
@@ -248,7 +248,7 @@ def advice_for(c: Consumption, ahead: Sequence[Stretch]) -> dict[str, SpeedAdvic
 
 
 def _estimates(battery: Battery, log: Log | None, settings: MissionSettings) -> SocEstimate | None:
-    """State of charge along the log; None without one, and where the settings say it."""
+    """State of charge along the log; None without a log, or where the settings give it."""
     if log is None or settings.soc is not None:
         return None
     estimator = make_estimator(settings.filter, battery, EstimatorSettings(idle_current_A=battery.idle_current_A))
@@ -262,7 +262,7 @@ def _motion(
     settings: MissionSettings,
     progress: Callable[[int, int], None] | None,
 ) -> BodyMotion:
-    """Motion of wheels that are observed, else of a measured speed."""
+    """Motion from the observed wheels, else from a measured speed."""
     if robot is None or drive is None:
         return measured_motion(log, settings.speed_column)
     return observe_motion(robot, drive, settings.terrain or hard_terrain("dry asphalt"), log.time_s, progress)
@@ -281,7 +281,7 @@ def _with_plan(c: Consumption, plan: Plan | None) -> tuple[Consumption, list[Not
 
 
 def _reserve(settings: MissionSettings, plan: Plan | None, log: Log | None, soc: float) -> tuple[float, list[Note]]:
-    """State of charge to be left; 0 where none is given and the log ends below the usual one."""
+    """Reserve state of charge; 0 where none is given and the log ends below the usual reserve."""
     reserve_soc = plan.reserve_soc if plan and settings.reserve_soc is None else settings.reserve_soc
     if reserve_soc is not None:
         return reserve_soc, []
@@ -292,7 +292,7 @@ def _reserve(settings: MissionSettings, plan: Plan | None, log: Log | None, soc:
 
 
 def _temperature_degC(plan: Plan | None, log: Log | None) -> float:
-    """Temperature of the plan, else the last one of the log, else that of a room."""
+    """Temperature of the plan, else the last one of the log, else room temperature."""
     if plan:
         return plan.temperature_degC
     if log is None or log.temperature_degC is None:

@@ -1,7 +1,7 @@
-"""Peaks of power along a way: how often a robot asks its battery for more than a power.
+"""Peaks of power along a route: how often a robot demands more than a given power from its battery.
 
-The peak of a stretch, the highest power that holds for some seconds, is its mean power under way times a ratio, whose
-logarithm is normal; the robot learns mean and spread from the stretches that it drives.
+The peak of a stretch, the highest power sustained for some seconds, is its mean power under way times a lognormal
+ratio; the robot learns the mean and spread of its logarithm from the stretches that it drives.
 """
 
 from __future__ import annotations
@@ -16,28 +16,28 @@ from ohmward.energy.consumption import Consumption, design_row, moving_time_s
 from ohmward.energy.leg import Stretch
 from ohmward.energy.points import normal_tail
 
-#: Ratio of peak and mean before any was seen: what a stretch of three minutes over uneven ground with starts has, the
-#: standard deviation of its logarithm, and for how many stretches that counts.
+#: Prior of the ratio of peak to mean, that of a stretch of three minutes over uneven ground with starts; standard
+#: deviation of its logarithm; weight of this prior in stretches.
 _USUAL_RATIO, _RATIO_LOG_STD, _RATIO_COUNT = 1.6, 0.35, 1.0
-#: What a planned leg has longer than this [s] are further stretches.
+#: Duration of a stretch [s]; a longer planned leg counts as several.
 _STRETCH_S = 180.0
-#: A shorter stretch has no peak of its own [s].
+#: Shortest stretch with a peak of its own [s].
 PEAKED_S = 10.0
-#: Powers at which a way is looked at lie so far apart in their logarithm.
+#: Step of the grid of powers, in their logarithm.
 _LOG_STEP = 0.02
-#: The highest of them over the highest that is expected, in standard deviations.
+#: Upper end of the grid above the highest expected peak, in standard deviations.
 _HIGHEST_SIGMA = 5.0
 
 
 class PeakRatio(NamedTuple):
-    """Logarithm of the ratio of the peak of a stretch to its mean power, as far as it was seen."""
+    """Logarithm of the ratio of peak to mean power, over the stretches driven so far."""
 
-    stretches: float = 0.0  #: so many were seen
+    stretches: float = 0.0  #: number of stretches
     mean: float = 0.0
     squares: float = 0.0  #: sum of squared deviations from the mean
 
     def with_stretch(self, peak_W: float, mean_W: float) -> PeakRatio:
-        """The same after one stretch more; one that took no power tells nothing."""
+        """Statistics after one more stretch; one without power is ignored."""
         if not (peak_W > 0.0 and mean_W > 0.0):
             return self
         deviation = math.log(peak_W / mean_W) - self.mean
@@ -47,7 +47,7 @@ class PeakRatio(NamedTuple):
 
     @property
     def expected(self) -> tuple[float, float]:
-        """Mean and standard deviation for the stretches ahead, the usual ones counting beside those that were seen."""
+        """Mean and standard deviation for the stretches ahead, from the prior and the stretches driven."""
         usual, count = math.log(_USUAL_RATIO), self.stretches + _RATIO_COUNT
         mean = (self.stretches * self.mean + _RATIO_COUNT * usual) / count
         between = self.stretches * _RATIO_COUNT / count * (self.mean - usual) ** 2
@@ -55,18 +55,18 @@ class PeakRatio(NamedTuple):
 
 
 class Peaks(NamedTuple):
-    """How often a way asks for more than a power."""
+    """Rate of peaks above a power along a route."""
 
     power_W: np.ndarray  #: (M,) increasing
-    per_s: np.ndarray  #: (M,) peaks above it in a second, decreasing
+    per_s: np.ndarray  #: (M,) peaks above it per second, decreasing
 
     def above(self, power_W: np.ndarray) -> np.ndarray:
-        """Rate [1/s] of peaks above powers of any shape: below the first as at the first, above the last none."""
+        """Rate [1/s] of peaks above powers of any shape; constant below the first of the grid, 0 above the last."""
         return np.interp(power_W, self.power_W, self.per_s, right=0.0)
 
 
 def peaks_of_way(c: Consumption, way: Sequence[Stretch], ratio: PeakRatio) -> Peaks:
-    """Peaks of a way; none where the robot only stands."""
+    """Peaks along a route; none where the robot only stands."""
     moving = [s for s in way if s.distance_m > 0.0]
     means_W = np.array([mean_power_W(c, s) for s in moving])
     counts = np.array([max(moving_time_s(s) / _STRETCH_S, 1.0) for s in moving])
@@ -80,5 +80,5 @@ def peaks_of_way(c: Consumption, way: Sequence[Stretch], ratio: PeakRatio) -> Pe
 
 
 def mean_power_W(c: Consumption, stretch: Stretch) -> float:
-    """Power [W] that a stretch is expected to take under way."""
+    """Expected mean power [W] of a stretch under way."""
     return float(design_row(c, stretch) @ c.mean) / max(moving_time_s(stretch), PEAKED_S)

@@ -1,7 +1,7 @@
-"""Evenly spread points of independent standard normals, which carry a distribution without a random seed.
+"""Evenly spread points of independent standard normals, which represent a distribution without a random seed.
 
-A lattice of Korobov's: point k has the coordinates (k a^j mod N + 1/2) / N, so that every dimension by itself is the
-grid of all N values. With N = 4096 and a = 265, P10 and P90 of a sum of six are met within 0.02 of its deviation, and
+A Korobov lattice: point k has the coordinates (k a^j mod N + 1/2) / N, so that every dimension by itself is the grid of
+all N values. With N = 4096 and a = 265, P10 and P90 of a sum of six are accurate to 0.02 of its standard deviation, and
 correlations are below 0.014.
 """
 
@@ -47,7 +47,7 @@ def normal_points(dimensions: int) -> np.ndarray:
 
 
 def normal_tail(x: np.ndarray) -> np.ndarray:
-    """Probability that a standard normal is above x, of any shape; right within 1e-6."""
+    """Probability that a standard normal is above x, of any shape; accurate to 1e-6."""
     at, tail = _tail_table()
     return np.interp(x, at, tail)
 
@@ -61,8 +61,8 @@ def _tail_table() -> tuple[np.ndarray, np.ndarray]:
 def student(z: np.ndarray, dof: float) -> np.ndarray:
     """Points of Student's t from those of a normal, at the same probability.
 
-    The series of Abramowitz and Stegun 26.7.5; between P1 and P99 it is right within 3 % for 3 degrees of freedom and
-    within 0.3 % for 6.
+    The series of Abramowitz and Stegun 26.7.5; between P1 and P99 it is accurate to 3 % for 3 degrees of freedom and
+    to 0.3 % for 6.
 
     z: any shape.  dof: at least 3; fewer count as 3.
     """

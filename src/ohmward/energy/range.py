@@ -1,12 +1,12 @@
-"""Range, the distance and time that the battery still reaches, as P10, P50 and P90; and the forecast of a mission.
+"""Range, the distance and time left with the battery, as P10, P50 and P90; and the forecast of a mission.
 
-Over a distance D of ground like the stretches named, the robot takes  e D + s z sqrt(D)  with the energy per metre e,
-uncertain in itself, and a scatter that averages out; the battery gives E. Each of 4096 evenly spread points of
+Over a distance D of ground like the given stretches, the robot takes  e D + s z sqrt(D)  with the energy per metre e,
+itself uncertain, and a scatter that averages out; the battery gives E. Each of 4096 evenly spread points of
 (battery, consumption) has its own e, s, z and E, and so its own distance:
 
 sqrt(D) = [ -s z + sqrt(s^2 z^2 + 4 e E) ] / (2 e).
 
-The forecast of a plan: probability of driving a plan with the reserve left, state on the way, point of return.
+The forecast of a plan: probability of completing it with the reserve left, state on the way, point of return.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from ohmward.errors import InputError
 #: Dimensions of the points: those of the battery; then, of the consumption, coefficients, day effects and scatter.
 DIMENSIONS = BATTERY_DIMENSIONS + 3
 BATTERY, COEFFICIENTS, DAY_EFFECTS, SCATTER = slice(0, BATTERY_DIMENSIONS), *range(BATTERY_DIMENSIONS, DIMENSIONS)
-#: Least energy [J] and distance [m] by which anything is divided.
+#: Smallest energy [J] and distance [m] used as a divisor.
 _LEAST_J = _LEAST_M = 1e-9
 
 
@@ -50,8 +50,8 @@ def range_left(
 ) -> Range:
     """Distance and time left over ground like `ahead`, which may be of any length above zero.
 
-    is_known: the ground ahead is this one; False where these are stretches of late, and the ground ahead is another
-        sample of the same.
+    is_known: True where `ahead` is the ground ahead itself; False where these are recent stretches, and the ground
+        ahead is another sample of the same kind.
 
     Raises:
         InputError: no distance ahead, or a terrain that is not known.
@@ -75,7 +75,7 @@ def range_left(
     )
 
 
-#: Places along a plan at which the energy is looked at, and parts of the ground beyond its end.
+#: Number of places along a plan at which the energy is evaluated, and of parts of the ground beyond its end.
 _LOOKED_AT, _PARTS = 65, 8
 
 
@@ -87,11 +87,11 @@ def range_along(
     state: BatteryState,
     ratio: PeakRatio = PeakRatio(),  # noqa: B008, a tuple
 ) -> Range:
-    """Distance and time left along a plan, and beyond its end over ground like `then`, which is not known.
+    """Distance and time left along a plan, and beyond its end over unknown ground like `then`.
 
-    Each of the points ends where the energy that it has needed is first more than what its battery gives.
+    Each sample point ends where the energy that it needs first exceeds what its battery gives.
 
-    ratio: of the peaks of power to the mean, as far as they were seen.
+    ratio: of peak to mean power, over the stretches driven so far.
 
     Raises:
         InputError: no distance in `then`, or a terrain that is not known.
@@ -109,7 +109,7 @@ def range_along(
     distance, seconds = (
         np.interp(place, np.arange(len(looked_at) + 1), [0.0, *values[looked_at]]) for values in (length_m, time_s)
     )
-    beyond = np.maximum(usable / np.maximum(needed[-1], _LEAST_J), 1.0)  # of a battery that gives more than all of it
+    beyond = np.maximum(usable / np.maximum(needed[-1], _LEAST_J), 1.0)  # where the battery gives more than that
     return Range(
         quantiles(distance * beyond),
         quantiles(seconds * beyond),
@@ -122,7 +122,7 @@ def range_along(
 def planned_way(
     c: Consumption, plan: Sequence[Stretch], then: Sequence[Stretch], battery: Battery, state: BatteryState
 ) -> list[Stretch]:
-    """The plan as far as the battery can reach, and from its end on ground like `then` in some parts."""
+    """The plan as far as the battery can reach; if that is beyond its end, then parts of ground like `then`."""
     full_V = battery.thevenin.ocv.voltage_V[-1]
     most_J = 3600.0 * battery.capacity_Ah * state.soh_capacity * state.soc * full_V
     mean_J = np.cumsum([design_row(c, s) @ c.mean for s in plan])
@@ -135,9 +135,9 @@ def planned_way(
 
 
 def places(needed: np.ndarray, usable: np.ndarray) -> np.ndarray:
-    """(N,) number of stretches that each point reaches, with the share of the one in which it ends.
+    """(N,) number of stretches that each sample point completes, plus the share of the one in which it ends.
 
-    needed: (K + 1, N) energy up to the end of each stretch, from 0, never falling; usable: (N,) what there is.
+    needed: (K + 1, N) energy up to the end of each stretch, from 0, never falling; usable: (N,) energy available.
     """
     ends = np.minimum(np.sum(needed <= usable, axis=0), len(needed) - 1)
     low, high = (np.take_along_axis(needed, rows[None], axis=0)[0] for rows in (ends - 1, ends))
@@ -146,23 +146,23 @@ def places(needed: np.ndarray, usable: np.ndarray) -> np.ndarray:
 
 
 def way_demand(c: Consumption, way: Sequence[Stretch], is_known: bool) -> EnergyDemand:
-    """Energy that a way takes; is_known: as of `range_left`."""
+    """Energy that a route takes; is_known: as for `range_left`."""
     demand = energy_demand(c, way)
     if is_known:
         return demand
     return demand._replace(learned_J2=demand.learned_J2 + (total_distance_m(way) * ground_std(c, way)) ** 2)
 
 
-#: Standard deviation of the energy per metre from stretch to stretch over its mean, before any was driven, and for how
-#: many stretches that counts.
+#: Prior of the standard deviation of the energy per metre from stretch to stretch, relative to its mean, and its weight
+#: in stretches.
 _GROUND_SHARE, _GROUND_COUNT = 0.3, 3.0
 
 
 def ground_std(c: Consumption, recent: Sequence[Stretch]) -> float:
-    """Standard deviation [J/m] by which the ground ahead takes another mean than the stretches of late.
+    """Standard deviation [J/m] of the difference in mean energy between the ground ahead and the recent stretches.
 
     Both are samples of the same ground: with the variance s^2 from stretch to stretch and n stretches of equal length,
-    s sqrt(2 / n). Stretches count by their length.
+    s sqrt(2 / n). Stretches are weighted by their length.
     """
     driven = [s for s in recent if s.distance_m > 0.0]
     if not driven:
@@ -177,7 +177,7 @@ def ground_std(c: Consumption, recent: Sequence[Stretch]) -> float:
 
 
 def with_peaks(state: BatteryState, c: Consumption, way: Sequence[Stretch]) -> BatteryState:
-    """The state of a battery that has to give the peaks of power of this way, unless others are known."""
+    """The battery state with the peaks of power of this route, unless it already has some."""
     return state if state.peaks is not None else replace(state, peaks=peaks_of_way(c, way, PeakRatio()))
 
 
@@ -202,23 +202,23 @@ def time_left(c: Consumption, battery: Battery, state: BatteryState) -> Quantile
 
 
 def certain_part(n: EnergyDemand, z: np.ndarray) -> np.ndarray:
-    """(N,) energy [J] at the points, without the scatter, which averages out on the way; (K, N) of a demand (K,)."""
+    """(N,) energy [J] at the points, without the scatter, which averages out on the way; (K, N) for a demand (K,)."""
     of_day = np.multiply.outer(np.sqrt(n.day_J2), student(z[DAY_EFFECTS], n.day_dof))
     learned = np.multiply.outer(np.sqrt(n.learned_J2), z[COEFFICIENTS])
     return np.multiply.outer(n.mean_J, np.ones(z.shape[1])) + learned + of_day
 
 
 def scattered_part(n: EnergyDemand, z: np.ndarray) -> np.ndarray:
-    """(N,) deviation [J] at the points by the scatter; (K, N) of a demand (K,)."""
+    """(N,) deviation [J] at the points due to the scatter; (K, N) for a demand (K,)."""
     return np.multiply.outer(np.sqrt(n.scatter_J2), student(z[SCATTER], n.scatter_dof))
 
 
 def needed_J(n: EnergyDemand, z: np.ndarray) -> np.ndarray:
-    """(N,) energy [J] at the points; (K, N) of a demand (K,)."""
+    """(N,) energy [J] at the points; (K, N) for a demand (K,)."""
     return certain_part(n, z) + scattered_part(n, z)
 
 
-#: Halvings of the way out when the latest point of return is looked for.
+#: Bisection steps in the search for the latest point of return.
 _HALVINGS = 20
 
 
@@ -229,7 +229,7 @@ class Milestone(NamedTuple):
     distance_m: float
     time_s: float
     energy_J: Quantiles  #: taken since the start
-    soc: Quantiles  #: state of charge; that of the end of the discharge where the battery does not reach
+    soc: Quantiles  #: state of charge; where the battery does not reach this far, that at the end of its discharge
     probability: float  #: of getting here with the reserve left
 
 
@@ -241,14 +241,14 @@ class MissionForecast(NamedTuple):
     usable_J: Quantiles  #: energy above the reserve at the start
     power_W: float  #: mean power of the plan
     #: farthest distance along the plan from which the way back, over the same ground, can still be driven with the
-    #: confidence asked for; 0 where not even that is
+    #: requested confidence; 0 where there is none
     point_of_return_m: float
 
 
 def get_home(
     c: Consumption, plan: Sequence[Leg], battery: Battery, state: BatteryState, confidence: float = 0.95
 ) -> MissionForecast:
-    """Forecast for a plan, driven as part of the drive under way; call `begin_drive` first for a drive of its own.
+    """Forecast for a plan, driven as part of the drive under way; call `begin_drive` first for a new drive.
 
     Raises:
         InputError: a plan that is empty or takes no time, a terrain that is not known, a confidence outside 0.5 to
@@ -302,7 +302,7 @@ def point_of_return(c: Consumption, plan: Sequence[Stretch], usable: np.ndarray,
 
 
 def beginning(plan: Sequence[Stretch], distance_m: float) -> list[Stretch]:
-    """The first metres of a plan, never empty."""
+    """The first `distance_m` metres of a plan, never empty."""
     taken = []
     left_m = distance_m
     for s in plan:

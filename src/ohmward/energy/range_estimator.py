@@ -1,4 +1,4 @@
-"""Range for people: an estimator that remembers. `update` takes live samples, `run` takes a whole log."""
+"""Stateful range estimator: `update` takes live samples, `run` takes a whole log."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from ohmward.traction.robot.robot import Robot
 
 
 def _settings(battery: Battery, options: Mapping[str, Any]) -> RangeSettings:
-    """The settings; InputError for an option that they do not have."""
+    """The settings from options; InputError for an unknown option."""
     known = [field.name for field in fields(RangeSettings) if field.name != "battery"]
     if unknown := [name for name in options if name not in known]:
         raise InputError(f"RangeEstimator has no option {unknown[0]!r}; it has {', '.join(known)}")
@@ -48,26 +48,26 @@ def _settings(battery: Battery, options: Mapping[str, Any]) -> RangeSettings:
 
 
 class RangeRun(Run[RangeEstimate]):
-    """Range along a whole log; every field (T,), quantiles as three of them."""
+    """Range along a whole log; every field (T,), quantiles as three columns."""
 
     flag_type = RangeFlag
 
 
 class RangeEstimator:
-    """Distance and time that the battery still gives, and the probability of coming home; live or from logs.
+    """Distance and time left with the battery, and the probability of getting home; live or from logs.
 
     >>> estimator = ow.RangeEstimator(ow.load_battery("battery.toml"), ow.load_consumption("table.toml"))
     >>> now = estimator.update(0.0, soc=0.8, speed_m_s=0.5, current_A=-2.1, voltage_V=13.1)
     >>> now.distance_m.p10 < now.distance_m.p50 < now.distance_m.p90
     True
 
-    A forecast takes some hundredths of a second, so it is made every `refresh_s`, and stands in between.
+    A forecast takes some hundredths of a second, so it is renewed every `refresh_s` and held in between.
 
     Args:
         battery: identified or generic.
-        consumption: as learned before this drive; before the first one the robot, or the path or name of one, of
-            which a broad guess is made.
-        days: since the last drive that the consumption knows.
+        consumption: as learned before this drive; for the first drive a robot, or the path or name of one, from
+            which a broad prior is made.
+        days: number of days since the last drive in the consumption.
         options: see `RangeSettings`: terrain, reserve_soc, cutoff_V, payload_kg, refresh_s, cut.
     """
 
@@ -80,7 +80,7 @@ class RangeEstimator:
 
     @classmethod
     def restore(cls, battery: Battery, snapshot: Mapping[str, Any], **options: Any) -> Self:
-        """The estimator that goes on from a snapshot; options: as those of the one that took it.
+        """The estimator that continues from a snapshot; options: those of the estimator that took it.
 
         Raises:
             InputError: the snapshot is of another version, another battery or other settings, or damaged.
@@ -101,7 +101,7 @@ class RangeEstimator:
         return self.state.meter.last.time_s if self.state.meter.last else math.nan
 
     def change_battery(self) -> None:
-        """Forget what the loads have shown of the battery, as another one of its kind is in now, and keep the way."""
+        """Reset the battery's state after a change to another one of its kind; the record of the drive is kept."""
         nothing = self.settings.init(self.consumption)
         self.state = self.state._replace(
             soc=nothing.soc,
@@ -126,18 +126,18 @@ class RangeEstimator:
     ) -> RangeEstimate:
         """Range after one live sample; None and nan are missing values.
 
-        time_s: of the sample; one that is late is not used for the drive, and flagged.
-        soc: what `SocEstimator.update` returned, or a number in [0, 1] that is taken as exact.
+        time_s: of the sample; a late one is flagged and not used for the drive.
+        soc: the result of `SocEstimator.update`, or a number in [0, 1] that is assumed exact.
         speed_m_s: of the body, forward.
         current_A, voltage_V: of the battery; current > 0 charges.
         grade_rad: > 0 with the nose up.
         terrain: name of the ground; None is that of the settings.
-        home: length of the way home [m] over ground like that of late, or its legs.
+        home: length of the way home [m] over ground like the recent one, or its legs.
         temperature_degC: of the battery.
-        plan: the legs ahead, nearest first, as far as they are known; beyond them the ground is like that of late.
+        plan: the legs ahead, nearest first, as far as they are known; beyond them the ground is like the recent one.
 
         Raises:
-            InputError: something else than numbers, or a state of charge outside [0, 1].
+            InputError: anything but numbers, or a state of charge outside [0, 1].
         """
         amperes, volts = number("current_A", current_A), number("voltage_V", voltage_V)
         battery_W = self.settings.battery_W(amperes, volts)
@@ -165,17 +165,17 @@ class RangeEstimator:
         home: np.ndarray | WayHome = None,
         progress: Progress | None = None,
     ) -> RangeRun:
-        """Range at every sample of a log of the battery, from this estimator's state on.
+        """Range at every sample of a log of the battery, continuing from this estimator's state.
 
         log: a Log, or a path or DataFrame of one.
-        soc: what `SocEstimator.run` returned for the log, or (T,) in [0, 1].
+        soc: the result of `SocEstimator.run` for the log, or (T,) in [0, 1].
         speed_m_s, grade_rad: (T,), or the name of a further column of the log.
         terrain: name of the ground under each sample, or one for all.
         home: length of the way home [m], (T,) or one for all; or its legs.
         progress: called now and then with (steps done, T).
 
         Raises:
-            InputError: a column that there is not, or of another length.
+            InputError: a column that is missing or of another length.
         """
         began = time.perf_counter()
         log = as_log(log)
@@ -206,7 +206,7 @@ class RangeEstimator:
         return RangeRun(log.time_s, _along(estimates), time.perf_counter() - began)
 
     def snapshot(self) -> dict[str, Any]:
-        """The state as a dict for JSON; an estimator with the same settings that restores it goes on to the bit.
+        """The state as a dict for JSON; an estimator with the same settings continues from it bit for bit.
 
         Raises:
             InputError: there is no state before the first sample.
@@ -224,7 +224,7 @@ class RangeEstimator:
 
 
 def soc_now(soc: float | SocEstimate | None, temperature_degC: float) -> SocNow:
-    """State of the battery from an estimate, or from a number that is taken as exact.
+    """State of the battery from an estimate, or from a number that is assumed exact.
 
     Raises:
         InputError: a number outside [0, 1].
@@ -247,7 +247,7 @@ def soc_now(soc: float | SocEstimate | None, temperature_degC: float) -> SocNow:
 
 
 def _column(log: Log, name: str, values: np.ndarray | str) -> np.ndarray:
-    """A column that is given, or that the log has."""
+    """A column as given, or from the log by its name."""
     if not isinstance(values, str):
         return np.asarray(values, dtype=float)
     if values not in log.extra:
@@ -257,7 +257,7 @@ def _column(log: Log, name: str, values: np.ndarray | str) -> np.ndarray:
 
 
 def _along(estimates: Sequence[RangeEstimate]) -> RangeEstimate:
-    """Estimates one by one as one of arrays (T,)."""
+    """Single estimates combined into one of arrays (T,)."""
     columns: list[Any] = []
     for values in zip(*estimates, strict=True):
         if isinstance(values[0], Quantiles):
@@ -276,7 +276,7 @@ def _plain(value: Any) -> Any:
     return int(value) if isinstance(value, RangeFlag) else value
 
 
-#: A number as `_plain` writes it, and the types of the state that is made of them.
+#: A number as `_plain` writes it, and the types of the state written with it.
 _Number = float | None | Literal["inf", "-inf"]
 _Sample = tuple[_Number, _Number, _Number, _Number, str]
 _Stretch = tuple[str, float, float, float, float, float, float, float, float]
@@ -300,7 +300,7 @@ _State = tuple[
 
 
 def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
-    """The state in a snapshot."""
+    """The state from a snapshot."""
     snapshot.require_version(taken)
     snapshot.require_identity(settings, taken)
     snapshot.require_seal(taken)
@@ -351,7 +351,7 @@ def _measured(row: list[Any] | None) -> Measured | None:
 
 
 def _number(value: Any) -> Any:
-    """Number that `_plain` has written; names as they are."""
+    """Number as `_plain` wrote it; names are unchanged."""
     if value is None:
         return math.nan
     return float(value) if value in ("inf", "-inf") else value

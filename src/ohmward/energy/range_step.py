@@ -1,8 +1,7 @@
-"""Range left as a drive goes on: one step for each sample, pure.
+"""Range left during a drive: one pure step for each sample.
 
-Battery power, speed and slope are cut into stretches (`cut_drive`); each finished one teaches what this robot takes
-on this ground today (`consumption`); from time to time that is set against the energy that the battery still gives
-(`range`).
+Battery power, speed and slope are cut into stretches (`cut_drive`); each finished one updates what this robot takes
+on this ground today (`consumption`); from time to time that is compared with the energy left in the battery (`range`).
 """
 
 from __future__ import annotations
@@ -32,25 +31,25 @@ from ohmward.filters.flags import SampleFlag
 from ohmward.filters.sanitize import within
 from ohmward.quantities import FASTEST_M_S, MOST_C
 
-#: Ground like the last so many stretches lies ahead; with three minutes each, that of the last hour.
+#: Number of recent stretches that the ground ahead is assumed to resemble; at three minutes each, the last hour.
 RECENT_STRETCHES = 20
 
-#: All that was ever driven counts as so many further ones.
+#: Weight of everything ever driven, in further stretches.
 USUAL_STRETCHES = 10.0
 
-#: Way ahead of a robot that has hardly moved yet, flat, with the consumption and the band that its table knows before.
+#: Flat way ahead of a robot that has hardly moved yet, with the consumption and band of its table.
 FIRST_LEG_M, FIRST_SPEED_M_S = 100.0, 0.5
 
-#: A shorter drive says nothing of the way ahead: it is a start from rest, at a tenth of the speed that is to come.
+#: Shortest drive that predicts the way ahead: a shorter one is a start from rest, at a tenth of the later speed.
 LEAST_DRIVEN_M = 5.0
 
-#: A protection opens after some seconds, so that a peak of power counts that has held for so long.
+#: Time [s] for which a peak of power must last to count: a protection opens after some seconds.
 PROTECTION_OPENS_S = 3.0
 
-#: Resistance towards empty over what a resistance that was found on the way there makes it: its standard deviation.
+#: Relative standard deviation of the resistance towards empty, predicted from the resistance measured before.
 RESISTANCE_SHARE = 0.15
 
-#: Way home: its length [m] over ground like that of late, or its legs; None where it is not known.
+#: Way home: its length [m] over ground like the recent one, or its legs; None where it is not known.
 WayHome = float | Sequence[Leg] | None
 
 _UNKNOWN = Quantiles(math.nan, math.nan, math.nan)
@@ -64,15 +63,15 @@ class RangeFlag(SampleFlag):
     RangeFlag.NO_SOC|NO_POWER
     """
 
-    NO_SOC = 1  # no number: the last one stands; before the first there is no forecast
-    NO_POWER = 2  # current or voltage is missing: what is driven now teaches nothing
+    NO_SOC = 1  # no number: the last one is held; before the first there is no forecast
+    NO_POWER = 2  # current or voltage is missing: nothing is learned from this part of the drive
     NO_SPEED = 4  # likewise
     BAD_TIME = 8  # no number, or before the last sample: not used for the drive
     RESERVE = 16  # nothing above the reserve is left
 
 
 class SocNow(NamedTuple):
-    """State of the battery as its estimator has it; nan where it does not know."""
+    """State of the battery from its estimator; nan where that has no estimate."""
 
     soc: float = math.nan
     soc_std: float = 0.0
@@ -103,7 +102,7 @@ class RangeEstimate(NamedTuple):
     True
     """
 
-    #: until the reserve, along the plan and then over ground like that of late
+    #: until the reserve, along the plan and then over ground like the recent one
     distance_m: Any
     duration_s: Any
     usable_J: Any  #: energy above the reserve
@@ -114,7 +113,7 @@ class RangeEstimate(NamedTuple):
 
     @property
     def assumed(self) -> Any:
-        """True while too little was driven to tell the way ahead: flat, at a usual speed, as the table takes it."""
+        """True while too little was driven to predict the way ahead: it is assumed flat, at a usual speed."""
         return self.driven_m < LEAST_DRIVEN_M
 
 
@@ -123,12 +122,12 @@ class RangeState(NamedTuple):
 
     consumption: Consumption  #: as learned so far
     meter: DriveMeter  #: of the drive
-    recent: tuple[Stretch, ...]  #: last stretches that were driven
+    recent: tuple[Stretch, ...]  #: last stretches driven
     finished_m: float  #: length of all finished stretches
     soc: SocNow  #: last one known
     forecast: RangeEstimate  #: last one
     forecast_s: float  #: its time; -inf before the first
-    #: power out of the battery [W] that has held for some seconds, and the highest of the stretch under way
+    #: power out of the battery [W] sustained for some seconds, and the highest of the stretch under way
     held_W: float = 0.0
     peak_W: float = 0.0
     peak_ratio: PeakRatio = PeakRatio()  #: of the stretches of this drive
@@ -143,11 +142,11 @@ class RangeSettings:
 
     battery: Battery  #: identified or generic
     terrain: str = "floor"  #: ground where a sample does not name it
-    reserve_soc: float = 0.1  #: state of charge that is to be left
-    cutoff_V: float = 0.0  #: terminal voltage at which the robot stops; 0 where nothing watches it
+    reserve_soc: float = 0.1  #: state of charge that must be left
+    cutoff_V: float = 0.0  #: terminal voltage at which the robot stops; 0 if nothing monitors it
     payload_kg: float = 0.0  #: on top of the robot's mass
     refresh_s: float = 60.0  #: time between two forecasts
-    cut: Cut = field(default_factory=Cut)  #: rules by which the drive is cut into stretches
+    cut: Cut = field(default_factory=Cut)  #: rules for cutting the drive into stretches
 
     def __post_init__(self) -> None:
         require_battery(self.battery)
@@ -158,23 +157,23 @@ class RangeSettings:
             raise InputError("terrain must be the name of a ground, got an empty text")
 
     def battery_W(self, current_A: float, voltage_V: float) -> float:
-        """Power out of the battery; nan where the sensors cannot have shown it."""
+        """Power out of the battery; nan where current or voltage is not credible."""
         credible_A = is_current(current_A, MOST_C * self.battery.capacity_Ah)
         credible = credible_A and is_voltage(voltage_V, self.battery.voltage_max_V)
         return -current_A * voltage_V if credible else math.nan
 
     def speed_m_s(self, measured_m_s: float) -> float:
-        """The speed; nan where the sensor cannot have shown it."""
+        """The speed; nan where it is not credible."""
         return measured_m_s if within(measured_m_s, FASTEST_M_S) else math.nan
 
     def init(self, consumption: Consumption) -> RangeState:
-        """State before the first sample; consumption: at the begin of the drive."""
+        """State before the first sample; consumption: at the start of the drive."""
         known = with_terrain(consumption, self.terrain)
         nothing = RangeEstimate(_UNKNOWN, _UNKNOWN, _UNKNOWN, _UNKNOWN, math.nan, 0.0, RangeFlag.NO_SOC)
         return RangeState(known, DriveMeter(), (), 0.0, SocNow(), nothing, -math.inf)
 
     def step(self, state: RangeState, sample: RangeSample) -> tuple[RangeState, RangeEstimate]:
-        """The state after a sample, and what is known then."""
+        """State and estimate after a sample."""
         flags = flags_of_sample(state, sample)
         if math.isfinite(sample.soc.soc):
             state = state._replace(soc=sample.soc, began_soc=max(state.began_soc, sample.soc.soc))
@@ -189,7 +188,7 @@ class RangeSettings:
         return state, state.forecast._replace(driven_m=state.finished_m + moving_m, flags=flags)
 
     def drive(self, state: RangeState, sample: RangeSample) -> RangeState:
-        """The state after a sample of the drive; each stretch that it finishes is learned."""
+        """The state after a sample of the drive; each finished stretch updates the consumption."""
         meter, finished = advance(state.meter, sample.drive, self.cut)
         held_W, peak_W = held_power(state, sample.drive)
         since_s = sample.drive.time_s - state.meter.last.time_s if state.meter.last else math.nan
@@ -214,11 +213,11 @@ class RangeSettings:
         )
 
     def forecast(self, state: RangeState, sample: RangeSample) -> RangeEstimate:
-        """Range from here on; flags and distance driven are those of each sample."""
+        """Range from here on; flags and distance driven are filled in for each sample."""
         if state.soc.soc <= self.reserve_soc:
             home = math.nan if sample.home is None else 0.0
             return RangeEstimate(_NOTHING, _NOTHING, _NOTHING, _UNKNOWN, home, 0.0, RangeFlag(0))
-        since_full = 1.0 - min(state.soc.soc, 1.0)  # where SoC was seen on the way, its own doubt is smaller
+        since_full = 1.0 - min(state.soc.soc, 1.0)  # where SoC was corrected on the way, soc_std is the smaller bound
         battery_now = battery_state(
             self.battery,
             state.soc,
@@ -251,7 +250,7 @@ class RangeSettings:
         )
 
     def ahead(self, state: RangeState) -> tuple[Stretch, ...]:
-        """Stretches like those to come: those of late, and ground that the robot is used to."""
+        """Stretches like those to come: the recent ones, and the usual ground of the robot."""
         driven = (*state.recent, *([state.meter.moving.stretch] if state.meter.moving else []))
         if total_distance_m(driven) >= LEAST_DRIVEN_M:
             return (*driven, *usual_ground(state.consumption, driven))
@@ -268,10 +267,10 @@ class RangeSettings:
 
 
 def battery_state(battery: Battery, now: SocNow, sag_ohm: Normal = NO_SAG, **limits: Any) -> BatteryState:
-    """The battery for a forecast; what its estimator does not know is as in the battery file.
+    """The battery for a forecast; values missing from its estimator are those of the battery file.
 
-    sag_ohm: resistance to short loads as they have shown it.
-    limits: further fields of `BatteryState`, those that the robot keeps among them.
+    sag_ohm: resistance measured under short loads.
+    limits: further fields of `BatteryState`, the robot's limits among them.
     """
     noise = battery.noise
     resistance_ratio = _known(now.resistance_ratio, 1.0)
@@ -295,16 +294,16 @@ def battery_state(battery: Battery, now: SocNow, sag_ohm: Normal = NO_SAG, **lim
 
 
 def both(one: Normal, other: Normal) -> Normal:
-    """What two independent sources say of one quantity; the other may know nothing, with an infinite deviation."""
+    """Combine two independent estimates of a quantity; the other may have an infinite standard deviation."""
     share = one.std**2 / (one.std**2 + other.std**2) if one.std > 0.0 else 0.0
     return Normal(one.mean + share * (other.mean - one.mean), one.std * math.sqrt(1.0 - share))
 
 
 def usual_ground(c: Consumption, driven: Sequence[Stretch]) -> list[Stretch]:
-    """Ground that the robot is used to, for as many stretches as it counts beside those of late.
+    """Usual ground of the robot, for as many stretches as it counts beside the recent ones.
 
-    The ground ahead is like that of late, and like all that was ever driven: what a robot met in the last hour it will
-    not meet for ever.
+    The ground ahead is like the recent one, and like everything ever driven: the conditions of the last hour will not
+    last for ever.
     """
     usual_m = sum(v.distance_m for v in c.visits)
     if not usual_m > 0.0:
@@ -327,7 +326,7 @@ def usual_ground(c: Consumption, driven: Sequence[Stretch]) -> list[Stretch]:
 
 
 def held_power(state: RangeState, sample: DriveSample) -> tuple[float, float]:
-    """Power [W] that has held for some seconds, and the highest of this stretch, after a sample."""
+    """Power [W] sustained for some seconds, and the highest of this stretch, after a sample."""
     last = state.meter.last
     dt_s = math.nan if last is None else sample.time_s - last.time_s
     if not (dt_s > 0.0 and math.isfinite(sample.battery_W)):
@@ -339,7 +338,7 @@ def held_power(state: RangeState, sample: DriveSample) -> tuple[float, float]:
 def reach_probability(
     c: Consumption, way: Sequence[Stretch], battery: Battery, battery_now: BatteryState, is_known: bool = True
 ) -> float:
-    """Probability of driving these stretches with the reserve left; is_known: as of `range_left`."""
+    """Probability of driving these stretches with the reserve left; is_known: as for `range_left`."""
     demand = way_demand(c, way, is_known)
     duration_s = total_time_s(way)
     z = normal_points(DIMENSIONS)

@@ -1,8 +1,8 @@
-"""Resistance of a battery to short loads, as its voltage sags with its current.
+"""Resistance of a battery to short loads, from the sag of its voltage with the current.
 
-The fast parts of current and voltage, what is left of them without their means over the last seconds, are tied by the
-resistance alone: neither an error of the open-circuit curve nor one of the temperature's law comes in. Least squares
-over the last half an hour, for the battery may warm up.
+The fast parts of current and voltage, their deviations from the means over the last seconds, are related by the
+resistance alone: errors of the open-circuit curve or of the temperature law have no effect. Least squares over the
+last half an hour, because the battery may warm up.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from ohmward.logs.log import Log
 
 #: Time constant of the means [s], and of forgetting [s].
 _FAST_S, _REMEMBERED_S = 10.0, 1800.0
-#: Residuals hold on for so long [s].
+#: Correlation time of the residuals [s].
 _CORRELATION_S = 2.0 * _FAST_S
-#: After a longer gap [s] the means begin anew.
+#: Longest gap [s] over which the means continue; after a longer one they restart.
 _INTERRUPTED_S = 10.0
-#: Of a log, the end counts: what is older is forgotten but for 5 %.
+#: Length [s] of the end of a log that is used: older samples would have a weight below 5 %.
 _COUNTED_S = 3.0 * _REMEMBERED_S
-#: Of a battery that has not been loaded yet.
+#: Sag of a battery before its first load.
 NO_SAG = Normal(0.0, math.inf)
 
 
 class Sag(NamedTuple):
-    """Means of current and voltage, and time integrals of products of what is left without them."""
+    """Means of current and voltage, and time integrals of products of the deviations from them."""
 
     mean_A: float = math.nan
     mean_V: float = math.nan
     current2: float = 0.0  #: [A^2 s]
     product: float = 0.0  #: [A V s]
     voltage2: float = 0.0  #: [V^2 s]
-    seconds: float = 0.0  #: time in them
+    seconds: float = 0.0  #: time in the integrals
 
     def with_sample(self, dt_s: float, current_A: float, voltage_V: float) -> Sag:
-        """The same after a sample, dt_s after the last one; one without numbers is left out.
+        """State after a sample taken dt_s after the previous one; samples without finite values are ignored.
 
         current_A: > 0 charges.
         """
@@ -61,7 +61,7 @@ class Sag(NamedTuple):
 
     @property
     def ohm(self) -> Normal:
-        """The resistance [ohm]; nothing is known before the current has changed, or of a voltage that never sags."""
+        """The resistance [ohm]; `NO_SAG` before the current has changed, or where the voltage does not sag."""
         if not (self.current2 > 0.0 and self.product > 0.0):
             return NO_SAG
         ohm = self.product / self.current2

@@ -1,10 +1,10 @@
-"""Speed of the least energy per metre.
+"""Speed of least energy per metre.
 
 e(v) = (idle + r F^2) / v + f + c v,  F = F_0 + D v,     so v* = sqrt((idle + r F_0^2) / (c + r D^2))
 
-Idle power and the heat of the windings by the resistance F_0 cost less per metre at a higher speed; resistance that
-grows with speed, and its heat, cost more. The saving of one speed against another is linear in the coefficients for
-known forces: s = e(v) - e(v*).
+Idle power and the heat of the windings from the resistance F_0 cost less per metre at a higher speed; resistance that
+grows with speed, and its heat, cost more. The saving of one speed over another, s = e(v) - e(v*), is linear in the
+coefficients for known forces.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ DOMINATES = 0.5
 class SpeedAdvice(NamedTuple):
     """The advised speed, and its saving."""
 
-    speed_m_s: float  #: of the least energy per metre within the limits
+    speed_m_s: float  #: of least energy per metre within the limits
     at_limit: bool  #: True where the best speed lies at a limit, so that a wider one would save more
     energy_J_per_m: float  #: at that speed
-    #: against the present speed
+    #: compared with the present speed
     saving_J_per_m: float
     saving_std_J_per_m: float
     idle_share: float  #: of the energy per metre at the present speed
@@ -42,7 +42,7 @@ def speed_advice(
     limits_m_s: tuple[float, float],
     payload_kg: float = 0.0,
 ) -> SpeedAdvice:
-    """Advice for level ground of this terrain.
+    """Speed advice for level ground of a terrain.
 
     speed_m_s: present speed, > 0.
     limits_m_s: slowest and fastest speed that may be advised.

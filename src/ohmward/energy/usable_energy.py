@@ -5,22 +5,23 @@ V(z) = [U + sqrt(U^2 - 4 R P)] / 2, and from state of charge z0 down to z1 it gi
 
 E = Q * integral of V dz = Q * integral of (U - R I) dz,
 
-down to the reserve, to where P cannot be had or would take the terminals below the cut-off voltage V_c, or to the first
-peak of power that would. A peak is short: the highest that the battery gives at z is
+down to the reserve, to where P cannot be delivered or would take the terminals below the cut-off voltage V_c, or to the
+first peak of power that would. A peak is short: the highest that the battery gives at z is
 
 P_p(z) = V_c I_p,   I_p = (U - (R - R_p) I - V_c) / R_p,
 
-with half of U for V_c where that is more. U is the open-circuit voltage of the discharge branch, R the resistance after
-all RC pairs have settled, R_p that of a peak. Peaks above P_p come at a rate (`peaks`), so that a battery lasts from z0
-to z with the probability exp(-integral of that rate over the time between).
+with half of U - (R - R_p) I for V_c where that is more. U is the open-circuit voltage of the discharge branch, R the
+resistance after all RC pairs have settled, R_p that to a peak. Peaks above P_p occur at a rate (`peaks`), so that a
+battery lasts from z0 to z with the probability exp(-integral of that rate over the time between).
 
-Where a voltage ends the discharge, it ends before the circuit says so: what is drawn is the surface of the particles,
-which is emptier than their mean. In a sphere of radius r and diffusivity D a steady current leaves the difference
+Where a voltage ends the discharge, it ends earlier than the circuit predicts: the voltage follows the surface of the
+particles, which is emptier than their mean. In a sphere of radius r and diffusivity D a steady current causes the
+difference
 
 dz = I T / Q,   T = r^2 / (15 D),
 
-and after a step, for a time t, 2 sqrt(15 T t / pi) / 3 - t takes the place of T. T is known to a factor; for the peaks
-it is the usual one.
+and at a time t after a step of the current, 2 sqrt(15 T t / pi) / 3 - t takes the place of T. T is known to within a
+factor; the peaks use its median.
 """
 
 from __future__ import annotations
@@ -42,55 +43,55 @@ from ohmward.energy.points import Quantiles, normal_points, normal_tail, quantil
 from ohmward.errors import InputError
 from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 
-#: States of charge along which batteries are discharged, and resistances between which others lie.
+#: Grid of states of charge for a discharge; number of resistances on the grid that others are interpolated from.
 _GRID = np.linspace(0.0, 1.0, 251)
 _RESISTANCES = 33
 _SECONDS_PER_HOUR = 3600.0
-#: Time [s] for which a peak of power holds on: rough ground, the begin of a climb.
+#: Duration [s] of a peak of power: rough ground, the start of a climb.
 PEAK_LASTS_S = 10.0
 #: Lag T [s] of diffusion and the standard deviation of its logarithm. The slower electrode of published parameter sets
 #: of lithium cells has 27 (Ramadass 2004), 59 (Kim 2011), 102 (Mohtat 2020), 111 (Ai 2020), 171 (Marquis 2019), 454
 #: (Chen 2020, O'Kane 2022), 556 (Prada 2013) and 1026 s (Ecker 2015); which one empties first differs.
 USUAL_LAG_S, _LAG_LOG_STD = 150.0, 1.1
-#: Standard deviation of the capacity towards less, over the mean of both sides: ageing takes capacity and gives none.
+#: Standard deviation of the capacity on the lower side, over the mean of both sides: ageing only reduces capacity.
 _LOWER_SIDE_SHARE = 1.5
-#: Rows of the points of a battery: state of charge, capacity, resistance, lag of diffusion, luck with the peaks.
+#: Rows of the points of a battery: state of charge, capacity, resistance, diffusion lag, luck with the peaks.
 BATTERY_DIMENSIONS = 5
-#: Least capacity over that of the file by which anything is divided.
+#: Smallest relative capacity used as a divisor.
 _LEAST_CAPACITY = 0.01
-#: Where every battery would have lived with this probability, that it lives says nothing.
+#: Where every battery would have survived with a higher probability than this, its survival carries no information.
 _ALL_LIVED = 0.999
-#: Margin of a voltage that does not exist: far below any cut-off.
+#: Voltage margin where the power cannot be delivered: far below any cut-off.
 _NO_POWER_V = -1e9
-#: Least resistance [ohm] and time [s] by which anything is divided.
+#: Smallest resistance [ohm] and time [s] used as a divisor.
 _LEAST_OHM = _LEAST_S = 1e-9
 
 
 @dataclass(frozen=True)
 class BatteryState:
-    """State of a battery at an instant, with its uncertainty, and the limits that the robot keeps."""
+    """State of a battery at an instant, with its uncertainty, and the limits of the robot."""
 
-    soc: float  #: state of charge in [0, 1] and its standard deviation
+    soc: float  #: state of charge in [0, 1]
     soc_std: float = 0.0  #: its standard deviation
     _: KW_ONLY
-    #: charge that was counted since SoC was last known, over the capacity: an error of the capacity is one of SoC too
+    #: charge counted since SoC was last known, over the capacity: a capacity error makes it a SoC error too
     counted: float = 0.0
-    #: capacity over that of the battery file, and its standard deviation
+    #: capacity over the battery file's, and its standard deviation
     soh_capacity: float = 1.0
     capacity_std: float = 0.0
-    #: resistance over that of the battery file, likewise; to peaks of power it is another one where loads have shown it
+    #: resistance over the battery file's, likewise; that to peaks of power separately where loads have measured it
     resistance_ratio: float = 1.0
     resistance_std: float = 0.0
     peak_resistance_ratio: float | None = None
     peak_resistance_std: float = 0.0
     temperature_degC: float = ROOM_DEGC  #: of the battery
-    reserve_soc: float = 0.0  #: state of charge that is to be left
-    cutoff_V: float = 0.0  #: terminal voltage at which the robot stops; 0 where nothing watches it
+    reserve_soc: float = 0.0  #: state of charge that must be left
+    cutoff_V: float = 0.0  #: terminal voltage at which the robot stops; 0 if nothing monitors it
     peaks: Peaks | None = None  #: of power on the way; None where only the mean is known
-    #: state of charge from which the battery has come without a failure, on a way like this one; 0 for none
+    #: state of charge from which the battery has come here without a failure, on a route like this one; 0 for none
     began_soc: float = 0.0
-    diffusion_lag_s: float = USUAL_LAG_S  #: T, to a factor
-    #: time for which the battery will have been under load at the end of the way: RC pairs settle in their own times
+    diffusion_lag_s: float = USUAL_LAG_S  #: T, known to within a factor
+    #: time under load at the end of the route: RC pairs settle in their own times
     loaded_s: float = math.inf
 
     def __post_init__(self) -> None:
@@ -107,7 +108,7 @@ class BatteryState:
 
 
 class Discharge(NamedTuple):
-    """Discharge at constant power of N batteries, drawn from the distribution of this one."""
+    """Discharge at constant power of N batteries, sampled from the distribution of this one."""
 
     soc: np.ndarray  #: (K,) grid from 0 to 1
     energy_J: np.ndarray  #: (K, N) given between each state of charge and the end of the discharge; 0 below the end
@@ -120,9 +121,9 @@ def usable_energy(battery: Battery, state: BatteryState, power_W: float) -> Quan
 
 
 def usable_at(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> np.ndarray:
-    """(N,) energy [J] that batteries drawn from the distribution of this one give at constant power [W].
+    """(N,) energy [J] that batteries sampled from the distribution of this one give at constant power [W].
 
-    z: (5, N) standard normal points of state of charge, capacity, resistance, lag of diffusion and luck with the peaks.
+    z: (5, N) standard normal points of state of charge, capacity, resistance, diffusion lag and luck with the peaks.
     """
     drawn, curves, between = _drawn(battery, state, power_W, z)
     start_J = _at_both(curves.whole_J, drawn.soc, between)
@@ -131,9 +132,9 @@ def usable_at(battery: Battery, state: BatteryState, power_W: float, z: np.ndarr
 
 
 def discharge(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> Discharge:
-    """Discharge at constant power [W] of batteries drawn from the distribution of this one.
+    """Discharge at constant power [W] of batteries sampled from the distribution of this one.
 
-    z: (5, N) standard normal points of state of charge, capacity, resistance, lag of diffusion and luck with the peaks.
+    z: (5, N) standard normal points of state of charge, capacity, resistance, diffusion lag and luck with the peaks.
     """
     drawn, curves, between = _drawn(battery, state, power_W, z)
     whole_J = _at_resistance(curves.whole_J, between)
@@ -142,32 +143,32 @@ def discharge(battery: Battery, state: BatteryState, power_W: float, z: np.ndarr
 
 
 class _Drawn(NamedTuple):
-    """Batteries drawn from a distribution, (N,) each."""
+    """Batteries sampled from a distribution, (N,) each."""
 
     soc: np.ndarray
     capacity: np.ndarray  #: over the battery file's
-    lag_J: np.ndarray  #: left at the end of a discharge by its voltage, because the surface is empty before the mean
-    luck: np.ndarray  #: number of peaks to be expected before the first that comes
+    lag_J: np.ndarray  #: energy left when the voltage ends a discharge, because the surface empties before the mean
+    luck: np.ndarray  #: expected number of peaks up to the first that occurs
 
 
 class _Curves(NamedTuple):
     """Energy along SoC (K,) for resistances (R,), of a battery with the capacity of its file."""
 
     whole_J: np.ndarray  #: (K, R) given between empty and each SoC
-    end_J: np.ndarray  #: (K, R) of these, what is left where a discharge from each SoC ends by its voltage
-    #: (K, R) number of peaks to be expected from full down to each SoC that the battery cannot give; None for no peaks
+    end_J: np.ndarray  #: (K, R) part of it that is left where the voltage ends a discharge from each SoC
+    #: (K, R) expected number of peaks that the battery cannot deliver, from full down to each SoC; None for no peaks
     peaks: np.ndarray | None
 
 
 class _Between(NamedTuple):
-    """Places (N,) of resistances between those of `_Curves`: the lower one, and the share of the way to the next."""
+    """Places (N,) of resistances on the grid of `_Curves`: the lower neighbour, and the share of the step above it."""
 
     below: np.ndarray
     share: np.ndarray
 
 
 def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> tuple[_Drawn, _Curves, _Between]:
-    """Batteries at the points (5, N), and the curves that they lie between: these bend little with the resistance."""
+    """Batteries at the points (5, N), and the curves to interpolate, which are nearly linear in the resistance."""
     z_soc, z_capacity, z_resistance, z_lag, z_luck = z
     sides = np.where(z_capacity < 0.0, _LOWER_SIDE_SHARE, 2.0 - _LOWER_SIDE_SHARE)
     capacity = np.maximum(state.soh_capacity + state.capacity_std * sides * z_capacity, _LEAST_CAPACITY)
@@ -188,10 +189,10 @@ def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray)
 
 
 def _of_survivors(state: BatteryState, peaks: np.ndarray, grid: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """(N,) deviations of the resistance of batteries that have come from `began_soc` to here, at normal points z.
+    """(N,) deviations of the resistance of batteries that have survived from `began_soc` to here, at normal points z.
 
-    A battery lives through peaks, of which so many are to be expected that it cannot give, with the probability
-    exp(-their number); by Bayes' rule its resistance is as likely as before times that.
+    A battery survives with probability exp(-n), where n is the expected number of peaks beyond what it can deliver;
+    by Bayes' rule the density of its resistance is the prior times that.
     """
     began, now = (
         np.array([np.interp(soc, _GRID, column) for column in peaks.T]) for soc in (state.began_soc, state.soc)
@@ -206,7 +207,7 @@ def _of_survivors(state: BatteryState, peaks: np.ndarray, grid: np.ndarray, z: n
 
 
 def _curves(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> _Curves:
-    """Energy at constant power [W] of batteries whose resistances deviate by so much (R,) in standard deviations."""
+    """Energy at constant power [W] of batteries whose resistances deviate by z (R,) standard deviations."""
     ocv_V, r_ohm, peak_ohm = (
         row[:, None] for row in discharge_curves(battery, _GRID, state.temperature_degC, state.loaded_s)
     )
@@ -231,8 +232,8 @@ def _highest_W(
 ) -> np.ndarray:
     """(K, R) highest power that a peak may have.
 
-    settled_V: (K, R) voltage of the battery before its resistance to peaks. With diffusion, what holds at the SoC of
-    the surface holds at a mean SoC that is higher by what the mean power and the peak have taken from the surface.
+    settled_V: (K, R) voltage of the battery before its resistance to peaks. With diffusion, the limit at the SoC of the
+    surface applies at a mean SoC that is higher by the charge that mean power and peak have taken from the surface.
     """
     least_V = np.maximum(state.cutoff_V, 0.5 * settled_V)
     peak_A = np.maximum(settled_V - least_V, 0.0) / np.maximum(peak_ohm, _LEAST_OHM)
@@ -243,7 +244,7 @@ def _highest_W(
     of_peak_s = min(max(2.0 / 3.0 * math.sqrt(15.0 / math.pi * lag_s * PEAK_LASTS_S) - PEAK_LASTS_S, 0.0), lag_s)
     mean_A, charge_As = power_W / settled_V, _SECONDS_PER_HOUR * battery.capacity_Ah * state.soh_capacity
     lead = (mean_A * lag_s + np.maximum(peak_A - mean_A, 0.0) * of_peak_s) / charge_As
-    # below the SoC at which the highest peak empties the surface, the one counts that does
+    # below the SoC at which the highest peak empties the surface, the limit is the peak that just empties it
     emptying_A = mean_A + np.maximum(_GRID[:, None] * charge_As - mean_A * lag_s, 0.0) / max(of_peak_s, _LEAST_S)
     columns = zip((_GRID[:, None] + lead).T, highest_W.T, (least_V * emptying_A).T, strict=True)
     return np.stack(
@@ -252,7 +253,7 @@ def _highest_W(
 
 
 def _ends(whole_J: np.ndarray, margin_V: np.ndarray) -> np.ndarray:
-    """(K, R) energy at the end of a discharge from each SoC: where its margin is first below 0, 0 for none."""
+    """(K, R) energy at the end of a discharge from each SoC, where its margin is first below 0; 0 where it never is."""
     rows = np.arange(len(whole_J))[:, None]
     below = np.maximum.accumulate(np.where(margin_V < 0, rows, -1), axis=0)  # the next SoC down that fails, -1 for none
     low, high = np.maximum(below, 0), np.clip(below + 1, 0, len(whole_J) - 1)
@@ -264,7 +265,7 @@ def _ends(whole_J: np.ndarray, margin_V: np.ndarray) -> np.ndarray:
 
 
 def _end_J(curves: _Curves, state: BatteryState, drawn: _Drawn, between: _Between) -> np.ndarray:
-    """(N,) energy at the end of the discharge of each battery, by its voltage or by the reserve, over its capacity."""
+    """(N,) energy over the capacity at the end of each battery's discharge, by its voltage, the reserve or a peak."""
     soc = drawn.soc
     from_here = curves.end_J[(soc * (len(_GRID) - 1)).astype(int)[:, None], between.below[:, None] + np.arange(2)]
     by_voltage = from_here[:, 0] + between.share * (from_here[:, 1] - from_here[:, 0])
@@ -274,7 +275,7 @@ def _end_J(curves: _Curves, state: BatteryState, drawn: _Drawn, between: _Betwee
 
 
 def _end_by_peaks_J(curves: _Curves, drawn: _Drawn, between: _Between) -> np.ndarray:
-    """(N,) energy over the capacity at the first peak that a battery cannot give; 0 for none."""
+    """(N,) energy over the capacity at the first peak that a battery cannot deliver; 0 for none."""
     end_J = np.zeros(drawn.soc.shape)
     if curves.peaks is None:
         return end_J
@@ -290,13 +291,13 @@ def _end_by_peaks_J(curves: _Curves, drawn: _Drawn, between: _Between) -> np.nda
 
 
 def _at_resistance(table: np.ndarray, between: _Between) -> np.ndarray:
-    """(K, N) columns of a table (K, R) at the resistances of the batteries."""
+    """(K, N) columns of a table (K, R), interpolated at the resistances of the batteries."""
     low, high = table[:, between.below], table[:, between.below + 1]
     return low + between.share * (high - low)
 
 
 def _at_both(table: np.ndarray, soc: np.ndarray, between: _Between) -> np.ndarray:
-    """(N,) a table (K, R) at the SoC and the resistance of each battery."""
+    """(N,) values of a table (K, R), interpolated at the SoC and the resistance of each battery."""
     position = soc * (len(_GRID) - 1)
     row = np.minimum(position.astype(int), len(_GRID) - 2)
     rows = table[row[:, None] + np.arange(2), between.below[:, None]]
@@ -306,7 +307,7 @@ def _at_both(table: np.ndarray, soc: np.ndarray, between: _Between) -> np.ndarra
 
 
 def loaded_voltage(ocv_V: Any, r_ohm: Any, power_W: float) -> tuple[Any, Any]:
-    """Terminal voltage [V] at this power, and True where the power can be had; a power below zero counts as zero."""
+    """Terminal voltage [V] at this power, and True where it can be delivered; a power below zero counts as zero."""
     square = ocv_V**2 - 4 * r_ohm * max(power_W, 0.0)
     return 0.5 * (ocv_V + np.sqrt(np.maximum(square, 0.0))), square >= 0.0
 
@@ -320,7 +321,7 @@ def usable_J(found: Discharge) -> np.ndarray:
 
 
 def soc_after(found: Discharge, energy_J: np.ndarray) -> np.ndarray:
-    """(N,) state of charge of each battery once it has given this energy (N,); its end where it cannot."""
+    """(N,) state of charge of each battery after giving this energy (N,), at most down to the end of its discharge."""
     left_J = usable_J(found) - energy_J
     above = np.clip(np.sum(found.energy_J <= left_J, axis=0), 1, len(found.soc) - 1)
     low, high = _rows(found.energy_J, above - 1), _rows(found.energy_J, above)
@@ -331,7 +332,7 @@ def soc_after(found: Discharge, energy_J: np.ndarray) -> np.ndarray:
 def discharge_curves(
     battery: Battery, soc: np.ndarray, temperature_degC: float, loaded_s: float = math.inf
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Along SoC (K,): voltage [V] of the discharge branch, and resistance [ohm], after so long a load and to a peak."""
+    """Along SoC (K,): voltage [V] of the discharge branch, resistance [ohm] after `loaded_s` of load, and to a peak."""
     model = battery.thevenin
     ocv_V = model.ocv.mean_V(soc, temperature_degC) - model.ocv.hysteresis_at(soc)
     usual_A = USUAL_C * model.capacity_Ah

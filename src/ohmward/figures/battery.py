@@ -1,4 +1,4 @@
-"""Figures that people look at when they judge a battery: measured, estimated, reference, and how far they are apart."""
+"""Figures for judging a battery: measured, estimated and reference values, and the differences between them."""
 
 from __future__ import annotations
 
@@ -27,12 +27,11 @@ if TYPE_CHECKING:
     from ohmward.battery.identification.ocv_from_logs import OcvBranch, RestPoint
 
 SOC_AXIS = "State of charge [%]"
-#: Samples after edges that are drawn; a drive has a hundred thousand.
-#: Samples of a quantity that moves over hours, as offset and capacity: their lines and bands need no more.
+#: Samples drawn of a quantity that changes over hours, such as offset and capacity: lines and bands need no more.
 _MOST_SLOW = 100_000
-#: More lines than this cannot be told apart: then the weakest and the fullest are drawn.
+#: More lines than this cannot be distinguished: then only the emptiest and the fullest cells are drawn.
 _MOST_CELLS = 6
-#: Flags that are drawn, and what they mean for the eye.
+#: Flags that are drawn, and the meaning of their colours.
 FLAG_MEANINGS: Mapping[SampleFlag, Meaning] = {
     SocFlag.REST: "background",
     SocFlag.NO_CURRENT: "alert",
@@ -50,7 +49,7 @@ def current_figure(log: Log, spans: Sequence[Span] = ()) -> Figure:
 
 
 def voltage_figure(log: Log, estimates: SocEstimate | None = None) -> Figure:
-    """Measured voltage, and what the estimator expected before it saw it."""
+    """Measured voltage, and the estimator's prediction before each measurement."""
     series = [Series(log.time_s, log.voltage_V, "measured", role="background")]
     if estimates is not None and np.isfinite(estimates.voltage_V).any():
         series.append(Series(log.time_s, estimates.voltage_V, "expected", role="estimate"))
@@ -65,7 +64,7 @@ def temperature_figure(log: Log) -> Figure:
 
 
 def further_figures(log: Log) -> list[Figure]:
-    """Whatever else the log has of the battery, over time."""
+    """Further battery quantities of the log over time."""
     measured = [(QUANTITIES[name], values) for name, values in log.quantities("battery").items()]
     return [
         measured_figure(quantity, [Series(log.time_s, values, "measured", role="comparison")], 160)
@@ -77,12 +76,12 @@ def further_figures(log: Log) -> list[Figure]:
 def measured_figure(
     quantity: Quantity, series: Sequence[Series], height_px: int = Figure.height_px, spans: Sequence[Span] = ()
 ) -> Figure:
-    """A quantity over time, by its name in the table."""
+    """A quantity over time, with its label from the table."""
     return Figure(quantity.label, TIME, quantity.axis, series, spans=spans, height_px=height_px)
 
 
 def interval_figure(log: Log) -> Figure:
-    """Time from each sample to the next, on a logarithmic axis: gaps and jitter at one glance."""
+    """Time from each sample to the next, on a logarithmic axis: gaps and jitter at a glance."""
     dots = [Series(log.time_s[1:], log.dt_s, "to the sample before", "points", "background")]
     return Figure("Time between samples", TIME, "Interval [s]", dots, log_y=True, height_px=160)
 
@@ -167,7 +166,7 @@ def soc_flag_spans(log: Timed, flags: np.ndarray) -> list[Span]:
 
 
 def run_figures(run: SocRun, truth: np.ndarray | None = None) -> list[Figure]:
-    """State of charge of a run, its error where a truth (T,) in [0, 1] is known, and what else its estimator knows."""
+    """State of charge of a run, its error where a truth (T,) in [0, 1] is known, and the estimator's other values."""
     e = run.estimates
     figures = [soc_figure(run, e, truth, soc_flag_spans(run, run.flags))]
     if truth is not None:
@@ -220,7 +219,7 @@ def resistance_figure(model: Thevenin, fit: CircuitFit | None = None) -> Figure:
 
 
 def edge_figure(edges: Sequence[Edge]) -> Figure:
-    """Resistance seen by each jump of the current, by direction."""
+    """Resistance from each step of the current, by direction."""
     series = []
     for sign, label in ((-1.0, "discharge"), (1.0, "charge")):
         points = [(e.soc, e.resistance_ohm) for e in edges if e.current_A * sign > 0]
@@ -305,7 +304,7 @@ def _joined(parts: Sequence[np.ndarray], *, hold: bool = False) -> np.ndarray:
 
 
 def _usual(values: np.ndarray) -> float:
-    """A limit that all but the largest 2 % of the sizes stay below; the first seconds must not flatten the rest."""
+    """A limit above all but the largest 2 % of the magnitudes, so that the first seconds do not flatten the rest."""
     size = values[np.isfinite(values)]
     np.abs(size, out=size)
     return max(1.3 * float(np.quantile(size, 0.98, overwrite_input=True)), 1e-6) if size.size else 1.0

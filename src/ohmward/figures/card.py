@@ -1,4 +1,4 @@
-"""What a notebook shows of a result that stands alone in a cell: a few lines and a small picture."""
+"""Notebook display of a result on its own in a cell: a few lines and a small picture."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.estimator import SlipRun
 from ohmward.traction.terrain.slip_on_floors import FloorRun
 
-#: Warnings of a log that its card shows.
+#: Largest number of warnings that the card of a log shows.
 _MOST_WARNINGS = 3
 
 
@@ -43,7 +43,7 @@ def card(result: Any) -> str:
     """HTML of a log, a battery, a robot or a run.
 
     Raises:
-        InputError: something else.
+        InputError: any other object.
     """
     raise InputError(f"a card shows a log, a battery, a robot or a run, got {type(result).__name__}")
 

@@ -1,4 +1,4 @@
-"""Figures of a battery's health: capacity and resistance over months, when it will be worn out, and a fleet's."""
+"""Figures of battery health: capacity and resistance over months, the time to wear-out, and a fleet's batteries."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from ohmward.report import Band, Figure, Marker, Series
 #: Points of the trend between the first and the last log.
 _TREND_POINTS = 200
 _PERCENT = 100.0
-#: The time ahead that is drawn is as long as that behind, or this long.
+#: Shortest time ahead that is drawn; it is as long as the time behind where that is longer.
 _LEAST_AHEAD_DAYS = 30.0
 #: Units of a span of time and their days; the first that is shorter than a quarter of the span is taken.
 _UNITS = {"Years": 365.25, "Months": 365.25 / 12, "Days": 1.0}
 
 
 def capacity_figure(health: Health) -> Figure:
-    """Capacity over that when new: each log by itself, the trend, and what may come."""
+    """Capacity relative to new: each log by itself, the trend, and the forecast."""
     now_days, _ = health.now
     ahead = health.ahead
     drawn = ahead.days <= max(now_days, _LEAST_AHEAD_DAYS)
@@ -42,9 +42,9 @@ def capacity_figure(health: Health) -> Figure:
 
 
 def resistance_figure(health: Health) -> Figure:
-    """Resistance over that when new: each log by itself, and the trend."""
+    """Resistance relative to new: each log by itself, and the trend."""
     now_days, _ = health.now
-    span_days = now_days + max(now_days, _LEAST_AHEAD_DAYS)  # as the capacity above it, so that both have one unit
+    span_days = now_days + max(now_days, _LEAST_AHEAD_DAYS)  # as for the capacity above it, so that both have one unit
     _, unit = _unit(span_days)
     trend, band = _trend(health.resistance, health, unit)
     series = [trend, *_points(health, "log_resistance", unit)]
@@ -97,12 +97,12 @@ def _points(health: Health, quantity: str, unit: float) -> list[Series]:
     return [Series(days, _PERCENT * value, "one log by itself", "points", "background")]
 
 
-#: So many robots have a name of their own.
+#: Largest number of robots shown by name.
 _MOST_NAMED = 6
 
 
 def battery_map(batteries: Mapping[str, tuple[float, float]], marked: Sequence[str]) -> Figure:
-    """Resistance over capacity of each robot's battery, as shares of the battery file's; marked: drawn by their names.
+    """Resistance over capacity of each robot's battery, relative to the battery file's; marked: shown by name.
 
     batteries: robot -> capacity and resistance.
     """
@@ -119,7 +119,7 @@ def battery_map(batteries: Mapping[str, tuple[float, float]], marked: Sequence[s
 
 
 def trend_figure(title: str, label: str, trends: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> Figure:
-    """A share of the battery file's at the end of each log, a line for each of the first robots.
+    """A value relative to the battery file's at the end of each log, a line for each of the first robots.
 
     trends: robot -> Unix times (n,) [s] and shares (n,).
     """

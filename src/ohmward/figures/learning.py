@@ -1,4 +1,4 @@
-"""Figures of what a battery has learnt: the curves of its file before and after, and the knowledge log by log."""
+"""Figures of learning from logs: curves of the battery file before and after, and its values log by log."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ohmward.report import Band, Figure, Series
 from ohmward.report.figure import Meaning, Style
 
 _SOC = np.linspace(0.0, 1.0, 201)
-#: Where the curve is steep its band is far wider: the change is drawn on the scale of the middle.
+#: Range of SoC that sets the scale of the change: where the curve is steep its band is far wider.
 _MIDDLE = 0.1, 0.95
 
 
@@ -29,7 +29,7 @@ def ocv_change_figure(before: Battery, after: Battery) -> Figure:
 
 
 def ocv_correction_figure(before: Battery, after: Battery) -> Figure:
-    """Change of the open-circuit voltage by the logs, with the 95 % bands before and after."""
+    """Change of the open-circuit voltage from the logs, with the 95 % bands before and after."""
     change_mV = 1e3 * (_curve_V(after) - _curve_V(before))
     stds = [1e3 * ocv_std_V(battery, _SOC) for battery in (before, after)]
     series, bands = _before_and_after([np.zeros_like(_SOC), change_mV], stds)
@@ -85,5 +85,5 @@ def _curve_V(battery: Battery) -> np.ndarray:
 
 
 def _log_resistance_std(battery: Battery, soc: Any) -> np.ndarray:
-    """Standard deviation of the logarithm of the resistance, of all and of that at one SoC together."""
+    """Standard deviation of the logarithm of the resistance at an SoC, with the part common to all SoC."""
     return np.hypot(battery.noise.resistance_std, np.asarray(battery.noise.overpotential_share_at(soc)))

@@ -1,4 +1,4 @@
-"""Figures of a mission: the plan ahead, where the energy of a drive went, what each ground takes."""
+"""Figures of a mission: the plan ahead, where the energy of a drive went, the energy that each ground takes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ohmward.energy.drive_record import DriveRecord, RecordedBalance, expected_J
 from ohmward.report import TIME, Band, Figure, Marker, Series
 from ohmward.report.figure import Meaning
 
-#: Parts of the power that lie on each other in the picture, and their colours.
+#: Parts of the power that are stacked in the picture, and their colours.
 _STACK: dict[str, tuple[tuple[str, ...], Meaning]] = {
     "idle": (("idle",), "background"),
     "windings and gears": (("copper", "drive"), "comparison"),
@@ -18,7 +18,7 @@ _STACK: dict[str, tuple[tuple[str, ...], Meaning]] = {
 }
 _SMOOTH_S = 2.0
 _SPEEDS = 25
-#: Shorter stretches are starts and stops: their energy per metre says nothing.
+#: Shorter stretches are starts and stops: their energy per metre is meaningless.
 _SHORTEST_DRAWN_M = 5.0
 
 
@@ -49,7 +49,7 @@ def plan_figures(forecast: MissionForecast, state: BatteryState) -> list[Figure]
 
 
 def power_figure(balance: RecordedBalance) -> Figure:
-    """Losses on each other, and the battery's power over them."""
+    """Stacked losses, and the battery's power above them."""
     t = balance.time_s
     bands = []
     lower = np.zeros(len(t))
@@ -64,7 +64,7 @@ def power_figure(balance: RecordedBalance) -> Figure:
 
 
 def speed_figure(record: DriveRecord) -> Figure:
-    """Speed and power of the battery, where no split is known."""
+    """Speed and battery power, where there is no energy balance."""
     t = record.log.time_s
     series = [
         Series(t, record.battery_W, "battery", role="reference"),
@@ -74,7 +74,7 @@ def speed_figure(record: DriveRecord) -> Figure:
 
 
 def terrain_figure(c: Consumption, name: str, record: DriveRecord | None) -> Figure:
-    """Energy per metre over speed: what another day may take, and the stretches of this one."""
+    """Energy per metre over speed: the range expected on another day, and the stretches of this drive."""
     usual = usual_speed_m_s(c, name)
     speeds = np.linspace(0.4 * usual, 2.0 * usual, _SPEEDS)
     expected = np.array([expected_J_per_m(c, name, float(v)) for v in speeds])
@@ -96,7 +96,7 @@ def _band(x: np.ndarray, quantiles: np.ndarray) -> Band:
 
 
 def _smooth(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """A running mean over two seconds: the parts of single samples are noise."""
+    """A running mean over two seconds: single samples are mostly noise."""
     width = max(round(_SMOOTH_S / max(float(np.median(np.diff(time_s))), 1e-9)), 1)
     known = np.nan_to_num(np.asarray(values, dtype=float))
     return np.convolve(np.pad(known, width // 2, mode="edge"), np.full(width, 1 / width), mode="same")[

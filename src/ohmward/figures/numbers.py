@@ -1,4 +1,4 @@
-"""Numbers with their units and 95 % bands, as people read them in a terminal, on a page and in a notebook."""
+"""Numbers with their units and 95 % bands, as text for a terminal, a page or a notebook."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ def lognormal(value: Mapping[str, float], unit: str, scale: float = 1.0) -> str:
 
 
 def _digits(half: float) -> int:
-    """Digits after the point that show two of a half width."""
+    """Decimals that show two digits of a half width."""
     return max(0, 1 - math.floor(math.log10(half))) if half > 0 else 3
 
 
 def band(share: float, std: float) -> str:
-    """A share and the half width of its 95 % band, both in points."""
+    """A share and the half width of its 95 % band, both in percentage points."""
     return f"{100 * share:.1f} ± {100 * BAND_95 * std:.1f}"
 
 

@@ -18,7 +18,7 @@ from ohmward.runs import runs
 #: More spans than this would be a grey wall; the longest are drawn.
 MOST_SPANS = 300
 
-#: Half width of a band of logarithms that is drawn at most; wider says nothing.
+#: Largest half width drawn of a band of logarithms; a wider one carries no information.
 _WIDEST_LOGARITHM = 10.0
 
 
@@ -27,7 +27,7 @@ class Timed(Protocol):
 
     @property
     def time_s(self) -> np.ndarray:
-        """(T,) of its samples."""
+        """(T,) time of its samples."""
         ...
 
 

@@ -34,15 +34,15 @@ def plot(result: Any, *others: Any, truth: Any = None) -> Plot | Map:
     >>> runs = [ow.SocEstimator(battery, filter=name).run(log) for name in ("gsf", "coulomb")]
     >>> ow.plot(*runs, truth=log.column("soc_true")).save("soc.svg")
 
-    A notebook shows it, `plot(result).save("figure.html")` writes it: as a page that can be zoomed (.html), or as a
-    picture (.svg, .pdf, .png).
+    A notebook shows them, `plot(result).save("figure.html")` writes them: as a zoomable page (.html) or as a picture
+    (.svg, .pdf, .png).
 
     result: a log, a battery or a run.
     others: further runs over the same log, by the same kind of estimator, drawn beside the first.
-    truth: (T,) what was estimated, in its unit: SoC in [0, 1], speed in m/s.
+    truth: (T,) true values of the estimated quantity, in its unit: SoC in [0, 1], speed in m/s.
 
     Raises:
-        InputError: something else, runs of other kinds or lengths, or a truth of another length.
+        InputError: any other object, runs of different kinds or lengths, or a truth of another length.
     """
     runs = [result, *others]
     known = None if truth is None else as_numbers("truth", truth)
@@ -55,7 +55,7 @@ def plot(result: Any, *others: Any, truth: Any = None) -> Plot | Map:
 
 
 def _plot(result: Any) -> Plot | Map:
-    """A result alone."""
+    """Figures of a single result."""
     match result:
         case Log():
             return Plot(result.name, _log_figures(result))
@@ -113,7 +113,7 @@ def _named(runs: Sequence[Any]) -> dict[str, Any]:
 
 
 def range_figures(run: RangeRun) -> list[Figure]:
-    """Range left with its band from P10 to P90, and the probability of coming home where it was asked for."""
+    """Range left with its band from P10 to P90, and the probability of getting home where it was estimated."""
     p10, p50, p90 = (1e-3 * np.asarray(values) for values in run.distance_m)
     line, band = [Series(run.time_s, p50, "P50", role="estimate")], [Band(run.time_s, p10, p90, "P10 to P90")]
     figures = [Figure("Range left", TIME, "Range [km]", line, band, height_px=300)]

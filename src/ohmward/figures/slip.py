@@ -22,7 +22,7 @@ from ohmward.traction.speed_observer.estimator import SlipRun
 from ohmward.traction.terrain.floor import Floor, slip_belief, slip_scale
 from ohmward.traction.terrain.slip_on_floors import FloorRun
 
-#: Flags that are drawn over the speed, and what they mean for the eye.
+#: Flags that are drawn over the speed, and the meaning of their colours.
 FLAG_MEANINGS: Mapping[SampleFlag, Meaning] = {
     SlipFlag.STANDSTILL: "background",
     SlipFlag.SPEED_UNOBSERVED: "comparison",
@@ -79,7 +79,7 @@ def wheels_figure(log: DriveLog, wheels: Sequence[str] = ()) -> Figure:
 
 
 def speed_figure(run: SlipRun, rolled_m_s: np.ndarray | None = None, truth_m_s: np.ndarray | None = None) -> Figure:
-    """Speed of the body with its band and what happened.
+    """Speed of the body with its band and its flags.
 
     rolled_m_s: (T,) speed that the wheels alone would show.  truth_m_s: (T,).
     """
@@ -103,7 +103,7 @@ def slip_figure(run: SlipRun, k: int, wheel: str, truth_m_s: np.ndarray | None =
 
 
 def friction_figure(run: SlipRun) -> Figure:
-    """Friction over that of the believed terrain; its standard deviation is a relative one."""
+    """Friction relative to the assumed terrain; its standard deviation is relative too."""
     share, std = 100 * run.friction_ratio[:, 0], run.friction_std[:, 0]
     band = Band(run.time_s, share * np.exp(-BAND_95 * std), share * np.exp(BAND_95 * std), "95 % band")
     series = [Series(run.time_s, share, "estimate", role="estimate")]
@@ -138,7 +138,7 @@ def path_map(run: OdometryRun) -> Map:
 
 
 def ellipse(cov: np.ndarray, x_m: float, y_m: float) -> np.ndarray:
-    """Outline (2, POINTS) that holds 95 % of a position; cov: its covariance, and whatever follows."""
+    """Outline (2, POINTS) that holds 95 % of a position; cov: its covariance, or of a state that begins with it."""
     angle = np.linspace(0.0, 2 * np.pi, POINTS)
     values, vectors = np.linalg.eigh(cov[:2, :2])
     axes = vectors * np.sqrt(np.maximum(values, 0.0)) * ELLIPSE_95
@@ -181,7 +181,7 @@ def calibration_figure(found: Calibration) -> Figure:
 
 
 def law_figure(found: Calibration, floor: Floor) -> Figure:
-    """Slip over force of the wheels, as at the middle speed in their rolling direction, and the law with its band."""
+    """Slip against force of the wheels, scaled to the middle speed in rolling direction, and the law with its band."""
     p = points(cut(found.drives, found.robot), found.robot)
     slip = p.slip_ratio / slip_scale(floor, p.along, p.across, p.travel_m_s).factor
     most = float(np.abs(p.force_share).max())

@@ -1,6 +1,6 @@
-"""Kalman filters on any model; they know no domain.
+"""Kalman filters for any model, independent of the application.
 
-Pure functions on NumPy arrays. Every one also runs on object arrays of traced scalars, so a whole step can be traced
+Pure functions on NumPy arrays. Each also runs on object arrays of traced scalars, so a whole step can be traced
 and compiled. `kalman`, `extended` and `unscented` each have `predict` and `update`; `adaptive` learns the noise.
 """
 

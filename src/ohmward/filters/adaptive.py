@@ -1,4 +1,4 @@
-"""Noise covariances learnt on the way: covariance matching (AEKF, AUKF), [T] 3.49-3.50 with the missing 1/L restored.
+"""Noise covariances learnt online: covariance matching (AEKF, AUKF), [T] 3.49-3.50 with the missing 1/L restored.
 
     C_k = mean of e e'                               e_k = y_k - y_k|k-1, innovation
     Q_k = K_k C_k K_k' + Q_floor
@@ -6,17 +6,17 @@
 
 Its limits:
 
-- Q_k has no more rank than y has elements: without the floor the covariance of states that the output hardly shows
-  collapses, and the filter becomes wrong with confidence. The floors are part of the model: the variance of the random
-  walk of each state in one step, and that of the sensor's resolution alone.
-- Matching both at once finds the size of the noise, not the ratio of Q to R: put S = C_k into the formulas, and every
-  gain K reproduces itself. NIS comes out right, but the gain stays where the first samples left it. Where one of
-  the two is known, match the other alone (`match_Q`, `match_R`): then it is found.
+- The rank of Q_k is at most the number of elements of y: without the floor the covariance of weakly observable states
+  collapses, and the filter becomes overconfident. The floors are part of the model: the variance of the random walk of
+  each state in one step, and that of the sensor's resolution alone.
+- Matching both at once finds the size of the noise, not the ratio of Q to R: with S = C_k in the formulas, every gain K
+  reproduces itself. NIS comes out right, but the gain stays where the first samples left it. Where one of the two is
+  known, match the other alone (`match_Q`, `match_R`): then it is identified.
 
-[T] means over a ring of the last L = 100 samples. Here the mean is recursive: over all samples while there are fewer
-than L, then with exponential forgetting 1/L. The newest sample weighs 1/L in both (the mean scatters as that of a ring
-of 2 L - 1), but a ring would put m (m + 1) L numbers into every state that is stored, exported to a controller or kept
-per robot. `windowed_moments` is the ring, to compare.
+[T] averages over a ring buffer of the last L = 100 samples. Here the mean is recursive: over all samples while there
+are fewer than L, then with exponential forgetting 1/L. The newest sample weighs 1/L in both (the mean scatters like
+that of a ring of 2 L - 1), but a ring would put m (m + 1) L numbers into every state that is stored, exported to a
+controller or kept per robot. `windowed_moments` is the ring, for comparison.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class NoiseEstimate(NamedTuple):
 
 
 class AdaptiveState(NamedTuple):
-    """All that an adaptive filter carries from step to step."""
+    """Everything that an adaptive filter carries from step to step."""
 
     belief: Belief  #: of the state
     Q: np.ndarray  #: (n, n), process noise for the next step
@@ -73,8 +73,8 @@ class Matching:
     Q_floor: np.ndarray
     R_floor: np.ndarray  #: (m, m), unit of the output squared. All of R without `match_R`.
     window: float = 100.0  #: effective number of samples in the means, >= 1; [T] takes 100
-    #: largest NIS of a measurement that is used; infinity skips only missing ones; None trusts every one, and then a
-    #: single NaN ends the filter
+    #: largest NIS of a measurement that is used; infinity skips only missing ones; None uses every one, and then a
+    #: single NaN destroys the state
     gate: float | None = None
     #: which covariance is matched
     match_Q: bool = True
@@ -88,7 +88,7 @@ class Matching:
 
 
 def init(belief: Belief, Q: np.ndarray, R: np.ndarray) -> AdaptiveState:
-    """State before the first sample: the noise Q (n, n), R (m, m) is that of the first step."""
+    """State before the first sample, with the noise Q (n, n), R (m, m) of the first step."""
     n, m = len(belief.mean), len(R)
     require_shape("Q", Q, (n, n))
     require_shape("R", R, (m, m))
@@ -179,7 +179,7 @@ def remember(noise: NoiseEstimate, innovation: np.ndarray, residual: np.ndarray,
 
 
 def match(noise: NoiseEstimate, K: np.ndarray, P_yy: np.ndarray, matching: Matching) -> tuple[np.ndarray, np.ndarray]:
-    """Q (n, n) and R (m, m) for the next step, from the gain K (n, m) and the output covariance P_yy (m, m) after."""
+    """Q (n, n) and R (m, m) for the next step, from the gain K (n, m) and the covariance P_yy (m, m) of h(x_k|k)."""
     n, m = K.shape
     require_shape("matching.Q_floor", matching.Q_floor, (n, n))
     require_shape("matching.R_floor", matching.R_floor, (m, m))
@@ -192,7 +192,7 @@ def match(noise: NoiseEstimate, K: np.ndarray, P_yy: np.ndarray, matching: Match
 
 
 def windowed_moments(values: np.ndarray, window: int) -> np.ndarray:
-    """Mean of e e' over the last `window` samples at each of T times, [T]'s ring, for comparison offline.
+    """Mean of e e' over the last `window` samples at each of T times, the ring of [T], for comparison offline.
 
     values: (T, m), innovations or residuals.  Returns: (T, m, m); the first window - 1 are means over fewer.
     """
@@ -208,7 +208,7 @@ def _matched(
     P_yy: np.ndarray,
     matching: Matching,
 ) -> tuple[AdaptiveState, Innovation]:
-    """The state after a correction with its noise matched, or, where the gate closes, after the prediction alone."""
+    """State after a correction with the noise matched; where the gate rejects it, after the prediction alone."""
     posterior, innovation, K = correction
     noise = remember(state.noise, innovation.value, residual, matching.window)
     Q, R = match(noise, K, P_yy, matching)

@@ -38,7 +38,7 @@ class Innovation(NamedTuple):
 
 
 class Correction(NamedTuple):
-    """An update with everything that it computed."""
+    """An update with all that it computed."""
 
     belief: Belief  #: after the measurement
     innovation: Innovation  #: nu and S
@@ -75,8 +75,8 @@ def log_likelihood(innovation: Innovation) -> float:
 def is_healthy(belief: Belief) -> float:
     """1.0 when the mean is finite and the covariance positive semidefinite up to rounding, else 0.0.
 
-    A filter that is not healthy no longer knows anything: start it again from a new belief. Inside a traced step the
-    factor that this needs is the one of the next sigma points, so asking costs next to nothing.
+    A filter that is not healthy has lost its state: restart it from a new belief. Inside a traced step the factor
+    needed here is the one of the next sigma points, so the check costs next to nothing.
     """
     _, ok = cholesky(belief.cov)
     for element in belief.mean:

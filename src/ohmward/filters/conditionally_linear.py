@@ -1,4 +1,4 @@
-"""The unscented update of an output that is linear but for the first k states: y = g(x_1 ... x_k) + H x + v.
+"""The unscented update of an output that is linear except in the first k states: y = g(x_1 ... x_k) + H x + v.
 
 The Cholesky factor is triangular, so the sigma points along all other states share the first k with the mean: g needs
 2 k + 1 points, not 2 n + 1. With L the factor of the first k states, d and s (m, k) the differences g+ - g- and
@@ -7,8 +7,8 @@ the second differences g+ + g- - 2 g_0 of the pairs, and b the sum of s over 2 c
     H_eff = H + d (2 sqrt(c) L)^-1,   R_eff = R + s s' / (4 c) + (beta - alpha^2) b b',
 
 and the update is that of the Kalman filter with these two (statistical linearisation, Gelb 1974, 6.2): belief,
-innovation and gain of `unscented.correct` on the same output, to rounding. The term with b holds what the central point
-and all points with g_0 have of the covariance.
+innovation and gain of `unscented.correct` on the same output, to rounding. The term with b is the contribution of the
+central point and all points with g_0 to the covariance.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def correct(
         g: (m,) of the first k states (k,).
         H: (m, n) of all states.
         R: (m, m) covariance of the measurement noise; zero is allowed.
-        k: number of states that g looks at, the first ones.
+        k: number of states that g depends on, the first ones.
         used: a condition; where it is false the belief stays as it is, with a gain of zero.
         scaling: of the sigma points of all n states.
 

@@ -1,6 +1,6 @@
-"""Is the claimed uncertainty the true one? NEES, NIS and whiteness; Bar-Shalom, Li and Kirubarajan 2001, section 5.4.
+"""Tests of the claimed uncertainty: NEES, NIS and whiteness; Bar-Shalom, Li and Kirubarajan 2001, section 5.4.
 
-Offline: the quantiles come from SciPy, which is imported when they are asked for.
+Offline: the quantiles come from SciPy, which is imported when they are needed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Verdict(NamedTuple):
     """A mean chi-square statistic against its two-sided bounds; no units."""
 
     mean: float  #: of NEES or NIS over times or runs
-    #: bounds that a consistent filter's mean keeps with the given probability
+    #: bounds that contain a consistent filter's mean with the given probability
     lower: float
     upper: float
 
@@ -47,7 +47,7 @@ class Verdict(NamedTuple):
 
 
 class Whiteness(NamedTuple):
-    """Are successive innovations uncorrelated?"""
+    """Test for correlation between successive innovations."""
 
     autocorrelation: np.ndarray  #: (max_lag, m), of each innovation at lags 1 ... max_lag, in [-1, 1].
     bound: float  #: |autocorrelation| of white noise stays below it with the given probability, lag by lag
@@ -99,7 +99,7 @@ def mean_bounds(dof: int, count: int, probability: float = 0.95) -> tuple[float,
 
 
 def gate_threshold(m: int, probability: float = 0.999) -> float:
-    """NIS below which a true measurement of m elements lies with this probability."""
+    """NIS that a valid measurement of m elements stays below with this probability."""
     chi2 = require("scipy.stats", "a chi-square test").chi2
 
     _require_probability(probability)
@@ -109,7 +109,7 @@ def gate_threshold(m: int, probability: float = 0.999) -> float:
 def whiteness(innovations: np.ndarray, max_lag: int = 20, probability: float = 0.95) -> Whiteness:
     """Autocorrelation of the innovations about zero, with the Ljung-Box test over all lags.
 
-    About zero, not about their mean: a constant bias is a correlation that has to show.
+    About zero, not about their mean: a constant bias is a correlation that must show up.
 
     innovations: (T, m), best divided by their standard deviations.
 

@@ -1,6 +1,6 @@
-"""The live shell of an estimator: its state, its clock and its compiled step; the same for charge, slip and terrain.
+"""The live shell of an estimator: its state, clock and compiled step; the same for charge, slip and terrain.
 
-An estimator proper is a frozen dataclass with pure `init` and `step`. The shell remembers the state between samples.
+The estimator itself is a frozen dataclass with pure `init` and `step`. The shell keeps the state between samples.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ Progress = Callable[[int, int], None]
 #: Measured values of wheels or motors, in their order; None or nan where there is none.
 PerWheel = Sequence[float | None] | np.ndarray
 
-#: A sample that is late by more than this is not late: the clock was set. So it was where so many in a row are late,
-#: each later than the one before.
+#: A sample earlier than the clock by more than this is not late: the clock was set. It was also set where this many
+#: samples in a row are late, each later than the one before.
 CLOCK_SET_S, CLOCK_SET_SAMPLES = 60.0, 5
 
-#: Compiled steps that are kept for further estimators, those used last; each takes some megabytes.
+#: Number of compiled steps kept for further estimators, those used last; each takes some megabytes.
 MOST_KERNELS = 8
 _KERNELS: dict[tuple[Any, ...], Kernel] = {}
 _KERNELS_LOCK = Lock()
@@ -43,9 +43,9 @@ E = TypeVar("E", bound=tuple[Any, ...])
 
 
 class LateSamples(NamedTuple):
-    """Samples in a row whose times are before that of the clock, each later than the one before."""
+    """Samples in a row that are earlier than the clock, each later than the one before."""
 
-    clock_s: float  #: the clock, which they leave
+    clock_s: float  #: the clock, which they leave unchanged
     time_s: float  #: of the last one
     in_a_row: int  #: their number
 
@@ -54,22 +54,22 @@ _NOT_LATE = LateSamples(math.nan, math.nan, 0)
 
 
 class LiveEstimator(ABC, Generic[S, E]):
-    """Base of the estimators for people; S is the record of a sample, E that of an estimate.
+    """Base of the stateful estimators; S is the record of a sample, E that of an estimate.
 
-    A running estimator can be copied and pickled, and the copy goes on to the bit.
+    A running estimator can be copied and pickled, and the copy continues bit for bit.
 
     Attributes:
-        settings: the estimator proper.
+        settings: the estimator itself.
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
         time_s: of the last sample; nan before the first.
         last: estimate after the last sample; None before the first.
     """
 
-    #: Kind of the flags of an estimate, which are its last field; one of them is RESTARTED.
+    #: Type of the flags of an estimate, which are its last field; one of them is RESTARTED.
     flag_type: ClassVar[type[SampleFlag]]
-    #: Places in an estimate of a quantity that is always known, and of its standard deviation.
+    #: Indices in an estimate of a quantity that is always known, and of its standard deviation.
     known: ClassVar[tuple[int, int]]
-    #: A longer step between two samples is a clock that was set [s].
+    #: Longest step between two samples [s]; a longer one means that the clock was set.
     longest_step_s: ClassVar[float]
 
     def __init__(self, settings: Any, lowering: str | None = None):
@@ -85,7 +85,7 @@ class LiveEstimator(ABC, Generic[S, E]):
 
     @classmethod
     def restore(cls, settings: Any, snapshot: Mapping[str, Any], **options: Any) -> Self:
-        """The estimator that goes on from a snapshot; settings, options: as those of the one that took it.
+        """The estimator that continues from a snapshot; settings, options: those of the estimator that took it.
 
         Raises:
             InputError: the snapshot is of another version, another estimator or other settings, or damaged.
@@ -101,11 +101,11 @@ class LiveEstimator(ABC, Generic[S, E]):
         return Kernel(self.settings.step, self.settings.init(nothing), nothing, lowering=self.lowering)
 
     def init(self, first: S) -> Any:
-        """State before the first sample, which it looks at."""
+        """State before the first sample, initialised from it."""
         return self.settings.init(first)
 
     def init_again(self, sample: S) -> Any:
-        """State before a sample after the last state was lost."""
+        """State to restart from before a sample, after the last state was lost."""
         return self.init(sample)
 
     def no_sample(self) -> S:
@@ -147,17 +147,17 @@ class LiveEstimator(ABC, Generic[S, E]):
     def step(self, sample: S) -> E:
         """Estimate after one live sample, for callers that have a record of it, with `dt_s` instead of a time.
 
-        The clock begins at 0, and stands where `dt_s` is no step in time. A bad sample is survived and flagged.
+        The clock begins at 0, and stops where `dt_s` is not a valid time step. A bad sample is flagged, not an error.
 
         Raises:
-            InputError: something else than numbers, or of another shape than this estimator was made for.
+            InputError: anything but numbers, or a sample of another shape than this estimator was made for.
         """
         before_s = 0.0 if math.isnan(self.time_s) else self.time_s
         dt_s = sample.dt_s  # type: ignore[attr-defined]
         return self._advance(sample, before_s + dt_s if is_step(dt_s, self.longest_step_s) else before_s)
 
     def snapshot(self) -> dict[str, Any]:
-        """The state as a dict for JSON; an estimator with the same settings that restores it goes on to the bit.
+        """The state as a dict for JSON; an estimator with the same settings continues from it bit for bit.
 
         Raises:
             InputError: there is no state before the first sample.
@@ -171,7 +171,7 @@ class LiveEstimator(ABC, Generic[S, E]):
     def _clock(self, time_s: float) -> float:
         """The clock after a sample at `time_s`.
 
-        A late one leaves it; one that is earlier by more than `CLOCK_SET_S` sets it, as does the last of
+        A late sample leaves it unchanged; one that is earlier by more than `CLOCK_SET_S` sets it, as does the last of
         `CLOCK_SET_SAMPLES` late ones that follow each other in time, and time goes on from there.
         """
         if not math.isfinite(time_s):
@@ -196,8 +196,8 @@ class LiveEstimator(ABC, Generic[S, E]):
             check(self.kernel.program.argument_structure, (self.state, sample))
             raise
         value, std = self.known
-        # To look at the state costs a tenth of a step. A filter whose belief is no number has no measurement inside its
-        # gate, and flags that; so it is enough to look where there is a flag.
+        # Checking the state costs a tenth of a step. A filter whose belief is not finite has no measurement inside its
+        # gate, and flags that; so it is enough to check where there is a flag.
         incident = first or estimate[-1] is not self._no_flags or not estimate[value] + estimate[std] < math.inf
         if incident and not live.is_finite():
             estimate = self._start_again(sample)
@@ -206,7 +206,7 @@ class LiveEstimator(ABC, Generic[S, E]):
         return estimate
 
     def _start_again(self, sample: Any) -> E:
-        """The estimate of a new start from this sample, after a state that is no longer a number."""
+        """Restart from this sample after the state was no longer finite; returns its estimate."""
         self.state = self.init_again(self._record(sample))
         estimate = self._wake(sample).step(sample)
         return estimate._replace(flags=estimate[-1] | self.flag_type["RESTARTED"])
@@ -227,7 +227,7 @@ class LiveEstimator(ABC, Generic[S, E]):
     def _scan(self, samples: S, first: S, end_s: float, progress: Progress | None) -> tuple[E, float]:
         """Estimates along samples (T, ...), and the seconds that they took; a new estimator starts from `first`.
 
-        A log in which the state is lost is done once more sample by sample, so that it starts again as it does live.
+        A log in which the state is lost is run again sample by sample, so that the estimator restarts as it does live.
         """
         began = time.perf_counter()
         if self.state is None:
@@ -258,16 +258,16 @@ class LiveEstimator(ABC, Generic[S, E]):
 
 
 def rows_of(samples: Any) -> Iterator[Any]:
-    """Each of the samples (T, ...), of which fields may be records themselves."""
+    """Each of the samples (T, ...), whose fields may be records themselves."""
     columns = (rows_of(values) if isinstance(values, tuple) else values for values in samples)
     return (type(samples)(*row) for row in zip(*columns, strict=True))
 
 
 def number(name: str, value: Any) -> float:
-    """A measured value as a float; None, for none, becomes nan.
+    """A measured value as a float; None, for a missing one, becomes nan.
 
     Raises:
-        InputError: it is something else.
+        InputError: it is not a number.
     """
     if type(value) is float:
         return value
@@ -282,10 +282,10 @@ def number(name: str, value: Any) -> float:
 
 
 def numbers(name: str, values: Any, *counts: int) -> np.ndarray:
-    """Measured values as an array of the first count; None is missing, and so are all beyond the last one given.
+    """Measured values as an array of length `counts[0]`; None is missing, and so are all beyond the last one given.
 
     Raises:
-        InputError: something else than numbers, or of another count than those allowed.
+        InputError: anything but numbers, or a length that is not one of `counts`.
     """
     given = np.full(counts[-1], math.nan) if values is None else np.asarray(values)
     if given.ndim != 1 or len(given) not in counts:

@@ -42,7 +42,7 @@ def update(belief: Belief, y: np.ndarray, h: Function, R: np.ndarray, iterations
             iteration ended (Gauss-Newton on the posterior, Bell and Cathey 1993).
 
     Returns:
-        The belief after, and the innovation at the mean before, whatever `iterations`.
+        The posterior, and the innovation at the prior mean, whatever `iterations`.
 
     Raises:
         InputError: y, h(x) or R do not fit each other, or `iterations` < 1.

@@ -1,4 +1,4 @@
-"""Flags of a sample: one number from conditions, names for people, and how often each occurred along a log."""
+"""Flags of a sample: combined into one number, printed by name, and counted along a log."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from ohmward.trace import where
 from ohmward.trace.expression import Scalar
 
-#: Flags are counted so many samples at a time: a log of ten million would take more memory for it than for all else.
+#: Number of samples whose flags are counted at a time: all of a log of ten million would take most of the memory.
 _FLAGS_AT_ONCE = 1 << 20
 
 

@@ -1,11 +1,10 @@
 """Innovation gate, and the reset after a time-out: one policy for every filter, without a branch.
 
 - A measurement that is missing, or whose NIS exceeds `gate`, is not used: the prediction stands (`passes`, `choose`).
-- `rejected_s` is the time for which measurements have been rejected without one in between that passed
-  (`time_rejected`).
-- Where it exceeds `reset_after_s` the filter has `diverged`: not the measurements are wrong then, the filter is. It
-  admits that it does not know: it inflates a variance (`inflate`), uses the measurement all the same, or distrusts the
-  sensor. Which of these is the filter's own choice; the gate, the timer and their names are the same everywhere.
+- `rejected_s` is the time for which all measurements have been rejected (`time_rejected`).
+- Where it exceeds `reset_after_s` the filter has `diverged`: the filter is wrong then, not the measurements. It
+  inflates a variance (`inflate`), uses the measurement all the same, or distrusts the sensor. Which of these is up to
+  each filter; the gate, the timer and their names are the same everywhere.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ def gate(
 def passes(innovation: Innovation, threshold: float = math.inf) -> Condition:
     """True where the NIS is at most the threshold; false for a measurement that is not a number or infinite."""
     within = nis(innovation) <= threshold
-    return within if threshold < math.inf else within & _is_there(innovation)  # only inf <= inf needs the second look
+    return within if threshold < math.inf else within & _is_there(innovation)  # only inf <= inf needs the second check
 
 
 def correct_gated(
@@ -88,15 +87,15 @@ def require_gate(gate: float, reset_after_s: float) -> None:
 def time_rejected(
     rejected_s: Scalar, dt_s: Scalar, rejected: Scalar, measured: Scalar = True, sparse: bool = False
 ) -> Scalar:
-    """Time [s] for which measurements have been rejected without one in between that passed, this step included.
+    """Time [s] for which all measurements have been rejected, this step included.
 
     Args:
         rejected_s: the same before this step; 0 at the start.
         dt_s: step [s], >= 0.
-        rejected: the condition that the measurement is outside its gate; not looked at where there is none.
+        rejected: the condition that the measurement is outside its gate; ignored where there is no measurement.
         measured: the condition that there is a measurement.
-        sparse: the sensor is slower than the samples. Between two of its measurements the time then goes on; that of
-            other sensors stands still while there is no measurement, which neither confirms nor contradicts.
+        sparse: True for a sensor slower than the samples: the time then runs on between two of its measurements. For
+            other sensors it stops while there is no measurement, which neither confirms nor contradicts.
     """
     going_on_s = rejected_s + dt_s
     unmeasured_s = where(rejected_s > 0.0, going_on_s, 0.0) if sparse else rejected_s
@@ -104,19 +103,19 @@ def time_rejected(
 
 
 def inflate(belief: Belief, i: int, variance: Scalar) -> Belief:
-    """The belief with `variance` more of element i; one that is negative adds nothing."""
+    """The belief with `variance` added to element i; a negative one adds nothing."""
     extra = np.zeros_like(belief.cov)
     extra[i, i] = maximum(variance, 0.0)
     return Belief(belief.mean, belief.cov + extra)
 
 
 def widen(belief: Belief, i: int, variance: Scalar) -> Belief:
-    """The belief with a variance of element i that is at least this one."""
+    """The belief with the variance of element i raised to at least this one."""
     return inflate(belief, i, variance - belief.cov[i, i])
 
 
 def restarted_at(belief: Belief, i: int, mean: Scalar, variance: Scalar) -> Belief:
-    """The belief with another mean and variance of element i, independent of all else."""
+    """The belief with a new mean and variance of element i, independent of all others."""
     means, cov = belief.mean.copy(), belief.cov.copy()
     means[i], cov[i, :], cov[:, i] = mean, 0.0, 0.0
     cov[i, i] = variance
@@ -141,5 +140,5 @@ def choose(condition: Scalar, a: Any, b: Any) -> Any:
 
 
 def _is_there(innovation: Innovation) -> Condition:
-    """True where every element is finite: a sum is not as soon as one of its terms is not."""
+    """True where every element is finite: a sum is finite only if all its terms are."""
     return isfinite(sum(innovation.value))

@@ -1,4 +1,4 @@
-"""The Kalman filter: linear models. Kalman 1960; the covariance update in Joseph's form."""
+"""The Kalman filter for linear models (Kalman 1960), with the covariance update in Joseph's form."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ def update(
 def correct(
     belief: Belief, y: np.ndarray, H: np.ndarray, R: np.ndarray, y_hat: np.ndarray | None = None, used: Scalar = True
 ) -> Correction:
-    """`update`, with the gain too; a condition `used` that is false leaves the belief as it is, with a gain of zero.
+    """`update`, with the gain too; where the condition `used` is false the belief is unchanged and the gain zero.
 
-    Choosing the reciprocal of S is one choice, choosing between the belief before and after n (n + 3) / 2.
+    Choosing the reciprocal of S takes one choice, choosing between prior and posterior n (n + 3) / 2.
     """
     n, m = len(belief.mean), len(np.atleast_1d(y))
     require_shape("y", y, (m,))
@@ -74,7 +74,7 @@ def correct_state(belief: Belief, i: int, y: Scalar, variance: Scalar, used: Sca
 
     Args:
         belief: before the measurement.
-        i: which state.
+        i: index of the state.
         y: measured value, finite.
         variance: of the measurement noise.
         used: a condition; where it is false nothing changes.
@@ -102,9 +102,9 @@ def gain(C: np.ndarray, S: np.ndarray, used: Scalar = True) -> np.ndarray:
 def joseph(P: np.ndarray, K: np.ndarray, H: np.ndarray, R: np.ndarray) -> np.ndarray:
     """(I - K H) P (I - K H)' + K R K' (n, n), for any gain K; H: (m, n).
 
-    With M = P - K H P it is M - (M H' - K R) K', n^2 m products instead of n^3. As in the product of three, what
-    rounding does to M is multiplied by I - K H again: for an R far below H P H' the difference M has lost its digits,
-    and this has not.
+    With M = P - K H P it is M - (M H' - K R) K', n^2 m products instead of n^3. As in the product of three, the
+    rounding error of M is multiplied by I - K H again: for an R far below H P H' the difference M has lost its digits,
+    but this result has not.
     """
     M = P - K @ (H @ P)
     return mirror_lower(M - (M @ H.T - K @ R) @ K.T)

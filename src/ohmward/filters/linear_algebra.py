@@ -1,4 +1,4 @@
-"""Dense linear algebra on small matrices, in loops: NumPy's own refuses object arrays, which hold traced scalars.
+"""Dense linear algebra on small matrices, in loops: NumPy's routines reject object arrays, which hold traced scalars.
 
 Nothing here branches on data, so every function runs with floats and with traced scalars alike.
 """
@@ -21,11 +21,11 @@ TINY = 2.0**-126
 
 
 def cholesky(P: np.ndarray, pivot_floor: float = PIVOT_FLOOR, scale: float = 1.0) -> tuple[np.ndarray, float]:
-    """Lower factor L of scale^2 P = L L', guarded: a pivot below the floor is raised to it, and `ok` tells.
+    """Lower factor L of scale^2 P = L L', guarded: a pivot below the floor is raised to it, and `ok` reports it.
 
     Only the lower triangle of P is read; its structural zeros stay zeros in L. The elimination is that of P = U D U'
-    with ones on the diagonal of U, because its columns wait for a division each, not for a square root too: those
-    stand aside.
+    with ones on the diagonal of U, because each column then waits for one division only, not for a square root as
+    well.
 
     Args:
         P: (n, n) covariance.
@@ -55,14 +55,14 @@ def cholesky(P: np.ndarray, pivot_floor: float = PIVOT_FLOOR, scale: float = 1.0
 
 
 def _less_products(x: Scalar, a: np.ndarray, b: np.ndarray) -> Scalar:
-    """The difference x - a_1 b_1 - a_2 b_2 - ..., the newest last: then nothing else waits for it."""
+    """The difference x - a_1 b_1 - a_2 b_2 - ..., the newest product last, so that nothing else waits for it."""
     for first, second in zip(a, b, strict=True):
         x = x - first * second
     return x
 
 
 def solve_lower(L: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """X of L X = B by forward substitution; L: (n, n) lower triangle, B: (n,) or (n, k)."""
+    """Solve L X = B by forward substitution; L: (n, n) lower triangle, B: (n,) or (n, k)."""
     rows: list[Any] = []
     for i in range(len(L)):
         rows.append((B[i] - sum(L[i, j] * rows[j] for j in range(i))) / L[i, i])
@@ -70,17 +70,17 @@ def solve_lower(L: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 def solve_upper(U: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """X of U X = B by back substitution; U: (n, n) upper triangle, B: (n,) or (n, k)."""
+    """Solve U X = B by back substitution; U: (n, n) upper triangle, B: (n,) or (n, k)."""
     return solve_lower(U[::-1, ::-1], B[::-1])[::-1]
 
 
 def cho_solve(L: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """X of L L' X = B; L: (n, n) from `cholesky`, B: (n,) or (n, k)."""
+    """Solve L L' X = B; L: (n, n) from `cholesky`, B: (n,) or (n, k)."""
     return solve_upper(L.T, solve_lower(L, B))
 
 
 def solve_spd(S: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """X of S X = B for a covariance S (m, m) and B (m,) or (m, k); one guarded division when m = 1."""
+    """Solve S X = B for a covariance S (m, m) and B (m,) or (m, k); one guarded division when m = 1."""
     if len(S) == 1:
         return B * (1.0 / maximum(S[0, 0], TINY))
     return cho_solve(cholesky(S)[0], B)

@@ -21,13 +21,13 @@ E = TypeVar("E", bound=tuple[Any, ...])
 
 @dataclass(frozen=True, eq=False)
 class Run(RichDisplay, Generic[E]):
-    """An estimator's answer to a whole log; the fields of the estimates are attributes too: `run.soc`."""
+    """Estimates along a whole log; their fields are attributes of the run too: `run.soc`."""
 
     time_s: np.ndarray  #: (T,) the log's
     estimates: E  #: every field with time in front: (T,), or (T, wheels)
     seconds: float  #: computing time, compilation included
 
-    #: Meaning of the flags.
+    #: Type of the flags.
     flag_type: ClassVar[type[IntFlag]]
 
     def __getattr__(self, name: str) -> Any:

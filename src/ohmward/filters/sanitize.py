@@ -1,9 +1,9 @@
-"""Sanitise a sample: one way to replace what a sensor or a clock cannot have shown, so that no filter sees it.
+"""Sanitise a sample: one way to replace impossible values of a sensor or a clock, so that no filter sees them.
 
-A value is credible where it is finite and within what its sensor and the thing it measures can show. Where it is not,
-the last credible one is held, and fades where nothing says that it lasts. A step of time is credible between zero and a
-longest one; of a step longer than a gap nothing is known but that it has passed. Nothing here raises or branches, and
-every replacement is a condition, from which `flags_of` makes flags.
+A value is credible where it is finite and within the range of its sensor and of the measured quantity. Where it is not,
+the last credible one is held, and decays where it cannot be assumed to last. A time step is credible between zero and a
+longest one; of a step longer than a gap nothing is known but its duration. Nothing here raises or branches, and every
+replacement has its condition, from which `flags_of` makes flags.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ class CleanStep(NamedTuple):
     """Time between two samples."""
 
     dt_s: Scalar  #: step [s], >= 0; 0 where it is not credible
-    credible: Condition  #: the condition that the clock can have shown it
+    credible: Condition  #: the condition that a running clock can produce it
     gap: Condition  #: the condition that it is longer than a gap: nothing is known of that time
 
 
 def sanitize_step(dt_s: Scalar, longest_s: float, gap_s: float) -> CleanStep:
-    """The step of time between two samples, 0 where no clock that runs can have shown it.
+    """The time step between two samples, 0 where no running clock can produce it.
 
     longest_s: a longer step is a clock that was set, not a time that passed.
-    gap_s: length of a step that is still short enough for the samples at its ends to describe it.
+    gap_s: longest step that the samples at its ends still describe.
     """
     credible = is_step(dt_s, longest_s)
     clean_s = where(credible, dt_s, 0.0)
@@ -38,7 +38,7 @@ def sanitize_step(dt_s: Scalar, longest_s: float, gap_s: float) -> CleanStep:
 
 
 def is_step(dt_s: Scalar, longest_s: float) -> Condition:
-    """True where this time [s] can lie between two samples; false where it is no number.
+    """True where this time [s] can lie between two samples; false for nan.
 
     longest_s: infinity where no step is too long.
     """
@@ -59,7 +59,7 @@ def hold(value: Scalar, credible: Scalar, last: Scalar, dt_s: Scalar = 0.0, fade
     """The value where it is credible, else the last credible one.
 
     dt_s: step since then [s].
-    fade_s: time in which the last one fades to a share of 1/e; None where it lasts.
+    fade_s: time constant with which the last one decays [s]; None where it is held.
     """
     return where(credible, value, last if fade_s is None else last * exp(-dt_s / fade_s))
 
@@ -70,5 +70,5 @@ def every(conditions: Iterable[Any]) -> Condition:
 
 
 def some(conditions: Iterable[Any]) -> Condition:
-    """True where one condition holds at least; there must be one."""
+    """True where at least one condition holds; there must be one."""
     return reduce(or_, conditions)

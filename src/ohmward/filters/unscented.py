@@ -1,22 +1,22 @@
-"""The unscented Kalman filter: the textbook's text, and the same in the form that is compiled.
+"""The unscented Kalman filter: the textbook algorithm, and the same in the form that is compiled.
 
 Two variants go by this name and give different numbers:
 
 - `predict` and `update` draw new sigma points from the predicted belief for the output, as van der Merwe's thesis,
   FilterPy and Stone Soup do. Predictions and updates may come in any order and number.
-- `step_reusing_points` sends the propagated points on through the output function, as [T] 3.31-3.48 does. One
-  factorisation less, but the output's spread lacks the process noise of this step, and the covariance is the plain
+- `step_reusing_points` sends the propagated points on through the output function, as [T] 3.31-3.48 does. This saves
+  one factorisation, but the output's spread lacks the process noise of this step, and the covariance is the plain
   difference P - K C'.
 
-`textbook_step` has both as they are printed: points, weights, weighted sums. Everything below it computes the same in
-pairs of points, mean +- sqrt(c) l_k with l_k the columns of the Cholesky factor and c = N + chi. Their images Y+ and Y-
+`textbook_step` has both as printed: points, weights, weighted sums. Everything below it computes the same in pairs of
+points, mean +- sqrt(c) l_k with l_k the columns of the Cholesky factor and c = N + chi. Their images Y+ and Y-
 enter through differences and sums,
 
     d_k = Y+ - Y-,   s_k = Y+ + Y- - 2 y_hat,   s_0 = sqrt(4 c W0c) (Y_0 - y_hat),
 
 because the weighted sum of the covariance is then a plain product, (d d' + s s') / (4 c), that cannot be indefinite.
-Where the image of every sigma point repeats one element of the point itself (a parameter that the model keeps; an
-output that is a state), its mean and covariance are known exactly and taken from the belief, not summed.
+Where the image of every sigma point repeats one element of the point itself (a constant parameter; an output that is a
+state), its mean and covariance are known exactly and taken from the belief, not summed.
 """
 
 from __future__ import annotations
@@ -77,8 +77,8 @@ def textbook_step(
 ) -> tuple[Belief, Innovation]:
     """Predict through f and correct with y = h(x) + v: [T] 3.31-3.48 with its misprints corrected; the reference.
 
-    It gives the numbers of `step_reusing_points`, and with `redraw` those of `predict` and then `update`, to rounding;
-    arguments are theirs.
+    It gives the numbers of `step_reusing_points`, and with `redraw` those of `predict` and then `update`, to rounding,
+    and takes their arguments.
     """
     w_mean, w_cov = sigma_weights(len(belief.mean), scaling)
     X = np.array([f(x) for x in sigma_points(belief, scaling)])  # (2 n + 1, n)
@@ -123,10 +123,10 @@ class PropagatedPairs(NamedTuple):
     """Sigma points after a function."""
 
     mean: np.ndarray  #: (m,), y_hat
-    differences: np.ndarray  #: (m, n), d_k of the pairs; half of them for an element that repeats a state, its offsets
+    differences: np.ndarray  #: (m, n), d_k of the pairs; for an element that repeats a state half of that, its offsets
     difference_unit: np.ndarray  #: (m,), factor of these, 2 for an element that repeats a state, else 1
     sums: np.ndarray  #: (m, n + 1), s_k of the pairs and s_0 of the central point
-    #: for each of m elements the index of the state that it is at every sigma point, or None
+    #: for each of m elements the index of the state that it repeats at every sigma point, or None
     repeated_state: tuple[int | None, ...]
     weights: PairWeights  #: of the points
 
@@ -314,7 +314,7 @@ def _exact_where(repeated: tuple[int | None, ...], exact: np.ndarray, summed: np
 
 
 def _same(a: object, b: object) -> bool:
-    """True for the same traced scalar or equal numbers; to compare traced scalars by value would branch on data."""
+    """True for the same traced scalar or equal numbers; comparing traced scalars by value would branch on data."""
     return a is b or (isinstance(a, float) and isinstance(b, float) and a == b)
 
 

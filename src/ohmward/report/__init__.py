@@ -1,4 +1,4 @@
-"""Plots and the self-contained HTML report: building blocks that know no domain."""
+"""Plots and the self-contained HTML report: building blocks for any subject."""
 
 from ohmward.report.axis import WallClock
 from ohmward.report.drawing import Plot

@@ -16,12 +16,12 @@ class WallClock(NamedTuple):
     """Clock of a log with dates."""
 
     start_unix_s: float  #: Unix time [s] of x = 0
-    #: name in the IANA database, to show the time in; "" where the log names none: its dates are shown
+    #: IANA name of the time zone to show; "" where the log names none, and its own dates are shown
     time_zone: str = "UTC"
 
 
 class XAxis(NamedTuple):
-    """X axis: its label, its extent in its own unit, and that unit in the unit of the data."""
+    """X axis: its label, its extent in its own unit, and the size of that unit in the unit of the data."""
 
     label: str
     low: float
@@ -32,7 +32,7 @@ class XAxis(NamedTuple):
     time_zone: str | None = None  #: of a wall clock, None for every other axis
 
     def place(self, x: Any) -> Any:
-        """Places of the data, a number or an array, on the axis."""
+        """Positions on the axis of the data, a number or an array."""
         return x / self.unit + self.start
 
 
@@ -88,7 +88,7 @@ def linear_ticks(low: float, high: float, intervals: int = 6) -> np.ndarray:
 
 
 def log_ticks(low: float, high: float) -> np.ndarray:
-    """Powers of ten within [low, high], 0 < low < high; with fewer than two of them, 2 and 5 times them too."""
+    """Powers of ten within [low, high], 0 < low < high; if there are fewer than two, 2 and 5 times them as well."""
     exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     for multiples in ((1,), (1, 2, 5)):
         ticks = [m * 10.0**e for e in exponents for m in multiples if low <= m * 10.0**e <= high]
@@ -124,7 +124,7 @@ def decimals(resolution: float) -> int:
 def value_decimals(values: np.ndarray, digits: int = 4) -> int:
     """Decimals that show `digits` digits of the central 98 % of the variation of the values (n,), NaN left out.
 
-    Of a constant, decimals that show `digits` digits of itself; a lone spike does not coarsen the rest.
+    For a constant, decimals that show `digits` digits of its value; a lone spike does not coarsen the rest.
     """
     finite = values[np.isfinite(values)]
     if finite.size == 0:

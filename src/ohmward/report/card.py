@@ -11,9 +11,9 @@ import numpy as np
 from ohmward.report.figure import MEANING, SHADES, Band, Figure, Series, colours, envelope, m4
 from ohmward.report.map import Line, Map
 
-#: Size of the picture [px], and the columns in which its lines are looked at.
+#: Size of the picture [px], and the number of columns for thinning its lines.
 _WIDTH, _HEIGHT, _COLUMNS = 320.0, 90.0, 320
-#: Extent of a path that does not move in a direction.
+#: Extent assumed for a path in a direction in which it does not move.
 _LEAST_EXTENT: Final = 1e-9
 _CARD: Final = "display:inline-flex;gap:24px;align-items:center;font-size:13px;line-height:1.5"
 _NAME: Final = "font-size:13px;text-align:left;padding:0 12px 0 0;font-weight:normal;opacity:.7"
@@ -21,10 +21,10 @@ _VALUE: Final = "font-size:13px;text-align:left;padding:0"
 
 
 def card(title: str, facts: Mapping[str, str], figure: Figure | Map | None = None) -> str:
-    """HTML of its own style, readable on a light and on a dark background.
+    """HTML with its own style, readable on light and dark backgrounds.
 
     facts: name and value, a row each; those without a value are left out.
-    figure: its left axis is drawn; of a map its last line.
+    figure: its left axis is drawn; for a map, the last line.
     """
     rows = "".join(
         f'<tr><th style="{_NAME}">{escape(name)}</th><td style="{_VALUE}">{escape(value)}</td></tr>'
@@ -44,7 +44,7 @@ def _svg(figure: Figure | Map) -> str:
 
 
 def _path(line: Line) -> str:
-    """A line from above at one scale."""
+    """A line in plan view, at one scale."""
     points = np.column_stack([line.x, line.y]).astype(float)
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 2:
@@ -97,7 +97,7 @@ def _band(band: Band, corner: np.ndarray, scale: np.ndarray) -> str:
 
 
 def _places(x: np.ndarray, y: np.ndarray, corner: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Points (n, 2) of the picture, y downwards; what leaves it stays at its edge."""
+    """Points (n, 2) of the picture, y downwards and clipped at its edges."""
     points = (np.column_stack([x, y]) - corner) * scale
     points[:, 1] = _HEIGHT - np.clip(points[:, 1], 0.0, _HEIGHT)
     return points

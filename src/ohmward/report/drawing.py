@@ -21,11 +21,11 @@ from ohmward.report.page import Page
 
 #: Endings of the files that matplotlib writes.
 SUFFIXES: Final = (".svg", ".pdf", ".png")
-#: Width of a drawing, heights of its title with the axis below it, and of a pixel of a page [inch].
+#: Width of a drawing, height of a title and axis together, and size of a page's pixel [inch].
 _WIDTH_IN, _AROUND_IN, _PX_IN = 8.0, 0.55, 1 / 100
 #: Dots per inch of a PNG.
 _DPI = 150
-#: Columns and rows in which lines are looked at: more than a page in a journal shows.
+#: Columns and rows for thinning lines: more than a page in a journal shows.
 _COLUMNS, _ROWS = 1200, 800
 _STYLES: Final[Mapping[Style, Mapping[str, Any]]] = {
     "line": {"linewidth": 1.2},
@@ -36,7 +36,7 @@ _STYLES: Final[Mapping[Style, Mapping[str, Any]]] = {
 
 
 def of_figures(figures: Sequence[Figure], canvas: Any) -> Any:
-    """Axes above each other on one x axis; canvas: a new figure of matplotlib, which is returned."""
+    """Stacked axes on one x axis; canvas: a new figure of matplotlib, which is returned."""
     heights = [figure.height_px * _PX_IN for figure in figures]
     canvas.set_size_inches(_WIDTH_IN, sum(heights) + _AROUND_IN * len(figures))
     canvas.set_layout_engine("constrained")
@@ -49,14 +49,14 @@ def of_figures(figures: Sequence[Figure], canvas: Any) -> Any:
 
 
 def new_canvas() -> Any:
-    """A new figure that pyplot knows: a notebook shows it, and `pyplot.show()` does."""
+    """A new figure of pyplot, which a notebook or `pyplot.show()` shows."""
     return require("matplotlib.pyplot", "to_matplotlib").figure()
 
 
 def write(path: Path, draw: Any) -> None:
-    """Write a drawing; the file is either whole or not there.
+    """Write a drawing to a file, complete or not at all.
 
-    path: ends in one of `SUFFIXES`; draw: puts it on a new figure of matplotlib, which no window shows.
+    path: ends in one of `SUFFIXES`; draw: draws on a new figure of matplotlib, which no window shows.
 
     Raises:
         MissingPackageError: matplotlib is not installed.
@@ -101,7 +101,7 @@ def _draw(figure: Figure, ax: Any, x_axis: XAxis) -> None:
 
 
 def _one_of_each(spans: Sequence[Any]) -> list[Any]:
-    """The spans, of which the first of a label alone has it: the legend names it once."""
+    """The spans, with each label kept on its first span only, so that the legend names it once."""
     seen: set[str] = set()
     named = []
     for span in spans:
@@ -111,7 +111,7 @@ def _one_of_each(spans: Sequence[Any]) -> list[Any]:
 
 
 def add_legend(*axes: Any) -> None:
-    """A legend on the first of the axes, with what all of them show; none for a single line."""
+    """A legend on the first of the axes with the entries of all; none for a single entry."""
     entries: dict[str, Any] = {}
     for ax in axes:
         if ax is not None:
@@ -125,12 +125,12 @@ def _colour(name: str) -> str:
     return SHADES[name].light
 
 
-#: Height of a title with its legend, and of what stands above the first figure [px].
+#: Height of a title with its legend, and of the header above the first figure [px].
 _LEGEND_PX, _HEADER_PX = 75, 130
 
 
 class Drawing(ABC):
-    """Something that a notebook shows and `save` writes."""
+    """Base of drawings that a notebook shows and `save` writes."""
 
     @abstractmethod
     def page(self) -> Page:
@@ -138,7 +138,7 @@ class Drawing(ABC):
 
     @abstractmethod
     def draw(self, canvas: Any) -> Any:
-        """Put it on a new figure of matplotlib, which is returned."""
+        """Draw on a new figure of matplotlib, which is returned."""
 
     @property
     @abstractmethod
@@ -158,10 +158,10 @@ class Drawing(ABC):
         return self.draw(new_canvas())
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write it as a page that can be zoomed (.html), or as a picture (.svg, .pdf, .png); whole or not at all.
+        """Write a zoomable page (.html) or a picture (.svg, .pdf, .png), complete or not at all.
 
         Raises:
-            InputError: another ending.
+            InputError: another file extension.
             MissingPackageError: a picture without matplotlib.
             OhmwardError: the file cannot be written.
         """
@@ -190,7 +190,7 @@ class Plot(Drawing):
         return Page(self.title).plot(*self.figures)
 
     def draw(self, canvas: Any) -> Any:
-        """The figures above each other on a figure of matplotlib."""
+        """Draw the figures stacked on a figure of matplotlib."""
         return of_figures(self.figures, canvas)
 
     @property

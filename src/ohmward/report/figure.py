@@ -1,4 +1,4 @@
-"""A figure: panels with curves, bands and marks, in its colours; its curves thinned to what a screen shows."""
+"""A figure: curves, bands and marks with their colours; long curves are thinned to what a screen shows."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Shade(NamedTuple):
     dark: str
 
 
-# Hues after Okabe and Ito, "Color Universal Design" (2008): told apart with every common colour blindness.
+# Hues after Okabe and Ito, "Color Universal Design" (2008): distinct with every common colour blindness.
 SHADES: Final[dict[str, Shade]] = {
     "blue": Shade("#0072b2", "#56a9e8"),
     "orange": Shade("#d55e00", "#ff9a57"),
@@ -79,10 +79,10 @@ _COLUMNS_AT_ONCE: Final = 20_000
 
 
 def m4(x: np.ndarray, y: np.ndarray, columns: int) -> np.ndarray:
-    """Indices (k,) of the samples to keep, ascending, k <= 5 columns.
+    """Indices (k,) of the samples to keep, ascending, k <= 5 * columns.
 
-    x: (n,) ascending; y: (n,), NaN is a gap: the first NaN of a column is visible too.
-    A series of at most 4 columns samples is taken whole.
+    x: (n,) ascending; y: (n,), NaN is a gap: the first NaN of a column is kept too.
+    A series of at most 4 * columns samples is kept whole.
     """
     if x.size <= 4 * columns:
         return np.arange(x.size)
@@ -94,7 +94,7 @@ def m4(x: np.ndarray, y: np.ndarray, columns: int) -> np.ndarray:
 def finest(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Line (x, y) of at most 5 samples for each of `FINEST` columns, its ends among them.
 
-    If `FINEST` is 2^k times the number of columns drawn, `m4` finds the same samples in it as in all.
+    If `FINEST` is 2^k times the number of columns drawn, `m4` selects the same samples from it as from the whole line.
     """
     visible = m4(x, y, FINEST)
     if visible.size == x.size:
@@ -106,11 +106,11 @@ def finest(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def envelope(
     x: np.ndarray, low: np.ndarray, high: np.ndarray, columns: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Band (x, low, high) of at most 2 columns samples that contains the given one.
+    """Band (x, low, high) of at most 2 * columns samples that contains the given one.
 
     x: (n,) ascending; low, high: (n,).  Each column spans from its first to its last x, from its lowest low to its
     highest high; a column without any finite sample is NaN, a gap narrower than a column closes.
-    A band of at most 2 columns samples is unchanged.
+    A band of at most 2 * columns samples is unchanged.
     """
     if x.size <= 2 * columns:
         return x, low, high
@@ -123,7 +123,7 @@ def envelope(
 def scatter(x: np.ndarray, y: np.ndarray, columns: int, rows: int) -> np.ndarray:
     """Indices (k,) of samples with dots in the same cells of a grid as all, the lowest and the highest included.
 
-    x, y: (n,), samples whose y is NaN are left out; k <= columns rows + 2. No more samples than cells are all taken.
+    x, y: (n,), samples whose y is NaN are left out; k <= columns * rows + 2. All are kept if no more than cells.
     """
     seen = np.flatnonzero(~np.isnan(y))
     if seen.size <= columns * rows:
@@ -171,7 +171,7 @@ Side = Literal["left", "right"]
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Samples (x_i, y_i) with a label; of a long line those that `finest` picks, which is all that can be seen of it.
+    """Samples (x_i, y_i) with a label; of a long line only those that `finest` picks, which look the same.
 
     Raises:
         InputError: lengths that differ, descending x, an unknown style, role or axis.
@@ -208,7 +208,7 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Shaded region low_i <= y <= high_i on the left axis, as of an uncertainty.
+    """Shaded region low_i <= y <= high_i on the left axis, such as an uncertainty.
 
     Raises: InputError for lengths that differ, descending x, low above high, an unknown role.
     """
@@ -265,8 +265,7 @@ class Figure:
     #: `TIME`, or a name and unit such as "Slip ratio [-]"
     x_label: str
 
-    #: the same for both y axes
-    y_label: str
+    y_label: str  #: name and unit of the left axis
     series: Sequence[Series] = ()
     bands: Sequence[Band] = ()
     markers: Sequence[Marker] = ()

@@ -1,4 +1,4 @@
-"""Map: lines in a plane from above, at one scale in both directions, as SVG that needs no script."""
+"""Map: lines in plan view, at one scale in both directions, as SVG that needs no script."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ohmward.report.page import Page
 #: Largest area of the lines [px], and room for labels at its left, bottom and top.
 WIDTH_PX, HEIGHT_PX, LEFT_PX, BOTTOM_PX, TOP_PX = 960.0, 480.0, 64.0, 48.0, 12.0
 
-#: Room about the lines as a share of their extent, and the least extent [unit of the axes].
+#: Margin around the lines as a share of their extent, and the smallest extent [unit of the axes].
 MARGIN, LEAST_EXTENT = 0.04, 1e-3
 
 #: Height of a page with a map.
@@ -62,7 +62,7 @@ class Area(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Map(Drawing):
-    """Lines from above at one scale."""
+    """Lines in plan view at one scale."""
 
     title: str
     x_label: str
@@ -99,7 +99,7 @@ class Map(Drawing):
         return _PAGE_PX
 
     def block(self) -> str:
-        """The map with its title and what its colours mean, as a block of a page."""
+        """The map with its title and legend, as a block of a page."""
         meaning = {line.label: MEANING[line.role] for line in self.lines}
         items = "".join(
             f'<span class="fixed"><i style="--colour:var(--{colour})"></i>{escape(label)}</span>'
@@ -130,7 +130,7 @@ def to_px(area: Area, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def thinned(points: np.ndarray) -> np.ndarray:
-    """The points (n, 2) that a line needs to look the same: each `NEAR_PX` from the last one that stays."""
+    """The points (n, 2) that a line needs to look the same: each at least `NEAR_PX` from the last one kept."""
     rows = [0]
     for k in range(1, len(points)):
         if np.abs(points[k] - points[rows[-1]]).max() >= NEAR_PX:

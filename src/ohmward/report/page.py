@@ -1,4 +1,4 @@
-"""A report page: blocks put together to one HTML file that needs no network; every text is escaped.
+"""A report page: blocks combined into one HTML file that needs no network; every text is escaped.
 
 page = (
     Page("Pulse test", "pack A, 2 h 13 min")
@@ -94,7 +94,7 @@ class Page:
         return self._with(_paragraphs(text))
 
     def callout(self, level: Level, text: str) -> Page:
-        """A note that stands out; level: "info", "warning" or "error", which is written, not only coloured."""
+        """A note that stands out; level: "info", "warning" or "error", shown as a word, not only by colour."""
         require_one_of("level", level, get_args(Level))
         title = f"<b>{level.capitalize()}</b>"
         return self._with(f'<div class="callout {level}" role="note">{title}<div>{_paragraphs(text)}</div></div>')
@@ -112,16 +112,16 @@ class Page:
         return self._with(_table(header, rows, caption))
 
     def plot(self, *figures: Figure, clock: WallClock | None = None) -> Page:
-        """Figures above each other on one x axis: they zoom and scroll together.
+        """Stacked figures on one x axis: they zoom and scroll together.
 
-        clock: of a log with dates: figures over `TIME` are drawn on it.
+        clock: of a log with dates; figures over `TIME` show its dates.
         """
         captions = "".join(f"<figure><figcaption>{escape(f.title)}</figcaption></figure>" for f in figures)
         data = embed(stack(figures, clock))  # which `assets/plots.js` draws
         return self._with(f'<div class="stack">{captions}<script type="application/json">{data}</script></div>')
 
     def map(self, plane: Block) -> Page:
-        """Lines from above, such as a `Map`."""
+        """Lines in plan view, such as a `Map`."""
         return self._with(plane.block())
 
     def html(self) -> str:
@@ -222,7 +222,7 @@ def _cell(cell: Cell, column_class: str) -> str:
 
 
 def _folded(blocks: Iterable[str]) -> Iterator[str]:
-    """The blocks, each heading with those below it as a section that can be folded away."""
+    """The blocks, each heading with those below it as a collapsible section."""
     within = False
     for block in blocks:
         if block.startswith("<h2"):

@@ -1,4 +1,4 @@
-"""The samples of a figure in its page, packed into text, with what its script needs to draw them."""
+"""The samples of a figure in its page, packed into text, with everything its script needs to draw them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _COMPRESSION: Final = 4
 
 
 class Columns:
-    """Packed columns of a stack, each array once however many series show it."""
+    """Packed columns of a stack, each array stored once however many series show it."""
 
     def __init__(self) -> None:
         self.packed: list[dict[str, Any]] = []
@@ -76,7 +76,7 @@ def _packed_y(y: np.ndarray, logarithmic: bool) -> dict[str, Any]:
 
 
 def _differences(whole: np.ndarray, per_unit: float) -> dict[str, Any]:
-    """Whole numbers (n,) with their first one apart."""
+    """Differences of whole numbers (n,), with the first number separate."""
     known = np.isfinite(whole)
     values = whole if known.all() else whole[known]
     first = float(values[0]) if values.size else 0.0
