@@ -2,6 +2,6 @@
 
     source -> messages -> estimators -> states of the robot -> sinks
 
-Sources and sinks run beside each other, end and begin again on their own; the estimators are in one place, have no
-clock, no files and no threads, and see messages in the order of their own time.
+Sources and sinks run concurrently and end and restart independently; the estimators are in one place, have no clock,
+files or threads, and receive messages in the order of their time stamps.
 """

@@ -1,7 +1,7 @@
-"""Alarms of a robot: conditions that somebody has to hear of, each raised once and ended with hysteresis.
+"""Alarms of a robot: conditions that need somebody's attention, each raised once and ended with hysteresis.
 
-A value that stays beyond its limit raises an alarm; it ends once the value has come back by the hysteresis, and stays
-as it was while the value is not known.
+A value that stays beyond its limit raises an alarm; the alarm ends once the value has returned by the hysteresis, and
+is unchanged while the value is unknown.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ohmward.checks import require_between
 from ohmward.onboard.part import LOG
 from ohmward.onboard.robot_state import Alarm, RobotState, soc_band
 
-#: A band of the charge that is wider says nothing to an operator.
+#: Width beyond which the 95 % band of the charge is of no use to an operator.
 ANYTHING = 0.6
 
 #: Names of the alarms.
@@ -47,10 +47,10 @@ class AlarmWatch:
 
     Args:
         limits: of the alarms.
-        look_s: time between two looks at a state at least; what is measured in between is not missed.
+        look_s: least time between two checked states; current and BMS alarm measured in between are not missed.
 
     Attributes:
-        alarms: those that are raised, the most urgent first.
+        alarms: raised alarms, the most urgent first.
     """
 
     def __init__(self, limits: AlarmLimits | None = None, look_s: float = 0.0):
@@ -87,7 +87,7 @@ class AlarmWatch:
         return self.alarms
 
     def _excesses(self, state: RobotState) -> dict[str, tuple[float, float, str]]:
-        """Of each alarm how far its value is beyond the limit, nan where that is not known, hysteresis and sentence."""
+        """For each alarm, excess of its value over the limit (nan if unknown), hysteresis and sentence."""
         limits, hysteresis = self.limits, self.limits.hysteresis
         found = dict.fromkeys(_MOST_URGENT_FIRST, (math.nan, 0.0, ""))
         if state.slip and limits.stuck:
@@ -114,7 +114,7 @@ class AlarmWatch:
         return found
 
     def _low(self, state: RobotState) -> float:
-        """Low end of the band of the charge; nan where the band says nothing."""
+        """Low end of the band of the charge; nan if there is none or it is too wide to be of use."""
         if state.battery is None:
             return math.nan
         low, high = soc_band(state.battery.soc, state.battery.soc_std)

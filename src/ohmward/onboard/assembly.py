@@ -1,4 +1,4 @@
-"""The process of a setup, put together: files read, estimators made, state of before taken up, nodes of ROS shared."""
+"""Assembly of a setup's process: read files, make estimators, resume the saved state, share nodes of ROS."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ from ohmward.traction.robot.robot import Robot
 def on_one_node(
     sources: Sequence[Source], sinks: Sequence[Sink], node: Any = None
 ) -> tuple[Sequence[Source], Sequence[Sink]]:
-    """The sources and sinks of a process; those with the same node, namespace and domain share it.
+    """The sources and sinks of a process; those with the same node, namespace and domain share a node.
 
-    node: of rclpy that there is already, for all of them.
+    node: existing node of rclpy for all of them.
     """
     nodes: dict[tuple[object, ...], SharedNode] = {}
 
@@ -57,18 +57,18 @@ def on_one_node(
     return [shared(source) for source in sources], [shared(sink) for sink in sinks]
 
 
-#: Folder of the state of a robot whose setup names none.
+#: Folder of a robot's state if the setup names none.
 STATE = "ohmward-state"
 
 
 def assemble(setup: Setup, ros_node: Any = None) -> Process:
     """The process of a setup, ready to run.
 
-    ros_node: of rclpy that there is already, for all sources and sinks of ROS.
+    ros_node: existing node of rclpy for all sources and sinks of ROS.
 
     Raises:
-        InputError: a file that cannot be read; a control of a simulated robot that there is not.
-        OhmwardError: the folder of its state cannot be used.
+        InputError: a file cannot be read, or a control sink names a simulated robot that does not exist.
+        OhmwardError: the state folder cannot be used.
     """
     folder = state_folder(setup)
     estimation = estimation_of(setup, folder)
@@ -87,7 +87,7 @@ def assemble(setup: Setup, ros_node: Any = None) -> Process:
 
 
 def _count_from_store(estimation: Estimation, setup: Setup) -> None:
-    """Let the totals of a robot that has counted none begin with what its store holds."""
+    """Initialise the totals from the robot's store if nothing has been counted yet."""
     store = next((sink.folder for sink in setup.sink if isinstance(sink, StoreSink)), None)
     if store is None or any(estimation.totals) or not (Path(store) / DATABASE).exists():
         return
@@ -99,7 +99,7 @@ def _count_from_store(estimation: Estimation, setup: Setup) -> None:
 
 
 def state_folder(setup: Setup) -> StateFolder | None:
-    """Folder of the state; None for replays and simulations, which begin anew each time unless the setup names one.
+    """Folder of the state; None for replays and simulations, which start afresh unless the setup names one.
 
     Raises:
         OhmwardError: it cannot be used.
@@ -113,7 +113,7 @@ def state_folder(setup: Setup) -> StateFolder | None:
 
 
 def sinks_of(setup: Setup) -> list[AnySink]:
-    """The sinks of a setup, with its name; a page without a store shows the history of the one beside it."""
+    """The sinks of a setup, with the robot's name; a page without a store uses that of the setup's `store` sink."""
     folder = next((sink.folder for sink in setup.sink if isinstance(sink, StoreSink)), None)
     return [
         replace(sink, store=folder) if isinstance(sink, PageSink) and sink.store is None else sink
@@ -122,7 +122,7 @@ def sinks_of(setup: Setup) -> list[AnySink]:
 
 
 def _named(sink: AnySink, name: str) -> AnySink:
-    """The sink with the robot's name, where its own settings give none."""
+    """The sink with the robot's name, if its own settings give none."""
     usual = {"robot": ("robot", name), "topic": ("ohmward/robot", f"ohmward/{name}")}
     changed: dict[str, Any] = {k: own for k, (default, own) in usual.items() if getattr(sink, k, "") == default}
     return replace(sink, **changed)
@@ -143,9 +143,9 @@ def wiring_faults(setup: Setup, robot: Robot | None) -> Iterator[tuple[str, str]
 
 
 def estimation_of(setup: Setup, folder: StateFolder | None) -> Estimation:
-    """The estimators of a setup, without the state of before.
+    """The estimators of a setup, without the saved state.
 
-    folder: of what was learnt on earlier days; None begins with the files alone.
+    folder: state folder with what was learnt on earlier days; None uses the files alone.
 
     Raises:
         InputError: a file that cannot be read.

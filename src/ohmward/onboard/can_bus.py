@@ -1,6 +1,6 @@
-"""CAN: buses by python-can, with the fix in every refusal, and signals in frames by the user's database.
+"""CAN: buses through python-can, with a fix in every error, and signals in frames of the user's database.
 
-A database is a DBC or what else cantools reads; frames become quantities by it, and numbers frames.
+A database is a DBC or another file that cantools reads; it turns frames into quantities, and numbers into frames.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from ohmward.quantities import quantity_of
 #: Error class "bus off" in the identifier of an error frame, linux/can/error.h.
 _BUS_OFF = 0x40
 
-#: A bus that takes no frame for so long has failed [s].
+#: Time without accepting a frame after which a bus has failed [s].
 _SEND_S = 0.02
 
-#: Filter that lets nothing through but an identifier that nobody may use, for buses that are only written to.
+#: Filter that passes only an identifier that nobody may use, for buses that are only written to.
 NO_FRAMES = [{"can_id": 0x1FFFFFFF, "can_mask": 0x1FFFFFFF, "extended": True}]
 
-#: The thread that reads looks so often for its end [s].
+#: Time between two checks of the reading thread for its end [s].
 _RECEIVE_S = 0.2
 
 
@@ -44,10 +44,10 @@ class CanPort:
     fd: bool = False  #: also CAN FD frames
 
     def open(self, filters: list[dict[str, Any]] | None = None) -> Any:
-        """The bus.
+        """Open the bus.
 
         Raises:
-            OhmwardError: it cannot be opened; says what to do.
+            OhmwardError: it cannot be opened; the message says what to do.
             MissingPackageError: python-can is not installed.
         """
         can = require("can", "the CAN bus")
@@ -79,7 +79,7 @@ class CanPort:
         for identifier, extended, data in frames:
             try:
                 bus.send(message(0.0, identifier, extended, data=data, is_fd=self.fd), timeout=_SEND_S)
-            except Exception as error:  # drivers raise of every kind
+            except Exception as error:  # drivers raise all kinds of errors
                 raise self.failed(error) from error
 
     def failed(self, error: Exception) -> OhmwardError:
@@ -96,7 +96,7 @@ class Frame(NamedTuple):
 
 @asynccontextmanager
 async def frames_of(port: CanPort, filters: list[dict[str, Any]] | None = None) -> AsyncIterator[Handover[Frame]]:
-    """Frames of a bus, read in a thread; it fails where the bus does or goes off."""
+    """Frames of a bus, read in a thread; reading fails if the bus fails or goes off."""
     bus = port.open(filters)
 
     def read() -> Frame | None:
@@ -117,7 +117,7 @@ async def frames_of(port: CanPort, filters: list[dict[str, Any]] | None = None) 
 
 
 def bus_off_error(channel: str) -> OhmwardError:
-    """The controller has left the bus after too many errors."""
+    """Error of a controller that has left the bus after too many errors."""
     return OhmwardError(
         f"{channel} is bus-off: check wiring, the two 120 ohm terminators and the bitrate; "
         f"ip link set {channel} type can restart-ms 100 lets it come back by itself"
@@ -153,12 +153,12 @@ class CanDatabase:
         return {f"{frame.name}.{found.name}": found for frame in self._frames.values() for found in frame.signals}
 
     def decoded(self, frame_id: int, extended: bool, data: bytes) -> dict[str, float] | None:
-        """Numbers of a frame by "MESSAGE.SIGNAL"; none of one that is not in the file, None where it is broken."""
+        """Numbers of a frame by "MESSAGE.SIGNAL"; empty for one that is not in the file, None for a broken one."""
         if (frame := self._by_identifier.get((frame_id, extended))) is None:
             return {}
         try:
             numbers = frame.decode_simple(data, decode_choices=False)
-        except Exception:  # too short, an unknown multiplexer, a container: bits are no promise
+        except Exception:  # too short, an unknown multiplexer, a container: bits can be anything
             return None
         return {f"{frame.name}.{name}": number for name, number in numbers.items()}
 
@@ -166,7 +166,7 @@ class CanDatabase:
         """The signal of a name.
 
         Raises:
-            InputError: there is none; names the nearest.
+            InputError: there is none; the message names the nearest.
         """
         message, _, signal = name.partition(".")
         if frame := self._frames.get(message):
@@ -180,7 +180,7 @@ class CanDatabase:
 
 
 class CanDecoder:
-    """Frames of a bus to quantities.
+    """Conversion of a bus's frames to quantities.
 
     Args:
         database: of the signals.
@@ -209,7 +209,7 @@ class CanDecoder:
         return _filters(self._frames)
 
     def values(self, frame_id: int, extended: bool, data: bytes) -> dict[str, float] | None:
-        """Quantities of a frame; none of a frame that is not wired, None of one that cannot be decoded."""
+        """Quantities of a frame; empty for one that is not wired, None for one that cannot be decoded."""
         if (frame_id, extended) not in self._frames:
             return {}
         numbers = self._database.decoded(frame_id, extended, data)
@@ -217,7 +217,7 @@ class CanDecoder:
 
 
 class CanEncoder:
-    """Numbers to frames.
+    """Conversion of numbers to frames.
 
     Args:
         database: of the signals.
@@ -247,7 +247,7 @@ class CanEncoder:
     def frames(self, numbers: Mapping[str, float]) -> list[tuple[int, bool, bytes]]:
         """Identifier, extended or not, and data of every frame whose numbers are all known; signals saturate.
 
-        Signals of these messages that no number is given to are at their initial value, or 0.
+        Other signals of these messages have their initial value, or 0.
         """
         frames = []
         for frame, uses in self._frames.values():
@@ -281,7 +281,7 @@ def _saturated(signal: Any, value: float) -> float:
 
 
 def _line_with_scale(name: str, quantity: str, scale: float, unit: str | None) -> str:
-    """Line of a setup with the scale that brings a unit of the database to the quantity's; "" where none is due."""
+    """Line of a setup with the scale from the database's unit to the quantity's; "" if none is needed."""
     own, found = unit_of(quantity_of(quantity).unit), unit_of(unit or "")
     if scale != 1.0 or own is None or found is None or found.dimension != own.dimension:
         return ""

@@ -1,7 +1,7 @@
-"""Time on the robot: monotonic inside, wall clock beside it, and the clocks of sources brought to ours.
+"""Time on the robot: monotonic clock, wall clock, and conversion of the sources' clocks to ours.
 
-A wall clock may be stepped by hours while a robot drives, a microcontroller counts from its own start. Everything
-inside is on the monotonic clock of this process.
+A wall clock may be stepped by hours while a robot drives, and a microcontroller counts from its own start. All internal
+times are on the monotonic clock of this process.
 """
 
 from __future__ import annotations
@@ -9,15 +9,14 @@ from __future__ import annotations
 import math
 import time
 
-#: A stamp that leaps against its receipt by more than this is that of a clock that was set, or of a source that has
-#: started again.
+#: If a stamp leaps relative to its receipt by more than this, the source has restarted or its clock was set.
 LEAP_S = 1.0
 
-#: The smallest delay of so long counts. Crystals drift by 200 ppm at most: 6 ms in that time; a clock that was set by
-#: less than `LEAP_S`, and a link that has become slower for good, are followed after it.
+#: Window over which the smallest delay counts. Crystals drift by 200 ppm at most: 6 ms in that time; a clock that was
+#: set by less than `LEAP_S`, or a link that has become slower for good, is followed after this time.
 DELAY_WINDOW_S = 30.0
 
-#: Dates of so many messages are remembered: those of the samples that still wait for others.
+#: Number of message dates remembered, enough for samples that still wait for others.
 _DATES = 4096
 
 
@@ -34,14 +33,14 @@ class SystemClock:
 
 
 class SourceClock:
-    """Time stamps of one source on our monotonic clock.
+    """Conversion of one source's time stamps to our monotonic clock.
 
-    A message cannot come before it was measured, and the one that was least delayed came at once, so that the offset
-    between both clocks is the smallest difference of receipt and stamp of late. A stamp that leaps back or ahead of its
-    receipt begins anew; one that is merely late, in a burst after a silence of the link, does not.
+    A message cannot arrive before it was measured, and the least delayed one is assumed to arrive at once, so that the
+    offset between both clocks is the smallest recent difference of receipt and stamp. A stamp that leaps back or ahead
+    of its receipt restarts the search; one that is merely late, in a burst after a silence of the link, does not.
 
     Args:
-        window_s: the smallest difference of so long counts; inf where both clocks are one, as in a simulation.
+        window_s: time over which the smallest difference counts; inf if both clocks are one, as in a simulation.
 
     Attributes:
         steps: number of times that the source's clock was set.
@@ -53,7 +52,7 @@ class SourceClock:
         self._window_s = self._stamp_s = math.nan
 
     def to_ours(self, stamp_s: float, received_s: float) -> float:
-        """Time of the measurement on our clock [s], never after its receipt; that where the stamp is no number."""
+        """Time of the measurement on our clock [s], never after its receipt; the receipt if the stamp is not finite."""
         if not math.isfinite(stamp_s):
             return received_s
         offset_s = received_s - stamp_s
@@ -71,13 +70,13 @@ class SourceClock:
 
 
 class MessageDates:
-    """Dates of recent messages, by their times on our clock: those that their sources gave."""
+    """Dates that sources gave to recent messages, by the messages' times on our clock."""
 
     def __init__(self) -> None:
         self._dates: dict[float, float] = {}
 
     def put(self, time_s: float, date_s: float) -> None:
-        """Remember that of a message; one without a date is none."""
+        """Remember the date of a message, if it has one."""
         if not math.isfinite(date_s):
             return
         self._dates[time_s] = date_s
@@ -85,5 +84,5 @@ class MessageDates:
             del self._dates[next(iter(self._dates))]
 
     def at(self, time_s: float, otherwise_s: float) -> float:
-        """Date of the message that was measured at this time; another one where there is none."""
+        """Date of the message measured at this time; `otherwise_s` if there is none."""
         return self._dates.get(time_s, otherwise_s)

@@ -1,4 +1,4 @@
-"""What a robot offers: signals of a CAN database, recorded or heard; numbers of a broker; topics of a bag of ROS."""
+"""Signals that a robot offers: those of a CAN database, recorded or heard; numbers on a broker; topics of a ROS bag."""
 
 from __future__ import annotations
 
@@ -23,35 +23,35 @@ from ohmward.onboard.serial_frame import FrameReader
 from ohmward.onboard.sources.serial import SerialSource
 from ohmward.optional import require
 
-#: Topics with more different ones are those of a whole building; the rest is left out.
+#: Most names recorded; a broker with more serves a whole building, and the rest is left out.
 MOST_NAMES = 2000
 
 
 class Heard:
-    """Numbers that come, by name."""
+    """Received numbers, by name."""
 
     def __init__(self) -> None:
         self._rows: dict[str, list[tuple[float, float]]] = defaultdict(list)
 
     def put(self, time_s: float, numbers: Mapping[str, object]) -> None:
-        """Take in numbers of one time; what is no number is left out."""
+        """Add numbers of one time; values that are not numbers are left out."""
         for name, value in numbers.items():
             if isinstance(value, bool | int | float) and (name in self._rows or len(self._rows) < MOST_NAMES):
                 self._rows[name].append((time_s, as_number(value)))
 
     def offered(self, name: str, short: str, unit: str = "") -> Offered:
-        """What came by a name."""
+        """The numbers received under a name."""
         rows = np.array(self._rows[name])
         return Offered(name, short, unit, rows[:, 0], rows[:, 1])
 
     @property
     def names(self) -> list[str]:
-        """Names of all that came."""
+        """Names of all received numbers."""
         return list(self._rows)
 
 
 def of_database(database: CanDatabase, heard: Heard | None = None) -> list[Offered]:
-    """Signals of a database; of those heard alone where some were."""
+    """Signals of a database; only those heard, if `heard` is given."""
     signals = database.signals.items()
     if heard:
         return [heard.offered(name, signal.name, signal.unit or "") for name, signal in signals if name in heard.names]
@@ -84,10 +84,10 @@ def of_can_log(path: str, database: CanDatabase) -> list[Offered]:
 
 
 def of_bus(port: CanPort, database: CanDatabase, seconds: float) -> list[Offered]:
-    """Signals that are heard on a bus.
+    """Signals heard on a bus.
 
     Raises:
-        OhmwardError: the bus cannot be opened or fails, or says nothing that the database knows.
+        OhmwardError: the bus cannot be opened or fails, or carries no frame of the database.
     """
     heard = Heard()
 
@@ -105,10 +105,10 @@ def of_bus(port: CanPort, database: CanDatabase, seconds: float) -> list[Offered
 
 
 def of_broker(broker: MqttBroker, seconds: float) -> list[Offered]:
-    """Numbers that are heard on a broker: payloads, and those in JSON objects as TOPIC#KEY.
+    """Numbers heard on a broker: payloads, and those in JSON objects as TOPIC#KEY.
 
     Raises:
-        OhmwardError: no broker, or one that says nothing.
+        OhmwardError: no broker, or no number on any of its topics.
     """
     heard = Heard()
 
@@ -134,7 +134,7 @@ def _numbers(topic: str, payload: bytes) -> Iterator[tuple[str, object]]:
 
 
 def messages_of_line(port: str, baud: int, seconds: float) -> dict[int, int]:
-    """Numbers of the messages that are heard on a serial line, and how many values each has.
+    """Numbers of the messages heard on a serial line -> count of values of each.
 
     Raises:
         OhmwardError: the line cannot be opened or fails, or has no frame.
@@ -156,7 +156,7 @@ def messages_of_line(port: str, baud: int, seconds: float) -> dict[int, int]:
 
 
 class BagTopic(NamedTuple):
-    """A topic of a recording, its type, and its joints where it is of them."""
+    """A topic of a recording, its type, and its joints if it is about joints."""
 
     name: str
     type: str
@@ -167,14 +167,14 @@ def topics_of_bag(path: str) -> list[BagTopic]:
     """Topics of a recording of ROS.
 
     Raises:
-        InputError: it is none.
+        InputError: it is not a recording.
     """
     first = open_recording(Path(path)).first_messages()
     return [BagTopic(topic.name, topic.type, tuple(_joints(topic, payload))) for topic, _, payload in first.values()]
 
 
 def _joints(topic: Topic, payload: bytes) -> list[str]:
-    """Names of the joints in a message; none of another type, or of ROS 1."""
+    """Names of the joints in a message; empty for another type, or for ROS 1."""
     if topic.type != JOINT_STATE or topic.encoding != CDR:
         return []
     layout, _ = read(topic.type, payload)

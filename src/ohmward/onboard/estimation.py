@@ -1,9 +1,9 @@
-"""The estimators of a robot behind one door: messages in, states of the robot out; no clock, no files, no threads.
+"""The estimators of a robot behind one interface: messages in, states of the robot out; no clock, no files, no threads.
 
-Inbox of a battery: current, voltages and temperature that come apart, each at its own rate, become samples.
+Inbox of a battery: current, voltages and temperature that arrive separately, each at its own rate, become samples.
 
-A sample is complete when every signal that usually reports has done so, and holds the mean of each over the step. Means
-over the same step fit each other: charge is counted whole, and the voltage drop is that of the mean current.
+A sample is complete once every signal that usually reports has done so, and holds the mean of each over the step. Means
+over the same step are consistent: no charge is lost, and the voltage drop belongs to the mean current.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ from ohmward.traction.speed_observer.estimate import SlipFlag
 from ohmward.traction.speed_observer.estimator import SlipEstimator, motion_of
 from ohmward.traction.terrain.floor import travel_speed
 
-#: A signal that has not reported for so long is not waited for.
+#: Time without a report after which a sample no longer waits for a signal.
 USUAL_S = 10.0
 
-#: No sample waits longer for a signal; so long does the first one wait for signals that have never reported.
+#: Longest time that a sample waits for a signal; the first sample waits this long for signals that have never reported.
 LONGEST_S = 1.0
 
 CURRENT, VOLTAGE, TEMPERATURE = "battery_current_A", "battery_voltage_V", "battery_temperature_degC"
 FULL, CELL = "battery_full", "cell_voltage_V"
-#: Events that somebody at the robot tells of.
+#: Events reported by a person at the robot.
 CHANGED, RESET = "battery_changed", "pose_reset"
 
-#: What the odometry does not take of a sample of the drive: it is in the speed observer's estimate.
+#: Fields of a drive sample that the odometry does not use: they are in the speed observer's estimate.
 NOT_OF_ODOMETRY = ("current_A", "acceleration_m_s2", "pitch_rad")
 
-#: A charger that goes on saying that the battery is full is heard again after so long [s].
+#: Time after which a charger that keeps reporting a full battery is heard again [s].
 FULL_AGAIN_S = 60.0
 
 _NO_DRIVE = DriveSample(math.nan, math.nan, math.nan, 0.0, "")
@@ -58,13 +58,13 @@ class Estimation:
     """Charge, cells, speed and slip, pose and range of one robot.
 
     Args:
-        battery: estimates charge, and that of its cells where their voltages come; None does without.
-        robot: estimates speed, slip and pose; None does without.
-        consumption: of the range; by default that expected of the robot. The range needs battery and robot.
-        delay_s: messages of the drive wait so long for others with an earlier time.
-        counts_per_turn: of the encoders, where they send counts; without it counts are passed over.
-        days: since the last drive that the consumption knows.
-        unix_s: Unix time at which the estimators begin [s], see `SocEstimator`.
+        battery: gives estimates of its charge, and of its cells if their voltages are measured; None gives neither.
+        robot: gives estimates of speed, slip and pose; None gives none.
+        consumption: for the range; default: as expected of the robot. The range needs battery and robot.
+        delay_s: time that drive messages wait for others with an earlier time stamp.
+        counts_per_turn: of the encoders, if they send counts; without it counts are ignored.
+        days: time since the last drive in the consumption.
+        unix_s: Unix time at which the estimators start [s], see `SocEstimator`.
     """
 
     def __init__(
@@ -85,13 +85,13 @@ class Estimation:
         self.odometry = Odometry(robot) if robot else None
         self.range = RangeEstimator(battery, consumption or robot, days) if battery and robot else None
         self.inbox = SensorInbox(robot, delay_s, counts_per_turn=counts_per_turn, prompt=True) if robot else None
-        #: Time of the estimators of the battery minus that of the messages: they go on from before a restart.
+        #: Time of the battery estimators minus time of the messages: the estimators continue across a restart.
         self.shift_s = 0.0
-        #: Time of a long absence [s] and the charge before it, which the first voltage after it may contradict.
+        #: Duration of a long absence [s] and the charge before it, which the first voltage after it may contradict.
         self.absence: tuple[float, SocNormal] | None = None
         #: Last current of the battery, nan before the first.
         self.last_current_A = math.nan
-        #: Since ever, as far as it is known: a snapshot of before goes on in it.
+        #: Totals over the robot's life, as far as known; continued from a snapshot.
         self.totals = Totals()
         self._distance_m = 0.0
         self._sorter = MessageSorter(robot, counted=counts_per_turn is not None)
@@ -103,21 +103,21 @@ class Estimation:
         }
         self._battery_inbox = MeanInbox((CURRENT, VOLTAGE))
         self._temperature_degC = math.nan
-        #: Measured since the last sample of the "battery" and of the "drive", and not taken by an estimator.
+        #: Values measured since the last sample of the "battery" and of the "drive", but not in such a sample.
         self._beside: dict[str, dict[str, float]] = {group: {} for group in GROUPS}
         self._cell_names = tuple(f"{CELL}.{k}" for k in range(int(battery.n_series))) if battery else ()
         self._cell_inbox = MeanInbox((CURRENT, *self._cell_names))
         self._measured_s = -math.inf
-        self._measured: set[str] = set()  #: of the drive, so far
+        self._measured: set[str] = set()  #: quantities of the drive measured so far
         self._events: frozenset[str] = frozenset()
         self._full_s, self._full_pending = -math.inf, False
 
     def restart(self) -> None:
-        """Forget every sample, as where a simulation was reset or a bag begins again."""
+        """Forget every sample, as when a simulation is reset or a bag restarts."""
         vars(self).update(vars(Estimation(*self._settings)))
 
     def compile(self) -> None:
-        """Compile what the first samples would wait for, on copies: a second or two, some hundredths from the disk."""
+        """Compile on copies, so that the first samples need not wait: 1 to 2 s, or some hundredths from the disk."""
         if self.soc and self.battery:
             middle_V = 0.5 * (self.battery.voltage_min_V + self.battery.voltage_max_V)
             copy(self.soc).update(0.0, 0.0, middle_V)
@@ -126,10 +126,10 @@ class Estimation:
             copy(self.odometry).update(0.0, [0.0] * self.robot.driven, observed=slip)
 
     def forecast(self) -> Callable[[], RangeEstimate] | None:
-        """The computation of the range from the state now, None where there is none to compute yet.
+        """Function that computes the range from the current state; None while there is nothing to compute.
 
-        It takes a tenth of a second and changes nothing, so that it can be done in another thread; `take_forecast`
-        takes its result.
+        It takes a tenth of a second and changes nothing, so that it can run in another thread; `take_forecast` takes
+        its result.
         """
         if self.range is None or not math.isfinite(self.range.state.soc.soc):
             return None
@@ -138,7 +138,7 @@ class Estimation:
         return lambda: settings.forecast(state, sample)
 
     def take_forecast(self, found: RangeEstimate) -> None:
-        """Take in a forecast of the range; it stands until the next one."""
+        """Store a forecast of the range; it is valid until the next one."""
         assert self.range is not None
         self.range.state = self.range.state._replace(forecast=found)
 
@@ -146,7 +146,7 @@ class Estimation:
         """States after the values of a message, in the order of their times.
 
         time_s: of the measurement, on one clock for all messages.
-        values: signal -> value, nan where it was not measured.
+        values: signal -> value, nan if it was not measured.
         """
         states: list[RobotState] = []
         self._take_events(values)
@@ -164,7 +164,7 @@ class Estimation:
         return states
 
     def _take_events(self, values: Mapping[str, float]) -> None:
-        """Begin the charge of another battery, or the pose, where somebody has said so; once until it is taken back."""
+        """Restart the charge for another battery, or the pose, when such an event is reported; once until it clears."""
         for event, act in ((CHANGED, self._change_battery), (RESET, self._reset_pose)):
             if event in values:
                 happened = values[event] >= 0.5
@@ -173,7 +173,7 @@ class Estimation:
                 self._events = self._events | {event} if happened else self._events - {event}
 
     def _change_battery(self) -> None:
-        """Another battery of the same kind is in: its charge and its cells begin with the next voltage."""
+        """Restart charge and cells from the next voltage: another battery of the same kind is in."""
         if self.battery and self.soc:
             self.soc, self.cells, self.absence = SocEstimator(self.battery), None, None
             self._battery_inbox, self._full_s, self._full_pending = MeanInbox((CURRENT, VOLTAGE)), -math.inf, False
@@ -187,7 +187,7 @@ class Estimation:
             self.state = self.state._replace(pose=None)
 
     def flush(self) -> list[RobotState]:
-        """States after what still waits for other messages, at the end."""
+        """States of the samples that still wait for other messages, at the end."""
         states = []
         if self.soc and (sample := self._battery_inbox.flush()):
             states.append(self._battery_state(sample))
@@ -235,7 +235,7 @@ class Estimation:
         reach = None
         if self.range:
             speed_m_s = self._travel_speed_m_s()
-            self.range.state = self.range.state._replace(forecast_s=time_s)  # `forecast` makes it
+            self.range.state = self.range.state._replace(forecast_s=time_s)  # made by `forecast` instead
             reach = self.range.update(
                 time_s, charge, speed_m_s, current_A, voltage_V, temperature_degC=self._temperature_degC
             )
@@ -243,13 +243,13 @@ class Estimation:
         return self._after(sample.time_s, measured, battery=charge, range=reach, battery_time_s=sample.time_s)
 
     def _travel_speed_m_s(self) -> float | None:
-        """Speed for the range: forward, of an omni-directional robot in whatever direction."""
+        """Speed for the range: forward, or in any direction for an omni-directional robot."""
         if self.state.slip is None or self.robot is None or self.robot.freedoms < 3:
             return self.state.slip.speed_m_s if self.state.slip else None
         return float(travel_speed(motion_of(self.robot, self.state.slip)))
 
     def _update_cells(self, sample: MeanSample) -> None:
-        """The estimate of every cell, which begins where the pack's stands."""
+        """Update the estimate of every cell, which starts from that of the pack."""
         assert self.battery is not None and self.soc is not None
         if not any(name in sample.values for name in self._cell_names):
             return
@@ -263,7 +263,7 @@ class Estimation:
         self.state = self.state._replace(cells=found, cells_time_s=sample.time_s)
 
     def _full_declared(self, time_s: float) -> list[RobotState]:
-        """The state after a charger has said that the battery is full."""
+        """The state after a charger has reported a full battery."""
         assert self.soc is not None
         if not takes_given_soc(self.soc.settings):
             return []
@@ -287,7 +287,7 @@ class Estimation:
         return self._after(sample["time_s"], measured, slip=slip, pose=pose, drive_time_s=sample["time_s"])
 
     def _taken_beside(self, group: str) -> dict[str, float]:
-        """What was measured beside the samples of the battery or the drive since the last of them."""
+        """Take the values measured since the last sample of the battery or the drive, but not in such a sample."""
         measured, self._beside[group] = self._beside[group], {}
         return measured
 
@@ -303,13 +303,13 @@ class Estimation:
         return signals
 
     def _after(self, time_s: float, sample: Mapping[str, float], **estimates: Any) -> RobotState:
-        """The state after new estimates; all others as they were."""
+        """The state with new estimates; all others are unchanged."""
         self.state = self.state._replace(time_s=time_s, sample=sample, totals=self.totals, **estimates)
         return self.state
 
 
 class MeanSample(NamedTuple):
-    """Mean of each signal over a step, signals that have not reported left out; time_s: of the newest."""
+    """Mean of each signal over a step, without signals that have not reported; time_s: time of the newest value."""
 
     time_s: float
     values: dict[str, float]
@@ -319,7 +319,7 @@ class MeanInbox:
     """Messages in, samples out.
 
     Args:
-        signals: that belong together; others are passed over.
+        signals: those that belong together; others are ignored.
     """
 
     def __init__(self, signals: Iterable[str]):
@@ -331,7 +331,7 @@ class MeanInbox:
         self._awaited = self.signals
 
     def put(self, time_s: float, values: Mapping[str, float]) -> MeanSample | None:
-        """The sample that the message completes, if it does; nan is not measured."""
+        """The sample that the message completes, None if it completes none; nan is not measured."""
         for signal, value in values.items():
             if signal in self.signals and math.isfinite(value):
                 self._add(time_s, signal, value)
@@ -339,7 +339,7 @@ class MeanInbox:
         return self._close() if self._sums and is_complete else None
 
     def flush(self) -> MeanSample | None:
-        """The sample that is open, at the end."""
+        """The incomplete sample, at the end."""
         return self._close() if self._sums else None
 
     def _add(self, time_s: float, signal: str, value: float) -> None:

@@ -1,14 +1,15 @@
-"""Age of the evidence: a state as of its own time, where its sensors have not reported for a while.
+"""Age of the evidence: wider bands for a state whose sensors have not reported for a while.
 
-Every state passes here on its way to the sinks. What may have happened since the last measurement widens the bands:
+Every state passes through here on its way to the sinks. The bands grow by what may have happened since the last
+measurement:
 
     charge     sigma^2 + (c t)^2                c: an unknown current over the capacity
     speed      sigma^2 + (dv / 1.96)^2          dv = min(g t, |v| + v_max)
     position   sigma^2 + ((|v| + dv) t / 1.96)^2
 
-No wheel without adhesion brakes or accelerates a robot by more than its weight, g, and its motors turn no faster than
-without load, v_max. The current is a usual one, or the last one where that was larger. Where nothing is left of a band,
-or the sensors of wheels are silent, the estimate is unknown.
+Wheels that do not stick to the ground brake or accelerate a robot by at most g, and its motors turn no faster than
+without load, v_max. The current is a usual one, or the last one if that was larger. Once a band carries no information,
+or the wheel sensors are silent, the estimate is unknown.
 """
 
 from __future__ import annotations
@@ -34,32 +35,32 @@ from ohmward.traction.odometry.sample import OdometryEstimate
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 
-#: Quantities without any of which nothing is known of the battery.
+#: Quantities of which at least one is needed to know anything about the battery.
 OF_CHARGE = frozenset({"battery_current_A", "battery_voltage_V", "cell_voltage_V"})
 
-#: Evidence of the estimates: without any of these quantities lately they are guesses.
+#: Evidence of the estimates: without a recent value of at least one of these quantities they are guesses.
 EVIDENCE: dict[str, frozenset[str]] = {
     "battery": OF_CHARGE,
     "cells": frozenset({"cell_voltage_V"}),
     "drive": frozenset({"wheel_speed_rad_s", "wheel_counts", "speed_m_s"}),
 }
 
-#: Standard deviation of a charge that may be anything from empty to full, each alike.
+#: Standard deviation of a charge uniformly distributed from empty to full.
 ANY_SOC_STD = 1.0 / math.sqrt(12.0)
 
 _Z90 = NormalDist().inv_cdf(0.9)
 
 
 class Age(NamedTuple):
-    """Evidence that is overdue."""
+    """Age of overdue evidence."""
 
-    age_s: float  #: since any of its sensors has reported
-    silent: bool  #: for so long that its sensors are called silent
+    age_s: float  #: time since any of its sensors reported
+    silent: bool  #: True if its sensors are reported as silent
 
 
 @dataclass(frozen=True)
 class AgeingModel:
-    """What a robot and its battery can do while nobody measures."""
+    """Model of what a robot and its battery can do while nothing is measured."""
 
     battery: Battery | None = None
     robot: Robot | None = None
@@ -67,8 +68,8 @@ class AgeingModel:
     def aged(self, state: RobotState, ages: Mapping[str, Age], current_A: float = math.nan) -> RobotState:
         """The state with bands as of its time, and None for what is unknown.
 
-        ages: of the evidence that is overdue, by the keys of `EVIDENCE`.
-        current_A: last one of the battery, nan where there was none.
+        ages: overdue evidence, by the keys of `EVIDENCE`.
+        current_A: last current of the battery, nan if there was none.
         """
         changed: dict[str, Any] = {"silent": tuple(name for name, age in ages.items() if age.silent)}
         if "battery" in ages and state.battery:
@@ -84,7 +85,7 @@ class AgeingModel:
         return state._replace(**changed)
 
     def _soc_growth(self, age_s: float, current_A: float) -> float:
-        """Standard deviation of the charge that an unknown current has moved; the equation at the head."""
+        """Standard deviation of the charge moved by an unknown current: c t of the equation at the head."""
         assert self.battery is not None
         last_C = abs(current_A) / self.battery.capacity_Ah
         rate_C = last_C if last_C > USUAL_C else USUAL_C
@@ -92,7 +93,7 @@ class AgeingModel:
 
     @cached_property
     def fastest_m_s(self) -> float:
-        """Speed of the rim at which the motors give no torque any more, of any robot where the voltage is not known."""
+        """Rim speed at which the motors give no torque; without a battery, the limit of the wheel speed."""
         assert self.robot is not None
         radius_m = self.robot.wheel.radius_m
         fastest_m_s = limits_of("wheel_speed_rad_s", robot=self.robot).highest * radius_m
@@ -103,7 +104,7 @@ class AgeingModel:
 
     @cached_property
     def lever_m(self) -> float:
-        """Speed of the outermost wheel over the yaw rate."""
+        """Ratio of the outermost wheel's speed to the yaw rate."""
         assert self.robot is not None
         return float(np.max(np.abs(self.robot.rolling[:, -1])))
 
@@ -111,7 +112,7 @@ class AgeingModel:
         return min(GRAVITY * age_s, abs(speed_m_s) + self.fastest_m_s)
 
     def _aged_slip(self, slip: SlipEstimate, age_s: float) -> SlipEstimate:
-        """Speed and yaw rate with their bands; what has none is unknown."""
+        """Speed and yaw rate with wider bands; the quantities of the wheels, which have no band, become unknown."""
         change_m_s = self._speed_change_m_s(slip.speed_m_s, age_s) / BAND_95
         of_wheels = ("wheel_speed_rad_s", "slip_speed_m_s", "slip_speed_std_m_s", "slip_ratio", "traction_N")
         return slip._replace(
@@ -143,7 +144,7 @@ def _aged_charge(state: RobotState, growth: float) -> dict[str, Any]:
 
 
 def _aged_range(reach: RangeEstimate, share: float) -> RangeEstimate:
-    """The range where a share (standard deviation) of the charge has come or gone."""
+    """The range after an unknown change of the charge; share: its standard deviation relative to the charge."""
     return reach._replace(
         distance_m=_widened(reach.distance_m, share),
         duration_s=_widened(reach.duration_s, share),

@@ -9,15 +9,15 @@ from collections import deque
 from ohmward.onboard.clock import LEAP_S
 from ohmward.onboard.robot_state import RobotState
 
-#: A sink that is away for longer than so many states loses the oldest ones; the feed counts them.
+#: Most states that wait; a sink that is away for longer loses the oldest ones, which the feed counts.
 LONGEST_FEED = 10_000
 
 
 class Rate:
-    """Limit of a rate that passes everything up to it: what is due does not depend on when the last one came.
+    """Rate limit that passes everything up to the rate: due times do not depend on the time of the last item.
 
-    Of those about a due time the nearest passes, so that samples at the very rate all do; one with an earlier time than
-    others before it is late, not due again.
+    Of the items around a due time the nearest passes, so that samples at exactly this rate all pass; an item with an
+    earlier time than its predecessors is late, not due again.
 
     Args:
         interval_s: least time between two on average, >= 0; 0 passes all.
@@ -28,7 +28,7 @@ class Rate:
         self._due_s = self._newest_s = -math.inf
 
     def passes(self, time_s: float) -> bool:
-        """True where one is due; a clock that was set back begins again."""
+        """True if an item is due; restarts if the clock was set back."""
         if self.interval_s == 0.0:
             return True
         if time_s < self._newest_s - max(LEAP_S, self.interval_s):
@@ -49,9 +49,9 @@ class Feed:
         interval_s: least time between two states, on average, >= 0; 0 gives every one.
 
     Attributes:
-        lost: number of states that were left out because too many waited.
-        ended: no more states come.
-        trouble: what keeps the sink from delivering while it goes on, "" where nothing does.
+        lost: number of states dropped because too many were waiting.
+        ended: True once no more states come.
+        trouble: reason why the running sink cannot deliver, "" if it can.
     """
 
     def __init__(self, interval_s: float = 0.0):
@@ -63,7 +63,7 @@ class Feed:
         self.ended, self.trouble = False, ""
 
     def put(self, state: RobotState) -> None:
-        """Add a state, unless none is due; what was measured then goes with the next one."""
+        """Add a state if one is due; otherwise its measured values go with the next one."""
         if self._rate.interval_s:
             self._measured |= state.sample
             if not self._rate.passes(state.time_s):
@@ -74,7 +74,7 @@ class Feed:
         self._something.set()
 
     def put_back(self, states: list[RobotState]) -> None:
-        """Return states that could not be delivered to the head, as far as there is room."""
+        """Return undelivered states to the head of the queue, as far as there is room."""
         room = LONGEST_FEED - len(self._waiting)
         self.lost += max(len(states) - room, 0)
         self._waiting.extendleft(reversed(states[len(states) - min(room, len(states)) :]))
@@ -82,7 +82,7 @@ class Feed:
             self._something.set()
 
     def end(self) -> None:
-        """No more states come; the sink gets those that wait, and its loop ends."""
+        """End the feed: the sink gets the waiting states, then its loop ends."""
         self.ended = True
         self._something.set()
 
@@ -98,7 +98,7 @@ class Feed:
         return self._waiting.popleft()
 
     async def batch(self, most: int = 10_000) -> list[RobotState]:
-        """All states that wait, at least one and `most` at most; none once the feed has ended."""
+        """All waiting states, at least one and at most `most`; empty once the feed has ended."""
         try:
             states = [await anext(self)]
         except StopAsyncIteration:

@@ -1,4 +1,4 @@
-"""A request to a server over HTTP that hands something over, for stores and alarms."""
+"""HTTP POST requests to a server, for stores and alarms."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typing import NamedTuple
 
 from ohmward.errors import OhmwardError
 
-#: An answer that takes longer never comes.
+#: Longest wait for an answer.
 TIMEOUT_S = 20.0
 
-#: So much of an answer is read.
+#: Number of bytes read from an answer.
 _ANSWER_BYTES = 300
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
-    """Redirects are refused: what follows one loses its rows and takes the token to whatever it is sent to."""
+    """Refusal of redirects: a redirected request loses its rows and carries the token to another place."""
 
     def redirect_request(self, *_: object) -> None:
         return None
@@ -29,17 +29,17 @@ _OPENER = urllib.request.build_opener(_NoRedirect)
 
 
 class Answer(NamedTuple):
-    """Status of an answer, and the beginning of its text or the reason beside its status."""
+    """Status of an answer, and the beginning of its text, or the reason given with its status."""
 
     status: int
     text: str
 
 
 def post(url: str, text: str, headers: Mapping[str, str]) -> Answer:
-    """Answer of a server to a text.
+    """Post a text to a server and return its answer.
 
     Raises:
-        OhmwardError: it cannot be reached.
+        OhmwardError: the server cannot be reached.
     """
     request = urllib.request.Request(url, text.encode(), dict(headers), method="POST")
     try:

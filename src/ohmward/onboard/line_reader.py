@@ -1,4 +1,4 @@
-"""Lines of a connection, as they come, and how many connections whoever reaches an address may hold.
+"""Lines of a connection, as they come, and limits on the number of connections to an address.
 
 The reader is a protocol of asyncio, which wakes the process half as often as a stream.
 """
@@ -13,11 +13,11 @@ from collections.abc import Callable
 #: Longest line that is read [bytes]; a longer one is left out.
 LONGEST_LINE = 1 << 16
 
-#: Connections to an address that have said nothing of use yet, and those that have: each is a file handle of the
-#: process, which has a thousand by default.
+#: Most connections to an address that have sent nothing valid yet, and that have: each is a file handle of the process,
+#: which has a thousand by default.
 MOST_STRANGERS, MOST_KNOWN = 32, 64
 
-#: Connections that the operating system hands over at once; they take a handle before they can be refused.
+#: Most connections that the operating system hands over at once; each takes a handle before it can be refused.
 BACKLOG = 16
 
 #: Lines of a burst that are read before others have their turn: some milliseconds.
@@ -30,7 +30,7 @@ class LineReader(asyncio.Protocol):
     Args:
         take: takes a line without its end; never raises.
         left_out: is called for a line that is too long.
-        end: is called once, after the last line, with the error that ended the connection, if one did.
+        end: is called once, after the last line, with the error that ended the connection, or None.
         begin: is called once, with the connection.
     """
 
@@ -56,7 +56,7 @@ class LineReader(asyncio.Protocol):
             self._begin(transport)
 
     def data_received(self, data: bytes) -> None:
-        """Take in what has come; of a line that is too long all is left out."""
+        """Take in received data; a line that is too long is left out entirely."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         if lines and self._skipping:
             del lines[0]
@@ -95,12 +95,12 @@ class LineReader(asyncio.Protocol):
 class Visitors:
     """Connections to an address that anybody may reach, in bounded numbers.
 
-    A stranger becomes known by what it sends. Where strangers are too many the oldest of them goes, where known ones
-    are, that which has been silent for longest: no number of idle or dead ones keeps others out.
+    A stranger becomes known by what it sends. If there are too many strangers the oldest is closed; if there are too
+    many known ones, the one silent for longest: no number of idle or dead connections keeps others out.
 
     Args:
-        wait_s: a stranger goes after so long.
-        left_out: is called for each that goes.
+        wait_s: time after which a stranger is closed.
+        left_out: is called for each that is closed so.
     """
 
     def __init__(self, left_out: Callable[[], None], wait_s: float = math.inf):
@@ -118,7 +118,7 @@ class Visitors:
         )
 
     def know(self, transport: asyncio.BaseTransport) -> None:
-        """Know a connection by what it has sent just now."""
+        """Mark a connection as known, by what it has just sent."""
         self.leave(transport)
         if len(self._known) >= MOST_KNOWN:
             self._refuse(next(iter(self._known)))

@@ -1,8 +1,8 @@
-"""Messages of sources, their signals, and the way of items from a thread of a driver to the event loop.
+"""Messages of sources, their signals, and the queue from a driver's thread to the event loop.
 
-Signals are of the battery, of the drive, or estimates of a microcontroller; a quantity of the table that no estimator
-takes goes beside the next sample of its battery or drive. A source sends messages of a few kinds again and again, so
-that each kind, known by the names of its signals, is sorted once.
+Signals belong to the battery or the drive, or are estimates of a microcontroller; a quantity of the table that no
+estimator uses accompanies the next sample of the battery or drive. A source repeats a few kinds of messages, so each
+kind, identified by the names of its signals, is sorted only once.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ class Message(NamedTuple):
     """Values that a source measured at one time."""
 
     stamp_s: float  #: time of the measurement on the source's own clock; nan where it has none
-    received_s: float  #: monotonic time at which it came
+    received_s: float  #: monotonic time of its receipt
     source: str  #: name of the source
     #: signal -> value in the unit of its name; nan and signals that are left out were not measured
     values: Mapping[str, float]
-    publisher: str = ""  #: whose clock the stamp is of, where a source hears several
-    #: date of the measurement, seconds since 1970, by the robot's own calendar: that of ROS, of a log; nan where the
-    #: wall clock of this machine counts
+    publisher: str = ""  #: publisher whose clock gave the stamp, if the source hears several
+    #: date of the measurement, seconds since 1970, by the robot's own calendar, from ROS or a log; nan if the wall
+    #: clock of this machine applies
     date_s: float = math.nan
-    #: its receipt is the time of a simulation now, which stands still until the next such message
+    #: its time of receipt sets the time of a simulation, which stands still until the next such message
     sets_time: bool = False
 
 
@@ -49,7 +49,7 @@ class ScaledSignal:
     """A number of a source that becomes a quantity: value = scale * number + offset."""
 
     name: str  #: as the source calls it: "BMS.Current" of a DBC, "/battery/current" of a topic, "I" of a JSON object
-    #: to the unit of the quantity
+    #: conversion to the unit of the quantity
     scale: float = 1.0
     offset: float = 0.0
 
@@ -80,7 +80,7 @@ class Wiring:
         signals: as in the settings of the source.
 
     Raises:
-        InputError: a quantity that there is not.
+        InputError: unknown quantity.
     """
 
     def __init__(self, signals: Signals):
@@ -91,7 +91,7 @@ class Wiring:
             self.signals.setdefault(signal.name, []).append((quantity, signal.scale, signal.offset))
 
     def values(self, numbers: Mapping[str, object]) -> dict[str, float]:
-        """Quantities from the numbers of a source by its own names; nan where there is none, unknown names left out."""
+        """Quantities from a source's numbers by its own names; nan for what is no number, unknown names left out."""
         found: dict[str, float] = {}
         for name, number in numbers.items():
             for quantity, scale, offset in self.signals.get(name, ()):
@@ -100,7 +100,7 @@ class Wiring:
 
 
 def json_value(text: bytes) -> object:
-    """The value of a JSON text; None where it is none."""
+    """Parsed value of a JSON text; None if the text is invalid."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
@@ -108,7 +108,7 @@ def json_value(text: bytes) -> object:
 
 
 def as_number(value: object) -> float:
-    """The value as a number; nan where it is none."""
+    """The value as a float; nan if it is not a number."""
     if type(value) is float:
         return value
     if isinstance(value, bool | int | float):
@@ -121,15 +121,15 @@ def as_number(value: object) -> float:
 
 T = TypeVar("T")
 
-#: Of items that wait the newest so many are kept: 2 s of a full CAN bus at 1 Mbit/s.
+#: Largest number of waiting items, the oldest are dropped: 2 s of a full CAN bus at 1 Mbit/s.
 _LONGEST = 20_000
 
 
 class Handover(Generic[T]):
-    """Made in the event loop; `put` and `fail` come from any thread, `take` from the loop.
+    """Queue made in the event loop; `put` and `fail` may be called from any thread, `take` from the loop.
 
     Attributes:
-        lost: number of items that were left out because too many waited.
+        lost: number of items dropped because too many were waiting.
     """
 
     def __init__(self) -> None:
@@ -146,12 +146,12 @@ class Handover(Generic[T]):
         self._wake()
 
     def fail(self, error: Exception) -> None:
-        """Let `take` raise the error, the first one, once everything before it is taken."""
+        """Let `take` raise the error once everything before it is taken; only the first error counts."""
         self._error = self._error or error
         self._wake()
 
     async def take(self) -> list[T]:
-        """All items that wait, at least one."""
+        """All waiting items, at least one."""
         while not self._waiting:
             if self._error:
                 raise self._error
@@ -169,11 +169,11 @@ class Handover(Generic[T]):
 async def read_in_thread(
     name: str, read: Callable[[], T | None], failed: Callable[[Exception], OhmwardError], wait_s: float
 ) -> AsyncIterator[Handover[T]]:
-    """Items that `read` gives, called again and again in a thread until the end.
+    """Items returned by `read`, which a thread calls repeatedly until the end.
 
-    name: of what is read.
-    read: waits at most `wait_s` for an item; None where none has come.
-    failed: the error that `take` raises for one of `read`, if that says no fix itself; nothing more is read then.
+    name: name of what is read.
+    read: waits at most `wait_s` for an item; returns None if none has come.
+    failed: turns an error of `read`, unless it is an OhmwardError, into the one that `take` raises; reading then stops.
     """
     handover, end = Handover[T](), threading.Event()
 
@@ -181,7 +181,7 @@ async def read_in_thread(
         while not end.is_set():
             try:
                 item = read()
-            except Exception as error:  # drivers raise of every kind
+            except Exception as error:  # drivers raise all kinds of errors
                 handover.fail(error if isinstance(error, OhmwardError) else failed(error))
                 return
             if item is not None:
@@ -196,28 +196,28 @@ async def read_in_thread(
         await asyncio.to_thread(thread.join, 2 * wait_s)
 
 
-#: Kinds of messages that are remembered; a robot has a dozen, and somebody who sends at random must not fill memory.
+#: Number of message kinds remembered; a robot has a dozen, and a sender of random names must not fill the memory.
 MOST_KINDS = 256
 
 
 class MessageParts(NamedTuple):
     """Signals of one kind of message."""
 
-    battery: bool  #: has any of the battery
+    battery: bool  #: True if any signal is of the battery
     #: argument of `SensorInbox.put`, and the signal of each wheel or motor, "" where there is none
     wheels: tuple[tuple[str, tuple[str, ...]], ...]
-    body: tuple[str, ...]  #: signals of the body, which are arguments themselves
+    body: tuple[str, ...]  #: signals of the body, whose names are arguments of `SensorInbox.put`
     reported: tuple[str, ...]  #: estimates of a microcontroller
-    #: of the "battery" and of the "drive": signals that no estimator takes, and their names in a state
+    #: "battery" and "drive" -> signals that no estimator uses -> their names in a state
     beside: Mapping[str, Mapping[str, str]]
 
     @property
     def drive(self) -> bool:
-        """True where the message has any signal of the drive."""
+        """True if the message has any signal of the drive."""
         return bool(self.wheels or self.body)
 
     def drive_message(self, values: Mapping[str, float]) -> dict[str, Any]:
-        """Keyword arguments of `SensorInbox.put`; nan in the place of a wheel that the message does not tell of."""
+        """Keyword arguments of `SensorInbox.put`; nan for a wheel that is not in the message."""
         message: dict[str, Any] = {name: values[name] for name in self.body}
         for argument, signals in self.wheels:
             message[argument] = [values[signal] if signal else math.nan for signal in signals]
@@ -225,11 +225,11 @@ class MessageParts(NamedTuple):
 
 
 class MessageSorter:
-    """The parts of messages to one robot.
+    """Sorter of messages to one robot into their parts.
 
     Args:
         robot: None without a drive.
-        counted: the inbox takes counts of encoders; they are passed over otherwise.
+        counted: True if the inbox takes encoder counts; they are ignored otherwise.
     """
 
     def __init__(self, robot: Robot | None, counted: bool):
@@ -274,14 +274,14 @@ class MessageSorter:
 
 
 def places_of(quantity: Quantity, robot: Robot | None) -> tuple[str, ...]:
-    """Names of the robot's wheels that have a quantity; none for one that is not of wheels or motors."""
+    """Names of the robot's wheels that have a quantity; empty for a quantity of neither wheels nor motors."""
     if robot is None or quantity.owner not in ("wheel", "motor"):
         return ()
     return tuple(place.name for place in robot.places)[: robot.driven if quantity.owner == "motor" else None]
 
 
 def wheel_number(signal: str, places: Sequence[str]) -> int | None:
-    """Number of the wheel that a signal is of, by the wheel's name or number; None where there is none such."""
+    """Index of the wheel that a signal belongs to, from the wheel's name or number; None if there is no such wheel."""
     part = signal.partition(".")[2]
     if part in places:
         return places.index(part)
@@ -289,7 +289,7 @@ def wheel_number(signal: str, places: Sequence[str]) -> int | None:
 
 
 def no_such_part(signal: str, robot: Robot | None) -> str:
-    """Sentence about a wheel or motor that the robot does not have; "" where it has it."""
+    """Sentence about a signal's wheel or motor that the robot does not have; "" if it has it."""
     quantity = quantity_of(signal)
     places = places_of(quantity, robot)
     if not places or wheel_number(signal, places) is not None:

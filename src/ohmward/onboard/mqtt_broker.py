@@ -1,4 +1,4 @@
-"""Connection to an MQTT broker by paho, with the fix in every refusal; the password comes from a secret."""
+"""Connection to an MQTT broker through paho, with a fix in every error; the password comes from a secret."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ohmward.onboard.message import Handover
 from ohmward.onboard.secrets import check_secret_name, is_loopback, secret
 from ohmward.optional import require
 
-#: A broker that has not answered for so long is away; it hears from us twice as often.
+#: Keep-alive interval of MQTT, and longest wait for the broker's answer to a connection [s].
 KEEP_ALIVE_S = 10
 _ANSWER_S = 5.0
 
@@ -71,7 +71,7 @@ class MqttBroker:
 
     @asynccontextmanager
     async def connected(self, will: Will | None = None) -> AsyncIterator[Connection]:
-        """A connection, lost or closed at the end.
+        """A connection, closed at the end.
 
         Raises:
             OhmwardError: the broker is not there, or refuses.

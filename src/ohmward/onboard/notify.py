@@ -1,8 +1,8 @@
-"""Messages of the process to the service manager (systemd): it has started, it lives, it stops.
+"""Messages of the process to the service manager (systemd): it has started, it is alive, it stops.
 
 The protocol of sd_notify(3): datagrams of `KEY=VALUE` lines to the socket that NOTIFY_SOCKET names. The sign of life
-comes from the loop that the sensors are read in, and only while the estimators take what comes; where it stays away
-the service manager starts the process anew, which goes on from its last snapshot.
+comes from the loop that reads the sensors, and only while the estimators accept messages; without it the service
+manager restarts the process, which continues from its last snapshot.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from ohmward.onboard.part import LOG
 from ohmward.onboard.process import Companion, Process
 from ohmward.onboard.robot_state import Level
 
-#: Signs of life per time that the service manager waits for one: two may be late.
+#: Signs of life per timeout of the service manager: two may be late.
 SIGNS = 3
 
-#: Time between two status lines where nobody waits for signs of life [s].
+#: Longest time between two status lines, used without a watchdog [s].
 STATUS_S = 5.0
 
-#: So many messages of one source in a row that the estimators fail at are no mishap: their state is broken.
+#: Messages of one source in a row at which the estimators fail before their state counts as broken.
 MOST_FAULTS = 100
 
 
@@ -31,8 +31,8 @@ class ServiceManager:
     """The service manager that started this process.
 
     Args:
-        address: of its socket; "@..." is one of the abstract namespace.
-        watchdog_s: it waits so long for a sign of life, None where it does not.
+        address: of its socket; "@..." is in the abstract namespace.
+        watchdog_s: time that it waits for a sign of life, None without a watchdog.
     """
 
     def __init__(self, address: str, watchdog_s: float | None = None):
@@ -42,7 +42,7 @@ class ServiceManager:
         self._socket.setblocking(False)
 
     def send(self, **lines: str) -> None:
-        """Send lines `KEY=VALUE`. A manager that does not listen is not waited for."""
+        """Send lines `KEY=VALUE`, without waiting for a manager that does not listen."""
         text = "\n".join(f"{key}={' '.join(value.split())}" for key, value in lines.items())
         try:
             self._socket.sendto(text.encode(), self.address)
@@ -51,7 +51,7 @@ class ServiceManager:
 
 
 def service_manager(environment: Mapping[str, str] = os.environ) -> ServiceManager | None:
-    """The service manager that the environment names, None where there is none."""
+    """The service manager that the environment names, None if there is none."""
     address = environment.get("NOTIFY_SOCKET", "")
     if not address or not hasattr(socket, "AF_UNIX"):
         return None
@@ -61,7 +61,7 @@ def service_manager(environment: Mapping[str, str] = os.environ) -> ServiceManag
 
 
 def notifying(process: Process, manager: ServiceManager) -> Companion:
-    """The part of a process that tells the service manager of it."""
+    """The task of a process that keeps the service manager informed."""
     interval_s = STATUS_S if manager.watchdog_s is None else min(STATUS_S, manager.watchdog_s / SIGNS)
 
     async def run() -> None:
@@ -74,7 +74,7 @@ def notifying(process: Process, manager: ServiceManager) -> Companion:
                     await asyncio.wait_for(process.stopping.wait(), interval_s)
         finally:
             manager.send(STOPPING="1", STATUS="stopping")
-        await asyncio.Event().wait()  # until the process is through
+        await asyncio.Event().wait()  # until the process has ended
 
     return "service manager", run
 
@@ -85,7 +85,7 @@ def is_alive(process: Process) -> bool:
 
 
 def status(process: Process) -> str:
-    """A line for `systemctl status`: charge, and what is not in order."""
+    """A line for `systemctl status`: charge, and the first condition that is not in order."""
     charge = process.state.battery
     parts = [f"charge {100.0 * charge.soc:.0f} %"] if charge else []
     worse = [found for found in process.diagnostics.values() if found.level != Level.OK]

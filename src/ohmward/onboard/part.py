@@ -1,4 +1,4 @@
-"""Sources and sinks: what they promise, a supervisor that begins them again, and their input that cannot be read."""
+"""Sources and sinks: their protocols, a supervisor that restarts them, and a counter of unreadable input."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ohmward.onboard.robot_state import Diagnostic, Level
 
 LOG = logging.getLogger("ohmward.onboard")
 
-#: Wait before a source or sink begins again [s]: doubled each time, back to the first once it has run for the longest.
+#: Wait before a source or sink restarts [s]: doubled each time, reset once it has run for longer than the longest wait.
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.5, 30.0
 
 
@@ -25,14 +25,14 @@ class Source(Protocol):
 
     @property
     def name(self) -> str:
-        """In diagnostics and logs."""
+        """Name in diagnostics and logs."""
         ...
 
     async def run(self, put: Put) -> None:
-        """Put messages until the source ends; a connection that is lost raises `OhmwardError` with the fix.
+        """Put messages until the source ends; a lost connection raises `OhmwardError` with the fix.
 
-        The supervisor begins it again after a while. A message that cannot be read is counted and left out, it never
-        ends the source.
+        The supervisor restarts it after a while. A message that cannot be read is counted and left out; it never ends
+        the source.
         """
         ...
 
@@ -42,7 +42,7 @@ class Sink(Protocol):
 
     @property
     def name(self) -> str:
-        """In diagnostics and logs."""
+        """Name in diagnostics and logs."""
         ...
 
     @property
@@ -51,65 +51,65 @@ class Sink(Protocol):
         ...
 
     async def run(self, feed: Feed) -> None:
-        """Deliver states until the feed ends; a connection that is lost raises `OhmwardError` with the fix.
+        """Deliver states until the feed ends; a lost connection raises `OhmwardError` with the fix.
 
-        What could not be delivered goes back to the feed (`Feed.put_back`) or stays on the sink's own disk.
+        Undelivered states go back to the feed (`Feed.put_back`) or stay on the sink's own disk.
         """
         ...
 
 
 @runtime_checkable
 class ActingSink(Protocol):
-    """A sink that sends by itself, without any state: commands, its status, what waited on the disk."""
+    """A sink that sends even without a state: commands, its status, rows that waited on the disk."""
 
     async def try_out(self) -> None:
-        """Open what it sends to, and send nothing, until it is cancelled."""
+        """Open the destination without sending anything, until cancelled."""
         ...
 
 
 def is_live(source: Source) -> bool:
-    """False for a source that makes its measurements itself, as a replay and a simulation do: `live = False`."""
+    """False for a source that makes its own measurements, such as a replay or a simulation: `live = False`."""
     return getattr(source, "live", True)
 
 
 def feed_interval_s(sink: Sink) -> float:
-    """Least time between two states of the feed of a sink; 0 for one that limits its messages itself: `takes_all`."""
+    """Least time between two states in a sink's feed; 0 for a sink that limits its own messages: `takes_all`."""
     return 0.0 if getattr(sink, "takes_all", False) else sink.interval_s
 
 
 @dataclass(frozen=True)
 class SharingPart:
-    """A source or a sink that runs on what it shares with others, a node, a clock or drives; else as it is."""
+    """A source or sink that runs on a node, clock or drives shared with others; otherwise unchanged."""
 
     part: Any
     run: Callable[[Any], Coroutine[Any, Any, None]]
 
     @property
     def name(self) -> str:
-        """In diagnostics and logs."""
+        """Name in diagnostics and logs."""
         return self.part.name
 
     @property
     def live(self) -> bool:
-        """As of the source."""
+        """Liveness of the source."""
         return is_live(self.part)
 
     @property
     def interval_s(self) -> float:
-        """As of the feed of the sink."""
+        """Least time between two states in the sink's feed."""
         return feed_interval_s(self.part)
 
 
 class EndedError(OhmwardError):
-    """A source has come to its end, as a log does: it does not begin again."""
+    """A source or sink has ended for good, as a replay does after its log: it is not restarted."""
 
 
 async def keep_running(
     name: str, run: Callable[[], Awaitable[None]], tell: Callable[[Diagnostic], None], wait_s: float = FIRST_WAIT_S
 ) -> None:
-    """Run a source or sink, and begin it again with growing waits whenever it ends; returns where it has `EndedError`.
+    """Run a source or sink, and restart it with growing waits whenever it ends; return on `EndedError`.
 
-    name: of the diagnostics.  tell: takes them in.
+    name: name of the diagnostics.  tell: receives them.
     """
     loop = asyncio.get_running_loop()
     longest_s, first_s = LONGEST_WAIT_S, wait_s
@@ -134,22 +134,22 @@ async def keep_running(
 
 
 class FaultyInput:
-    """Faulty lines, frames or payloads of a source.
+    """Counter of faulty lines, frames or payloads of a source.
 
     Args:
         name: of the source.
-        sentence: about them, "lines are no JSON object".
-        kind: of what is named, "source".
+        sentence: description of the fault, "lines are no JSON object".
+        kind: kind of the named part, "source".
 
     Attributes:
-        number: of them so far.
+        number: faults so far.
     """
 
     def __init__(self, name: str, sentence: str, kind: str = "source"):
         self.name, self.sentence, self.kind, self.number = name, sentence, kind, 0
 
     def count(self, more: int = 1, example: bytes = b"") -> None:
-        """Count more of them; every doubling of the number is a line in the log, with the beginning of an example."""
+        """Count more faults; every doubling of their number is logged, with the beginning of an example."""
         before, self.number = self.number, self.number + more
         if self.number.bit_length() > before.bit_length():
             quoted = f", such as {reprlib.repr(example.decode(errors='replace'))}" if example else ""

@@ -1,4 +1,4 @@
-"""The process on the robot: sources and sinks beside each other, the estimators between them."""
+"""The process on the robot: concurrent sources and sinks, with the estimators between them."""
 
 from __future__ import annotations
 
@@ -27,36 +27,36 @@ from ohmward.onboard.part import LOG, EndedError, FaultyInput, Sink, Source, fee
 from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.sensor_watch import SensorWatch
 
-#: Time between two looks at sensors that should have reported.
+#: Time between two checks for sensors that should have reported.
 SENSOR_LOOK_S = 0.25
 
-#: Alarms are looked for no more often.
+#: Least time between two checks for alarms.
 ALARM_LOOK_S = 0.2
 
-#: A state goes out at least so often, with new diagnostics where no sensor reports.
+#: Longest time between two states; if no sensor reports, a state goes out with new diagnostics.
 IDLE_S = 1.0
 
-#: The range is forecast so often; at first, when little has been driven, more often, and at once when the charge leaps
-#: by so much.
+#: Time between two forecasts of the range; time at first, when little has been driven; change of the charge that
+#: triggers a forecast at once.
 FORECAST_S, FIRST_FORECAST_S, FORECAST_SOC = 30.0, 3.0, 0.02
 
-#: At the end sinks have so long to deliver what waits; what they could not stays undelivered or on their own disk.
+#: Time that sinks have at the end to deliver waiting states; the rest stays undelivered or on their own disk.
 END_S = 5.0
 
-#: Another thread gives the interpreter back after so long [s]; with the usual 5 ms a forecast of the range would delay
-#: hundreds of estimates.
+#: Time after which another thread yields the interpreter [s]; with the default of 5 ms a forecast of the range would
+#: delay hundreds of estimates.
 SWITCH_S = 0.0005
 
-#: A part that has recovered is said in the log to have after so long [s], if it has not failed again.
+#: Time before the recovery of a part is logged [s], if it has not failed again.
 RECOVERED_S = 2.0
 
-#: In strict mode a source or sink that fails so soon after the start ends the process.
+#: In strict mode a source or sink that fails within this time after the start ends the process.
 STRICT_S = 5.0
 
-#: Errors of a connection that cannot be taken for want of file handles or memory.
+#: Errors of a connection that cannot be accepted for lack of file handles or memory.
 _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
-#: Name of something that runs beside sources and sinks, and the function that does.
+#: Name and function of a task that runs beside sources and sinks.
 Companion = tuple[str, Callable[[], Awaitable[None]]]
 
 _LOG_LEVELS = {Level.OK: logging.INFO, Level.WARN: logging.WARNING}
@@ -69,14 +69,14 @@ class Process:
         estimation: the estimators.
         sources, sinks: the parts around them.
         clock: of this machine.
-        strict: end with an error where a source or sink cannot begin.
-        alarms: their limits.
-        companions: what else runs; each begins again as sources do, and is cancelled at the end.
+        strict: end with an error if a source or sink cannot start.
+        alarms: limits of the alarms.
+        companions: other tasks; each is restarted as sources are, and cancelled at the end.
 
     Attributes:
-        state: that was passed on last, with bands as of its time.
-        faults: messages of a source in a row that the estimators failed at, for a fault of their own.
-        stopping: set once somebody stops it.
+        state: the last one passed on, with bands as of its time.
+        faults: source -> number of its latest messages in a row at which the estimators raised an unexpected error.
+        stopping: set once `stop` is called.
     """
 
     def __init__(
@@ -110,10 +110,10 @@ class Process:
         self._exhausted = FaultyInput("connections", "cannot be taken; who opens so many?", "process")
 
     async def run(self) -> None:
-        """Run until every source has ended or `stop` is called; sinks then deliver what waits.
+        """Run until every source has ended or `stop` is called; sinks then deliver waiting states.
 
         Raises:
-            OhmwardError: in strict mode, a source or sink cannot begin.
+            OhmwardError: in strict mode, a source or sink cannot start.
         """
         self._began_s = self.watch.began_s = self.clock.now_s()
         self.stopping, self._hurried = asyncio.Event(), asyncio.Event()
@@ -134,9 +134,9 @@ class Process:
         try:
             await asyncio.wait([stopped, ended], return_when=asyncio.FIRST_COMPLETED)
         finally:
-            await _cancel([stopped, ended, *sources, watch])  # what ends now is not called silent
+            await _cancel([stopped, ended, *sources, watch])  # sources that end now are not reported as silent
             last_s = self.state.time_s if self._own else self.now_s()
-            for state in self.estimation.flush():  # as of now, which may be long after what waited was measured
+            for state in self.estimation.flush():  # as of now, maybe long after the measurement
                 self._pass_on(state._replace(time_s=max(state.time_s, last_s)))
             for _, feed in self.sinks:
                 feed.end()
@@ -147,11 +147,11 @@ class Process:
             raise OhmwardError(self._refused)
 
     def now_s(self) -> float:
-        """Time on the clock of the states: that of the machine, or of a replay or simulation at another rate."""
+        """Time on the clock of the states: the machine's clock, or that of a replay or simulation at another rate."""
         return self.clock.now_s() + self._ahead_s if math.isnan(self._simulated_s) else self._simulated_s
 
     def _restart(self) -> None:
-        """Forget all times: at the start, and where a simulation or a bag begins again."""
+        """Reset all times, at the start and when a simulation or a bag restarts."""
         self._clocks: dict[tuple[str, str], SourceClock] = {}
         self._dates = MessageDates()
         self._ahead_s, self._received_s, self._simulated_s = 0.0, -math.inf, math.nan
@@ -165,20 +165,20 @@ class Process:
         self.sinks.append((sink, Feed(feed_interval_s(sink))))
 
     def stop(self) -> None:
-        """End the sources; sinks deliver what waits, and `run` returns. Asked for again, it waits for no sink."""
+        """End the sources; sinks deliver waiting states, and `run` returns. A second call does not wait for sinks."""
         if self.stopping.is_set():
             self._hurried.set()
         self.stopping.set()
 
     def stop_on_signals(self) -> None:
-        """End cleanly on SIGTERM and SIGINT, to be called in the loop that runs."""
+        """End cleanly on SIGTERM and SIGINT; to be called in the running loop."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
-            with suppress(NotImplementedError, RuntimeError):  # on Windows; in another thread than the first
+            with suppress(NotImplementedError, RuntimeError):  # on Windows; outside the main thread
                 loop.add_signal_handler(number, self.stop)
 
     def put(self, message: Message) -> None:
-        """Take a message in: estimate, and pass the states on. Never raises."""
+        """Accept a message: estimate, and pass the states on. Never raises."""
         try:
             for state in self.estimation.put(*self._watched(message)):
                 self._pass_on(state)
@@ -189,7 +189,7 @@ class Process:
             self.tell(Diagnostic("estimation", Level.ERROR, f"unexpected {type(error).__name__}: {error}"))
 
     def _watched(self, message: Message) -> tuple[float, dict[str, float]]:
-        """Time of a message on our clock, and those of its values that can be true."""
+        """Time of a message on our clock, and its values that may be used, with nan for invalid ones."""
         own = message.source in self._own
         if own and message.received_s < self._received_s - LEAP_S:
             LOG.warning("source %s: its time went back; everything begins again", message.source)
@@ -215,13 +215,13 @@ class Process:
         return time_s, values
 
     def tell(self, diagnostic: Diagnostic) -> None:
-        """Take a condition in; the latest of each name stands in every state. A new one is logged."""
+        """Record a condition; every state carries the latest one of each name. A new one is logged."""
         before = self.diagnostics.get(diagnostic.name)
         self.diagnostics[diagnostic.name] = diagnostic
         self._reported = ()
         if before and _level_and_text(before) == _level_and_text(diagnostic):
             return
-        if before and before.level > diagnostic.level == Level.OK:  # most of what has failed fails again at once
+        if before and before.level > diagnostic.level == Level.OK:  # most failed parts fail again at once
             asyncio.get_running_loop().call_later(RECOVERED_S, self._log, diagnostic)
         else:
             self._log(diagnostic)
@@ -229,7 +229,7 @@ class Process:
             self._refuse(diagnostic)
 
     def _log(self, diagnostic: Diagnostic) -> None:
-        """Log a condition, unless it has passed meanwhile or is the one that was logged last."""
+        """Log a condition, unless it has changed meanwhile or was the last one logged."""
         first, last = diagnostic.name not in self._logged, self._logged.get(diagnostic.name)
         if last == _level_and_text(diagnostic) or _level_and_text(self.diagnostics[diagnostic.name]) != _level_and_text(
             diagnostic
@@ -240,14 +240,14 @@ class Process:
         LOG.log(level or logging.ERROR, "%s: %s", diagnostic.name, diagnostic.message)
 
     def _refuse(self, diagnostic: Diagnostic) -> None:
-        """End the process where a source or sink has failed at the start."""
+        """End the process if a source or sink has failed at the start."""
         of_part = diagnostic.name.startswith(("source ", "sink "))
         if of_part and self.clock.now_s() - self._began_s < STRICT_S:
             self._refused = self._refused or f"{diagnostic.name}: {diagnostic.message}"
             self.stop()
 
     def _take_error(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """Log an error that the loop has met; one of no more files, which comes by hundreds, in a line now and then."""
+        """Log an error of the event loop; errors for lack of files, which come in hundreds, only now and then."""
         error = context.get("exception")
         if isinstance(error, OSError) and error.errno in _EXHAUSTED:
             self._exhausted.count(example=str(error.strerror).encode())
@@ -255,7 +255,7 @@ class Process:
             loop.default_exception_handler(context)
 
     def _begin(self, name: str, run: Callable[[], Awaitable[None]]) -> asyncio.Task[None]:
-        """Begin a part, and begin it again whenever it ends."""
+        """Start a part, and restart it whenever it ends."""
         return asyncio.create_task(keep_running(name, run, self.tell))
 
     async def _look(self) -> None:
@@ -263,7 +263,7 @@ class Process:
             began_s = self.clock.now_s()
             await asyncio.sleep(SENSOR_LOOK_S)
             if self.clock.now_s() - began_s > 2.0 * SENSOR_LOOK_S:
-                await asyncio.sleep(SENSOR_LOOK_S)  # held up by the machine: what came meanwhile is taken in first
+                await asyncio.sleep(SENSOR_LOOK_S)  # held up by the machine: first accept what came meanwhile
             for diagnostic in self.watch.look(self.now_s()):
                 self.tell(diagnostic)
             for sink, feed in self.sinks:
@@ -277,7 +277,7 @@ class Process:
                 self._pass_on(self.estimation.state._replace(time_s=self.now_s(), sample={}))
 
     async def _forecast(self) -> None:
-        """Forecast the range: once the charge is known, when it leaps, once the drive tells the way, and at times."""
+        """Forecast the range: once the charge is known, when it leaps, once the drive informs it, and periodically."""
         made_s, wait_s, soc, assumed = -math.inf, FIRST_FORECAST_S, math.nan, True
         while True:
             await asyncio.sleep(SENSOR_LOOK_S)
@@ -294,7 +294,7 @@ class Process:
 
     def _pass_on(self, state: RobotState) -> None:
         self._passed_s = self.clock.now_s()
-        behind_s = max(-self._ahead_s, 0.0)  # a simulation that is too slow shows what it simulates now
+        behind_s = max(-self._ahead_s, 0.0)  # a simulation that is too slow shows its own time
         unix_s = self.clock.unix_s() - (self._passed_s - behind_s - state.time_s)
         if math.isfinite(self._calendar_s):
             unix_s = state.time_s + self._calendar_s
@@ -317,7 +317,7 @@ def _level_and_text(diagnostic: Diagnostic) -> tuple[Level, str]:
 
 
 def _lateness(late: int, left_out: int) -> Diagnostic:
-    """Condition of the order of messages about the drive; late: since the look before, left_out: since the start."""
+    """Condition of the order of drive messages; late: number since the last check, left_out: since the start."""
     if not late:
         return Diagnostic("order of messages", Level.OK, "in time", {"left_out": float(left_out)})
     message = "come later than others of a later time and are left out; raise delay_s, or look at their link"
@@ -325,7 +325,7 @@ def _lateness(late: int, left_out: int) -> Diagnostic:
 
 
 def _delivery(name: str, feed: Feed) -> Diagnostic:
-    """Condition of the delivery to a sink that goes on."""
+    """Condition of the delivery to a running sink."""
     if feed.trouble:
         return Diagnostic(f"delivery to {name}", Level.ERROR, feed.trouble)
     if feed.lost:
@@ -335,7 +335,7 @@ def _delivery(name: str, feed: Feed) -> Diagnostic:
 
 
 def _fit(charge: SocEstimate) -> Diagnostic:
-    """Condition of the battery file, by whether the estimate is one that the file's battery can have."""
+    """Condition of the battery file: whether its battery can have the estimated offset and capacity."""
     if not int(charge.flags) & SocFlag.MISFIT:
         return Diagnostic("battery file", Level.OK, "fits the measurements")
     message = (
@@ -359,6 +359,6 @@ async def _cancel(tasks: Sequence[asyncio.Task[object]]) -> None:
 
 
 async def _all(tasks: Sequence[asyncio.Task[None]]) -> None:
-    """Wait for the ends of tasks."""
+    """Wait until all tasks have ended."""
     for task in tasks:
         await asyncio.wait([task])

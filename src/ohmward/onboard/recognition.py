@@ -1,7 +1,7 @@
-"""Recognition of a robot's signals by their names, units and values: the wiring of a setup, and what has to be asked.
+"""Recognition of a robot's signals by their names, units and values: the wiring of a setup, and questions to the user.
 
-The names are matched as those of the columns of a log are, by the table of quantities: `BMS_PackVoltage`, `Pack_I`,
-`MotorRPM_FL`, `wheel_speed_rl`. A name is tried alone first, then behind that of its message: `BMS.Current`.
+The names are matched by the table of quantities, like the column names of a log: `BMS_PackVoltage`, `Pack_I`,
+`MotorRPM_FL`, `wheel_speed_rl`. A name is tried alone first, then behind the name of its message: `BMS.Current`.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from ohmward.quantities import QUANTITIES, limits_of, quantity_of
 from ohmward.signals.current_sign import SignEvidence, sign_evidence
 from ohmward.traction.robot.robot import Robot
 
-#: Words of a motor, whose speed may be that before the gear.
+#: Words for a motor, whose speed may be measured before the gear.
 _MOTOR = frozenset(("motor", "mot", "mc", "esc"))
 
-#: Channels that only signals have, no columns of a log.
+#: Channels that exist only as signals, not as columns of a log.
 _OF_SIGNALS = tuple(channel_for(q._replace(words=q.signal_words)) for q in QUANTITIES.values() if q.signal_words)
 
 
@@ -47,41 +47,41 @@ class Offered(NamedTuple):
 
     name: str  #: as the setup calls it: "BMS.PackVoltage", "robot/bms#current"
     short: str  #: its name alone: "PackVoltage"
-    unit: str = ""  #: that its source gives; "" for none
-    #: times [s] and values (n,) as heard or recorded; empty where only a database tells of it
+    unit: str = ""  #: unit given by its source; "" for none
+    #: times [s] and values (n,) as heard or recorded; empty if it is known only from a database
     time_s: np.ndarray = np.empty(0)
     values: np.ndarray = np.empty(0)
-    #: values that it can have by its database, nan where that is silent
+    #: limits of its values in the database, nan if not given
     lowest: float = math.nan
     highest: float = math.nan
 
     @property
     def long(self) -> str:
-        """Its name with that of its message, or the last two words of its topic."""
+        """Its name behind the name of its message, or the last two words of its topic."""
         return ".".join(re.split(r"[./#]", self.name)[-2:])
 
     @property
     def range(self) -> tuple[float, float]:
-        """Lowest and highest value, as heard or by the database; nan where neither tells."""
+        """Lowest and highest value, as heard or else from the database; nan if unknown."""
         finite = self.values[np.isfinite(self.values)]
         return (float(finite.min()), float(finite.max())) if finite.size else (self.lowest, self.highest)
 
 
 class Question(NamedTuple):
-    """What a person has to say, and the option of `ohmward setup` that says it."""
+    """Question to the user, and the option of `ohmward setup` that answers it."""
 
     text: str
     option: str  #: "--unit"
-    example: str  #: of its value, "wheel_speed=rpm"; what stands before an equals sign is fixed
+    example: str  #: example of its value, "wheel_speed=rpm"; the part before an equals sign is fixed
 
 
 class Answers(NamedTuple):
-    """What a person has said."""
+    """Answers of the user."""
 
-    signals: Mapping[str, str] = {}  #: signal -> name of what the source offers
+    signals: Mapping[str, str] = {}  #: signal -> name of an offered number
     units: Mapping[str, str] = {}  #: channel -> unit, `wheel_speed` -> "rpm"
-    current_sign: str = "auto"  #: effect of a positive current: "charge", "discharge"; "auto" tells it from values
-    shaft: str | None = None  #: "wheel" or "motor", that the speeds are of
+    current_sign: str = "auto"  #: effect of a positive current: "charge", "discharge"; "auto" finds it from values
+    shaft: str | None = None  #: "wheel" or "motor": shaft at which the speeds are measured
     counts_per_turn: float | None = None  #: of the encoders
 
 
@@ -91,23 +91,23 @@ class RecognisedSignals(NamedTuple):
     signals: Mapping[str, ScaledSignal]  #: in the order of the table of quantities
     questions: tuple[Question, ...]
     notes: tuple[str, ...]  #: what was assumed
-    unused: tuple[str, ...]  #: names of what is offered and not wired
+    unused: tuple[str, ...]  #: names of offered numbers that are not wired
 
 
 class _Match(NamedTuple):
-    """What a signal is wired to, and the unit that its name tells."""
+    """Number that a signal is wired to, and the unit in its name."""
 
     offered: Offered
     unit: Unit | None
 
 
 def recognise(offered: Sequence[Offered], robot: Robot | None, answers: Answers) -> RecognisedSignals:
-    """The signals among what a source offers.
+    """The signals among the numbers that a source offers.
 
-    robot: whose wheels are looked for; None takes the wheels as they are named.
+    robot: its wheels are looked for; None takes the wheels as they are named.
 
     Raises:
-        InputError: an answer names what is not offered, or a unit that is none of its quantity.
+        InputError: an answer names a number that is not offered, or a unit that does not fit the quantity.
     """
     found = _Finder(offered, robot, answers)
     found.find()
@@ -120,13 +120,13 @@ def recognise(offered: Sequence[Offered], robot: Robot | None, answers: Answers)
 
 
 def _order(signal: str) -> tuple[int, str]:
-    """Place of a signal in a setup: as in the table of quantities, numbers by their size."""
+    """Sort key of a signal in a setup: order of the table of quantities, then name or number of the part."""
     name, _, part = signal.partition(".")
     return list(QUANTITIES).index(name), f"{int(part):04d}" if part.isdecimal() else part
 
 
 class _Finder:
-    """Matches of one source, quantity after quantity: what is taken by one is not offered to the next."""
+    """Matches of one source, quantity after quantity: a number matched once is not offered to later quantities."""
 
     def __init__(self, offered: Sequence[Offered], robot: Robot | None, answers: Answers):
         self.offered, self.robot, self.answers = list(offered), robot, answers
@@ -136,7 +136,7 @@ class _Finder:
         self._unclear: dict[str, UnclearColumnsError] = {}
 
     def find(self) -> None:
-        """Wheels and motors first, whose currents are not the battery's; then cells, battery and body."""
+        """Match wheels and motors first, whose currents are not the battery's; then cells, battery and body."""
         self._take_answers()
         finders: tuple[Callable[[Mapping[str, Offered]], None], ...] = (self._wheels, self._cells, self._single)
         for find in finders:
@@ -161,7 +161,7 @@ class _Finder:
             self.matches[signal] = _Match(one, unit_of(one.unit) if one.unit else None)
 
     def _texts(self, long: bool) -> dict[str, Offered]:
-        """What is left, by names with their units that stand once, as columns of a log are called."""
+        """Numbers not matched yet, by unique names with units in the form of a log's column names."""
         taken = {id(match.offered) for match in self.matches.values()}
         texts = {id(one): _column(one, long) for one in self.offered}
         counts = Counter(texts.values())
@@ -190,7 +190,7 @@ class _Finder:
                     self._add_wheel(kind, place if robot else str(places.index(place)), column, texts)
 
     def _of_kind(self, kind: Channel, names: Sequence[str], wheels: Wheels) -> Found:
-        """Columns of wheels; where both wheel and motor tell of one, the wheel does so behind the gear."""
+        """Columns of wheels; if both wheel and motor report a speed, the wheel's is used, behind the gear."""
         try:
             return find_wheels("", names, kind, wheels, ())
         except UnclearColumnsError:
@@ -207,7 +207,7 @@ class _Finder:
         self.matches.setdefault(f"{name}.{place}", _Match(texts[column.name], unit))
 
     def _cells(self, texts: Mapping[str, Offered]) -> None:
-        """Voltages of cells, which have the word in their names and count from 0 or 1."""
+        """Match voltages of cells, which have the word "cell" in their names and count from 0 or 1."""
         rows = [name for name in cell_names(list(texts)) if "cell" in name.lower()]
         if any(signal.startswith("cell_voltage_V") for signal in self.matches):
             return
@@ -238,7 +238,7 @@ class _Finder:
         self.questions.append(Question(text, "--signal", f"{signal}{part}={(names or ['NAME'])[0]}"))
 
     def _ask_shaft(self) -> None:
-        """Ask whether speeds called those of motors are before the gear."""
+        """Ask whether speeds named after motors are measured before the gear."""
         speeds = [m.offered for s, m in self.matches.items() if s.startswith(("wheel_speed", "wheel_counts"))]
         of_motors = [one for one in speeds if _MOTOR & set(robot_words(one.long))]
         gear = self.robot.motor.gear_ratio if self.robot else 1.0
@@ -251,7 +251,7 @@ class _Finder:
             self.questions.append(Question(text, "--counts-per-turn", "4096"))
 
     def _ask_units(self) -> None:
-        """Ask for units that no name tells, once for each channel; a battery's are taken where they can be."""
+        """Ask for units missing from the names, once for each channel; a battery's are assumed if the values allow."""
         asked: set[str] = set()
         for signal, match in self.matches.items():
             quantity = quantity_of(signal)
@@ -269,7 +269,7 @@ class _Finder:
             self.questions.append(Question(text, "--unit", f"{channel}={proposed}"))
 
     def _ask_sign(self) -> None:
-        """Tell the sign of the current from values, or ask for it."""
+        """Find the sign of the current from values, or ask for it."""
         current, voltage = self.matches.get("battery_current_A"), self.matches.get("battery_voltage_V")
         if current is None or self.answers.current_sign != "auto":
             return
@@ -312,12 +312,12 @@ def _column(one: Offered, long: bool) -> str:
 
 
 def _by_radius(unit: Unit) -> bool:
-    """True for a speed of the rim, which the radius makes one of the wheel."""
+    """True for a speed of the rim, which is divided by the radius to give the wheel speed."""
     return unit.dimension == "speed"
 
 
 def _evidence(current: Offered, voltage: Offered) -> SignEvidence | None:
-    """How the voltage answers the current; None where they were not heard."""
+    """Evidence of the current's sign from the voltage; None if either was not heard."""
     if len(current.values) < 2 or len(voltage.values) < 2:
         return None
     answered_V = np.interp(current.time_s, voltage.time_s, voltage.values)
@@ -325,7 +325,7 @@ def _evidence(current: Offered, voltage: Offered) -> SignEvidence | None:
 
 
 def _fitting(signal: str, one: Offered, robot: Robot | None) -> list[str]:
-    """Units of the table's examples in which the values can be those of the quantity; all where none are known."""
+    """Units of the table's examples in which the values are possible for the quantity; all if no values are known."""
     quantity = quantity_of(signal)
     low, high = limits_of(quantity.name, None, robot)
     units = [unit for word in re.split(", | or ", quantity.example) if (unit := unit_of(word))]

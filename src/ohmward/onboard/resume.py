@@ -1,15 +1,15 @@
-"""Estimators that go on after a restart or a loss of power.
+"""Continuation of the estimators after a restart or a loss of power.
 
-In a short absence nothing but time has passed. In a long one the RC voltages fade and the charge becomes less known,
+In a short absence only time has passed. In a long one the RC voltages decay and the charge becomes less certain,
 
 std^2 = std_before^2 + (I t / Q)^2 + (c t)^2
 
 where the robot may have gone on for a while with its last current I, and electronics that are off draw a share c of the
-capacity. What the filter knows of the errors of its curve stays, together with how they go with the charge: the first
-voltage after the absence errs as the last one before it, and many restarts tell no more than none. Where that voltage
+capacity. The filter keeps its estimate of the curve errors and their correlation with the charge: the first voltage
+after the absence has the same error as the last one before it, so that restarts add no information. If that voltage
 contradicts the charge, somebody has charged or used the battery, and the voltage alone counts. After hours that is as
-likely as not: the estimator itself then begins again, as after any gap in which nothing is known of the current.
-Speed and pose begin anew: the robot may have been moved.
+likely as not: the estimator then restarts by itself, as after any gap in which the current is unknown.
+Speed and pose restart: the robot may have been moved.
 """
 
 from __future__ import annotations
@@ -32,29 +32,28 @@ from ohmward.onboard.robot_state import totals_from
 from ohmward.quantities import QUANTITIES
 from ohmward.trace.snapshot import to_json, typed
 
-#: An absence up to this is one in which the current went on as it was: a process that crashed, a computer that reboots.
+#: Longest absence in which the current is assumed to have stayed the same: a crashed process, a rebooting computer.
 SHORT_ABSENCE_S = 60.0
 
-#: An absence of which no clock tells is taken for a day.
+#: Absence assumed if no clock measured it: a day.
 UNKNOWN_S = 86400.0
 
-#: Beyond this the filter takes a step for a gap, and forgets the charge for what may have happened in it.
+#: Step that the filter treats as a gap, after which it forgets the charge, as anything may have happened in it.
 _GAP_S = CURRENT_GAP_S + 1.0
 
-#: A robot goes on for so long at most with its last current before it is switched off.
+#: Longest time that a robot goes on with its last current before it is switched off.
 _STILL_ON_S = 600.0
 
-#: A drive that was interrupted for longer has ended; the next one begins with what is known of the consumption.
+#: Longest interruption of a drive; after a longer one a new drive begins with the consumption learnt so far.
 DRIVE_S = 3600.0
 
-#: What the label of a battery says and nobody corrects later, as he may the chemistry.
+#: Entries of a battery's label that nobody corrects later, unlike the chemistry.
 _LABEL = ("capacity_Ah", "n_series")
 
-#: Use teaches a capacity that differs from the label by no more than this factor: a battery that has lost more is worn
-#: out long ago.
+#: Largest factor between labelled and learnt capacity: a battery that has lost more was worn out long before.
 _MOST_LEARNT = 2.0
 
-#: No clock counts further: some 300 years [s].
+#: Largest time that any clock counts: some 300 years [s].
 _MOST_S = 1e10
 
 _SECONDS_PER_HOUR, _SECONDS_PER_DAY = 3600.0, 86400.0
@@ -76,15 +75,15 @@ def remember(estimation: Estimation, time_s: float) -> dict[str, Any]:
         content["cells"] = estimation.cells.snapshot()
     if estimation.range and math.isfinite(estimation.range.time_s):
         content["range"] = estimation.range.snapshot()
-    if any(estimation.totals) and (content or estimation.battery is None):  # a charge of before is not written over
+    if any(estimation.totals) and (content or estimation.battery is None):  # keep an earlier charge
         content["totals"] = estimation.totals._asdict()
     return content
 
 
 def resume(estimation: Estimation, content: Mapping[str, Any], away_s: float, now_s: float) -> list[str]:
-    """Let the estimators go on from a snapshot; sentences about what could not.
+    """Continue the estimators from a snapshot; returns sentences about what could not be continued.
 
-    away_s: since it was taken, nan where no clock tells.  now_s: on the clock of the messages.
+    away_s: time since it was taken, nan if unknown.  now_s: now, on the clock of the messages.
     """
     if isinstance(totals := content.get("totals"), Mapping):
         estimation.totals = totals_from(totals)
@@ -134,7 +133,7 @@ def _charge_of(content: Mapping[str, Any]) -> tuple[_Charge, _Label]:
     """Charge and label of a snapshot.
 
     Raises:
-        InputError: they are of another type, or cannot be.
+        InputError: they are of another type or out of range.
     """
     charge: _Charge = typed(_Charge, "charge", content.get("charge"))
     label: _Label = typed(_Label, "battery", content.get("battery"))
@@ -153,14 +152,14 @@ def label_of(battery: Battery) -> dict[str, Any]:
 
 
 def is_another(label: Mapping[str, Any], battery: Battery) -> bool:
-    """True where the label cannot be that of the battery, however much was learnt about it since."""
+    """True if the label cannot belong to the battery, however much was learnt about it since."""
     capacity_Ah = label.get("capacity_Ah", battery.capacity_Ah)
     more = max(capacity_Ah / battery.capacity_Ah, battery.capacity_Ah / capacity_Ah)
     return more > _MOST_LEARNT or label.get("n_series", battery.n_series) != battery.n_series
 
 
 def _moved_std(charge: _Charge, capacity_Ah: float, away_s: float) -> float:
-    """Standard deviation of what the charge moved by in the absence; the equation at the head."""
+    """Standard deviation of the change of the charge in the absence; see the equation at the head."""
     drawn = abs(charge["current_A"] or 0.0) * min(away_s, _STILL_ON_S) / _SECONDS_PER_HOUR / capacity_Ah
     standby = STANDBY_PER_HOUR * away_s / _SECONDS_PER_HOUR
     return math.hypot(drawn, standby)
@@ -177,7 +176,7 @@ def _resume_cells(estimation: Estimation, content: Mapping[str, Any]) -> list[st
 
 
 def _resume_range(estimation: Estimation, content: Mapping[str, Any], away_s: float) -> list[str]:
-    """The drive goes on after a short interruption; else a new one begins with the consumption as it was learnt."""
+    """Continue the drive after a short interruption; otherwise begin a new one with the learnt consumption."""
     if "range" not in content or estimation.range is None or estimation.battery is None:
         return []
     try:

@@ -53,7 +53,7 @@ class Setup:
 
 
 def _require_others_topics(source: Ros2Source, sink: Ros2Sink) -> None:
-    """Raise InputError where a source of ROS hears a sink of the same process."""
+    """Raise InputError if a source of ROS would receive the messages of a sink of the same process."""
     if source.domain is not None and sink.domain is not None and source.domain != sink.domain:
         return
     heard, sent = (

@@ -1,8 +1,8 @@
 """State of the robot: everything that is known at an instant, one record for every sink, and plain dicts for JSON.
 
 Sinks that send single numbers name them by path: "battery.soc", "slip.slip_ratio.0"; "sample.battery_current_A" is
-a measured value; "age_s.battery" is the time since the sample behind the estimates of the battery, and so are those of
-drive and cells.
+a measured value; "age_s.battery" is the time since the sample behind the estimates of the battery, and likewise
+"age_s.drive" and "age_s.cells".
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ohmward.quantities import quantity_of
 from ohmward.traction.odometry.sample import OdometryEstimate
 from ohmward.traction.speed_observer.estimate import SlipEstimate
 
-#: Samples further apart have nothing between them that was measured [s].
+#: Longest step between two samples that is counted; samples further apart enclose a gap [s].
 TOTALS_GAP_S = 60.0
 
 _S_PER_H, _WH_PER_KWH, _M_PER_KM = 3600.0, 1e3, 1e3
@@ -39,14 +39,14 @@ class Totals(NamedTuple):
     charge_out_Ah: float = 0.0  #: out of it
     energy_in_kWh: float = 0.0  #: into the battery
     energy_out_kWh: float = 0.0  #: out of it
-    #: equivalent full cycles: charge both ways over twice the capacity of the battery file
+    #: equivalent full cycles: charge in both directions over twice the capacity in the battery file
     cycles: float = 0.0
     distance_km: float = 0.0  #: driven
 
     def plus_charge(self, charge_Ah: float, voltage_V: float, capacity_Ah: float) -> Totals:
         """The totals after a charge of one sign at a voltage.
 
-        charge_Ah: > 0 into the battery.  voltage_V: mean, nan where it was not measured: no energy is counted.
+        charge_Ah: > 0 into the battery.  voltage_V: mean, nan if it was not measured: no energy is counted.
         """
         energy_kWh = abs(charge_Ah) * voltage_V / _WH_PER_KWH if math.isfinite(voltage_V) else 0.0
         cycles = self.cycles + abs(charge_Ah) / (2.0 * capacity_Ah)
@@ -59,20 +59,20 @@ class Totals(NamedTuple):
     def after_battery(self, dt_s: float, current_A: float, voltage_V: float, capacity_Ah: float) -> Totals:
         """The totals after a step with these means, unless it is a gap.
 
-        dt_s: since the sample before.  current_A: > 0 charges; nan is not measured, as of the voltage.
+        dt_s: since the previous sample.  current_A: > 0 charges.  current_A, voltage_V: nan is not measured.
         """
         if not (0.0 < dt_s <= TOTALS_GAP_S and math.isfinite(current_A)):
             return self
         return self.plus_charge(current_A * dt_s / _S_PER_H, voltage_V, capacity_Ah)
 
     def after_drive(self, before_m: float, distance_m: float) -> Totals:
-        """The totals after the path has grown from one length to another; one that is shorter has begun again."""
+        """The totals after the path has grown from one length to another; a shorter one means that it restarted."""
         grown_m = distance_m - before_m if distance_m >= before_m else distance_m
         return self._replace(distance_km=self.distance_km + grown_m / _M_PER_KM) if math.isfinite(grown_m) else self
 
 
 def totals_from(content: Mapping[str, Any]) -> Totals:
-    """The totals in a snapshot; nothing of a number that cannot be one."""
+    """The totals in a snapshot; 0 for an invalid number."""
     known = {name: content.get(name) for name in Totals._fields}
     return Totals(**{name: float(v) for name, v in known.items() if isinstance(v, int | float) and 0.0 <= v < 1e12})
 
@@ -89,14 +89,14 @@ class Level(IntEnum):
 class Diagnostic(NamedTuple):
     """Condition of a sensor, a source, a sink or an estimate."""
 
-    name: str  #: of the thing, "source can0", "battery_voltage_V", "charge"
-    level: Level  #: how bad it is
-    message: str  #: a sentence for people, with the fix where there is one
-    values: Mapping[str, str | float] = {}  #: figures beside it
+    name: str  #: its subject, "source can0", "battery_voltage_V", "charge"
+    level: Level  #: severity
+    message: str  #: a sentence for people, with the fix if there is one
+    values: Mapping[str, str | float] = {}  #: figures that belong to it
 
 
 class Alarm(NamedTuple):
-    """A condition that somebody has to hear of, see `alarms`."""
+    """A condition that needs somebody's attention, see `alarms`."""
 
     name: str  #: "stuck", "bms", "empty", "low", "home", "cells", "slip"
     text: str  #: a sentence for people, with what to do
@@ -104,12 +104,12 @@ class Alarm(NamedTuple):
 
 
 class RobotState(NamedTuple):
-    """Everything that is known at an instant. What is not estimated, or not yet, is None."""
+    """Everything that is known at an instant; estimates that do not exist, or not yet, are None."""
 
     time_s: float  #: of the sample, on the monotonic clock of the process
     unix_s: float  #: the same as a date, seconds since 1970
-    sample: Mapping[str, float] = {}  #: measured values that made this state, by signal
-    #: charge; cells: of the pack; slip: speed and slip; pose: odometry; range: how far the rest reaches
+    sample: Mapping[str, float] = {}  #: measured values behind this state, by signal
+    #: charge; cells: of the pack; slip: speed and slip; pose: odometry; range: distance and time left
     battery: SocEstimate | None = None
 
     cells: PackEstimate | None = None
@@ -117,17 +117,17 @@ class RobotState(NamedTuple):
     pose: OdometryEstimate | None = None
     range: RangeEstimate | None = None
     diagnostics: tuple[Diagnostic, ...] = ()  #: conditions of sensors, sources, sinks and estimates, the latest of each
-    #: of the samples behind the estimates of battery, drive and cells, nan before the first. While no sensor reports,
-    #: states with new diagnostics go on, and these stand still; bands grow meanwhile, see `evidence`.
+    #: times of the samples behind the estimates of battery, drive and cells, nan before the first. While no sensor
+    #: reports, states with new diagnostics still come with these times unchanged; bands grow, see `evidence`.
     battery_time_s: float = math.nan
     drive_time_s: float = math.nan
     cells_time_s: float = math.nan
-    #: the first two as dates that the source gave, as ROS and dated logs do; nan where the wall clock counts: `date_s`
+    #: the first two as dates given by the source, as by ROS or a dated log; nan if the wall clock applies: `date_s`
     battery_unix_s: float = math.nan
     drive_unix_s: float = math.nan
-    silent: tuple[str, ...] = ()  #: "battery", "cells" and "drive", of those whose sensors are all silent
-    alarms: tuple[Alarm, ...] = ()  #: those that are raised, the most urgent first
-    totals: Totals | None = None  #: since ever; None before anything was measured
+    silent: tuple[str, ...] = ()  #: which of "battery", "cells" and "drive" have only silent sensors
+    alarms: tuple[Alarm, ...] = ()  #: raised alarms, the most urgent first
+    totals: Totals | None = None  #: sums over the robot's life; None before anything was measured
     wheels: tuple[str, ...] = ()  #: names of the driven wheels of the robot file, in the order of the arrays of `slip`
 
     def date_s(self, group: str) -> float:
@@ -136,18 +136,18 @@ class RobotState(NamedTuple):
         return given_s if math.isfinite(given_s) else self.unix_s - (self.time_s - time_s)
 
     def is_silent(self, group: str) -> bool:
-        """True where the sensors of the "battery" or of the "drive" have reported, and do not any more."""
+        """True if the sensors of the "battery" or of the "drive" have reported before, but no longer do."""
         estimate = self.battery if group == "battery" else self.slip
         return group in self.silent or (estimate is None and math.isfinite(getattr(self, f"{group}_time_s")))
 
 
 def soc_band(soc: float, soc_std: float) -> tuple[float, float]:
-    """Band of 95 % of a state of charge, within what it can be."""
+    """95 % band of a state of charge, limited to 0 to 1."""
     return max(soc - BAND_95 * soc_std, 0.0), min(soc + BAND_95 * soc_std, 1.0)
 
 
 def stale(state: RobotState) -> str:
-    """Sentence about the sensors that are silent; "" where every estimate has some that report."""
+    """Sentence about silent sensors; "" if every estimate has sensors that report."""
     missing = [
         part if state.time_s - time_s < 60.0 else f"{part} for {(state.time_s - time_s) / 60.0:.0f} min"
         for group, part, time_s in (
@@ -162,12 +162,12 @@ def stale(state: RobotState) -> str:
 
 
 def plain_state(state: RobotState) -> dict[str, Any]:
-    """The state as a dict for JSON, parts that are not estimated left out."""
+    """The state as a dict for JSON, without parts that are not estimated."""
     return {name: plain(value) for name, value in zip(state._fields, state, strict=True) if value is not None}
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON knows it: null for a number that is not finite, flags and levels by name, records as dicts."""
+    """A value in JSON types: null for a number that is not finite, flags and levels by name, records as dicts."""
     if isinstance(value, SampleFlag):
         return [flag.name for flag in value]
     if isinstance(value, Level):
@@ -200,7 +200,7 @@ AGES = ("battery", "drive", "cells")
 
 
 def require_path(path: str) -> None:
-    """Raise InputError unless states can have such a number; the message lists the names that there are."""
+    """Raise InputError unless states can have a number at this path; the message lists the valid names."""
     part, _, rest = path.partition(".")
     if part == "sample":
         quantity_of(rest)
@@ -216,7 +216,7 @@ def require_path(path: str) -> None:
 
 
 def number_at(state: RobotState, path: str) -> float:
-    """The number at a path of the state; nan where it is not known or no number."""
+    """The number at a path of the state; nan if it is unknown or not a number."""
     part, _, rest = path.partition(".")
     if part == "age_s":
         return max(state.time_s - float(getattr(state, f"{rest}_time_s")), 0.0)
@@ -232,7 +232,7 @@ def number_at(state: RobotState, path: str) -> float:
 
 
 def _item(value: Any, word: str) -> Any:
-    """Element of a record by its name or of an array by its number; None where there is none."""
+    """Element of a record by name or of an array by index; None if there is none."""
     if word.isdecimal() and hasattr(value, "__len__"):
         return value[int(word)] if int(word) < len(value) else None
     return getattr(value, word, None) if word in getattr(value, "_fields", ()) else None

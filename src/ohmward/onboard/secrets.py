@@ -1,4 +1,4 @@
-"""Secrets, and addresses that others reach only with one.
+"""Secrets, and checks of addresses that need one.
 
 A secret comes from an environment variable or a file that nobody else may read, never from a setup or a command line.
 """
@@ -12,15 +12,15 @@ from pathlib import Path
 
 from ohmward.errors import InputError
 
-#: Before the path of a file in the key of a setup that names a secret.
+#: Prefix of a file's path in the key of a setup that names a secret.
 _FILE = "file:"
 
 
 def check_secret_name(key: str, where: str) -> None:
-    """Raise InputError unless this says where a secret is: the name of a variable, or file:PATH.
+    """Raise InputError unless `where` is a place of a secret: the name of a variable, or file:PATH.
 
-    Names of variables have capital letters, as is the custom; what has others is more likely the secret itself, which
-    no message may show.
+    Names of variables are in capitals by convention; anything else is more likely the secret itself, which no message
+    may show.
     """
     if not where.startswith(_FILE) and not (where.isidentifier() and where == where.upper()):
         raise InputError(
@@ -35,7 +35,7 @@ def secret(key: str, where: str) -> str:
     where: name of an environment variable, or "file:PATH"; the file's last line break is left out.
 
     Raises:
-        InputError: there is none, or others than the owner may read the file. The message never has the secret.
+        InputError: there is none, or users other than the owner may read the file. The message never has the secret.
     """
     check_secret_name(key, where)
     if not where.startswith(_FILE):
@@ -59,7 +59,7 @@ def host_and_port(key: str, address: str) -> tuple[str, int]:
     """Host and port of HOST:PORT.
 
     Raises:
-        InputError: it is none.
+        InputError: the address has another form.
     """
     host, _, port = address.rpartition(":")
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
@@ -68,7 +68,7 @@ def host_and_port(key: str, address: str) -> tuple[str, int]:
 
 
 def is_loopback(host: str) -> bool:
-    """True where only this machine can reach a host."""
+    """True if only this machine can reach the host."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

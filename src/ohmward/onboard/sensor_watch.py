@@ -1,9 +1,8 @@
-"""Watch over the sensors: names those that are silent, stuck, doubled or read no number, and keeps them out.
+"""Watch over the sensors: names those that are silent, stuck, doubled or not numeric, and keeps their values out.
 
-A fault costs an estimator what the sensor would have told, and nothing else: its values become nan, as if it had not
-measured, until it reports again. A sensor is stuck where its value stays the same to the last bit while those that move
-with it move: current and voltage of a battery with each other, wheels by the motion that the other wheels and the gyro
-tell of.
+A fault costs an estimator the information of that sensor and nothing else: its values become nan, as if not measured,
+until it reports again. A sensor is stuck if its value stays the same to the last bit while related values move: current
+and voltage of a battery are compared with each other, wheels with the motion measured by the other wheels and the gyro.
 """
 
 from __future__ import annotations
@@ -23,30 +22,30 @@ from ohmward.signals.checks import beyond_limits, doubled, missing, no_number, s
 from ohmward.traction.motion_check import FEWEST, LASTS_S, MotionCheck
 from ohmward.traction.robot.robot import Robot
 
-#: A sensor is silent after so many of its usual intervals without a value, and after no less than the time.
+#: A sensor is silent after this many usual intervals without a value, but no earlier than this time.
 SILENT_INTERVALS, SILENT_S = 5.0, 1.0
 
-#: A value is overdue after so many of its usual intervals, and after no less than the time.
+#: A value is overdue after this many usual intervals, but no earlier than this time.
 DUE_INTERVALS, DUE_S = 2.0, 0.25
 
-#: So often must what moves with a sensor have turned back meanwhile; a voltage that relaxes at a constant current does
-#: not.
+#: Reversals of the related value for which a constant sensor counts as stuck; a voltage that relaxes at a constant
+#: current makes none.
 TURNS = 2
 
 #: Change of the battery's current that moves its voltage [multiples of the capacity per hour]; the drop over the ohmic
-#: resistance of a cell is then some millivolts, the last digit of a usual converter.
+#: resistance of a cell is then some millivolts, the last digit of a common converter.
 MOVE_C = 0.1
 
-#: Messages of a source are missed so long after the start, and a value that has come once so long after it came.
+#: Time after which something is missed: messages of a source after the start, a value that came only once after it.
 PROMISED_S = 5.0
 
-#: A signal that a source promises is missed so long after the source's first message: slow sensors take their time.
+#: Time after a source's first message at which a declared signal is missed: slow sensors need a while.
 MISSED_S = 30.0
 
-#: A source is late where its values are older than this when they come.
+#: A source is late if its values are older than this when they arrive.
 LATE_S = 0.5
 
-#: Signals that are watched: a pack of hundreds of cells has room; a source that makes up names must not fill memory.
+#: Most signals watched: enough for a pack of hundreds of cells; a source that invents names must not fill the memory.
 MOST_SENSORS = 1000
 
 #: Weight of the newest interval in the usual one.
@@ -64,60 +63,60 @@ _ANY = ValueLimits(-math.inf, math.inf)
 
 @dataclass(slots=True)
 class WatchedSensor:
-    """One signal as it has reported so far."""
+    """Record of one signal so far."""
 
     signal: str
-    source: str  #: that it comes from
-    lowest: float  #: outside of this and `highest` no sensor that works reads
+    source: str  #: source that sends it
+    lowest: float  #: a working sensor reads from this to `highest`
     highest: float
     move: float = math.inf  #: smallest change that counts as a move
     last_s: float = -math.inf  #: time of its last value
-    received_s: float = -math.inf  #: when that came, which may be later
+    received_s: float = -math.inf  #: time of its receipt, which may be later
     interval_s: float = 0.0  #: usual time between two values
-    true_s: float = -math.inf  #: when the last value that may be true came
+    true_s: float = -math.inf  #: receipt of the last value that may be true
     pauses: int = 0  #: silences in a row
-    value: float = math.nan  #: last one that may be true
-    same: int = 0  #: number of times in a row that it was the same
-    same_s: float = -math.inf  #: since when it is
-    stuck: bool = False  #: declared to be
-    turns: int = 0  #: number of times that moves have changed their direction
+    value: float = math.nan  #: last value within the limits
+    same: int = 0  #: number of times in a row that it was repeated
+    same_s: float = -math.inf  #: time since which it has been the same
+    stuck: bool = False  #: True once it is found to be stuck
+    turns: int = 0  #: number of times that its moves have reversed
     moved_to: float = math.nan  #: value after the last move
     upwards: bool = True  #: direction of the last move
-    partner_turns: int = 0  #: turns of the partner when the value began to be the same
+    partner_turns: int = 0  #: turns of the partner at `same_s`
     partner: WatchedSensor | None = None
-    bad: int = 0  #: values since the last look that cannot be true
+    bad: int = 0  #: values outside the limits since the last look
     bad_value: float = math.nan  #: the last of them
-    good: int = 0  #: all other values since the last look
-    absent: str = ""  #: sentence where the robot has no such wheel or motor
+    good: int = 0  #: other values since the last look
+    absent: str = ""  #: sentence if the robot has no such wheel or motor
     plausible: ValueLimits = _ANY  #: lowest and highest value on this robot
     doubled_by: str = ""  #: other source that sends it too
-    doubled_s: float = -math.inf  #: when that last did
-    repeated: int = 0  #: values since the last look that came twice
+    doubled_s: float = -math.inf  #: when that source last sent it
+    repeated: int = 0  #: values that came twice since the last look
     looked_at: float = math.nan  #: value at the last look
     looked_s: float = math.nan  #: time of that value
 
     @property
     def silent_after_s(self) -> float:
-        """Time without a value after which it is silent; never for an event, or one that has come once."""
+        """Time without a value after which it is silent; inf for an event, or a signal that has come only once."""
         if self.interval_s == 0.0 or self.signal in EVENTS:
             return math.inf
         return max(SILENT_INTERVALS * self.interval_s, SILENT_S)
 
     def is_silent(self, now_s: float) -> bool:
-        """True where no value has come for long; those of a slow link come late, but they come."""
+        """True if no value has arrived for long; values that a slow link delivers late count."""
         return now_s - self.received_s > self.silent_after_s
 
     def is_due(self, now_s: float) -> bool:
-        """True where its last value that may be true is no older than one that works leaves between two at times."""
+        """True if its last value that may be true is no older than an occasional gap of a working sensor."""
         wait_s = max(DUE_INTERVALS * self.interval_s, DUE_S) if self.interval_s else PROMISED_S
         return now_s - self.true_s <= wait_s
 
     def has_reported(self, now_s: float) -> bool:
-        """True where its last value that may be true came no longer ago than a sensor that works may be silent."""
+        """True if its last value that may be true came within the time that a working sensor may be silent."""
         return now_s - self.true_s <= (self.silent_after_s if self.interval_s else PROMISED_S)
 
     def take(self, time_s: float, received_s: float, value: float) -> float:
-        """The value, nan where it cannot be true."""
+        """The value; nan if it is outside the limits, stuck or repeated."""
         self.received_s = received_s
         if not self.lowest <= value <= self.highest:
             self.bad, self.bad_value = self.bad + 1, value
@@ -156,18 +155,18 @@ class WatchedSensor:
             self.pauses = 0
         else:
             self.pauses += 1
-            if self.pauses > 1:  # no outage: the first two values came in haste
+            if self.pauses > 1:  # no outage: the first two values came too fast
                 self.interval_s = gap_s
 
     def change_since_look(self) -> float:
-        """Change of the value a second since the last look, from now on since this one; nan where none was before."""
+        """Rate of change of the value since the last call; nan for the first call or without a newer value."""
         passed_s, change = self.last_s - self.looked_s, self.value - self.looked_at
         self.looked_at, self.looked_s = self.value, self.last_s
         return change / passed_s if passed_s > 0.0 else math.nan
 
     @property
     def is_same(self) -> bool:
-        """True where the value has been the same for as long as a fault in a log lasts."""
+        """True if the value has been the same for as long as a fault in a log lasts."""
         return self.same >= FEWEST and self.last_s - self.same_s >= LASTS_S
 
 
@@ -175,23 +174,23 @@ class WatchedSensor:
 class Delivery:
     """Messages of one source."""
 
-    signals: frozenset[str] = frozenset()  #: that it says it sends
-    first_s: float = math.inf  #: when the first message came
-    delay_s: float = 0.0  #: of the last one
-    step_s: float = -math.inf  #: when the source's clock was set
+    signals: frozenset[str] = frozenset()  #: signals that it declares
+    first_s: float = math.inf  #: receipt of the first message
+    delay_s: float = 0.0  #: delay of the last message
+    step_s: float = -math.inf  #: time at which the source's clock was last set
 
 
 @dataclass
 class SensorWatch:
     """The watch over all sensors of a robot."""
 
-    #: that the sensors are on
+    #: battery and robot with the sensors
     battery: Battery | None = None
     robot: Robot | None = None
-    #: names of the sources, and of the signals that each says it sends
+    #: source -> signals that it declares
     promised: Mapping[str, Iterable[str]] = field(default_factory=dict)
-    began_s: float = 0.0  #: time from which on they are expected
-    counts_per_turn: float | None = None  #: of the wheels' encoders, where they send counts
+    began_s: float = 0.0  #: time from which messages are expected
+    counts_per_turn: float | None = None  #: of the wheels' encoders, if they send counts
 
     def __post_init__(self) -> None:
         self.sensors: dict[str, WatchedSensor] = {}
@@ -201,7 +200,7 @@ class SensorWatch:
         self._evidence: dict[str, list[WatchedSensor]] = {name: [] for name in EVIDENCE}
 
     def ages(self, now_s: float) -> dict[str, Age]:
-        """Evidence of estimates, by name, that is overdue: none of its sensors tells anything true any more."""
+        """Overdue evidence of estimates, by name: none of its sensors has sent a value that may be true in time."""
         found = {}
         for name, sensors in self._evidence.items():
             if sensors and not any(sensor.is_due(now_s) for sensor in sensors):
@@ -210,7 +209,7 @@ class SensorWatch:
         return found
 
     def take(self, source: str, time_s: float, received_s: float, values: Mapping[str, float]) -> dict[str, float]:
-        """Values of a message that may be used, nan for those that cannot be true; doubled ones are left out."""
+        """Values of a message that may be used, nan for invalid ones; doubled ones are left out."""
         delivery = self.sources.setdefault(source, Delivery())
         delivery.first_s = min(delivery.first_s, received_s)
         delivery.delay_s = received_s - time_s
@@ -225,7 +224,7 @@ class SensorWatch:
         return clean
 
     def clock_was_set(self, source: str, now_s: float) -> None:
-        """Take in that the clock of a source was set."""
+        """Record that the clock of a source was set."""
         self.sources[source].step_s = now_s
 
     def look(self, now_s: float) -> Iterator[Diagnostic]:
@@ -243,7 +242,7 @@ class SensorWatch:
             sensor.bad = sensor.good = sensor.repeated = 0
 
     def _conditions(self, name: str, delivery: Delivery, now_s: float) -> Iterator[Diagnostic]:
-        """Conditions of a source: its clock, its delay, what it has promised and does not send."""
+        """Conditions of a source: its clock, its delay, missing signals and missing messages."""
         if now_s - delivery.step_s < 60.0:
             yield Diagnostic(f"clock of {name}", Level.WARN, "was set; its times count from there")
         elif delivery.step_s > -math.inf:
@@ -265,7 +264,7 @@ class SensorWatch:
             yield Diagnostic(f"messages of {name}", Level.STALE if none else Level.OK, message)
 
     def _first(self, signal: str, source: str) -> WatchedSensor | None:
-        """The sensor of a signal that is new; None where there are too many already."""
+        """The sensor of a new signal; None if there are too many already."""
         if len(self.sensors) >= MOST_SENSORS:
             return None
         quantity = quantity_of(signal)
@@ -283,7 +282,7 @@ class SensorWatch:
         return sensor
 
     def _moves(self) -> dict[str, float]:
-        """Changes that count as moves of the battery's sensors; none without its file."""
+        """Changes that count as moves of the battery's sensors; empty without a battery file."""
         if self.battery is None:
             return {}
         current_A = MOVE_C * self.battery.capacity_Ah
@@ -291,7 +290,7 @@ class SensorWatch:
         return {"battery_current_A": current_A, "battery_voltage_V": ohm * current_A}
 
     def _takes_over(self, sensor: WatchedSensor, source: str, received_s: float) -> bool:
-        """True where the source that a signal came from is silent; else it is doubled, and this one is left out."""
+        """True if the signal's previous source is silent; otherwise it is doubled, and the new source is left out."""
         if sensor.is_silent(received_s):
             sensor.source, sensor.doubled_by = source, ""
             return True
@@ -308,7 +307,7 @@ class SensorWatch:
                 self.sensors[signal].stuck = True
 
     def _speed(self, sensor: WatchedSensor) -> float:
-        """Value of a sensor; of one that counts its speed [rad/s] since the last look, nan after an overflow."""
+        """Value of a sensor; for encoder counts the speed [rad/s] since the last look, nan after an overflow."""
         if not sensor.signal.startswith("wheel_counts"):
             return sensor.value
         if self.counts_per_turn is None:
@@ -338,7 +337,7 @@ def _condition(sensor: WatchedSensor, now_s: float) -> tuple[Level, str]:
 
 
 def _bad(sensor: WatchedSensor) -> str:
-    """Sentence on the values since the last look that cannot be true; it stays the same while the fault does."""
+    """Sentence about the values outside the limits since the last look; it stays the same while the fault lasts."""
     if not math.isfinite(sensor.bad_value):
         return str(no_number("in some of its values" if sensor.good else "in any of its values"))
     often = " now and then" if sensor.good else ""
@@ -346,6 +345,6 @@ def _bad(sensor: WatchedSensor) -> str:
 
 
 def _beyond(sensor: WatchedSensor, value: float, often: str = "") -> str:
-    """Sentence on a value that leaves what is plausible on this robot; "" for none."""
+    """Sentence about a value outside the plausible limits of this robot; "" if it is within them."""
     quantity = quantity_of(sensor.signal)
     return "".join(map(str, beyond_limits(quantity, value, value, sensor.plausible, "setup", often=often)))

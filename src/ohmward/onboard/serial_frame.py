@@ -2,7 +2,7 @@
 
 frame = COBS(number, sequence, time, values, crc), 0
 
-COBS (Cheshire and Baker 1999) leaves no zero inside a frame: after any fault the next zero is the start of a whole one.
+COBS (Cheshire and Baker 1999) leaves no zero inside a frame: after any fault a complete frame starts at the next zero.
 The CRC-32 of IEEE 802.3 lets 1 in 4e9 of random faults through, a 16-bit one would let 1 in 65 thousand.
 """
 
@@ -21,11 +21,11 @@ _LONGEST = _HEAD.size + 4 * MOST_VALUES + _CRC.size + 8
 
 
 class SerialFrame(NamedTuple):
-    """A frame that is whole."""
+    """A complete frame."""
 
     number: int  #: of the message
     sequence: int  #: counted by the sender for each number, modulo 256
-    time_us: int  #: its timer, modulo 2^32
+    time_us: int  #: the sender's timer, modulo 2^32
     values: tuple[float, ...]  #: in the order that the setup names
 
 
@@ -38,7 +38,7 @@ def encode(frame: SerialFrame) -> bytes:
 
 
 def decode(stuffed: bytes) -> SerialFrame | None:
-    """The frame between two zeros; None where it is not whole."""
+    """The frame between two zeros; None if its length or CRC is wrong."""
     body = _unstuffed(stuffed)
     count, rest = divmod(len(body) - _HEAD.size - _CRC.size, 4)
     if count < 0 or rest or zlib.crc32(body[: -_CRC.size]) != _CRC.unpack(body[-_CRC.size :])[0]:
@@ -51,8 +51,8 @@ class FrameReader:
     """Frames from bytes as they come, in pieces of any size.
 
     Attributes:
-        faulty: number of frames that were not whole.
-        lost: number of frames that are missing by their sequence.
+        faulty: number of frames with a wrong length or CRC.
+        lost: number of frames missing from the sequence.
     """
 
     def __init__(self) -> None:
@@ -62,7 +62,7 @@ class FrameReader:
         self._sequences: dict[int, int] = {}
 
     def feed(self, data: bytes) -> list[SerialFrame]:
-        """Frames that are whole with these bytes."""
+        """Frames completed by these bytes."""
         *pieces, rest = (self._rest + data).split(b"\0")
         self._rest = rest if len(rest) <= _LONGEST else rest[:_LONGEST] + b"\xff"  # too long stays too long
         frames = []
@@ -109,7 +109,7 @@ def _stuffed(body: bytes) -> bytes:
 
 
 def _unstuffed(stuffed: bytes) -> bytes:
-    """The bytes behind COBS; empty where the distances lead beyond the end."""
+    """The bytes decoded from COBS; empty if a distance is 0 or leads beyond the end."""
     out, at = bytearray(), 0
     while at < len(stuffed):
         distance = stuffed[at]

@@ -1,15 +1,15 @@
-"""Folder of what survives a loss of power: snapshots, the consumption table, a battery file that learns.
+"""Folder of what survives a loss of power: snapshots, the consumption table, a learnt battery file.
 
-snapshot.json            every few seconds, the one before beside it
+snapshot.json            every few seconds, with the previous one beside it
 consumption.toml         every minute and at the end
 battery.toml             with `learn`: the battery file in use, as learnt up to the last day
 battery-learnt.toml      with `learn`: as learnt up to now; in use from the next day on
 
 Snapshot file: the newest state of the estimators on the disk, and the one before it.
 
-Power may be lost at any instant. The text goes to a temporary file, which is synced to the disk and takes the name in
-one step; the one before keeps a name of its own, for a disk that tears its last write in spite of that. A checksum
-tells which files are whole.
+Power may be lost at any instant. The text goes to a temporary file, which is synced to the disk and renamed in one
+step; the previous snapshot keeps a name of its own, in case a disk tears its last write nevertheless. A checksum shows
+which files are intact.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ from ohmward.trace.snapshot import require_seal, require_version, sealed, typed
 
 NAME, PREVIOUS = "snapshot.json", "snapshot-previous.json"
 
-#: Between two snapshots: what is lost with the power, and what an SD card can bear for years.
+#: Time between two snapshots: the most that a loss of power costs, and what an SD card can bear for years.
 SNAPSHOT_S = 5.0
 
-#: Between two consumption tables, and between two learnt battery files.
+#: Time between two consumption tables, and between two learnt battery files.
 TABLE_S, LEARNT_S = 60.0, 3600.0
 
 IN_USE, LEARNT, CONSUMPTION, LOCK = "battery.toml", "battery-learnt.toml", "consumption.toml", "lock"
@@ -54,14 +54,14 @@ class StateFolder:
     """The folder of one robot.
 
     Args:
-        path: of the folder; made where there is none.
+        path: of the folder; created if missing.
         consumption: path of the consumption table; by default in the folder.
-        learn: keep a battery file that learns.
+        learn: keep a learnt battery file.
         clock: of this machine.
-        live: the state is that of a robot, not of a replay or a simulation.
+        live: True for the state of a robot, False for a replay or a simulation.
 
     Raises:
-        OhmwardError: it cannot be made, another process uses it, or a replay would overwrite the state of a robot.
+        OhmwardError: it cannot be created, another process uses it, or a replay would overwrite the state of a robot.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class StateFolder:
         self.away_s = self._away_s()
 
     def battery(self, given: str) -> Battery:
-        """The battery file to use: that which has learnt, unless the one that is given is newer.
+        """The battery to use: from the learnt file, unless the given one is newer.
 
         Raises:
             InputError: it cannot be read.
@@ -125,13 +125,13 @@ class StateFolder:
         return table, max(self.clock.unix_s() - before_s, 0.0) / 86400.0
 
     def begin(self, estimation: Estimation) -> None:
-        """Let the estimators go on from the last snapshot."""
+        """Continue the estimators from the last snapshot."""
         self.notes += resume(estimation, self.before, self.away_s, self.clock.now_s())
         for note in self.notes:
             LOG.warning("state: %s", note)
 
     def writer(self, estimation: Estimation, now_s: Callable[[], float]) -> Callable[[], Awaitable[None]]:
-        """The part that writes it all again and again, and once more when it is cancelled."""
+        """The task that writes everything periodically, and once more when it is cancelled."""
 
         async def write() -> None:
             table_s = learnt_s = self.clock.now_s()
@@ -158,11 +158,11 @@ class StateFolder:
             self._write_learnt(estimation.battery, estimation.soc)
 
     def close(self) -> None:
-        """Give the folder back."""
+        """Release the folder."""
         self._lock.close()
 
     def _start_over(self) -> None:
-        """Forget a replay on a robot; never a robot in a replay."""
+        """Discard a replay's state on a robot; refuse to overwrite a robot's state in a replay."""
         if not self.live:
             raise OhmwardError(
                 f"state = {str(self.path)!r} is that of a robot, which a replay or a simulation would overwrite; "
@@ -196,7 +196,7 @@ class StateFolder:
             save_battery(learnt, self.path / LEARNT)
 
     def _away_s(self) -> float:
-        """Time since the last snapshot; nan where no clock tells, as on a computer without one that was off."""
+        """Time since the last snapshot; nan if unknown, as on a computer without a clock that was off."""
         if not self.before:
             return math.nan
         try:
@@ -210,7 +210,7 @@ class StateFolder:
 
 
 def boot_id() -> str:
-    """Name of this boot of the machine; empty where the system has none."""
+    """Identifier of this boot of the machine; empty if the system has none."""
     try:
         return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
     except OSError:
@@ -218,7 +218,7 @@ def boot_id() -> str:
 
 
 def _lock(handle: int, path: Path) -> None:
-    """Hold the folder for this process, as long as it lives."""
+    """Lock the folder for this process, for as long as it lives."""
     try:
         import fcntl
     except ImportError:  # Windows
@@ -232,21 +232,21 @@ def _lock(handle: int, path: Path) -> None:
 
 
 class FoundSnapshot(NamedTuple):
-    """Content of the newest snapshot that is whole, None without one; note: what is wrong with a newer one."""
+    """Content of the newest intact snapshot, None without one; note: what is wrong with newer ones."""
 
     content: dict[str, Any] | None
     note: str = ""
 
 
 def write_snapshot(folder: Path, content: Mapping[str, Any]) -> None:
-    """Write a snapshot; the one before stays beside it.
+    """Write a snapshot; the previous one stays beside it.
 
     Raises:
-        OhmwardError: the operating system refused; the snapshots are as they were.
+        OhmwardError: the operating system refused; the snapshots are unchanged.
     """
     newest, previous = folder / NAME, folder / PREVIOUS
     link = folder / f".{PREVIOUS}.link"
-    with suppress(OSError):  # some file systems know no links; the newest alone is written in one step too
+    with suppress(OSError):  # some file systems have no links; the newest is still written in one step
         link.unlink(missing_ok=True)
         os.link(newest, link)
         link.replace(previous)
@@ -254,7 +254,7 @@ def write_snapshot(folder: Path, content: Mapping[str, Any]) -> None:
 
 
 def read_snapshot(folder: Path) -> FoundSnapshot:
-    """The newest snapshot that is whole."""
+    """The newest intact snapshot."""
     notes: list[str] = []
     for name in (NAME, PREVIOUS):
         try:

@@ -1,6 +1,6 @@
 """Trial of a setup before its estimates are trusted: every signal seen, units plausible, signs agree.
 
-Its sources are listened to and its sinks begun, and nothing is estimated or sent.
+Its sources are run and its sinks opened, but nothing is estimated or sent.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class SignalRecord(NamedTuple):
 
     @property
     def rate_hz(self) -> float:
-        """Values per second; nan where there are fewer than two."""
+        """Values per second; nan if there are fewer than two."""
         span_s = float(self.time_s[-1] - self.time_s[0]) if len(self.time_s) > 1 else math.nan
         return (len(self.time_s) - 1) / span_s if span_s > 0.0 else math.nan
 
@@ -87,9 +87,9 @@ def check_wiring(
     robot: Robot | None,
     counted: bool = False,
 ) -> list[Diagnostic]:
-    """Findings about every signal, what is wrong first.
+    """Findings about every signal, errors first.
 
-    promised: signals that each source says it sends.  counted: True where counts per turn of the encoders are given.
+    promised: signals that each source declares.  counted: True if counts per turn of the encoders are given.
     """
     wheels = list(_wheel_signs(found, robot)) if robot else []
     wrong = {finding.name for finding in wheels if finding.level == Level.ERROR}
@@ -122,7 +122,7 @@ def _needed(
     battery: Battery | None,
     robot: Robot | None,
 ) -> Iterator[Diagnostic]:
-    """Signals that the estimators cannot do without, and that no source sends or promises."""
+    """Findings about signals that the estimators need, but no source sends or declares."""
     wired = [*found, *(signal for signals in promised.values() for signal in signals)]
     cells = any(signal.startswith("cell_voltage_V.") for signal in wired)
     if battery and "battery_current_A" not in wired:
@@ -165,7 +165,7 @@ def _signal(signal: str, record: SignalRecord, battery: Battery | None, robot: R
 
 
 def _current(found: Mapping[str, SignalRecord], battery: Battery | None) -> Iterator[Diagnostic]:
-    """The size and the sign of the current, by the voltage that answers it."""
+    """Findings about the size and the sign of the current, from the voltage that responds to it."""
     current, voltage = found.get("battery_current_A"), found.get("battery_voltage_V")
     if battery is None or current is None or voltage is None or len(voltage.values) < 2:
         return
@@ -180,7 +180,7 @@ def _current(found: Mapping[str, SignalRecord], battery: Battery | None) -> Iter
 
 
 def _wheel_signs(found: Mapping[str, SignalRecord], robot: Robot) -> Iterator[Diagnostic]:
-    """The signs of wheels and gyro by their contradictions, and the unit of the gyro."""
+    """Findings about the signs of wheels and gyro, which must agree, and the unit of the gyro."""
     speeds, yaw_rate, names = _at_common_times(found, robot)
     if len(names) < 2:
         return
@@ -201,7 +201,7 @@ def _wheel_signs(found: Mapping[str, SignalRecord], robot: Robot) -> Iterator[Di
 def _at_common_times(
     found: Mapping[str, SignalRecord], robot: Robot
 ) -> tuple[np.ndarray, np.ndarray | None, dict[int, str]]:
-    """Speeds (wheels, T) and yaw rate (T,) at the times of the quickest of them; the signal of each row of G."""
+    """Speeds (wheels, T) and yaw rate (T,) at the times of the most frequent one; the signal of each row of G."""
     places = [place.name for place in robot.places]
     names = {k: s for s in found if s.startswith("wheel_speed") and (k := wheel_number(s, places)) is not None}
     if "yaw_rate_rad_s" in found:
@@ -215,7 +215,7 @@ def _at_common_times(
 
 
 def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str]) -> Iterator[Diagnostic]:
-    """The sign of each motor's current; wrong: signals whose own sign is wrong."""
+    """Findings about the sign of each motor's current; wrong: signals whose own sign is wrong."""
     places = [place.name for place in robot.places]
     speeds = {wheel_number(s, places): r for s, r in found.items() if s.startswith("wheel_speed") and s not in wrong}
     for signal, current in found.items():
@@ -230,7 +230,7 @@ def _motor_signs(found: Mapping[str, SignalRecord], robot: Robot, wrong: set[str
             yield Diagnostic(signal, Level.ERROR, brakes_all_the_way("it", "scale = -1"))
 
 
-#: A simulated robot is compiled before it sends anything, which takes this long at most; then it is listened to.
+#: Longest wait for the first message of a simulated robot, which is compiled first.
 COMPILED_S = 60.0
 
 
@@ -239,19 +239,19 @@ class Trial:
     """Result of a trial."""
 
     signals: dict[str, SignalRecord] = field(default_factory=dict)  #: as they came
-    findings: list[Diagnostic] = field(default_factory=list)  #: of parts and signals, what is wrong first
+    findings: list[Diagnostic] = field(default_factory=list)  #: about parts and signals, errors first
 
     @property
     def passed(self) -> bool:
-        """True where nothing is wrong; what could not be told is not."""
+        """True if nothing is wrong; what could not be checked counts as right."""
         return all(finding.level < Level.ERROR for finding in self.findings)
 
 
 def try_setup(setup: Setup, seconds: float) -> Trial:
-    """Listen for so long, and check what came.
+    """Listen for `seconds`, and check the received signals.
 
     Raises:
-        InputError: a file that cannot be read.
+        InputError: a file cannot be read.
     """
     battery = load_battery(Path(setup.battery)) if setup.battery else None
     robot = load_robot(setup.robot) if setup.robot else None
@@ -264,7 +264,7 @@ def try_setup(setup: Setup, seconds: float) -> Trial:
 
 
 async def _listen(setup: Setup, recorder: Recorder, seconds: float) -> dict[str, Diagnostic]:
-    """Run sources and sinks for so long, or until every source has ended; the worst condition of each."""
+    """Run sources and sinks for `seconds`, or until every source has ended; return the worst condition of each."""
     found_live: dict[str, Diagnostic] = {}
 
     def tell(diagnostic: Diagnostic) -> None:

@@ -1,10 +1,10 @@
-"""Slip control with its safety: armed by an operator, stopped by any fault; no clock, no thread, no network.
+"""Slip control with its safety logic: armed by an operator, stopped by any fault; no clock, no thread, no network.
 
 DISARMED --armed at rest, nothing wrong--> ARMED --any fault--> STOPPED --operator disarms--> DISARMED
 
-A fault is an estimate or an operator's word that is too old, a speed that is too uncertain, a step of the loop that
-came late, an exception, a number that is not finite. Stopped, wheels get no torque, a speed of 0 and no enable; that
-stays so until the operator has disarmed, even when the fault is over.
+A fault is an estimate or an operator command that is too old, a speed that is too uncertain, a step of the loop that
+comes late, an exception, or a number that is not finite. When stopped, the wheels get no torque, a speed of 0 and no
+enable until the operator has disarmed, even if the fault is over.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ohmward.traction.robot.robot import Robot
 
 
 class DrivePhase(StrEnum):
-    """DrivePhase of the drive."""
+    """Phase of the drive."""
 
     DISARMED = "disarmed"
     ARMED = "armed"
@@ -35,7 +35,7 @@ class DriveOutput(NamedTuple):
     """Commands of a step."""
 
     phase: DrivePhase  #: enable is 1 in `ARMED` only
-    reason: str  #: of the phase, a few words for the operator
+    reason: str  #: reason for the phase, a few words for the operator
     #: (driven,)
     torque_Nm: np.ndarray
     wheel_speed_rad_s: np.ndarray
@@ -45,8 +45,8 @@ class DriveControl:
     """The controller of one robot.
 
     Args:
-        robot: that drives.
-        limits: of the operator, and timeouts.
+        robot: the robot that drives.
+        limits: limits of the operator, and timeouts.
 
     Attributes:
         phase, reason: of the last step.
@@ -65,7 +65,7 @@ class DriveControl:
         """Commands for now; never raises.
 
         state: the newest one, None before the first.
-        operator: the newest set-points, None while nobody is there.
+        operator: the newest set-points, None while no operator is connected.
         """
         dt_s, self._stepped_s = now_s - self._stepped_s, now_s
         try:
@@ -87,7 +87,7 @@ class DriveControl:
         self._wheels.reset()
 
     def request_stop(self, reason: str) -> None:
-        """Stop with the next step; from any thread."""
+        """Stop with the next step; may be called from any thread."""
         self._requested = reason
 
     def numbers(self, output: DriveOutput) -> Mapping[str, float]:
@@ -102,7 +102,7 @@ class DriveControl:
     def _step(
         self, now_s: float, dt_s: float, state: RobotState | None, operator: OperatorCommand | None
     ) -> WheelCommands | None:
-        """Commands of the wheels; None without any."""
+        """Commands of the wheels; None if they get none."""
         fault = self._fault(now_s, dt_s, state, operator)
         requested, self._requested = self._requested, ""
         if requested:
@@ -132,7 +132,7 @@ class DriveControl:
         return found
 
     def _arm(self, fault: str, operator: OperatorCommand | None) -> None:
-        """Arm where the operator asks for it, at rest and with nothing wrong; else say the reason."""
+        """Arm if the operator asks for it, at rest and without a fault; otherwise state the reason."""
         if operator is None:
             self.reason = "no operator"
         elif fault:

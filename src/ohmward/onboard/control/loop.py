@@ -1,4 +1,4 @@
-"""The loop of the controller: a thread of its own, so that nothing that holds up the process holds up a safe stop."""
+"""The loop of the controller: a thread of its own, so that a blocked process does not delay a safe stop."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from ohmward.onboard.control.drive_control import DriveControl, DriveOutput
 from ohmward.onboard.control.operator_command import OperatorCommand
 from ohmward.onboard.robot_state import RobotState
 
-#: At its end the loop says so many times that the robot is stopped.
+#: Number of stop commands that the loop sends at its end.
 _LAST_WORDS = 3
 
-#: Drives that take no command for so long are gone [s].
+#: Time without an accepted command after which the drives count as gone [s].
 _GONE_S = 1.0
 
-#: Sends numbers to the drives; raises where it cannot.
+#: Sends numbers to the drives; raises if it cannot.
 Send = Callable[[Mapping[str, float]], None]
 
 
@@ -29,10 +29,10 @@ class ControlLoop(threading.Thread):
         step_s: time between two steps, > 0.
 
     Attributes:
-        send: to the drives, set by `drive`.
+        send: sends to the drives, set by `drive`.
         state, operator: the newest ones, to be set from outside.
         output: of the last step.
-        error: that has ended the loop, None while it runs.
+        error: the one that has ended the loop, None while it runs.
     """
 
     send: Send
@@ -52,14 +52,14 @@ class ControlLoop(threading.Thread):
         self.start()
 
     def run(self) -> None:
-        """Step until the end; the last commands are those of a stop."""
+        """Step until the end; the last commands stop the robot."""
         next_s = sent_s = time.monotonic()
         while not self._end.is_set():
             self.output = self.control.step(time.monotonic(), self.state, self.operator)
             try:
                 self.send(self.control.numbers(self.output))
                 sent_s = time.monotonic()
-            except Exception as error:  # a bus that is gone raises of every kind
+            except Exception as error:  # a bus that is gone raises all kinds of errors
                 self.control.stop(f"the drives take no command ({error})")
                 if time.monotonic() - sent_s > _GONE_S:
                     self.error = error
@@ -75,7 +75,7 @@ class ControlLoop(threading.Thread):
             self.join(_GONE_S)
 
     def check(self) -> None:
-        """Raise OhmwardError where the loop has ended by itself."""
+        """Raise OhmwardError if the loop has ended by itself."""
         if self.error is not None or not self.is_alive():
             raise OhmwardError(f"the drives take no command ({self.error}); is the bus up?") from self.error
 
@@ -85,6 +85,6 @@ class ControlLoop(threading.Thread):
             self.output = self.control.step(time.monotonic(), None, None)
             try:
                 self.send(self.control.numbers(self.output))
-            except Exception as error:  # nobody is left to be told
+            except Exception as error:  # nobody is left to report to
                 self.error = error
                 return

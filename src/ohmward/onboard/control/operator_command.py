@@ -1,4 +1,4 @@
-"""Set-points of an operator, as they come over the network: checked, and within the limits of the robot."""
+"""Set-points of an operator, received over the network: checked, and limited to what the robot may do."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class DriveLimits:
 LONGEST_COMMAND = 4096
 _CODE = 32
 
-#: Smaller set-points are none: a stick has play, and a robot is armed at rest only.
+#: Smaller set-points count as zero: a joystick has play, and a robot is armed at rest only.
 NOTHING = 1e-3
 
 
@@ -58,12 +58,12 @@ class OperatorCommand(NamedTuple):
     speed_m_s: float = 0.0  #: forward
     yaw_rate_rad_s: float = 0.0  #: > 0 to the left
     slip_bound: float = 0.12  #: largest slip ratio while the speed is held
-    slip_ratio: float = 0.0  #: to hold instead of a speed; 0 holds the speed. Its direction is that of the speed.
-    given_s: float = -math.inf  #: time on the robot's clock after which the operator has said this
+    slip_ratio: float = 0.0  #: slip ratio to hold instead of a speed; 0 holds the speed. The speed gives the direction.
+    given_s: float = -math.inf  #: time on the robot's clock after which the operator gave this command
 
     @property
     def at_rest(self) -> bool:
-        """True where it asks for nothing."""
+        """True if all set-points are zero."""
         return max(abs(self.speed_m_s), abs(self.yaw_rate_rad_s), abs(self.slip_ratio)) < NOTHING
 
     def limited(self, limits: DriveLimits) -> OperatorCommand:
@@ -81,7 +81,7 @@ def _within(value: float, most: float) -> float:
 
 
 def command_of(found: Mapping[str, object], given_s: float) -> OperatorCommand | None:
-    """The set-points of a JSON object; None where one is no finite number."""
+    """The set-points of a JSON object; None if one is not a finite number."""
     numbers = {name: as_number(found.get(name, default)) for name, default in _NUMBERS.items()}
     if not all(map(math.isfinite, numbers.values())):
         return None
@@ -92,11 +92,11 @@ _NUMBERS = {"speed_m_s": 0.0, "yaw_rate_rad_s": 0.0, "slip_bound": 0.12, "slip_r
 
 
 class Signing:
-    """Codes of one direction of one connection.
+    """Authentication codes (HMAC) for one direction of one connection.
 
     Args:
         token: shared secret; empty on a connection that never leaves the machine.
-        nonce: of the connection, made by the robot, so that no line of another connection is good in this one.
+        nonce: of the connection, made by the robot, so that no line of another connection is valid in this one.
         sender: "robot" or "operator".
     """
 
@@ -105,13 +105,13 @@ class Signing:
         self._sequence = 0
 
     def line(self, found: dict[str, Any]) -> bytes:
-        """A line with its code; the sequence goes along."""
+        """A line with its code and its sequence number."""
         self._sequence += 1
         text = json.dumps(found | {"n": self._sequence}, allow_nan=False).encode()
         return self._code(text) + b" " + text + b"\n"
 
     def read(self, line: bytes) -> dict[str, Any] | None:
-        """The object of a line; None where its code is wrong, or it is no newer than one before."""
+        """The object of a line; None if its code is wrong, or it is no newer than the last one."""
         code, _, text = line.rstrip(b"\r\n").partition(b" ")
         if not hmac.compare_digest(code, self._code(text)):
             return None

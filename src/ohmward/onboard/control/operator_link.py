@@ -1,9 +1,9 @@
 """The link between the robot and its operator, both sides.
 
-The operator begins with a signed line; before it the robot says nothing of itself, and waits for `FIRST_LINE_S` only.
-Then, fifty times a second, the robot sends a beat with its state and its time; the operator answers each with
-set-points and that time. Set-points are as old as the beat that they answer, whatever the network did to either: lines
-that were held up and come in a burst are no heartbeat.
+The operator begins with a signed line; until then the robot reveals nothing about itself, and it waits no longer than
+`FIRST_LINE_S`. Then, fifty times a second, the robot sends a beat with its state and its time; the operator answers
+each with set-points and that time. Set-points are as old as the beat that they answer, however the network delayed
+either: lines that were held up and arrive in a burst are no heartbeat.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from ohmward.onboard.robot_state import RobotState, plain
 #: Time between two beats [s].
 BEAT_S = 0.02
 
-#: The first signed line of an operator comes within this time [s].
+#: Time within which the first signed line of an operator must come [s].
 FIRST_LINE_S = 2.0
 
-#: An operator who reads so little that so much waits is gone [bytes].
+#: Unread data after which an operator counts as gone [bytes].
 _MOST_WAITING_BYTES = 1 << 16
 
 
@@ -66,7 +66,7 @@ class OperatorServer:
             self._visitors.close()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Listen until the connection ends, and beat once a signed line has come."""
+        """Listen until the connection ends, and send beats once a signed line has come."""
         nonce = random_secrets.token_hex(16)
         ours, theirs = (Signing(self.token, nonce, sender) for sender in ("robot", "operator"))
         beats: asyncio.Task[None] | None = None
@@ -104,7 +104,7 @@ class OperatorServer:
             self.loop.operator = command
 
     async def _beat(self, writer: asyncio.StreamWriter, ours: Signing) -> None:
-        """Send the state again and again."""
+        """Send the state every `BEAT_S`."""
         limits = plain(vars(self.loop.control.limits))
         while writer.transport.get_write_buffer_size() < _MOST_WAITING_BYTES:
             driving = self._driver in (None, writer)
@@ -128,7 +128,7 @@ class OperatorServer:
         return seen
 
 
-#: The robot has so long to answer [s].
+#: Time that the robot has to answer [s].
 _ROBOT_ANSWER_S = 3.0
 
 
@@ -141,7 +141,7 @@ class OperatorLink:
 
     Attributes:
         command: set-points that answer the next beat.
-        stop: say stop with the next answer.
+        stop: request a stop with the next answer.
     """
 
     def __init__(self, host: str, port: int, token: str = ""):

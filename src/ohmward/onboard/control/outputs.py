@@ -18,7 +18,7 @@ from ohmward.onboard.ros import types
 from ohmward.onboard.ros.cdr import serialize
 from ohmward.onboard.ros.transport import RosNetwork
 
-#: Before commands go to a bus it is listened to for so long: other controllers send ten times a second and more [s].
+#: Time to listen to a bus before sending commands to it [s]: other controllers send at least ten times a second.
 LISTEN_S = 0.25
 
 #: Quantity of each kind of command.
@@ -35,7 +35,7 @@ class CanOutput(CanPort):
 
     @asynccontextmanager
     async def opened(self, names: list[str]) -> AsyncIterator[Send]:
-        """The function that sends; names: of the numbers that there are."""
+        """The function that sends; names: names of the available numbers."""
         for name in self.signals:
             if name not in names:
                 raise InputError(f"can.signals: {name!r} is no number for the drives; there are: {', '.join(names)}")
@@ -48,7 +48,7 @@ class CanOutput(CanPort):
             bus.shutdown()
 
     async def _require_alone(self, encoder: CanEncoder) -> None:
-        """Raise OhmwardError where somebody else on the bus sends the same frames."""
+        """Raise OhmwardError if somebody else on the bus sends the same frames."""
         ours = encoder.identifiers
         async with frames_of(self, encoder.filters) as frames:
             with suppress(TimeoutError):
@@ -78,7 +78,7 @@ class MqttOutput(MqttBroker):
 
     @asynccontextmanager
     async def opened(self, names: list[str]) -> AsyncIterator[Send]:
-        """The function that sends; names: of the numbers that there are."""
+        """The function that sends; names: names of the available numbers."""
         async with self.connected() as (client, _):
 
             def send(numbers: Mapping[str, float]) -> None:
@@ -90,13 +90,13 @@ class MqttOutput(MqttBroker):
 
 @dataclass(frozen=True)
 class SimulatedOutput:
-    """The drives of a simulated robot in the same process, for tries."""
+    """The drives of a simulated robot in the same process, for trials."""
 
     source: str = "simulation"  #: name of the [[source]] of kind "simulation"
 
     @asynccontextmanager
     async def opened(self, names: list[str]) -> AsyncIterator[Send]:
-        """Nothing; `connect_simulated_drives` puts the drives in this place."""
+        """Raise InputError; `connect_simulated_drives` puts the drives in this place."""
         raise InputError(f"simulation: the drives of {self.source!r} are in the process of its setup only")
         yield
 
@@ -117,7 +117,7 @@ class RosOutput(RosNetwork):
 
     @asynccontextmanager
     async def opened(self, names: list[str]) -> AsyncIterator[Send]:
-        """The function that sends; names: of the numbers that there are."""
+        """The function that sends; names: names of the available numbers."""
         quantity = _OF_COMMAND[self.command]
         wheels = [name for name in names if name.partition(".")[0] == quantity]
         wanted = [f"{quantity}.{joint}" for joint in self.joints] or wheels

@@ -1,4 +1,4 @@
-"""Drives of the simulated robot in the same process: slip control to try with nothing attached."""
+"""Drives of the simulated robot in the same process, to try slip control with nothing attached."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ohmward.onboard.part import SharingPart, Sink, Source
 from ohmward.onboard.sinks.control import ControlSink
 from ohmward.onboard.sources.simulation import SimulationSource
 
-#: A drive stops by itself where no new command has come for so long [s].
+#: Time without a new command after which a drive stops by itself [s].
 COMMAND_TIMEOUT_S = 0.05
 
 
@@ -42,20 +42,20 @@ class SimulatedDrives:
 
 @dataclass(frozen=True)
 class ConnectedOutput(SimulatedOutput):
-    """The way to the drives of a simulated robot."""
+    """The connection to the drives of a simulated robot."""
 
-    drives: SimulatedDrives = field(default_factory=SimulatedDrives)  #: that take the commands
+    drives: SimulatedDrives = field(default_factory=SimulatedDrives)  #: drives that take the commands
 
     @asynccontextmanager
     async def opened(self, names: list[str]) -> AsyncIterator[Send]:
-        """The function that sends; names: of the numbers that there are."""
+        """The function that sends; names: names of the available numbers."""
         yield self.drives.take
 
 
 def connect_simulated_drives(
     sources: Sequence[Source], sinks: Sequence[Sink]
 ) -> tuple[tuple[Source, ...], tuple[Sink, ...]]:
-    """Sources and sinks of a setup, with each simulated robot under the control that names it.
+    """Sources and sinks of a setup, with each simulated robot driven by the control sink that names it.
 
     Raises:
         InputError: there is no such simulated robot, it runs at another rate than real time, or two controls name it.

@@ -36,14 +36,14 @@ class WheelCommands(NamedTuple):
     #: (driven,)
     torque_Nm: np.ndarray
     wheel_speed_rad_s: np.ndarray
-    report: Report  #: of the controller of the torque
+    report: Report  #: report of the torque controller
 
 
 class _EachWheel:
-    """A controller of all driven wheels, its step compiled for one; with NumPy it took ten times as long.
+    """Controller of all driven wheels, with its step compiled for one wheel; with NumPy it took ten times as long.
 
-    controller: `SpeedController` or `SlipController`.  wheels: driven ones.
-    command: kind of its set-points.
+    controller: `SpeedController` or `SlipController`.  wheels: number of driven ones.
+    command: type of its set-points.
     """
 
     def __init__(self, controller: SpeedController | SlipController, wheels: int, command: type):
@@ -54,7 +54,7 @@ class _EachWheel:
         self._lives = [kernel.live(start) for _ in range(wheels)]
 
     def begin(self, first: Measurement, torque_Nm: np.ndarray) -> None:
-        """Begin from a measurement, with the torques given before."""
+        """Start from a measurement, with the previous torques."""
         for wheel, live in enumerate(self._lives):
             state = self._controller.init(_of_wheel(first, wheel))
             live.state = _floats(state._replace(torque_Nm=torque_Nm[wheel]))
@@ -70,13 +70,13 @@ class _EachWheel:
 
 
 def _step(controller: SpeedController | SlipController, state: Any, sample: Any) -> tuple[Any, Any]:
-    """A step as `Kernel.live` takes it."""
+    """A step in the form that `Kernel.live` takes."""
     after, torque_Nm, report = controller.step(state, *sample)
     return after, (torque_Nm, report)
 
 
 def _of_wheel(record: Any, wheel: int) -> Any:
-    """The record of one wheel, from one whose fields are (driven,)."""
+    """The record of one wheel, from a record with fields of shape (driven,)."""
     return type(record)(*(float(values[wheel]) for values in record))
 
 
@@ -92,7 +92,7 @@ class WheelControl:
     """Slip control of all driven wheels: a speed within slip bounds, or a slip.
 
     Args:
-        robot: that drives.
+        robot: the robot that drives.
         limits: of torque, acceleration and slip.
     """
 
@@ -110,7 +110,7 @@ class WheelControl:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew, without torque and from the speeds of the next step."""
+        """Restart without torque and from the speeds of the next step."""
         self._torque_Nm: np.ndarray | None = None
         self._holds_slip = False
         self._rim_m_s: np.ndarray | None = None
@@ -144,7 +144,7 @@ class WheelControl:
         travel: np.ndarray,
         dt_s: float,
     ) -> np.ndarray:
-        """Speed [m/s] of the rims: a ramp to the speed wanted within the slip bounds, or the one of the slip."""
+        """Speed [m/s] of the rims: a ramp to the wanted speed within the slip bounds, or to the speed for the slip."""
         before = travel if self._rim_m_s is None else self._rim_m_s
         ahead = direction * travel
         floor = self._floor_m_s
@@ -156,7 +156,7 @@ class WheelControl:
             aim = direction * np.clip(direction * wanted, braking, driving)
         change = self.limits.acceleration_m_s2 * dt_s
         ramp = np.clip(aim, before - change, before + change)
-        # Where the ground gives way the bound counts at once; the ramp is for the speed wanted.
+        # Where the ground gives way the bound applies at once; the ramp is for the wanted speed.
         self._rim_m_s = ramp if holds_slip else direction * np.clip(direction * ramp, braking, driving)
         return self._rim_m_s
 

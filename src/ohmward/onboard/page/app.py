@@ -24,19 +24,19 @@ from ohmward.onboard.secrets import is_loopback
 from ohmward.optional import require
 from ohmward.report.figure import css_variables
 
-#: Time between two events at least, and between two signs of life where nothing is new.
+#: Least time between two events, and time between two signs of life if nothing is new.
 EVENT_S, ALIVE_S = 0.2, 10.0
 
-#: Readers of events at once; one more is told to come back later.
+#: Most readers of events at once; one more is asked to come back later.
 MOST_READERS = 50
 
-#: A wrong token is answered after so long, so that guessing takes years.
+#: Delay of the answer to a wrong token, so that guessing takes years.
 WRONG_TOKEN_S = 0.5
 
-#: So much of the body of a request is read.
+#: Number of bytes read from the body of a request.
 _BODY_BYTES = 4096
 
-#: Names by which a machine calls itself; others in `Host` are those of a page elsewhere that was led here.
+#: A `Host` that is not one of this machine's own names comes from a page elsewhere that was redirected here.
 
 _PORT = re.compile(r":\d+$")
 
@@ -65,7 +65,7 @@ Asgi = Callable[[Scope, Callable[..., Awaitable[Any]], Callable[..., Awaitable[A
 def make_app(dashboard: Dashboard, token: str = "") -> Asgi:
     """The application.
 
-    token: that readers must show; "" lets in whoever is on this machine, and only by its own names.
+    token: the one that readers must show; "" admits only readers on this machine, by its own names.
     """
     applications = require("starlette.applications", "the live page")
     routing = require("starlette.routing", "the live page")
@@ -109,7 +109,7 @@ def _api(dashboard: Dashboard) -> dict[str, Callable[[Any], Awaitable[Any]]]:
 
 
 def _history(dashboard: Dashboard) -> Callable[[Any], Awaitable[Any]]:
-    """Rows of memory, and of the store before them."""
+    """Rows in memory, preceded by those of the store."""
     responses = require("starlette.responses", "the live page")
     past = Past(dashboard)
 
@@ -181,7 +181,7 @@ async def _palette(_: Any) -> Any:
 
 
 def guarded(app: Asgi, token: str) -> Asgi:
-    """The application behind its guard: headers that keep a browser safe, the token, the names of this machine."""
+    """The application behind its guard: security headers for browsers, the token, the names of this machine."""
     responses = require("starlette.responses", "the live page")
 
     async def guard(scope: Scope, receive: Any, send: Any) -> None:
@@ -208,7 +208,7 @@ def guarded(app: Asgi, token: str) -> Asgi:
 
 
 def is_known(headers: dict[str, str], token: str) -> bool:
-    """True where a request shows the token, as `Authorization: Bearer TOKEN` or by the cookie of the login."""
+    """True if a request shows the token, as `Authorization: Bearer TOKEN` or by the cookie of the login."""
     given = headers.get("authorization", "").encode("latin-1")  # its bytes as they came
     if hmac.compare_digest(given, f"Bearer {token}".encode()):
         return True
@@ -217,7 +217,7 @@ def is_known(headers: dict[str, str], token: str) -> bool:
 
 
 def _ticket(token: str) -> bytes:
-    """Content of the cookie: it lets in and does not give the token away."""
+    """Content of the cookie: it grants access without revealing the token."""
     return hmac.new(token.encode(), b"ohmward live page", hashlib.sha256).hexdigest().encode()
 
 
@@ -254,7 +254,7 @@ def _login(token: str) -> Callable[[Any], Awaitable[Any]]:
 
 
 async def _first_bytes(request: Any) -> bytes:
-    """Beginning of a body; a longer one is cut, and one whose sender hangs up is what has come."""
+    """Beginning of a body; a longer one is cut, and if the sender hangs up it is what has come so far."""
     requests = require("starlette.requests", "the live page")
     body = b""
     with suppress(requests.ClientDisconnect):

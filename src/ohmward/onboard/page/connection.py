@@ -1,4 +1,4 @@
-"""Connections to the live page: so many at once, and none that neither asks nor reads holds one for long."""
+"""Connections to the live page: limited in number, and closed if the client neither sends requests nor reads."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ from ohmward.optional import require
 #: Connections at once, each a file handle of the process, which has a thousand by default; a browser opens six.
 MOST_CONNECTIONS = 400
 
-#: A request has come whole after so long, its body included; over a poor network it takes seconds.
+#: Time within which a whole request must come, its body included; over a poor network it takes seconds.
 REQUEST_S = 10.0
 
-#: A client that has read nothing for so long, with data waiting for it, is gone.
+#: Time after which a client that reads none of the data waiting for it counts as gone.
 READ_S = 30.0
 
 
 class PatientConnection(asyncio.Protocol):
-    """Limits of a connection of uvicorn: it ends when its client is too slow, or one too many."""
+    """Limits of a connection of uvicorn: it ends if its client is too slow, or if there are too many connections."""
 
     connections: Any
     conn: Any
     cycle: Any
     loop: asyncio.AbstractEventLoop
     transport: asyncio.Transport
-    #: State of h11 after something that is no HTTP, and states in which it sends an answer.
+    #: State of h11 after invalid HTTP, and states in which it can send an answer.
     error_state: Any
     answerable: tuple[Any, ...]
     _asks: asyncio.TimerHandle | None = None
     _reads: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Begin, unless there are too many."""
+        """Begin, unless there are too many connections."""
         super().connection_made(transport)
         if len(self.connections) > MOST_CONNECTIONS:
             self.transport.abort()
@@ -42,7 +42,7 @@ class PatientConnection(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Take in a piece of a request."""
         super().data_received(data)
-        if self.cycle and self.conn.their_state is self.error_state:  # answered with 400: the page has no more to say
+        if self.cycle and self.conn.their_state is self.error_state:  # answered with 400: the page sends nothing more
             self.cycle.disconnected = True
         if self.cycle is None or self.cycle.response_complete:
             self._await_request()
@@ -51,25 +51,25 @@ class PatientConnection(asyncio.Protocol):
             self._asks = None
 
     def send_400_response(self, message: str) -> None:
-        """Say that this was no HTTP; a connection whose answer has begun, before the request was whole, only ends."""
+        """Answer that this was not HTTP; if an answer began before the request was complete, only close."""
         if self.conn.our_state in self.answerable:
             super().send_400_response(message)  # type: ignore[misc]  # of uvicorn
         else:
             self.transport.close()
 
     def pause_writing(self) -> None:
-        """Wait for a client that does not read."""
+        """Wait for a client that does not read, for `READ_S` at most."""
         super().pause_writing()
         self._reads = self.loop.call_later(READ_S, self.transport.abort)
 
     def resume_writing(self) -> None:
-        """Go on: it reads."""
+        """Go on with a client that reads again."""
         super().resume_writing()
         if self._reads:
             self._reads.cancel()
 
     def connection_lost(self, error: Exception | None) -> None:
-        """End."""
+        """End, and cancel the timers."""
         super().connection_lost(error)
         for timer in (self._asks, self._reads):
             if timer:

@@ -29,17 +29,17 @@ POINT_M, POINTS = 0.05, 2000
 
 
 class Dashboard:
-    """States in, what readers ask for out; readers never hold up whoever writes.
+    """States in, views for readers out; readers never hold up the writer.
 
     Args:
         name: of the robot.
-        store: folder of its store, None where there is none.
+        store: folder of its store, None if there is none.
 
     Attributes:
         state: the newest one, None before the first.
         version: number of states so far.
-        path: x, y [m] of the way.
-        ended: no more states come.
+        path: x, y [m] of the robot's path.
+        ended: True once no more states come.
     """
 
     def __init__(self, name: str, store: Path | None = None):
@@ -64,12 +64,12 @@ class Dashboard:
         self._wake()
 
     def end(self) -> None:
-        """Let readers that wait go."""
+        """Release waiting readers."""
         self.ended = True
         self._wake()
 
     async def newer_than(self, version: int, timeout_s: float) -> int:
-        """Version of the newest state, once it is newer than `version` or the time is over."""
+        """Version of the newest state, once it is newer than `version` or the timeout is over."""
         if self.version <= version and not self.ended:
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._news.wait(), timeout_s)
@@ -80,12 +80,12 @@ class Dashboard:
         return {"name": self.name, "stored": self.store is not None, **(view(self.state) if self.state else {})}
 
     def history(self, since_unix_s: float = -math.inf) -> dict[str, list[float | None]]:
-        """Columns of the rows after a time on the wall clock, None where nothing was known."""
+        """Columns of the rows after a time on the wall clock, None for unknown values."""
         rows = [row for row in self._rows if row[0] > since_unix_s]
         return {name: [row[k] if math.isfinite(row[k]) else None for row in rows] for k, name in enumerate(HISTORY)}
 
     def _whole(self, state: RobotState) -> RobotState:
-        """The state with the last value of every sensor, not only of those that made it; nan of one that is silent."""
+        """The state with the last value of every sensor, not only of those in its sample; nan for silent ones."""
         silent = [diagnostic.name for diagnostic in state.diagnostics if diagnostic.level == Level.STALE]
         return state._replace(sample=self._sample | {name: math.nan for name in silent if name in self._sample})
 
@@ -101,12 +101,12 @@ class Dashboard:
                 self.path, self._point_m = self.path[::2], 2.0 * self._point_m
 
     def _wake(self) -> None:
-        """Wake everybody who waits now; who comes later waits for the next one."""
+        """Wake all readers that wait now; later ones wait for the next call."""
         news, self._news = self._news, asyncio.Event()
         news.set()
 
 
-#: Rows further apart than so many usual distances have nothing between them: the robot was off.
+#: Rows further apart than this many times the median distance enclose a gap: the robot was off.
 _GAP_DISTANCES = 3.0
 
 
@@ -120,17 +120,17 @@ class Lookback(NamedTuple):
 #: Some 400 points each, more than a picture on a phone has columns.
 SPANS = {"hour": Lookback(3600.0, 10.0), "day": Lookback(86_400.0, 200.0), "week": Lookback(604_800.0, 1500.0)}
 
-#: Points that memory gives between two that the store would.
+#: Number of points from memory for each point from the store.
 FINER = 10.0
 
 Rows = dict[str, list[float | None]]
 
 
 class Past:
-    """History of a dashboard; the store is read in a thread, once at a time, and no more often than its steps.
+    """History of a dashboard; the store is read in a thread, by one reader at a time, and at most once per step.
 
     Args:
-        dashboard: what memory holds, and the folder of the store.
+        dashboard: with the rows in memory, and the folder of the store.
     """
 
     def __init__(self, dashboard: Dashboard):
@@ -139,7 +139,7 @@ class Past:
         self._read: dict[str, tuple[float, Rows]] = {}
 
     async def last(self, name: str) -> Rows:
-        """Columns of `HISTORY` of the last "hour", "day" or "week"; None for what is not known."""
+        """Columns of `HISTORY` of the last "hour", "day" or "week"; None for unknown values."""
         span, state = SPANS[name], self._dashboard.state
         now_s = state.unix_s if state else time.time()
         recent = thinned(self._dashboard.history(now_s - span.length_s), span.step_s / FINER)
@@ -149,7 +149,7 @@ class Past:
         return {column: [stored[column][k] for k in earlier] + recent[column] for column in HISTORY}
 
     async def _stored(self, name: str, now_s: float) -> Rows:
-        """Rows of the store, as they were one step ago at most; what memory has since then is newer."""
+        """Rows of the store, read at most one step ago; newer rows are in memory."""
         span = SPANS[name]
         async with self._reading:
             made_s, rows = self._read.get(name, (-math.inf, {}))
@@ -163,7 +163,7 @@ class Past:
 
 
 def stored_rows(folder: Path, until_s: float, span: Lookback) -> Rows:
-    """Rows of a store in columns of `HISTORY`, one of nothing where the robot was off.
+    """Rows of a store in columns of `HISTORY`, with an empty one where the robot was off.
 
     Raises:
         OhmwardError: there is no store, or it cannot be read.
@@ -194,7 +194,7 @@ def _by_step(columns: dict[str, np.ndarray], step_ns: int) -> list[tuple[int, di
 
 
 def _with_gaps(rows: list[tuple[float, ...]]) -> np.ndarray:
-    """Rows (T, columns) with one of nan between those that are far apart."""
+    """Rows (T, columns), with a row of nan between those that are far apart."""
     table = np.array(rows).reshape(-1, len(HISTORY))
     apart_s = np.diff(table[:, 0])
     if not len(apart_s):
@@ -206,7 +206,7 @@ def _with_gaps(rows: list[tuple[float, ...]]) -> np.ndarray:
 
 
 def thinned(rows: Rows, step_s: float) -> Rows:
-    """Every n-th row, so that they are a step apart."""
+    """Every n-th row, so that the rows are a step apart."""
     times = rows["unix_s"]
     if len(times) < 2 or times[0] is None or times[-1] is None:
         return rows

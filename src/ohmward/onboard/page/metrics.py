@@ -17,10 +17,10 @@ class Gauge(NamedTuple):
 
     metric: str  #: its name in Prometheus, with its unit
     help: str  #: a sentence on it
-    path: tuple[str, ...]  #: where it stands in the view
-    label: str = ""  #: for people, in Home Assistant; "" leaves it out there
-    unit: str = ""  #: there
-    scale: float = 1.0  #: to that unit
+    path: tuple[str, ...]  #: its place in the view
+    label: str = ""  #: its label in Home Assistant; "" leaves it out there
+    unit: str = ""  #: its unit in Home Assistant
+    scale: float = 1.0  #: factor to that unit
     kind: str = ""  #: device class of Home Assistant, which chooses its icon and its units
 
 
@@ -52,7 +52,7 @@ _GAUGES = (
     Gauge("ohmward_distance_metres", "Length of the path since the start.", ("pose", "distance_m")),
 )  # fmt: skip
 
-#: The same of the age of the samples behind the estimates, with the key of their time.
+#: Metric, help and key of the time, for the age of the samples behind the estimates.
 _AGES = (
     ("ohmward_battery_sample_age_seconds", "Age of the last sample of the battery.", "battery_time_s"),
     ("ohmward_drive_sample_age_seconds", "Age of the last sample of the drive.", "drive_time_s"),
@@ -60,7 +60,7 @@ _AGES = (
 
 
 def metrics(view: dict[str, Any]) -> str:
-    """The view of a state as metrics; what is not known is left out."""
+    """The view of a state as metrics; unknown values are left out."""
     return "\n".join(_lines(view)) + "\n"
 
 
@@ -101,11 +101,11 @@ def _head(name: str, text: str, type_: str = "gauge") -> Iterator[str]:
 
 
 def home_assistant(topic: str, robot: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Topics below that of the discovery and their objects, by which Home Assistant shows a robot as a device.
+    """Topics below the discovery prefix, and their objects, that make Home Assistant show a robot as a device.
 
     https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery
 
-    topic: of the robot; TOPIC/now is its view, TOPIC/status says whether it is there.
+    topic: of the robot; TOPIC/now is its view, TOPIC/status says whether it is online.
     """
     node = re.sub(r"\W+", "_", topic)
     device = {"identifiers": [node], "name": robot, "manufacturer": "ohmward", "sw_version": __version__}
@@ -131,7 +131,7 @@ _ALARMS = "{{ {'alarms': value_json.alarms | map(attribute='text') | list} | toj
 
 
 def _template(path: Sequence[str], scale: float) -> str:
-    """The number at a path of the view in Jinja; none where it is not known."""
+    """The number at a path of the view in Jinja; none if it is unknown."""
     places = [".".join(("value_json", *path[: k + 1])) for k in range(len(path))]
     known = " and ".join([*places[:-1], f"{places[-1]} is number"])
     factor = f" * {scale:g}" if scale != 1.0 else ""
@@ -145,5 +145,5 @@ def _at(view: Any, path: tuple[str, ...]) -> Any:
 
 
 def _label(text: str) -> str:
-    """A text as the value of a label."""
+    """A text escaped as the value of a label."""
     return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")

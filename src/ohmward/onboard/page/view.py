@@ -16,14 +16,14 @@ from ohmward.quantities import EVENTS, QUANTITIES, Quantity
 
 #: Columns of the history.
 HISTORY = ("unix_s", "soc", "soc_low", "soc_high", "speed_m_s", "speed_std_m_s", "slip_ratio", "power_W", "range_m")
-#: Columns of the store of which they are made; of the slip ratio there is one for each wheel.
+#: Columns of the store from which the history is made; the slip ratio has one for each wheel.
 BATTERY = ("soc", "soc_std", "battery_current_A", "battery_voltage_V", "range_p50_m")
 DRIVE = ("estimated_speed_m_s", "estimated_speed_std_m_s")
 SLIP = "slip_ratio."
 
 
 def view(state: RobotState) -> dict[str, Any]:
-    """The state as the page shows it, for JSON; what is not known is None."""
+    """The state as the page shows it, for JSON; unknown values are None."""
     return plain(
         {
             "time_s": state.time_s,
@@ -47,7 +47,7 @@ def view(state: RobotState) -> dict[str, Any]:
 
 
 def advice(state: RobotState) -> str:
-    """Sentence on what the operator should do now, "" where nothing asks for it: the most urgent alarm."""
+    """Sentence on what the operator should do now, from the most urgent alarm if there is one; "" for nothing."""
     if state.alarms:
         return state.alarms[0].text
     if state.battery is None or state.sample.get("battery_current_A", 0.0) > 0.0:  # it charges
@@ -57,7 +57,7 @@ def advice(state: RobotState) -> str:
 
 
 def history_row(unix_s: float, columns: Mapping[str, float]) -> tuple[float, ...]:
-    """Values of `HISTORY` from columns of the store, nan for what is not known."""
+    """Values of `HISTORY` from columns of the store, nan for unknown ones."""
 
     def value(name: str) -> float:
         return float(columns.get(name, math.nan))
@@ -76,18 +76,18 @@ def history_row(unix_s: float, columns: Mapping[str, float]) -> tuple[float, ...
 
 
 def battery_power_W(sample: Mapping[str, float]) -> float:
-    """Power that the battery gives [W], nan where current or voltage was not measured."""
+    """Power that the battery gives [W], nan if current or voltage was not measured."""
     return -sample.get("battery_current_A", math.nan) * sample.get("battery_voltage_V", math.nan)
 
 
 def largest(ratios: np.ndarray) -> float:
-    """The ratio of the largest size, nan where there is none."""
+    """The ratio of the largest magnitude, nan if none is known."""
     known = ratios[np.isfinite(ratios)]
     return float(known[np.argmax(np.abs(known))]) if len(known) else math.nan
 
 
 def ellipse(cov: np.ndarray) -> dict[str, float]:
-    """Half axes [m] and angle of the major one [rad] of the ellipse that holds x and y with 95 %."""
+    """Semi-axes [m] and angle of the major one [rad] of the ellipse that contains x and y with 95 %."""
     variances, axes = np.linalg.eigh(cov[:2, :2])
     minor_m, major_m = ELLIPSE_95 * np.sqrt(np.maximum(variances, 0.0))
     return {"major_m": major_m, "minor_m": minor_m, "angle_rad": math.atan2(axes[1, 1], axes[0, 1])}
@@ -113,7 +113,7 @@ def _charge(state: RobotState) -> dict[str, Any] | None:
 
 
 def _cells(state: RobotState) -> list[dict[str, Any]]:
-    """Least and greatest voltage of the cells, and the spread of their charge, where cells are measured."""
+    """Lowest and highest voltage of the cells, and the spread of their charge, if cells are measured."""
     voltages = {s: v for s, v in state.sample.items() if s.startswith("cell_voltage_V.") and math.isfinite(v)}
     if state.cells is None or not voltages:
         return []
@@ -127,14 +127,14 @@ def _cells(state: RobotState) -> list[dict[str, Any]]:
 
 
 def _since(state: RobotState) -> str:
-    """Age of the last measurement of the battery in words, where its sensors are silent."""
+    """Age of the last measurement of the battery in words, if its sensors are silent."""
     if not state.is_silent("battery"):
         return ""
     return f"; last measured {time_in_words(state.time_s - state.battery_time_s)} ago"
 
 
 def _reading(quantity: Quantity, sample: Mapping[str, float]) -> dict[str, Any]:
-    """A measured value for people; a share of the charge in percent."""
+    """A measured value with label and unit; the charge reported by a BMS in percent."""
     value, label = sample[quantity.name], quantity.label.replace("Bms ", "BMS: ")
     if quantity.name == "bms_soc":
         return {"label": "BMS: charge", "value": 100.0 * value, "unit": "%"}
@@ -196,9 +196,9 @@ def _pose(state: RobotState) -> dict[str, Any] | None:
 
 
 def _power(state: RobotState) -> dict[str, Any]:
-    """Power of the battery [W], and of it what moves the robot, what slips away, and the rest.
+    """Power of the battery [W] and its parts: motion of the robot, slip, and the rest.
 
-    Force of the ground times speed of the body is motion, force times slip speed is slip; the rest goes into motors,
+    Ground force times speed of the body is motion, ground force times slip speed is slip; the rest goes into motors,
     gears and electronics.
     """
     whole_W = battery_power_W(state.sample)

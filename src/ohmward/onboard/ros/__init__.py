@@ -1,1 +1,1 @@
-"""Messages of ROS 2, and their way out and in: rclpy where there is one, else zenoh as rmw_zenoh speaks it."""
+"""Messages of ROS 2, and their transport: rclpy if it is installed, otherwise zenoh in the format of rmw_zenoh."""

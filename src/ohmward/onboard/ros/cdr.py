@@ -30,12 +30,12 @@ def serialize(type_: str, message: Mapping[str, Any]) -> bytes:
 
 
 def read(type_: str, payload: bytes) -> tuple[Layout, dict[str, float]]:
-    """Layout and numbers by their paths, `header.stamp.sec`, `velocity[1]`, of a message.
+    """Layout of a message, and its numbers by their paths, such as `header.stamp.sec` or `velocity[1]`.
 
     The layout is that of the first message of its kind; texts outside of arrays, such as a frame, are of that one, too.
 
     Raises:
-        ValueError: no such message.
+        ValueError: the bytes are no such message.
     """
     key = type_, len(payload)
     form = _FORMS.get(key)
@@ -103,7 +103,7 @@ def _single(out: bytearray, type_: str, value: Any) -> None:
 
 
 def _numbers(out: bytearray, format_: str, values: Sequence[Any]) -> None:
-    """Append numbers from the next place on that is a multiple of their size."""
+    """Append numbers, aligned to a multiple of their size."""
     if len(values):
         out += bytes(-(len(out) - len(_ENCAPSULATION)) % struct.calcsize(format_))
         out += struct.pack(f"<{len(values)}{format_}", *values)

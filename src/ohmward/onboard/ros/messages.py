@@ -38,23 +38,23 @@ _TECHNOLOGY = {
 class Frames:
     """Names of coordinate frames, REP-105."""
 
-    odom: str = "odom"  #: in which the pose is continuous
-    base: str = "base_link"  #: of the robot, at its centre of gravity
+    odom: str = "odom"  #: frame in which the pose is continuous
+    base: str = "base_link"  #: frame of the robot, at its centre of gravity
 
 
 def battery_date_s(state: RobotState) -> float:
-    """Date of what a message says about the battery: of its sample, or of now, where it says that nothing is known."""
+    """Date of a message about the battery: that of its sample, or now if its sensors are silent."""
     return state.unix_s if state.is_silent("battery") else state.date_s("battery")
 
 
 def battery_state(
     state: RobotState, measured: Mapping[str, float], battery: Battery | None, frames: Frames, cautious: bool = False
 ) -> Message:
-    """`sensor_msgs/BatteryState`; nan where a quantity is not known, not present where nothing is.
+    """`sensor_msgs/BatteryState`; nan for an unknown quantity, not present if nothing is known.
 
     measured: signal -> latest value of the battery's sensors, nan for one that is silent.
-    battery: its label, where it is known.
-    cautious: the percentage is the low end of the 95 % band, and goes down to 0 while the sensors are silent.
+    battery: for its label, if known.
+    cautious: the percentage is the low end of the 95 % band, and falls to 0 while the sensors are silent.
     """
     charge, nan = None if state.is_silent("battery") else state.battery, math.nan
     capacity_Ah = battery.capacity_Ah if battery else nan
@@ -81,21 +81,21 @@ def battery_state(
 
 
 def _cautious(state: RobotState) -> float:
-    """Low end of the band of the charge in [0, 1]; 0 where nothing is known any more, nan where nothing was yet."""
+    """Low end of the band of the charge in [0, 1]; 0 if it is no longer known, nan if it is not known yet."""
     if state.battery is None:
         return 0.0 if state.is_silent("battery") else math.nan
     return min(max(float(state.battery.soc) - BAND_95 * float(state.battery.soc_std), 0.0), 1.0)
 
 
 def _cells(measured: Mapping[str, float], battery: Battery | None) -> list[float]:
-    """Voltages of the cells, nan for one that is not measured; none where no cell is."""
+    """Voltages of the cells, nan for one that is not measured; empty if none is."""
     voltages = {int(name.partition(".")[2]): v for name, v in measured.items() if name.startswith("cell_voltage_V.")}
     count = 0 if not voltages else int(battery.n_series) if battery else max(voltages) + 1
     return [voltages.get(k, math.nan) for k in range(count)]
 
 
 def _status(measured: Mapping[str, float], charge: Any, capacity_Ah: float) -> int:
-    """Status of the power supply, by the current without the offset of its sensor."""
+    """Status of the power supply, from the current corrected for the offset of its sensor."""
     offset_A = float(charge.current_offset_A) if charge and charge.current_offset_A == charge.current_offset_A else 0.0
     current_A = measured.get("battery_current_A", math.nan) - offset_A
     idle_A = _NO_CURRENT_C * capacity_Ah if math.isfinite(capacity_Ah) else 0.0
@@ -107,9 +107,9 @@ def _status(measured: Mapping[str, float], charge: Any, capacity_Ah: float) -> i
 
 
 def odometry(state: RobotState, frames: Frames) -> Message:
-    """`nav_msgs/Odometry`: pose in the frame odom, twist in that of the robot.
+    """`nav_msgs/Odometry`: pose in the frame odom, twist in the frame of the robot.
 
-    state: has a pose.
+    state: must have a pose.
     """
     pose = state.pose
     assert pose is not None
@@ -129,9 +129,9 @@ def transform(state: RobotState, frames: Frames) -> Message:
 
 
 def twist(state: RobotState, frames: Frames) -> Message:
-    """`geometry_msgs/TwistWithCovarianceStamped`: speed and yaw rate as they are in spite of slip.
+    """`geometry_msgs/TwistWithCovarianceStamped`: speed and yaw rate corrected for slip.
 
-    state: has an estimate of the slip.
+    state: must have an estimate of the slip.
     """
     slip = state.slip
     assert slip is not None
@@ -197,7 +197,7 @@ def _estimates(state: RobotState) -> list[Diagnostic]:
 def _stale(estimate: str, sensors: str, age_s: float, known: Sequence[Diagnostic] = ()) -> Diagnostic:
     """Condition of an estimate whose sensors are silent.
 
-    known: the estimate, where something of it is still known.
+    known: the estimate, if it is still known in part.
     """
     said = " ".join(condition.message for condition in known) or "unknown"
     message = f"{said}: the sensors of the {sensors} are silent; look at them, their wires and their driver"

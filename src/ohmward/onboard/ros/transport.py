@@ -1,4 +1,4 @@
-"""Serialised messages out and in: by rclpy where ROS is installed, else by zenoh as rmw_zenoh speaks it.
+"""Transport of serialised messages: rclpy if ROS is installed, otherwise zenoh in the format of rmw_zenoh.
 
 Sources and sinks of a process that have the same node share it.
 """
@@ -20,13 +20,13 @@ from ohmward.errors import InputError
 from ohmward.onboard.ros.zenoh_transport import ZenohTransport
 from ohmward.optional import require
 
-#: Takes a serialised message in; called from a thread of the transport.
+#: Accepts a serialised message; called from a thread of the transport.
 Receive = Callable[[bytes], None]
 
-#: Largest domain of ROS 2: beyond it the ports of UDP end.
+#: Largest domain of ROS 2: beyond it there are no UDP ports.
 MOST_DOMAIN = 232
 
-#: The thread of a node has so long to end [s].
+#: Time that the thread of a node has to end [s].
 _SPIN_END_S = 2.0
 #: Time between two looks at the messages that have come, and between two turns of the executor [s]: a turn costs as
 #: much as ten messages.
@@ -36,10 +36,10 @@ _QUEUE = 100
 
 
 class Transport(Protocol):
-    """Way of messages to and from other nodes."""
+    """Connection for messages to and from other nodes."""
 
     def advertise(self, topic: str, type_: str) -> None:
-        """Let the other nodes know that messages will come on a topic."""
+        """Announce to the other nodes that messages will come on a topic."""
         ...
 
     def publish(self, topic: str, type_: str, payload: bytes) -> None:
@@ -55,7 +55,7 @@ class Transport(Protocol):
         ...
 
     def check(self) -> None:
-        """Raise `OhmwardError` where the way is lost."""
+        """Raise `OhmwardError` if the connection is lost."""
         ...
 
     def close(self) -> None:
@@ -65,7 +65,7 @@ class Transport(Protocol):
 
 @dataclass(frozen=True)
 class RosNetwork:
-    """Node of ROS 2, and its way to the others."""
+    """Node of ROS 2, and its connection to the others."""
 
     transport: str = "auto"  #: "rclpy" or "zenoh"; "auto" takes rclpy if it is installed
     node: str = "ohmward"  #: name of the node
@@ -85,14 +85,14 @@ class RosNetwork:
 
     @property
     def uses_rclpy(self) -> bool:
-        """True where messages go through rclpy."""
+        """True if messages go through rclpy."""
         return self.transport == "rclpy" or (self.transport == "auto" and find_spec("rclpy") is not None)
 
     def open(self) -> Transport:
-        """The way to other nodes.
+        """Open the connection to other nodes.
 
         Raises:
-            OhmwardError: no router of zenoh, or a package that is not installed.
+            OhmwardError: no router of zenoh, or a package is not installed.
         """
         domain = domain_of_environment() if self.domain is None else self.domain
         if self.uses_rclpy:
@@ -121,8 +121,8 @@ class SharedNode:
     """A node for several parts of a process: opened for the first of them, closed after the last.
 
     Args:
-        network: that the parts have in common.
-        node: of rclpy, where somebody else has made it and ends it.
+        network: settings that the parts have in common.
+        node: of rclpy, if somebody else has made it and will end it.
     """
 
     def __init__(self, network: RosNetwork, node: Any = None):
@@ -133,7 +133,7 @@ class SharedNode:
 
     @asynccontextmanager
     async def opened(self) -> AsyncIterator[Transport]:
-        """The way to other nodes, for as long as a part needs it; errors as of `RosNetwork.open`."""
+        """The connection to other nodes, for as long as a part needs it; errors as in `RosNetwork.open`."""
         async with self._lock:
             if self._transport is None:
                 self._transport = await asyncio.to_thread(self._open)
@@ -152,7 +152,7 @@ class SharedNode:
 
 
 def require_others_topics(heard: Mapping[str, str], sent: Mapping[str, str]) -> None:
-    """Raise InputError where ohmward would hear itself.
+    """Raise InputError if ohmward would receive its own messages.
 
     heard, sent: setting -> full name of its topic.
     """
@@ -166,10 +166,10 @@ def require_others_topics(heard: Mapping[str, str], sent: Mapping[str, str]) -> 
 
 
 def domain_of_environment() -> int:
-    """The domain that ROS_DOMAIN_ID names; 0 without.
+    """The domain in the environment variable ROS_DOMAIN_ID; 0 if it is not set.
 
     Raises:
-        InputError: it is no such number.
+        InputError: it is not a valid domain.
     """
     given = os.environ.get("ROS_DOMAIN_ID") or "0"
     if not given.isdecimal() or int(given) > MOST_DOMAIN:
@@ -178,14 +178,14 @@ def domain_of_environment() -> int:
 
 
 class RclpyTransport:
-    """A node of rclpy; messages pass through it serialised, so that both ways carry the same bytes.
+    """A node of rclpy; messages pass through it serialised, so that both transports carry the same bytes.
 
     Its executor serves parameters, services and the clock of the node. Messages are taken without it: it builds a set
     of everything that it waits for anew for each of them, which takes ten times as long as the message.
 
     Args:
         node: it is served from a thread of this object.
-        shut_down: ends the context of the node, which then ends with this object; None leaves both to others.
+        shut_down: ends the node's context; the node then ends with this object. None leaves both to others.
     """
 
     def __init__(self, node: Any, shut_down: Callable[[], None] | None = None):
@@ -193,7 +193,7 @@ class RclpyTransport:
         self._publishers: dict[str, Any] = {}
         self._subscriptions: list[_Subscription] = []
         self._services: list[Any] = []
-        #: Their defaults warn of readers that fit no writer, which cannot be here, and cost much of every spin.
+        #: The default callbacks warn of incompatible readers, which cannot occur here, and cost much of every spin.
         self._events = require("rclpy.event_handler", 'transport = "rclpy"')
         executors = require("rclpy.executors", 'transport = "rclpy"')
         self._executor = executors.SingleThreadedExecutor(context=node.context)
@@ -239,10 +239,10 @@ class RclpyTransport:
         self._services.append(self._node.create_service(trigger, name, answer))
 
     def check(self) -> None:
-        """Nothing: DDS finds the others again by itself."""
+        """Do nothing: DDS finds the other nodes again by itself."""
 
     def close(self) -> None:
-        """End publishers, subscriptions and services, and the node where it is our own."""
+        """End publishers, subscriptions and services, and the node if it is our own."""
         self._ended.set()
         self._executor.shutdown()
         self._thread.join(_SPIN_END_S)

@@ -14,7 +14,7 @@ TF = "tf2_msgs/msg/TFMessage"
 CLOCK = "rosgraph_msgs/msg/Clock"
 FLOATS = "std_msgs/msg/Float64MultiArray"
 
-#: A field a line: type and name; `[9]` is an array of nine, `[]` a sequence.
+#: Fields of each type, separated by commas: type and name; `[9]` is an array of nine, `[]` a sequence.
 _TEXT = {
     "builtin_interfaces/msg/Time": "int32 sec, uint32 nanosec",
     "std_msgs/msg/Header": "builtin_interfaces/msg/Time stamp, string frame_id",
@@ -65,7 +65,7 @@ HASHES = {
 
 
 def definition_text(type_: str) -> str:
-    """The definition of a type and of those that it uses, as recordings and viewers take it."""
+    """The definition of a type and of the types in it, in the form that recordings and viewers take."""
     texts, waiting = dict[str, str](), [type_]
     while waiting:
         name = waiting.pop(0)

@@ -22,7 +22,7 @@ from ohmward.optional import require
 _ATTACHMENT = struct.Struct("<qqB16s")
 #: Reliable, volatile, the last ten; deadline, lifespan and liveliness as by default.
 _QOS = "::,10:,:,:,,"
-#: A router that does not answer for so long is not there [ms].
+#: Longest wait for an answer of the router [ms].
 _CONNECT_MS = 2000
 
 
@@ -39,7 +39,7 @@ def dds_type(type_: str) -> str:
 
 
 class ZenohTransport:
-    """A session of zenoh that is a node to rmw_zenoh.
+    """A session of zenoh that appears as a node to rmw_zenoh.
 
     Args:
         node, namespace, domain: of ROS.
@@ -73,7 +73,7 @@ class ZenohTransport:
         publisher.put(payload, attachment=attachment)
 
     def subscribe(self, topic: str, type_: str, receive: Callable[[bytes], None]) -> None:
-        """Receive the messages of a topic; whatever hash their writers name, as those of Humble name none."""
+        """Receive the messages of a topic with any type hash, as writers of Humble give none."""
 
         def arrived(sample: Any) -> None:
             receive(bytes(sample.payload.to_bytes()))
@@ -82,15 +82,15 @@ class ZenohTransport:
         self._announce("MS", topic, type_)
 
     def serve(self, name: str, act: Callable[[], str]) -> None:
-        """Nothing: services go through rclpy only."""
+        """Do nothing: services need rclpy."""
 
     def check(self) -> None:
-        """Raise `OhmwardError` where the router is away."""
+        """Raise `OhmwardError` if the router is away."""
         if not list(self._session.info.routers_zid()):
             raise OhmwardError(f"the zenoh router {self.router} is away; is rmw_zenohd running?")
 
     def close(self) -> None:
-        """End the session, which takes its tokens away."""
+        """End the session, which removes its tokens."""
         with suppress(Exception):
             self._session.close()
 
@@ -102,7 +102,7 @@ class ZenohTransport:
         config.insert_json5("scouting/multicast/enabled", "false")
         try:
             return self._zenoh.open(config)
-        except Exception as error:  # of zenoh, of no common kind
+        except Exception as error:  # zenoh's errors have no common type
             raise OhmwardError(
                 f"no zenoh router at {self.router}; start one with: ros2 run rmw_zenoh_cpp rmw_zenohd"
             ) from error

@@ -12,7 +12,7 @@ from ohmward.onboard.sinks.store import StoreSink
 from ohmward.onboard.sinks.terminal import TerminalSink
 from ohmward.onboard.sinks.webhook import WebhookSink
 
-#: Any of them.
+#: Any sink.
 AnySink = (
     CanSink
     | ControlSink

@@ -1,4 +1,4 @@
-"""CAN out: numbers of the robot's state in frames of the user's database."""
+"""CAN sink: numbers of the robot's state in frames of the user's database."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class CanSink(CanPort):
             require_path(path)
 
     async def run(self, feed: Feed) -> None:
-        """Send the newest state, again and again; old ones are of no use on a bus."""
+        """Send the newest states until the feed ends; old ones are of no use on a bus."""
         encoder = CanEncoder(CanDatabase(self.dbc), self.signals)
         bus = self.open(NO_FRAMES)
         try:

@@ -47,7 +47,7 @@ class ControlSink:
 
     @property
     def interval_s(self) -> float:
-        """It takes every state."""
+        """0: it takes every state."""
         return 0.0
 
     async def run(self, feed: Feed) -> None:
@@ -69,7 +69,7 @@ class ControlSink:
                 loop.end()
 
     async def try_out(self) -> None:
-        """Open the way to the drives, and send nothing."""
+        """Open the connection to the drives without sending anything."""
         control, _ = await asyncio.to_thread(self._control), self._token()
         async with self._output.opened(_names(control)):
             await asyncio.Event().wait()
@@ -81,7 +81,7 @@ class ControlSink:
         return output
 
     def _control(self) -> DriveControl:
-        """The controller, which compiles."""
+        """The controller, which is compiled here."""
         return DriveControl(load_robot(self.robot), self.limits)
 
     def _token(self) -> str:

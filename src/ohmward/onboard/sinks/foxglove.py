@@ -20,7 +20,7 @@ from ohmward.optional import require
 class FoxgloveSink:
     """A server for viewers, who connect to ws://HOST:PORT and cannot send anything."""
 
-    takes_all: ClassVar[bool] = True  #: states; each message has a rate of its own
+    takes_all: ClassVar[bool] = True  #: takes all states; each message has a rate of its own
     #: address to listen on; loopback only, since the protocol has no token: forward the port with `ssh -L
     #: 8765:localhost:8765 robot`
     host: str = "127.0.0.1"
@@ -46,7 +46,7 @@ class FoxgloveSink:
         context = foxglove.Context()
         try:
             server = foxglove.start_server(name="ohmward", host=self.host, port=self.port, context=context)
-        except Exception as error:  # of the package, of no common kind
+        except Exception as error:  # the package's errors have no common type
             raise OhmwardError(f"port {self.port} cannot be used ({error}); choose another one: port = ...") from error
         channels: dict[str, Any] = {}
         try:

@@ -18,7 +18,7 @@ from ohmward.onboard.robot_state import plain_state
 
 @dataclass(frozen=True)
 class JsonLinesSink:
-    """States by lines."""
+    """States, one a line."""
 
     path: str = "-"  #: "-" for standard output, else a file to append to
     interval_s: float = 0.0  #: least time between two lines, >= 0
@@ -39,7 +39,7 @@ class JsonLinesSink:
             raise OhmwardError(f"{self.path} cannot be written ({error.strerror or error}); {fix}") from error
 
     def _opened(self) -> TextIO:
-        """The file, in a folder that is made where there is none; a line that broke off in it is ended."""
+        """The file, in a folder that is created if missing; an unfinished last line is terminated."""
         path = Path(self.path)
         path.parent.mkdir(parents=True, exist_ok=True)
         file = path.open("a", encoding="utf-8")

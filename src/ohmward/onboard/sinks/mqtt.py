@@ -1,4 +1,4 @@
-"""MQTT out: the robot's state as one JSON object, single numbers as topics of their own, and a last will."""
+"""MQTT sink: the robot's state as one JSON object, single numbers as topics of their own, and a last will."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from ohmward.onboard.page.metrics import home_assistant
 from ohmward.onboard.page.view import view
 from ohmward.onboard.robot_state import RobotState, number_at, plain, plain_state, require_path
 
-#: The broker has so long to acknowledge what was sent [s].
+#: Time that the broker has to acknowledge what was sent [s].
 _ACKNOWLEDGE_S = 10.0
-#: So many states are sent before the broker has to acknowledge.
+#: Number of states sent before the broker has to acknowledge.
 _STATES_AT_ONCE = 100
 
 
 @dataclass(frozen=True)
 class MqttSink(MqttBroker):
-    """States to a broker, retained, each acknowledged by it; those it has not got wait in the feed."""
+    """States to a broker, retained, each acknowledged by it; unacknowledged ones wait in the feed."""
 
     #: the state is sent to TOPIC/state, alarms to TOPIC/alarms when one begins or ends, "online" to TOPIC/status, and
     #: "offline" once the connection is lost
@@ -68,7 +68,7 @@ class MqttSink(MqttBroker):
             _acknowledged([client.publish(status, "offline", qos=1, retain=True)])
 
     async def try_out(self) -> None:
-        """Connect, and publish nothing."""
+        """Connect without publishing anything."""
         async with self.connected() as (_, received):
             await received.take()
 
@@ -79,7 +79,7 @@ class MqttSink(MqttBroker):
                 yield f"{self.home_assistant}/{topic}", about
 
     def payloads(self, state: RobotState) -> Iterator[tuple[str, str]]:
-        """Topics and payloads of a state; a number that is not known is empty, which takes the retained one away."""
+        """Topics and payloads of a state; an unknown number has an empty payload, which deletes the retained one."""
         yield f"{self.topic}/state", json.dumps(plain_state(state), allow_nan=False)
         if self.home_assistant:
             yield f"{self.topic}/now", json.dumps(view(state), allow_nan=False)
@@ -89,7 +89,7 @@ class MqttSink(MqttBroker):
 
 
 def _acknowledged(infos: list[Any]) -> None:
-    """Wait until the broker has them all, or does not acknowledge one in time."""
+    """Wait until the broker has acknowledged them all, or fails to acknowledge one in time."""
     for info in infos:
         with suppress(RuntimeError, ValueError):  # not connected
             info.wait_for_publish(_ACKNOWLEDGE_S)
@@ -98,7 +98,7 @@ def _acknowledged(infos: list[Any]) -> None:
 
 
 def _has_arrived(info: Any) -> bool:
-    """True where the broker has acknowledged; paho raises for what it could not send."""
+    """True if the broker has acknowledged; paho raises for what it could not send."""
     try:
         return bool(info.is_published())
     except (RuntimeError, ValueError):

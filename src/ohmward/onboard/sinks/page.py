@@ -22,13 +22,13 @@ from ohmward.onboard.part import LOG
 from ohmward.onboard.secrets import check_secret_name, is_loopback, secret
 from ohmward.optional import require
 
-#: Readers that are still there at the end have so long to go [s].
+#: Time given to readers still connected at the end [s].
 _READERS_END_S = 1.0
 
 
 @dataclass(frozen=True)
 class PageSink:
-    """A page on loopback; elsewhere only for those who have the token."""
+    """A page on loopback; on other addresses only for readers with the token."""
 
     host: str = "127.0.0.1"  #: address to listen on: "127.0.0.1" for this machine alone, "0.0.0.0" for the network
     port: int = 8080  #: TCP port; 0 takes a free one

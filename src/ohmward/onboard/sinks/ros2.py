@@ -1,4 +1,4 @@
-"""ROS 2 out: state of the battery, odometry, speed in spite of slip, and diagnostics."""
+"""ROS 2 sink: battery state, odometry, speed corrected for slip, and diagnostics."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from ohmward.onboard.ros.messages import Frames
 from ohmward.onboard.ros.transport import RosNetwork, SharedNode, Transport
 from ohmward.quantities import names_of
 
-#: Of the states that waited for the network so many are sent once it is there, as a writer keeps that many: readers of
-#: poses and speeds want those of now.
+#: Most states that waited for the network to be sent once it is there, as a writer keeps that many: readers of poses
+#: and speeds want current ones.
 KEPT = 10
 
 
@@ -30,7 +30,7 @@ KEPT = 10
 class Ros2Sink(RosNetwork):
     """States as messages; an empty topic leaves its message out."""
 
-    takes_all: ClassVar[bool] = True  #: states; each message has a rate of its own
+    takes_all: ClassVar[bool] = True  #: takes all states; each message has a rate of its own
     #: topics
     battery_state: str = "battery_state"
     odometry: str = "ohmward/odometry"
@@ -65,7 +65,7 @@ class Ros2Sink(RosNetwork):
             await self.run_on(transport, feed)
 
     async def run_on(self, transport: Transport, feed: Feed) -> None:
-        """The same by the node of this transport."""
+        """Publish through the node of this transport."""
         battery = load_battery(self.battery) if self.battery else None
         translation = Translation(self, battery)
         for topic, type_ in self.advertised():
@@ -87,11 +87,11 @@ class Ros2Sink(RosNetwork):
 
 
 class Translation:
-    """States as serialised messages, the slow ones from time to time.
+    """States as serialised messages, each at its own rate.
 
     Args:
         sink: topics, frames and rates.
-        battery: its label, where it is known.
+        battery: for its label, if known.
     """
 
     def __init__(self, sink: Ros2Sink, battery: Battery | None = None):
@@ -103,7 +103,7 @@ class Translation:
         self._stamps: dict[str, float] = {}
 
     def messages(self, state: RobotState) -> Iterator[tuple[str, str, bytes]]:
-        """Topic, type and bytes of each message about a state; stamps are those of the measurement, and increase."""
+        """Topic, type and bytes of each message about a state; stamps are times of measurement, and increase."""
         sink = self.sink
         self._measured |= {name: v for name, v in state.sample.items() if name.partition(".")[0] in names_of("battery")}
         is_new = state.drive_time_s != self._drive_s and not math.isnan(state.drive_time_s)
@@ -128,7 +128,7 @@ class Translation:
             yield sink.diagnostics, types.DIAGNOSTICS, serialize(types.DIAGNOSTICS, conditions)
 
     def _is_newer(self, what: str, date_s: float) -> bool:
-        """True where a stamp is later than that of the last message; one far back is of a clock that was set."""
+        """True if a stamp is later than the last message's, or so far back that the clock must have been set."""
         last_s = self._stamps.get(what, -math.inf)
         if last_s - LEAP_S < date_s <= last_s:
             return False
@@ -136,9 +136,9 @@ class Translation:
         return True
 
     def _reporting(self, state: RobotState) -> dict[str, float]:
-        """Latest values of the battery's sensors, nan for one that is silent or tells nothing true.
+        """Latest values of the battery's sensors, nan for a silent or faulty one.
 
-        A battery that is silent says so of its sensors at once, their conditions at the next look.
+        A silent battery makes its sensors nan at once; their own conditions follow at the next look.
         """
         useless = {condition.name for condition in state.diagnostics if condition.level >= Level.ERROR}
         if state.is_silent("battery"):

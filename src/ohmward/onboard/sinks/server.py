@@ -1,4 +1,4 @@
-"""Rows to a server from a spool on the disk: InfluxDB and what takes its lines, PostgreSQL."""
+"""Rows to a server from a spool on the disk: InfluxDB and others with its line protocol, PostgreSQL."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from ohmward.optional import require
 
 @dataclass(frozen=True, kw_only=True)
 class ServerSink:
-    """Delivery to a server; a subclass has its address, its secret, and writes rows to it."""
+    """Delivery to a server; a subclass has its address and its secret, and writes rows to it."""
 
     #: Name of the attribute that says where the secret is, see `secrets`.
     secret_key: ClassVar[str]
@@ -46,7 +46,7 @@ class ServerSink:
             check_secret_name(self.secret_key, name)
 
     def _address(self) -> tuple[str, bool]:
-        """Name of the attribute with the address, and True where a secret stands in it."""
+        """Name of the attribute with the address, and True if the address contains a secret."""
         raise NotImplementedError
 
     def _write(self, rows: Sequence[Row], password: str) -> None:
@@ -103,16 +103,16 @@ class InfluxSink(ServerSink):
         write_lines(self.url, lines(rows, self.robot), password)
 
 
-#: Answer of a server that has stored the rows: 204. A page with 200 is that of a proxy or of another server.
+#: Status of a server that has stored the rows: 204. A page with status 200 is from a proxy or another server.
 _STORED = 204
 
-#: Words of InfluxDB for: stored but for those rows that it will never take, as they are older than it keeps any.
+#: InfluxDB's words for: stored, except for rows that it will never accept because they exceed its retention time.
 _STORED_IN_PART = "partial write"
 _TAG = str.maketrans({",": r"\,", "=": r"\=", " ": r"\ ", "\\": r"\\", "\n": r"\ "})
 
 
 def lines(rows: Sequence[Row], robot: str) -> str:
-    """Rows as lines: `drive,robot=rover estimated_speed_m_s=0.8 1700000000000000000`; rows without a value are none."""
+    """Rows as lines: `drive,robot=rover estimated_speed_m_s=0.8 1700000000000000000`; rows without values give none."""
     tag = robot.translate(_TAG)
     return "".join(f"{row.kind},robot={tag} {_fields(row)} {row.unix_ns}\n" for row in rows if row.values)
 
@@ -122,7 +122,7 @@ def _fields(row: Row) -> str:
 
 
 def write_lines(url: str, text: str, token: str = "") -> None:
-    """Write lines to a server; a line that is written again replaces itself.
+    """Write lines to a server; a line written again replaces the earlier one.
 
     url: of its write API, `http://HOST:8086/write?db=NAME` (InfluxDB 1, VictoriaMetrics) or
         `http://HOST:8086/api/v2/write?org=ORG&bucket=NAME`.
@@ -143,7 +143,7 @@ def write_lines(url: str, text: str, token: str = "") -> None:
 
 @dataclass(frozen=True)
 class PostgresqlSink(ServerSink):
-    """A table for each kind of rows, made where there is none; one row for each robot and time, its values as JSON."""
+    """A table for each kind of rows, created if missing; one row for each robot and time, its values as JSON."""
 
     secret_key: ClassVar[str] = "password"
 
@@ -171,7 +171,7 @@ _TABLES = "; ".join(
 
 
 def write_rows(rows: Sequence[Row], robot: str, address: str, password: str = "") -> None:
-    """Write rows in one transaction; a row that is written again changes nothing.
+    """Write rows in one transaction; a row written again changes nothing.
 
     address: `host=db.local port=5432 dbname=robots user=rover` or `postgresql://rover@db.local/robots`.
 

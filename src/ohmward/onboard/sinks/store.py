@@ -16,7 +16,7 @@ from ohmward.onboard.store.delivery import done_in_thread, until_taken
 from ohmward.onboard.store.rows import RowMaker
 from ohmward.onboard.store.store import Store
 
-#: Time between two looks for days that are over and files that are too many.
+#: Time between two searches for past days and excess files.
 HOUSEKEEPING_S = 600.0
 
 #: Share of the store that the database may take; a row in the archive takes a seventh of one in the database.
@@ -42,7 +42,7 @@ class StoreSink:
         require_between("interval_s", self.interval_s, 0.0, 1e9)
 
     async def run(self, feed: Feed) -> None:
-        """Store states until the feed ends; those that a full disk refuses go back to it."""
+        """Store states until the feed ends; states refused by a full disk go back to the feed."""
         store, maker = await asyncio.to_thread(Store, Path(self.folder)), RowMaker()
         cleaned_s = -HOUSEKEEPING_S
         try:
@@ -58,7 +58,7 @@ class StoreSink:
             await asyncio.to_thread(store.close)
 
     async def _clean(self, store: Store, unix_s: float, feed: Feed) -> None:
-        """Clean; what hinders it is named, and rows go on being stored."""
+        """Clean the store; if that fails, name the reason and go on storing rows."""
         try:
             await done_in_thread(partial(self.clean, store, unix_s))
             feed.trouble = ""
@@ -66,7 +66,7 @@ class StoreSink:
             feed.trouble = f"rows are stored, older ones cannot be archived: {error}"
 
     def clean(self, store: Store, unix_s: float) -> None:
-        """Archive days that are over and what the database holds too much, remove the oldest files of the archive.
+        """Archive past days and excess rows of the database, and remove the oldest files of a store that is too large.
 
         Raises:
             OhmwardError: a file cannot be written.

@@ -1,4 +1,4 @@
-"""One line for people on the terminal: charge, speed, slip, pose and range, and what is wrong."""
+"""Status line on the terminal: charge, speed, slip, pose, range and faults."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SECONDS_PER_HOUR = 3600.0
 
 @dataclass(frozen=True)
 class TerminalSink:
-    """The newest state, on a terminal in one line that is written over, else line by line."""
+    """The newest state: on a terminal in one line that is overwritten, otherwise line by line."""
 
     interval_s: float = 1.0  #: least time between two lines, >= 0
     name: str = "terminal"  #: in diagnostics
@@ -36,7 +36,7 @@ class TerminalSink:
 
 
 def show(line: str, out: TextIO) -> None:
-    """Write a line, on a terminal over the one before."""
+    """Write a line; on a terminal, over the previous one."""
     if out.isatty():
         print(f"\r\x1b[2K{within_terminal(line)}", end="", file=out, flush=True)
     else:
@@ -44,13 +44,13 @@ def show(line: str, out: TextIO) -> None:
 
 
 def within_terminal(line: str) -> str:
-    """The line as far as a row of the terminal holds it: one that breaks cannot be written over."""
+    """The line cut to the width of the terminal: a wrapped line cannot be overwritten."""
     width = shutil.get_terminal_size().columns - 1
     return line if len(line) <= width else f"{line[: width - 1]}…"
 
 
 def line_of(state: RobotState) -> str:
-    """The state in one line; bands hold 95 %."""
+    """The state in one line, with 95 % bands."""
     return "  ".join(_parts(state))
 
 

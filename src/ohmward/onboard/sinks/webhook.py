@@ -17,7 +17,7 @@ from ohmward.onboard.http_post import post
 from ohmward.onboard.robot_state import Alarm, RobotState
 from ohmward.onboard.secrets import check_secret_name, secret
 
-#: A server that is away is tried again after so long [s].
+#: Time before a server that is away is tried again [s].
 AGAIN_S = 5.0
 
 
@@ -40,7 +40,7 @@ class WebhookSink:
             raise InputError(f"url must be http://HOST/PATH, https://HOST/PATH or env:NAME, got {self.url!r}")
 
     async def run(self, feed: Feed) -> None:
-        """Send what changes until the feed ends; while the server is away it is tried again, and nothing is lost."""
+        """Send changes of the alarms until the feed ends; a server that is away is retried, and nothing is lost."""
         url, headers = self._address()
         known: dict[str, Alarm] = {}
         while states := await feed.batch():
@@ -50,12 +50,12 @@ class WebhookSink:
                 known = {alarm.name: alarm for alarm in state.alarms}
 
     async def try_out(self) -> None:
-        """Look for the secrets, and send nothing."""
+        """Look for the secrets without sending anything."""
         self._address()
         await asyncio.Event().wait()
 
     def messages(self, state: RobotState, known: Mapping[str, Alarm]) -> Iterator[dict[str, Any]]:
-        """Messages about the alarms that a state has and those that it has not any more; known: of the state before."""
+        """Messages about the alarms raised or ended since the previous state; known: alarms of that state."""
         raised = {alarm.name: alarm for alarm in state.alarms}
         changed = [(alarm, True) for name, alarm in raised.items() if name not in known]
         changed += [(alarm, False) for name, alarm in known.items() if name not in raised]

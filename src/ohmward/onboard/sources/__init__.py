@@ -8,7 +8,7 @@ from ohmward.onboard.sources.ros2 import Ros2Source
 from ohmward.onboard.sources.serial import SerialSource
 from ohmward.onboard.sources.simulation import SimulationSource
 
-#: Any of them.
+#: Any source.
 AnySource = CanSource | JsonLinesSource | MqttSource | ReplaySource | Ros2Source | SerialSource | SimulationSource
 
 SOURCES: dict[type, str] = {

@@ -22,13 +22,13 @@ from ohmward.onboard.part import LOG, EndedError, FaultyInput
 from ohmward.onboard.secrets import host_and_port
 from ohmward.quantities import QUANTITIES, quantity_of
 
-#: Likeness of a key to a quantity, from 0 to 1, beyond which it is taken for a slip of the pen.
+#: Similarity of a key to the name of a quantity, from 0 to 1, above which it counts as misspelt.
 _NEARLY = 0.8
 
 
 @dataclass(frozen=True)
 class JsonLinesSource:
-    """Objects by lines."""
+    """JSON objects, one a line."""
 
     address: str = "-"  #: "-" for standard input, else HOST:PORT or the path of a Unix socket
     time: str = "time_s"  #: key of the time stamp [s]; without one the time of receipt is used
@@ -60,7 +60,7 @@ class JsonLinesSource:
         if self.listen:
             await self._serve(take, faulty)
         elif self.address == "-" and is_at_once(sys.stdin):
-            # a file, which no event loop waits for
+            # a file, which no event loop can wait for
             while line := await asyncio.to_thread(sys.stdin.buffer.readline, LONGEST_LINE):
                 take(line)
         else:
@@ -124,7 +124,7 @@ class JsonLinesSource:
             ) from error
 
     def message(self, line: bytes, wiring: Wiring, received_s: float) -> Message | None:
-        """The message of a line; None where it is no JSON object or has no quantity."""
+        """The message of a line; None if it is no JSON object or has no quantity."""
         found = json_value(line)
         if not isinstance(found, dict):
             return None
@@ -134,7 +134,7 @@ class JsonLinesSource:
         return Message(stamp_s, received_s, self.name, values) if values else None
 
     def _host_and_port(self) -> tuple[str, int]:
-        """Host and port of the address; the port is 0 where it is the path of a socket, or standard input."""
+        """Host and port of the address; the port is 0 for the path of a socket, or standard input."""
         is_path = "/" in self.address or ":" not in self.address
         return ("", 0) if is_path else host_and_port("address", self.address)
 
@@ -154,7 +154,7 @@ class JsonLinesSource:
 
 
 def own_names(found: dict[str, object]) -> dict[str, float]:
-    """Values by signal where the keys are those of quantities; of an array one value for each wheel, motor or cell."""
+    """Values by signal, for keys that are quantities; an array has one value for each wheel, motor or cell."""
     values: dict[str, float] = {}
     for key, value in found.items():
         if isinstance(value, list):
@@ -169,7 +169,7 @@ def own_names(found: dict[str, object]) -> dict[str, float]:
 
 @lru_cache(maxsize=1024)
 def _name_misspelt(key: str) -> None:
-    """Log a key that is nearly that of a quantity; once."""
+    """Log once a key that is nearly the name of a quantity."""
     name = key.partition(".")[0]
     if near := difflib.get_close_matches(name, QUANTITIES, n=1, cutoff=_NEARLY):
         LOG.warning(
@@ -179,7 +179,7 @@ def _name_misspelt(key: str) -> None:
 
 @lru_cache(maxsize=1024)
 def _signal(key: str, number: int | None = None) -> str:
-    """The signal of a key, with the number of a wheel, motor or cell; "" where it is none."""
+    """The signal of a key, with the number of a wheel, motor or cell; "" if there is no such signal."""
     if key.partition(".")[0] not in QUANTITIES:
         _name_misspelt(key)
         return ""
@@ -192,7 +192,7 @@ def _signal(key: str, number: int | None = None) -> str:
 
 
 def is_at_once(stream: TextIO) -> bool:
-    """True for a file on disk and /dev/null, whose bytes are there at once; false for a pipe, socket or terminal."""
+    """True for a file on disk and /dev/null, read without waiting; false for a pipe, socket or terminal."""
     try:
         mode = os.fstat(stream.fileno()).st_mode
         return stat.S_ISREG(mode) or (stat.S_ISCHR(mode) and not stream.isatty())
@@ -201,7 +201,7 @@ def is_at_once(stream: TextIO) -> bool:
 
 
 def _remove_socket(path: str) -> None:
-    """Remove the socket that a process of before has left, and nothing else."""
+    """Remove the socket left behind by an earlier process, and nothing else."""
     found = Path(path)
     if found.is_socket():
         found.unlink()

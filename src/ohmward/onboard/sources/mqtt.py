@@ -11,7 +11,7 @@ from ohmward.onboard.mqtt_broker import MqttBroker, Payload
 from ohmward.onboard.part import FaultyInput
 from ohmward.onboard.sources.json_lines import LONGEST_LINE, own_names
 
-#: Between the topic and the key of its JSON object in the name of a signal; no topic has it.
+#: Separator of topic and JSON key in the name of a signal; no topic contains it.
 _KEY = "#"
 
 
@@ -36,7 +36,7 @@ class MqttSource(MqttBroker):
                 raise InputError(f"{name!r} is not the name of one topic; write TOPIC or TOPIC#KEY")
 
     async def run(self, put: Put) -> None:
-        """Put what the topics say until the connection is lost."""
+        """Put the messages of the topics until the connection is lost."""
         wiring = Wiring(self.signals)
         faulty = FaultyInput(self.name, "payloads are neither a number nor a JSON object with wired keys")
         async with self.connected() as connection:
@@ -52,7 +52,7 @@ class MqttSource(MqttBroker):
                         faulty.count()
 
     def message(self, payload: Payload, wiring: Wiring) -> Message | None:
-        """The message of a payload; None where it has no quantity."""
+        """The message of a payload; None if it has no quantity."""
         topic, received_s = payload.topic, payload.received_s
         found = json_value(payload.payload) if len(payload.payload) <= LONGEST_LINE else None
         if not isinstance(found, dict):

@@ -1,4 +1,4 @@
-"""Replay of recorded logs, in real time or faster; those of one process keep step."""
+"""Replay of recorded logs, in real time or faster; the replays of one process keep step."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ class ReplaySource:
             require_positive("rate", self.rate)
 
     async def run(self, put: Put) -> None:
-        """Put every sample at its time; it is received on the log's clock, so that a faster replay gives the same."""
+        """Put every sample at its time, with its receipt on the log's clock: a faster replay gives the same result."""
         await self.replay(put, ReplayClock([self.name]))
 
     async def replay(self, put: Put, clock: ReplayClock) -> None:
-        """The same, in step with the others on the clock."""
+        """Put every sample at its time, in step with the other replays on the clock."""
         try:
             log = await asyncio.to_thread(self._read)
             samples = _of_drive(log) if isinstance(log, DriveLog) else _of_battery(log)
@@ -69,10 +69,10 @@ class ReplaySource:
 
 
 class ReplayClock:
-    """Time that the replays of a process have in common.
+    """Common time of the replays of a process.
 
-    They begin when all have read their logs. Logs of the same time, by their dates, stay beside each other; others
-    begin at once.
+    They begin when all have read their logs. If the logs overlap by their dates they keep their offsets; otherwise all
+    begin together.
 
     Args:
         names: of the replays.
@@ -88,7 +88,7 @@ class ReplayClock:
         self._all_read = asyncio.Event()
 
     async def begin(self, name: str, log: Log | DriveLog) -> float:
-        """Wait for the others to read; time from the beginning to the first sample of the log [s]."""
+        """Wait until the others have read; return the time from the beginning to the first sample of the log [s]."""
         start_s = log.start_unix_s
         self._spans[name] = (
             None if start_s is None else (start_s + float(log.time_s[0]), start_s + float(log.time_s[-1]))
@@ -107,7 +107,7 @@ class ReplayClock:
             await asyncio.sleep(0.0)
 
     def leave(self, name: str) -> None:
-        """Wait for a replay no longer: it has ended, or its log cannot be read."""
+        """Stop waiting for a replay that has ended or whose log cannot be read."""
         self._next_s.pop(name, None)
         self._begin()
 
@@ -127,7 +127,7 @@ def replays_in_step(sources: Sequence[Source]) -> list[Source]:
 
 
 def _of_battery(log: Log) -> Iterator[tuple[float, dict[str, float]]]:
-    """Time and values of every sample of a battery, with its cells where their voltages are among the columns."""
+    """Time and values of every sample of a battery, with its cells if their voltages are among the columns."""
     cells: dict[str, np.ndarray] = {}
     for count in {len(row) for row in numbered_rows(log.extra)}:
         found, _ = find_cells(log.extra, log.voltage_V, count)
@@ -144,7 +144,7 @@ def _of_drive(log: DriveLog) -> Iterator[tuple[float, dict[str, float]]]:
 
 
 def _rows(time_s: np.ndarray, columns: dict[str, np.ndarray]) -> Iterator[tuple[float, dict[str, float]]]:
-    """Time and values of every row that has any; what was not measured is left out, as by a sensor."""
+    """Time and values of every row that has values; unmeasured ones are left out, as by a sensor."""
     for stamp_s, *row in zip(time_s.tolist(), *(column.tolist() for column in columns.values()), strict=True):
         if values := {signal: v for signal, v in zip(columns, row, strict=True) if v == v}:
             yield stamp_s, values

@@ -1,4 +1,4 @@
-"""ROS 2 in: state of the battery, joints, inertial unit, and odometry from outside."""
+"""ROS 2 source: battery state, joints, inertial unit, and external odometry."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from ohmward.onboard.ros.transport import RosNetwork, SharedNode, Transport
 from ohmward.quantities import QUANTITIES
 from ohmward.traction.robot.urdf import rotation
 
-#: Time between two looks at the way to other nodes [s].
+#: Time between two checks of the connection to other nodes [s].
 _WAY_CHECK_S = 1.0
-#: Words in the names of joints that do not tell which wheel it is.
+#: Words in the names of joints that do not identify the wheel.
 _OF_JOINTS = {"wheel", "joint", "drive", "motor", "link"}
-#: A stamp that is further from now is that of another clock, such as one since a board was switched on: no date [s].
+#: A stamp further from now is from another clock, such as one that starts with a board, and is no date [s].
 DATED_S = 60.0
-#: /clock is late by no more than this [s of its own].
+#: Largest delay of /clock [s of its own time].
 _CLOCK_LATE_S = 5.0
-#: Services below the name of the node, of type `std_srvs/Trigger`: the event that each is, and its answer.
+#: Services below the name of the node, of type `std_srvs/Trigger`: name, event that it reports, and answer.
 SERVICES = (
     ("battery_full", "battery_full", "the battery is full"),
     ("battery_changed", "battery_changed", "another battery is in: its charge begins with the next voltage"),
     ("reset_pose", "pose_reset", "the pose begins again at the origin of odom"),
 )
-#: The square of a quaternion of single precision differs from 1 by less; one that differs more is none.
+#: The squared norm of a single-precision unit quaternion differs from 1 by less; one that differs more is invalid.
 _UNIT = 0.01
 
 
@@ -65,12 +65,12 @@ class Ros2Source(RosNetwork):
         require_length("imu_rpy", self.imu_rpy, 3, "roll, pitch and yaw of the inertial unit")
 
     async def run(self, put: Put) -> None:
-        """Receive until the way to the other nodes is lost."""
+        """Receive until the connection to the other nodes is lost."""
         async with SharedNode(self).opened() as transport:
             await self.run_on(transport, put)
 
     async def run_on(self, transport: Transport, put: Put) -> None:
-        """The same by the node of this transport."""
+        """Receive through the node of this transport."""
         loop, clock = asyncio.get_running_loop(), None if self.live else RosTime()
         waiting: deque[Message] = deque()
 
@@ -107,9 +107,9 @@ class Ros2Source(RosNetwork):
     def message(
         self, type_: str, payload: bytes, received_s: float, topic: str = "", clock: RosTime | None = None
     ) -> Message | None:
-        """The message of ROS as one of signals; None where it cannot be read or has none.
+        """A message of ROS converted to signals; None if it cannot be read or has none.
 
-        clock: of a simulation or a bag, which counts instead of `received_s`.
+        clock: of a simulation or a bag, used instead of `received_s`.
         """
         try:
             layout, numbers = read(type_, payload)
@@ -159,7 +159,7 @@ class Ros2Source(RosNetwork):
         return rotation(*self.imu_rpy)
 
     def _wheels(self, layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
-        """Speeds of the wheels by their names."""
+        """Wheel speeds by the names of the wheels."""
         wheels, values = self._wheel_of, {}
         for path, joint in layout.texts.items():
             speed = numbers.get(f"velocity{path.removeprefix('name')}")
@@ -169,7 +169,7 @@ class Ros2Source(RosNetwork):
         return values
 
     def _body(self, layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
-        """Yaw rate, acceleration and pitch of the robot from those of the unit, which may be mounted turned."""
+        """Yaw rate, acceleration and pitch of the robot from the inertial unit, which may be mounted turned."""
         mounted = self._mounted
         if any(self.imu_rpy):
             for path in ("angular_velocity", "linear_acceleration"):
@@ -184,10 +184,10 @@ class Ros2Source(RosNetwork):
 
 
 class RosTime:
-    """Time of a simulation or of a bag: that of /clock, and of no earlier than a stamp that has come.
+    """Time of a simulation or a bag: that of /clock, but no earlier than the stamps received.
 
-    /clock may be late by a part of a second, which is several at ten times the rate; a stamp that is further ahead of
-    it is of another clock. Where nobody publishes /clock it is that of the newest stamp.
+    /clock may be late by a fraction of a second, which is several seconds at ten times the rate; a stamp further ahead
+    is from another clock. If nobody publishes /clock, the newest stamp gives the time.
 
     Attributes:
         now_s: seconds since 1970, or since the simulation began; nan before the first message.
@@ -198,14 +198,14 @@ class RosTime:
         self._ahead_s = DATED_S
 
     def set(self, clock_s: float) -> float:
-        """The time after a message of /clock; it goes back where the simulation or the bag begins again."""
+        """The time after a message of /clock; it goes back if the simulation or the bag restarts."""
         self._ahead_s = _CLOCK_LATE_S
         goes_on = self.now_s - 2.0 * _CLOCK_LATE_S < clock_s <= self.now_s
         self.now_s = self.now_s if goes_on else clock_s
         return self.now_s
 
     def received(self, stamp_s: float) -> float:
-        """The time at which a message with this stamp has come."""
+        """The time of receipt of a message with this stamp."""
         if math.isnan(self.now_s) or self.now_s < stamp_s < self.now_s + self._ahead_s:
             self.now_s = stamp_s
         return self.now_s
@@ -217,7 +217,7 @@ def _time(numbers: dict[str, float], path: str) -> float:
 
 
 def wheel_of(joint: str) -> str:
-    """The wheel of a joint by its name: `front_left_wheel_joint` turns `front_left`."""
+    """The wheel of a joint, from its name: `front_left_wheel_joint` turns `front_left`."""
     return "_".join(word for word in joint.split("_") if word not in _OF_JOINTS) or joint
 
 
@@ -241,15 +241,15 @@ def _battery(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
 
 
 def pitch_of(x: float, y: float, z: float, w: float, nose: Sequence[float] = (1.0, 0.0, 0.0)) -> float:
-    """Pitch [rad], > 0 with the nose up, from the quaternion of an attitude of the unit; nan where it is none.
+    """Pitch [rad], > 0 with the nose up, from the quaternion of the unit's attitude; nan if it is not an attitude.
 
     It is the angle between the robot's nose and the horizon; n is the direction of the nose in the frame of the unit:
 
     sin(pitch) = 2 (x z - w y) n_x + 2 (y z + w x) n_y + (w^2 - x^2 - y^2 + z^2) n_z
 
-    REP-103 counts a turn about y, to the left, as positive where the nose goes down. The zero of a message that was
-    never filled, and the identity of one that was only initialised, are no attitudes; a filter never shows either to
-    the last bit.
+    REP-103 counts a rotation about y, which points left, as positive if the nose goes down. The zero of a message that
+    was never filled, and the identity of one that was only initialised, are not attitudes; a filter never gives either
+    to the last bit.
     """
     norm = x * x + y * y + z * z + w * w
     if not abs(norm - 1.0) <= _UNIT or x == y == z == 0.0:
@@ -260,7 +260,7 @@ def pitch_of(x: float, y: float, z: float, w: float, nose: Sequence[float] = (1.
 
 
 def _speed(layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
-    """Speed and, where it is told, its standard deviation."""
+    """Speed and, if given, its standard deviation."""
     values = _of_table(types.ODOMETRY, numbers)
     if (variance := numbers["twist.covariance[0]"]) > 0.0:
         values["speed_std_m_s"] = math.sqrt(variance)

@@ -18,7 +18,7 @@ from ohmward.onboard.serial_frame import FrameClock, FrameReader, SerialFrame
 from ohmward.optional import require
 from ohmward.quantities import QUANTITIES
 
-#: The thread that reads looks so often for its end [s].
+#: Time between two checks of the reading thread for its end [s].
 _END_READ_S = 0.1
 
 
@@ -49,14 +49,14 @@ class SerialSource:
                 )
 
     def _wiring(self) -> Wiring:
-        """The signals, and the values beside them whose names are quantities."""
+        """The signals, and other values whose names are quantities."""
         names = {name for found in self.messages.values() for name in found if name}
         wired = Wiring(self.signals).signals
         own: Signals = {n: n for n in names - wired.keys() if not self.signals or n.partition(".")[0] in QUANTITIES}
         return Wiring(own | self.signals)
 
     async def run(self, put: Put) -> None:
-        """Put what the line says until it fails."""
+        """Put the messages of the line until it fails."""
         wiring, frames, clock = self._wiring(), FrameReader(), FrameClock()
         names = {int(number): found for number, found in self.messages.items()}
         faulty = FaultyInput(self.name, "frames with a wrong CRC or of another length; are baud and messages right?")
@@ -81,7 +81,7 @@ class SerialSource:
         clock: FrameClock,
         received_s: float,
     ) -> Message | None:
-        """The message of a frame; None where it has another number of values than names."""
+        """The message of a frame; None if it does not have one value for each name."""
         stamp_s = clock.stamp_s(frame.time_us)
         of_frame = names.get(frame.number, ())
         if len(of_frame) != len(frame.values):

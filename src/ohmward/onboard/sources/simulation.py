@@ -33,8 +33,8 @@ class SimulationSource:
         await lab("onboard.simulated_robot").run(self, put)
 
     async def drive(self, put: Put, torque_Nm: Callable[[Sequence[str]], np.ndarray]) -> None:
-        """Stand on the scenario's ground, and drive by these torques until the battery is empty, in real time.
+        """Stand on the scenario's ground, and drive with these torques until the battery is empty, in real time.
 
-        torque_Nm: of the driven wheels now, by their names.  A torque acts from the next sample on, as on a bus.
+        torque_Nm: gives the driven wheels' torques now, by their names.  One acts from the next sample on, as on a bus.
         """
         await lab("onboard.simulated_robot").drive(self, put, torque_Nm)

@@ -1,7 +1,7 @@
-"""Delivery to a server through a spool: states in, batches out, again and again while the server is away.
+"""Delivery to a server through a spool: states in, batches out, retried while the server is away.
 
-Nothing is lost: a row is on the disk before it is sent, and goes once the server has taken it. Nothing stands twice: a
-row that is sent again, after a loss of power or an answer that never came, has the same key there.
+Nothing is lost: a row is on the disk before it is sent, and is deleted once the server has confirmed it. Nothing is
+stored twice: a row sent again, after a loss of power or a missing answer, has the same key on the server.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ class Spool:
 
     Args:
         path: of its database.
-        most_rows: beyond this many the oldest are left out: the disk of a robot ends, a server may be away for months.
+        most_rows: beyond this many the oldest are dropped: a robot's disk is finite, a server may be away for months.
 
     Attributes:
-        waiting: number of rows.  lost: number of those left out that `left_out` has not told yet.
-        sending: held while a batch is on its way.
+        waiting: number of rows.  lost: number of dropped rows that `left_out` has not returned yet.
+        sending: lock held while a batch is being sent.
 
     Raises:
         OhmwardError: it cannot be opened.
@@ -51,10 +51,10 @@ class Spool:
             raise OhmwardError(f"{path}: the spool cannot be opened ({error}); is the folder writable?") from error
 
     def put(self, rows: Sequence[Row]) -> None:
-        """Keep rows; they are on the disk when it returns.
+        """Add rows; they are on the disk when it returns.
 
         Raises:
-            OhmwardError: the disk refuses; none of them is kept.
+            OhmwardError: the disk refuses; none of them is added.
         """
         texts = [(json.dumps([row.kind, row.unix_ns, dict(row.values)]),) for row in rows]
         with self._lock:
@@ -71,19 +71,19 @@ class Spool:
             self.waiting += len(texts) - excess
 
     def left_out(self) -> int:
-        """Number of rows that were left out since the last call."""
+        """Number of rows dropped since the last call."""
         lost, self.lost = self.lost, 0
         return lost
 
     def oldest(self, most: int) -> tuple[int, list[Row]]:
-        """The oldest rows, and a number by which `confirm` knows them."""
+        """A number to confirm the oldest rows by, and the rows."""
         with self._lock:
             found = self._database.execute("SELECT id, row FROM spool ORDER BY id LIMIT ?", (most,)).fetchall()
         rows = [Row(kind, unix_ns, values) for kind, unix_ns, values in (json.loads(text) for _, text in found)]
         return (found[-1][0] if found else 0), rows
 
     def confirm(self, number: int) -> None:
-        """Forget rows that the server has taken."""
+        """Delete the rows up to a number, which the server has confirmed."""
         with self._lock:
             with self._database as database:
                 gone = database.execute("DELETE FROM spool WHERE id <= ?", (number,)).rowcount
@@ -91,14 +91,14 @@ class Spool:
 
     def close(self) -> None:
         """Close the database; a thread that still sends finds it closed."""
-        with self._lock:  # SQLite takes the process with it where another thread is inside
+        with self._lock:  # SQLite crashes the process if another thread is inside
             self._database.close()
 
 
-#: Rows that are sent at once.
+#: Most rows sent at once.
 ROWS_AT_ONCE = 5000
 
-#: Rows that wait at most: a day at 10 Hz, some 300 MB.
+#: Most rows that wait: a day at 10 Hz, some 300 MB.
 MOST_WAITING = 1_000_000
 
 #: Time between two looks into the feed, so that commits are few.
@@ -107,12 +107,12 @@ GATHER_S = 0.5
 #: Pauses after a failure [s]: doubled each time.
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 30.0
 
-#: Takes rows to the server and returns once it has confirmed them; raises OhmwardError where it has not.
+#: Sends rows to the server and returns once it has confirmed them; raises OhmwardError if it has not.
 Send = Callable[[Sequence[Row]], None]
 
 
 async def deliver(feed: Feed, send: Send, path: Path, most_waiting: int = MOST_WAITING) -> None:
-    """Deliver the states of a feed until it ends; what could not be delivered stays on the disk.
+    """Deliver the states of a feed until it ends; undelivered rows stay on the disk.
 
     send: called in a thread.  path: of the spool.
     """
@@ -132,9 +132,9 @@ async def deliver(feed: Feed, send: Send, path: Path, most_waiting: int = MOST_W
 
 
 async def until_taken(take: Callable[[], None], feed: Feed, states: list[RobotState]) -> None:
-    """Try again and again in a thread, until the disk takes what it refuses; states wait in the feed meanwhile.
+    """Retry `take` in a thread until the disk no longer refuses; new states wait in the feed meanwhile.
 
-    states: go back to the feed where it has ended.
+    states: returned to the feed if it has ended.
 
     Raises:
         OhmwardError: the disk refuses and the feed has ended.
@@ -154,7 +154,7 @@ async def until_taken(take: Callable[[], None], feed: Feed, states: list[RobotSt
 
 
 async def done_in_thread(work: Callable[[], None]) -> None:
-    """Do work in a thread; who cancels it waits until it is done, and may then close what it worked on."""
+    """Do work in a thread; a cancellation waits until it is done, so that its resources may then be closed."""
     task = asyncio.ensure_future(asyncio.to_thread(work))
     try:
         await asyncio.shield(task)
@@ -164,7 +164,7 @@ async def done_in_thread(work: Callable[[], None]) -> None:
 
 
 async def _send_all(spool: Spool, send: Send, feed: Feed) -> None:
-    """Send what waits, for ever; a server that is away is tried again after a while."""
+    """Send waiting rows, for ever; a server that is away is retried after a pause."""
     pause_s = FIRST_PAUSE_S
     while True:
         if not spool.waiting:
@@ -180,7 +180,7 @@ async def _send_all(spool: Spool, send: Send, feed: Feed) -> None:
 
 
 def _send_rest(spool: Spool, send: Send) -> None:
-    """Send what waits at the end, as far as the server takes it."""
+    """Send the rows that wait at the end, as far as the server accepts them."""
     try:
         while spool.waiting:
             send_batch(spool, send)

@@ -17,12 +17,12 @@ class Row(NamedTuple):
     """Measurements and estimates of one time."""
 
     kind: str  #: "battery" or "drive"
-    unix_ns: int  #: time on the wall clock, no two of a kind are equal while the clock goes on
-    values: Mapping[str, float]  #: column -> number; what is not known is left out
+    unix_ns: int  #: time on the wall clock; no two rows of a kind have the same while the clock runs forward
+    values: Mapping[str, float]  #: column -> number; unknown ones are left out
 
 
 class ConditionRow(NamedTuple):
-    """A condition that is new: time on the wall clock, name, level and sentence of a diagnostic."""
+    """A new condition: time on the wall clock, name, level and sentence of a diagnostic."""
 
     unix_ns: int
     name: str
@@ -39,7 +39,7 @@ class RowMaker:
         self._conditions: dict[str, tuple[str, str]] = {}
 
     def rows(self, state: RobotState) -> Iterator[Row]:
-        """Rows of a state: none where nothing was estimated since the one before."""
+        """Rows of a state; none if nothing was estimated since the previous one."""
         for kind, time_s, values in (
             ("battery", state.battery_time_s, _battery),
             ("drive", state.drive_time_s, _drive),
@@ -60,14 +60,14 @@ class RowMaker:
     def _time_ns(self, kind: str, unix_s: float) -> int:
         unix_ns = round(1e9 * unix_s)
         last_ns = self._last_ns[kind]
-        if last_ns - 1_000_000 < unix_ns <= last_ns:  # the wall clock is steered, not set
+        if last_ns - 1_000_000 < unix_ns <= last_ns:  # the wall clock is slewed, not set
             unix_ns = last_ns + 1
         self._last_ns[kind] = unix_ns
         return unix_ns
 
 
 def columns_of(state: RobotState) -> dict[str, float]:
-    """What is measured and estimated of battery and drive, by column; nan for what is not known."""
+    """Measurements and estimates of battery and drive, by column; nan for unknown ones."""
     return _battery(state) | _drive(state)
 
 

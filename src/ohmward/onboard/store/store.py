@@ -1,11 +1,11 @@
 """Store of one robot: rows in SQLite, older days in Parquet, in one folder.
 
 store.sqlite                                    the newest days; write-ahead log, every commit is on the disk
-archive/battery-2026-11-22-00000001-00050000.parquet    rows of a day; the numbers are those of its first and last row
+archive/battery-2026-11-22-00000001-00050000.parquet    rows of a day; the numbers are the ids of its first and last row
 
-A row is in exactly one of both: a file of the archive is whole on the disk before one transaction enters it and deletes
-its rows. A file that is not entered is removed where its rows are still in the database, and entered where they are
-not: the database was lost, and the archive goes on without it.
+A row is in exactly one of the two: an archive file is complete on the disk before one transaction enters it in the
+database and deletes its rows. A file that is not entered is removed if its rows are still in the database, and entered
+if not: the database was lost, and the archive continues with a new one.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from ohmward.optional import require
 
 
 def quoted(name: str) -> str:
-    """A name as SQL takes it, whatever it holds."""
+    """A name quoted for SQL, whatever characters it has."""
     return '"' + name.replace('"', '""') + '"'
 
 
@@ -53,7 +53,7 @@ def read_archive(path: Path, names: Sequence[str] | None) -> dict[str, np.ndarra
 
 
 def joined(pieces: Sequence[dict[str, np.ndarray]], names: Sequence[str] | None) -> dict[str, np.ndarray]:
-    """Pieces one after the other; a column that a piece lacks is nan there."""
+    """Pieces joined one after the other; a column missing from a piece is nan there."""
     found = dict.fromkeys(name for piece in pieces for name in piece if name != "unix_ns")
     wanted = list(found) if names is None else [name for name in names if name in found]
     whole = {"unix_ns": np.concatenate([piece["unix_ns"] for piece in pieces])}
@@ -64,7 +64,7 @@ def joined(pieces: Sequence[dict[str, np.ndarray]], names: Sequence[str] | None)
 
 
 def between(columns: dict[str, np.ndarray], first_ns: int, last_ns: int) -> dict[str, np.ndarray]:
-    """Rows of a span of time, both ends belong to it, in the order of time."""
+    """Rows of a span of time, both ends included, in the order of time."""
     time_ns = columns["unix_ns"]
     inside = (time_ns >= first_ns) & (time_ns <= last_ns)
     order = np.argsort(time_ns[inside], kind="stable")
@@ -72,7 +72,7 @@ def between(columns: dict[str, np.ndarray], first_ns: int, last_ns: int) -> dict
 
 
 def first_of_each(columns: dict[str, np.ndarray], step_ns: int) -> dict[str, np.ndarray]:
-    """First row of each step, whose edges are multiples of it; rows in the order of time."""
+    """First row of each step of time, of rows in the order of time; steps begin at multiples of `step_ns`."""
     first = np.unique(columns["unix_ns"] // step_ns, return_index=True)[1]
     return {name: column[first] for name, column in columns.items()}
 
@@ -106,16 +106,16 @@ PRAGMA user_version = {TABLES_VERSION};
 
 _DAY_NS = 86_400 * 10**9
 
-#: Conditions that are kept: some 20 MB, years of a healthy robot and a week of a contact that is loose every 6 s.
+#: Most conditions kept: some 20 MB, years of a healthy robot or a week of a loose contact that opens every 6 s.
 MOST_CONDITIONS = 100_000
 
-#: Rows of a file of the archive: some 20 MB in memory with 40 columns, whatever the rate of the robot.
+#: Most rows in an archive file: some 20 MB in memory with 40 columns, whatever the rate of the robot.
 ARCHIVE_ROWS = 50_000
 
-#: Rows that are numbers of Python at a time; each takes four times what it takes in an array.
+#: Rows held as Python numbers at a time; each takes four times its memory in an array.
 _ROWS_OF_NUMBERS = 2_000
 
-#: After the times of all rows: the largest integer of SQLite.
+#: Time later than all rows: the largest integer of SQLite.
 _LAST_NS = 2**63 - 1
 
 _ARCHIVE_NAME = re.compile(rf"(?P<kind>{'|'.join(KINDS)})-\d{{4}}-\d\d-\d\d-(?P<first>\d+)-(?P<last>\d+)\.parquet")
@@ -138,8 +138,8 @@ class Store:
     """The store in a folder; one process writes, any number may read.
 
     Args:
-        folder: made where there is none.
-        read_only: open what is there.
+        folder: created if missing.
+        read_only: open an existing store for reading.
 
     Raises:
         OhmwardError: it cannot be opened, is not a store, or is of a newer version.
@@ -163,7 +163,7 @@ class Store:
         self._columns = {kind: self.names(kind) for kind in KINDS}
 
     def _reading_mode(self, path: Path) -> str:
-        """Mode of SQLite to read in; where nobody writes and nobody may, as on a read-only disk, without its locks."""
+        """Mode of SQLite for reading; without locks if nobody writes or may write, as on a read-only disk."""
         written = path.with_name(f"{path.name}-wal").exists() or os.access(self.folder, os.W_OK)
         return "ro" if written else "ro&immutable=1"
 
@@ -189,7 +189,7 @@ class Store:
                     self._settle(path)
 
     def _settle(self, path: Path) -> None:
-        """Remove a file that is not entered and whose rows are in the database; enter one whose rows are not."""
+        """Remove a file that is not entered if its rows are in the database; otherwise enter it."""
         if (match := _ARCHIVE_NAME.fullmatch(path.name)) is None:
             return
         kind, last = match["kind"], int(match["last"])
@@ -213,7 +213,7 @@ class Store:
         LOG.warning("store: %s was not entered and is now; the database it belonged to is gone", path.name)
 
     def close(self) -> None:
-        """Close the database; its write-ahead log goes into it."""
+        """Close the database, merging its write-ahead log into it."""
         self._database.close()
 
     # ---- writing
@@ -255,7 +255,7 @@ class Store:
         return [day for (day,) in self._database.execute(query, (end_ns,))]
 
     def archive_excess(self, most_bytes: int) -> list[Archived]:
-        """Move the oldest rows to the archive, whatever their day, until the database is no larger.
+        """Move the oldest rows to the archive, whatever their day, until the database has at most `most_bytes`.
 
         Raises:
             OhmwardError: a file cannot be written; its rows stay.
@@ -270,7 +270,7 @@ class Store:
         return done
 
     def _archive_piece(self, kind: str, day: int) -> Archived | None:
-        """Move the first rows of a day to a file; None where it has none."""
+        """Move the first rows of a day to a file; None if it has none."""
         where = "WHERE unix_ns >= ? AND unix_ns < ?"
         span = day * _DAY_NS, (day + 1) * _DAY_NS
         first, last, rows = self._database.execute(
@@ -290,7 +290,7 @@ class Store:
         return entry
 
     def prune(self, most_bytes: int) -> list[str]:
-        """Remove the oldest files of the archive until the store is no larger, and old conditions; names of files."""
+        """Remove old conditions, and the oldest archive files while the store exceeds `most_bytes`; names of these."""
         removed = []
         with self._transaction() as database:
             too_old = "rowid <= (SELECT MAX(rowid) - ? FROM condition)"
@@ -305,7 +305,7 @@ class Store:
         return removed
 
     def _database_bytes(self) -> int:
-        """Size of the database without what is free in it."""
+        """Size of the database without its free pages."""
         words = ("page_count", "freelist_count", "page_size")
         pages, free, page_bytes = (self._database.execute(f"PRAGMA {word}").fetchone()[0] for word in words)
         return int((pages - free) * page_bytes)
@@ -321,7 +321,7 @@ class Store:
 
     @contextmanager
     def reading(self) -> Iterator[None]:
-        """Name the damage where the database cannot be read.
+        """Turn errors of reading the database into ones with a fix.
 
         Raises:
             OhmwardError: it is damaged.
@@ -332,7 +332,7 @@ class Store:
             raise self._refusal("read", error) from error
 
     def _refusal(self, done: str, error: Exception) -> OhmwardError:
-        """Sentence about a database that cannot be opened, read or written."""
+        """Error of a database that cannot be opened, read or written."""
         path = self.folder / DATABASE
         damaged = isinstance(error, sqlite3.DatabaseError) and not isinstance(error, sqlite3.OperationalError)
         advice = (
@@ -351,7 +351,7 @@ class Store:
     # ---- reading
 
     def names(self, kind: str) -> list[str]:
-        """Columns of a kind of rows that are in the database."""
+        """Columns of a kind of rows in the database."""
         return [row[1] for row in self._database.execute(f"PRAGMA table_info({kind})")][2:]
 
     def archived(self) -> list[Archived]:
@@ -370,7 +370,7 @@ class Store:
         return (whole, min(times), max(times)) if times else (0, 0, 0)
 
     def size_bytes(self) -> int:
-        """Size of the database, without what is free in it, and of the archive."""
+        """Size of the database, without its free pages, and of the archive."""
         return self._database_bytes() + sum(path.stat().st_size for path in self.archive.glob("*.parquet"))
 
     def read(
@@ -380,10 +380,10 @@ class Store:
 
         A file of the archive that cannot be read is left out and logged.
 
-        names: columns wanted, None for all; since_s, until_s: on the wall clock, both ends belong to it.
+        names: columns wanted, None for all; since_s, until_s: on the wall clock, both included.
 
         Raises:
-            InputError: another kind.
+            InputError: unknown kind.
         """
         if kind not in KINDS:
             raise InputError(f"there are rows of {' and '.join(KINDS)}, not {kind!r}")
@@ -409,7 +409,7 @@ class Store:
         wanted = tuple(name for name in self.names(kind) if name in names)
         pieces, seen = [], -1
         for entry in self._archived_between(kind, since_ns, until_ns):
-            if entry.last_ns // step_ns == seen:  # its only step has its row
+            if entry.last_ns // step_ns == seen:  # its only step already has a row
                 continue
             with _leaving_out_damage():
                 pieces.append(thinned_archive(self.archive / entry.name, wanted, step_ns))
@@ -418,7 +418,7 @@ class Store:
         return first_of_each(between(joined(pieces, names), since_ns, until_ns), step_ns)
 
     def _first_of_each(self, kind: str, names: Sequence[str], since_ns: int, until_ns: int, step_ns: int) -> Columns:
-        """First row of each step in the database, one look into its index for each."""
+        """First row of each step in the database, with one index lookup per step."""
         columns = ", ".join(["unix_ns", *map(quoted, names)])
         query = f"SELECT {columns} FROM {kind} WHERE unix_ns BETWEEN ? AND ? ORDER BY unix_ns LIMIT 1"
         rows: list[tuple] = []
@@ -444,7 +444,7 @@ class Store:
 
 @contextmanager
 def _leaving_out_damage() -> Iterator[None]:
-    """Log a file of the archive that cannot be read, and go on."""
+    """Log an archive file that cannot be read, and go on."""
     try:
         yield
     except OhmwardError as error:
@@ -478,7 +478,7 @@ def totals_of_store(folder: Path, capacity_Ah: float) -> Totals:
 
 
 def _with_battery(totals: Totals, columns: Columns, capacity_Ah: float) -> Totals:
-    """The totals with the rows of a day: the charge of each direction at its mean voltage."""
+    """The totals with the rows of a day added; the charge in each direction counts at its mean voltage."""
     nothing = np.full(len(columns["unix_ns"]), math.nan)
     dt_s = np.diff(1e-9 * columns["unix_ns"], prepend=math.nan)
     charge_Ah = np.where((dt_s > 0.0) & (dt_s <= TOTALS_GAP_S), dt_s / 3600.0, math.nan)
@@ -493,7 +493,7 @@ def _with_battery(totals: Totals, columns: Columns, capacity_Ah: float) -> Total
 
 
 def _with_drive(totals: Totals, columns: Columns) -> Totals:
-    """The totals with the rows of a day, whose path begins again at each start."""
+    """The totals with the rows of a day added, whose path restarts at each start of the process."""
     length_m = columns.get("distance_m", np.empty(0))
     known_m = length_m[np.isfinite(length_m)]
     grown_m = np.diff(known_m)
