@@ -1,4 +1,4 @@
-"""Battery, logs, truth and estimator as the options of a command name them."""
+"""Battery, logs, truth and estimator, from the options of a command."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from ohmward.logs.read import open_table
 from ohmward.logs.selection import split_selection
 from ohmward.logs.table import RECORDING_ENDINGS, TableFile
 
-#: Kinds of --column and --unit that are the battery's; all others, and the time, are the drive's.
+#: Kinds of --column and --unit that belong to a battery; all others, and the time, belong to a drive.
 _BATTERY_KINDS = tuple(channel.name for channel in BATTERY)
 
 
 def with_sensor(
     battery: Battery, sensor_offset_A: float | None, sensor_gain: float | None
 ) -> tuple[Battery, list[str]]:
-    """The battery with the sensor of `add_sensor_options`, and a warning for each that contradicts the battery.
+    """The battery with the current sensor of the options, and a warning for each option that contradicts the battery.
 
     Raises:
         InputError: the offset is larger than the current that empties the battery in an hour.
@@ -75,16 +75,16 @@ def given_start(args: argparse.Namespace) -> dict[str, Any]:
 
 
 class SocTask(NamedTuple):
-    """One log to estimate, as the options of `add_soc_options` name it."""
+    """One log to estimate, from the options of `add_soc_options`."""
 
     battery: Battery
     log: Log
-    truth: SocReference | None  #: None without one
+    truth: SocReference | None  #: None if there is no truth
     cells: CellVoltages | None  #: voltages of the cells, if the log has them
-    rest_current_A: float | None  #: true current of a rest: that of the option, else that of the battery file
+    rest_current_A: float | None  #: true current of a rest, from the option or else the battery file
     initial_soc: float | None
     initial_soc_std: float
-    warnings: tuple[str, ...] = ()  #: of options that contradict the battery file or the log
+    warnings: tuple[str, ...] = ()  #: about options that contradict the battery file or the log
 
     @property
     def notes(self) -> list[str]:
@@ -113,7 +113,7 @@ class SocTask(NamedTuple):
         return SocEstimator(estimator, self.initial_soc, self.initial_soc_std).run(self.log, counting(report, name))
 
     def estimate_cells(self, name: str, report: Report | None = None) -> PackRun | None:
-        """Run the filter of this name over the cells of the log; None without cells, or a filter that has none."""
+        """Run the filter of this name over the cells of the log; None without cells or if it takes no cells."""
         if self.cells is None or name not in FILTERS:
             return None
         battery = replace(self.battery, idle_current_A=self.rest_current_A)
@@ -122,7 +122,7 @@ class SocTask(NamedTuple):
 
 
 def read_options(args: argparse.Namespace) -> ReadOptions:
-    """How to read logs, as the options of `add_log_options` or `add_drive_options` say."""
+    """How to read logs, from the options of `add_log_options` or `add_drive_options`."""
     hints = FileHints(
         names=tuple(name.strip() for name in args.names.split(",")) if args.names else None,
         encoding=args.encoding,
@@ -139,7 +139,7 @@ def read_options(args: argparse.Namespace) -> ReadOptions:
 
 
 def of_kinds(reading: ReadOptions, of_battery: bool) -> ReadOptions:
-    """The options with those columns and units only that are the battery's, or the drive's; the time is both."""
+    """The options with only the columns and units of the battery, or of the drive; the time belongs to both."""
     columns, units = (
         tuple((kind, name) for kind, name in pairs if kind == TIME.name or (kind in _BATTERY_KINDS) == of_battery)
         for pairs in (reading.columns, reading.units)
@@ -156,7 +156,7 @@ def read_battery_log(
     battery: Battery | None = None,
     others: Sequence[str] = (),
 ) -> Log:
-    """The log that an argument names, see `read_one_of`; report: is told how much of it is read."""
+    """The log that an argument names, see `read_one_of`; report: called with the share that is read."""
     progress = counting(report, f"reading {split_selection(text)[0].name}")
     return read_one_of(text, reading, others, battery, extra, progress, file)
 
@@ -190,7 +190,7 @@ _ENDINGS = (".csv", ".csv.gz", ".tsv", ".parquet", ".ulg", *RECORDING_ENDINGS)
 
 
 def log_files(words: Sequence[str]) -> list[str]:
-    """The logs that the words name, each once: patterns and folders in the order of their names.
+    """The logs that the words name, each once; those of a pattern or a folder are sorted by name.
 
     Raises:
         InputError: a word names nothing.
@@ -199,7 +199,7 @@ def log_files(words: Sequence[str]) -> list[str]:
 
 
 def _named(word: str) -> list[str]:
-    """A file, a recording's folder or rows of one as they are; the files of a folder or of a pattern."""
+    """The word itself for a file, a recording's folder or rows of either; else the files of the folder or pattern."""
     path = split_selection(word)[0]
     if path.is_file() or (path.is_dir() and parts_of(path)):
         return [word]

@@ -1,4 +1,4 @@
-"""Robot, ground, log of a drive and its truth as the options of a command name them."""
+"""Robot, ground, log of a drive and its truth, from the options of a command."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class DriveReference(NamedTuple):
 class DriveOptions(NamedTuple):
     """How to read the drives of a robot."""
 
-    robot: Robot | None  #: None where the columns name the wheels, all of them driven
+    robot: Robot | None  #: None where the columns name the wheels and all are driven
     reading: ReadOptions
     motor_shaft: bool
     counts_per_turn: float | None
@@ -47,10 +47,10 @@ class DriveOptions(NamedTuple):
     ) -> DriveLog:
         """The drive that an argument names.
 
-        text: a file, or a file and the rows wanted from it, `gray.parquet:exp=5`, then part of the log's name.
+        text: a file, or a file and a choice of its rows, `gray.parquet:exp=5`, which becomes part of the log's name.
         extra: further columns to keep; None keeps every numeric one.
-        leave: columns not to take for a sensor by their names: truths.
-        file: the same file where it is open already.
+        leave: columns that are truths, not sensors, whatever their names suggest.
+        file: the same file, if it is open already.
 
         Raises:
             InputError: the file cannot be read as a drive of this robot.
@@ -76,14 +76,14 @@ class DriveOptions(NamedTuple):
 
 
 def drive_options(args: argparse.Namespace, robot: Robot | None) -> DriveOptions:
-    """How to read drives of this robot, as the options of `add_drive_options` say."""
+    """How to read drives of this robot, from the options of `add_drive_options`."""
     return DriveOptions(robot, read_options(args), args.motor_shaft, args.counts_per_turn)
 
 
 def read_drive_truth(log: DriveLog, robot: Robot, text: str) -> DriveReference:
     """The truth in the columns that --truth names: speed, then yaw rate, then lateral speed, separated by commas.
 
-    The slip ratios are those of the columns `<wheel>_slip_true`, where the log has them for all driven wheels.
+    The slip ratios come from the columns `<wheel>_slip_true`, if the log has them for all driven wheels.
 
     Raises:
         InputError: there is no such column.
@@ -113,6 +113,6 @@ def truth_names(text: str | None) -> list[str]:
 
 
 def _in_SI(log: DriveLog, name: str, kind: str) -> np.ndarray:
-    """(T,) the column of a truth, by the unit in its name; SI where the name has none."""
+    """(T,) column of a truth, converted from the unit in its name; assumed SI where the name has none."""
     unit = unit_in_name(name, (TRUTHS[kind],))
     return log.column(name) * (unit.scale if unit else 1.0)

@@ -1,4 +1,4 @@
-"""`ohmward generic`: a battery file for a battery that nobody has tested, to start with."""
+"""`ohmward generic`: a first battery file for a battery that has not been tested."""
 
 from __future__ import annotations
 

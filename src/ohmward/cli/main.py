@@ -21,9 +21,9 @@ from ohmward.cli.paragraphs import Detail, styled, width
 from ohmward.cli.parser import Parser
 from ohmward.errors import InputError, OhmwardError
 
-#: The commands by what they are for, in the order of the help. Each is a module `cli.NAME` with EXAMPLES,
-#: `add_arguments` and `run`, loaded only when it is typed; a `run` that imports much stands in `cli/NAME/command.py`,
-#: loaded once the arguments are read.
+#: Commands grouped by purpose, in the order of the help. Each is a module `cli.NAME` with EXAMPLES,
+#: `add_arguments` and `run`, loaded only when it is typed; a `run` with heavy imports is in `cli/NAME/command.py`,
+#: loaded once the arguments have been parsed.
 GROUPS = {
     "a log or a file, whatever it is": {
         "doctor": "what is in a log and what is wrong with it; what a battery file does not know",
@@ -64,7 +64,7 @@ GROUPS = {
     },
 }
 COMMANDS = {name: what for group in GROUPS.values() for name, what in group.items()}
-#: Those whose package is in `ohmward_lab`.
+#: Commands whose package is in `ohmward_lab`.
 OF_THE_LABORATORY = set(GROUPS["the laboratory"])
 REFUSED, BUG, INTERRUPTED, BROKEN_PIPE = 2, 70, 130, 141
 
@@ -88,8 +88,8 @@ exit status: 0 done, 1 a log has errors (doctor) or fits no model (slip), 2 refu
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command line, sys.argv without it; returns the exit status."""
-    # read once, by NumPy; small matrices: more threads only fight each other, and `identify` takes ten times as long
+    """Run a command line, by default that of sys.argv; returns the exit status."""
+    # NumPy reads this once; the matrices are small: more threads only compete, and `identify` takes ten times as long
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
         # a terminal that knows no ± gets a question mark, not a traceback
@@ -101,7 +101,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _show_warning(message: Warning | str, *_where: object, **_more: object) -> None:
-    """One line, as errors are: whoever types a command has no use for the place in the source."""
+    """Print a warning on one line, as errors are; its place in the source is of no use on the command line."""
     print(f"ohmward: note: {message}", file=sys.stderr)
 
 
@@ -110,7 +110,7 @@ def _say_error(text: str) -> None:
 
 
 def _status(words: Sequence[str]) -> int:
-    """Exit status of a command line, after everything is said."""
+    """Exit status of a command line, once all its output has been printed."""
     try:
         arguments = parse(words)
         outcome = carry_out(run_of(arguments.command), arguments)
@@ -139,7 +139,7 @@ def _status(words: Sequence[str]) -> int:
 
 
 def _detail(arguments: argparse.Namespace) -> Detail:
-    """As -v and -q say; else a person at a terminal reads the answer first, and a file gets all of it."""
+    """Level of detail that -v or -q sets; by default the usual one on a terminal, and everything elsewhere."""
     if getattr(arguments, "verbose", False):
         return "all"
     if getattr(arguments, "quiet", False):
@@ -148,7 +148,7 @@ def _detail(arguments: argparse.Namespace) -> Detail:
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:
-    """Arguments of a command line; of all commands only the one that is typed is loaded.
+    """Arguments of a command line; only the command that was typed is loaded.
 
     Raises:
         InputError: no such command, or arguments that it does not take.
@@ -180,7 +180,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
 
 
 def _groups() -> str:
-    """The commands and what they do, by what they are for."""
+    """The commands and what they do, grouped by purpose."""
     indent = max(map(len, COMMANDS)) + 4
     lines = []
     for title, group in GROUPS.items():
@@ -192,10 +192,10 @@ def _groups() -> str:
 
 
 def _require_command(words: Sequence[str]) -> None:
-    """Refuse a first word that is no command, with the one that is most like it.
+    """Refuse a first word that is not a command, and suggest the one most like it.
 
     Raises:
-        InputError: there is such a word.
+        InputError: there is a word that is not an option.
     """
     word = next((word for word in words if not word.startswith("-")), None)
     if word is not None:
@@ -211,7 +211,7 @@ def _load(name: str) -> ModuleType:
 
 
 def run_of(name: str) -> Callable[[argparse.Namespace], Outcome]:
-    """The work of a command, loaded now."""
+    """`run` of a command, imported by this call."""
     module = _load(name)
     run: Callable[[argparse.Namespace], Outcome] = (
         module.run if hasattr(module, "run") else import_module(f"{module.__name__}.command").run

@@ -7,18 +7,18 @@ import argparse
 from ohmward.cli.parser import gain_std, number, offset_std, pair, positive, share
 from ohmward.logs.hints import TOPIC
 
-#: What an argument that names a chemistry takes.
+#: Help of an argument that names a chemistry.
 CHEMISTRY = "lfp, nmc, nca, lipo, lead-acid, lto, sodium-ion or nimh, or as the label says: LiFePO4, AGM"
-#: Robots that come with the package, by the name that --robot takes; any other is a file.
+#: Robots that come with the package, by their names in --robot; any other value is a file.
 BUILT_IN = ("rlma", "robotino", "seeder")
-#: What an argument that names a robot takes.
+#: Help of an argument that names a robot.
 ROBOT = f"robot file, or {', '.join(BUILT_IN[:-1])} or {BUILT_IN[-1]}"
 DEFAULT_TERRAIN = "dry asphalt"
 
-#: Columns that --truth of a drive may name, in this order, and their dimension.
+#: Quantities whose columns --truth of a drive may name, in this order, and their dimensions.
 TRUTHS = {"speed": "speed", "yaw rate": "rotation", "lateral speed": "speed"}
 
-#: Word for a current at rest that is not known.
+#: Word for an unknown current at rest.
 UNKNOWN = "unknown"
 
 #: Help of the argument that names a log.
@@ -29,7 +29,7 @@ LOG = (
 
 
 def add_log_options(parser: argparse.ArgumentParser, *, interval: bool = True) -> None:
-    """Options of logs of batteries; interval: that between their rows among them."""
+    """Options of battery logs; interval: include the time between rows."""
     group = parser.add_argument_group("reading logs (text tables, Parquet, BDF, Excel, MATLAB, HDF5, JSON, bags)")
     group.add_argument(
         "--current-sign",
@@ -44,7 +44,7 @@ def add_log_options(parser: argparse.ArgumentParser, *, interval: bool = True) -
 
 
 def add_drive_options(parser: argparse.ArgumentParser, *, interval: bool = True) -> None:
-    """Options of logs of drives; interval: that between their rows among them."""
+    """Options of logs of drives; interval: include the time between rows."""
     group = parser.add_argument_group("reading logs of drives (text tables, Parquet, Excel, MATLAB, HDF5, JSON, bags)")
     kinds = "front_left_wheel_speed, left_motor_current, yaw_rate, speed, ..."
     _add_reading_options(group, kinds, "wheel_speed=rpm, motor_current=mA", interval)
@@ -52,7 +52,7 @@ def add_drive_options(parser: argparse.ArgumentParser, *, interval: bool = True)
 
 
 def add_shaft_options(group: argparse._ArgumentGroup) -> None:
-    """Options of what the columns of wheels were measured at."""
+    """Options of how the wheel columns were measured: at the motor shaft, or as encoder counts."""
     group.add_argument(
         "--motor-shaft", action="store_true", help="wheel speeds are those of the motors, before the gear"
     )
@@ -62,7 +62,7 @@ def add_shaft_options(group: argparse._ArgumentGroup) -> None:
 
 
 def add_robot_options(parser: argparse.ArgumentParser) -> None:
-    """Options of the robot and of the ground that it is believed to drive on."""
+    """Options of the robot and of the ground assumed at first."""
     group = parser.add_argument_group("robot and ground")
     group.add_argument(
         "--robot",
@@ -79,7 +79,7 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_soc_options(parser: argparse.ArgumentParser) -> None:
-    """The log, the battery, the start and the truth of `soc` and `compare`."""
+    """Options of `soc` and `compare`: log, battery, start and truth."""
     parser.add_argument("log", metavar="LOG", help=LOG)
     parser.add_argument(
         "--battery", required=True, metavar="FILE.toml", help="battery file, made by `ohmward identify`"
@@ -106,7 +106,7 @@ def add_soc_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_start_options(group: argparse._ActionsContainer, start: str) -> None:
-    """Options of the state of charge at the start, and of how sure it is; start: help."""
+    """Options of the state of charge at the start and of its standard deviation; start: help of the former."""
     group.add_argument("--initial-soc", type=share, metavar="S", help=start)
     group.add_argument(
         "--initial-soc-std", type=positive, default=0.03, metavar="S", help="how sure that is (default %(default)s)"
@@ -116,7 +116,7 @@ def add_start_options(group: argparse._ActionsContainer, start: str) -> None:
 def add_sensor_options(
     group: argparse._ActionsContainer, offset: str = "the battery file's", gain: str = "the battery file's"
 ) -> None:
-    """Options of the current sensor, to a parser or a group of one; offset, gain: what holds without them."""
+    """Options of the current sensor, for a parser or a group of one; offset, gain: defaults, as the help gives them."""
     group.add_argument(
         "--sensor-offset",
         type=offset_std,
@@ -140,14 +140,14 @@ def add_output_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_detail_options(group: argparse._ActionsContainer) -> None:
-    """Options for how much of what was assumed is printed."""
+    """Options for how many of the assumptions are printed."""
     more = group.add_mutually_exclusive_group()
     more.add_argument("-v", "--verbose", action="store_true", help="list everything that was assumed, as in a file")
     more.add_argument("-q", "--quiet", action="store_true", help="print the answer and its warnings alone")
 
 
 def rest_current(text: str) -> float | str:
-    """A current [A], or the word for one that is not known."""
+    """A current [A], or `UNKNOWN`."""
     return UNKNOWN if text == UNKNOWN else number(text)
 
 
@@ -164,15 +164,15 @@ def add_initial_soc_option(group: argparse._ArgumentGroup, where: str) -> None:
 
 
 def initial_soc(text: str) -> tuple[str, float]:
-    """`test=0.8` or `0.8` as the log's name, "" for all, and the state of charge."""
+    """Name of the log ("" for all logs) and state of charge, from `test=0.8` or `0.8`."""
     name, _, value = text.rpartition("=")
     return name, share(value)
 
 
 def _add_reading_options(group: argparse._ArgumentGroup, kinds: str, unit: str, interval: bool) -> None:
-    """Options of the columns and rows of a file, of what it does not tell of itself, and of the part that is wanted.
+    """Options of the columns and rows of a file, of properties that it does not state, and of the part to be read.
 
-    kinds: what a column may be.  unit: an example.  interval: that between rows among them.
+    kinds: kinds of columns.  unit: an example.  interval: include the time between rows.
     """
     for option, metavar, text in (
         ("--column", "KIND=NAME", f"the column of {kinds}"),

@@ -1,4 +1,4 @@
-"""Result of a command: carried out with its progress, printed, and written as a report."""
+"""Result of a command: computed with a progress bar, printed, and written as a report."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ohmward.cli.paragraphs import Detail, assumptions, paragraphs
 from ohmward.errors import InputError, OhmwardError
 
-#: The names of the columns of a table are within so many bytes from its start, or, in Parquet, from its end.
+#: Number of bytes at the start of a table, or at its end in Parquet, that contain the names of its columns.
 _ENDS_BYTES = 1 << 16
-#: Called with the name of a task and the share of it that is done, from 0 to 1.
+#: Progress callback, called with the name of a task and the share of it that is done, from 0 to 1.
 Report = Callable[[str, float], None]
 
 
 def counting(report: Report | None, what: str) -> Callable[[int, int], None] | None:
-    """Progress callback (done, total) for one task, which begins now; None where nobody watches."""
+    """Progress callback (done, total) for one task, which begins now; None where progress is not shown."""
     if report is None:
         return None
     report(what, 0.0)
@@ -33,7 +33,7 @@ def counting(report: Report | None, what: str) -> Callable[[int, int], None] | N
 
 @contextmanager
 def progress() -> Iterator[Report | None]:
-    """A callback that draws a bar with rich; None where nobody watches or rich is not installed."""
+    """Callback that draws a progress bar with rich; None without a terminal or without rich."""
     bars = _bars() if sys.stderr.isatty() else None
     if bars is None:
         yield None
@@ -65,7 +65,7 @@ class Outcome(NamedTuple):
     notes: Sequence[str] = ()  #: what was assumed on the way, printed after `text`, on standard error with --json
     page: Callable[[], Page] | None = None  #: makes the report, called only with --report
     status: int = 0  #: exit status
-    has_notes: bool = False  #: True where `text` has the notes in their places
+    has_notes: bool = False  #: True where `text` contains the notes already
 
 
 def carry_out(run: Callable[[argparse.Namespace], Outcome], arguments: argparse.Namespace) -> Outcome:
@@ -88,8 +88,8 @@ def show(outcome: Outcome, *, as_json: bool, detail: Detail = "all") -> None:
     """Print the outcome; as JSON, standard output carries one object and nothing else.
 
     Raises:
-        BrokenPipeError: nobody reads any more.
-        OhmwardError: standard output takes no more for another reason, as on a full disk.
+        BrokenPipeError: the reader of standard output has gone.
+        OhmwardError: writing to standard output fails for another reason, such as a full disk.
     """
     text = outcome.text  # empty where `run` has written its own lines
     if not outcome.has_notes:
@@ -111,12 +111,12 @@ def show(outcome: Outcome, *, as_json: bool, detail: Detail = "all") -> None:
 
 
 def close_output() -> None:
-    """Let the interpreter's last flush of standard output go nowhere."""
+    """Discard the interpreter's last flush of standard output."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def plain(value: Any) -> Any:
-    """The value as JSON knows it: objects for records, lists for tuples, null for a number that is not finite."""
+    """The value in JSON's types: objects for records, lists for tuples, null for a number that is not finite."""
     if is_dataclass(value) and not isinstance(value, type):
         value = asdict(value)
     if hasattr(value, "_asdict"):
@@ -133,9 +133,9 @@ def plain(value: Any) -> Any:
 
 
 def check_output(option: str, path: str | None, suffixes: Sequence[str], inputs: Sequence[str] = ()) -> None:
-    """Refuse, before the work begins, a file that could not be written at its end.
+    """Refuse, before the work begins, an output file that could not be written.
 
-    option: what to call it.  suffixes: endings that are understood.  inputs: files that must not be overwritten.
+    option: its name in messages.  suffixes: accepted endings.  inputs: files that must not be overwritten.
 
     Raises:
         InputError: another ending, no such folder, no permission, a folder in its place, or one of the inputs.
@@ -162,12 +162,12 @@ def check_output(option: str, path: str | None, suffixes: Sequence[str], inputs:
 
 
 def check_results(path: str | None, endings: Sequence[str], inputs: Sequence[str], column: str) -> None:
-    """Refuse, before the work begins, a table of results that could not be written, or would take the place of a log.
+    """Refuse, before the work begins, a table of results that could not be written or would overwrite another file.
 
-    endings: of tables.  column: that every such table has, by which an older one is known.
+    endings: accepted endings.  column: name of a column by which an older table of results is recognised.
 
     Raises:
-        InputError: see `check_output`; or another table is there.
+        InputError: see `check_output`; or a file without this column has the name already.
     """
     check_output("--output", path, endings, inputs)
     if path and (file := Path(path)).exists() and file.stat().st_size and column.encode() not in _both_ends(file):
@@ -178,7 +178,7 @@ def check_results(path: str | None, endings: Sequence[str], inputs: Sequence[str
 
 
 def _both_ends(file: Path) -> bytes:
-    """First and last bytes of a table, in which the names of its columns are."""
+    """First and last bytes of a table, which contain the names of its columns."""
     with file.open("rb") as stream:
         first = stream.read(_ENDS_BYTES)
         stream.seek(max(file.stat().st_size - _ENDS_BYTES, 0))

@@ -1,4 +1,4 @@
-"""Paragraphs and lists of a text for the terminal; light, for every command line loads it."""
+"""Paragraphs and lists of a text for the terminal; imports little, since every command line loads it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import Literal, TextIO
 
-#: How much of what was assumed is printed: all of it, the warnings and the number of the rest, the warnings alone.
+#: Assumptions that are printed: all of them, the warnings and the number of the others, or the warnings alone.
 Detail = Literal["all", "usual", "answer"]
 
 _WIDEST, _NARROWEST = 100, 40
@@ -18,13 +18,13 @@ _STYLES = {"strong": "1", "warning": "1;33", "error": "1;31"}
 
 
 def width() -> int:
-    """Columns of the terminal, for text to be wrapped; in a file as of a wide one."""
+    """Columns at which text is wrapped: those of the terminal, or of a wide one in a file."""
     columns = shutil.get_terminal_size((_WIDEST, 24)).columns if sys.stdout.isatty() else _WIDEST
     return min(max(columns, _NARROWEST), _WIDEST)
 
 
 def styled(text: str, style: Literal["strong", "warning", "error"] = "strong", stream: TextIO | None = None) -> str:
-    """The text as a terminal emphasises it; plain in a file, a pipe, or where NO_COLOR asks for it.
+    """The text with a terminal's emphasis; plain in a file or a pipe, or where NO_COLOR is set.
 
     stream: where it will be printed; None is standard output.
     """
@@ -35,7 +35,7 @@ def styled(text: str, style: Literal["strong", "warning", "error"] = "strong", s
 
 
 def bullets(title: str, lines: Sequence[str], style: Literal["strong", "warning"] = "strong") -> str:
-    """A title and wrapped lines below it; nothing without lines."""
+    """A title and wrapped lines below it; empty without lines."""
     if not lines:
         return ""
     columns = width()

@@ -1,4 +1,4 @@
-"""A parser that refuses like the rest of the package, and the types of its arguments."""
+"""Argument parser that raises InputError, and the types of its arguments."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import NoReturn
 
 from ohmward.errors import InputError
 
-#: No data sheet says more of a gain; a number above it was meant in percent.
+#: Larger than any gain error in a data sheet; a number above it was meant in percent.
 LARGEST_GAIN_STD = 0.5
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that refuses as every other part of ohmward does, instead of ending the process."""
+    """Argument parser that raises InputError, as the rest of ohmward does, instead of ending the process."""
 
     def error(self, message: str) -> NoReturn:
-        """Raise what argparse would print."""
+        """Raise the message that argparse would print."""
         raise InputError(f"{message}; see `{self.prog} --help`")
 
 
@@ -47,7 +47,7 @@ def positive(text: str) -> float:
 
 
 def share(text: str) -> float:
-    """A number from 0 to 1; a percentage is refused with the number that was meant."""
+    """A number from 0 to 1; a percentage is refused, and the message gives the number that was meant."""
     value = number(text)
     if not 0.0 <= value <= 1.0:
         meant = f"; for {value:g} % write {value / 100:g}" if 1.0 < value <= 100.0 else ""
@@ -56,14 +56,14 @@ def share(text: str) -> float:
 
 
 def offset_std(text: str) -> float:
-    """A current >= 0."""
+    """A standard deviation >= 0."""
     if (value := number(text)) < 0:
         raise argparse.ArgumentTypeError(f"is a standard deviation, >= 0, got {text}")
     return value
 
 
 def gain_std(text: str) -> float:
-    """A share; a percentage is refused with the number that was meant."""
+    """A share up to `LARGEST_GAIN_STD`; a percentage is refused, and the message gives the number that was meant."""
     value = number(text)
     if not 0.0 <= value <= LARGEST_GAIN_STD:
         meant = f": {value / 100:g} for {value:g} %" if value > 0 else ""

@@ -1,4 +1,4 @@
-"""Numbers and tables as people read them on a terminal."""
+"""Numbers and tables as text for a terminal."""
 
 from __future__ import annotations
 
@@ -59,10 +59,10 @@ def fields(values: Mapping[str, str]) -> str:
 
 
 def known_rows(rows: Mapping[str, str]) -> dict[str, str]:
-    """The rows that have a value: neither nothing nor "-", whatever follows it."""
+    """The rows that have a value; empty ones, and those whose first word is "-", are left out."""
     return {name: value for name, value in rows.items() if value and value.split()[0] != "-"}
 
 
 def written_battery(figures: Mapping[str, Any]) -> str:
-    """The battery file that was written (`output`), and where the one before is (`backup`)."""
+    """Names of the battery file that was written (`output`) and of the previous one (`backup`)."""
     return f"battery file: {figures['output']}" + (f"; before: {figures['backup']}" if figures["backup"] else "")

@@ -1,4 +1,4 @@
-"""The kernel compiler: a model or filter step written as NumPy, traced once, lowered to what is installed."""
+"""The kernel compiler: a model or filter step written as NumPy, traced once and lowered to the best form installed."""
 
 from ohmward.trace.derivative import jacobian, linearize
 from ohmward.trace.expression import Expression, TraceError

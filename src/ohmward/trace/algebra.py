@@ -9,7 +9,7 @@ Each rule takes `apply` and the arguments, at least one of them an expression, a
 from collections.abc import Callable
 from typing import Any
 
-#: `expression.apply`, handed over because that module imports this one.
+#: `expression.apply`, passed as an argument because that module imports this one.
 Apply = Callable[..., Any]
 
 

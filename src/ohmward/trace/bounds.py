@@ -1,4 +1,4 @@
-"""Range of a traced value, whatever the data, as far as its operation shows it."""
+"""Range of a traced value for any data, as far as its operation shows it."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from ohmward.trace.expression import Expression
 
 
 def within(x: Any, low: float, high: float) -> bool:
-    """True where x lies between low and high, whatever the data."""
+    """True where x lies between low and high for any data."""
     found = bounds(x)
     return found is not None and low <= found[0] and found[1] <= high
 
 
 def bounds(x: Any) -> tuple[float, float] | None:
-    """Least and largest number that x can be; None where they are not known, or x may be nan."""
+    """Smallest and largest number that x can be; None where they are not known, or x may be nan."""
     if not isinstance(x, Expression):
         return (x, x) if isinstance(x, float) and x == x else None
     name, args = x.operation.name, x.args

@@ -42,14 +42,14 @@ def jacobian(f: Callable[[np.ndarray], Any]) -> Callable[[Any], np.ndarray]:
 
 
 def differentiate(outputs: Sequence[Scalar], inputs: Sequence[Expression]) -> list[list[Scalar]]:
-    """Derivative of every output by every input; the literal 0.0 where it does not depend on it."""
+    """Derivative of every output with respect to every input; the literal 0.0 where it does not depend on it."""
     nodes = schedule(outputs, first=min(x.serial for x in inputs)) if inputs else ()
     columns = [_tangents(nodes, x) for x in inputs]
     return [[column.get(y.serial, 0.0) if isinstance(y, Expression) else 0.0 for column in columns] for y in outputs]
 
 
 def _tangents(nodes: Sequence[Expression], x: Expression) -> dict[int, Scalar]:
-    """Derivative by x of every node that depends on x, by serial."""
+    """Derivative with respect to x of every node that depends on x, by serial."""
     tangents: dict[int, Scalar] = {x.serial: 1.0}
     for node in nodes:
         below = tuple([tangents.get(a.serial, 0.0) if isinstance(a, Expression) else 0.0 for a in node.args])
@@ -59,7 +59,7 @@ def _tangents(nodes: Sequence[Expression], x: Expression) -> dict[int, Scalar]:
 
 
 def substitute(entries: Sequence[Scalar], values: Mapping[int, Scalar]) -> list[Scalar]:
-    """Entries with other scalars in place of inputs (by serial); constants where only numbers are left."""
+    """Entries with other scalars in place of inputs (by serial); constants where only numbers remain."""
     new: dict[int, Scalar] = dict(values)
     origins = recorder()
     for node in schedule(entries, first=min(values)) if values else ():

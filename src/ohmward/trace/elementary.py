@@ -29,14 +29,14 @@ class Precision:
     """Constants of the elementary functions in double or single precision."""
 
     name: str  #:     "f64" or "f32"
-    rounder: float  #:  adding it and taking it away rounds to a whole number
+    rounder: float  #:  adding and subtracting it rounds to a whole number
     #: exp of more is inf, of less is 0
     overflow: float
     underflow: float
     #: the smallest normal number, and a power of two, with its exponent, that makes subnormals normal
     tiny: float
     lift: tuple[float, float]
-    #: in parts of few bits, so that products with small whole numbers are exact
+    #: split into parts of few bits, so that products with small whole numbers are exact
     ln2: tuple[float, float]
     half_pi: tuple[float, float, float]
     #: coefficients of the polynomials, the lowest first
@@ -140,7 +140,7 @@ def _polynomial(x: Scalar, coefficients: Sequence[float]) -> Scalar:
 
 
 def _nearest(p: Precision, x: Scalar) -> Scalar:
-    """The nearest whole number, of two the even one; |x| below half the rounder."""
+    """The nearest whole number, ties to even; |x| below half the rounder."""
     return (x + p.rounder) - p.rounder
 
 
@@ -158,7 +158,7 @@ def _reduced(p: Precision, x: Scalar) -> tuple[Scalar, Scalar]:
 def _exp(p: Precision, x: Scalar) -> Scalar:
     n, e = _reduced(p, minimum(maximum(x, p.underflow), p.overflow))
     half = _nearest(p, 0.5 * n)
-    # in two factors: 2^n alone is no normal number at either end
+    # in two factors: 2^n alone is not a normal number at either end of the range
     y = ((e + 1.0) * _power_of_two(half)) * _power_of_two(n - half)
     return where(x > p.overflow, math.inf, where(x != x, x, y))
 
@@ -188,12 +188,12 @@ def _log(p: Precision, x: Scalar) -> Scalar:
 
 def _log1p(p: Precision, x: Scalar) -> Scalar:
     u = 1.0 + x
-    rounded = where(abs(x) < 1e6, (x - (u - 1.0)) / u, 0.0)  # log of what rounding took from u
+    rounded = where(abs(x) < 1e6, (x - (u - 1.0)) / u, 0.0)  # log of the part that rounding took from u
     return where(u == 1.0, x, where(u == 0.0, -math.inf, _log(p, u) + rounded))
 
 
 def _quadrant(p: Precision, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """Sine and cosine of r, and q, of x = (4 k + q) pi/2 + r, |r| <= pi/4, q of -2 .. 2."""
+    """Sine and cosine of r, and q, for x = (4 k + q) pi/2 + r with |r| <= pi/4 and q from -2 to 2."""
     n = _nearest(p, x * (2.0 / math.pi))
     r = ((x - n * p.half_pi[0]) - n * p.half_pi[1]) - n * p.half_pi[2]
     z = r * r
@@ -233,7 +233,7 @@ def _arctan(p: Precision, x: Scalar) -> Scalar:
 
 
 def _arctan2(p: Precision, y: Scalar, x: Scalar) -> Scalar:
-    both = abs(x) == abs(y)  # also both inf and both 0, whose quotient is no number
+    both = abs(x) == abs(y)  # also both inf and both 0, whose quotient is nan
     angle = _arctan(p, where(both, sign(x) * sign(y), y / x))
     turned = where(x < 0.0, where(y < 0.0, angle - math.pi, angle + math.pi), angle)
     return where((x == 0.0) & (y == 0.0), 0.0, where((x != x) | (y != y), math.nan, turned))

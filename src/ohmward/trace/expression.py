@@ -146,7 +146,7 @@ class Expression:
 
     # ---- methods that NumPy calls on the elements of an object array: np.exp(x) is x.exp()
     def conjugate(self) -> "Expression":
-        """Itself: np.vdot asks for it."""
+        """The scalar itself; np.vdot calls this."""
         return self
 
     def __floor__(self) -> Scalar:
@@ -200,7 +200,7 @@ def symbol(name: str, boolean: bool = False) -> Expression:
 
 
 def apply(name: str, *args: Any) -> Scalar:
-    """Result of an operation on scalars: a constant if all are, else the simplified node, one object for equal ones."""
+    """Result of an operation: a constant if all arguments are, else the simplified node; equal nodes are one object."""
     operation = OPERATIONS[name]
     if Expression not in map(type, args):
         value: Scalar = operation.compute(*args)
@@ -237,7 +237,7 @@ def _order(arg: Any) -> float:
     return arg.serial if isinstance(arg, Expression) else -1
 
 
-#: Types of the constants of a formula, and of all that may stand in one; arrays are left to NumPy.
+#: Types of the constants of a formula, and of everything that may occur in one; arrays are left to NumPy.
 _CONSTANTS = (int, float, np.floating, np.integer, np.bool_)
 _SCALARS = (Expression, *_CONSTANTS)
 
@@ -246,7 +246,7 @@ def number(x: Any) -> Scalar:
     """A scalar as float or numeric Expression; conditions become 1.0 and 0.0.
 
     Raises:
-        TraceError: it is no scalar.
+        TraceError: it is not a scalar.
     """
     if isinstance(x, Expression):
         return apply("where", x, 1.0, 0.0) if x.boolean else x
@@ -259,7 +259,7 @@ def condition(x: Any) -> Condition:
     """A scalar as bool or boolean Expression.
 
     Raises:
-        TraceError: it is a traced number, or no scalar.
+        TraceError: it is a traced number, or not a scalar.
     """
     if isinstance(x, Expression) and x.boolean:
         return x
@@ -271,7 +271,7 @@ def condition(x: Any) -> Condition:
 
 
 def select(c: Scalar, a: Scalar, b: Scalar) -> Scalar:
-    """`a` if c else `b`, for scalars; of two conditions a condition."""
+    """`a` if c else `b`, for scalars; a condition if both are conditions."""
     c = condition(c)
     if is_condition(a) and is_condition(b):
         a, b = condition(a), condition(b)

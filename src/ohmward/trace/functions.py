@@ -1,7 +1,7 @@
 """Functions that give the same result for floats, arrays of floats and traced scalars, alone or in object arrays.
 
 `np.exp(x)` and other functions of NumPy work on traced scalars and on object arrays whose elements all are traced. The
-functions here also take object arrays that mix floats with traced scalars, and only they can choose by data.
+functions here also take object arrays that mix floats with traced scalars, and only they can choose values by data.
 """
 
 from collections.abc import Callable
@@ -58,7 +58,7 @@ floor = _numeric("floor", 1)
 
 
 def where(condition: Any, a: Any, b: Any) -> Any:
-    """`a` where the condition holds, else `b`; an inf or nan in the one that is not taken does no harm."""
+    """`a` where the condition holds, else `b`; an inf or nan in the one not taken has no effect."""
     return _where(condition, a, b)
 
 

@@ -72,10 +72,10 @@ def gather(index: float, values: tuple[float, ...]) -> float:
 
 
 def power_of_two(n: float) -> float:
-    """2^n for a whole n of a normal number, -1022 to 1023; anything elsewhere."""
+    """2^n for a whole n from -1022 to 1023, where it is a normal number; undefined elsewhere."""
     return math.ldexp(1.0, int(n)) if -1022 <= n <= 1023 else math.nan
 
 
 def exponent(x: float) -> float:
-    """The whole e with 2^e <= x < 2^(e+1), of a normal x > 0; anything elsewhere."""
+    """The whole e with 2^e <= x < 2^(e+1), for a normal x > 0; undefined elsewhere."""
     return math.frexp(x)[1] - 1.0

@@ -18,13 +18,13 @@ from ohmward.trace.structure import check, flatten, leaves, size
 
 LOWERINGS = ("auto", "python", "machine")
 
-#: Steps of a log from which on machine code is faster although it must be compiled first.
+#: Number of steps of a log from which machine code is faster although it must be compiled first.
 WORTH_STEPS = 10_000
-#: The logs of a kernel together are worth it from the same number on, of programs up to this many operations. The time
-#: to compile larger ones grows with the square: 0.4 s for 1,700 operations, 1.4 s for 5,000, 4.5 s for 6,800, 10 s for
+#: The same number holds for all logs of a kernel together if the program has at most this many operations. The time to
+#: compile larger ones grows with the square: 0.4 s for 1,700 operations, 1.4 s for 5,000, 4.5 s for 6,800, 10 s for
 #: 10,700, where a step in Python takes 55, 190, 220 and 300 us.
 USUAL_OPERATIONS = 4_000
-#: The same for the steps of all lanes of one call together.
+#: Number of steps of all lanes of one call together from which machine code is faster.
 WORTH_LANE_STEPS = 400_000
 
 T = TypeVar("T")
@@ -35,14 +35,14 @@ class Kernel:
     """`function`, traced once with the structure of `examples` and compiled when it is first used.
 
     function:  written for tracing. For `scan` and `scan_lanes`: `step(state, sample) -> (state, output)`.
-    examples:  arguments of the structure to come; their values do not matter.
+    examples:  arguments with the structure of later ones; their values do not matter.
     constants: further arguments, the same for all calls; they are not traced.
-    lowering:  of whole logs: "python" needs nothing but NumPy, "machine" needs llvmlite, "auto" takes machine code
-               where it is installed and the logs so far, with this one, are long enough to pay for the compilation.
-               None: as the environment variable OHMWARD_LOWERING says, else "auto".
+    lowering:  for whole logs: "python" needs nothing but NumPy, "machine" needs llvmlite, "auto" uses machine code
+               if it is installed and the logs so far, with this one, are long enough to pay for the compilation.
+               None: the environment variable OHMWARD_LOWERING, else "auto".
 
     Results are those of `function` with floats. In Python: arithmetic, sqrt, comparisons and tables to the last bit;
-    exp, log and their like within a few units in the last place (the platform's libm, where NumPy has its own). In
+    exp, log and the like within a few units in the last place (the platform's libm, where NumPy has its own). In
     machine code products and sums are fused, and exp and log are those of `elementary`: 1e-9 relative is usual.
     """
 
@@ -58,9 +58,9 @@ class Kernel:
         require_one_of("lowering", self.lowering, LOWERINGS)
         self._scanned = 0  # steps of all logs; threads may lose some of each other's, which only delays the compilation
         self._key = None if self.lowering == "python" else kept_steps.key_of(function, examples, constants)
-        self._at_hand = kept_steps.is_kept(self._key)  # its machine code costs nothing
+        self._at_hand = kept_steps.is_kept(self._key)  # its machine code needs no compilation
         if not self._at_hand:
-            _ = self.program  # faults are told here
+            _ = self.program  # errors in the function surface here
 
     @cached_property
     def program(self) -> Program:
@@ -103,8 +103,8 @@ class Kernel:
         samples:  every leaf with a leading time axis and a trailing lane axis (T, ..., B), or (T, ...) for all lanes,
                   or neither.
         progress: called now and then with (steps done, T times the number of blocks of lanes).
-        Returns:  as `scan`, with a trailing lane axis on every leaf; each log in one piece of memory where the samples
-                  have theirs so, as the transpose of (B, T).
+        Returns:  as `scan`, with a trailing lane axis on every leaf; each log is contiguous in memory if those of the
+                  samples are, as in the transpose of (B, T).
         Raises:   InputError if the function is no step, or a shape does not fit.
         """
         length, steps = self._steps(samples)
@@ -117,9 +117,9 @@ class Kernel:
     def live(self, state: Any, flags: FlagTable = None) -> Live:
         """The step as an object that keeps its state: `live(state).step(sample) -> output`.
 
-        In machine code where llvmlite is installed; it is compiled now, or found in the cache.
+        It runs in machine code if llvmlite is installed, compiled now or found in the cache.
 
-        flags: what stands in the output's field `flags` for the number that the step returns there; None leaves it.
+        flags: value that replaces each number in the output's field `flags`; None leaves the numbers.
         """
 
         def in_machine_code() -> Live:
@@ -132,7 +132,7 @@ class Kernel:
         return self._run(in_machine_code, in_python, worth=not llvm_machine_code.reason_for_none())
 
     def source(self, lowering: str = "python") -> str:
-        """The generated program: "python" (one step), "numpy" (the loop of many lanes) or "llvm" (that of one log)."""
+        """The generated program: "python" (one step), "numpy" (loop over many lanes) or "llvm" (loop over one log)."""
         if lowering == "python":
             return python_source.step_source(python_source.body(self.program))
         if lowering == "numpy":
@@ -164,7 +164,7 @@ class Kernel:
 
     @cached_property
     def _one_machine(self) -> MachineStep:
-        """The same for one log and for live samples, from the disk where it is kept there."""
+        """The step in machine code for one log and for live samples, from the disk if it is stored there."""
         if self._key is None:
             return self.machine
         step = kept_steps.kept_step(self._key, lambda: self.machine)
@@ -186,7 +186,7 @@ class Kernel:
             return otherwise()
 
     def _steps(self, samples: Any) -> tuple[int, int]:
-        """Steps along time, and those of all lanes together."""
+        """Number of steps along time, and of all lanes together."""
         structure = self.program.step_structure.sample
         pairs = list(zip(leaves(structure), flatten(structure, samples, "samples"), strict=True))
         length = max((len(value) for (_, leaf), value in pairs if np.ndim(value) > len(leaf.shape)), default=0)
@@ -194,7 +194,7 @@ class Kernel:
 
     @property
     def _worth_scanned(self) -> float:
-        """Steps of all logs together from which on machine code pays for its compilation."""
+        """Number of steps of all logs together from which machine code pays for its compilation."""
         return WORTH_STEPS * max(1.0, len(self.program.nodes) / USUAL_OPERATIONS) ** 2
 
     @cached_property

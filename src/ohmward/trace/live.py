@@ -1,4 +1,4 @@
-"""One log sample by sample: a kernel that keeps its state."""
+"""A kernel that keeps its state and takes a log sample by sample."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ohmward.trace.lower import python_source
 from ohmward.trace.lower.llvm_run import MachineStep, OneStep
 from ohmward.trace.structure import Structure, is_finite
 
-#: What stands in the output's field `flags` for the number that the step returned there; None leaves the number.
+#: Value that replaces each number in the output's field `flags`; None leaves the numbers.
 FlagTable = Mapping[float, Any] | None
 
 
 class Live(Protocol):
-    """A step that remembers.
+    """A step that keeps its state.
 
-    state: after the last sample, a tree of plain numbers and arrays; an assigned one is where the next step starts.
+    state: after the last sample, a tree of plain numbers and arrays; the next step starts from one that is assigned.
     """
 
     state: Any
@@ -35,7 +35,7 @@ class Live(Protocol):
 
 
 class PythonLive:
-    """On Python floats.
+    """Live step on Python floats.
 
     structure: of the state.  flags: see `Kernel.live`.
     """
@@ -62,7 +62,7 @@ class PythonLive:
 
 
 class MachineLive:
-    """In machine code: the state stays where it is used, only sample and output are moved.
+    """Live step in machine code: the state stays in place, only sample and output are copied.
 
     structure: of the state.  flags: see `Kernel.live`.
     """

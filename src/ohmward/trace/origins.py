@@ -1,7 +1,7 @@
 """Where the values of a traced function come from: the variables that held them, and the functions that made them.
 
-The graph of a program knows neither. While an `OriginRecorder` is entered, each Python function that returns gives its
-values the names of its variables, and the order in which values are made tells which function made each.
+The graph of a program contains neither. While an `OriginRecorder` is entered, each Python function that returns names
+its values after its variables, and the order in which values are made shows which function made each.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ import numpy as np
 from ohmward.trace.expression import Expression, next_serial
 
 _PACKAGE = Path(__file__).parents[1]
-#: Functions of the compiler, of NumPy and of Python itself belong to the one that called them.
+#: Functions of the compiler, of NumPy and of Python itself count as part of the one that called them.
 _OF_THE_CALLER = tuple(f"{Path(file).parent}{os.sep}" for file in (__file__, np.__file__))
-#: ... but look-ups, whose variables have names.
+#: ... except look-ups, whose variables have names.
 _TABLES = str(Path(__file__).with_name("table.py"))
 _PYTHONS_OWN = f"{Path(os.__file__).parent}{os.sep}"
-_HAS_DOCSTRING = 0x4000000  # of Python 3.13 on
-#: A shorter name says less than one of the function around.
+_HAS_DOCSTRING = 0x4000000  # since Python 3.13
+#: A shorter name is replaced by a longer one of the calling function.
 _SPEAKING = 3
 
 
@@ -40,12 +40,12 @@ class Origin(NamedTuple):
     summary: str  #: first sentence of its docstring
 
 
-#: Those that are entered, the innermost last.
+#: Recorders that are entered, the innermost last.
 _recorders: list[OriginRecorder] = []
 
 
 def recorder() -> OriginRecorder | None:
-    """The one that is entered, if any."""
+    """The innermost recorder that is entered, if any."""
     return _recorders[-1] if _recorders else None
 
 
@@ -54,10 +54,10 @@ class OriginRecorder:
 
     def __init__(self) -> None:
         self._names: dict[int, tuple[int, str]] = {}
-        self._carried: dict[int, int] = {}  # serial of the value that one stands for
-        self._parts: dict[int, int] = {}  # serial of the value that one was made for, as a part
-        self._serials: list[int] = [-1]  # at which the function changes
-        self._functions: list[Origin | None] = [None]  # from there on
+        self._carried: dict[int, int] = {}  # serial of a value -> of the one that it replaces
+        self._parts: dict[int, int] = {}  # serial of a value -> of the one that it is a part of
+        self._serials: list[int] = [-1]  # where the current function changes
+        self._functions: list[Origin | None] = [None]  # current function from there on
         self._stack: list[Origin | None] = [None]
 
     def __enter__(self) -> OriginRecorder:
@@ -71,7 +71,7 @@ class OriginRecorder:
         _recorders.remove(self)
 
     def carry(self, old: Expression, new: Any, since: int) -> None:
-        """Let a value that was made for another one since then have its name and function."""
+        """Give `new`, made in place of `old` after serial `since`, the name and function of `old`."""
         if isinstance(new, Expression) and new.serial > since:
             source = self._source(old.serial)
             self._carried[new.serial] = source
@@ -82,7 +82,7 @@ class OriginRecorder:
         return self._names.get(self._source(serial), (0, ""))[1]
 
     def place(self, serial: int) -> int:
-        """Number by which values are in the order in which they were made first."""
+        """Sort key that puts values in the order in which they were first made."""
         return self._parts.get(serial, self._source(serial))
 
     def origin(self, serial: int) -> Origin | None:

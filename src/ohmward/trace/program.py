@@ -76,7 +76,7 @@ class Program:
         """Structures of state, sample and output.
 
         Raises:
-            InputError: it is no step(state, sample) -> (state, output), or the state changes its structure.
+            InputError: it is not a step(state, sample) -> (state, output), or the state changes its structure.
         """
         arguments, result, name = self.argument_structure, self.result_structure, self.name
         if len(arguments.children) != 2 or not isinstance(result, Branch) or len(result.children) != 2:
@@ -108,8 +108,8 @@ def trace(
     examples:  numbers, arrays, tuples and NamedTuples of these. Their structure, shapes and kinds (number or bool)
                count, not their values.
     constants: further arguments, handed over unchanged.
-    with_origins: record what the values are called and which function made each.
-    Raises:    TraceError at what cannot be traced, InputError for examples or results that are not made of numbers.
+    with_origins: record the variable names of the values, and the function that made each.
+    Raises:    TraceError for code that cannot be traced, InputError for examples or results not made of numbers.
     """
     names = _argument_names(function, len(examples))
     children = tuple(structure_of(example, name) for name, example in zip(names, examples, strict=True))
@@ -154,7 +154,7 @@ def symbols(structure: Structure) -> tuple[Expression, ...]:
 def schedule(outputs: Iterable[Any], first: int = 0) -> tuple[Expression, ...]:
     """The operations that `outputs` need, each after its arguments, depth first.
 
-    first: serial below which nodes are left out, and with them all that they need, which is older still.
+    first: serial below which nodes are left out, together with all that they need, which is older still.
     """
     done: set[int] = set()
     order: list[Expression] = []

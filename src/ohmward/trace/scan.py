@@ -1,4 +1,4 @@
-"""One log through the compiled Python loop, in chunks that keep the memory bounded."""
+"""Run one log through the compiled Python loop, in chunks that keep the memory bounded."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -9,7 +9,7 @@ from ohmward.errors import InputError
 from ohmward.trace.program import StepStructure
 from ohmward.trace.structure import Leaf, Structure, as_array, check, flatten, leaves, size, unflatten
 
-#: Scalars that are Python floats at a time: some 10 MB.
+#: Number of scalars that are Python floats at the same time: about 10 MB.
 _CHUNK_SCALARS = 1 << 18
 
 #: The compiled loop: (state, columns, emit) -> state.
@@ -76,7 +76,7 @@ def state_row(structure: Structure, state: Any) -> tuple[Any, ...]:
 
 
 def state_tree(structure: Structure, row: Sequence[Any]) -> Any:
-    """The state made of its scalars: Python floats and bools, and arrays."""
+    """The state rebuilt from its scalars: Python floats and bools, and arrays."""
     rest = iter(row)
 
     def value(leaf: Leaf) -> Any:

@@ -1,4 +1,4 @@
-"""Programs in single precision on NumPy, operation by operation: slow, and the reference for the bits of the C."""
+"""Programs in single precision on NumPy, operation by operation: slow, and the bit-exact reference of the C code."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def run(program: Program, state: np.ndarray, samples: np.ndarray) -> tuple[np.nd
 
 
 def expanded(program: Program) -> Program:
-    """The program without exp, log and the like, as `evaluate` takes it."""
+    """The program without exp, log and the like, as `evaluate` needs it."""
     return expand(program, F32)
 
 
 def evaluate(program: Program, inputs: np.ndarray) -> np.ndarray:
-    """Outputs (k,) of inputs (n,) of float32, for a program that is `expanded`."""
+    """Outputs (k,) of inputs (n,) of float32, for a program from `expanded`."""
     values: dict[int, Any] = {
         symbol.serial: bool(x) if symbol.boolean else np.float32(x)
         for symbol, x in zip(program.inputs, inputs, strict=True)

@@ -1,4 +1,4 @@
-"""An estimator's state as a dict of plain numbers, for JSON, and back: a restart goes on to the bit."""
+"""An estimator's state as a dict of plain numbers, for JSON, and back: a resumed estimator continues bit for bit."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from ohmward.errors import InputError
 from ohmward.optional import require
 from ohmward.trace.structure import Structure, flatten, leaves, scalar_names, shaped, structure_of
 
-#: Of the layout of the dict; raised when old snapshots can no longer be read. Those of version 1 had no checksum.
+#: Version of the dict's layout, raised when old snapshots can no longer be read. Version 1 had no checksum.
 VERSION = 2
 
-#: No number in a snapshot is larger, times in seconds among them; a step from larger ones overflows.
+#: Largest number in a snapshot, times in seconds included; a step from larger ones overflows.
 LARGEST = 1e12
 
 _ADVICE = "start a new estimator from the first sample instead"
@@ -30,10 +30,10 @@ _ADVICE = "start a new estimator from the first sample instead"
 def take(estimator: Any, state: Any, time_s: float, **more: Any) -> dict[str, Any]:
     """Snapshot of the state after the sample at `time_s`, as a dict that `json.dumps` writes; NaN becomes None.
 
-    more: further content that `resume` leaves to its reader, ready for JSON.
+    more: further content, ready for JSON, that `resume` does not read.
 
     Raises:
-        InputError: `state` is None, there is none before the first sample.
+        InputError: `state` is None, as before the first sample.
     """
     if state is None:
         raise InputError("there is nothing to take a snapshot of before the first sample; call update or run first")
@@ -70,7 +70,7 @@ def sealed(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def require_version(snapshot: Any) -> None:
-    """Raise InputError for something else than a snapshot of this version."""
+    """Raise InputError for anything other than a snapshot of this version."""
     if not isinstance(snapshot, Mapping):
         raise InputError(f"a snapshot must be the dict that snapshot() returned, got {type(snapshot).__name__}")
     if snapshot.get("version") != VERSION:
@@ -87,7 +87,7 @@ def require_identity(estimator: Any, snapshot: Mapping[str, Any]) -> None:
 
 
 def require_seal(snapshot: Mapping[str, Any]) -> None:
-    """Raise InputError where the content is not what the checksum was made of."""
+    """Raise InputError if the checksum does not match the content."""
     content = {name: value for name, value in snapshot.items() if name != "checksum"}
     if snapshot.get("checksum") != _checksum(content):
         raise InputError(f"the snapshot is damaged: its checksum does not fit its content; {_ADVICE}")
@@ -96,7 +96,7 @@ def require_seal(snapshot: Mapping[str, Any]) -> None:
 def identity(estimator: Any) -> str:
     """Kind and settings of an estimator (a dataclass) as a short text: its name and a digest of every field.
 
-    Those of the last few estimators are kept: a process on a robot takes snapshots between two samples.
+    The latest results are cached: a process on a robot takes snapshots between two samples.
     """
     try:
         return _kept_identity(estimator)
@@ -121,7 +121,7 @@ def from_json(name: str, value: Any) -> float:
     """A number from JSON.
 
     Raises:
-        InputError: it is something else.
+        InputError: it is not a number, or larger than `LARGEST`.
     """
     if value is None:
         return math.nan
@@ -133,10 +133,10 @@ def from_json(name: str, value: Any) -> float:
 
 
 def typed(hint: Any, name: str, value: Any) -> Any:
-    """A part of a snapshot as a type, such as `tuple[float, str]`.
+    """A part of a snapshot converted to a type, such as `tuple[float, str]`.
 
     Raises:
-        InputError: it is something else.
+        InputError: it does not fit the type.
     """
     msgspec = require("msgspec", "reading snapshots")
     try:

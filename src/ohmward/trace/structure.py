@@ -133,14 +133,14 @@ def shaped(structure: Structure, values: list[Any], dtype: type | None = None) -
 
 
 def side_by_side(trees: Sequence[Any]) -> Any:
-    """Trees of one structure as one, in lanes: every leaf with a trailing axis (..., B)."""
+    """Trees of one structure combined in lanes: every leaf with a trailing axis (..., B)."""
     structure = structure_of(trees[0], "tree")
     values = zip(*(flatten(structure, tree) for tree in trees), strict=True)
     return unflatten(structure, (np.stack([np.asarray(x, dtype=float) for x in leaf], axis=-1) for leaf in values))
 
 
 def pick_lanes(tree: Any, index: int | slice) -> Any:
-    """One of the trees that stand in lanes, or several in lanes."""
+    """One of the trees in the lanes of a tree, or several of them in lanes."""
     structure = structure_of(tree, "tree")
     return unflatten(structure, (values[..., index] for values in flatten(structure, tree)))
 
@@ -148,7 +148,7 @@ def pick_lanes(tree: Any, index: int | slice) -> Any:
 def as_array(value: Any, leaf: Leaf, path: str) -> np.ndarray:
     """Value of a leaf as an array of any shape; InputError if it holds no numbers."""
     try:
-        if value is not None:  # which NumPy would take for nan
+        if value is not None:  # NumPy would turn None into nan
             return np.asarray(value, dtype=leaf.dtype)
     except (TypeError, ValueError):
         pass

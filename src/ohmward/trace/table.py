@@ -10,11 +10,11 @@ from ohmward.errors import InputError
 from ohmward.trace.expression import apply, number
 from ohmward.trace.functions import elementwise, floor, is_traced, minimum, where
 
-#: Straight lines of a table: the number of a line is stored in a byte.
+#: Largest number of straight lines of a table: the number of a line is stored in a byte.
 _MOST_LINES = 255
-#: Second difference of values on one line, relative to the largest value: a few rounding errors.
+#: Largest second difference of values on one straight line, relative to the largest value: a few rounding errors.
 _STRAIGHT = 1e-13
-#: Coefficient of a segment that differences of its values leave by rounding alone, relative to the largest value.
+#: Largest coefficient of a segment that rounding alone can explain, relative to the largest value.
 _ROUNDING = 1e-15
 
 
@@ -28,7 +28,7 @@ def table(
     """Value at x of the curve through `values` at start, start + spacing, start + 2 spacing, ...
 
     values:  (n,) finite constants, n >= 2.
-    start, spacing: position of the first value, distance of two values (> 0), in the unit of x.
+    start, spacing: position of the first value, distance between neighbouring values (> 0), in the unit of x.
     x:       float, array, traced scalar or array of these.
     kind:    "linear", or "hermite" for the monotone cubic of `monotone_slopes`.
     Returns: shape of x. Beyond the ends the curve continues straight, with the slope of its end. nan gives nan.
@@ -147,7 +147,7 @@ def _positive_element(u: Any) -> Any:
     return where(u > 0.0, u, 0.0)
 
 
-#: u where it is positive; 0 elsewhere, at nan too, so that it can become an index.
+#: u where it is positive; 0 elsewhere and at nan, so that it can become an index.
 _positive = elementwise(_positive_element, _positive_element, 1)
 
 

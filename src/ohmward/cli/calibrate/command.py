@@ -72,10 +72,10 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def wanted(what: str | None, usual: tuple[str, ...]) -> tuple[str, ...]:
-    """Parts of the robot to calibrate; usual: those where --what does not name them.
+    """Parts of the robot to calibrate; usual: the parts if --what is not given.
 
     Raises:
-        InputError: something else.
+        InputError: --what names anything else.
     """
     names = usual if what is None else tuple(name.strip() for name in what.split(","))
     if unknown := [name for name in names if name not in PARTS]:
@@ -91,7 +91,7 @@ def rolling(given: list[float] | None) -> tuple[float, float]:
 
 
 def recordings(text: str, each: str | None) -> list[str]:
-    """The file with each value of the column `each`, in order; the file itself without one.
+    """The file with each value of the column `each`, in order; the file itself without `each`.
 
     Raises:
         InputError: no such column.
@@ -196,7 +196,7 @@ def floor_fields(floor: Floor) -> dict[str, str]:
 
 
 def make_page(found: Calibration, figures: Mapping[str, Any]) -> Page:
-    """Calibrated parameters, the speeds behind them, and the floor's law among the stretches it was learnt from."""
+    """Calibrated parameters, the speeds behind them, and the floor's law with the stretches it was learnt from."""
     what = f"{figures['drives']} drives, {duration(figures['duration_s'])}"
     page = Page(f"Robot {found.robot.name!r}", what, FOOTER)
     for p in found.parameters:

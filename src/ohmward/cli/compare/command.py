@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def _misfits(task: SocTask, compared: Comparison) -> tuple[Note, ...]:
-    """The verdict of `ohmward soc` on the file: by its default estimator, or by the first one that can judge it."""
+    """Misfits of the battery file as in `ohmward soc`, judged by the default estimator or else the first that can."""
     default, runs = chosen_name(DEFAULT), compared.runs
     by_rank = sorted(runs, key=lambda name: (name != default, not is_judged(runs[name].settings)))
     run = runs[by_rank[0]]
@@ -79,7 +79,7 @@ def describe(task: SocTask, figures: Mapping[str, Any]) -> str:
 
 
 def tables_of(task: SocTask, figures: Mapping[str, Any]) -> list[tuple[list[str], list[list[str]]]]:
-    """Header and rows of each table: as [T] tables 3.1-3.3, as [P], and the mutual differences without a truth."""
+    """Header and rows of each table: as in [T] tables 3.1-3.3 and in [P]; without a truth, the mutual differences."""
     estimators = figures["estimators"]
     if task.truth:
         return [_table(estimators, _SIGNED), _table(estimators, _SIZES)]
@@ -133,7 +133,7 @@ def _difference_table(differences: Mapping[str, Mapping[str, float]]) -> tuple[l
 
 
 def make_page(task: SocTask, compared: Comparison, figures: Mapping[str, Any]) -> Page:
-    """Tables, the state of charge of all on one clock, their errors."""
+    """Tables, then states of charge and errors of all estimators on a common time axis."""
     log = task.log
     what = f"{len(compared.runs)} estimators, battery {task.battery.name!r}, {duration(log.duration_s)}"
     page = Page(f"{log.name}: estimators compared", what, FOOTER)

@@ -48,7 +48,7 @@ from ohmward.traction.robot.packaged import PACKAGED
 from ohmward.traction.robot.robot import ROBOT_FILE
 
 _LOG = "log"
-#: So many rests and pulses make a test that a battery can be identified from.
+#: Smallest number of rests, and of pulses, of a test from which a battery can be identified.
 _PULSES_OF_A_TEST = 5
 #: How to read the bands.
 READING = "half width of the 95 % band in points, start known / start unknown"
@@ -56,15 +56,15 @@ BANDS = ["95 % band on a working day", *(f"{T:g} degC" for T in TEMPERATURES_DEG
 
 
 class Part(NamedTuple):
-    """What was found in a file: as the log of a battery, as that of a drive, or as a file of TOML."""
+    """Findings on a file as the log of a battery, as the log of a drive, or as a TOML file."""
 
     kind: str  #: its list in --json, one of `_KINDS`
     name: str
     text: str  #: for people
     summary: Mapping[str, Any]  #: its entry in --json
-    next_commands: Sequence[str]  #: that go on from it
+    next_commands: Sequence[str]  #: suggested for it
     notes: Sequence[str] = ()
-    is_wrong: bool = False  #: it has an error
+    is_wrong: bool = False  #: True if it has an error
     section: Callable[[Page], Page] | None = None  #: adds it to a page; None for a kind that pages leave out
 
 
@@ -94,9 +94,9 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def kind_of(path: str) -> str:
-    """Kind of what an argument names: a log, or the kind of a file of TOML; a packaged robot is a robot file.
+    """Kind of file that an argument names: a log, or a kind of TOML file; a packaged robot is a robot file.
 
-    A recording that is called as one, the folder `husky` of a bag, is the recording.
+    A recording with the name of a robot, such as the folder `husky` of a bag, is a log.
     """
     if path.lower() in PACKAGED and not Path(path).exists():
         return ROBOT_FILE.noun
@@ -105,16 +105,16 @@ def kind_of(path: str) -> str:
     try:
         head = Path(path).read_text(encoding="utf-8", errors="replace")
     except OSError:
-        return BATTERY_FILE.noun  # whose reader says what is wrong
+        return BATTERY_FILE.noun  # its reader reports what is wrong
     kinds = (ROBOT_FILE, SETUP_FILE)
     return next((kind.noun for kind in kinds if f'"{kind.format.partition("/")[0]}/' in head), BATTERY_FILE.noun)
 
 
 def examine_log(path: str, options: DriveOptions) -> Iterator[Part]:
-    """Battery and drive in a log, as far as it has them.
+    """Battery and drive in a log, whichever it has.
 
     Raises:
-        InputError: it has neither; says what is missing of a battery, or of a drive where it has wheels alone.
+        InputError: it has neither; the message names what is missing for a battery, or for a drive with wheels alone.
     """
     reading = options.reading
     file = open_table(split_selection(path)[0], reading.hints)
@@ -176,7 +176,7 @@ def _examined(
 
 
 def _cells(log: Log) -> set[str]:
-    """The columns that are cells of the battery by their sum: V1, V2, ... may be speeds by their names."""
+    """Columns that their sum shows to be cells of the battery: by name alone, V1, V2, ... may be speeds."""
     rows = numbered_rows(log.extra)
     return {
         name for row in rows for name in row if find_cells({n: log.extra[n] for n in row}, log.voltage_V, len(row))[0]
@@ -184,9 +184,9 @@ def _cells(log: Log) -> set[str]:
 
 
 def _places(file: TableFile, robot: Robot | None, leave: Collection[str] = ()) -> tuple[str, ...]:
-    """Names of the wheels of the robot, or of the columns where those are wheels; () for a log of no drive.
+    """Names of the robot's wheels, or without a robot of those in the columns; () for a log without a drive.
 
-    leave: columns that are none.
+    leave: columns that are not wheels.
     """
     try:
         names = file.part("drive").names
@@ -198,7 +198,7 @@ def _places(file: TableFile, robot: Robot | None, leave: Collection[str] = ()) -
 
 
 def _read(path: str, reading: ReadOptions, file: TableFile) -> Log:
-    """The log of a battery; where nothing tells the sign, the likely one is taken, with a warning."""
+    """The log of a battery; if the sign of the current is unknown, the likely one is assumed, with a warning."""
     try:
         return read_battery_log(path, reading, file=file)
     except UnknownSignError as error:
@@ -222,7 +222,7 @@ def _is_of_battery(file: TableFile, columns: dict[str, str]) -> bool:
 
 
 def examine_robot(path: str, _: DriveOptions) -> Iterator[Part]:
-    """What a robot file says."""
+    """Contents of a robot file."""
     robot = load_robot(path)
     rows = robot_rows(robot)
     text = wording.paragraphs(f"{path}: robot {robot.name!r}", wording.fields(rows))
@@ -231,14 +231,14 @@ def examine_robot(path: str, _: DriveOptions) -> Iterator[Part]:
 
 
 def examine_setup(path: str, _: DriveOptions) -> Iterator[Part]:
-    """What a setup says."""
+    """Contents of a setup."""
     rows = setup_rows(SETUP_FILE.load(path))
     text = wording.paragraphs(f"{path}: setup of a robot", wording.fields(rows))
     yield Part("setups", path, text, {"path": path} | rows, [f"ohmward run {path} --check"])
 
 
 def robot_rows(robot: Robot) -> dict[str, str]:
-    """What a robot file says, by name."""
+    """Contents of a robot file, by name."""
     return {
         "chassis": type(robot.chassis).__name__,
         "wheels": ", ".join(place.name for place in robot.places) + f"; the first {robot.driven} are driven",
@@ -249,7 +249,7 @@ def robot_rows(robot: Robot) -> dict[str, str]:
 
 
 def setup_rows(setup: Setup) -> dict[str, str]:
-    """What a setup says, by name."""
+    """Contents of a setup, by name."""
     return {
         "estimates": ", ".join(kind for kind, part in (("charge", setup.battery), ("motion", setup.robot)) if part),
         "sources": ", ".join(source.name for source in setup.source) or "none",
@@ -294,7 +294,7 @@ def _range(signal: Signal) -> str:
 
 
 def examine_battery(path: str, _: DriveOptions) -> Iterator[Part]:
-    """What a battery file knows: the bands of its charge as it is, and after each test that is worth its time."""
+    """Contents of a battery file, with the SoC bands of the present file and of one after each worthwhile test."""
     battery = load_battery(path)
     bands = forecast(battery)
     tests = worthwhile_tests(battery, bands)
@@ -345,7 +345,7 @@ def sources(battery: Battery) -> dict[str, str]:
 
 
 def capacity_uncertainty(noise: BatteryNoise) -> str:
-    """How well a file knows the capacity, on the day of its last log and since."""
+    """Uncertainty of the capacity on the day of the last log, a year later, and in a log without a date."""
 
     def within(std: float) -> str:
         return f"± {100 * BAND_95 * std:.2g} %"
@@ -415,7 +415,7 @@ def _section(log: Log, found: Findings[Survey], page: Page) -> Page:
     return with_assumptions(page, found.notes)
 
 
-#: What examines a file of each kind.
+#: Function that examines each kind of file.
 _EXAMINED: dict[str, Callable[[str, DriveOptions], Iterator[Part]]] = {
     _LOG: examine_log,
     BATTERY_FILE.noun: examine_battery,

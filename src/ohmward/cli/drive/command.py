@@ -18,9 +18,9 @@ from ohmward.onboard.control.operator_link import OperatorLink
 from ohmward.onboard.secrets import host_and_port, secret
 from ohmward.onboard.sinks.terminal import within_terminal
 
-#: The line is written anew after so many beats.
+#: Number of beats after which the line is rewritten.
 _BEATS_A_LINE = 5
-#: At the end so many beats are answered with a stop.
+#: Number of beats at the end that are answered with a stop.
 _LAST_BEATS = 3
 #: Time within which a robot that was asked to stop says that it has [s].
 _STOP_S = 5.0
@@ -44,7 +44,7 @@ class OperatorDesk:
     """Keys, joystick and display of an operator.
 
     Args:
-        link: to the robot.
+        link: connection to the robot.
     """
 
     def __init__(self, link: OperatorLink):
@@ -55,7 +55,7 @@ class OperatorDesk:
 
     @contextmanager
     def opened(self, joystick: str | None) -> Iterator[None]:
-        """Keys without waiting for the line's end, and the joystick; the terminal is as before afterwards."""
+        """Open the joystick and read keys without waiting for Enter; the terminal is restored afterwards."""
         self._inputs = [(sys.stdin.fileno(), self._keys)]
         device = -1
         if joystick:
@@ -72,7 +72,7 @@ class OperatorDesk:
                 os.close(device)
 
     async def drive(self) -> dict[str, Any]:
-        """Answer beats with what keys and sticks say; the last beat."""
+        """Answer beats with the set-points of keys and sticks; returns the last beat."""
         print(HELP, file=sys.stderr)
         loop, beat, left = asyncio.get_running_loop(), {}, _LAST_BEATS
         try:
@@ -95,7 +95,7 @@ class OperatorDesk:
         return beat
 
     async def stop(self) -> dict[str, Any]:
-        """Say stop, and wait until the robot says it has; the last beat."""
+        """Send a stop and wait until the robot reports it; returns the last beat."""
         self.link.stop = True
         with suppress(TimeoutError):
             async with asyncio.timeout(_STOP_S):
@@ -105,13 +105,13 @@ class OperatorDesk:
         raise OhmwardError("the robot does not stop; press its emergency stop")
 
     def _look(self, beat: dict[str, Any]) -> None:
-        """See a beat before it is answered: unless the robot is armed there is nothing to set but that."""
+        """Process a beat before it is answered: keep its limits, and set all set-points to 0 unless armed."""
         self._limits = beat.get("limits") or self._limits
         if beat.get("phase") != "armed":
             self.link.command = self.link.command._replace(speed_m_s=0.0, yaw_rate_rad_s=0.0, slip_ratio=0.0)
 
     def _read(self, descriptor: int, took: Callable[[bytes], None]) -> None:
-        """Take bytes of a device; at its end the robot is stopped."""
+        """Read bytes from a device; the robot is stopped when the device ends."""
         try:
             data = os.read(descriptor, 64 * EVENT.size)
         except BlockingIOError:
@@ -134,7 +134,7 @@ class OperatorDesk:
             self.link.command = moved_stick(data[at : at + EVENT.size], self.link.command, self._limits)
 
     def _show(self, beat: dict[str, Any], number: int) -> None:
-        """Write the line anew on a terminal; elsewhere a line for each new phase."""
+        """Rewrite the line on a terminal; elsewhere print a line for each new phase or reason."""
         if sys.stderr.isatty():
             if number % _BEATS_A_LINE == 0:
                 print(f"\r{within_terminal(line(beat, self.link.command))}\x1b[K", end="", file=sys.stderr, flush=True)
@@ -145,7 +145,7 @@ class OperatorDesk:
 
 @contextmanager
 def _single_keys() -> Iterator[None]:
-    """Keys of the terminal one by one and unseen, where it is one."""
+    """Read keys one by one and without echo if standard input is a terminal."""
     if not sys.stdin.isatty():
         yield
         return
@@ -161,9 +161,9 @@ def _single_keys() -> Iterator[None]:
         termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
 
 
-#: A press changes a set-point by its limit over this.
+#: Number of key presses from 0 to the limit of a set-point.
 _PRESSES = 10
-#: Change of a slip by a press.
+#: Change of the slip bound by one key press.
 _SLIP = 0.01
 _SMALLEST_SLIP = 0.01
 
@@ -179,12 +179,12 @@ _ARROWS = {"\x1b[A": "w", "\x1b[B": "s", "\x1b[C": "l", "\x1b[D": "j"}
 EVENT = struct.Struct("IhBB")
 _BUTTON, _AXIS = 1, 2
 _FULL_AXIS = 32767.0
-#: Part of a stick's way that is play.
+#: Dead zone of a stick, as a share of its travel.
 _PLAY = 0.08
 
 
 def keys_of(text: str) -> list[str]:
-    """Single keys of what a terminal has sent; arrows become letters."""
+    """Single keys in the input of a terminal; arrows become letters."""
     for sequence, key in _ARROWS.items():
         text = text.replace(sequence, key)
     return list(text)
@@ -228,7 +228,7 @@ def moved_stick(event: bytes, command: OperatorCommand, limits: Mapping[str, flo
 
 
 def _moved(value: float, step: float, most: float) -> float:
-    """The value one step on, which stays at 0 where it would pass it."""
+    """The value one step further, within `most` of 0; 0 where it comes within half a step of it."""
     found = min(max(value + step, -most), most)
     return 0.0 if value * found < 0.0 or abs(found) < 0.5 * abs(step) else found
 

@@ -38,7 +38,7 @@ _MODULE = "Model"
 
 def run(args: argparse.Namespace) -> Outcome:
     """Write the library, the file, or the archive for a blind benchmark."""
-    # of all other files the reader of battery files speaks
+    # errors in all other files are reported by the reader of battery files
     is_robot = args.file.lower() in BUILT_IN or noun_of(args.file) == "robot"
     notes: list[str] = []
     if args.terrain and not is_robot:
@@ -160,7 +160,7 @@ def _submission(args: argparse.Namespace) -> Outcome:
 def _rehearsed(
     text: str, battery: Battery, reading: ReadOptions, args: argparse.Namespace
 ) -> Iterator[blind.BlindScore]:
-    """Scores of the module of this text on every log."""
+    """Scores of the module with this source text on every log."""
     model, words = blind.model_of(text), log_files(args.score)
     with progress() as report:
         for k, word in enumerate(words):

@@ -36,7 +36,7 @@ from ohmward.fleet.robots import ALONE, FOLDER, NAME, SERIAL
 from ohmward.fleet.run import Executor
 from ohmward.report import Page
 
-#: Logs of one kind and robots that are listed for people.
+#: Largest numbers of logs of one kind and of robots that the text lists.
 _MOST_LISTED, _MOST_RANKED = 10, 30
 PAGE = "report.html"
 ROBOTS = ["robot", "logs", "hours", "last log", "charge", "capacity", "change", "resistance", "alarms"]
@@ -48,7 +48,7 @@ _WAYS = {SERIAL: "serial numbers", NAME: "the names of the files", FOLDER: "fold
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Estimate all, or what is left of an interrupted run."""
+    """Estimate all logs, or the rest of an interrupted run."""
     if args.where:
         raise InputError("--where picks rows of one file; a fleet's files hold one recording each")
     battery, notes = load_with_sensor(args.battery, args)
@@ -97,14 +97,14 @@ def _of_robots(battery: str, job: RobotJob, folder: Path, executor: Executor, no
 
 
 def _progress_of(report: Report | None, what: str = "logs") -> Callable[[int, int], None] | None:
-    """Progress callback (done, total) that counts the logs or robots; None where nobody watches."""
+    """Progress callback (done, total) that counts the logs or robots; None where progress is not shown."""
     if report is None:
         return None
     return lambda done, total: report(f"{done:,} of {total:,} {what}", done / total)
 
 
 def status(figures: dict[str, Any]) -> int:
-    """Exit status: 2 where every log was refused, 1 where the battery file does not fit one, as of `ohmward soc`."""
+    """Exit status: 2 if every log was refused, else 1 if the battery file does not fit one, as in `ohmward soc`."""
     if figures["failed"] == figures["logs"]:
         return 2
     return int(bool(figures["misfits"]))
@@ -113,8 +113,8 @@ def status(figures: dict[str, Any]) -> int:
 def summary(battery: str, logs: list[dict[str, Any]], finished: Finished) -> dict[str, Any]:
     """The object of --json.
 
-    battery: file that the logs begin with.
-    logs: a row of each log.
+    battery: path of the battery file.
+    logs: a row for each log.
     """
     good = [row for row in logs if not row["error"]]
     bad = [row for row in logs if row["error"]]
@@ -136,7 +136,7 @@ def summary(battery: str, logs: list[dict[str, Any]], finished: Finished) -> dic
 
 
 def _most(function: Callable, rows: list[dict[str, Any]], name: str) -> float | None:
-    """The least or largest value of those that have one."""
+    """Smallest or largest value of a column among the rows that have one."""
     return function((row[name] for row in rows if row[name] is not None), default=None)
 
 
@@ -208,7 +208,7 @@ def make_page(figures: dict[str, Any], states: Sequence[RobotRecord], logs: Sequ
 def _trends(
     logs: Sequence[dict[str, Any]], robots: Sequence[str], field: str
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Time and value of a quantity at each log of each robot, of those that have several with a date."""
+    """Times and values of a quantity over the logs of each robot that has several with a date."""
     found = {}
     for robot in robots:
         used = [log for log in logs if not log["error"] and log["robot"] == robot and log["begins"]]

@@ -1,4 +1,4 @@
-"""`ohmward health`: capacity and resistance against new over months of logs, and the time left."""
+"""`ohmward health`: capacity and resistance relative to new over months of logs, and the time left."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def remark(update: LogUpdate, point: HealthPoint, outliers: Sequence[Outlier]) -
 def describe(f: Mapping[str, Any]) -> str:
     """Text for people.
 
-    f: the summary of the run, here as in all that follows.
+    f: the summary of the run, here and in all functions below.
     """
     aside = [f"{log['log']}: {log['reason']}" for log in f["logs"] if log["verdict"] == "set aside"]
     return wording.paragraphs(
@@ -183,7 +183,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
 
 
 def life_text(f: Mapping[str, Any]) -> str:
-    """The time left in words: its median and where it lies with nine in ten."""
+    """The time left in words: its median and 90 % interval."""
     left = f["worn_in_days"]
     if left["p95"] == 0.0:
         return "it is there already"
@@ -191,7 +191,7 @@ def life_text(f: Mapping[str, Any]) -> str:
 
 
 def time_text(days: float) -> str:
-    """A time in days, months or years, whichever is near."""
+    """A time in days, months or years, whichever fits."""
     if not math.isfinite(days):
         return "more than 30 years"
     if days < 1.0:

@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def summary(found: Identified, seconds: float, as_rc: bool = False) -> dict[str, Any]:
-    """The object of --json, but for the notes and the files; as_rc: the circuit is that of the RC model."""
+    """The object of --json without the notes and the files; as_rc: with the circuit as an RC model."""
     battery = found.battery
     source = battery.identification
     return {
@@ -116,7 +116,7 @@ def describe(battery: Battery, figures: dict[str, Any]) -> str:
 def parameter_rows(battery: Battery, at_soc: str = "") -> list[list[str]]:
     """Each parameter with its confidence interval, in the unit of its name.
 
-    at_soc: of the resistances along SoC only those at this one.
+    at_soc: the only state of charge whose resistances are listed; "" lists those of every one.
     """
     confidence = battery.identification.confidence if battery.identification else ()
     wanted = [
@@ -126,7 +126,7 @@ def parameter_rows(battery: Battery, at_soc: str = "") -> list[list[str]]:
 
 
 def fit_rows(battery: Battery) -> list[list[str]]:
-    """Errors of the voltage of each log as it is reproduced."""
+    """Test, SoC range and errors of the simulated voltage of each log."""
     fits = battery.identification.logs if battery.identification else ()
     return [
         [
@@ -153,7 +153,7 @@ def rc_rows(figures: dict[str, Any]) -> list[list[str]]:
 
 
 def make_page(found: Identified, figures: Mapping[str, Any]) -> Page:
-    """The chain from top to bottom: result, open-circuit voltage, resistances, each log with its rests."""
+    """Report from top to bottom: result, open-circuit voltage, resistances, each log with its rests."""
     battery, model = found.battery, found.battery.thevenin
     cells = f"{battery.n_series} cells in series" if battery.n_series > 1 else "one cell"
     what = ", ".join(part for part in (battery.chemistry, cells, f"{battery.capacity_Ah:g} Ah") if part)

@@ -25,9 +25,9 @@ from ohmward.logs.selection import split_selection
 from ohmward.logs.table import counted
 from ohmward.report import Page
 
-#: Columns of the logs.
+#: Columns of the table of logs.
 LOGS = ["log", "verdict", "hours", "SoC", "capacity", "resistance", "error", "learnt"]
-#: Columns of a battery file.
+#: Columns of the table of a battery file.
 CHANGES = ["", "before", "after"]
 _VERDICTS = ("learnt", "seen", "set aside")
 
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> Outcome:
         for name in job.starts
         if name and name not in names
     ]
-    # what every reader says of a good log is left out
+    # notes of the readers on good logs are left out
     warnings = [(row["log"], note) for row in rows for note in row["notes"] if note.startswith("warning: ")]
     warnings += [(row["log"], note) for row in rows for note in row.get("left_out", [])]
     notes += [f"warning: {log}: {note.removeprefix('warning: ')}" for log, note in warnings]
@@ -84,10 +84,10 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def open_files(start: Battery, output: str | None, inputs: list[str]) -> BatteryFiles:
-    """The files of a run; output: a .toml file, or a folder, which is made where it ends with a separator.
+    """The files of a run; output: a .toml file, or a folder, which is made if its name ends with a separator.
 
     Raises:
-        InputError: neither; or the file cannot be written.
+        InputError: output is neither, or the file cannot be written.
     """
     if output is None:
         return BatteryFiles(start, None)
@@ -115,7 +115,7 @@ def state(battery: Battery) -> dict[str, Any]:
 def describe(f: Mapping[str, Any]) -> str:
     """Text for people.
 
-    f: the summary of the run, here as in all that follows.
+    f: the summary of the run, here and in all functions below.
     """
     rows = f["logs"]
     left = [f"{row['log']}, {row['verdict']}: {row['reason']}" for row in rows if row["verdict"] != "learnt"]
@@ -137,7 +137,7 @@ def title(f: Mapping[str, Any]) -> str:
 
 
 def headline(file: Mapping[str, Any]) -> str:
-    """Name of a battery, with its serial number and its file."""
+    """Name of a battery, with its serial number."""
     number = f", serial number {file['serial_number']}" if file["serial_number"] else ""
     return f"battery {file['name']!r}{number}"
 
@@ -156,7 +156,7 @@ def ending(f: Mapping[str, Any]) -> str:
 
 
 def quantities(of: Mapping[str, Any]) -> dict[str, str]:
-    """What is known of a battery with its 95 % bands, by name."""
+    """Capacity, resistance and current offset of a battery with their 95 % bands, by name."""
     return {
         "capacity": normal(of["capacity_Ah"], "Ah"),
         "resistance, 10 s": lognormal(of["resistance_ohm"], "mΩ", 1e3),
@@ -178,7 +178,7 @@ def change_rows(file: Mapping[str, Any]) -> list[list[str]]:
 
 
 def log_rows(rows: Sequence[Row]) -> list[list[str]]:
-    """A row for each log: its verdict, its range, and what is known after it."""
+    """A row for each log: its verdict, its SoC range, and the estimates after it."""
     return [
         [
             row["log"],
@@ -195,7 +195,7 @@ def log_rows(rows: Sequence[Row]) -> list[list[str]]:
 
 
 def make_page(files: BatteryFiles, f: Mapping[str, Any]) -> Page:
-    """Each battery before and after, what each log taught, what was not learnt from and why."""
+    """Each battery before and after, what each log contributed, which logs were set aside and why."""
     names = [file["name"] for file in f["files"]]
     page = Page(f"Battery {names[0]!r}" if len(names) == 1 else f"{len(names)} batteries", title(f), FOOTER)
     page = page.callout("info", ending(f))

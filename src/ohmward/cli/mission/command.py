@@ -42,9 +42,9 @@ from ohmward.report import Page
 from ohmward.traction import Robot, load_robot
 from ohmward.traction.friction.terrain import ADHESION, ROADS, SOILS, terrain_named
 
-#: Columns of the grounds.
+#: Columns of the table of grounds.
 TERRAINS = ["terrain", "drives", "driven", "measured", "cost of transport", "level, another day, P10-P90", "resistance"]
-#: Grounds that are drawn.
+#: Largest number of grounds that are drawn.
 _MOST_TERRAINS = 6
 #: Column with the name of the ground under each sample.
 TERRAIN_COLUMN = "terrain"
@@ -53,7 +53,7 @@ Ground = str | np.ndarray
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Learn from the log, look ahead, write the table."""
+    """Learn from the log, forecast the plan, write the table of consumption."""
     if args.plan_example:
         return Outcome({"command": "mission", "plan_example": EXAMPLE}, EXAMPLE.rstrip("\n"))
     check_output("--output", args.output, (".toml",), [p for p in (args.log, args.plan, args.battery) if p])
@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def check(args: argparse.Namespace) -> None:
-    """Refuse what cannot work before anything is read.
+    """Refuse options that cannot work, before anything is read.
 
     Raises:
         InputError: neither a log nor a plan, no battery, nothing known of the robot, no state of charge.
@@ -111,7 +111,7 @@ def check(args: argparse.Namespace) -> None:
 
 
 def earlier_consumption(path: str | None, mass_kg: float, robot: Robot | None) -> tuple[Consumption, str]:
-    """Consumption as known before, and its origin: a file, else the robot, else a mass."""
+    """Prior consumption and its origin: a file, else the robot, else a mass."""
     if path:
         c = load_consumption(path)
         return c, f"info: consumption from {path}: {', '.join(c.terrains) or 'no terrain yet'}"
@@ -121,16 +121,16 @@ def earlier_consumption(path: str | None, mass_kg: float, robot: Robot | None) -
 
 
 class MissionReader(NamedTuple):
-    """The reader of a log of battery, wheels and ground, all in one file."""
+    """Reader of a log of battery, wheels and ground, all in one file."""
 
-    text: str  #: the log as it was named
+    text: str  #: the log as named on the command line
     reading: ReadOptions
     drive: DriveOptions | None  #: None without a robot
-    ground: str  #: where the file does not name it
+    ground: str  #: assumed where the file does not name it
     battery: Battery  #: of the log
 
     def read(self) -> tuple[Log, DriveLog | None, Ground]:
-        """Logs of battery and wheels and the ground, from the file, which is read once."""
+        """Logs of battery and wheels, and the ground; the file is read once."""
         file = open_table(split_selection(self.text)[0], self.reading.hints).read_once()
         log = read_battery_log(self.text, of_kinds(self.reading, of_battery=True), file=file, battery=self.battery)
         drive_of_log = self.read_wheels(file, log)
@@ -141,7 +141,7 @@ class MissionReader(NamedTuple):
         return log.with_notes(Note(f"ground from column {TERRAIN_COLUMN!r}: {names}")), drive_of_log, ground
 
     def read_wheels(self, file: TableFile, log: Log) -> DriveLog | None:
-        """Wheels and motors in the same file; None where there are none and a speed tells enough."""
+        """Wheels and motors in the same file; None without a robot, or if the file has a speed instead."""
         if self.drive is None:
             return None
         try:
@@ -220,7 +220,7 @@ def plan_summary(forecast: MissionForecast) -> dict[str, Any]:
 def describe(f: Mapping[str, Any]) -> str:
     """Text for people.
 
-    f: the summary of the mission, here as in all that follows.
+    f: the summary of the mission, here and in all functions below.
     """
     robot = f", robot {f['robot']!r}" if f["robot"] else ""
     parts = split_rows(f["drive"])
@@ -278,7 +278,7 @@ def terrain_rows(f: Mapping[str, Any]) -> list[list[str]]:
 
 
 def split_rows(drive: RecordFigures | None) -> list[list[str]]:
-    """Terms of the energy balance of the drive, one row each; none where it is not known."""
+    """Terms of the energy balance of the drive, one row each; empty where it is not known."""
     parts, stds = (drive and drive.split_J) or {}, (drive and drive.split_std_J) or {}
     whole = parts.get("battery")
     return [

@@ -15,7 +15,7 @@ from ohmward.traction.robot.packaged import PACKAGED, generic_robot, load_robot
 from ohmward.traction.robot.robot import CHASSIS, Robot, save_robot
 from ohmward.traction.robot.urdf import UrdfRobot, read_urdf
 
-#: Size of the drawing, in characters: a line is as high as two are wide.
+#: Size of the drawing in characters, which are twice as high as wide.
 _COLUMNS, _LINES = 41, 15
 
 
@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def _found(args: argparse.Namespace) -> UrdfRobot:
-    """The robot that is asked for; only a URDF has joints and inertial units."""
+    """The robot that the options name; only a URDF has joints and inertial units."""
     sizes = {"--mass": args.mass, "--radius": args.radius, "--track": args.track}
     if args.source is None:
         missing = [option for option, size in sizes.items() if size is None]
@@ -61,7 +61,7 @@ def _found(args: argparse.Namespace) -> UrdfRobot:
 
 
 def _facts(robot: Robot) -> dict[str, Any]:
-    """What a robot is, for `--json` and for people."""
+    """Key figures of a robot, for `--json` and for people."""
     return {
         "name": robot.name,
         "chassis": CHASSIS[type(robot.chassis)],

@@ -25,15 +25,15 @@ from ohmward.onboard.robot_setup import SETUP_FILE
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.trial import Trial, try_setup
 
-#: Exit status of what is refused, where the log says why.
+#: Exit status after an error that is in the log.
 REFUSED = 2
 
-#: Time for which `--check` listens [s], unless told otherwise.
+#: Time for which `--check` listens by default [s].
 CHECK_S = 10.0
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Run until the sources end or the user stops it; or try, or print an example."""
+    """Run until the sources end or the user stops it; or check a setup, or print an example."""
     _check_arguments(args)
     if args.example:
         return Outcome({}, files("ohmward.cli.run").joinpath("example.toml").read_text(encoding="utf-8").rstrip())
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def _check(setup: str, seconds: float) -> Outcome:
-    """Findings about a setup, which take the place of the log."""
+    """Findings about a setup, printed instead of the log."""
     logging.disable(logging.ERROR)
     try:
         trial = try_setup(SETUP_FILE.load(setup), seconds)

@@ -10,7 +10,7 @@ EXAMPLES = """\
   sudo ohmward service install /etc/ohmward/other.toml --replace
 """
 
-#: The setup that a service runs unless told otherwise.
+#: The setup that a service runs by default.
 SETUP = "/etc/ohmward/robot.toml"
 
 

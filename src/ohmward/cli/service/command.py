@@ -21,7 +21,7 @@ from ohmward.cli.outcome import Outcome
 from ohmward.errors import InputError
 from ohmward.onboard.robot_setup import SETUP_FILE, Setup
 
-#: Folder of the units that belong to this machine, and the unit.
+#: Folder of this machine's units, and name of the unit.
 UNITS = Path("/etc/systemd/system")
 NAME = "ohmward.service"
 
@@ -52,10 +52,10 @@ def _check_machine() -> None:
 
 
 def install(text: str, path: Path, *, replace: bool) -> Outcome:
-    """Write the unit; what was there before stays, beside it.
+    """Write the unit; a previous one is kept beside it.
 
     Raises:
-        InputError: another unit is there, and nobody said to replace it.
+        InputError: a different unit is there, and `replace` is False.
     """
     notes = []
     if path.exists() and (before := path.read_text(encoding="utf-8")) != text:
@@ -78,17 +78,17 @@ def install(text: str, path: Path, *, replace: bool) -> Outcome:
 
 
 def verify(path: Path) -> list[str]:
-    """Faults of the unit as systemd finds them; [] also where there is no systemd-analyze."""
+    """Faults that systemd finds in the unit; [] also where there is no systemd-analyze."""
     if not (program := shutil.which("systemd-analyze")):
         return []
     done = subprocess.run([program, "verify", str(path)], capture_output=True, text=True, timeout=60, check=False)
     return [line for line in done.stderr.splitlines() if NAME in line]
 
 
-#: Where the unit keeps its state: `StateDirectory` of ohmward.service, seen from outside and from inside.
+#: Folder of the unit's state, seen from outside and from inside: `StateDirectory` of ohmward.service.
 STATE = Path("/var/lib/ohmward")
 
-#: Where the unit reads its secrets from: `EnvironmentFile` of ohmward.service.
+#: File from which the unit reads its secrets: `EnvironmentFile` of ohmward.service.
 SECRETS = "/etc/ohmward/environment"
 
 #: Folders that `ProtectHome=yes` and `PrivateTmp=yes` hide.
@@ -96,10 +96,10 @@ _HIDDEN = (Path("/home"), Path("/root"), Path("/run/user"), Path("/tmp"), Path("
 
 
 def unit(setup: Path) -> str:
-    """The unit that runs a setup with the Python that runs now.
+    """The unit that runs a setup with the current Python.
 
     Raises:
-        InputError: a path holds a control character, such as a line break, which would write lines of its own.
+        InputError: a path holds a control character, such as a line break, which would add lines to the unit.
     """
     script = Path(sys.executable).with_name("ohmward")
     program = [str(script)] if script.exists() else [sys.executable, "-m", "ohmward.cli"]
@@ -112,13 +112,13 @@ def unit(setup: Path) -> str:
 
 
 def _quoted(word: str) -> str:
-    """A word of ExecStart: specifiers and variables stay as they are written."""
+    """A word of ExecStart, escaped so that systemd leaves specifiers and variables as they are written."""
     escaped = word.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
     return f'"{escaped}"' if any(c.isspace() or c in "\"'\\;" for c in word) else escaped
 
 
 def obstacles(setup: Path) -> list[str]:
-    """Sentences with the fix: what the service could not read or write."""
+    """Sentences on what the service could not read or write, each with the fix."""
     found = []
     python = [path for path in (Path(sys.executable), Path(sys.executable).resolve()) if is_hidden(path)]
     if python:
@@ -146,7 +146,7 @@ def is_hidden(path: Path) -> bool:
 
 
 def _paths(content: Setup, folder: Path) -> list[str]:
-    """Paths of a setup that mean another place in the service, whose folder is that of its state."""
+    """Paths of a setup that fail in the service, which runs in the folder of its state and writes only there."""
     found = []
     for key in ("battery", "robot"):
         given = getattr(content, key)

@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_signals(group: argparse._ArgumentGroup) -> None:
-    """What names do not tell."""
+    """Options of the signals, where their names do not suffice."""
     group.add_argument(
         "--signal",
         type=pair,
@@ -77,7 +77,7 @@ def _add_signals(group: argparse._ArgumentGroup) -> None:
 
 
 def _add_robot(group: argparse._ArgumentGroup) -> None:
-    """Files of the battery and of the robot, or what makes a first one."""
+    """Options of the battery and robot files, or of the data that first files are made from."""
     group.add_argument("--name", default="robot", help="of the robot: in topics, in the store, on the page")
     group.add_argument("--battery", metavar="FILE.toml", help="battery file; or what the label says:")
     group.add_argument("--chemistry", metavar="NAME", help=CHEMISTRY)

@@ -46,12 +46,12 @@ _RECORDINGS = (".mcap", ".db3", ".bag")
 _BUS = re.compile(r"(?P<interface>[a-z]\w*):(?P<channel>[^/].*)|(?P<link>v?can\d+)")
 _PORT = re.compile(r"/dev/\S+|COM\d+|socket://\S+")
 
-#: Topics of ROS by the key of the source, those of odometry left out: that of the wheels themselves tells nothing new.
+#: ROS topics by the key of the source; odometry is left out, since that of the wheels themselves adds nothing new.
 _TOPICS = {"battery_state": types.BATTERY_STATE, "joint_states": types.JOINT_STATE, "imu": types.IMU}
 
 
 class Offer(NamedTuple):
-    """A source of the setup: its kind and settings, what it offers, and what has to be asked about it."""
+    """A source of the setup: its kind and settings, the signals that it offers, and the questions about it."""
 
     kind: str
     settings: dict[str, Any]
@@ -63,9 +63,9 @@ class Offer(NamedTuple):
 class SetupPlan(NamedTuple):
     """A setup that can be written."""
 
-    args: argparse.Namespace  #: of the command line: path of the setup, sources as they were named, name of the robot
+    args: argparse.Namespace  #: of the command line: path of the setup, sources as given, name of the robot
     sources: list[tuple[Offer, Mapping[str, ScaledSignal]]]
-    battery: str | None  #: path of the file, as that of the robot
+    battery: str | None  #: path of its file; likewise `robot`
     robot: str | None
     files: dict[str, str]  #: path -> text of battery and robot files that are made
     questions: list[Question]
@@ -79,7 +79,7 @@ class SetupPlan(NamedTuple):
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Look, ask where somebody can answer, and write."""
+    """Examine the sources, ask open questions on a terminal, and write the files."""
     check_output("--output", args.output, (".toml",), (args.battery or "", args.robot or ""))
     offers = [_look(source, args) for source in args.sources]
     plan = make_plan(args, offers)
@@ -102,10 +102,10 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def _look(source: str, args: argparse.Namespace) -> Offer:
-    """What a source offers.
+    """The signals that a source offers.
 
     Raises:
-        InputError: it is none that is known, or frames of CAN without a database.
+        InputError: the kind of source is unknown, or it has CAN frames and there is no database.
     """
     suffix = Path(source).suffix.lower()
     if suffix in _DATABASES:
@@ -151,7 +151,7 @@ def _broker(source: str, args: argparse.Namespace) -> Offer:
 
 
 def _line(source: str, args: argparse.Namespace) -> Offer:
-    """Messages of a serial line, which have no names but those that are given."""
+    """Messages of a serial line; their values have only the names that --message gives."""
     given = {number: names.split(",") for number, names in args.message}
     heard = {} if given else messages_of_line(source, args.baud, args.seconds)
     questions = [
@@ -164,7 +164,7 @@ def _line(source: str, args: argparse.Namespace) -> Offer:
 
 
 def _recording(topics: Sequence[BagTopic]) -> Offer:
-    """Topics of a recording of ROS, which the robot has too; several of a type are asked for."""
+    """Topics of a ROS recording, which the robot has too; where several have one type, a question asks which."""
     settings: dict[str, Any] = {}
     questions, joints = [], []
     for key, type_ in _TOPICS.items():
@@ -182,7 +182,7 @@ def _recording(topics: Sequence[BagTopic]) -> Offer:
 
 
 def make_plan(args: argparse.Namespace, offers: Sequence[Offer]) -> SetupPlan:
-    """Signals of the sources, files of battery and robot, and what is left to ask."""
+    """Signals of the sources, files of battery and robot, and the open questions."""
     of_ros = dict(pair for pair in args.signal if pair[0] in _TOPICS)
     signals = {signal: name for signal, name in args.signal if signal not in _TOPICS}
     answers = Answers(signals, dict(args.unit), args.current_sign, args.shaft, args.counts_per_turn)
@@ -212,7 +212,7 @@ def make_plan(args: argparse.Namespace, offers: Sequence[Offer]) -> SetupPlan:
 
 
 def _of(answers: Answers, offer: Offer, alone: bool) -> Answers:
-    """The answers about one source: the signals that it offers, all where it is alone."""
+    """The answers about one source: those on signals that it offers, or all of them if it is the only source."""
     names = {name for one in offer.offered for name in (one.name, one.short)}
     return answers._replace(signals={s: name for s, name in answers.signals.items() if alone or name in names})
 
@@ -235,12 +235,12 @@ class _File(NamedTuple):
     """File of the battery or of the robot."""
 
     path: str | None  #: None where there is none
-    text: str = ""  #: where it is made
+    text: str = ""  #: of a file that is to be made
     questions: tuple[Question, ...] = ()
 
 
 def _battery(args: argparse.Namespace, signals: Sequence[str]) -> _File:
-    """The battery file that is given, one that is made of the label, or that which lies beside the setup."""
+    """The battery file that is given, one made from the label, or one that is already beside the setup."""
     path = str(Path(args.output).with_name("battery.toml"))
     if args.battery:
         BATTERY_FILE.load(args.battery)
@@ -259,7 +259,7 @@ def _battery(args: argparse.Namespace, signals: Sequence[str]) -> _File:
 
 
 def _robot(args: argparse.Namespace, wheels: Sequence[str]) -> _File:
-    """The robot file as `_battery` has that of the battery; a packaged robot has a name instead."""
+    """The robot file, chosen as in `_battery`; a packaged robot has a name instead of a path."""
     path = str(Path(args.output).with_name("wheels.toml"))
     if args.robot:
         load_robot(args.robot)
@@ -280,7 +280,7 @@ def _robot(args: argparse.Namespace, wheels: Sequence[str]) -> _File:
 
 
 def _ask(questions: Sequence[Question]) -> list[str]:
-    """Ask each on the terminal; the answers as words of a command line. An empty one leaves the question open."""
+    """Answers given on the terminal, as words of a command line; an empty answer leaves its question open."""
     print(f"{len(questions)} to ask; Enter leaves one open", file=sys.stderr)
     words: list[str] = []
     for k, question in enumerate(questions, start=1):
@@ -296,7 +296,7 @@ def _ask(questions: Sequence[Question]) -> list[str]:
 
 
 def _write(plan: SetupPlan) -> dict[str, str]:
-    """Write the files; path -> where what stood there before is now.
+    """Write the files; returns path -> backup of the file that was there before.
 
     Raises:
         OhmwardError: a file cannot be written.
@@ -333,7 +333,7 @@ def _lines(plan: SetupPlan) -> Iterator[str]:
 
 
 def _settings(values: Mapping[str, Any]) -> Iterator[str]:
-    """Lines of settings; texts, numbers and lists stand in TOML as in JSON."""
+    """Lines of settings; strings, numbers and lists are written in TOML as in JSON."""
     for key, value in values.items():
         if value is not None and not isinstance(value, dict):
             yield f"{key} = {json.dumps(value, ensure_ascii=False)}"
@@ -345,7 +345,7 @@ def _wired(signal: ScaledSignal) -> str:
 
 
 def _found(plan: SetupPlan) -> dict[str, str]:
-    """What the robot sends, by the name here: signals, topics of ROS, and values that have their names already."""
+    """What the robot sends, by ohmward's names: signals, ROS topics, and values that have such names already."""
     found = plan.wired
     for offer, _ in plan.sources:
         settings = offer.settings

@@ -37,7 +37,7 @@ from ohmward.traction.speed_observer.estimate import SlipAlarm
 from ohmward.traction.terrain.floor import load_floors
 
 _MOST_EPISODES = 8
-#: Factor within which, at 95 %, a drive must tell the friction for its number to be said.
+#: Factor within which, at 95 %, a drive must determine the friction for its value to be reported.
 _KNOWN_WITHIN = 2.0
 
 
@@ -103,7 +103,7 @@ def summary(task: SlipTask, name: str, observed: ObservedDrive) -> dict[str, Any
 def describe(f: Mapping[str, Any]) -> str:
     """Text for people.
 
-    f: the summary of the drive, here as in all that follows.
+    f: the summary of the drive, here and in all functions below.
     """
     return wording.paragraphs(
         f"{f['log']} with robot {f['robot']!r}: {f['filter']} on {f['terrain']}",
@@ -148,7 +148,7 @@ def result(f: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _friction(ratio: float | None, relative_std: float) -> str:
-    """Friction over the ground's that was believed; no number where the drive does not tell it within a factor."""
+    """Friction relative to that of the assumed ground; no number where the drive does not determine it well enough."""
     if ratio is None:
         return ""
     factor = math.exp(BAND_95 * relative_std)
@@ -158,7 +158,7 @@ def _friction(ratio: float | None, relative_std: float) -> str:
 
 
 def _ratio(ratio: float | None, std: float, of: str) -> str:
-    """A ratio to the value believed, with its 95 % band; nothing where it was not estimated."""
+    """Ratio to the assumed value, with its 95 % band; empty where it was not estimated."""
     return "" if ratio is None else f"{percent(ratio, 1)} ± {percent(BAND_95 * std, 1)} of {of}"
 
 
@@ -201,7 +201,7 @@ def errors(f: Mapping[str, Any]) -> dict[str, str]:
 
 
 def make_page(task: SlipTask, observed: ObservedDrive, f: Mapping[str, Any]) -> Page:
-    """Key figures, plots above each other on one clock, episodes, assumptions."""
+    """Key figures, plots on a common time axis, episodes, assumptions."""
     what = f"Speed and slip by {f['filter']}, robot {task.robot.name!r}, {duration(task.log.duration_s)}"
     numbers = {
         "Distance": quantity(f["distance_m"], "m"),

@@ -32,7 +32,7 @@ from ohmward.logs.table import counted
 from ohmward.logs.write import TABLES
 from ohmward.report import Figure, Page
 
-#: What a filter learns beside SoC, each with its standard deviation.
+#: Quantities that a filter learns besides SoC, each with its standard deviation.
 _LEARNT = [name for mean in LEARNT for name in (mean, STD_OF[mean])]
 _CAUSES = ("Cause", "Part of the band [points]", "Band if it were known [± points]", "Narrowed by")
 #: How to read the causes of the band's width.
@@ -115,7 +115,7 @@ def estimate_table(task: SocTask, answer: SocRun, cells: PackRun | None) -> dict
 def describe(f: Mapping[str, Any]) -> str:
     """Text for people.
 
-    f: the summary of the run, here as in all that follows.
+    f: the summary of the run, here and in all functions below.
     """
     causes = [f"{points} points: {text} -> {remedy}" for text, points, _, remedy in cause_rows(f)]
     anchors = [
@@ -138,7 +138,7 @@ def describe(f: Mapping[str, Any]) -> str:
 
 
 def headline(f: Mapping[str, Any]) -> str:
-    """State of charge in a sentence, that of the pack first where the log has its cells."""
+    """State of charge in a sentence, the pack's first if the log has its cells."""
     caveat = "" if f["fits"] else "The battery file does not fit this log, do not trust the estimate. "
     if cells := f["cells"]:
         pack = band(cells["soc"], cells["soc_std"])
@@ -175,7 +175,7 @@ def _percent_band(soc: float, std: float) -> str:
 
 
 def cause_rows(f: Mapping[str, Any]) -> list[list[str]]:
-    """The causes of the band's width, the largest first, under `_CAUSES`; none where the filter does not say."""
+    """The causes of the band's width, the largest first, under `_CAUSES`; empty where the filter gives none."""
     return [
         [cause["text"], f"{cause['points']:.1f}", f"{cause['points_without']:.1f}", cause["remedy"]]
         for cause in f["explanation"]["causes"]
@@ -194,7 +194,7 @@ def error_rows(f: Mapping[str, Any]) -> list[list[str]]:
 
 
 def anchor_rows(f: Mapping[str, Any]) -> list[list[str]]:
-    """Event, its time, what tells it, its state of charge and the one that was estimated."""
+    """Each event with its time, its source, its state of charge and the one that was estimated."""
     return [
         [
             anchor["kind"],
@@ -230,7 +230,7 @@ def cell_rows(cells: Mapping[str, Any]) -> list[list[str]]:
 
 
 def make_page(task: SocTask, answer: SocRun, cells: PackRun | None, f: Mapping[str, Any]) -> Page:
-    """Key figures, plots above each other on one clock, anchors, cells, causes, assumptions."""
+    """Key figures, plots on a common time axis, anchors, cells, causes, assumptions."""
     clock, explanation = wall_clock(task.log), f["explanation"]
     what = f"State of charge by {f['filter']}, battery {task.battery.name!r}, {duration(task.log.duration_s)}"
     page = Page(task.log.name, what, FOOTER)

@@ -18,7 +18,7 @@ EXAMPLES = """\
 
 ACTIONS = ("list", "query", "export")
 
-#: Seconds of the units of a time that is counted back from now.
+#: Seconds in each unit of a time before now.
 _BACK = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 
 
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def moment(text: str) -> float:
-    """Seconds since 1970 of a date and time, or of a time so long ago: `10min`, `2h`, `3d`."""
+    """Seconds since 1970 of a date and time, or of a time before now: `10min`, `2h`, `3d`."""
     for word, seconds in sorted(_BACK.items(), key=lambda item: -len(item[0])):
         if text.endswith(word):
             try:

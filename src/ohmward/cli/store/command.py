@@ -1,4 +1,4 @@
-"""`ohmward store`: what a robot has stored, listed, queried and exported."""
+"""`ohmward store`: list, query and export what a robot has stored."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ohmward.logs.write import TABLES, write_table
 from ohmward.onboard.store.rows import KINDS
 from ohmward.onboard.store.store import Store
 
-#: Conditions that `list` shows.
+#: Number of last conditions that `list` shows.
 _CONDITIONS = 10
 
 
@@ -80,14 +80,14 @@ def _date(unix_s: float) -> str:
 def _columns(
     store: Store, kind: str, wanted: str | None, span_s: tuple[float | None, float | None], every: int
 ) -> dict[str, np.ndarray]:
-    """The rows that were asked for: `time_s` from the first on, `unix_time_s`, then the values.
+    """The requested rows: `time_s` since the first of them, `unix_time_s`, then the values.
 
     wanted: names separated by commas; None for all.
     span_s: first and last time [s]; None where it is open.
-    every: one row in so many.
+    every: keep only every N-th row.
 
     Raises:
-        InputError: there are none, or a column that there is not.
+        InputError: there are no such rows, or no such column.
     """
     names = [name.strip() for name in wanted.split(",")] if wanted else None
     since_s, until_s = (

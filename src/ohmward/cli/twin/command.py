@@ -1,4 +1,4 @@
-"""`ohmward twin`: a log through an exported C library on this machine, bit by bit as the microcontroller computes."""
+"""`ohmward twin`: run a log through an exported C library on this machine, bit for bit as on the microcontroller."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ohmward.traction import load_robot
 from ohmward.traction.friction.terrain import terrain_named
 from ohmward.traction.motion.sample import samples_of as drive_samples_of
 
-#: A member of the sample that only a battery's, or only a drive's has.
+#: A member that only samples of a battery have, and one that only samples of a drive have.
 _BATTERY, _DRIVE = "voltage_V", "wheel_speed_rad_s"
 
 
@@ -81,7 +81,7 @@ def prepare(twin: Twin, args: argparse.Namespace) -> Replay:
 
 
 def replayed(twin: Twin, replay: Replay, output: str | None) -> dict[str, Any]:
-    """Figures of the log through the library; what it says goes to the file `output`, if one is named."""
+    """Figures of a run of the log through the library; its outputs go to the file `output`, if one is named."""
     began = time.perf_counter()
     twin.start(first_of(replay.samples), **replay.arguments)
     outputs = twin.run(replay.samples)
@@ -106,10 +106,10 @@ def replayed(twin: Twin, replay: Replay, output: str | None) -> dict[str, Any]:
 
 
 def start_arguments(twin: Twin, given: dict[str, float]) -> dict[str, float]:
-    """Arguments of the start: those of the command line, else those that the library was exported with.
+    """Arguments of the start, from the command line or else from the export of the library.
 
     Raises:
-        InputError: the start takes no such argument, or nobody says its value.
+        InputError: the start takes no such argument, or the value of one is unknown.
     """
     if foreign := sorted(set(given) - set(twin.arguments)):
         raise InputError(

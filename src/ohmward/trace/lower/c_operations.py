@@ -1,4 +1,4 @@
-"""Operations as C99 writes them, in single precision, with the helpers that some of them need."""
+"""Operations in C99 and single precision, with the helpers that some of them need."""
 
 from __future__ import annotations
 
@@ -44,17 +44,17 @@ def _joined(tables: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
 
 
 def position(values: tuple[float, ...], array: tuple[float, ...]) -> int | None:
-    """Index in an array from which on it holds the values; None if it does not."""
+    """Index from which an array holds the values; None if it does not."""
     starts = range(len(array) - len(values) + 1)
     return next((k for k in starts if array[k] == values[0] and array[k : k + len(values)] == values), None)
 
 
-#: Up to this size every whole number is a single, so a cast to an integer gives what `floor` does.
+#: Up to this size every whole number is exact in single precision, so a cast to an integer gives the same as `floor`.
 _LARGEST_WHOLE_SINGLE = 2.0**23
 
 
 def is_whole(node: Expression) -> bool:
-    """True where an integer holds the value: an entry of a table of bytes, or the floor of a small positive number."""
+    """True where an integer can hold the value: an entry of a table of bytes, or the floor of a small number >= 0."""
     if node.operation.name == "gather":
         return are_bytes(node.args[1])
     return node.operation.name == "floor" and within(node, 0.0, _LARGEST_WHOLE_SINGLE)
@@ -91,12 +91,12 @@ def literal(value: object) -> str:
     return f"({digits}f)" if single < 0 or (single == 0 and np.signbit(single)) else f"{digits}f"
 
 
-#: How tightly an operator binds. MISRA C 12.1 wants brackets about all but sums and products.
+#: Ranks of operators, the tightest first. MISRA C 12.1 requires brackets around all but sums and products.
 ATOM, UNARY, PRODUCT, SUM, LOOSE = range(5)
 
 
 class Formula(NamedTuple):
-    """C of a value, and how tightly its outermost operator binds."""
+    """C of a value, and the rank of its outermost operator."""
 
     text: str
     rank: int
@@ -153,12 +153,12 @@ abs acos asin atan ceil cos cosh cbrt div erf exp exp2 expm1 fabs fdim floor fma
 j0 j1 jn ldexp lgamma log log10 log1p log2 logb main memcpy memset modf nan pow remainder remquo rint round sin sinh
 sqrt tan tanh tgamma time trunc y0 y1 yn
 """
-#: Words that a local variable cannot have, or would hide.
+#: Words that cannot be the name of a local variable, or that it would hide.
 NO_NAMES = frozenset((_KEYWORDS + _FUNCTIONS).split())
 
 
 def comment_text(text: str) -> str:
-    """Text that can stand in a comment of C."""
+    """Text made safe for a comment in C."""
     return text.replace("*/", "* /").replace("/*", "/ *")
 
 

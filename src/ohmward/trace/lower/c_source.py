@@ -1,13 +1,13 @@
-"""Lowering to C99 in single precision: start and step as straight lines, for microcontrollers and their reviewers.
+"""Lowering to C99 in single precision: start and step as straight-line code, for microcontrollers and code reviewers.
 
     void NAME_start(NAME_state *state, const NAME_sample *sample, ...);
     void NAME_step(NAME_state *state, const NAME_sample *sample, NAME_output *output);
 
-Values have the names of the variables that held them in the traced code, and come in its order; a comment says where
-another of its functions begins (see `origins`). What is used once and has no name stands where it is used.
+Values have the names of the variables that held them in the traced code, and come in its order; a comment marks where
+another of its functions begins (see `origins`). A value without a name that is used once is written where it is used.
 
-No heap, no static state, no libm but sqrtf and fabsf; exp, log and their like are those of `elementary`.
-Compiled with -ffp-contract=off the results are those of the machine code in "f32" without contraction, bit by bit, on
+No heap, no static state, no libm but sqrtf and fabsf; exp, log and the like are those of `elementary`.
+Compiled with -ffp-contract=off, the results match the machine code in "f32" without contraction, bit for bit, on
 every processor with IEEE 754 singles. Every symbol begins with NAME_.
 """
 
@@ -44,16 +44,16 @@ from ohmward.trace.program import Program, StepStructure, serials
 from ohmward.trace.structure import Leaf, Structure, leaves
 
 _WORD = re.compile(r"[a-z][a-z0-9_]*")
-#: Outputs that memset writes.
+#: Literals of outputs that memset can write.
 _ZEROS = (literal(0.0), literal(False))
 
 #: With this many zeros or more, memset is shorter than setting each of them.
 _WORTH_MEMSET = 8
 
-#: Width of tables and comments, and of the longest formula that stands inside another one.
+#: Width of tables and comments, and of the longest formula that is written inside another one.
 _WIDTH, _LONGEST = 110, 60
 
-#: Clang fuses a product and a sum of one expression unless it is told not to; GCC does not know the pragma.
+#: Clang fuses a product and a sum of one expression unless this forbids it; GCC does not know the pragma.
 _NO_CONTRACTION = ("#if defined(__clang__)", "#pragma STDC FP_CONTRACT OFF", "#endif", "")
 
 #: For callers in C++.
@@ -100,10 +100,10 @@ def c_source(
     start:    its first argument has the structure of a sample, further ones are numbers; it becomes NAME_start.
     comments: meaning and unit of a member, by its path: "sample.current_A", "flags.GAP".
     constants: whole numbers that the header defines as NAME_WORD.
-    loops:    the body of the step as loops; None for a straight line.
+    loops:    the body of the step as loops; None for straight-line code.
 
     Raises:
-        InputError: the name is no prefix, or a function has another form.
+        InputError: the name cannot be a prefix, or a function has another form.
     """
     if not _WORD.fullmatch(name):
         raise InputError(f"name must be small letters, digits and underscores, and begin with a letter, got {name!r}")
@@ -123,7 +123,7 @@ class Function(NamedTuple):
     #: the places in C of the program's inputs and outputs; `return` is the value that it returns
     inputs: list[str]
     outputs: list[str]
-    #:     pointer to the struct whose members are all among the outputs; memset sets it where most are zero
+    #:     pointer to the struct whose members are all among the outputs; memset clears it where many are zero
     fills: str = ""
 
 
@@ -131,9 +131,9 @@ class Loops(NamedTuple):
     """A step with loops."""
 
     structs: Mapping[str, Structure]  #:    structs of its functions, by their name without the prefix
-    functions: list[Function]  #:  straight lines that it calls
+    functions: list[Function]  #:  straight-line functions that it calls
     source: str  #:     C of the step itself
-    code_bytes: int  #: size of that in Thumb-2 code
+    code_bytes: int  #: its size in Thumb-2 code
 
 
 def _step(program: Program, name: str, structs: dict[str, list[Member]]) -> Function:
@@ -259,9 +259,9 @@ def _body(writer: _CWriter, function: Function) -> Iterator[str]:
 
 
 def _outputs(function: Function) -> tuple[dict[int, list[str]], list[tuple[str, object]]]:
-    """Places of the outputs that an operation gives, by its serial; and the others, inputs and constants.
+    """Places of the outputs that an operation computes, by its serial; and of the others, inputs and constants.
 
-    An input that stays where it is has no part in either.
+    An input that stays in its place is in neither.
     """
     made: dict[int, list[str]] = {}
     others: list[tuple[str, object]] = []
@@ -281,7 +281,7 @@ def _places(program: Program) -> Counter[int]:
         plain = node.operation.name != "gather" and not is_whole(node)
         for k, argument in enumerate(node.args):
             if isinstance(argument, Expression):
-                # an index has a line: GCC makes more code of the cast of a choice
+                # an index gets a line of its own: GCC makes more code for the cast of a choice
                 places[argument.serial] += template(node).text.count(f"{{{k}}}") if plain else 2
     return places
 
@@ -312,7 +312,7 @@ def table_users(programs: Iterable[Program]) -> dict[tuple[float, ...], list[str
 
 
 def _holds(array: tuple[float, ...], table: tuple[float, ...]) -> bool:
-    """True where an array holds the values of a table in its kind of numbers."""
+    """True where an array holds the values of a table in the same type of numbers."""
     return are_bytes(array) is are_bytes(table) and position(table, array) is not None
 
 
@@ -333,26 +333,26 @@ class _CWriter:
         self.helpers: set[str] = set()
 
     def begin(self, program: Program, taken: Iterable[str]) -> None:
-        """Start another function, with the same tables and helpers; taken: words that are no names of values."""
+        """Start another function, with the same tables and helpers; taken: words that cannot name values."""
         self.lines: list[str] = []
         self.origins = program.origins
         self.block: Origin | None = None
         self.explained: set[Origin] = set()
-        self.formulas: dict[int, Formula] = {}  # of the values, by serial: names, or what is written in their places
+        self.formulas: dict[int, Formula] = {}  # of the values, by serial: names, or formulas in their places
         self.words: set[str] = {*taken, *NO_NAMES}
-        self.free_numbers: dict[str, int] = {}  # by name, from where on a number behind it may be free
-        #: names of the integers, by what they are the integer of, and the size of the tables that they index
+        self.free_numbers: dict[str, int] = {}  # by name, the least suffix that may be free
+        #: names of the integers, by the value that they convert and the size of the tables that they index
         self.indices: dict[tuple[str, int], str] = {}
 
     def read(self, symbol: Expression, place: str) -> None:
-        """An input: an argument by its own name, a member of a struct by one like it."""
+        """Read an input: an argument by its own name, a member of a struct by a name like it."""
         if "->" in place:
             self.declare(symbol, Formula(place, ATOM), re.sub(r"\W+", "_", place.split("->")[1]).strip("_"))
         else:
             self.formulas[symbol.serial] = Formula(place, ATOM)
 
     def write(self, node: Expression, only_once: bool, is_output: bool) -> None:
-        """A value: in the only place where it is used if it is short and that place names it, else as a line."""
+        """Write a value: inside its only use if it is short and has no name or is an output, else on a line."""
         formula = self.formula(node)
         name = self.origins.name(node.serial) if self.origins else ""
         if only_once and (is_output or not name) and len(formula.text) <= _LONGEST:
@@ -366,7 +366,7 @@ class _CWriter:
         self.lines.append(f"return {self.word(x)};" if place == "return" else f"{place} = {self.word(x)};")
 
     def explain(self, node: Expression) -> None:
-        """A comment where another function of the traced code begins."""
+        """Write a comment where another function of the traced code begins."""
         origin = self.origins.origin(node.serial) if self.origins else None
         if origin and origin != self.block:
             text = origin.name if origin in self.explained else f"{origin.name} ({origin.file}): {origin.summary}"
@@ -380,7 +380,7 @@ class _CWriter:
         self.lines.append(f"const {'bool' if node.boolean else 'float'} {word.text} = {formula.text};")
 
     def new_word(self, name: str) -> str:
-        """The name, or another one like it if it is taken."""
+        """The name, with a number if it is taken."""
         name = name if re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII) else "t"
         if name != "t" and name not in self.words:
             self.words.add(name)
@@ -396,7 +396,7 @@ class _CWriter:
         return self.formula_of(x).text
 
     def formula_of(self, x: object) -> Formula:
-        """What stands for a value where it is used: its name, its formula or a literal."""
+        """Formula of a value where it is used: its name, its formula or a literal."""
         return self.formulas[x.serial] if isinstance(x, Expression) else Formula(literal(x), ATOM)
 
     def formula(self, node: Expression) -> Formula:

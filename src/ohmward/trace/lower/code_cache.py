@@ -1,9 +1,9 @@
-"""Machine code on disk, for the next process: entries that nobody but their user can have written.
+"""Machine code on disk for later processes, in entries that only their user can have written.
 
-Whoever can write an entry decides what runs here; its checksum finds damage, not malice. So the folder belongs to the
+Whoever can write an entry decides what runs here; its checksum detects damage, not malice. So the folder belongs to the
 user and is made for the user alone (mode 700), a folder or entry that others own or may write is not used, and links
-are not followed. Entries are written to a temporary file and renamed, so several processes may write at once. Where
-there is no such folder, one warning says so and every process compiles for itself.
+are not followed. Entries are written to a temporary file and renamed, so several processes may write at once. Without
+such a folder, there is one warning and every process compiles for itself.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-#: Entries of the folder, some 40 kB each; beyond that the oldest are removed. The parameters of a battery are constants
-#: of its program, so every battery has its own entry.
+#: Largest number of entries, about 40 kB each; beyond it the oldest are removed. The parameters of a battery are
+#: constants of its program, so every battery has its own entry.
 MOST_ENTRIES = 1000
 
 #: Bytes of a SHA-256.
@@ -54,7 +54,7 @@ def folder() -> Path:
     """Folder of compiled programs: OHMWARD_CACHE, else one in the user's cache folder.
 
     Raises:
-        OSError: nobody names one and the user has no home.
+        OSError: OHMWARD_CACHE is not set and the user has no home.
     """
     if named := os.environ.get("OHMWARD_CACHE"):
         return Path(named)
@@ -66,7 +66,7 @@ def folder() -> Path:
 
 
 def cached(key: str, make: Callable[[], bytes]) -> bytes:
-    """Code of a key: a whole, safe entry of the folder, else what `make` gives, which becomes the entry."""
+    """Code of a key: from an intact, safe entry of the folder, else from `make` and then stored as the entry."""
     name = f"{key}.o"
     try:
         with _opened(folder()) as cache_folder:
@@ -87,7 +87,7 @@ def cached(key: str, make: Callable[[], bytes]) -> bytes:
 
 
 def is_cached(key: str) -> bool:
-    """True where the folder has an entry of a key; `cached` judges whether it is whole and safe."""
+    """True where the folder has an entry of a key; `cached` checks whether it is intact and safe."""
     try:
         return (folder() / f"{key}.o").is_file()
     except OSError:
@@ -118,7 +118,7 @@ def _require_own(handle: int) -> None:
     """Refuse an open file or folder that others own or may write.
 
     Raises:
-        UnsafeFolderError: so it is.
+        UnsafeFolderError: others own it or may write to it.
     """
     if not _POSIX:
         return
@@ -146,7 +146,7 @@ def _read(cache_folder: OpenFolder, name: str) -> bytes | None:
 
 
 def _write(cache_folder: OpenFolder, name: str, content: bytes) -> None:
-    """Write an entry; it is whole or as it was."""
+    """Write an entry, which is then either complete or unchanged."""
     temporary = f"{name}.{secrets.token_hex(4)}.part"
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_LINK
     place, final = cache_folder.place(temporary), cache_folder.place(name)
@@ -173,7 +173,7 @@ def _written(path: Path) -> float:
 
 
 def _warn(error: OSError) -> None:
-    """Say once that programs are compiled anew, and why."""
+    """Warn once that every process has to compile its programs, and why."""
     try:
         place = f"in {folder()}"
     except OSError:
@@ -186,5 +186,5 @@ def _warn(error: OSError) -> None:
 
 @cache
 def say_once(what: str) -> None:
-    """Warn, but of the same only once in a process."""
+    """Warn, but only once in a process with the same text."""
     warnings.warn(what, RuntimeWarning, stacklevel=2)

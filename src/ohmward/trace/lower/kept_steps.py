@@ -1,8 +1,8 @@
-"""Steps in machine code kept whole on disk: a process that starts again neither traces nor compiles them.
+"""Steps in machine code stored on disk, so that a restarted process neither traces nor compiles them.
 
-A step is known by its function and settings, and by what these can reach in this process: the files of their modules,
-the constants there as they are now, the processor and the compiler, as all of these make its code. Only functions of
-ohmward itself are kept.
+A step is identified by everything that determines its code: its function and settings and what these can reach in this
+process, the files of their modules and the current constants there, as well as the processor and the compiler. Only
+functions of ohmward itself are stored.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from ohmward.trace.lower.reach import OURS, UnknownReachError, reach_of
 from ohmward.trace.program import Program, symbols
 from ohmward.trace.structure import Branch, Structure
 
-#: Packages whose functions and classes a step may name beside ours: their versions are in its key.
+#: Packages besides ours whose functions and classes a step may name: their versions are in its key.
 _KNOWN = {"numpy", "functools", "collections", "builtins", "__builtin__", "copy_reg", "copyreg", "_codecs"}
-#: What makes the code of every step.
+#: Module that makes the code of every step.
 _COMPILER = "ohmward.trace.lower.llvm_run"
 
 
@@ -57,7 +57,7 @@ def key_of(function: Callable[..., Any], examples: tuple[Any, ...], constants: t
 
 
 class _Pickler(pickle.Pickler):
-    """Content of settings: the fields of dataclasses, without values that they have cached meanwhile."""
+    """Pickler of settings: the fields of dataclasses, without values that they have cached since."""
 
     def reducer_override(self, value: Any) -> Any:
         """Type and fields of a dataclass; the usual way for all others."""
@@ -79,10 +79,10 @@ def is_kept(key: str | None) -> bool:
 
 
 def kept_step(key: str, make: Callable[[], MachineStep]) -> MachineStep:
-    """The step of a key, for one log and for live samples; `make` gives one that is not on disk.
+    """The step of a key, for one log and for live samples; `make` is called if it is not on disk.
 
     Raises:
-        NoMachineCodeError: there is none for this program or processor.
+        NoMachineCodeError: there is no machine code for this program or processor.
     """
     stored: _Stored = pickle.loads(cached(key, lambda: pickle.dumps(_outline(make()))))
     program = Program(

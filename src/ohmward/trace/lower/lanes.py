@@ -13,8 +13,8 @@ from ohmward.trace.lower.numpy_source import Lanes
 from ohmward.trace.program import StepStructure
 from ohmward.trace.structure import Leaf, Structure, as_array, flatten, leaves, unflatten
 
-#: Lanes that run together: a NumPy call costs as much as its work on 1000 to 2000 lanes, and the registers of a
-#: seven-state filter with 4096 lanes take 3 MB of the cache.
+#: Number of lanes that run together: the overhead of a NumPy call equals its work on 1000 to 2000 lanes, and the
+#: registers of a seven-state filter with 4096 lanes take 3 MB of the cache.
 BLOCK = 4096
 #: Steps between two reports of progress.
 _REPORTED_STEPS = 4096
@@ -65,12 +65,12 @@ def make_batch(structure: StepStructure, state: Any, samples: Any) -> Batch:
 
 
 def lanes_apart(values: np.ndarray) -> bool:
-    """True where the lanes of a step (T, B) are no neighbours in memory."""
+    """True where the lanes of a step in (T, B) are not adjacent in memory."""
     return values.shape[1] > 1 and values.strides[1] != values.itemsize
 
 
 def _output(leaf: Leaf, count: int, width: int, by_log: bool) -> np.ndarray:
-    """An output (T, ..., B) to be filled; by_log: each log is one piece of memory, as it is where the samples are."""
+    """An output (T, ..., B) to be filled; by_log: each log is contiguous in memory, like those of the samples."""
     if by_log:
         return np.swapaxes(np.empty((width, *leaf.shape, count), leaf.dtype), 0, -1)
     return np.empty((count, *leaf.shape, width), leaf.dtype)
@@ -128,7 +128,7 @@ def _steps(values: Iterable[tuple[Leaf, np.ndarray, str]]) -> int:
 
 
 def _lane_count(states: Iterable[tuple[Leaf, np.ndarray, str]], values: Iterable[tuple[Leaf, np.ndarray, str]]) -> int:
-    """B, from the leaves that have a lane axis: of a state behind its own axes, of samples behind that of time too."""
+    """B, from the leaves that have a lane axis: last in a state, last in samples that also have a time axis."""
     of_states: set[int] = {v.shape[-1] for leaf, v, _ in states if v.ndim == len(leaf.shape) + 1}
     of_samples: set[int] = {v.shape[-1] for leaf, v, _ in values if v.ndim == len(leaf.shape) + 2}
     widths = of_states | of_samples
@@ -156,7 +156,7 @@ def _sample_columns(leaf: Leaf, value: np.ndarray, path: str, count: int, width:
 
 
 def state_tree(structure: Structure, final: Sequence[np.ndarray], width: int) -> Any:
-    """The state made of its rows (B,): every leaf with a trailing lane axis."""
+    """The state rebuilt from its rows (B,): every leaf with a trailing lane axis."""
     rows = iter(final)
 
     def value(leaf: Leaf) -> np.ndarray:

@@ -14,11 +14,11 @@ from ohmward.trace.expression import Expression, is_condition
 
 @dataclass(frozen=True)
 class Target:
-    """Arithmetic and vector width that the code is made for."""
+    """Arithmetic and vector width of the generated code."""
 
     precision: Precision  #: of the arithmetic
     width: int = 1  #:     lanes in a vector; 1 is scalar code
-    #:  products and sums may become fused multiply-adds: faster, and other last bits on other machines
+    #:  products and sums may become fused multiply-adds: faster, but last bits differ between machines
     contract: bool = True
 
     @property
@@ -61,7 +61,7 @@ class Target:
         return element if self.width == 1 else f"<{self.width} x {element}>"
 
     def constant(self, value: Any) -> str:
-        """A literal; floats as the bits of a double, which LLVM wants for both precisions."""
+        """A literal; floats as the bits of a double, as LLVM requires for both precisions."""
         if isinstance(value, bool):
             return self.spread("i1", "true" if value else "false")
         rounded = value if self.bits == 64 else _single(value)
@@ -77,7 +77,7 @@ class Target:
 
 
 def _single(value: float) -> float:
-    """The nearest single, inf where it is too large."""
+    """The nearest number in single precision, inf where it is too large."""
     try:
         single: float = struct.unpack("<f", struct.pack("<f", value))[0]
     except OverflowError:
@@ -111,7 +111,7 @@ class Instructions:
         return f"%v{next(self._numbers)}"
 
     def word(self, x: Any) -> str:
-        """Name of a traced value, or a literal; a name stays."""
+        """Name of a traced value, or a literal; a name is returned as it is."""
         if isinstance(x, str):
             return x
         return self.words[x.serial] if isinstance(x, Expression) else self.target.constant(x)
@@ -127,7 +127,7 @@ class Instructions:
         return f"  {result} = {instruction} {kind} {', '.join(self.word(a) for a in args)}"
 
     def arithmetic(self, result: str, instruction: str, *args: Any) -> str:
-        """An instruction on numbers, as fadd."""
+        """An instruction on numbers, such as fadd."""
         contract = " contract" if self.target.contract else ""
         return self.line(result, f"{instruction}{contract}", self.target.number, *args)
 
@@ -144,7 +144,7 @@ class Instructions:
         return f"  {result} = select {flag} {self.word(condition)}, {kind} {self.word(a)}, {kind} {self.word(b)}"
 
     def intrinsic(self, result: str, name: str, x: Any) -> str:
-        """A function of one number that LLVM knows, as sqrt."""
+        """An LLVM intrinsic of one number, such as sqrt."""
         return self.call(result, self.target.number, f"llvm.{name}.{self.target.suffix}", (self.target.number, x))
 
     def call(self, result: str, kind: str, function: str, *arguments: tuple[str, Any]) -> str:

@@ -39,7 +39,7 @@ def run_lanes(step: MachineStep, state: Any, samples: Any, progress: Progress | 
 
 
 def _doubles(columns: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Conditions as 0.0 and 1.0."""
+    """Columns as doubles, conditions as 0.0 and 1.0."""
     return [np.asarray(c, dtype=float) for c in columns]
 
 

@@ -19,7 +19,7 @@ _LEVEL = 2
 #: A traced program is one straight line without a common subexpression. Of the optimiser's passes only this one makes
 #: it faster; all of them together take as long as the code generator.
 _PASSES = ("instruction_combine",)
-#: Constants lie near the code, so instructions hold their addresses; the linker keeps both together.
+#: Constants lie near the code, so that instructions can contain their addresses; the linker keeps both together.
 _CODE_MODEL = "small"
 _NUMBERS = count()
 _SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p, ctypes.c_int64], *[ctypes.c_void_p] * 4, *[ctypes.c_int64] * 4)
@@ -89,7 +89,7 @@ def compile_scan(source: str, name: str) -> tuple[Callable[..., None], Any]:
 
 
 def compiled(source: str) -> bytes:
-    """Object file of a module, from the disk where it was compiled before.
+    """Object file of a module, from the disk if it was compiled before.
 
     Raises:
         NoMachineCodeError: see `llvm`; or LLVM refuses this program.
@@ -113,7 +113,7 @@ def linked(code: bytes, name: str) -> tuple[Callable[..., None], Any]:
 
 @contextmanager
 def _refused() -> Iterator[None]:
-    """Name what LLVM refuses."""
+    """Turn LLVM's refusal of a program into a NoMachineCodeError."""
     try:
         yield
     except RuntimeError as error:
@@ -147,7 +147,7 @@ def _key(source: str) -> str:
 
 
 def this_machine() -> bytes:
-    """Processor and compiler, as far as they make the code of a program.
+    """Processor and compiler, as far as they determine the code of a program.
 
     Raises:
         NoMachineCodeError: see `llvm`.

@@ -55,7 +55,7 @@ def _extremum(predicate: str, opposite: str) -> Speller:
     def lines(w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str]:
         a, b = args
         first = w.new()
-        if isinstance(b, float) and b and not math.isnan(b):  # of zeros the sign could be lost
+        if isinstance(b, float) and b and not math.isnan(b):  # with b = 0 the sign of a zero could be lost
             yield w.compare(first, opposite, a, b)
             yield w.select(result, first, b, a)
             return
@@ -116,7 +116,7 @@ def _layout(target: Target) -> tuple[int, int]:
 
 
 def _power_of_two(w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str]:
-    """The sum with the rounder has n in its lowest bits; shifted, they are the exponent."""
+    """The sum with rounder and bias has n + bias in its lowest bits; shifted, they are the exponent."""
     t = w.target
     bias, mantissa = _layout(t)
     lifted, bits, moved = w.new(), w.new(), w.new()
@@ -127,7 +127,7 @@ def _power_of_two(w: Instructions, result: str, args: tuple[Any, ...]) -> Iterat
 
 
 def _exponent(w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str]:
-    """The exponent's bits become the lowest of 2^52 (2^23), which is then taken away."""
+    """The exponent's bits become the lowest of 2^52 (2^23), which is then subtracted with the bias."""
     t = w.target
     bias, mantissa = _layout(t)
     bits, moved, lifted, number = w.new(), w.new(), w.new(), w.new()
@@ -144,7 +144,7 @@ def _gather(w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str
     table, place = w.table(values), w.new()
     last = len(values) - 1
     if index.operation.name == "floor" and within(index, 0.0, last):
-        # the conversion cuts off what `floor` does, and need not wait for it
+        # the conversion truncates like `floor`, and need not wait for it
         yield f"  {place} = fptosi {t.number} {w.word(index.args[0])} to {t.of('i32')}"
     else:
         yield from _clamped_index(w, place, index, last)
@@ -159,7 +159,7 @@ def _gather(w: Instructions, result: str, args: tuple[Any, ...]) -> Iterator[str
 
 
 def _clamped_index(w: Instructions, result: str, index: Any, last: int) -> Iterator[str]:
-    """The whole number of an index, at least 0 and at most `last`; 0 for nan."""
+    """An index as an integer from 0 to `last`; 0 for nan."""
     t, indices = w.target, w.target.of("i32")
     whole, not_negative = w.new(), w.new()
     yield w.call(whole, indices, f"llvm.fptosi.sat.{t.lanes}i32.{t.suffix}", (t.number, index))

@@ -27,12 +27,12 @@ STEP_NAME = "ohmward_scan"
 _ONE_AT_A_TIME = Lock()
 #: Steps between two reports of progress.
 _REPORTED_MACHINE_STEPS = 1 << 16
-#: Bytes of samples and outputs that all lanes go through before the next steps: they should stay in the cache.
+#: Bytes of samples and outputs that all lanes process before the next steps: they should stay in the cache.
 _CACHE = 1 << 20
-#: Least number of steps at a time. Fewer would load and store the state too often: 16 cost a seventh more time with
+#: Smallest number of steps at a time. Fewer would load and store the state too often: 16 take a seventh longer with
 #: 1024 logs and 7 states.
 _LEAST_STEPS = 64
-#: Doubles between the rows of the state of many logs: a line of the cache.
+#: Doubles between the rows of the state of many logs: one cache line.
 _PADDING = 8
 
 #: Called with (steps done, all steps), and with the steps done since the last call.
@@ -53,7 +53,7 @@ class MachineStep:
 
     @classmethod
     def of_code(cls, program: Program, state_size: int, code: tuple[Callable[..., None], Any]) -> MachineStep:
-        """The step whose loop for one log was compiled before; the program may have lost its operations."""
+        """The step whose loop for one log was compiled before; the program may come without its operations."""
         step = cls(program, state_size)
         step._compiled[1, (False,) * step.columns] = code
         return step
@@ -121,9 +121,9 @@ class MachineStep:
     def _blocks(
         self, state: np.ndarray, columns: Columns, outputs: Columns, part: slice, report: Report | None
     ) -> None:
-        """Step the lanes of a part, so many steps at a time that their samples and outputs stay in the cache.
+        """Step the lanes of a part, in chunks of steps whose samples and outputs stay in the cache.
 
-        Columns and outputs whose lanes lie apart in memory, as those of whole logs do, go through a table of that size.
+        Columns and outputs whose lanes are not adjacent in memory, as with whole logs, go through a table of that size.
         """
         count, width = len(columns[0]), part.stop - part.start
         run = self.function(self.width, tuple(c.ndim == 2 for c in columns))
@@ -150,7 +150,7 @@ class MachineStep:
                 report(size * width)
 
     def _rest(self, state: np.ndarray, columns: Columns, outputs: Columns, part: slice, report: Report | None) -> None:
-        """Step the last lanes, too few for a vector, in one that repeats the last of them."""
+        """Step the last lanes, too few for a vector, in a vector filled up with copies of the last of them."""
         lanes = part.stop - part.start
         count = len(columns[0])
         padded = np.repeat(state[:, -1:], self.width, axis=1)
@@ -168,7 +168,7 @@ class MachineStep:
 class OneStep:
     """A step that has its state, sample and output in memory of its own: (n,) of float64 each.
 
-    run: takes `sample` into `state` and `output`.
+    run: makes one step from `state` and `sample` to `state` and `output`.
     """
 
     def __init__(self, step: MachineStep, state: np.ndarray):
@@ -185,13 +185,13 @@ class OneStep:
             *map(ctypes.c_void_p, addresses),
             *map(ctypes.c_int64, (0, 1, 0, 1)),  # steps and lanes: from 0 to 1
         )
-        self.run.__dict__["memory"] = step, self.state, columns, results  # code and data live as long as whoever calls
+        self.run.__dict__["memory"] = step, self.state, columns, results  # code and data live as long as `run`
 
 
 class _Arrays:
     """Pointers to arrays and the bytes between their rows, in the form that the machine code takes.
 
-    addresses: of the pointers and of the strides; they hold as long as this object.
+    addresses: of the pointers and of the strides; they are valid as long as this object lives.
     """
 
     def __init__(self, arrays: Sequence[np.ndarray]):
@@ -208,7 +208,7 @@ def _call(
 
 
 def _apart(rows: np.ndarray) -> np.ndarray:
-    """A copy with a gap between the rows: at powers of two apart they would share the same few lines of the cache."""
+    """A copy with a gap between the rows: a power of two apart, they would share the same few cache lines."""
     spaced = np.empty((len(rows), rows.shape[1] + _PADDING))[:, : rows.shape[1]]
     spaced[:] = rows
     return spaced
@@ -223,7 +223,7 @@ def _shares(lanes: int, width: int, threads: int) -> Iterator[tuple[int, int]]:
 
 
 def _padded(values: np.ndarray, width: int) -> np.ndarray:
-    """Columns (T, width): the lanes there are, the last one repeated."""
+    """Columns (T, width): the given lanes, the last one repeated."""
     return np.concatenate([values, np.repeat(values[:, -1:], width - values.shape[1], axis=1)], axis=1)
 
 

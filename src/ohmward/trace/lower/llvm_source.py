@@ -4,10 +4,10 @@ One function per program, no calls, no memory but the caller's:
 
     void scan(state, row, columns, time, outputs, out, first, last, lane, lanes)
 
-    state    scalar k of the state is at state + k row, lane l of it 8 l bytes on
-    columns  pointers to the samples' columns; column j at time t is at columns[j] + t time[j], and 8 l bytes on where
-             every lane has its own value
-    outputs  pointers and, in `out`, strides of the outputs, as the columns
+    state    scalar k of the state is at state + k row, and its lane l is 8 l bytes further
+    columns  pointers to the samples' columns; column j at time t is at columns[j] + t time[j], and 8 l bytes further
+             where every lane has its own value
+    outputs  pointers and, in `out`, strides of the outputs, as for the columns
     first, last   steps;   lane, lanes   the first lane and the end, a whole number of blocks apart
 
 Memory holds doubles, whatever the arithmetic. Conditions are 0.0 and 1.0 there. All strides are in bytes.
@@ -24,7 +24,7 @@ from ohmward.trace.lower.llvm_operations import SPELLINGS, spell
 from ohmward.trace.lower.packs import Key, Pack, Packs, is_one, key_of
 from ohmward.trace.program import Program
 
-#: Arguments of every function that is made here.
+#: Arguments of every generated function.
 ARGUMENTS = (
     "ptr noalias %state, i64 %row, ptr noalias %columns, ptr noalias %time, ptr noalias %outputs, ptr noalias %out, "
     "i64 %first, i64 %last, i64 %lane, i64 %lanes"
@@ -217,7 +217,7 @@ class _PackedLoop(_LogLoop):
             yield from self.store_output(j, y)
 
     def single(self, values: Sequence[Any]) -> Iterator[str]:
-        """Take the scalars that were computed in lanes out of them."""
+        """Extract the scalars that were computed in lanes."""
         for x in values:
             if isinstance(x, Expression) and x.serial not in self.write.words:
                 key, lane = self.packs.lane[x.serial]
@@ -236,7 +236,7 @@ class _PackedLoop(_LogLoop):
             )
         if first.operation.name == "gather" and key_of(arguments[0]) in self.packs.arguments:
             for x, argument in zip(first.args[0].args, self.packs.arguments[key_of(arguments[0])], strict=True):
-                yield from self.argument(x, argument)  # an index that is rounded down is read before that
+                yield from self.argument(x, argument)  # an index that is rounded down is read before the rounding
         self.vectors[key] = self.wide.new()
         yield from SPELLINGS[first.operation.name](self.wide, self.vectors[key], tuple(spoken))
 
@@ -305,6 +305,6 @@ class _PackedLoop(_LogLoop):
 
 
 def _entry(name: str, kind: str, array: str, index: int) -> Iterator[str]:
-    """One entry of an array of the caller's."""
+    """Load one entry of an array of the caller."""
     yield f"  %{name}.at = getelementptr {kind}, ptr %{array}, i64 {index}"
     yield f"  %{name} = load {kind}, ptr %{name}.at"

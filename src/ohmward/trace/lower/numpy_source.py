@@ -1,6 +1,6 @@
 """Lowering to NumPy source over lanes: one array operation per operation of the program, in a loop over time.
 
-Registers are free again after the last use of their value; the state of the next step stays in the array where it was
+Registers are freed after the last use of their value; the state of the next step stays in the array where it was
 computed, and only the names change (`s0, r3 = r3, s0`). The loop allocates nothing but views.
 """
 
@@ -65,7 +65,7 @@ class _LaneLoop:
         return self.constants.setdefault(repr(arg), (f"c{len(self.constants)}", arg))[0]
 
 
-#: Written in two lines, so that the result must not overlap an argument.
+#: Operations that are written in two lines, so their result must not overlap an argument.
 _STEPWISE = ("where", "gather")
 
 

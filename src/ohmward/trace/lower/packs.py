@@ -1,10 +1,10 @@
-"""Like operations of the members of a state, found so that one vector instruction can do all of them.
+"""Matching operations on the members of a state, which one vector instruction can do together.
 
-A state that holds a tuple of equal parts, as the members of a bank of filters, has a program that does the same to each
-part. Operations that match, lane by lane, are a pack; it takes packs as arguments, and so on down to the inputs
-(superword-level parallelism, Larsen and Amarasinghe 2000). Packs are found from what a step leaves in each member back
-to the inputs, and from the inputs on to what all members add to an output. What does not match stays scalar: lanes are
-put together for a pack, and taken out of one, where it must be.
+If a state holds a tuple of equal parts, such as the members of a bank of filters, its program does the same to each
+part. Operations that match, lane by lane, are a pack; its arguments are packs too, and so on down to the inputs
+(superword-level parallelism, Larsen and Amarasinghe 2000). Packs are found from each member's state after a step back
+to the inputs, and from the inputs on to what all members contribute to an output. What does not match stays scalar:
+lanes are assembled into a pack, and extracted from one, where necessary.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from ohmward.trace.operations import INPUT
 from ohmward.trace.program import Program
 from ohmward.trace.structure import Branch, Structure, size
 
-#: Rounds in which operations without counterparts are set apart at most.
+#: Largest number of rounds in which operations without counterparts are set apart.
 _ROUNDS = 10
 #: One value of each member: nodes, inputs or constants.
 Pack = tuple[Any, ...]
-#: A pack by its values.
+#: Key of a pack, made of its values.
 Key = tuple[Any, ...]
 
 
 def members(structure: Structure) -> range | None:
-    """Places of the scalars of the first tuple of equal parts, as range(first, end, size of a part); None without."""
+    """Starts of the parts of the first tuple of equal parts, as range(first, end, size of a part); None without one."""
     first = 0
     for child in structure.children if isinstance(structure, Branch) else ():
         if isinstance(child, Branch) and is_bank(child):
@@ -76,7 +76,7 @@ class Packs:
         self._find(self.forms.alike())
 
     def _find(self, waiting: Iterable[Pack]) -> None:
-        """Take up packs of operations, and those of their arguments."""
+        """Add packs of operations, and those of their arguments."""
         waiting = list(waiting)
         while waiting:
             pack = waiting.pop()
@@ -148,7 +148,7 @@ class Packs:
         return self.lane[x.serial][0] if x.serial in self.lane else x
 
     def is_vector(self, pack: Pack) -> bool:
-        """True for what is one value in a register: a pack of operations or inputs, or one scalar for all lanes."""
+        """True for a pack in one register: of operations or of inputs, or one scalar for all lanes."""
         return (
             is_one(pack)
             or key_of(pack) in self.arguments
@@ -169,11 +169,11 @@ def is_one(pack: Pack) -> bool:
 
 
 class _Forms:
-    """Form of every operation: what it does to the inputs of a member, whichever member that is.
+    """Form of every operation: what it does to the inputs of a member, irrespective of the member.
 
-    Operations on one member have the form of their own and those of their arguments, constants apart, which may be
-    others for each member. All that is on none, or on several, is shared, and has a form of its own; so has what all
-    members remember alike, and what has no counterpart in each of the others: a sum over members ends with the last.
+    An operation on one member has a form made of its kind and the forms of its arguments; constants may differ between
+    members. Operations on no member, or on several, are shared and have forms of their own; so do state values common
+    to all members, and operations without a counterpart in each other member: a sum over members ends with the last.
     """
 
     def __init__(self, program: Program, inputs: Sequence[Pack]):
@@ -211,7 +211,7 @@ class _Forms:
         self._nodes.setdefault(form, {}).setdefault(member, []).append(node)
 
     def _alone(self) -> set[int]:
-        """Serials of operations that have no counterparts, but for those after them, which lack theirs for that."""
+        """Serials of operations without counterparts, except those that lack theirs only because of their arguments."""
         paired = {x.serial for nodes in self._complete() for of_one in nodes.values() for x in of_one}
         alone: set[int] = set()
         after: set[int] = set()
@@ -224,7 +224,7 @@ class _Forms:
         return alone
 
     def _complete(self) -> Iterator[dict[int, list[Expression]]]:
-        """Operations of one form, by the member that they are on, of which each has as many."""
+        """Operations of one form by member, where every member has the same number of them."""
         members = len(self._inputs[0]) if self._inputs else 0
         for nodes in self._nodes.values():
             if len(nodes) == members and len({len(of_one) for of_one in nodes.values()}) == 1:
@@ -243,7 +243,7 @@ class _Forms:
         return self._form[x.serial] if x.serial in self._form else self._number(("shared", x.serial))
 
     def alike(self) -> Iterator[Pack]:
-        """Operations of one form of all members; several of a member in the order in which they were traced."""
+        """Packs of operations of one form on all members; several are matched in the order of tracing."""
         for nodes in self._complete():
             yield from zip(*(nodes[member] for member in sorted(nodes)), strict=True)
 

@@ -41,7 +41,7 @@ Table = tuple[float, ...]
 
 
 class Body(NamedTuple):
-    """The straight line of a program."""
+    """The straight-line code of a program."""
 
     inputs: list[str]  #:  name of every input
     lines: list[str]  #:   assignments
@@ -199,7 +199,7 @@ def live_source(program: Program, state_size: int, flags: bool) -> str:
 
 
 def _guarded(code: Body) -> list[str]:
-    """The straight line, and its safe twin for the steps in which Python raises."""
+    """The straight-line code, and its safe twin for the steps in which Python raises."""
     if not code.lines:
         return []
     twin = f"{_row(code.results)} = _safe_step({', '.join(code.inputs)})"
@@ -207,7 +207,7 @@ def _guarded(code: Body) -> list[str]:
 
 
 def _typed(name: str, boolean: bool, flag: bool) -> str:
-    """A number from machine code as what it stands for."""
+    """A number from machine code as the flag, condition or number that it represents."""
     if flag:
         return f"_flags[{name}]"
     return f"{name} != 0.0" if boolean else name
@@ -216,7 +216,7 @@ def _typed(name: str, boolean: bool, flag: bool) -> str:
 def _unpack(structure: Structure, source: str, names: Iterator[str], number: str = "float({})") -> list[str]:
     """Lines that give every scalar of an argument its name, as a Python float or bool.
 
-    number: makes a float of a bare number; "{}" where the user of the names does.
+    number: template that converts a bare number to a float; "{}" where the user of the names does so.
     """
     if isinstance(structure, Leaf):
         kind = structure.dtype.__name__

@@ -1,7 +1,7 @@
-"""What a function of ohmward can reach in this process: the files of its modules, and their constants as they are now.
+"""Digest of what a function of ohmward can reach in this process: the files and current constants of its modules.
 
-Whoever changes a constant, a function or a class at run time changes this digest with it. Beyond it are containers that
-can be changed in place, such as caches, and modules that are imported inside of functions; no traced step has any.
+A constant, a function or a class that is changed at run time changes this digest. It does not cover containers that can
+be changed in place, such as caches, or modules that are imported inside functions; no traced step has any.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _STARTED_UNIX_S = time.time()
 
 
 class UnknownReachError(Exception):
-    """What code would do cannot be told from files: somebody else's stands in it, or a file was edited meanwhile."""
+    """Files do not determine what code would do: it contains foreign code, or a file was edited meanwhile."""
 
 
 def reach_of(names: Iterable[str]) -> bytes:
@@ -33,7 +33,7 @@ def reach_of(names: Iterable[str]) -> bytes:
     Raises:
         UnknownReachError: see there.
     """
-    waiting, seen = list(names), {__name__}  # this module makes no code, and its time of start is another each time
+    waiting, seen = list(names), {__name__}  # this module makes no code, and its time of start always differs
     found = {}
     while waiting:
         name = waiting.pop()
@@ -69,7 +69,7 @@ class _Description:
         """Text of a value.
 
         Raises:
-            UnknownReachError: it is a function or class of a program that is none of the known ones.
+            UnknownReachError: it is a function or class from outside ohmward, NumPy and the standard library.
         """
         if value is None or isinstance(value, (bool, int, float, complex, str, bytes)):
             return repr(value)
@@ -104,7 +104,7 @@ def _file_digest(path: str) -> str:
     """SHA-256 of a file from which a module of this process came.
 
     Raises:
-        UnknownReachError: it was written since this process started, or is none, as in an archive.
+        UnknownReachError: it was written since this process started, or is not a file, as in an archive.
     """
     file = Path(path)
     try:
