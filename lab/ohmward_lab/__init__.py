@@ -1,5 +1,5 @@
-"""The laboratory of ohmward: what simulates, assesses and reproduces, and methods that only studies use.
+"""Laboratory of ohmward: simulation, assessment, reproduction of publications, and methods that only studies use.
 
-It imports ohmward. Nothing in ohmward imports it; a command, a simulated source of `ohmward run` and an estimator that
-reproduces a publication load it by name.
+It imports ohmward; nothing in ohmward imports it. Commands, the simulated source of `ohmward run` and the estimators
+that reproduce a publication are loaded by name.
 """

@@ -1,8 +1,8 @@
-"""Methods that estimate a battery's charge, on simulated shifts of eight hours: conditions, truth, methods, figures.
+"""Study of SoC estimators on simulated shifts of eight hours: conditions, truth, methods, figures.
 
-A base case, and each of its assumptions broken by itself, by a little and by much. Each run is another shift: three
-hours of driving, a quarter of an hour idle, a charge, three hours of driving, a rest, begun between 80 and 100 %. The
-battery file comes from a pulse test of the same battery, in the workshop; each method is made from it.
+The conditions are a base case, and variations that break one of its assumptions, a little or a lot. Each run is another
+shift: three hours of driving, a quarter of an hour idle, a charge, three hours of driving, a rest, begun between 80 and
+100 %. The battery file comes from a pulse test of the same battery in the workshop; each method is made from it.
 """
 
 from __future__ import annotations
@@ -38,24 +38,24 @@ from ohmward_lab.simulate.sensors import BatterySensors, Sensor
 
 
 class TrueBattery(NamedTuple):
-    """State of the battery and of its surroundings, beside those of its test."""
+    """State of the battery and of its surroundings, where they may differ from its test."""
 
     temperature_degC: float = 25.0  #: of the air
-    #: of the battery over those when it was tested
+    #: of the battery, relative to its test
     capacity_ratio: float = 1.0
     resistance_ratio: float = 1.0
     step_s: float = 1.0  #: between the instants of the simulation
 
 
 class Condition(NamedTuple):
-    """One condition. Shares are of the capacity in an hour (0.01 is 0.01 C), voltages of one cell."""
+    """One condition. Currents are multiples of 1 C (0.01 is 0.01 C), voltages are of one cell."""
 
     #: in words
     factor: str
     level: str
     truth: TrueBattery = TrueBattery()  #: of the battery
-    start_error: float | None = 0.05  #: of the initial value; None where it is unknown
-    #: of the current sensor. The signs of these three alternate from run to run.
+    start_error: float | None = 0.05  #: of the initial SoC; None where it is unknown
+    #: of the current sensor; their signs and that of `start_error` alternate from run to run
     offset_C: float = 0.005
     gain: float = 0.002
     #: standard deviations
@@ -64,11 +64,11 @@ class Condition(NamedTuple):
     voltage_step_V: float = 0.0005  #: of the converter
     interval_s: float = 1.0  #: between samples
     missing: float = 0.0  #: share of the currents and of the voltages that are lost
-    delay_s: float = 0.0  #: by which the voltage comes later than the current of the same row
+    delay_s: float = 0.0  #: delay of the voltage relative to the current of the same row
 
     @property
     def name(self) -> str:
-        """In tables and files."""
+        """Name in tables and files."""
         return f"{self.factor}: {self.level}"
 
 
@@ -122,14 +122,14 @@ SITUATIONS = (
 
 CHEMISTRIES = tuple(BATTERIES)
 DURATION_S = 8 * 3600.0
-#: State of charge at which a shift begins.
+#: Range of the state of charge at which a shift begins.
 _START_SOC = (0.8, 1.0)
 _DRIVE_S, _IDLE_S, _CHARGE_S = 3 * 3600.0, 900.0, 4500.0
-#: Idle draw, and the charger, over the capacity in an hour.
+#: Currents of the idle robot and of the charger, as multiples of 1 C.
 _IDLE_C, _CHARGE_C = 0.06, 0.5
-#: Capacity for which the robot's drives are written [Ah].
+#: Capacity for which the currents of the robot's drives are defined [Ah].
 _MISSION_AH = BATTERIES["lfp"].circuit.capacity_Ah
-#: Range of the sensors over what the battery has.
+#: Range of the sensors: current as a multiple of 1 C, voltage over the battery's largest.
 _RANGE_C, _RANGE_V = 4.0, 1.5
 
 
@@ -146,7 +146,7 @@ class Shifts(NamedTuple):
 
 @cache
 def identified(chemistry: str) -> Battery:
-    """The battery file, from a pulse test in the workshop by a good sensor."""
+    """The battery file, from a pulse test in the workshop with a good sensor."""
     simulated = BATTERIES[chemistry]
     bench = run_on_bench(simulated, pulse_test(simulated))
     log = record(simulated, "pulse test", bench, _bench_sensors(simulated), generator("test", chemistry))
@@ -243,7 +243,7 @@ def _of_registry(name: str) -> SocMethod:
 
 
 class _FullStart(RcThreeStates):
-    """[P] 3.1: the filter starts at the OCV of a full battery, whatever is known."""
+    """[P] 3.1: the filter starts at the OCV of a full battery, whatever start is given."""
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RcThreeState:
         return super().init(first, 1.0, soc_std)
@@ -280,14 +280,14 @@ PROCESSORS = (
 )
 
 
-#: Errors count from here on [s]; before, a wrong start is being found, which `converged_min` tells.
+#: Errors count from here on [s]; the recovery from a wrong start before it is measured by `found_min`.
 SCORED_FROM_S = 3600.0
-#: A start has been found when the error stays within this for good.
+#: An estimator has recovered from its start when the error stays within this for good.
 FOUND = 0.05
-#: Given with a start that is wrong: `SocEstimator` assumes it too. Given with one that is right: the first voltage then
-#: moves it by no more than the chance that an estimator leaves for any value to be wrong.
+#: Standard deviation given with a wrong start, the default of `SocEstimator`; and with a right start, which the first
+#: voltage then moves by no more than the probability that an estimator reserves for a wrong start.
 _START_STD, _RIGHT_START_STD = 0.03, 1e-4
-#: Samples of all lanes at once: some hundred megabytes with all that belongs to them.
+#: Samples of all lanes that are processed at once: some hundred megabytes with all intermediate values.
 _MOST_SAMPLES = 1 << 20
 
 
@@ -297,14 +297,14 @@ class SocFigures(NamedTuple):
     chemistry: str
     condition: str
     method: str
-    #: of the state of charge after the first hour, over all runs; nan where it was no number once
+    #: error of the state of charge after the first hour, over all runs; nan if one estimate is nan
     rmse: float
     largest: float
     covered: float  #: share of these samples with the truth in the 95 % band; nan without a band
     found_min: float  #: minutes until the error stays within 5 points, the median of the runs; inf where it never does
     lost: float  #: share of the runs that end more than 5 points off
     operations: int  #: in a step
-    ns: float  #: time of a sample, with many runs side by side; of this machine, and no part of the results' equality
+    ns: float  #: time per sample with many runs side by side; depends on the machine and is not reproducible
 
     @property
     def subject(self) -> str:
@@ -339,7 +339,7 @@ def soc_cell(chemistry: str, condition: Condition, method: SocMethod, runs: int,
 
 @lru_cache(maxsize=len(METHODS))
 def _compiled(chemistry: str, name: str) -> tuple[Kernel, Any]:
-    """The step that gives the state of charge and its band alone, and the estimator."""
+    """Compiled step that outputs only the SoC and its standard deviation, and the estimator."""
     estimator: Any = next(method for method in METHODS if method.name == name).make(identified(chemistry))
 
     def step(state: Any, sample: SocSample) -> Any:

@@ -1,9 +1,9 @@
-"""The method for a subject, its conditions and a processor, by rules from the figures; and where a filter does harm.
+"""Recommended method for a subject, its conditions and a processor, by rules; and where a filter does harm.
 
-Of the methods whose step the processor can hold, the one with the smallest RMSE in the worst condition of the
-situation, among those whose band covers the truth there, whose RMSE is within a bar, and that are no worse than the
-plain method, where a study has one. Where there is none, the plain method without a band, if it is within the bar.
-Where it is not, none: the other rows show what helps, a larger processor or what the situation lacks.
+Candidates are the methods whose step fits the processor, whose band covers the truth, whose RMSE is within a limit, and
+that are no worse than the plain method, where a study has one. The candidate with the smallest RMSE in the worst
+condition of the situation is recommended. Without a candidate it is the plain method, without a band, if it is within
+the limit; else none, and the other rows show what helps: a larger processor, or what the situation lacks.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ohmward_lab.assess import LARGEST_RMSE
 
 #: A 95 % band that covers at least this share in every condition of the situation can be trusted.
 COVERS = 0.85
-#: An RMSE that exceeds another by more than this factor is worse: less is the chance of the runs.
+#: An RMSE that exceeds another by more than this factor is worse; smaller differences are due to chance.
 WORSE = 1.05
 
 
@@ -28,19 +28,19 @@ MethodFigures = Any
 
 
 class Improvement(NamedTuple):
-    """What a situation lacks, in words, and the conditions that have it: factors, or names of single ones."""
+    """Name of what a situation lacks, and the conditions that have it: factors, or names of single conditions."""
 
     name: str
     conditions: tuple[str, ...]
 
 
 def as_in_the_base_case(name: str) -> tuple[Improvement, ...]:
-    """The improvement of this name: what the base case of a study has."""
+    """Improvement of this name that the base case of a study has."""
     return (Improvement(name, ("base",)),)
 
 
 class Situation(NamedTuple):
-    """Conditions that a designer meets together, by their factors, and what would spare him them."""
+    """Factors of the conditions that a designer faces together, and improvements that would avoid them."""
 
     name: str
     factors: tuple[str, ...]
@@ -48,7 +48,7 @@ class Situation(NamedTuple):
 
 
 class Processor(NamedTuple):
-    """A class of processors, by the operations of a step that it holds."""
+    """Class of processors, and the most operations of a step that fit into it."""
 
     name: str
     operations: float
@@ -58,16 +58,16 @@ _ANY = Processor("any", math.inf)
 
 
 class Recommendation(NamedTuple):
-    """A row of the table."""
+    """Row of the table of recommendations."""
 
     subject: str
     situation: str
     processor: str
     method: str | None  #: None where there is none to recommend
-    closest: str  #: the method, or where there is none that with the smallest RMSE: the next two figures are its
+    closest: str  #: the method, or if there is none the one with the smallest RMSE, which the next two figures describe
     worst_rmse: float  #: in the worst condition
-    least_covered: float  #: by its band; nan without one
-    helps: tuple[str, ...] = ()  #: what makes a method possible where there is none, each by itself
+    least_covered: float  #: smallest coverage of its band; nan without a band
+    helps: tuple[str, ...] = ()  #: changes that would allow a recommendation where there is none, each by itself
 
 
 class Worse(NamedTuple):
@@ -78,14 +78,14 @@ class Worse(NamedTuple):
     #: their names and errors
     methods: tuple[str, ...]
     rmse: tuple[float, ...]
-    #: what they are compared with, and each one's error there
+    #: what they are compared with, and the error of that for each method
     than: str
     than_rmse: tuple[float, ...]
-    every: bool  #: all methods that could be are
+    every: bool  #: True where all compared methods are worse
 
 
 class _Judged(NamedTuple):
-    """A method over the conditions of a situation: its largest RMSE, and the least that its band covers, or nan."""
+    """Method over the conditions of a situation: its largest RMSE, and the smallest coverage of its band, or nan."""
 
     method: str
     worst_rmse: float
@@ -111,7 +111,7 @@ class Rules(NamedTuple):
 def recommend(
     found: Sequence[MethodFigures], situations: Sequence[Situation], processors: Sequence[Processor], rules: Rules
 ) -> list[Recommendation]:
-    """A row for each subject, situation and processor of which there are figures."""
+    """A row for each subject, situation and processor for which there are figures."""
     rows = []
     for subject, of in _by_subject(found):
         for situation in situations:
@@ -166,7 +166,7 @@ def _helps(
     processors: Sequence[Processor],
     rules: Rules,
 ) -> tuple[str, ...]:
-    """Improvements, a larger processor, or where neither helps by itself both, that make a method possible."""
+    """Improvements, a larger processor or, where neither helps by itself, both, that allow a recommendation."""
     larger = [each for each in processors if each.operations > processor.operations]
 
     def possible(conditions: Sequence[str], on: Sequence[Processor]) -> bool:
@@ -187,7 +187,7 @@ def _by_subject(found: Sequence[MethodFigures]) -> Iterator[tuple[str, list[Meth
 
 
 def _judged(of: Sequence[MethodFigures], conditions: Sequence[str], processor: Processor = _ANY) -> list[_Judged]:
-    """Methods that the processor holds; without a number or a band a method is the worst there can be."""
+    """Methods that fit the processor; a missing RMSE counts as inf, a band missing in some conditions as coverage 0."""
     here = [f for f in of if f.operations <= processor.operations]
     here = [f for f in here if f.condition in conditions or f.condition.split(": ")[0] in conditions]
     rows = []

@@ -1,4 +1,4 @@
-"""A whole study: every subject under every condition by every method, side by side, resumable."""
+"""A whole study: every subject under every condition with every method, in parallel and resumable."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ class Study(NamedTuple):
     name: str
     subject: str
     run: str
-    #: that are crossed; each condition and method has a `name`
+    #: run in all combinations; each condition and method has a `name`
     subjects: tuple[str, ...]
     conditions: Sequence[Any]
     methods: Sequence[Any]
-    #: fields of a row; `cell(subject, condition, method, runs, seed)` gives it
+    #: record of a row; `cell(subject, condition, method, runs, seed)` computes it
     figures: type[battery.SocFigures] | type[traction.SlipFigures]
 
     cell: Callable[[str, Any, Any, int, int], Any]
@@ -44,13 +44,13 @@ class Study(NamedTuple):
     situations: tuple[Situation, ...]
     processors: tuple[Processor, ...]
     plain: str | None = None  #: method that every other one is compared with, if there is one
-    #: conditions that differ in what the method is given alone: the truth, and something else
+    #: conditions that differ only in what the method is given: the truth, and something else
     pairs: tuple[tuple[str, str], ...] = ()
 
     def items(self, only: Sequence[str] = ()) -> list[str]:
-        """Names of the items: all, or those in whose name each of these words stands; of one kind are alternatives.
+        """Names of the items: all, or those that match these words; words of the same kind are alternatives.
 
-        only: subjects, factors of conditions, methods.
+        only: names of subjects, factors of conditions, methods.
 
         Raises:
             InputError: a word names nothing.
@@ -75,7 +75,7 @@ class Study(NamedTuple):
         return recommend(found, self.situations, self.processors, Rules(largest_rmse, self.plain))
 
     def worse(self, found: Sequence[Any]) -> list[Worse]:
-        """Methods that are worse than the plain one, or worse with the truth than without."""
+        """Methods that are worse than the plain one, or worse when given the truth than without it."""
         plainly = [] if self.plain is None else worse_than_plain(found, self.situations, self.plain)
         return plainly + worse_when_given(found, self.pairs)
 
@@ -121,7 +121,7 @@ class Assessment:
 
     @property
     def digest(self) -> str:
-        """Another one for every study with other results."""
+        """Digest that differs between studies with different results."""
         return f"assess {self.study}, {self.runs} runs, seed {self.seed}"
 
     def run(self, items: Sequence[str]) -> list[dict[str, Any]]:
@@ -144,7 +144,7 @@ def assess(
     processes: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Any]:
-    """Figures of all items, or of those that an earlier, interrupted study in this folder has left; in their order.
+    """Figures of all items, in their order; an earlier, interrupted study in this folder is continued.
 
     progress: called with (items done, all).
 

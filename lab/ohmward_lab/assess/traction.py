@@ -1,9 +1,9 @@
-"""Observers of speed and slip, on simulated drives of two minutes: conditions, truth, sensors, methods, figures.
+"""Study of observers of speed and slip on simulated drives of two minutes: conditions, truth, methods, figures.
 
-A base case, and each of its assumptions broken by itself. Each run is another drive: straight on, curves, stops,
-reverse, hard and gentle starts, by a wheel-speed loop that knows nothing of slip. Robot and ground follow the equations
-of the observers; what these do not know is the world's: the ground, its patches and slopes, the wheels' true radius,
-the load. Each method is made for the robot and the ground that it is told.
+The conditions are a base case, and variations that break one of its assumptions. Each run is another drive: straight
+on, curves, stops, reverse, hard and gentle starts, by a wheel-speed loop that ignores slip. Robot and ground follow the
+equations of the observers, which do not know the true ground, its patches and slopes, the wheels' true radius, and the
+load. Each method is made for the robot of the file and the ground that it is given.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ from ohmward_lab.simulate.robot_sensors import ACCELEROMETER, GYRO, PITCH
 
 
 class World(NamedTuple):
-    """Ground and robot, beside what the robot's file says."""
+    """Ground, and deviations of the robot from its file."""
 
     ground: str = DEFAULT_TERRAIN  #: name of the terrain
-    patch: str | None = None  #: of the one that takes its place for a while, again and again; None where there is none
+    patch: str | None = None  #: name of a terrain that replaces it for a while, periodically; None for none
     one_side: bool = False  #: the patch lies under the wheels of the left side alone
     grade_rad: float = 0.0  #: of the slopes, up and down
-    #: of wheels and robot over those of the file
+    #: of wheels and robot, relative to the file
     radius_ratio: float = 1.0
     mass_ratio: float = 1.0
 
@@ -58,26 +58,26 @@ class DriveCondition(NamedTuple):
     factor: str
     level: str
     world: World = World()  #: ground and robot
-    assumed: str = DEFAULT_TERRAIN  #: name of the ground that the observer is told
+    assumed: str = DEFAULT_TERRAIN  #: name of the ground that the observer assumes
     interval_s: float = 0.02  #: between samples
-    all_encoders: bool = False  #: of free wheels too
+    all_encoders: bool = False  #: True with encoders on free wheels too
     counts_per_turn: int = 4096  #: of each encoder
     glitches: float = 0.0  #: share of an encoder's speeds that are wrong by 20 rad/s
     has_currents: bool = True  #: the motor currents are measured
-    #: of these sensors; their signs alternate from run to run
+    #: errors of these sensors; their signs alternate from run to run
     current_gain: float = 0.03
     gyro_offset_rad_s: float = 0.002
     current_noise_A: float = 0.1  #: standard deviation
-    #: there is one, of a MEMS sensor and of an attitude filter
+    #: True with a MEMS gyro, and with an attitude filter
     has_gyro: bool = True
     has_pitch: bool = False
-    speed_interval_s: float = 0.0  #: between speeds from outside, as of GNSS; 0 where there are none
-    speed_delay_s: float = 0.0  #: by which they come late, with their age
-    missing: float = 0.0  #: share of the encoders' and of the motors' samples that are lost
+    speed_interval_s: float = 0.0  #: between external speeds, as of GNSS; 0 for none
+    speed_delay_s: float = 0.0  #: delay of the external speeds, which report their age
+    missing: float = 0.0  #: share of the wheel speeds and of the motor currents that are lost
 
     @property
     def name(self) -> str:
-        """In tables and files."""
+        """Name in tables and files."""
         return f"{self.factor}: {self.level}"
 
 
@@ -118,7 +118,7 @@ DRIVE_CONDITIONS: tuple[DriveCondition, ...] = (
     *(DriveCondition("lost samples", f"{share:.0%}", missing=share) for share in (0.05, 0.3)),
 )
 
-#: Names of conditions that differ in the ground alone that the observer is told: the true one, and another.
+#: Pairs of conditions that differ only in the ground that the observer assumes: the true one, and another.
 GROUND_PAIRS = tuple(
     (right.name, wrong.name)
     for right in DRIVE_CONDITIONS
@@ -149,9 +149,9 @@ DRIVE_SITUATIONS = (
 
 DRIVEN_S = 120.0
 SAMPLE_S = 0.0025
-#: Steps whose outcome is held at once, before it is thinned: bounds the memory.
+#: Steps that are held in memory at once, before thinning.
 _STEPS_AT_ONCE = 12_000
-#: Between two instants of the truth [s].
+#: Time between two instants of the truth [s].
 INTERVAL_S = 0.02
 
 ROBOTS = {
@@ -159,31 +159,31 @@ ROBOTS = {
     "robotino": PACKAGED["robotino"],
     "skid-steer": replace(RLMA, name="skid-steer", chassis=SkidSteer(0.314, 0.314, 0.30)),
 }
-#: Fastest drive of each robot [m/s], and yaw rate [rad/s].
+#: Highest speed [m/s] and yaw rate [rad/s] of each robot.
 _FASTEST = {"rlma": (0.9, 0.6), "skid-steer": (0.9, 0.6), "robotino": (0.4, 0.5)}
 #: Force of all motors at the rims, over the robot's weight.
 _STRENGTH = 0.8
-#: Bandwidth of the drives, and share of a spinning wheel's error that one step takes away: with all of it they ring.
+#: Bandwidth of the drives, and share of a spinning wheel's error that one step removes: at 1 they ring.
 _BANDWIDTH_RAD_S, _DEADBEAT = 20.0, 0.5
-#: A patch lies there for as long [s], once in a period.
+#: Duration of a patch, and its period [s].
 _PATCH_S, _PATCH_PERIOD_S = 3.0, 15.0
-#: Time that a slope takes, up and down [s].
+#: Period of the slopes, up and down [s].
 _SLOPE_PERIOD_S = 20.0
 
 
 class Driving(NamedTuple):
     """State of a drive."""
 
-    x: np.ndarray  #: (n,) of the robot
-    angle_rad: np.ndarray  #: (wheels,) turned
-    impulse_Nms: np.ndarray  #: (driven,) of the motors' torque
-    drives: tuple  #: of each driven wheel
+    x: np.ndarray  #: (n,) state of the robot
+    angle_rad: np.ndarray  #: (wheels,) angles turned
+    impulse_Nms: np.ndarray  #: (driven,) integrals of the motors' torques
+    drives: tuple  #: states of the drives of the driven wheels
 
 
 class Road(NamedTuple):
     """Inputs of a step of a drive."""
 
-    reference_rad_s: np.ndarray  #: (driven,) speeds of the wheels that are asked for
+    reference_rad_s: np.ndarray  #: (driven,) commanded speeds of the wheels
     shares: np.ndarray  #: (wheels, grounds) of each ground under each wheel
     grade_rad: Any  #: along the robot
     dt_s: Any  #: of the step
@@ -197,7 +197,7 @@ class Drives(NamedTuple):
     yaw_rate_rad_s: Any
     slip_ratio: Any
     angle_rad: Any
-    impulse_Nms: Any  #: (T, driven, B) of the motors' torque since the start
+    impulse_Nms: Any  #: (T, driven, B) integrals of the motors' torques since the start
     specific_force_m_s2: Any
     grade_rad: Any
 
@@ -230,7 +230,7 @@ def drives(name: str, world: World, runs: int, seed: int) -> Drives:
 
 
 def in_world(robot: Robot, world: World) -> Robot:
-    """The robot with another radius of its wheels and another mass than its file says."""
+    """The robot with the wheel radius and mass of this world in place of its file's."""
     loads = tuple(world.mass_ratio * load for load in robot.wheel_load_N)
     wheel = replace(robot.wheel, radius_m=world.radius_ratio * robot.wheel.radius_m)
     return replace(robot, mass_kg=world.mass_ratio * robot.mass_kg, wheel=wheel, wheel_load_N=loads)
@@ -293,7 +293,7 @@ def _shares(robot: Robot, world: World, on_patch: np.ndarray) -> np.ndarray:
 def commanded(
     rng: np.random.Generator, robot: Robot, time_s: np.ndarray, speed_m_s: float, yaw_rate_rad_s: float
 ) -> np.ndarray:
-    """Motion (T, freedoms) that is asked for: stretches of a few seconds, with ramps between them."""
+    """Commanded motion (T, freedoms): segments of a few seconds, with ramps between them."""
     motion = np.zeros((time_s.size, robot.freedoms))
     ends_s = np.cumsum(rng.uniform(3.0, 9.0, 60))
     for begin_s, end_s in zip(np.append(1.0, ends_s + 1.0), ends_s + 1.0, strict=False):
@@ -307,7 +307,7 @@ def commanded(
 
 
 def _ramp(wanted: np.ndarray, steepest: float) -> np.ndarray:
-    """The values (T,) with no step larger than the steepest."""
+    """The values (T,) with steps limited to `steepest`."""
     reached, now = np.empty_like(wanted), 0.0
     for k, value in enumerate(wanted):
         now += min(max(value - now, -steepest), steepest)
@@ -354,7 +354,7 @@ def measured(name: str, condition: DriveCondition, runs: int, seed: int) -> tupl
 def _wheel_speeds(
     condition: DriveCondition, robot: Robot, angle_rad: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """(T, wheels, B) from the counts between two samples; the first is that of a robot at rest."""
+    """Wheel speeds (T, wheels, B) from the counts between two samples; the first is that of a robot at rest."""
     step_rad = 2 * np.pi / condition.counts_per_turn
     start = rng.random(angle_rad.shape[1:])
     counts = np.floor(angle_rad / step_rad + start)
@@ -368,7 +368,7 @@ def _wheel_speeds(
 
 
 def _currents(condition: DriveCondition, robot: Robot, impulse_Nms: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(T, driven, B) means between two samples."""
+    """Motor currents (T, driven, B), means between two samples."""
     if not condition.has_currents:
         return np.full_like(impulse_Nms, np.nan)
     torque_Nm = np.diff(impulse_Nms, axis=0, prepend=impulse_Nms[:1]) / condition.interval_s
@@ -379,7 +379,7 @@ def _currents(condition: DriveCondition, robot: Robot, impulse_Nms: np.ndarray, 
 
 
 def _outside_speed(condition: DriveCondition, speed_m_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(T, B) nan where none arrives."""
+    """External speeds (T, B), nan where none arrives."""
     found = np.full_like(speed_m_s, np.nan)
     if condition.speed_interval_s:
         late = round(condition.speed_delay_s / condition.interval_s)
@@ -389,7 +389,7 @@ def _outside_speed(condition: DriveCondition, speed_m_s: np.ndarray, rng: np.ran
     return found
 
 
-#: State before the first sample, which it is given; and state after a sample with the estimate.
+#: Functions that give the state before the first sample, and the state and estimate after a sample.
 InitAndStep = tuple[Callable[[RobotSample], Any], Callable[[Any, RobotSample], tuple[Any, SlipEstimate]]]
 
 
@@ -402,7 +402,7 @@ class SlipMethod(NamedTuple):
 
 
 def wheels_alone(robot: Robot, ground: str) -> InitAndStep:
-    """The wheels are believed to roll without slip; a lost value holds the one before.
+    """Method that assumes wheels rolling without slip; a missing speed is replaced by the last one.
 
     The state is the speeds (driven,) of the wheels [rad/s], the estimate the motion of the body that fits them best.
     """
@@ -424,7 +424,7 @@ def wheels_alone(robot: Robot, ground: str) -> InitAndStep:
 
 
 def _of_filter(name: str, title: str) -> SlipMethod:
-    """A speed observer, with the doubt about the wheels' radius in its bands."""
+    """A speed observer whose bands include the uncertainty of the wheel radius."""
 
     def make(robot: Robot, ground: str) -> InitAndStep:
         observer = default_observer(robot, ground, name)
@@ -458,7 +458,7 @@ class SlipFigures(NamedTuple):
     robot: str
     condition: str
     method: str
-    #: of the speed [m/s], over all drives; nan where it was no number once
+    #: error of the speed [m/s], over all drives; nan if one drive has none
     rmse: float
     largest: float
     #: share of the samples with the true speed, and slip speed of each driven wheel, in the 95 % band; nan without a
@@ -466,12 +466,12 @@ class SlipFigures(NamedTuple):
     speed_covered: float
     slip_covered: float
     slip_rmse: float  #: of the slip ratio
-    way: float  #: error of the distance driven, over it; the mean of the drives
-    #: share of the samples with far more than the allowed slip, and with no more, that are told
+    way: float  #: relative error of the distance driven, mean of the drives
+    #: share of alarms among the samples with clearly more than the allowed slip, and among those with no more
     detected: float
     false_alarms: float
     operations: int  #: in a step
-    ns: float  #: time of a sample, with many drives side by side; of this machine, and no part of the results' equality
+    ns: float  #: time per sample with many drives side by side; depends on the machine and is not reproducible
 
     @property
     def subject(self) -> str:
@@ -480,7 +480,7 @@ class SlipFigures(NamedTuple):
 
     @property
     def covered(self) -> float:
-        """The lesser of the two."""
+        """Smaller one of the two coverages."""
         return min(self.speed_covered, self.slip_covered)
 
 
@@ -510,7 +510,7 @@ def slip_cell(name: str, condition: DriveCondition, method: SlipMethod, runs: in
 
 @lru_cache(maxsize=2 * len(SLIP_METHODS))
 def _compiled(name: str, ground: str, method: str) -> tuple[Kernel, Any]:
-    """The step in machine code where it can be, since it serves many conditions; and the state before the first."""
+    """Compiled step, in machine code where possible since it serves many conditions; and the function `init`."""
     robot = ROBOTS[name]
     init, step = next(m for m in SLIP_METHODS if m.name == method).make(robot, ground)
     example = RobotSample(0.0, np.zeros(len(robot.places)), np.zeros(robot.driven))
@@ -519,7 +519,7 @@ def _compiled(name: str, ground: str, method: str) -> tuple[Kernel, Any]:
 
 
 def figures(scores: Sequence[DriveScore], has_band: bool) -> dict[str, float]:
-    """The figures of all drives, which are equally long; has_band: the observer says how sure it is."""
+    """The figures of all drives, which are equally long; has_band: the observer reports standard deviations."""
     by_name = {name: np.array([getattr(score, name) for score in scores]) for name in DriveScore._fields}
     return {
         "rmse": _rms(by_name["speed_rmse_m_s"]),
@@ -537,6 +537,6 @@ def _rms(values: np.ndarray) -> float:
 
 
 def _mean(values: np.ndarray) -> float:
-    """Mean of those that are numbers: a drive on which no wheel slips shows no detection."""
+    """Mean of the finite values: a drive on which no wheel slips has no detection rate."""
     known = values[np.isfinite(values)]
     return float(known.mean()) if known.size else math.nan

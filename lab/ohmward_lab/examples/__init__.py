@@ -30,5 +30,5 @@ def example(name: str) -> Path:
 
 
 def examples(start: str) -> list[Path]:
-    """The paths of all recordings whose names start so, in the order of their names."""
+    """The paths of all recordings whose names begin with `start`, sorted by name."""
     return [path for path in sorted(FOLDER.iterdir()) if path.name.startswith(start)]

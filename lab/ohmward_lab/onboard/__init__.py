@@ -1,1 +1,1 @@
-"""Simulated robots for the process on board."""
+"""Simulated robots for the on-board process."""

@@ -1,4 +1,4 @@
-"""`ohmward run --demo`: a simulated robot with nothing attached."""
+"""`ohmward run --demo`: a simulated robot without hardware."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from ohmward.onboard.sinks.terminal import TerminalSink
 from ohmward.onboard.sources.simulation import SimulationSource
 from ohmward_lab.onboard.simulated_robot import demonstration
 
-#: Of the simulated robot: what its label says.
+#: Label of the simulated robot's battery.
 CHEMISTRY, CAPACITY_AH, N_SERIES = "lfp", 12.0, 4
 
-#: A simulated robot harms nobody where a busy machine holds it up.
+#: Long timeouts: a simulated robot harms nobody when a busy machine delays it.
 _PATIENT = DriveLimits(estimate_timeout_s=0.3, operator_timeout_s=0.3)
 
 
 def demo_process(driven: bool = False) -> Process:
-    """A simulated robot that goes round and round; the battery file is made of its label alone.
+    """A simulated robot that drives rounds; the battery file is made from its label alone.
 
-    driven: it stands and waits for an operator.
+    driven: True for a robot that stands and waits for an operator.
     """
     battery = generic_battery(CHEMISTRY, CAPACITY_AH, N_SERIES, "demonstration")
     sinks = demo_sinks()
@@ -40,7 +40,7 @@ def demo_process(driven: bool = False) -> Process:
 
 
 def demo_sinks() -> list[Sink]:
-    """A line on the terminal, and the live page; on another port where something else has its own."""
+    """A line on the terminal, and the live page; on another port where the usual one is taken."""
     usual = PageSink(robot="demonstration")
     if _is_free(usual.host, usual.port):
         return [TerminalSink(), usual]

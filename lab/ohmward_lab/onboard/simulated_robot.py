@@ -1,4 +1,4 @@
-"""Simulated robot in closed loop, in real time: what `ohmward run --demo` shows with nothing attached."""
+"""Simulated robot in closed loop, in real time, as `ohmward run --demo` shows it without hardware."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from ohmward_lab.simulate.closed_loop import Command, Control, Grade, Pack, Patc
 from ohmward_lab.simulate.closed_loop.loop import ClosedLoopDrive, Records
 from ohmward_lab.simulate.closed_loop.run import RunRow, body_signals
 
-#: Simulated at once before anything else is done [s]; messages come in time all the same.
+#: Time that is simulated in one go [s]; messages are sent on time all the same.
 _CHUNK_S = 0.1
 
-#: A robot that is driven goes on from now where the machine has fallen behind by more than this [s]: a controller takes
-#: no estimates that are .08 s old.
+#: Lag [s] of the simulation beyond which the clock of a robot driven by an operator is reset to now: a controller
+#: accepts no estimates that are .08 s old.
 _BEHIND_S = 0.03
 
-#: One that drives by itself catches up what it has missed, but no more than this [s]: after that it goes on from now.
+#: Largest lag [s] that a robot driving by itself catches up; beyond it its clock is reset to now.
 _MOST_LATE_S = 0.5
 
 #: Times that differ by less are equal: sums of steps are rounded.
 _TIME_EPS_S = 1e-9
 
-#: A round of the demonstration: from when on, speed [m/s] and yaw rate [rad/s]. Along, about, back, about, and a rest.
+#: A round of the demonstration, as start time [s], speed [m/s] and yaw rate [rad/s]: along, turn, back, turn, rest.
 _ROUND = ((0.0, 0.8, 0.0), (8.0, 0.5, 0.5), (14.3, 0.8, 0.0), (22.3, 0.5, 0.5), (28.6, 0.0, 0.0))
 _ROUND_S, _ROUNDS = 34.0, 400
 
 
 def demonstration(seed: int = 1) -> Scenario:
-    """RLMA going round and round for some hours: a floor with a wet place and a gentle slope, a full battery."""
+    """RLMA driving rounds for some hours on a floor with a wet patch and a gentle slope, from a full battery."""
     starts = [(k * _ROUND_S + from_s, speed, turn) for k in range(_ROUNDS) for from_s, speed, turn in _ROUND]
     return Scenario(
         name="demonstration",
@@ -59,10 +59,10 @@ def scenario_of(settings: SimulationSource) -> Scenario:
 
 
 async def run(settings: SimulationSource, put: Put) -> None:
-    """Drive to the end of the scenario, or until the battery is empty; the sensors' clock is the drive's.
+    """Drive to the end of the scenario, or until the battery is empty; sensors use the clock of the drive.
 
-    A battery that starts full comes from a charger, which says so. On a machine that is too slow the drive takes
-    longer than it should, and its clock is slow by as much.
+    A battery that starts full comes from a charger, which reports it. On a machine that is too slow the drive takes
+    longer than it should, and its clock runs slow accordingly.
     """
     drive = await asyncio.to_thread(ClosedLoopDrive, scenario_of(settings))
     rows = await asyncio.to_thread(_advance, drive, _CHUNK_S)  # compiles the rest, before the clock begins
@@ -85,9 +85,9 @@ async def run(settings: SimulationSource, put: Put) -> None:
 
 
 async def drive(settings: SimulationSource, put: Put, torque_Nm: Callable[[Sequence[str]], np.ndarray]) -> None:
-    """Stand on the scenario's ground, and drive by these torques until the battery is empty, in real time.
+    """Start at rest on the scenario's ground and drive with these torques, in real time, until the battery is empty.
 
-    torque_Nm: of the driven wheels now, by their names.  A torque acts from the next sample on, as on a bus.
+    torque_Nm: present torques of the driven wheels, by name.  A torque acts from the next sample on, as on a bus.
     """
     still = (Command(torque_Nm=0.0, mode="torque"),)
     scenario = replace(scenario_of(settings), commands=still, duration_s=_ROUNDS * _ROUND_S, start_speed_m_s=0.0)
@@ -108,7 +108,7 @@ async def drive(settings: SimulationSource, put: Put, torque_Nm: Callable[[Seque
 
 
 def _begin(settings: SimulationSource, drive: ClosedLoopDrive, put: Put, stamp_s: float) -> float:
-    """The monotonic time now, at which the drive begins; a charger says whether the battery is full."""
+    """Monotonic time at which the drive begins; where the battery starts full, the charger's message is sent."""
     began_s = time.monotonic()
     if drive.scenario.battery.start_soc == 1.0:
         put(Message(stamp_s, began_s, settings.name, {"battery_full": 1.0}))
@@ -116,7 +116,7 @@ def _begin(settings: SimulationSource, drive: ClosedLoopDrive, put: Put, stamp_s
 
 
 def _advance(drive: ClosedLoopDrive, ahead_s: float) -> list[tuple[float, dict[str, float]]]:
-    """Simulate further by a time; time and values of the samples that have arrived since."""
+    """Simulate `ahead_s` further; return times and values of the samples that have arrived."""
     until_s = drive.truth.time_s + ahead_s - _TIME_EPS_S
     while drive.truth.time_s < until_s and not drive.empty:
         drive.step()

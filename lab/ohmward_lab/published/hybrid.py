@@ -1,8 +1,8 @@
 """The hybrid that [P] proposes: the Thevenin filter estimates all the time, the RC filter initialises and corrects it.
 
 Both have seen the same samples, so their errors are correlated to an unknown degree and must not be averaged. For one
-number the covariance intersection of two such estimates is simply the surer one: at the start and once in every long
-rest, where the RC filter with its own states is surer of SoC, the Thevenin filter takes SoC and sigma over from it.
+number the covariance intersection of two such estimates is simply the more certain one. So at the start and once in
+every long rest, where the RC filter is more certain of SoC, the Thevenin filter takes over its SoC and sigma.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ class Hybrid:
     thevenin: TheveninFilter  #: estimates
     rc: RcFilter  #: initialises and corrects
     rest_share: float = 0.03  #: current below this share of 1 C, and three sigma of its noise, counts as rest
-    settle_s: float = 900.0  #: length of a rest after which its voltage is taken for the open-circuit voltage
+    settle_s: float = 900.0  #: length of a rest after which its voltage counts as the open-circuit voltage
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> HybridState:
-        """State before the first sample: the SoC of whichever filter is surer of it."""
+        """State before the first sample, with the SoC of whichever filter is more certain of it."""
         thevenin = self.thevenin.init(first, soc, soc_std)
         rc = self.rc.init(first, soc, soc_std)
         _, estimate = self.rc.step(rc, first)
@@ -70,9 +70,9 @@ class Hybrid:
 
 
 def _surer(belief: Belief, soc: Scalar, soc_std: Scalar) -> tuple[Belief, Any]:
-    """The belief with this SoC and sigma where they are surer than its own, everything correlated moved along.
+    """The belief with this SoC and sigma where sigma is smaller than its own; correlated states move along.
 
-    Returns: the belief, and the condition that they are.
+    Returns: the belief, and the condition that sigma is smaller.
     """
     P, variance = belief.cov, soc_std * soc_std
     surer = variance < P[0, 0]

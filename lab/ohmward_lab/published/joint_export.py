@@ -1,4 +1,4 @@
-"""Joint filter of states and parameters of the RC model as a C99 library, which `ohmward.embedded` asks for by name."""
+"""Joint filter of states and parameters of the RC model as a C99 library, which `ohmward.embedded` loads by name."""
 
 from __future__ import annotations
 
@@ -75,8 +75,8 @@ def _loops(joint: TextbookJoint, state: Any, name: str, at_rate: AtRate) -> Loop
 
 
 def _functions(joint: TextbookJoint, state: Any, name: str, sanitized: Program) -> list[Function]:
-    """Straight lines of the joint filter: sanitise a sample, move the states, state and output after the step."""
-    dt_s = sanitized.outputs[0]  # a constant, where samples always come equally far apart
+    """Straight-line functions: sanitise a sample, move the states, state and output after the step."""
+    dt_s = sanitized.outputs[0]  # a constant, where samples always come at equal intervals
 
     def move(x: np.ndarray, clean: Any) -> np.ndarray:
         step_s = dt_s if isinstance(dt_s, float) else clean.dt_s

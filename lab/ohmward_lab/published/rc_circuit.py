@@ -6,8 +6,8 @@ With D = R_b + R_s and current i > 0 charging:
     dV_cs/dt = (V_cb - V_cs + R_b i) / (D C_s)
     V        = (R_s V_cb + R_b V_cs) / D + (R_t + R_b R_s / D) i
 
-State of charge is that of the bulk capacitor: V_cb is an open-circuit voltage, and the OCV curve says which charge it
-belongs to ([P] 3.1). The circuit is linear, and exact only as far as the curve is a straight line.
+The state of charge is that of the bulk capacitor: V_cb is an open-circuit voltage, which the OCV curve maps to SoC
+([P] 3.1). The circuit is linear, and exact only as far as the curve is a straight line.
 
 [T] and [P] also carry V as a third state, driven by V and V_cb under the assumption di/dt = 0. Its deviation from the
 output above decays on its own,
@@ -15,7 +15,7 @@ output above decays on its own,
     d(V - h)/dt = A33 (V - h),   h = output above,   A33 = R_s / (C_b R_b D) - 1 / (C_s D),
 
 so that V as a state is the output plus a disturbance that decays with time constant -1/A33. `next_state_with_voltage`
-steps it so: exactly, and with the jump (R_t + R_b R_s / D) (i_k - i_(k-1)) that di/dt = 0 drops.
+steps it exactly, with the jump (R_t + R_b R_s / D) (i_k - i_(k-1)) that di/dt = 0 leaves out.
 """
 
 from __future__ import annotations
@@ -79,8 +79,8 @@ def next_state_with_voltage(
 ) -> np.ndarray:
     """State with V as third element after a step, exact; V jumps with the current, which [T] and [P] leave out.
 
-    Where the surface is slower than the bulk (R_s C_s > R_b C_b) V as a state is unstable; the disturbance stays there
-    as it is instead of growing.
+    Where the surface is slower than the bulk (R_s C_s > R_b C_b) V as a state is unstable; there the disturbance stays
+    constant instead of growing.
 
     x: (3,) [V_cb, V_cs, V] in V.
     before_A, mean_A, now_A: current at the start of the step, its mean over the step, and at the end.

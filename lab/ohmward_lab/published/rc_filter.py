@@ -2,12 +2,12 @@
 
     x = [V_cb, V_cs, model_error, offset, resistance(, soc)]
 
-[P] has V_cb, V_cs and V_o and finds SoC by the inverse OCV curve; [T] has V_cb, V_cs and soc. The others make the sigma
-honest: `offset` [A] is the reading of the current sensor at zero current, `resistance` the relative error of all
+[P] has V_cb, V_cs and V_o and finds SoC by the inverse OCV curve; [T] has V_cb, V_cs and soc. The other states keep
+sigma honest: `offset` [A] is the output of the current sensor at zero current, `resistance` the relative error of all
 resistances together; both are random walks, and the voltage is linear in both as long as the current is measured.
-`model_error` is the voltage error of the model in its own standard deviations, a Gauss-Markov state along SoC: it stays
-while SoC stays and is new after `model_soc_length`. Errors of a battery model are not white; as white noise they would
-average out, and the filter would be sure and wrong.
+`model_error` is the voltage error of the model in its own standard deviations, a Gauss-Markov state along SoC: constant
+while SoC is, and decorrelated after `model_soc_length`. Errors of a battery model are not white; treated as white noise
+they would average out, and the filter would be overconfident.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ BULK, SURFACE, MODEL_ERROR, OFFSET, RESISTANCE, SOC = range(6)
 class SocAsState:
     """SoC is a state that counts charge, d soc/dt = i / Q, and V_cb lies on a straight OCV line ([T] 3.4.2).
 
-    SoC does not change when the circuit's capacitances do, and the voltage corrects it by
-    their common errors: a wrong start, a wrong current. The distance of the OCV curve from the line is model error.
+    SoC does not change when the circuit's capacitances do. The voltage corrects it through the errors that it shares
+    with V_cb and V_cs: a wrong start, a wrong current. The distance of the OCV curve from the line is model error.
     """
 
     model: RcModel
@@ -69,7 +69,7 @@ class SocAsState:
         return self._slope_V
 
     def curvature_variance_V2(self, soc: Scalar) -> Scalar:
-        """Process variance of the voltages for a bent curve [V^2 per unit of SoC moved]: none."""
+        """Process variance of the voltages due to curvature of the OCV [V^2 per unit of SoC moved]: zero."""
         return 0.0
 
     def model_std_V(self, soc: Scalar) -> Scalar:
@@ -85,7 +85,7 @@ class SocAsState:
         return maximum(belief.cov[SOC, SOC], 0.0)
 
     def project(self, belief: Belief) -> tuple[Belief, Scalar]:
-        """The belief with its SoC in [0, 1], and the condition that it was not."""
+        """The belief with its SoC projected into [0, 1], and the condition that it had to be."""
         return project(belief, np.eye(SOC + 1)[SOC], 0.0, 1.0)
 
     @cached_property
@@ -102,8 +102,8 @@ class SocAsState:
     def _model_std_V(self) -> tuple[float, ...]:
         """Model error [V] on a uniform grid of SoC.
 
-        The distance of the curve has zeros, but at a SoC that is itself in doubt: it counts as at least its root mean
-        square between 10 and 90 %.
+        The distance of the curve from the line has zeros, but at a SoC that is itself uncertain, so it counts as at
+        least its root mean square between 10 and 90 %.
         """
         soc, ocv_V = curve_on_grid(self.model)
         curvature_V = np.abs(ocv_V - self._empty_V - self._slope_V * soc)
@@ -117,9 +117,9 @@ _CURVE_POINTS = 1001
 
 @dataclass(frozen=True)
 class SocByCurve:
-    """SoC is where the OCV curve passes the mean voltage of both capacitors ([P] 3.1, which takes that of the bulk).
+    """SoC at which the OCV curve has the mean voltage of both capacitors ([P] 3.1, which uses that of the bulk).
 
-    The capacitance is one number, so charge moves the voltages along a straight line while the curve has bends. The
+    The capacitance is one number, so charge moves the voltages along a straight line while the OCV is curved. The
     difference of the slopes is process noise of both voltages, which then follow the measured voltage rather than the
     charge where the curve is not straight.
     """
@@ -150,14 +150,14 @@ class SocByCurve:
         return clip(self.soc_beyond(self.open_circuit @ x), 0.0, 1.0)
 
     def soc_variance(self, belief: Belief) -> Scalar:
-        """Variance of SoC: half the width that one sigma of the open-circuit voltage has on the curve, squared."""
+        """Variance of SoC: square of half its range on the curve between plus and minus one sigma of the OCV."""
         ocv_V = self.open_circuit @ belief.mean
         std_V = np.sqrt(maximum(self.open_circuit @ belief.cov @ self.open_circuit, 0.0))
         half_width = 0.5 * (self.soc_beyond(ocv_V + std_V) - self.soc_beyond(ocv_V - std_V))
         return half_width**2
 
     def project(self, belief: Belief) -> tuple[Belief, Scalar]:
-        """The belief with its open-circuit voltage on the curve, and the condition that it was not."""
+        """The belief with its open-circuit voltage projected onto the curve, and the condition that it had to be."""
         return project(belief, self.open_circuit, self.model.ocv.voltage_V[0], self.model.ocv.voltage_V[-1])
 
     def soc_beyond(self, ocv_V: Scalar) -> Scalar:
@@ -167,7 +167,7 @@ class SocByCurve:
 
     @cached_property
     def open_circuit(self) -> np.ndarray:
-        """Row (5,) that gives the open-circuit voltage of a state: the mean of both capacitors by charge."""
+        """Row (5,) that gives the open-circuit voltage of a state: mean of both capacitors, weighted by capacitance."""
         total_F = self.model.c_bulk_F + self.model.c_surface_F
         return np.array([self.model.c_bulk_F, self.model.c_surface_F, 0.0, 0.0, 0.0]) / total_F
 
@@ -186,7 +186,7 @@ class SocByCurve:
 
 
 def line_slope_V(p: Circuit | RcModel, capacity_As: float) -> Scalar:
-    """Slope Q / (C_b + C_s) [V per unit of SoC] of the straight OCV line for which the capacitances stand."""
+    """Slope Q / (C_b + C_s) [V per unit of SoC] of the straight OCV line that the capacitances represent."""
     return capacity_As / (p.c_bulk_F + p.c_surface_F)
 
 
@@ -206,7 +206,7 @@ def curve_on_grid(model: RcModel) -> tuple[np.ndarray, np.ndarray]:
     return soc, model.ocv.mean_V(soc, model.ocv.reference_degC)
 
 
-#: Links between state of charge and voltage, by the name that `RcFilter.soc_as` has for them.
+#: Links between state of charge and voltage, by their name in `RcFilter.soc_as`.
 _LINKS: dict[str, type[SocAsState | SocByCurve]] = {"state": SocAsState, "curve": SocByCurve}
 
 
@@ -220,7 +220,7 @@ class RcFilterState(NamedTuple):
 
 
 class RcParameters(NamedTuple):
-    """Circuit that is estimated elsewhere, sample by sample, and relative errors of it."""
+    """Circuit that is estimated elsewhere, sample by sample, and its relative errors."""
 
     circuit: rc.Circuit
     capacitance_std: Any = 0.0  #: adds up over a full charge
@@ -249,7 +249,7 @@ class RcFilter:
     #: "state", a state that counts charge, with a straight line through the OCV curve; or "curve", the inverse OCV
     #: curve at the mean voltage of the capacitors
     soc_as: str = "state"
-    gap_s: float = CURRENT_GAP_S  #: a longer step between two samples says nothing about the current in between
+    gap_s: float = CURRENT_GAP_S  #: in a longer step the current between the two samples is unknown
     gate: float = 25.0  #: largest NIS of a voltage that is used
     reset_after_s: float = 60.0  #: time of rejection after which the filter has diverged and inflates its covariance
 
@@ -271,7 +271,7 @@ class RcFilter:
 
     @property
     def limits(self) -> SampleLimits:
-        """Limits of what is believed of a sample."""
+        """Limits of plausible samples."""
         return sample_limits(self.model, self.gap_s)
 
     @cached_property
@@ -285,7 +285,7 @@ class RcFilter:
         return rc.equivalent_thevenin(self.model)
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RcFilterState:
-        """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
+        """State before the first sample, whose voltage gives the SoC where `soc` is None."""
         return self.start_from(first, *self.voltage_start.hypotheses(first, soc, soc_std))
 
     @property
@@ -332,7 +332,7 @@ class RcFilter:
         return after, self.estimate(posterior, update, flags)
 
     def predict(self, belief: Belief, clean: CleanSocSample, parameters: RcParameters) -> Belief:
-        """The belief after the step, before its voltage."""
+        """The belief after the step, before the correction by its voltage."""
         current_A = clean.mean.current_A
         moved = abs(current_A) * clean.dt_s / self.model.capacity_As
         decay = self.error_decay(moved)
@@ -372,14 +372,14 @@ class RcFilter:
         return own + np.outer(direction * charge, direction)
 
     def charge_direction(self, slope_V: Scalar) -> np.ndarray:
-        """Change of the state (n,) by an error of the charge of a full capacity: it moves all that count charge."""
+        """Change of the state (n,) by a charge error of one full capacity: it moves all states that count charge."""
         return self.vector(bulk_V=slope_V, surface_V=slope_V, soc=1.0)
 
     def correct(self, prior: Belief, rejected_s: Scalar, clean: CleanSocSample, parameters: RcParameters) -> RcUpdate:
         """The belief after the voltage of this step.
 
-        A filter that has diverged inflates its covariance until the voltage stands at the edge of its gate, because it
-        was sure and wrong; it does so until a voltage passes.
+        A filter that has diverged was overconfident: it inflates its covariance until the voltage lies at the edge of
+        its gate, at every sample until a voltage passes.
         """
         p, current_A = parameters.circuit, clean.now.current_A
         soc = self.link.soc(prior.mean)
@@ -438,7 +438,7 @@ class RcFilter:
         resistance_std: Scalar = 0.0,
         soc: Scalar = 0.5,
     ) -> Scalar:
-        """R [V^2] of a step: white noise, and errors that hold on for `correlation_s` and count once in that time.
+        """R [V^2] of a step: white noise, and errors that persist for `correlation_s` and count once in that time.
 
         overpotential_V: voltage beyond the open circuit's.  slope_V: slope of the open-circuit voltage per unit of SoC.
         resistance_std: further relative error of the overpotential.  soc: at which `overpotential_share` is taken.
@@ -477,7 +477,7 @@ class RcFilter:
         resistance: Scalar = 0.0,
         soc: Scalar = 0.0,
     ) -> np.ndarray:
-        """Vector (n,) of these elements in the order of the state; without `soc` where that is no state."""
+        """Vector (n,) of these elements in the order of the state; without `soc` where that is not a state."""
         elements = [bulk_V, surface_V, model_error, offset_A, resistance, soc]
         return np.array(elements[: len(self.state_names)])
 

@@ -4,12 +4,12 @@ By the rule, R_total is the sudden change of voltage over the change of current;
 R_total - R_b / 2; the time constant tau of an exponential through the first 500 ms after the edges gives C_s = tau /
 (2 R_s).
 
-A linear model does not follow a battery through a full charge: the voltage limit, gassing, a charge that is not all
-stored, an open-circuit voltage above that of discharge. Short charges, a robot's braking, stay. What lies between two
-long charges is a part with an open-circuit voltage of its own at the start.
+A linear model does not follow a battery through a full charge: voltage limit, gassing, incomplete storage of the
+charge, an open-circuit voltage above that of discharge. So long charges are left out; short ones, as in braking, stay.
+The log between two long charges is a part, with an open-circuit voltage of its own at the start.
 
-Least squares are linear but for one number. With s = C_s / (C_b + C_s) and D = R_b + R_s the terminal voltage of the
-model is, exactly,
+Least squares are linear except in one parameter. With s = C_s / (C_b + C_s) and D = R_b + R_s the terminal voltage of
+the model is, exactly,
 
     V = V_start + q / C + R_1 F[i] + R_0 i
 
@@ -18,8 +18,8 @@ where q is the charge since the start, F a first-order filter of gain 1 and rate
     C = C_b + C_s,   R_0 = R_t + R_b R_s / D,   R_1 = (R_b - s D)^2 / D,   w = 1 / (s (1 - s) C D) = 1 / tau.
 
 Each part between two long charges has a V_start of its own. For a given w this is linear: one search in w finds the
-best. Where an OCV curve is known, it stands in place of V_start + q / C, so that its bends are not taken for a slow
-relaxation, and C is that of the straight line through the part of the curve that the log passes.
+best. A known OCV curve takes the place of V_start + q / C, so that its curvature is not mistaken for a slow
+relaxation, and C is that of the straight line through the part of the curve that the log covers.
 `models.rc` makes a circuit of the four numbers.
 """
 
@@ -44,14 +44,14 @@ from ohmward_lab.published import rc_circuit
 
 #: Currents below this rate neither charge nor discharge.
 _ZERO_RATE = 1 / 200
-#: A charge of more than this share of the capacity is long: no braking of a robot lasts so.
+#: A charge of more than this share of the capacity is long; braking never lasts that long.
 _LONG_CHARGE = 0.05
 
 
 #: Time after an edge in which [P] looks for the time constant [s].
 FIRST_S = 0.5
 
-#: Fewest samples of a window from which a time constant can be told.
+#: Fewest samples of a window from which a time constant is identified.
 _FEWEST_OF_A_WINDOW = 5
 #: Smallest change of current that counts as an edge: C/20.
 _EDGE_RATE = 1 / 20
@@ -61,8 +61,8 @@ class EdgeResponse(NamedTuple):
     """Response of the voltage to a change of current by one ampere, from all edges."""
 
     edges: int  #: their number
-    r_total_ohm: float  #: resistance seen at once, or as soon as the sampling shows (median)
-    delay_s: float  #: time from the edge until then (median)
+    r_total_ohm: float  #: resistance seen at once, or at the first sample after the edge (median)
+    delay_s: float  #: time from the edge to that sample (median)
     window_s: float  #: length of the window after the edge: 0.5, or ten samples where the log is slower
     #: (K,) time since the first sample after an edge, and rise of the voltage since, of all edges
     time_s: np.ndarray
@@ -72,8 +72,8 @@ class EdgeResponse(NamedTuple):
 class TimeConstant(NamedTuple):
     """Time constant of the exponential r (1 - e^(-t / tau)) through the rises after the edges."""
 
-    tau_s: float  #: tau; the length of the window where the rises show none
-    found: bool  #: True where they show one
+    tau_s: float  #: tau; the length of the window where none was identified
+    found: bool  #: True where tau was identified
 
 
 def find_response(samples: RcSamples, capacity_Ah: float) -> EdgeResponse:
@@ -113,7 +113,7 @@ def _around(samples: RcSamples, edges: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """Last sample a typical step before the new current and first a typical step after the old one, for each edge.
 
     In a regular log these are the samples of the edge itself. A logger that writes both currents and one voltage at the
-    same moment is understood too.
+    same moment is handled too.
     """
     step_s = 0.99 * samples.typical_step_s
     before = np.searchsorted(samples.time_s, samples.time_s[edges + 1] - step_s, "right") - 1
@@ -122,7 +122,7 @@ def _around(samples: RcSamples, edges: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _after_edge(samples: RcSamples, first: int, change_A: float, window_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Time since sample `first` [s] and rise of the voltage since [ohm], while the current stays, up to a window."""
+    """Time since sample `first` [s] and rise of the voltage since [ohm], while the current is constant, in a window."""
     last = first + int(np.searchsorted(samples.time_s[first:], samples.time_s[first] + window_s, "right"))
     moved = np.abs(samples.current_A[first:last] - samples.current_A[first]) > 0.1 * abs(change_A)
     stays = slice(first, first + (int(np.argmax(moved)) if moved.any() else last - first))
@@ -131,9 +131,9 @@ def _after_edge(samples: RcSamples, first: int, change_A: float, window_s: float
 
 
 def find_time_constant(response: EdgeResponse) -> TimeConstant:
-    """Least squares over a grid of tau between a twentieth of the window and ten windows, weighted alike.
+    """Least squares over a grid of tau between a twentieth of the window and ten windows, equally weighted.
 
-    It is not found where the best tau stands at an end of the grid or the exponential explains less than half of the
+    Tau is not found where the best one lies at an end of the grid or the exponential explains less than half of the
     rises' scatter about their mean.
     """
     t, y = response.time_s, response.rise_ohm
@@ -157,7 +157,7 @@ class RcSamples(NamedTuple):
     dt_s: np.ndarray  #: step
     current_A: np.ndarray  #: at the sample
     charge_As: np.ndarray  #: since the start
-    mean_A: np.ndarray  #: current over the step
+    mean_A: np.ndarray  #: mean current over the step
     voltage_V: np.ndarray
     gap: np.ndarray  #: True where the step is a gap in the recording, or the first of a part
     part: np.ndarray  #: number of the part, 0 for the first
@@ -169,7 +169,7 @@ class RcSamples(NamedTuple):
 
 
 def outside_long_charges(log: Log, capacity_Ah: float) -> RcSamples:
-    """The samples with a voltage that stand outside long charges; the charge of the others counts all the same."""
+    """The samples with a voltage outside long charges; the charge moved in all other samples is counted too."""
     moved_Ah, current_A = count_charge(log).moved_Ah, known_current_A(log)
     charging, part = _long_charges(current_A, moved_Ah, capacity_Ah)
     used = np.isfinite(log.voltage_V) & ~charging
@@ -187,7 +187,7 @@ def outside_long_charges(log: Log, capacity_Ah: float) -> RcSamples:
 def _long_charges(current_A: np.ndarray, moved_Ah: np.ndarray, capacity_Ah: float) -> tuple[np.ndarray, np.ndarray]:
     """True inside a charge of more than 5 % of the capacity, and the number of such charges before a sample.
 
-    A charge lasts until the next discharge: after it the voltage falls for hours, and no linear model says how.
+    A charge lasts until the next discharge: after it the voltage falls for hours, which no linear model describes.
     """
     sign = np.sign(current_A) * (np.abs(current_A) > _ZERO_RATE * capacity_Ah)
     last_moving = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
@@ -197,11 +197,11 @@ def _long_charges(current_A: np.ndarray, moved_Ah: np.ndarray, capacity_Ah: floa
     return long, np.cumsum(np.diff(long.astype(int), prepend=int(long[0])) < 0)
 
 
-#: Samples further apart weigh no more: the model is wrong for as long as the current lasts.
+#: Largest weight of a sample, as time [s]: a model error lasts as long as the current, however long the step.
 _LONGEST_WEIGHT_S = 60.0
 #: Slower processes belong to the open-circuit voltage of a model with one time constant.
 LONGEST_TAU_S = 900.0
-#: A relaxation that explains less of the square of the residual is none: slow samples do not tell it from R_0.
+#: A relaxation that explains less of the squared residual is dropped: slow samples cannot separate it from R_0.
 _LEAST_EXPLAINED = 0.05
 #: Points of the grid of time constants before the search.
 _RATES = 40
@@ -216,7 +216,7 @@ class VoltageFit(NamedTuple):
     r0_ohm: float
     r1_ohm: float
     tau_s: float  #: 1 / w
-    residual_V: np.ndarray  #: (T,) measured minus fitted voltage; where a curve is known, the curve's is the fitted one
+    residual_V: np.ndarray  #: (T,) measured minus fitted voltage; the fit uses the OCV curve where it is known
 
     @property
     def numbers(self) -> tuple[float, float, float, float]:
@@ -232,12 +232,12 @@ class VoltageFit(NamedTuple):
 def fit_voltage(
     samples: RcSamples, ocv_V: np.ndarray | None = None, longest_tau_s: float = LONGEST_TAU_S
 ) -> VoltageFit | None:
-    """Best V_start, C, R_0, R_1 and tau for the whole log; None where the log shows no R_0 or no C.
+    """Best V_start, C, R_0, R_1 and tau for the whole log; None where the log does not identify R_0 or C.
 
-    Samples weigh as the time they stand for, up to 60 s. No number may be negative.
+    Samples are weighted by the time that they represent, up to 60 s. No number may be negative.
 
     ocv_V: (T,) open-circuit voltage along the log where it is known [V].
-    longest_tau_s: no slower relaxation is looked for.
+    longest_tau_s: longest time constant in the search.
     """
     minimize_scalar = require("scipy.optimize", "identification").minimize_scalar
 
@@ -260,7 +260,7 @@ def fit_voltage(
 
 
 def voltage_fit(samples: RcSamples, ocv_V: np.ndarray | None, numbers: tuple[float, float, float, float]) -> VoltageFit:
-    """The voltage with these four numbers C, R_0, R_1 and tau, and with the V_start that suits them best."""
+    """The fit with these four numbers C, R_0, R_1 and tau, and with the best V_start for them."""
     capacitance_F, r0, r1, tau_s = numbers
     over_V = r0 * samples.current_A + r1 * filtered(samples, tau_s)
     charge_V = charge_in_part(samples) / capacitance_F
@@ -272,7 +272,7 @@ def voltage_fit(samples: RcSamples, ocv_V: np.ndarray | None, numbers: tuple[flo
 
 
 def _solve(samples: RcSamples, ocv_V: np.ndarray | None, tau_s: float) -> tuple[tuple[float, float, float], float]:
-    """Best R_0, R_1 and 1 / C >= 0 for a time constant, and the weighted sum of squares that they leave."""
+    """Best R_0, R_1 and 1 / C >= 0 for a time constant, and the weighted sum of squared residuals."""
     nnls = require("scipy.optimize", "identification").nnls
 
     currents = _centred(samples, np.column_stack([samples.current_A, filtered(samples, tau_s)]))
@@ -302,12 +302,12 @@ def filtered(samples: RcSamples, tau_s: float) -> np.ndarray:
 
 
 def _weights(samples: RcSamples) -> np.ndarray:
-    """Root of the time that each sample stands for, (T,)."""
+    """Root of the time that each sample represents, (T,)."""
     return np.sqrt(np.clip(samples.dt_s, 1e-3, _LONGEST_WEIGHT_S))
 
 
 def _centred(samples: RcSamples, values: np.ndarray) -> np.ndarray:
-    """Weighted values (T,) or (T, n) less the mean of their part, which the best V_start takes."""
+    """Weighted values (T,) or (T, n) less the mean of their part, which the best V_start absorbs."""
     columns = values.reshape(len(values), -1)
     left = [_weights(samples) * (c - _means(samples, c)[samples.part]) for c in columns.T]
     return np.column_stack(left).reshape(values.shape)
@@ -319,24 +319,24 @@ def _means(samples: RcSamples, values: np.ndarray) -> np.ndarray:
     return np.bincount(samples.part, weights * values) / np.bincount(samples.part, weights)
 
 
-#: A log that moves SoC by less does not show the slope of its open-circuit voltage.
+#: Smallest range of SoC in a log that identifies the slope of the open-circuit voltage.
 _LEAST_SOC_RANGE = 0.05
-#: Without a curve a relaxation is looked for that lasts until SoC has moved by so much at the current of the log: a
-#: slower one cannot be told from a bend of the open-circuit voltage (a DST on NMC: 893 s and ten times the R_1).
+#: Without a curve, change of SoC, at the current of the log, within the longest time constant of the search: a slower
+#: relaxation looks like curvature of the open-circuit voltage (a DST on NMC: 893 s and ten times the R_1).
 _STRAIGHT_SOC = 0.02
-#: A time constant so close to the longest one is that which the search allows, not that of the battery.
+#: A time constant above this share of the longest one is set by the limit of the search, not by the battery.
 _AT_LIMIT = 0.95
-#: A voltage seen later after an edge is not that of the edge [s]; [P] fits the time constant to the first 500 ms.
+#: A voltage sampled later after an edge is not that of the edge [s]; [P] fits the time constant to the first 500 ms.
 _SLOW_DELAY_S = 10.0
-#: No sensor is better, whatever a short log shows.
+#: Smallest standard deviation of a voltage sensor, whatever a short log shows.
 _LEAST_VOLTAGE_STD_V = 0.001
-#: Two estimates of the resistances may agree by chance.
+#: Smallest relative standard deviation of the resistances: two estimates of them may agree by chance.
 _CHANCE_STD = 0.05
-#: A straight line errs in long bows.
+#: Correlation length in SoC of the error of a straight line, which varies slowly.
 _MODEL_SOC_LENGTH = 0.3
-#: Points of SoC on which the model error stands.
+#: Points on the grid of SoC for the model error.
 _SOC_POINTS = 11
-#: Relative error of the slope of a straight line beyond the part that it was laid through: the slope of the curves of
+#: Relative error of the slope of a straight line beyond the range that it was fitted to: the slope of the curves of
 #: NCA, NMC and LCO between 20 and 60 % is 0.8, 0.6 and 0.4 of that between 60 and 100 %.
 _SLOPE_STD = 0.3
 #: Median of the absolute value of a standard normal number.
@@ -344,7 +344,7 @@ _MEDIAN_OF_NORMAL = 0.6745
 
 
 class RcIdentification(NamedTuple):
-    """The RC model, the way to it, and the parameters that the log does not show."""
+    """The RC model, how it was identified, and the parameters that the log does not identify."""
 
     model: RcModel  #: the result; `fit` turned into elements, or `rule` where the fit was not possible
     noise: BatteryNoise  #: what a filter on this model should assume: voltage noise, and model error along SoC
@@ -361,8 +361,8 @@ def identify_rc(log: Log, ocv: OcvCurve | None, capacity_Ah: float, start_soc: f
     """The RC model of the battery in the log.
 
     log: pulses or a drive, > 0 charges; the longer and the more of the SoC range, the better.
-    ocv: open-circuit voltage of the same battery; None takes the straight line that the log itself shows, which suits
-        a linear model best where the battery is nearly linear, as lead-acid is.
+    ocv: open-circuit voltage of the same battery; None fits a straight line to the log itself, which suits a linear
+        model best where the battery is nearly linear, as lead-acid is.
     capacity_Ah: charge between full and empty.
     start_soc: state of charge at the first sample of the log outside long charges; None takes it from the curve.
 
@@ -409,7 +409,7 @@ def _straight_s(samples: RcSamples, capacity_Ah: float) -> float:
 def _fit_with_line(
     samples: RcSamples, capacity_Ah: float, start_soc: float | None, longest_tau_s: float, reference_degC: float
 ) -> tuple[VoltageFit, OcvCurve, np.ndarray]:
-    """Least squares without a curve, the straight OCV line that it means, and the SoC at the start of each part."""
+    """Least squares without a curve, the straight OCV line that results, and the SoC at the start of each part."""
     if start_soc is None:
         raise InputError("identify_rc needs ocv, or start_soc to lay a straight line through the log; both are None")
     soc_range = float(np.ptp(charge_in_part(samples))) / (SECONDS_PER_HOUR * capacity_Ah)
@@ -425,7 +425,7 @@ def _fit_with_line(
 
 
 def _start_soc(samples: RcSamples, response: EdgeResponse, ocv: OcvCurve, start_soc: float | None) -> np.ndarray:
-    """SoC at the first sample of each part, from its voltage without the drop at R_total; `start_soc` for the first."""
+    """SoC at the first sample of each part, from its voltage less the drop at R_total; `start_soc` for the first."""
     first = np.flatnonzero(np.diff(samples.part, prepend=-1) > 0)
     open_V = samples.voltage_V[first] - response.r_total_ohm * samples.current_A[first]
     soc = np.array([ocv.soc_at(v, ocv.reference_degC) for v in open_V.tolist()])
@@ -438,7 +438,7 @@ def _soc_along(samples: RcSamples, start: np.ndarray, capacity_Ah: float) -> np.
 
 
 def _noise(fit: VoltageFit, response: EdgeResponse, soc: np.ndarray, line_slope_V: float) -> BatteryNoise:
-    """Noise to assume: residual from sample to sample and along SoC, and the difference of the two resistances.
+    """Noise to assume, from the residual between samples and along SoC, and the difference of the two resistances.
 
     line_slope_V: slope of the straight line per unit of SoC, 0 where a curve is known.
     """
@@ -456,8 +456,8 @@ def _noise(fit: VoltageFit, response: EdgeResponse, soc: np.ndarray, line_slope_
 def _model_std_V(error_V: np.ndarray, soc: np.ndarray, line_slope_V: float) -> tuple[float, ...]:
     """Error of the model on a grid of SoC: root mean square, at least its median over the grid.
 
-    The residual of a fit has zeros, and another log has them elsewhere; hence the median. The largest where there are
-    no data, and more with the distance to them where a straight line stands for the curve.
+    The residual of a fit has zeros, and another log has them elsewhere; hence the median. Where there are no data, the
+    error is the largest one; with a straight line for the curve it also grows with the distance to the data.
     """
     nearest = np.clip(np.rint(soc * (_SOC_POINTS - 1)), 0, _SOC_POINTS - 1).astype(int)
     counts = np.bincount(nearest, minlength=_SOC_POINTS)
@@ -497,7 +497,7 @@ def _notes(response: EdgeResponse, fit: VoltageFit | None, left_out: float, tota
 def _missing(
     response: EdgeResponse, tau: TimeConstant, fit: VoltageFit | None, limits_s: tuple[float, float]
 ) -> tuple[str, ...]:
-    """Sentences on what the log does not show; limits_s: usual time between samples, longest time constant sought."""
+    """Sentences on what is not identified; limits_s: usual time between samples, longest time constant searched."""
     step_s, longest_s = limits_s
     sentences = ["R_t apart from R_b and R_s: the voltage shows four numbers of the five; R_b = R_s was assumed first"]
     if response.delay_s > _SLOW_DELAY_S:

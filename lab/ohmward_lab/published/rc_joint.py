@@ -2,17 +2,17 @@
 
     x = [ln C_b, ln C_s, ln R_e, ln R_t, V_cb, V_cs, V]    y = V    R_b = R_s = R_e
 
-the logarithms being relative to nominal values, so that parameters are of order one. [T] has 1/C_b, 1/C_s, 1/R_e and
-R_t themselves, at the end: at the front they cost less, because the Cholesky factor is triangular, so that the sigma
+The logarithms are relative to nominal values, so that parameters are of order one. [T] has 1/C_b, 1/C_s, 1/R_e and R_t
+themselves, at the end of the state. At the front they cost less: the Cholesky factor is triangular, so that the sigma
 points along the voltages all share the parameters of the mean.
-Logarithms instead of a projection onto positive values, because then no sigma point can be negative however wide the
-belief, a start wrong by a factor is an ordinary Gaussian error, a random walk is a share per time for every parameter,
+With logarithms in place of a projection onto positive values no parameter of a sigma point can be negative, however
+wide the belief; a start wrong by a factor is an ordinary Gaussian error; a random walk is a relative change per time;
 and nothing is clipped. Their price is an exponential for each parameter that differs between sigma points.
 
-With `voltage_as="output"` V is no state: six states, no memory of a voltage disturbance, y = h(x, i).
+With `voltage_as="output"` V is not a state: six states, no memory of a voltage disturbance, y = h(x, i).
 
 Noise: Q = K C K' + floor and R = residual moment + P_yy + floor over a window of 100 ([T] 3.49-3.50, the missing 1/L
-restored). The attributes of `RcJoint` tell the purpose of the floors and the gate. Sigma points are reused for the
+restored). The attributes of `RcJoint` explain the purpose of the floors and the gate. Sigma points are reused for the
 output, with alpha = 0.85, beta = 2, kappa = 0, all as in [T].
 """
 
@@ -56,7 +56,7 @@ BULK, SURFACE, TERMINAL = range(PARAMETERS, PARAMETERS + 3)
 
 
 class Nominal(NamedTuple):
-    """Values that the logarithms refer to, and the start of the parameters.
+    """Nominal values: reference of the logarithms, and start of the parameters.
 
     c_bulk_F, c_surface_F: capacitances [F].  r_ohm: R_e = R_b = R_s [ohm].  r_terminal_ohm: R_t [ohm].
     """
@@ -74,7 +74,7 @@ def require_nominal(nominal: Nominal) -> None:
 
 
 def nominal_of(model: rc.RcModel) -> Nominal:
-    """The model's elements with R_b = R_s: as they are, or with the same DC resistance, shared by [P]'s rule."""
+    """Elements of the model with R_b = R_s: its own if they are equal, else [P]'s shares of the same DC resistance."""
     if model.r_bulk_ohm == model.r_surface_ohm:
         return Nominal(model.c_bulk_F, model.c_surface_F, model.r_bulk_ohm, model.r_terminal_ohm)
     r_total_ohm = rc.dc_resistance(model) / (1 + rc.BRANCH_SHARE / 2)
@@ -122,20 +122,20 @@ class RcJoint:
     current_std_A: float = 0.02  #: white noise of the current sensor; moves both capacitors
     #: change in one second of the voltage beyond the circuit's, with V as a state; floor of Q
     disturbance_V: float = 0.0005
-    #: change of each parameter in one hour as a share of itself; floor of Q. Without it the filter stops learning,
-    #: believes itself, and is wrong with confidence as soon as the battery warms up.
+    #: relative change of each parameter in one hour; floor of Q. Without it the filter stops learning and is
+    #: confidently wrong as soon as the battery warms up.
     parameter_walk: float = 0.01
-    #: which noise is learnt; both in [T]. The floors are the whole noise otherwise.
+    #: noise that is learnt; both in [T]. Otherwise the floors are the whole noise.
     match_Q: bool = True
     match_R: bool = True
-    window: float = 100.0  #: effective number of samples for that
+    window: float = 100.0  #: effective number of samples from which the noise is learnt
     gate: float = 25.0  #: largest NIS of a voltage that is used
     #: time outside the gate after which the filter has diverged: voltages are used until one passes
     reset_after_s: float = 60.0
-    gap_s: float = 600.0  #: a longer step says nothing about the current in between
+    gap_s: float = 600.0  #: in a longer step the current between the two samples is unknown
     unknown_A: float = 1.0  #: standard deviation of a current that was not measured
-    current_limit_A: float = math.inf  #: a larger current is a fault of its sensor
-    highest_ocv_V: float = math.inf  #: of the battery [V]; voltages that no such battery can show are none
+    current_limit_A: float = math.inf  #: a larger current is a sensor fault
+    highest_ocv_V: float = math.inf  #: of the battery [V]; voltages that are impossible with it are ignored
     scaling: unscented.Scaling = field(default=unscented.DEFAULT)  #: of the sigma points
 
     def __post_init__(self) -> None:
@@ -209,11 +209,11 @@ class RcJoint:
 
     @property
     def limits(self) -> SampleLimits:
-        """Limits of what is believed of a sample."""
+        """Limits of plausible samples."""
         return SampleLimits(self.gap_s, self.current_limit_A, self.highest_ocv_V)
 
     def decide(self, state: JointState, clean: CleanSocSample, innovation: Innovation) -> tuple[Any, Any, Scalar]:
-        """Decision of the gate on a voltage; a repeated sample (dt = 0) is no measurement.
+        """Decision of the gate on a voltage; a repeated sample (dt = 0) does not count as a measurement.
 
         Returns: the conditions that it is used and that its NIS exceeds the gate, and the time [s] for which voltages
         have been outside.
@@ -227,7 +227,7 @@ class RcJoint:
         return used, outside, time_rejected(state.rejected_s, clean.dt_s, outside, measured)
 
     def restart_if_diverged(self, belief: Belief, voltage_V: Scalar) -> tuple[Belief, Any]:
-        """The belief, or ignorance in its place where it is not healthy; and the condition that it is."""
+        """The belief, replaced by ignorance where it is not healthy; and the condition that it is healthy."""
         healthy = self.is_healthy(belief)
         level_V = where(isfinite(voltage_V), voltage_V, 0.0)
         return choose(healthy, belief, self.ignorance(level_V, BULK_STD_V)), healthy
@@ -306,7 +306,7 @@ class RcJoint:
         )
 
 
-#: Relative standard deviation of the parameters at the start at least: a joint filter that is too sure learns nothing.
+#: Smallest relative standard deviation of the parameters at the start: an overconfident joint filter learns nothing.
 _LEAST_START_STD = 0.1
 
 
@@ -325,15 +325,15 @@ class RcAdaptiveSoc:
     """
 
     joint: RcJoint  #: finds C_b, C_s, R_e and R_t
-    soc: RcFilter  #: estimates the state of charge with them; its model has those of the battery file
+    soc: RcFilter  #: estimates the state of charge with them; its own model has the values of the battery file
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> SchemeState:
-        """State before the first sample, which it looks at; `soc` None takes it from the first voltage."""
+        """State before the first sample, whose voltage gives the SoC where `soc` is None."""
         start = self.soc.init(first, soc, soc_std)
         return SchemeState(self.joint.init(first, bulk_V=float(start.belief.mean[0])), start)
 
     def step(self, state: SchemeState, sample: SocSample) -> tuple[SchemeState, SocEstimate]:
-        """State and estimate after a sample; the model's own circuit serves where the joint filter has diverged."""
+        """State and estimate after a sample; the model's own circuit is used where the joint filter has diverged."""
         diverged = logical_not(self.joint.is_healthy(unpack(state.joint.belief)))
         joint, found = self.joint.step(state.joint, sample)
         parameters = RcParameters(
@@ -353,13 +353,13 @@ class RcAdaptiveSoc:
         )
 
     def ratios(self, p: rc.Circuit) -> tuple[Scalar, Scalar]:
-        """Capacitance and resistance to a steady current over those of the battery file."""
+        """Ratios of capacitance and DC resistance to those of the battery file."""
         file = self.soc.model.circuit
         capacitance = (p.c_bulk_F + p.c_surface_F) / (file.c_bulk_F + file.c_surface_F)
         return capacitance, rc.dc_resistance(p) / rc.dc_resistance(file)
 
     def ratio_stds(self, belief: Belief) -> list[Scalar]:
-        """Standard deviations of both in the belief of the joint filter: sqrt(diag(G P G')), G their Jacobian."""
+        """Standard deviations of both ratios in the joint filter's belief: sqrt(diag(G P G')), G their Jacobian."""
         _, G = linearize(lambda x: np.array(self.ratios(self.joint.circuit(x))), belief.mean)
         return [np.sqrt(maximum(variance, 0.0)) for variance in np.diag(G @ belief.cov @ G.T)]
 

@@ -1,12 +1,12 @@
-"""RC model and Kalman filter with three states, as [P] 2.2 and 3.1 have them; SoC by the inverse OCV curve of V_cb.
+"""RC model and Kalman filter with three states as in [P] 2.2 and 3.1; SoC from V_cb by the inverse OCV curve.
 
     x = [V_cb, V_cs, V_o]        y = V_o        dV_o/dt = A33 (V_o - V_cb) + B31 i
 
 The capacitors are those of `rc_circuit`; V_o as a state moves under the assumption di/dt = 0.
 
 With `jumps` V_o also changes by (R_t + R_b R_s / D) (i_k - i_(k-1)), which di/dt = 0 leaves out. The step is exact in
-both. Q and R are those of (25), constant and diagonal; P0 is not printed. The filter takes its start as given, so that
-a wrong one can be shown: all three voltages at the OCV of that SoC, as [P] starts at that of a full battery.
+both cases. Q and R are those of (25), constant and diagonal; P0 is not printed. The filter uses its start as given, to
+show the effect of a wrong one: all three voltages at the OCV of that SoC, as [P] starts at the OCV of a full battery.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from ohmward.trace import clip, where
 from ohmward_lab.published import rc_circuit
 from ohmward_lab.published.rc_filter import SocByCurve
 
-#: Row that shows V_o of the state.
+#: Row that selects V_o from the state.
 _H = np.array([[0.0, 0.0, 1.0]])
 
 
@@ -48,7 +48,7 @@ class RcThreeStates:
     model: rc.RcModel  #: the circuit and its OCV curve
     process_variance_V2: tuple[float, float, float] = (0.00001, 0.001, 0.9)  #: diagonal of Q in one step
     voltage_variance_V2: float = 0.8  #: R
-    start_variance_V2: float = 1.0  #: each of the diagonal of P0
+    start_variance_V2: float = 1.0  #: each element on the diagonal of P0
     jumps: bool = False  #: True lets V_o follow a change of the current at once; False is [P]'s di/dt = 0
 
     def __post_init__(self) -> None:
@@ -60,7 +60,7 @@ class RcThreeStates:
         return SocByCurve(self.model, BatteryNoise())
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> RcThreeState:
-        """State before the first sample: at rest at this SoC, taken as given; None takes the first voltage for V_cb."""
+        """State before the first sample: at rest at this SoC, used as given; with None V_cb is the first voltage."""
         ocv_V = float(first.voltage_V) if soc is None else self.link.ocv_V(soc)
         belief = Belief(np.full(3, ocv_V), self.start_variance_V2 * np.eye(3))
         return RcThreeState(pack(belief), first_input(first).current_A)
@@ -82,7 +82,7 @@ class RcThreeStates:
         )
 
     def estimate(self, posterior: Belief, expected_V: Any, innovation_V: Any, variance_V2: Any) -> SocEstimate:
-        """SoC where the OCV curve passes V_cb, and half the width that one sigma of V_cb has on the curve."""
+        """SoC at V_cb on the OCV curve; its std is half the SoC range between plus and minus one sigma of V_cb."""
         bulk_V, std_V = posterior.mean[0], np.sqrt(posterior.cov[0, 0])
         width = self.link.soc_beyond(bulk_V + std_V) - self.link.soc_beyond(bulk_V - std_V)
         soc = clip(self.link.soc_beyond(bulk_V), 0.0, 1.0)

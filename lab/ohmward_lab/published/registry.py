@@ -16,10 +16,10 @@ from ohmward_lab.published.rc_joint import adaptive_soc_of
 
 @dataclass(frozen=True)
 class GivenStart(TextbookFilter):
-    """Settings of the textbook filter. The first voltage does not overrule the SoC that it is told to start from."""
+    """Settings of the textbook filter, with an initial SoC that the first voltage does not overrule."""
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> TextbookState:
-        """State before the first sample; a SoC that is None comes from its voltage, any other is taken as it is."""
+        """State before the first sample; `soc` None is found from its voltage, any other value is used as given."""
         return super().init(first) if soc is None else self.start(first, soc, soc_std)
 
 

@@ -8,15 +8,14 @@ Second stage, with the parameters of the first ([T] 3.4.2):
 
     x = [V_cb, V_cs, soc]        y = (V_cb + V_cs) / 2 + (R_t + R_e / 2) i        d soc/dt = i / Q
 
-The adaptive two match Q = K C K' and R = mean residual moment + P_yy ((3.49), (3.50) with 1/L restored), from Q0 and R0
-on; the other two keep them. Sigma points are drawn anew for the output: with (3.42) on the propagated ones the 0.9 V^2
-of Q0 would be missing in its covariance.
+The two adaptive filters match Q = K C K' and R = mean residual moment + P_yy ((3.49), (3.50) with 1/L restored),
+starting from Q0 and R0; the other two keep these. Sigma points are redrawn for the output: with (3.42) on the
+propagated ones the 0.9 V^2 of Q0 would be missing in its covariance.
 
-With `corrected` False the circuit is that which is printed: (3.6) in Euler steps, with V_cs and 1/(2 R_e C_s) and no
-jump of V with the current, R_e in (3.1), each capacitor of 3.4.2 stepped with its partner frozen; nothing bounds the
-parameters. With P0 = I a sigma point has 1/C_b = -2 per farad, and the unscented two end in no number. Corrected, the
-steps are exact, and the circuit sees the parameters within a factor of `LIMIT` of the offline ones: Euler steps are
-unstable there.
+With `corrected` False the circuit is as printed: (3.6) in Euler steps, with V_cs and 1/(2 R_e C_s) and no jump of V
+with the current, R_e in (3.1), each capacitor of 3.4.2 stepped with its partner frozen, and unbounded parameters. With
+P0 = I a sigma point has 1/C_b = -2 per farad, and the two unscented filters end in nan. If corrected, the steps are
+exact, and the circuit sees parameters within a factor of `LIMIT` of the offline ones, where Euler steps are unstable.
 """
 
 from __future__ import annotations
@@ -50,11 +49,11 @@ WINDOW = 100.0
 
 #: Largest ratio of a parameter to its offline value, either way.
 LIMIT = 10.0
-#: What a matched covariance may not fall below, as a share of Q0 and R0: next to nothing, as [T] has no floor.
+#: Floor of a matched covariance as a share of Q0 and R0: next to nothing, as [T] has no floor.
 MATCHED_FLOOR = 1e-12
-#: [T] prints no constants of its second stage. Change of the SoC in one step beyond the count; R0 is that of (3.51).
+#: Random walk of the SoC in one step of the second stage, whose R0 is that of (3.51); [T] prints no constants of it.
 SOC_WALK = 1e-5
-#: Standard deviation [V] of both voltages of the second stage at the start about the OCV of its SoC.
+#: Initial standard deviation [V] of both voltages of the second stage about the OCV of its SoC.
 REST_STD_V = 1e-3
 
 _TERMINAL = 2
@@ -121,12 +120,12 @@ class SchemeByMethod:
 
     @cached_property
     def charge_direction(self) -> np.ndarray:
-        """Change of V_cb, V_cs [V] and SoC by an error of the charge of a full capacity, on the offline line."""
+        """Change of V_cb, V_cs [V] and SoC by a charge error of one full capacity, on the offline OCV line."""
         slope_V = self.model.capacity_As / (self.nominal.c_bulk_F + self.nominal.c_surface_F)
         return np.array([slope_V, slope_V, 1.0])
 
     def step(self, state: SchemeByMethodState, sample: SocSample) -> tuple[SchemeByMethodState, SchemeByMethodEstimate]:
-        """State and estimates after a sample; one without a voltage is predicted over."""
+        """State and estimates after a sample; without a voltage they are only predicted."""
         clean = sanitize_bare(sample, state.current_A, np.inf)
         voltage_V = where(clean.measured, clean.voltage_V, np.nan)
         joint, innovation_V = self.joint_step(state.joint, voltage_V, clean)
@@ -177,7 +176,7 @@ class SchemeByMethod:
     def filter_step(
         self, before: adaptive.AdaptiveState, f: Any, h: Any, voltage_V: Any, Q: np.ndarray
     ) -> tuple[adaptive.AdaptiveState, Any]:
-        """One step of the method, of either stage."""
+        """One filter step, for either stage."""
         adapts, unscented = self.method in ("aekf", "aukf"), self.method in ("ukf", "aukf")
         share = MATCHED_FLOOR if adapts else 1.0
         matching = adaptive.Matching(share * Q, share * np.array([[R0_V2]]), self.window, np.inf, adapts, adapts)
@@ -185,7 +184,7 @@ class SchemeByMethod:
         return step(before, f, h, np.array([voltage_V]), matching)
 
     def limited(self, parameters: np.ndarray) -> np.ndarray:
-        """The parameters (4,) within the limit; as printed, as they are."""
+        """The parameters (4,) clipped to the limit if corrected, else unchanged."""
         if not self.corrected:
             return parameters
         return np.array([clip(p, o / LIMIT, o * LIMIT) for p, o in zip(parameters, self.parameters, strict=True)])
@@ -207,7 +206,7 @@ class SchemeByMethod:
         return np.array([x1 + dt * f1, x2 + dt * f2, x3 + dt * f3, *x[_TERMINAL + 1 :]])
 
     def within(self, parameters: np.ndarray) -> np.ndarray:
-        """Parameters that the circuit of a sigma point sees; the mean, of which an EKF has the slopes, is within."""
+        """Parameters that the circuit sees; an EKF linearises at the mean, which is within the limit already."""
         return self.limited(parameters) if self.method in ("ukf", "aukf") else parameters
 
     def next_voltages(self, x: np.ndarray, clean: CleanBareSample, p: rc.Circuit) -> np.ndarray:
@@ -231,14 +230,14 @@ def before_A(clean: CleanBareSample) -> Any:
 
 @dataclass(frozen=True)
 class SchemeSoc:
-    """The scheme; its estimates are nan but for SoC and its standard deviation."""
+    """The scheme; its estimates are nan except for SoC and its standard deviation."""
 
     scheme: SchemeByMethod
 
     def init(self, first: SocSample, soc: float | None = None, soc_std: float = 0.03) -> SchemeByMethodState:
-        """State before the first sample; a SoC that is None is where the OCV curve passes its voltage.
+        """State before the first sample; `soc` None is found from its voltage on the OCV curve.
 
-        A first sample without a voltage is taken to be at rest at that SoC.
+        A first sample without a voltage is assumed to be at rest at the given SoC.
 
         Raises:
             InputError: neither a SoC nor a voltage.

@@ -3,18 +3,19 @@
     x = [z_Cb, z_Cs, z_Re, z_R0, V_cb, V_cs, V]    y = V    R_b = R_s = R_e    R_0 = R_t + R_e / 2
     1/C_b = z_Cb / C_b0    1/C_s = z_Cs / C_s0    1/R_e = z_Re / R_e0    R_0 = z_R0 R_00
 
-the parameters being of order one by their nominal values. [T] has them at the end; at the front they cost less, because
-the Cholesky factor is triangular: the sigma points along the voltages all share the parameters of the mean.
+The parameters z are of order one, relative to their nominal values. [T] has them at the end; at the front they cost
+less, because the Cholesky factor is triangular: the sigma points along the voltages all share the mean's parameters.
 
-[T] has R_t itself, and V moves as if the current never changed (di/dt = 0). The voltage of a battery changes by R_0
-times the change of the current at once, and a filter that does not know it explains the jumps by a surface capacitor
-small enough to follow: with the exact circuit and an exactly right start C_s falls to a seventh and R_e to a fifth.
-Here the equation of [T] moves V - R_0 i, which does not jump, and V is that and R_0 times the current of its instant.
-With R_0 in place of R_t nothing has to be divided for that.
+[T] has R_t itself, and V moves as if the current never changed (di/dt = 0). But the voltage of a battery jumps by R_0
+times the change of the current, and a filter without this term explains the jumps by a surface capacitor small enough
+to follow: with the exact circuit and an exactly right start C_s falls to a seventh and R_e to a fifth. Here the
+equation of [T] moves V - R_0 i, which does not jump, and V is that plus R_0 times the current of its instant. With R_0
+in place of R_t this needs no division.
 
-It trusts the current, and a sigma point may have a negative capacitance. Euler steps make C_s too large by half a step
-over the time constant, a share dt (1/C_b + 1/C_s) / (4 R_e), and they are unstable where that exceeds one. `RcJoint`
-does all that better. This one is the published filter to compare with, and fits into a small microcontroller.
+The filter assumes an exact current, and a sigma point may have a negative capacitance. Euler steps make C_s too large
+by half a step over the time constant, a share dt (1/C_b + 1/C_s) / (4 R_e), and are unstable where that exceeds one.
+`RcJoint` has none of these limitations. This one is the published filter, for comparison, and fits into a small
+microcontroller.
 """
 
 from __future__ import annotations
@@ -72,12 +73,12 @@ class TextbookJoint:
 
     nominal: Nominal  #: start of the parameters
     start_std: float = 0.3  #: relative standard deviation of that start
-    #: change of each state in one step, of the parameters as a share: floor of Q, the diagonal's root. Small, or the
-    #: filter wanders.
+    #: change of each state in one step, relative for parameters: root of the diagonal floor of Q. Keep it small, or the
+    #: estimates drift.
     walk: tuple[float, ...] = (1e-5, 1e-5, 1e-5, 1e-5, 1e-5, 1e-5, 1e-4)
     voltage_std_V: float = 0.002  #: of the voltage sensor: floor of R
     window: float = 100.0  #: effective number of samples whose innovations the noise is matched to
-    highest_ocv_V: float = math.inf  #: of the battery; voltages that no such battery can show are none
+    highest_ocv_V: float = math.inf  #: of the battery; voltages that are impossible with it are ignored
     scaling: unscented.Scaling = field(default=unscented.DEFAULT)  #: of the sigma points
 
     def __post_init__(self) -> None:
@@ -89,7 +90,7 @@ class TextbookJoint:
         require_between("window", self.window, 1.0, math.inf)
 
     def init(self, first: SocSample, bulk_std_V: float = 0.05) -> TextbookJointState:
-        """State before the first sample: at rest at its voltage, give or take `bulk_std_V`.
+        """State before the first sample: at rest at its voltage, with standard deviation `bulk_std_V`.
 
         Raises:
             InputError: the first sample has no voltage.
@@ -99,7 +100,7 @@ class TextbookJoint:
         return self.start(first, bulk_std_V)
 
     def start(self, first: SocSample, bulk_std_V: Any) -> TextbookJointState:
-        """The same, traceable."""
+        """State before the first sample, as `init`; traceable."""
         voltages = STATES - PARAMETERS
         mean = np.array([*np.ones(PARAMETERS), *[first.voltage_V] * voltages])
         variances = np.square(np.array([*[self.start_std] * PARAMETERS, *[bulk_std_V] * voltages]))
@@ -126,7 +127,7 @@ class TextbookJoint:
         return self.concluded(after, correction.innovation.value[0], clean)
 
     def sanitize(self, state: TextbookJointState, sample: SocSample) -> CleanBareSample:
-        """The sample with what cannot be true replaced; no step is too long for it."""
+        """The sample with impossible values replaced; no step counts as too long."""
         return sanitize_bare(sample, state.current_A, self.highest_ocv_V, math.inf)
 
     def process_noise(self, state: TextbookJointState) -> np.ndarray:
@@ -137,7 +138,7 @@ class TextbookJoint:
     def concluded(
         self, state: TextbookJointState, innovation_V: Scalar, clean: CleanBareSample
     ) -> tuple[TextbookJointState, TextbookJointEstimate]:
-        """State with possible parameters and renewed moments of the noise, and the estimate."""
+        """State with its parameters limited and the noise moments updated, and the estimate."""
         mean = self.possible(state.belief.mean)
         residual = np.array([clean.voltage_V - mean[TERMINAL]])
         moments = adaptive.remember(state.noise, np.array([innovation_V]), residual, self.window)
@@ -147,7 +148,7 @@ class TextbookJoint:
         return after, self.estimate(mean, where(clean.measured, innovation_V, math.nan))
 
     def next_state(self, x: np.ndarray, mean_A: Scalar, now_A: Scalar, dt_s: Scalar) -> np.ndarray:
-        """State (7,) after an Euler step; [T] (3.6) with R_b = R_s, its indices set right, for U = V - R_0 i.
+        """State (7,) after an Euler step; [T] (3.6) with R_b = R_s, its indices corrected, for U = V - R_0 i.
 
             dU/dt = (1 / (2 R_e)) (1 / C_s - 1 / C_b) (V_cb - U) + (1 / (4 C_b) + 1 / (4 C_s)) i
 

@@ -1,1 +1,1 @@
-"""Tables and figures of [T] and [P] made again: printed numbers beside those of the methods here, and the errata."""
+"""Tables and figures of [T] and [P] reproduced: printed numbers beside those of the methods here, and the errata."""

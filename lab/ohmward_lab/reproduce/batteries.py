@@ -1,4 +1,4 @@
-"""Simulated batteries of the size that [T] and [P] have, and the logs that their results come from."""
+"""Simulated batteries of the sizes in [T] and [P], and the logs that their results come from."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ohmward_lab.simulate.profile import EDGE_S, Profile, pulse_test
 from ohmward_lab.simulate.robot_day import record, run_on_bench
 from ohmward_lab.simulate.sensors import BatterySensors, Sensor, low_cost_sensors, on_the_bench
 
-#: Nominal current steps of the joystick: held for so long [s], and so large [C]; a drive of a few minutes with stops.
+#: Current steps of a joystick drive of a few minutes: durations [s], largest and idle current [C], share of stops.
 _HOLD_S = (2.0, 12.0)
 _LARGEST_RATE = 1.0
 _IDLE_RATE = 0.05
@@ -89,8 +89,8 @@ def farm_sensors(rng: np.random.Generator) -> BatterySensors:
 def resistor_pulses(battery: SimulatedBattery, load_ohm: float, pulses: int) -> Profile:
     """[P] 2.1: from full, pulses of half an hour into a resistor, an hour of rest after each.
 
-    The current is that of the open-circuit voltage into the resistor; its fall by the battery's own resistance, 1 %, is
-    left out.
+    The current is that of the open-circuit voltage into the resistor; the reduction by the battery's own resistance,
+    1 %, is left out.
     """
     ocv, soc = battery.circuit.ocv, 1.0
     time_s, current_A = [0.0, _PULSE_S / 3], [0.0, 0.0]
@@ -128,14 +128,14 @@ def joystick(rng: np.random.Generator, capacity_Ah: float, duration_s: float) ->
 
 
 def _laboratory() -> BatterySensors:
-    """Sensors without offset and gain error: [T] takes its coulomb count for the truth."""
+    """Sensors without offset and gain error: [T] uses its coulomb count as the truth."""
     current = Sensor(-30.0, 30.0, resolution=0.005, noise_std=0.01)
     voltage = Sensor(0.0, 60.0, resolution=0.001, noise_std=0.002)
     return BatterySensors(current, voltage, Sensor(-55.0, 125.0, resolution=0.1, noise_std=0.1))
 
 
 def _down_to(profile: Profile, capacity_Ah: float, end_soc: float, start_soc: float = 1.0) -> Profile:
-    """The profile until its charge has taken the battery from one state of charge to the other."""
+    """The profile, cut where its charge has taken the battery from one state of charge to the other."""
     mean_A = 0.5 * (profile.current_A[1:] + profile.current_A[:-1])
     moved_Ah = np.concatenate([[0.0], np.cumsum(mean_A * np.diff(profile.time_s)) / 3600.0])
     last = int(np.argmax(moved_Ah <= -(start_soc - end_soc) * capacity_Ah)) + 1

@@ -1,7 +1,7 @@
 """All errors found in the texts we worked from, and their checks.
 
-The RC model of [T] 3.2 to 3.4 and [P] 2.2 is held against the circuit itself, the filters of [T] 3.3 and [P] 3 against
-what a Gaussian and a linear filter must give, the robot of [T] 4 and 5 against mechanics and the sliding condition.
+The RC model of [T] 3.2 to 3.4 and [P] 2.2 is compared with the circuit itself, the filters of [T] 3.3 and [P] 3 with
+what a Gaussian and a linear filter must give, the robot of [T] 4 and 5 with mechanics and the sliding condition.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ohmward_lab.published.scheme_by_method import SchemeByMethod
 from ohmward_lab.reproduce.row import Erratum, differs
 from ohmward_lab.reproduce.thesis_cases import stop_on_ice
 
-#: In the order of this file.
+#: Errata in the order of this file.
 ERRATA: list[Erratum] = []
 
 
@@ -95,7 +95,7 @@ def _jump() -> bool:
 
 @_erratum("[T]", "3.2, (3.52)", "minus here, plus in 3.4.2 for the same charge", "one sign: i > 0 charges")
 def _charge_sign() -> bool:
-    """The charge of both capacitors rises by i dt, so that SoC does with + i dt / Q."""
+    """The charge of both capacitors rises by i dt, so that SoC rises by + i dt / Q."""
     p = _UNEQUAL
     after = rc_circuit.next_state(_X, _CURRENT_A, p, 10.0)
     true = float(p.c_bulk_F * (after[0] - _X[0]) + p.c_surface_F * (after[1] - _X[1]))
@@ -141,7 +141,7 @@ def _p_rate(p: rc.Circuit, last_ohm: float, sign: float = 1.0) -> float:
 
 @_erratum("[P]", "2.2, B31", "R_s R_s", "R_s R_t")
 def _b31() -> bool:
-    """A surface as large as the bulk, so that the term shows."""
+    """dV/dt with a bulk about as small as the surface, so that the term matters."""
     p = _UNEQUAL._replace(c_bulk_F=60.0)
     return differs(_p_rate(p, p.r_surface_ohm), _p_rate(p, p.r_terminal_ohm), _rate_V_per_s(p), 1e-3)
 
@@ -172,7 +172,7 @@ _Y = np.array([0.4])
 
 @_erratum("[T]", "(3.31)-(3.41)", "lambda and chi both stand for the scaling", "chi")
 def _one_scaling() -> bool:
-    """Spread and weights must have the same scaling for the points to have the cov P."""
+    """Spread and weights must have the same scaling for the points to have the covariance P."""
     X = sigma_points(_BELIEF)
     dX = X - _BELIEF.mean
     same = dX.T @ (sigma_weights(2)[0][:, None] * dX)
@@ -230,9 +230,9 @@ def _window_mean() -> bool:
     "the circuit sees positive parameters",
 )
 def _free_parameters() -> bool:
-    """With P0 = I sigma points have negative capacitances; UKF and AUKF end in no number, EKF and AEKF do not.
+    """With P0 = I sigma points have negative capacitances; UKF and AUKF end in nan or diverge, EKF and AEKF do not.
 
-    On the circuit itself, without noise; within bounds, and corrected, none of the four does.
+    The samples are those of the circuit itself, without noise; with bounds, and corrected, none of the four does.
     """
     model = rc.RcModel(3000.0, 300.0, 0.08, 0.08, 0.06, OcvCurve((11.5, 13.5)), 3300.0 * 2.0 / 3600.0)
     current_A = np.tile(np.repeat([-3.0, -0.2, -1.5, 0.5], 10), 10)
@@ -266,7 +266,7 @@ def _gain() -> bool:
 
 @_erratum("[P]", "(26), (27)", "roots lost", "the root of (N + lambda) P")
 def _roots() -> bool:
-    """Points at plus and minus the root of (N + chi) P have the covariance P; without the root not."""
+    """Points at plus and minus the root of (N + chi) P have the covariance P; without the root they do not."""
     w_mean, _ = sigma_weights(2)
     X = sigma_points(_BELIEF) - _BELIEF.mean
     spread = DEFAULT.alpha**2 * 2
@@ -370,7 +370,7 @@ def _rolling_signs() -> bool:
 
 
 def _sliding_condition(with_size: bool) -> bool:
-    """Truth of s ds/dt <= -eta |s| for all f and B within their bounds, with or without the size of u_hat in k."""
+    """True where s ds/dt <= -eta |s| for all f and B within their bounds, with |u_hat| or with u_hat in k."""
     rng = np.random.default_rng(0)
     f_hat, s, share, b = rng.uniform(-1.0, 1.0, (4, _RANDOM_CASES))
     F, eta, beta = 0.3, 0.2, 1.5
@@ -417,7 +417,7 @@ def _equivalent_control() -> bool:
 
 @_erratum("[T]", "(5.43), (5.44)", "|s| and s^2", "d(s^2/2)/dt <= -eta |s|")
 def _reaching() -> bool:
-    """V = s^2/2 falls at least as eta |s|, for s of both signs; with s for |s| it grows below 0."""
+    """V = s^2/2 falls at least as eta |s|, for s of both signs; with s in place of |s| it grows for s < 0."""
     s, eta = np.array([-0.5, 0.5]), 0.2
     rate = s * -eta * np.sign(s)
     return bool(np.allclose(rate, -eta * np.abs(s)) and (-eta * s)[0] > 0)
@@ -438,7 +438,7 @@ def _layer() -> bool:
     "on ice, table 4.1, it stops in 1 s and 0.1 m",
 )
 def _cases() -> bool:
-    """At a slip of -0.18 a robot of 0.2 m/s has stopped long before 6 s and 1.5 m, on ice even."""
+    """At a slip of -0.18 a robot at 0.2 m/s has stopped long before 6 s and 1.5 m, even on ice."""
     stop = stop_on_ice()
     return stop.time_s < 2.0 and stop.way_m < 0.2
 

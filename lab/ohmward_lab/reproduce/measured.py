@@ -119,7 +119,7 @@ def _record(folder: Path, test: str) -> Log:
 
 
 def first_soc(folder: Path, cell: str, test: str) -> float:
-    """State of charge at the start of a record as the authors give it; without one the cell was full."""
+    """State of charge at the start of a record as the authors give it; full where they give none."""
     return _scalars(folder, cell, test).get("initial_soc", 1.0)
 
 
@@ -137,5 +137,5 @@ def ocv_table(folder: Path, cell: str) -> np.ndarray:
 
 
 def gitt_voltage(table: np.ndarray, grid: np.ndarray) -> tuple[float, ...]:
-    """Open-circuit voltage on a grid of the state of charge, made to rise [V]."""
+    """Open-circuit voltage [V] on a grid of the state of charge, made non-decreasing."""
     return tuple(np.maximum.accumulate(np.interp(grid, table[:, 0], table[:, 1])).tolist())

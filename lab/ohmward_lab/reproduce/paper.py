@@ -58,15 +58,15 @@ from ohmward_lab.simulate.robot_day import record
 from ohmward_lab.simulate.sensors import low_cost_sensors, on_the_bench
 from ohmward_lab.simulate.voltage import simulate_voltage
 
-#: Other sensors and another drive each; figures show the first.
+#: Seeds, each with other sensors and another drive; figures show the first.
 SEEDS = (1, 2, 3)
 #: [P] table 1: state of charge at which the discharges end.
 END_SOC = {"lead-acid": 0.60, "lfp": 0.20}
-#: [P] 2.1: resistor of the pulse test, and its pulses: seven, and as many as end near the 16 % that it prints for LFP.
+#: [P] 2.1: resistor of the pulse test, and its pulses: seven, and for LFP as many as end near the printed 16 %.
 LOAD_OHM = {"lead-acid": 13.5, "lfp": 12.0}
 PULSES = {"lead-acid": 7, "lfp": 9}
 NAMES = {"lead-acid": "sealed lead-acid 12 V 5 Ah", "lfp": "LFP 12 V 6 Ah"}
-#: The straight line of a curve, whose slope gives the capacitance, is the best one between these states of charge.
+#: The straight line of a curve, whose slope gives the capacitance, is fitted between these states of charge.
 _LINE_SOC = (0.1, 0.9)
 #: Mean current of the robot [A]: [P]'s 83 mAh are 0.2 A over 25 minutes, in which the first battery gave 2 Ah; and a
 #: slow drive, on which a battery polarises little.
@@ -149,7 +149,7 @@ def estimators(case: PaperCase) -> dict[str, Battery | Estimator]:
 
 
 def run(chemistry: str, name: str, start_soc: float = 1.0, seed: int = SEEDS[0], mean_A: float = ROBOT_A) -> SocRun:
-    """Estimates of one of the estimators along the discharge, from a start that is taken as given."""
+    """Estimates of one of the estimators along the discharge, from the given start."""
     return _run(chemistry, name, start_soc, seed, mean_A)
 
 
@@ -172,7 +172,7 @@ def soc_errors(
     """Errors of the state of charge in percent, mean over all seeds.
 
     against: "truth" or "counted".
-    from_s, to_s: what comes before and after is left out.
+    from_s, to_s: samples before and after are left out.
     """
     parts = []
     for seed in SEEDS:
@@ -186,7 +186,7 @@ def soc_errors(
 def voltage_error_V(chemistry: str, name: str, after: bool = False) -> float:
     """Mean absolute voltage error [V] along the discharge, before or after the sample, mean over all seeds.
 
-    after: of RC + KF alone, whose V_o is a state: the innovation times R / S.
+    after: for RC + KF only, whose V_o is a state: the innovation times R / S.
     """
     found = []
     for seed in SEEDS:
@@ -208,7 +208,7 @@ _FAST_SOC = 0.8
 #: The rule of [P] 2.2: shares of R_total that R_b = R_s and R_t have.
 _SHARES = (0.75, 0.625)
 _TWO = "[P] shows pictures, in which one time constant misses the rest's beginning and two do not"
-#: A shorter rest follows a pulse, which does not fill the slow pair.
+#: A shorter rest [s] follows a pulse, which does not charge the slow pair.
 _LONG_REST_S = 600.0
 _FAST_WHY = (
     "the rule is a choice of shares, so that they come out exactly. The mean circuit of this battery has no relaxation "
@@ -241,7 +241,7 @@ def pulse_test() -> Result:
 
 
 def edge_response_figure(response: EdgeResponse, rule: RcModel) -> Figure:
-    """Rise of the voltage after the edges of the current, each over its change, and that of the rule's model."""
+    """Rise of the voltage after the edges of the current, each over its change of current, and the rise by the rule."""
     drawn = np.unique(np.linspace(0, len(response.time_s) - 1, _MOST_RISES).astype(int))
     time_s = np.linspace(0.0, response.window_s, 101)
     capacitance_F, _, r1, tau_s = four_numbers(rule)
@@ -320,7 +320,7 @@ def fit() -> Result:
 
 
 def first_circuit(here: PaperCase) -> Thevenin:
-    """The circuit as edges and relaxations show it, one value each for all states of charge ([P] 2.3, first stage)."""
+    """The circuit from edges and relaxations, with one value for all states of charge ([P] 2.3, first stage)."""
     after = here.battery.thevenin
     rests = [rest for rest in rests_of(here) if rest.time_s[-1] > _LONG_REST_S and rest.before_A != 0.0]
     tau_s = tuple(float(t) for t in np.median([r.double.tau_s for r in rests], axis=0))
@@ -414,7 +414,7 @@ _VOLTAGE = (
     "is half the sample"
 )
 
-#: Columns of a row with our numbers, and those in which the error of each filter stands.
+#: Columns of a row with our numbers, and those that hold the error of each filter.
 _OURS = ("as_printed", "corrected", "default")
 _COLUMNS = {
     "RC + KF": ("as_printed",),
@@ -479,7 +479,7 @@ def _slow_rows(chemistry: str) -> list[ResultRow]:
 
 
 def _budget_rows(chemistry: str) -> list[ResultRow]:
-    """[P] 4: what the reference itself may be off at the end."""
+    """[P] 4: error of the reference itself at the end."""
     cases = [case(chemistry, seed) for seed in SEEDS]
     off = max(abs(float(here.counted[-1] - here.truth[-1])) for here in cases)
     percent, mAh = 100.0 * off, 1e3 * off * cases[0].battery.capacity_Ah
@@ -516,7 +516,7 @@ def _ukf_rows(chemistry: str) -> list[ResultRow]:
 
 
 def wrong_start() -> Result:
-    """Figure 12: from 10 % off on lead-acid, from where T2RC + UKF does not find back."""
+    """Figure 12: a start 10 % off on lead-acid, from which T2RC + UKF does not recover."""
     rows = []
     for chemistry in ("lead-acid", "lfp"):
         for name in ("RC + KF", "T2RC + UKF", "hybrid", "default"):

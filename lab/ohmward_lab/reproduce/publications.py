@@ -1,4 +1,4 @@
-"""The two publications, and the choice of their tables and figures."""
+"""The two publications, and the selection of their tables and figures."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def select(publication: Publication, only: Sequence[str] = ()) -> tuple[Item, ..
     """Items that carry one of these numbers; all where none is given.
 
     Raises:
-        InputError: a number that none carries.
+        InputError: a number that no item carries.
     """
     known = [number for item in publication.items for number in item.numbers]
     for number in only:

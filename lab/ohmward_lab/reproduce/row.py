@@ -1,4 +1,4 @@
-"""A result of a publication beside those of the methods here, and the tables and figures it stands in."""
+"""Results of a publication beside those of the methods here, and the tables and figures that show them."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class Erratum(NamedTuple):
 
     text: str  #: "[T]" or "[P]"
     place: str  #: number of the equation
-    printed: str  #: what stands there
-    correct: str  #: what it must be
+    printed: str  #: the text as printed
+    correct: str  #: the text as it must be
     check: Callable[[], bool]  #: True where the correct form holds and the printed one does not
 
 
@@ -32,7 +32,7 @@ class ResultRow(NamedTuple):
     quantity: str  #: in words
     unit: str  #: of all the numbers
     printed: float | None = None  #: in the publication
-    as_printed: float | None = None  #: by its method with its equations as they are printed
+    as_printed: float | None = None  #: by its method with its equations as printed
     corrected: float | None = None  #: by its method with the corrected equations
     default: float | None = None  #: by the method that this package chooses
     why: str = ""  #: reason of the difference
@@ -54,14 +54,14 @@ class Item(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Largest and mean absolute error; nan where the method ended in no number."""
+    """Largest and mean absolute error; nan where the method ended in nan."""
 
     largest: float
     mean: float
 
 
 def errors(error: np.ndarray) -> Errors:
-    """Errors of a series (T,); of one that is no number in some samples nan."""
+    """Errors of a series (T,); nan if one of its samples is nan."""
     size = np.abs(error)
     return Errors(float(size.max()), float(size.mean()))
 
@@ -75,7 +75,7 @@ def error_rows(
     default: Sequence[Errors],
     why: str = "",
 ) -> list[ResultRow]:
-    """Rows of the largest and of the mean error, means over the runs; the reason stands beside the first.
+    """Rows of the largest and of the mean error, means over the runs; the reason is in the first row.
 
     default: empty where there is none.
     """

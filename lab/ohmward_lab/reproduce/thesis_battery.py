@@ -28,11 +28,11 @@ from ohmward_lab.reproduce.batteries import joystick_drive
 from ohmward_lab.reproduce.row import Errors, Result, ResultRow, error_rows, errors, mean_errors
 from ohmward_lab.simulate.cells import lithium_polymer_pack
 
-#: Another drive and other noise each; figures show the first.
+#: Seeds, each with another drive and other noise; figures show the first.
 SEEDS = (1, 2, 3)
 #: [T] 3.4: from 98 to 90 %; and the whole range, which [T] does not show.
 NARROW, WHOLE = (0.98, 0.90), (0.98, 0.10)
-#: Standard deviation of the state of charge that the filters are told to start from.
+#: Standard deviation of the initial state of charge that the filters are given.
 START_STD = 0.005
 #: Step [V] of an oscilloscope of 8 bit over the pack's largest voltage ([T] 3.3.5).
 _SCOPE_V = 42.0 / 256
@@ -68,7 +68,7 @@ def run(
 
 
 def run_along(log: Log, model: rc.RcModel, method: str, corrected: bool, start_soc: float) -> SchemeByMethodEstimate:
-    """The scheme along any log from a model found offline; it starts at the first voltage, and predicts over others."""
+    """The scheme along any log, from a model found offline and the first voltage; gaps in the voltage are predicted."""
     scheme = SchemeByMethod(model, method, corrected)
     samples = samples_of(log)
     first = SocSample(0.0, *(float(column[0]) for column in samples[1:]))
@@ -115,7 +115,7 @@ SOC_PERCENT = {
     "ukf": Errors(0.47, 0.11),
     "ekf": Errors(0.71, 0.18),
 }
-#: Time [s] after which the start of the parameters has been found.
+#: Time [s] after which the filters have recovered from their initial parameters.
 _START_FOUND_S = 100.0
 
 _BEFORE = (
@@ -151,12 +151,12 @@ _VARIANCE = (
     "[T] shows its covariance in a picture, without a number, as a proof of the AUKF. It is what a filter says of its "
     "own error: matched by its residuals it is small after any sample that the filter has followed"
 )
-#: Pairs of methods of which [T] has the first nearer.
+#: Pairs of methods of which the first is nearer to the truth in [T].
 _ORDERS = (("aukf", "ukf"), ("aekf", "ekf"), ("aukf", "aekf"), ("aekf", "ukf"), ("ukf", "ekf"))
 
 
 def offline_and_updated() -> Result:
-    """Table 3.1 and figures 3.6 to 3.9: the model found offline against the one that is updated on the way."""
+    """Table 3.1 and figures 3.6 to 3.9: the model found offline against the one that is updated along the drive."""
     by_rule, by_fit, updated, printed, default = [], [], [], [], []
     for seed in SEEDS:
         here = case(NARROW, seed)
@@ -176,7 +176,7 @@ def offline_and_updated() -> Result:
 
 
 def _expected_error(here: ThesisCase, seed: int) -> np.ndarray:
-    """Measured voltage less that which the default estimator expects (T - 1,)."""
+    """Measured voltage less the one that the default estimator expects (T - 1,)."""
     return (here.log.voltage_V - default_run(NARROW, seed).voltage_V)[1:]
 
 
@@ -233,7 +233,7 @@ def voltage_by_method() -> Result:
 def _variance_rows(
     what: str, unit: str, of: Callable[[SchemeByMethodEstimate, ThesisCase], np.ndarray], why: str
 ) -> list[ResultRow]:
-    """What each method says of its own error, the mean along the drives."""
+    """Standard deviation that each method reports, the mean along the drives."""
     rows = []
     for method in METHODS:
         printed, corrected = (
@@ -266,7 +266,7 @@ def _soc_error(found: SchemeByMethodEstimate, here: ThesisCase) -> np.ndarray:
 
 
 def _order(of: Callable[[SchemeByMethodEstimate, ThesisCase], np.ndarray], what: str, why: str = "") -> list[ResultRow]:
-    """Shares of the drives in which one method has the smaller mean error, once the start has been found."""
+    """Shares of the drives in which one method has the smaller mean error, once both have recovered from the start."""
     rows = []
     for better, worse in _ORDERS:
         wins = []
@@ -326,7 +326,7 @@ _WHOLE = "[T] shows 98 to 90 % only, where a straight line is a good open-circui
 
 
 def whole_range() -> Result:
-    """The same over the whole range, which [T] does not show."""
+    """SoC error of the scheme over the whole range, which [T] does not show."""
     rows = []
     for method in METHODS:
         rows += _soc_rows(method, WHOLE, None, _WHOLE if method == METHODS[0] else "")

@@ -21,7 +21,7 @@ from ohmward_lab.simulate.closed_loop.run import figures, true_slip
 #: how long (case I) and how far (case II) the slip is held.
 _SPEED_M_S, _SLIP, _FRICTION = 0.2, -0.18, 0.1
 _PRINTED_S, _PRINTED_M = 6.0, 1.5
-#: The robot has stopped where it is slower [m/s].
+#: Speed [m/s] below which the robot has stopped.
 _STOPPED_M_S = 0.005
 _STEP_S = 1e-3
 
@@ -42,7 +42,7 @@ _WHY = {
 
 
 class Stop(NamedTuple):
-    """Time [s] and way [m] until the robot has stopped."""
+    """Time [s] and distance [m] until the robot has stopped."""
 
     time_s: float
     way_m: float
@@ -104,7 +104,7 @@ def _speed_error_mm_s(found: ClosedLoopRun) -> float:
 
 
 def _figures(name: str, found: ClosedLoopRun) -> tuple[Figure, ...]:
-    """Speeds, slip of a front wheel with the wanted one, torque of its motor."""
+    """Speeds, slip of a front wheel with its set-point, torque of its motor."""
     truth, rows = found.history.truth, found.rows
     t = truth.time_s
     commands = found.scenario.commands

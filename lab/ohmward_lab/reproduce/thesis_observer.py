@@ -1,8 +1,8 @@
 """Observer of [T], figures 4.7 to 4.16: UKF and AUKF of four states, a drive forward, and one forward and backward.
 
 The robot is our own plant at 1 kHz, its sensors are ours: encoders of 4096 counts read every 10 ms, currents with 0.1 A
-of noise. The filters know robot and ground, as in [T], and start from a noise that is right, or wrong by a factor of
-100.
+of noise. The filters know robot and ground, as in [T], and start with the right noise, or with one that is wrong by a
+factor of 100.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ LAYOUT = StateLayout(RLMA, KNOWN_GROUND)
 CONSTANT, RADIUS = RLMA.motor.torque_constant_Nm_per_A, RLMA.wheel.radius_m
 PLANT_S, DT_S, COUNTS, CURRENT_STD_A, DURATION_S, RUNS = 1e-3, 1e-2, 4096, 0.1, 12.0, 10
 R = quantisation_std_rad_s(COUNTS, DT_S) ** 2 * np.eye(2)
-#: What a matched covariance may not fall below, as a share of the right one: next to nothing, as [T] has no floor.
+#: Floor of a matched covariance as a share of the right one: next to nothing, as [T] has no floor.
 FLOOR = 1e-6
 
 
@@ -38,9 +38,9 @@ class CurrentDrive(NamedTuple):
     """Currents of the motors over time."""
 
     title: str  #: in words
-    #: wanted speed [m/s] over time (T,), which is where the current comes from
+    #: commanded speed [m/s] over time (T,), from which the current is computed
     speed: Callable[[np.ndarray], np.ndarray]
-    steer_A: Callable[[np.ndarray], np.ndarray]  #: current that the right motor has more than the left, over time (T,)
+    steer_A: Callable[[np.ndarray], np.ndarray]  #: current of the right motor less that of the left, over time (T,)
 
 
 DRIVES = {
@@ -50,7 +50,7 @@ DRIVES = {
 
 
 class RecordedDrive(NamedTuple):
-    """A drive as it was and as the sensors saw it: time_s (T,), truth (T, 4), speeds and currents (T, 2)."""
+    """A drive, true and as measured: time_s (T,), truth (T, 4), speeds and currents (T, 2)."""
 
     time_s: np.ndarray
     truth: np.ndarray
@@ -67,7 +67,7 @@ class MatchingFilter(NamedTuple):
 
 
 class WrongNoise(NamedTuple):
-    """By which factors the noise is wrong that a filter starts with."""
+    """Factors by which the initial noise of a filter is wrong."""
 
     name: str
     Q: float = 1.0
@@ -104,13 +104,13 @@ def record(drive: CurrentDrive, rng: np.random.Generator) -> RecordedDrive:
 
 
 def plant(x: np.ndarray, current_A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Step of the plant: the state (4,) after a millisecond, twice."""
+    """Step of the plant: the state (4,) after a millisecond, as state and as output."""
     x = next_state(x, RobotInput(current_A), WET, PLANT_S)
     return x, x
 
 
 def currents(drive: CurrentDrive, time_s: np.ndarray) -> np.ndarray:
-    """Currents (T, 2) of the motors: what a robot without slip needs, and the steering."""
+    """Currents (T, 2) of the motors: those of a robot without slip, and the steering."""
     speed = drive.speed(time_s)
     mass_kg = RLMA.inertia[0] + 2 * RLMA.inertia[2] / RADIUS**2
     push_N = mass_kg * np.gradient(speed, time_s) - WET.terrains[0].rolling.force_N(speed, RLMA.mass_kg * GRAVITY)
@@ -144,13 +144,13 @@ def estimate(filter_: Kernel, drive: RecordedDrive, wrong: WrongNoise) -> tuple[
 
 
 def follow(x: np.ndarray, current_A: np.ndarray, mean: SlipStep) -> np.ndarray:
-    """State (4,) after a step, with the slip of the mean as the start of its own."""
+    """State (4,) after a step, with the slip at the mean as the initial guess."""
     step = slip_step(LAYOUT.split(x), RobotInput(current_A), WET, DT_S, mean.slip_m_s)
     return np.array([*step.motion, *step.omega])
 
 
 def process_noise(torque_response: np.ndarray) -> np.ndarray:
-    """Q (4, 4): unknown current through the model, and a little of everything."""
+    """Q (4, 4): unknown current through the model, and a little noise on every state."""
     B = CURRENT_STD_A * CONSTANT * torque_response
     return B @ B.T + DT_S * np.diag([0.003, 0.03, 0.03, 0.03]) ** 2
 
@@ -237,7 +237,7 @@ _WHY = (
 
 
 def _result(name: str) -> Result:
-    """Errors of UKF and AUKF for each noise at first; figures of a run with R / 100."""
+    """Errors of UKF and AUKF for each initial noise; figures of a run with R / 100."""
     title = DRIVES[name].title
     rows = []
     for wrong in STARTS:

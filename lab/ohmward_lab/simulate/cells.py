@@ -1,6 +1,6 @@
 """Batteries that exist only here: plausible parameters, richer than the models that are fitted to them.
 
-A filter that is tested on its own model proves nothing. Beside a ladder of four RC pairs (diffusion) these have charge
+Testing a filter on its own model proves nothing. Besides a ladder of four RC pairs (diffusion) these have charge
 transfer that saturates (Butler-Volmer), one-state hysteresis, resistances that depend on SoC, on the direction of the
 current and on temperature, self-heating, and a charge that is lost to side reactions. Values are of the order that
 textbooks and datasheets give for such cells (Plett, Battery Management Systems I, 2015, for the shape of the circuit;
@@ -33,7 +33,7 @@ class SimulatedBattery:
         InputError: a value out of its range.
     """
 
-    name: str  #: says that it is simulated
+    name: str  #: marks it as simulated
     chemistry: str  #: "lfp", "lead-acid" or "nca"; of a battery file, its own
     n_series: int  #: cells in series
     #: the whole pack as a circuit with many RC pairs; its OCV meets the limits where the battery is full or empty, or
@@ -43,7 +43,7 @@ class SimulatedBattery:
     transfer_V: float
     exchange_A: float
     full_width: float  #: SoC below full over which less and less of a charge is stored (gassing); 0 for none
-    #: what the protection and the charger keep to
+    #: limits that the protection and the charger keep
     voltage_min_V: float
     voltage_max_V: float
     charge_current_A: float  #: of the charger, before its constant-voltage phase
@@ -104,8 +104,8 @@ def lead_acid_12V() -> SimulatedBattery:
     """Six sealed lead-acid (AGM) cells of 12 Ah in series.
 
     The open-circuit voltage follows the acid: nearly linear, 11.6 to 12.9 V, until the last per cent. Acid diffuses for
-    hours; it and the plates resist more when it is thin. A charge is stored by 95 %, and by less and less near full,
-    where the last lead sulphate is hard to reach and the voltage rises (Linden, chapter 24).
+    hours; acid and plates have more resistance when the acid is dilute. 95 % of a charge is stored, and less and less
+    near full, where the last lead sulphate is hard to reach and the voltage rises (Linden, chapter 24).
     """
     linear = 1.933 + 0.217 * _SOC - 0.010 * np.sin(np.pi * _SOC)
     cell = Thevenin(
@@ -141,7 +141,7 @@ def lead_acid_12V() -> SimulatedBattery:
 
 
 def nca_18650() -> SimulatedBattery:
-    """One nickel-cobalt-aluminium 18650 cell of 2.9 Ah; 25 mohm as datasheets of such cells have it at 1 kHz."""
+    """One nickel-cobalt-aluminium 18650 cell of 2.9 Ah; 25 mohm as in datasheets of such cells at 1 kHz."""
     ocv = np.interp(_SOC, _SOC_NCA, _OCV_NCA) - 0.55 * (_fall(_SOC, 0.02) - _fall(np.ones(1), 0.02))
     circuit = Thevenin(
         capacity_Ah=2.9,
@@ -206,10 +206,10 @@ def lithium_polymer_pack() -> SimulatedBattery:
 
 
 def of_battery_file(battery: Battery) -> SimulatedBattery:
-    """The battery of a battery file as a plant: its Thevenin model as it is, without what only the plants above have.
+    """The battery of a battery file as a plant: its Thevenin model unchanged, without charge transfer as above.
 
-    A battery file says nothing of heat, gassing and charger: these are taken from the simulated battery of its
-    chemistry, or from NCA where there is none, in proportion to energy or capacity. Where the battery makes no gas, its
+    A battery file does not describe heat, gassing and charger: these are taken from the simulated battery of its
+    chemistry, or from NCA where there is none, in proportion to energy or capacity. Where the battery does not gas, its
     limits are the ends of the open-circuit voltage less the hysteresis, so that the SoC stays in [0, 1].
     """
     circuit = battery.thevenin

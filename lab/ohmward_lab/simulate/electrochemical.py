@@ -1,7 +1,7 @@
-"""A cell of porous electrodes, simulated with PyBaMM: a battery that no model of this package describes exactly.
+"""A porous-electrode cell simulated with PyBaMM: a battery that no model of this package describes exactly.
 
-The cell is a PyBaMM model, a parameter set by name, and an age. Its truth under a current profile is counted from full
-to empty; the logs of tests and working days are as the sensors of a robot record them.
+The cell is a PyBaMM model, a named parameter set, and an age. Its true SoC under a current profile is counted between
+full and empty; the logs of tests and working days are as the sensors of a robot record them.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _COUNTED_RATE = 1 / 20
 
 @dataclass(frozen=True)
 class ElectrochemicalCell:
-    """Cells in series, all alike, as PyBaMM describes one.
+    """Identical cells in series, each one as PyBaMM describes it.
 
     Raises:
         InputError: an unknown model or a value out of its range.
@@ -56,7 +56,7 @@ class ElectrochemicalCell:
     voltage_min_V: float | None = None
     voltage_max_V: float | None = None
     lost_lithium: float = 0.0  #: share of the cyclable lithium that is lost; 0 for a new cell
-    #: share of the active material that is lost, in both electrodes; of a lead-acid cell the share of its plates
+    #: share of the active material that is lost, in both electrodes; for a lead-acid cell the share of its plates
     lost_material: float = 0.0
     resistance_ratio: float = 1.0  #: of charge transfer and electrolyte, over that of a new cell
 
@@ -117,7 +117,7 @@ def usual_model(parameter_set: str) -> str:
 
 
 def _pybamm() -> Any:
-    """The package; its reports of use to its makers, for which it asks at the first import, are left off."""
+    """PyBaMM; its telemetry, for which it asks at the first import, stays disabled."""
     os.environ.setdefault("PYBAMM_DISABLE_TELEMETRY", "true")
     return require("pybamm", _USER)
 
@@ -191,7 +191,7 @@ _OPEN_S = 60.0
 _CAPACITY_STEP_S = 30.0
 #: A discharge runs on by this share of the label until the cell is empty; sets hold up to 1.8 of it (Ramadass2004).
 _STRETCH, _MOST_STRETCHES = 0.4, 10
-#: The capacity is nearly linear in the lost shares: a few steps come this near, which is what a counted one shows.
+#: The capacity is nearly linear in the lost shares: a few steps reach this tolerance, the resolution of a counted one.
 _SECANT_STEPS, _CAPACITY_TOLERANCE = 5, 1e-3
 
 
@@ -199,7 +199,7 @@ class CellTruth(NamedTuple):
     """Truth over time, (T,) each."""
 
     time_s: np.ndarray
-    current_A: np.ndarray  #: charges where it is > 0
+    current_A: np.ndarray  #: > 0 charges
     #: of the whole battery
     voltage_V: np.ndarray
     temperature_degC: np.ndarray
@@ -211,8 +211,8 @@ class CellTruth(NamedTuple):
 def simulate_cell(cell: ElectrochemicalCell, profile: Profile, time_s: np.ndarray) -> CellTruth:
     """The truth at `time_s` (T,) under a load, from the full cell at rest at the first ambient temperature.
 
-    Protection and charger keep the voltage between the cell's limits, so the current may be less than the load asks;
-    where the electrolyte of an empty cell gives out before its voltage falls, protection opens for a minute.
+    Protection and charger keep the voltage between the cell's limits, so the current may be less than the load demands;
+    where the electrolyte of an empty cell is depleted before its voltage falls, protection opens for a minute.
 
     Raises:
         OhmwardError: the equations have no solution even without current.
@@ -267,7 +267,7 @@ def capacity_Ah(cell: ElectrochemicalCell) -> float:
     """Capacity [Ah] between the voltage limits at 1/20 C and 25 degC, of the cell at its age.
 
     Raises:
-        OhmwardError: it holds more than four times its label.
+        OhmwardError: the cell holds more than four times its label.
     """
     rate_A = _COUNTED_RATE * cell.nominal_Ah
     count = round(_STRETCH / _COUNTED_RATE * _HOUR_S / _CAPACITY_STEP_S)
@@ -286,7 +286,7 @@ def capacity_Ah(cell: ElectrochemicalCell) -> float:
 
 
 def aged(cell: ElectrochemicalCell, capacity_ratio: float, resistance_ratio: float = 1.0) -> ElectrochemicalCell:
-    """The cell when its capacity and resistance have come to these ratios of the new cell's.
+    """The cell aged to these ratios of the new cell's capacity and resistance.
 
     A lithium cell has lost equal shares of lithium and of active material, as ageing studies find both (Birkl et al.
     2017, J. Power Sources 341, 373); their size is found from the capacity by the secant method.
@@ -309,7 +309,7 @@ def aged(cell: ElectrochemicalCell, capacity_ratio: float, resistance_ratio: flo
     return replace(cell, lost_material=lost[-1], lost_lithium=lost[-1], resistance_ratio=resistance_ratio)
 
 
-#: What `record_cell` knows to record, and what each is.
+#: Records that `record_cell` can make, with their descriptions.
 RECORDS = {
     "pulse-test": "from full to empty in steps of 10 %, with pulses and an hour of rest at each",
     "low-rate-test": "from full to empty and back at C/20",
@@ -319,7 +319,7 @@ RECORDS = {
 _SLOW_S, _ROBOT_S = 10.0, 1.0
 #: Resolution [V] of a usual converter, for one cell.
 FINE_V = 0.001
-#: Distance [V] of one cell from its cut-off at which a test has reached it.
+#: A test has reached the cut-off where a cell is this close to it [V].
 _CUT_OFF_V = 0.005
 
 
@@ -328,11 +328,11 @@ def record_cell(
 ) -> Log:
     """Log of a test or a day from full, with the true SoC as the extra column `soc_true`.
 
-    record: of RECORDS.  seed: draws the drives of a day and the noise.  new_Ah: capacity of the new cell [Ah], of which
-    currents are multiples; by default the capacity that the cell has.
+    record: one of RECORDS.  seed: draws the drives of a day and the noise.  new_Ah: capacity of the new cell [Ah], of
+    which currents are multiples; by default the present capacity of the cell.
 
     Raises:
-        InputError: another record.
+        InputError: an unknown record.
     """
     require_one_of("record", record, tuple(RECORDS))
     rng = np.random.default_rng(seed)
@@ -359,7 +359,7 @@ def _load(record: str, rate_Ah: float, degC: float, rng: np.random.Generator) ->
 
 
 def until_cut_off(truth: CellTruth, cell: ElectrochemicalCell) -> CellTruth:
-    """The truth of a test to its first cut-off where the model of the empty cell is not to be trusted: lead-acid."""
+    """The truth of a lead-acid test up to its first cut-off, since the model of the empty cell is unreliable."""
     below = truth.voltage_V <= cell.n_series * (cell.limits.low_V + _CUT_OFF_V)
     if cell.model != "lead-acid" or not below.any():
         return truth
@@ -371,7 +371,7 @@ def usual_sensors(
 ) -> BatterySensors:
     """Sensors of a robot with this offset of the current, as a share of C, and this error of its gain.
 
-    Current: noise of 0.2 %, resolution of 0.1 % of C. Voltage: noise of 1 mV and the resolution given, of each cell.
+    Current: noise of 0.2 %, resolution of 0.1 % of C. Voltage: noise of 1 mV and the given resolution, per cell.
     Temperature: 0.1 K.
     """
     C, cells = capacity_Ah, n_series

@@ -1,6 +1,6 @@
 """One implicit time step of a discretised PyBaMM model, compiled by CasADi.
 
-A model of porous electrodes is, once its space is discretised, a system of differential and algebraic equations
+Once discretised in space, a porous-electrode model is a system of differential and algebraic equations
 
 x' = f(x, z, u),   0 = g(x, z, u),   V = h(x, z, u),
 
@@ -25,8 +25,8 @@ from ohmward.optional import require
 _GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
 #: Iterations of each stage; two more change the voltage of a drive at 5 degC by less than 0.001 mV (Prada2013).
 _SIMPLE_STEPS = 2
-#: Iterations with the matrix of the present guess before those, where potentials follow the current at once (Butler-
-#: Volmer): a jump of 3 C changes by less than 0.1 mV with more (Chen2020, DFN).
+#: Iterations before those, with the matrix of the present guess, where potentials follow the current at once (Butler-
+#: Volmer): more of them change the voltage at a jump of 3 C by less than 0.1 mV (Chen2020, DFN).
 _FULL_STEPS = 3
 
 
@@ -115,7 +115,7 @@ def _one_step(ca: Any, functions: tuple[Any, ...], sizes: tuple[int, int], limit
 
 
 def _within_limits(ca: Any, demand_A: Any, at_low_A: Any, at_high_A: Any) -> Any:
-    """The demanded current, or what is left of it at the voltage limit that it comes to; > 0 discharges."""
+    """The demanded current, reduced where it would exceed a voltage limit; > 0 discharges."""
     discharge_A = ca.fmin(demand_A, ca.fmax(at_low_A, 0.0))
     charge_A = ca.fmax(demand_A, ca.fmin(at_high_A, 0.0))
     return ca.if_else(demand_A > 0, discharge_A, charge_A)

@@ -1,8 +1,8 @@
 """Load of a battery through a day of a field or warehouse robot: driving, a tool, idling, charging at noon.
 
 Power on the shaft: P = (m a + m g (c_rr cos(grade) + sin(grade))) v; the battery gives P / eta, takes back eta_r P when
-braking, and feeds the electronics always. The current is that power over the nominal voltage. Days of cells of another
-capacity (`working_day`) scale that current with it.
+braking, and always feeds the electronics. The current is that power over the nominal voltage. `working_day` scales it
+with the capacity of the cell.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class MissionRobot:
     regeneration: float = 0.4
     idle_W: float = 9.0  #: computer, lidar, radio
     tool_W: float = 25.0  #: mower or lift while it works, in a third of the legs
-    nominal_V: float = 12.5  #: what turns power into current
+    nominal_V: float = 12.5  #: voltage by which power is divided to give current
 
     def __post_init__(self) -> None:
         require_each_positive("robot.", self, "mass_kg", "speed_m_s", "acceleration_m_s2", "efficiency", "nominal_V")
@@ -75,7 +75,7 @@ def robot_day(rng: np.random.Generator, charge_current_A: float, robot: MissionR
 
 
 def ambient_degC(time_s: np.ndarray, start_hour: float, mean_degC: float = 18.0, swing_K: float = 6.0) -> np.ndarray:
-    """Temperature of the air [degC], coldest at 04:00 and warmest at 16:00; as it is, that of a day in spring."""
+    """Temperature of the air [degC], coldest at 04:00 and warmest at 16:00; the defaults are a day in spring."""
     hour = start_hour + time_s / _HOUR_S
     return mean_degC - swing_K * np.cos(2 * np.pi * (hour - 4.0) / 24.0)
 
@@ -124,7 +124,7 @@ _MISSION_AH = 12.0
 #: Charger's current over the capacity [1/h]: C/3 overnight, C/2 in between.
 _CHARGER_C, _OPPORTUNITY_C, _OPPORTUNITY_S = 1 / 3, 1 / 2, 1800.0
 #: Data sheets of lithium cells allow the full charging current from 15 degC, and 0.3 of it or less at -10 degC; an
-#: opportunity charge then takes so much longer.
+#: opportunity charge then takes proportionally longer.
 _CHARGING_DEGC, _CHARGING_SHARE = (-10.0, 15.0), (0.3, 1.0)
 
 
@@ -137,7 +137,7 @@ class DayPlan(NamedTuple):
     load: float = 1.0  #: factor on the currents of driving
     #: after the second and the fourth drive, a quarter of the capacity each; slower in the cold
     opportunity_charges: bool = True
-    charged_fully: bool = False  #: in the night after, for four hours
+    charged_fully: bool = False  #: in the night after, for four and a half hours; longer in the cold
 
 
 def working_day(rng: np.random.Generator, capacity_Ah: float, plan: DayPlan | None = None) -> Profile:
@@ -172,7 +172,7 @@ def working_day(rng: np.random.Generator, capacity_Ah: float, plan: DayPlan | No
 def first_discharged(profile: Profile, capacity_Ah: float, depth: float) -> tuple[Profile, float]:
     """The profile after a discharge of the full cell by `depth` of the capacity and an hour of rest; its start [s].
 
-    Both run at the profile's first temperature: that is how a cell comes to a day with its charge known.
+    Both run at the profile's first temperature: this way a cell starts a day at a known charge.
     """
     rate_A = -capacity_Ah / 3.0
     before = [constant(600.0, 0.0)]

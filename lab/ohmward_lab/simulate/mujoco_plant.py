@@ -4,7 +4,7 @@ Torques go in, the truth comes out. Needs the extra `sim`; MuJoCo is imported wh
 tilts gravity, not the ground. Contacts, rigid bodies and integrator are MuJoCo's own; ours are the numbers that make a
 contact behave as a wheel.
 
-Wheels are spheres and touch one plane through explicit pairs, whose friction can change in time. A contact is meant
+Wheels are spheres and touch one plane through explicit pairs, whose friction can change in time. A contact should act
 as a spring and damper, N = k depth + c speed, and, below mu N, as traction C N_0 s. MuJoCo regularises: an impedance d
 adds a mass d / ((1 - d) A) to the normal direction and `impratio` times that along the ground, A being the inverse
 mass that it assigns to the contact. With its defaults, d = 0.9 and ratio 1, slip of 0.2 m/s lifts a wheel, which then
@@ -45,7 +45,7 @@ ROUGHEST = 3.0
 
 @dataclass(frozen=True)
 class Ground:
-    """Adhesion and grade by functions of one's own; `uniform`, `switching` and `zones` make the usual ones."""
+    """Adhesion and grade as functions of time and place; `uniform`, `switching` and `zones` make the usual ones."""
 
     #: (time_s, position_m (4, 2) of the wheels [m]) -> adhesion, a number or (4,), in (0, 3]
     friction: Callable[[float, np.ndarray], Any]
@@ -54,7 +54,7 @@ class Ground:
 
 
 def uniform(friction: ArrayLike, grade_rad: float = 0.0) -> Ground:
-    """The same everywhere and always; friction: a number, or (4,) for each wheel its own.
+    """Ground that is the same everywhere and always; friction: a number, or (4,), one for each wheel.
 
     Raises:
         InputError: a value out of its range.
@@ -69,7 +69,7 @@ def switching(time_s: ArrayLike, friction: ArrayLike, grade_rad: ArrayLike = 0.0
     grade_rad: a number, or (K + 1,).
 
     Raises:
-        InputError: times that do not increase, another number of values, a value out of its range.
+        InputError: times that do not increase, a wrong number of values, a value out of its range.
     """
     times = _increasing("time_s", time_s)
     mu, grade = _pieces(times, friction, grade_rad)
@@ -81,13 +81,13 @@ def switching(time_s: ArrayLike, friction: ArrayLike, grade_rad: ArrayLike = 0.0
 
 
 def zones(edge_m: ArrayLike, friction: ArrayLike, grade_rad: ArrayLike = 0.0) -> Ground:
-    """Ground that changes at the lines x = edge_m (K,) [m], under each wheel as it comes there.
+    """Ground that changes at the lines x = edge_m (K,) [m], under each wheel as it crosses them.
 
     friction: (K + 1,) from the lowest x to the highest, or (K + 1, 4) for each wheel.
-    grade_rad: a number, or (K + 1,); it takes effect as the robot's centre comes there.
+    grade_rad: a number, or (K + 1,); it changes as the robot's centre crosses them.
 
     Raises:
-        InputError: edges that do not increase, another number of values, a value out of its range.
+        InputError: edges that do not increase, a wrong number of values, a value out of its range.
     """
     edges = _increasing("edge_m", edge_m)
     mu, grade = _pieces(edges, friction, grade_rad)
@@ -178,7 +178,7 @@ class RlmaParameters:
 
     @property
     def body_x_m(self) -> float:
-        """Place of the centre of gravity of the body ahead of the robot's, which the wheels alone would miss."""
+        """Distance of the body's centre of gravity ahead of the robot's; it balances the wheels."""
         return -2 * self.wheel_mass_kg * (self.front_m - self.rear_m) / self.body_mass_kg
 
     @property
@@ -188,7 +188,7 @@ class RlmaParameters:
 
     @property
     def wheel_position_m(self) -> np.ndarray:
-        """(4, 2) place of the wheels ahead of and to the left of the centre of gravity."""
+        """(4, 2) positions of the wheels ahead of and to the left of the centre of gravity."""
         x, y = (self.front_m, self.front_m, -self.rear_m, -self.rear_m), 0.5 * self.track_m
         return np.column_stack([x, (y, -y, y, -y)])
 
@@ -257,7 +257,7 @@ def stable_step_s(p: RlmaParameters, inverse_mass_per_kg: np.ndarray) -> float:
 
 
 def static_depth_m(p: RlmaParameters) -> np.ndarray:
-    """(4,) how deep the wheels sink in at rest on level ground."""
+    """(4,) depth to which the wheels sink in at rest on level ground."""
     return p.static_load_N / p.contact_stiffness_N_per_m
 
 
@@ -269,7 +269,7 @@ def _body(p: RlmaParameters) -> str:
 
 
 def _wheel(i: int, p: RlmaParameters) -> str:
-    """Touches the ground, as MuJoCo sees it, half the depth inside the sphere: there its radius is the rolling one."""
+    """Body of wheel i; MuJoCo's contact is half the depth inside the sphere, where its radius is the rolling one."""
     name, (x, y) = WHEELS[i], p.wheel_position_m[i]
     spin = p.wheel_inertia_kg_m2
     across = 0.5 * spin + p.wheel_mass_kg * p.wheel_width_m**2 / 12
@@ -303,11 +303,11 @@ class RlmaPlant:
 
     Args:
         parameters: of the robot.
-        ground: it drives on, by default level and dry.
+        ground: under the robot, by default level and dry.
         longest_step_s: of the physics; `step` divides longer steps.
 
     Raises:
-        InputError: MuJoCo is not installed, or the step is so long that the slip of the wheels swings.
+        InputError: MuJoCo is not installed, or the step is so long that the slip of the wheels oscillates.
     """
 
     def __init__(
@@ -331,7 +331,7 @@ class RlmaPlant:
         self.reset()
 
     def reset(self, speed_m_s: float = 0.0, heading_rad: float = 0.0) -> RobotTruth:
-        """Put the robot back to the origin, rolling without slip at `speed_m_s`; the truth there."""
+        """Put the robot back to the origin, rolling without slip at `speed_m_s`; return the truth there."""
         require_between("speed_m_s", speed_m_s, -10.0, 10.0)
         require_finite("heading_rad", heading_rad)
         d = self._data
@@ -342,12 +342,12 @@ class RlmaPlant:
         return self._settled()
 
     def step(self, torque_N_m: Any, dt_s: float) -> RobotTruth:
-        """Hold the torque for `dt_s`; the truth at the end, its forces and accelerations still under this torque.
+        """Hold the torque for `dt_s`; return the truth at the end, with forces and accelerations under this torque.
 
         torque_N_m: of each driven wheel, a number or one for each in the order of `parameters.driven`.
 
         Raises:
-            InputError: another number of torques, a number that is not finite, dt_s <= 0, ground out of its range.
+            InputError: a wrong number of torques, a number that is not finite, dt_s <= 0, ground out of its range.
         """
         require_positive("dt_s", dt_s)
         driven = self.parameters.driven
@@ -360,7 +360,7 @@ class RlmaPlant:
         return self._settled()
 
     def _surroundings(self) -> float:
-        """Set friction, gravity and drag of the next step; the grade."""
+        """Set friction, gravity and drag of the next step; return the grade."""
         d, p = self._data, self.parameters
         self._friction[:] = self.ground.friction(d.time, d.xpos[_WHEELS, :2])
         grade = float(self.ground.grade_rad(d.time, d.xpos[_BODY, :2]))
@@ -385,7 +385,7 @@ def drive(
 ) -> RobotTruth:
     """Reset the plant, drive for `duration_s` and stack the truth, (T, ...), the start included.
 
-    torque_N_m: a number, or a controller, asked every `dt_s` with the truth.
+    torque_N_m: a number, or a controller, called every `dt_s` with the truth.
 
     Raises:
         InputError: as `RlmaPlant.step`.

@@ -5,8 +5,8 @@ heat = M h i + sum v_j^2 / R_j + R_0 i^2 + B arcsinh(i / i_x) i + OCV (i - i_s) 
 C dT/dt = heat - G (T - T_ambient)
 
 i_s is the part of the current that is stored. The last two terms are side reactions and reversible heat (Bernardi,
-Pawlikowski, Newman 1985). What `stored_energy_J` gains is what the terminals give less the heat: up to the step
-length where the R_j are constant, within 3 % of the heat where they change with SoC while the v_j are not zero.
+Pawlikowski, Newman 1985). `stored_energy_J` grows by the energy at the terminals less the heat: up to the step length
+where the R_j are constant, within 3 % of the heat where they change with SoC while the v_j are not zero.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ class PlantState(NamedTuple):
 
     x: Any  #: (n + 2,) state of the circuit, as `Thevenin.state_names`
     temperature_degC: Any  #: of the battery
-    current_A: Any  #: that flows now
-    heat_W: Any  #: set free now; negative where a reversible part takes heat up
-    heat_J: Any  #: set free so far
+    current_A: Any  #: present current
+    heat_W: Any  #: released now; negative where reversible heat is absorbed
+    heat_J: Any  #: released so far
 
 
 class Demand(NamedTuple):
@@ -107,7 +107,7 @@ def simulate(
 
 
 def step(state: PlantState, demand: Demand, battery: SimulatedBattery) -> tuple[PlantState, BatteryTruth]:
-    """One small step: the current is linear, the circuit sees its mean, the temperature of its beginning.
+    """One small step: the current is linear; the circuit sees its mean, and the temperature at the beginning.
 
     The limits hold for the state to which the present current would lead.
     """
@@ -178,7 +178,7 @@ def current_at(overpotential_V: Any, u: CircuitInput, soc: Any, battery: Simulat
 def instant_drop(i: Any, u: CircuitInput, soc: Any, battery: SimulatedBattery) -> tuple[Any, Any]:
     """Overpotential v_0(i) + B arcsinh(i / i_x) [V] that follows a current i at once, and its slope [ohm].
 
-    v_0 is R_0 i, or bent as `Thevenin.transfer_V` says; R_0 as in the direction and at the temperature of u.
+    v_0 is R_0 i, or nonlinear as with `Thevenin.transfer_V`; R_0 as in the direction and at the temperature of u.
     """
     p = battery.circuit
     r0_ohm = ohmic_resistance(soc, u, p)
@@ -199,7 +199,7 @@ def accepted_share(soc: Any, current_A: Any, battery: SimulatedBattery) -> Any:
 
 
 def heat(x: np.ndarray, u: CircuitInput, battery: SimulatedBattery) -> Any:
-    """Heat [W] set free in state x; the formula is at the top of the file."""
+    """Heat [W] released in state x; the formula is at the top of the file."""
     p = battery.circuit
     soc, *v, h = x
     i = u.current_A
@@ -231,7 +231,7 @@ def stored_energy_J(state: PlantState, battery: SimulatedBattery) -> float:
 
 
 def fine_times(time_s: np.ndarray, max_step_s: float) -> np.ndarray:
-    """The times (T,) and as many between them, evenly, as steps of at most `max_step_s` need."""
+    """The times (T,), with evenly spaced ones between them so that no step exceeds `max_step_s`."""
     parts = np.maximum(np.ceil(np.diff(time_s) / max_step_s - 1e-9), 1).astype(int)
     share = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     inner = np.repeat(time_s[:-1], parts) + share * np.repeat(np.diff(time_s) / parts, parts)

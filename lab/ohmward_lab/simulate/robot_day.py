@@ -81,7 +81,7 @@ def make_robot_day(chemistry: str = "lfp", seed: int = 1) -> RobotDay:
     chemistry: "lfp" or "lead-acid". seed: draws the sensors' errors, the day's work and the noise; same seed, same day.
 
     Raises:
-        InputError: another chemistry.
+        InputError: an unknown chemistry.
     """
     require_one_of("chemistry", chemistry, CHEMISTRIES)
     battery = BATTERIES[chemistry]
@@ -100,13 +100,13 @@ def run_pulse_test(battery: SimulatedBattery) -> Simulation:
 
 
 def run_on_bench(battery: SimulatedBattery, profile: Profile) -> Simulation:
-    """The truth of a test from full, at its first temperature, when the logger of the bench samples it."""
+    """The truth of a test from full, at its first temperature, at the times of the bench's logger."""
     start = resting_state(battery, 1.0, float(profile.ambient_degC[0]), hysteresis=1.0)
     return simulate(battery, profile, bench_times(profile), start)
 
 
 def run_mission(battery: SimulatedBattery, rng: np.random.Generator) -> Simulation:
-    """The truth of the day at the times at which its telemetry arrives, from full and as cold as the morning."""
+    """The truth of the day at the times of its telemetry, from full and at the temperature of the morning."""
     profile = mission.robot_day(rng, battery.charge_current_A)
     times = Telemetry().times(profile.time_s[-1], rng)
     morning_degC = float(profile.ambient_degC[0])
@@ -116,7 +116,7 @@ def run_mission(battery: SimulatedBattery, rng: np.random.Generator) -> Simulati
 def record(
     battery: SimulatedBattery, name: str, simulation: Simulation, sensors: BatterySensors, rng: np.random.Generator
 ) -> Log:
-    """Log of the simulation by the sensors, with the true SoC as the extra column `soc_true`."""
+    """Log of the simulation as measured by the sensors, with the true SoC as the extra column `soc_true`."""
     offset_A, gain = sensors.current.offset, sensors.current.gain_error
     return sensors.log(name, simulation.time_s, simulation.truth, rng).with_notes(
         Note(f"simulated, not measured: {battery.name}, capacity {battery.circuit.capacity_Ah:g} Ah"),
@@ -125,7 +125,7 @@ def record(
 
 
 def write_robot_day(day: RobotDay, folder: str | PathLike[str], suffix: str = ".csv") -> RobotDayFiles:
-    """Write both logs into an existing folder, named after them; `suffix` as `write_log` knows them.
+    """Write both logs into an existing folder, named after them; `suffix`: one that `write_log` supports.
 
     Raises:
         InputError, OhmwardError: as `write_log`.

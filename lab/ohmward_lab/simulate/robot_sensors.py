@@ -1,7 +1,7 @@
-"""The sensors of a robot's wheels and body: one board that samples all at once, and a link that is late and lossy.
+"""Sensors of a robot's wheels and body: one board that samples all at once, and a link with delay and losses.
 
-`sample_board` is called with the truth at any rate and returns the frames that have arrived by then. Two rates are two
-boards.
+`sample_board` is called with the truth at any rate and returns the frames that have arrived by then. Sensors with
+another rate need another board.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def driven_torques(torque_N_m: Any, driven: tuple[int, ...]) -> np.ndarray:
     """Torques (driven,) [N m] from a number or one for each driven wheel; driven: numbers of these wheels.
 
     Raises:
-        InputError: another number of torques, or a number that is not finite.
+        InputError: a wrong number of torques, or a number that is not finite.
     """
     given = np.asarray(torque_N_m, dtype=float)
     if given.shape not in ((), (len(driven),)):
@@ -74,9 +74,9 @@ _SAME_TIME_S = 1e-9
 MOTOR_CURRENT = Sensor(low=-60.0, high=60.0, resolution=0.03, noise_std=0.1)
 GYRO = Sensor(low=-8.7, high=8.7, resolution=2.7e-4, noise_std=2e-3, offset=2e-3)
 ACCELEROMETER = Sensor(low=-39.2, high=39.2, resolution=1.2e-3, noise_std=0.02, offset=0.05)
-#: Of an attitude filter: 0.1 degree of noise and 0.15 of offset.
+#: Pitch of an attitude filter: 0.1 degree of noise and 0.15 of offset.
 PITCH = Sensor(low=-1.6, high=1.6, resolution=1e-4, noise_std=0.0017, offset=0.0026)
-#: Of a compass: a tenth of a degree, 3 degrees of noise and as much offset.
+#: Heading of a compass: resolution of 0.1 degree, 3 degrees of noise and as much offset.
 COMPASS = Sensor(low=-np.pi, high=np.pi, resolution=0.0017, noise_std=0.05, offset=0.05)
 
 
@@ -89,7 +89,7 @@ class RobotSensors:
     """
 
     interval_s: float = 0.01  #: between samples
-    #: a frame is under way for delay_s plus an even share of jitter_s, and may be overtaken
+    #: a frame takes delay_s plus a uniform random part of jitter_s to arrive, and may be overtaken
     delay_s: float = 0.0
     jitter_s: float = 0.0
     drop_share: float = 0.0  #: share of the frames that never arrive
@@ -99,7 +99,7 @@ class RobotSensors:
     motor_wheels: tuple[int, ...] = (0, 1)  #: wheels with a motor whose current is measured
     #: torque at the wheel over motor current (K_m times gear ratio and efficiency)
     torque_constant_N_m_per_A: float = RLMA.motor.torque_constant_Nm_per_A
-    #: their errors [A, rad/s, m/s^2], drawn anew for each wheel and axis
+    #: their errors [A, rad/s, m/s^2], drawn separately for each wheel and axis
     motor_current: Sensor = MOTOR_CURRENT
     gyro: Sensor = GYRO
     accelerometer: Sensor = ACCELEROMETER
@@ -140,9 +140,9 @@ class Board(NamedTuple):
 def sample_board(
     board: Board, truth: RobotTruth, sensors: RobotSensors, rng: np.random.Generator
 ) -> tuple[Board, tuple[SensorFrame, ...]]:
-    """Take a frame of `truth` if one is due; the board after it and the frames that have arrived by now.
+    """Take a frame of `truth` if one is due; return the board after it and the frames that have arrived by now.
 
-    Call it at least every `interval_s`; where calls come later than frames are due, the frames come late too.
+    Call it at least every `interval_s`; a late call delays the frame that is due.
     """
     now = truth.time_s + _SAME_TIME_S
     under_way = board.under_way

@@ -71,10 +71,10 @@ class BatterySensors(NamedTuple):
 
 
 def low_cost_sensors(rng: np.random.Generator) -> BatterySensors:
-    """One copy of the electronics of [P]'s kind of robot; its offsets and gains are drawn, as parts differ.
+    """One specimen of the electronics of a robot like [P]'s; offsets and gains are drawn, since parts differ.
 
     Current: Hall sensor ACS712-20A, 100 mV/A, 5 V converter of 10 bit (49 mA), 16 readings averaged (12 mA); the
-    datasheet's total error is 1.5 %, its noise about 20 mA, and its zero moves by tens of mA with temperature and
+    datasheet's total error is 1.5 %, its noise about 20 mA, and its zero drifts by tens of mA with temperature and
     time. Voltage: divider by 5 on a 3.3 V converter of 12 bit (4 mV), resistors of 0.1 %. Temperature: DS18B20.
     """
     current = Sensor(
@@ -104,6 +104,6 @@ def low_cost_sensors(rng: np.random.Generator) -> BatterySensors:
 
 
 def on_the_bench(sensors: BatterySensors) -> BatterySensors:
-    """The same sensors, the current's zero just trimmed to 1 mA, without the interference of the drives."""
+    """The same sensors with the zero of the current just trimmed to 1 mA, without the interference of the drives."""
     current = replace(sensors.current, offset=0.001, offset_walk_std=0.0, spike_share=0.0, missing_share=0.0)
     return BatterySensors(current, replace(sensors.voltage, spike_share=0.0, missing_share=0.0), sensors.temperature)

@@ -39,7 +39,7 @@ def simulate_voltage(model: Thevenin, log: Log, initial_soc: float, hysteresis: 
     """Voltage that the model expects for the current of a log, from rest at `initial_soc`.
 
     Between two samples the current is linear: its mean moves charge and RC pairs, the sample itself the ohmic drop. A
-    missing current or temperature is the one before.
+    missing current or temperature is replaced by the last one.
 
     Raises:
         InputError: initial_soc or hysteresis outside its range.

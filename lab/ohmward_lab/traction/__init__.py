@@ -1,1 +1,1 @@
-"""Observers, laws and controllers of a robot that only studies use."""
+"""Observers, laws and controllers for a robot that only studies use."""

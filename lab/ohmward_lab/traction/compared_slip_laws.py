@@ -29,8 +29,8 @@ class SlipPid:
 
     tau = K_p e + K_i int e dt + K_d de/dt,   e = -sigma / V_f
 
-    The error is that of the slip ratio, taken against v_0 below it; its derivative goes through a lag. The integral
-    stops while the torque is limited and the error would wind it up.
+    The error is that of the slip ratio, relative to v_0 below that speed; its derivative goes through a lag. The
+    integral stops while the torque is limited and the error would wind it up.
     """
 
     proportional_Nm: float = 30.0  #: K_p, torque per unit of slip ratio, >= 0
@@ -43,7 +43,7 @@ class SlipPid:
         require_positive("slip_pid.derivative_lag_s", self.derivative_lag_s)
 
     def init(self, zero: Any) -> PidMemory:
-        """Nothing integrated, no error yet."""
+        """Memory with zero integral and error."""
         return PidMemory(zero, zero, zero)
 
     def torque_Nm(self, memory: PidMemory, motion: Motion, wheel: DrivenWheel) -> Any:
@@ -60,7 +60,7 @@ class SlipPid:
         return PidMemory(memory.integral_Nm + more, error, self.rate_per_s(memory, error, motion.dt_s))
 
     def error(self, motion: Motion) -> Any:
-        """e: slip ratio that is lacking."""
+        """e: slip ratio that is missing to the target."""
         here = surface(motion.rim_m_s, motion.travel_m_s, motion.slip_target, motion.floor_m_s, motion.launch)
         return -here.sigma / here.reference_speed
 
@@ -70,7 +70,7 @@ class SlipPid:
         return memory.rate_per_s + change / (self.derivative_lag_s + dt_s)
 
 
-#: The least 1 - lambda that `SlipRatioSlidingMode` divides by.
+#: Smallest 1 - lambda used as a divisor in `SlipRatioSlidingMode`.
 _LEAST_REMAINDER = 0.05
 
 
@@ -84,18 +84,18 @@ class SlipRatioSlidingMode:
     tau = [ -f_hat + dlambda_d/dt - k sat((lambda - lambda_d) / phi) ] / B_hat
     k = beta (df + eta) + (beta - 1) |-f_hat + dlambda_d/dt|,   phi = max(phi_0, k max(T, 5 dt))
 
-    In the text that we worked from, B lacks 1 - lambda (5.26), f_hat has the wrong sign and B_hat^-1 stands twice
-    (5.33-5.35), sat is 1 inside the layer (5.47). B vanishes for a wheel that spins at standstill and all of it grows
-    without bound towards V = 0: floors hold both away from zero here. The gain k grows as 1/V; a layer of one width,
-    which [T] has, is then too thin for a slow wheel, and the torque cycles from step to step. A layer that follows its
-    gain (Slotine and Li) starts from rest too.
+    In the text that we worked from, B lacks 1 - lambda (5.26), f_hat has the wrong sign and B_hat^-1 appears twice
+    (5.33-5.35), sat is 1 inside the layer (5.47). B vanishes for a wheel that spins at standstill, and every term grows
+    without bound towards V = 0; floors keep both away from zero here. The gain k grows as 1/V; a layer of constant
+    width, as in [T], is then too thin for a slow wheel, and the torque oscillates from step to step. A layer that
+    follows its gain (Slotine and Li) also works from rest.
     """
 
     uncertainty: Uncertainty  #: that the gain has to outweigh
     reaching_per_s: float = 1.0  #: eta, > 0
     layer: float = 0.02  #: phi_0, least layer as a slip ratio, > 0
     floor_m_s: float = 0.05  #: least V, > 0
-    #: T, of the slip inside the layer, >= 0; 0 and steps of no time leave the layer at phi_0
+    #: T, of the slip inside the layer, >= 0; with 0 and steps of zero length the layer is phi_0
     time_constant_s: float = 0.005
 
     def __post_init__(self) -> None:
@@ -122,7 +122,7 @@ class SlipRatioSlidingMode:
         return (u - k * clip((slip - motion.slip_target) / layer, -1.0, 1.0)) / (r * grip / (J * V))
 
     def remember(self, memory: NoMemory, motion: Motion, demanded_Nm: Any, torque_Nm: Any) -> NoMemory:
-        """The same: the law has no memory."""
+        """The same memory: the law has none."""
         return memory
 
 
@@ -153,9 +153,9 @@ class FuzzySlidingMode:
     y = sign(sigma) dsigma/dt / k_0             approaching, still, leaving
 
     The sets are triangles that add up to one, the rules have singletons as consequents (Takagi and Sugeno, order zero),
-    so inference is interpolation between the rules. Outside the layer no rule has a gain below k_0: the sliding
-    condition holds as it does for the plain law; inside, the gain comes down where nothing needs it, and the reaction
-    to noise too.
+    so inference is interpolation between the rules. Outside the layer no rule has a gain below k_0, so the sliding
+    condition holds as it does for the plain law; inside, the gain is reduced where it is not needed, and with it the
+    reaction to noise.
     """
 
     sliding: SlidingMode  #: the law that is adapted
@@ -176,7 +176,7 @@ class FuzzySlidingMode:
             )
 
     def init(self, zero: Any) -> FuzzyMemory:
-        """On the surface and at rest."""
+        """Memory on the surface and at rest."""
         return FuzzyMemory(self.sliding.init(zero), zero, zero)
 
     def torque_Nm(self, memory: FuzzyMemory, motion: Motion, wheel: DrivenWheel) -> Any:

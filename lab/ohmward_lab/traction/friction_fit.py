@@ -1,31 +1,31 @@
 """Fit of friction laws to measured forces, and selection of the best.
 
-    F = F_law(contact) - c N,    c: resistance ratio, of rolling and of the soil that is pressed and bulldozed
+    F = F_law(contact) - c N,    c: resistance ratio, of rolling and of the soil that is compacted and bulldozed
 
 Least squares from every start of a family. Confidence intervals are those of the linearised fit (Student's t, on the
-scale of the search), cut at the limits of the parameters: that of an unidentified one reaches from limit to limit. They
-hold as far as the law does: look at `lack_of_fit`. A law is judged, and chosen, by its errors on data that it was not
-fitted to: whole groups (slips, runs, days) are left out, because repetitions of a measurement are not independent.
+scale of the search), clipped to the limits of the parameters: that of an unidentified one reaches from limit to limit.
+They are valid as far as the law is: see `lack_of_fit`. A law is judged, and chosen, by its errors on data that it was
+not fitted to: whole groups (slips, runs, days) are left out, because repetitions of a measurement are not independent.
 
-Where slips are about as few as parameters, least squares alone takes resistance and stiffness to any value, and a slip
-that was left out is missed by the whole force. A fit with a prior minimises
+With hardly more slips than parameters, least squares alone drives resistance and stiffness to any value, and the error
+at a slip that was left out is as large as the force. A fit with a prior minimises
 
     sum(errors^2) / sigma^2 + sum(departures^2)
 
-with the variance sigma^2 that least squares leave, and the departures from published grounds (`departures`):
-data with little scatter or many slips overrule it. `select_law` fits so; intervals leave the prior out.
+with the residual variance sigma^2 of least squares, and the departures from published grounds (`departures`): data with
+little scatter or many slips overrule the prior. `select_law` fits this way; intervals leave the prior out.
 
-Traction that is usual on grounds: a weak prior of laws that are fitted to few slips.
+The prior is weak, meant for few slips, and describes the usual traction of grounds.
 
-The curves of Burckhardt's roads and of Wong's soils, at some slip ratios of a driven wheel, are taken as draws from one
-lognormal distribution, in which roads and soils weigh the same:
+The curves of Burckhardt's roads and of Wong's soils, at some slip ratios of a driven wheel, are taken as samples of one
+lognormal distribution, in which roads and soils have the same weight:
 
     m = mean of log(F/N),   C = covariance of log(F/N) + e^2 I
 
 A law has the departure L^-1 (log(F/N) - m), L L' = C, which is standard normal if the law is an ordinary one. So the
 prior is the same for laws of all forms, whatever their parameters mean.
 
-Families of friction laws for a fit to measured forces: free parameters, their limits and starts.
+A family of friction laws for a fit to measured forces has free parameters, their limits and starts.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Family:
 
 
 ADHESION = Free("adhesion", 1e-3, 5.0, (0.5,))
-#: Share of the load that a free wheel takes to pull; soil in front of a locked wheel weighs more than the wheel.
+#: Share of the load that it takes to pull a free wheel; soil in front of a locked wheel weighs more than the wheel.
 RESISTANCE = Free("resistance_coefficient", -1.0, 3.0, (0.05,))
 
 
@@ -117,7 +117,7 @@ def burckhardt(speed_floor_m_s: float = SPEED_FLOOR) -> Family:
 
 
 def brush(patch_length_m: float = 0.05, speed_floor_m_s: float = SPEED_FLOOR) -> Family:
-    """Adhesion and stiffness k for this length of the patch: without lead the force shows no more than k l^2."""
+    """Adhesion and stiffness k for this patch length l: without lead the force identifies only k l^2."""
 
     def make(adhesion: float, stiffness: float) -> Brush:
         return Brush(adhesion, patch_length_m, stiffness, speed_floor_m_s=speed_floor_m_s)
@@ -147,8 +147,8 @@ def _by_decades(name: str, low: float, high: float) -> Free:
     return Free(name, low, high, tuple(starts.tolist()))
 
 
-#: Lengths K [m] of Wong's section on shear: compacted clay; firm to loose sand, taken for loams too; fresh snow.
-#: Project Chrono takes 0.012 for LETE sand and 0.025 for loose sand.
+#: Lengths K [m] of Wong's section on shear: compacted clay; firm to loose sand, used for loams too; fresh snow.
+#: Project Chrono uses 0.012 for LETE sand and 0.025 for loose sand.
 _CLAY_M, _SAND_M, _SNOW_M = (0.006,), (0.01, 0.025), (0.025, 0.05)
 #: J. Y. Wong, Theory of Ground Vehicles, table of terrain values: k_phi [kN/m^(n+2)], k_c [kN/m^(n+1)], n, c [kPa],
 #: phi [deg]; water content in per cent.
@@ -181,10 +181,10 @@ _WHEELS = ((0.06, 0.05), (0.165, 0.05))
 _SLIP_RATIOS = np.array([0.03, 0.1, 0.3, 1.0])
 #: Relative error with which a law of any form follows a measured curve.
 _FORM_STD = 0.05
-#: Least traction over load that is told from none.
+#: Smallest traction over load that is distinguished from zero.
 _LEAST_TRACTION = 1e-3
-#: Handbooks give resistances over load from 0.01 (tyres on concrete) to 0.4 (tyres in loose sand), as far apart on a
-#: logarithmic scale as they can be: mean and standard deviation of such an even spread.
+#: Handbooks give resistances over load from 0.01 (tyres on concrete) to 0.4 (tyres in loose sand); the prior has the
+#: mean and standard deviation of a log-uniform distribution between these ends.
 _RESISTANCES = 0.01, 0.4
 
 
@@ -196,9 +196,9 @@ class UsualTraction(NamedTuple):
 
 
 def departures(law: TractionLaw, resistance_coefficient: float, typical: Contact) -> np.ndarray:
-    """Departures (K + 1,) of a law and of the resistance over load from what is usual, in standard deviations.
+    """Departures (K + 1,) of a law and of the resistance over load from usual ones, in standard deviations.
 
-    typical: speed of the rim and load of the wheel to compare at; the other two are not read.
+    typical: speed of the rim and load of the wheel to compare at; the other two are not used.
     """
     usual = usual_traction(float(typical.load_N))
     rim_m_s = np.full(len(_SLIP_RATIOS), float(typical.rim_speed_m_s))
@@ -222,7 +222,7 @@ def usual_traction(load_N: float) -> UsualTraction:
 
 @cache
 def _soils() -> tuple[SoftGround, ...]:
-    """Each soil with each of its lengths under each wheel."""
+    """Each soil with each of its shear lengths under each wheel."""
     return tuple(
         SoftGround(Soil(name, 1e3 * k_phi, 1e3 * k_c, n, 1e3 * cohesion, phi, K), radius_m, width_m)
         for name, k_phi, k_c, n, cohesion, phi, lengths in SOILS
@@ -232,16 +232,16 @@ def _soils() -> tuple[SoftGround, ...]:
 
 
 def _resistance_moments() -> tuple[float, float]:
-    """Mean and standard deviation of a value whose logarithm is evenly spread between the two ends."""
+    """Mean and standard deviation of a value whose logarithm is uniformly distributed between the two ends."""
     low, high = _RESISTANCES
     decades = np.log(high / low)
     mean = (high - low) / decades
     return mean, float(np.sqrt((high**2 - low**2) / (2 * decades) - mean**2))
 
 
-#: Starts that a fit with a prior follows to their end, the most promising ones.
+#: Number of the most promising starts from which a fit with a prior is run.
 _FOLLOWED = 2
-#: Speed [m/s] that a wheel at rest counts with in the mean.
+#: Speed [m/s] with which a wheel at rest counts in the mean.
 _REST_SPEED_M_S = 1e-6
 #: Load [N] at which a wheel that carries nothing is compared.
 _COMPARED_LOAD_N = 1e-3
@@ -420,7 +420,7 @@ def _typical_contact(at: Contact) -> Contact:
 
 
 def _intervals(scale: Sequence[_Scale], best, n: int) -> tuple[Interval, ...]:
-    """Of the n measurements alone, about the values found."""
+    """Intervals from the n measurements alone, without the prior, about the values found."""
     t = require("scipy.stats", "a fit of slip laws").t
 
     p, jac = len(scale), best.jac[:n]

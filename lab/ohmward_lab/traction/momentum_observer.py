@@ -1,29 +1,29 @@
-"""Speed from momentum, at the pace of a slip controller: counts, currents and an accelerometer that knows its zero.
+"""Speed from momentum, at the rate of a slip controller: counts, currents and an accelerometer with a known zero.
 
-The speed that a wheel shows rests on friction, which a slip controller may not trust: with the stiffness of the ground
-unknown by half, a slip of 0.12 is known to 0.06. This observer asks the ground nothing. A robot that starts from rest
-knows its speed exactly; from there the momentum that the motors give, less that of the wheels, is the body's. The rest
-is slow: slope, resistance, mass. An accelerometer that was read at rest measures it, on any slope and with any offset
-of its own; so do passive wheels, and an external speed.
+Speed from the wheels rests on the friction law, which a slip controller cannot rely on: with the stiffness of the
+ground uncertain by half, a slip of 0.12 is known to within 0.06. This observer assumes no friction law. A robot that
+starts from rest knows its speed exactly; from there the momentum that the motors give, less that of the wheels, is the
+body's. The remaining errors are slow: slope, resistance, mass. An accelerometer whose zero was found at rest measures
+them, on any slope and with any offset of its own; so do passive wheels, and an external speed.
 
-Counts are angles: the error of a count does not add up, where a speed from differences of counts, at 1 kHz and 4096
-counts, is one of 0.18 m/s or none. All is linear (`MomentumModel`), so the filter is Kalman's own.
+Counts are angles: the error of a count does not accumulate, whereas a speed from differences of counts, at 1 kHz and
+4096 counts, is either 0.18 m/s or zero. All is linear (`MomentumModel`), so the filter is a plain Kalman filter.
 
-Wheels of one axle cannot tell a turn from a slip: give it a gyro, or for `yaw_rate_rad_s` the commanded one, with a
-standard deviation that covers its error.
+Wheels of one axle cannot distinguish a turn from slip: add a gyro, or give the commanded yaw rate as `yaw_rate_rad_s`,
+with a standard deviation that covers its error.
 
-Nothing ties the speed to the wheels, so it drifts on long drives: 2 mm/s over the root of each second with an
-accelerometer of 0.05 m/s^2. `speed_observer` knows when wheels grip; its speed may be given as the external one.
+Nothing ties the speed to the wheels, so it drifts on long drives: 2 mm/s per root of a second with an accelerometer of
+0.05 m/s^2. `speed_observer` knows when wheels grip; its speed may be given as the external one.
 
 Encoder of the momentum observer: the angle of a wheel as one row of a linear measurement.
 
 count   y = ahead                                   0, to within a count
 edge    y = ahead(t - age),  x(t - age) = exp(-A age) x(t) + added(-age)     half a count from the middle, to within the
                                                                              uncertainty of edges
-none    |ahead| <= half a count                     informative only where more is believed
+none    |ahead| <= half a count                     informative only where the prior is outside
 
-`ahead` is the angle beyond the middle of the count that is shown. An edge that lies within 0.02 of a count tells the
-angle 14 times as well as the count does, but only when it comes: in between, a slow wheel is within its count.
+`ahead` is the angle beyond the middle of the present count. An edge that is known to within 0.02 of a count gives the
+angle 14 times as precisely as the count, but only when it comes: in between, a slow wheel is within its count.
 """
 
 from __future__ import annotations
@@ -57,10 +57,10 @@ from ohmward.traction.speed_observer.noise import require_stds
 class MomentumFlag(SampleFlag):
     """Events at a sample. None of them stops the observer."""
 
-    BAD_TIME = 1  # dt_s is not a number, negative or longer than `gap_s`: the speed may be anything
+    BAD_TIME = 1  # dt_s is not a number, negative or longer than `gap_s`: the speed is unknown
     NO_CURRENT = 2  # of at least one motor; the last torque was held
-    GROUND_CHANGED = 4  # counts of a driven wheel moved as its torque excludes: the force on it is unknown
-    STANDSTILL = 8  # wheels and motors at rest: speed is zero, and the accelerometer is read for its zero
+    GROUND_CHANGED = 4  # a driven wheel moved in a way that its torque excludes: the force on it is unknown
+    STANDSTILL = 8  # wheels and motors at rest: speed is zero, and the accelerometer shows its zero
 
 
 class AngleSample(NamedTuple):
@@ -83,7 +83,7 @@ class MomentumEstimate(NamedTuple):
     speed_m_s: Any
     speed_std_m_s: Any
     yaw_rate_rad_s: Any  #: > 0 to the left
-    #: of each driven wheel, and of its centre along it
+    #: of each driven wheel, and of its centre in rolling direction
     wheel_speed_rad_s: np.ndarray
     travel_speed_m_s: np.ndarray
     #: the ratio is nan below a floor of speed
@@ -103,7 +103,7 @@ _OPTIONAL = ("edge_std_counts", "passive_std_rad", "accelerometer_std_m_s2", "gy
 class MomentumNoise:
     """Standard deviations of sensors for one sample, and random walks over the root of a second.
 
-    A sensor with None does not exist: nothing is compiled for it.
+    A sensor with None is absent: nothing is compiled for it.
     """
 
     encoder_std_rad: float  #: of the angle of a driven wheel; `count_std_rad`
@@ -114,15 +114,14 @@ class MomentumNoise:
     accelerometer_std_m_s2: float | None = None  #: of an accelerometer along x; offset and slope are learnt at rest
     gyro_std_rad_s: float | None = None  #: of a yaw gyro, offset included
     speed_std_m_s: float | None = None  #: of an external speed
-    #: of the ground's force while the torque does not change: in N, and as a share of the force, which loads and ground
-    #: make
+    #: of the ground's force at constant torque, as loads and ground change: in N, and as a share of the force
     force_walk_N: float = 1.0
     force_walk_share: float = 0.1
     mass_std: float = 0.2  #: share of the mass that may be payload, or missing
-    accelerometer_gain_std: float = 0.01  #: share by which the accelerometer shows too much
-    #: m/s^2 that it shows for each N m of the motors, by which the body tilts on its tyres
+    accelerometer_gain_std: float = 0.01  #: relative gain error of the accelerometer
+    #: its error [m/s^2] for each N m of the motors, which tilts the body on its tyres
     accelerometer_tilt_std: float = 0.001
-    passive_radius_std: float = 0.003  #: share of the radius of the wheels that are not driven
+    passive_radius_std: float = 0.003  #: relative error of the radius of the wheels that are not driven
     #: speed by which these wheels lag behind the robot
     passive_creep_std_m_s: float = 0.004
     passive_creep_walk: float = 0.008
@@ -130,8 +129,7 @@ class MomentumNoise:
     speed_walk: float = 0.001
     yaw_rate_walk: float = 3.0
     #: of the unmodelled acceleration: 0.17 m/s^2 for each degree of unknown slope and 0.1 m/s^2 for a rolling
-    #: resistance that is unknown by 1 % of the weight. Where no pitch is measured, a slope of `slope_std_rad` comes on
-    #: top.
+    #: resistance that is unknown by 1 % of the weight. Where no pitch is measured, a slope of `slope_std_rad` is added.
     disturbance_std_m_s2: float = 0.17
     disturbance_walk: float = 0.1
     slope_std_rad: float = 0.05  #: of the ground where no pitch is measured
@@ -151,7 +149,7 @@ def count_std_rad(counts_per_turn: float) -> float:
     return 2 * math.pi / counts_per_turn / math.sqrt(12)
 
 
-#: A force follows its torque within this time [s], the tyre's and the wheel's; the model lets it follow at once.
+#: Time [s] within which a force follows its torque, by tyre and wheel; in the model it follows at once.
 FORCE_DELAY_S = 0.0015
 #: Travel [m/s] below which a passive wheel has no direction yet.
 STILL_M_S = 0.01
@@ -161,7 +159,7 @@ FOLLOWING, FOLLOWING_STD, FOLLOWING_S = 0.5, 0.5, 0.3
 
 @dataclass(frozen=True)
 class MomentumModel:
-    """The robot as its momentum: without tyre and without friction.
+    """Momentum model of the robot: without tyre and without friction.
 
     dv/dt        = M^-1 (G' F / (1 + mu) - R) - g sin(pitch) - d      mu, sin and d along x only
     J domega/dt  = tau - r F                                          each driven wheel
@@ -170,15 +168,15 @@ class MomentumModel:
     F+           = F + phi (tau+ - tau) / r + w                       at each step
     a            = (1 + gamma) (dv/dt + g sin(pitch)) + theta sum(tau) + offset       what the accelerometer shows
 
-    The force F of the ground is what the wheel's torque and acceleration leave over. It follows a change of torque
-    fully while the wheel grips and not at all while it spins; the share phi (`following`) is learnt as it goes, and
-    forgotten in `FOLLOWING_S`. A payload is the share mu of the mass; rolling resistance grows with it, so only the
-    forces feel it. The disturbance acceleration d is what else is unknown along x: rolling resistance and slope. Wheels
-    without a motor creep by c, and their radius is known to kappa, which is considered and never learnt. The
-    accelerometer has a gain error gamma, and tilts with the body by theta for each N m that the motors react on it:
-    under 24 N m a robot on tyres lifts its nose by a thousandth, 10 mm/s^2. `ahead` is the angle of a wheel beyond its
-    last count, so numbers stay small however far the robot goes. Products of two states are linearised at the mean. The
-    chains from d, mu and F to the angle have three links, so exp(A dt) ends after its square.
+    The force F of the ground balances the wheel's torque and acceleration. It follows a change of torque fully while
+    the wheel grips and not at all while it spins; the share phi (`following`) is learnt on the way, and forgotten in
+    `FOLLOWING_S`. A payload is the share mu of the mass; rolling resistance grows with it, so only the forces feel it.
+    The disturbance acceleration d covers the other unknowns along x: rolling resistance and slope. Wheels without a
+    motor creep by c, and their radius is known to within kappa, which is considered and never learnt. The accelerometer
+    has a gain error gamma, and tilts with the body by theta for each N m of reaction of the motors: under 24 N m a
+    robot on tyres lifts its nose by a thousandth, 10 mm/s^2. `ahead` is the angle of a wheel beyond its last count, so
+    numbers stay small however far the robot goes. Products of two states are linearised at the mean. The chains from d,
+    mu and F to the angle have three links, so exp(A dt) ends after its square.
     """
 
     scene: Scene  #: of the terrain only the rolling resistance is used
@@ -202,7 +200,7 @@ class MomentumModel:
 
     @cached_property
     def initial_stds(self) -> dict[str, float]:
-        """Standard deviation of each constant error that the sensors there are can show, by the name of its state."""
+        """Standard deviation of each constant error that these sensors can show, by the name of its state."""
         noise = self.noise
         stds = {"mass_excess": noise.mass_std}
         if noise.accelerometer_std_m_s2 is not None:
@@ -263,13 +261,13 @@ class MomentumModel:
         return np.array(A)
 
     def thrust_m_s2(self, x: np.ndarray) -> Scalar:
-        """Acceleration along x that the wheels' forces would give the mass that is believed."""
+        """Acceleration along x that the wheels' forces would give the nominal mass."""
         robot = self.scene.robot
         forces = x[self.force(0) : self.force(0) + robot.driven]
         return robot.rolling[: robot.driven, 0] @ forces / robot.inertia[0]
 
     def drive(self, x: np.ndarray, torque_Nm: np.ndarray, pitch_rad: Scalar) -> np.ndarray:
-        """Vector b (n,) of torques (driven,), rolling resistance and slope, and of what linearising leaves."""
+        """Vector b (n,) of torques (driven,), rolling resistance and slope, and the remainder of the linearisation."""
         robot, free = self.scene.robot, self.scene.robot.freedoms
         travel = robot.rolling @ x[:free]
         R = [t.rolling.force_N(v, N) for t, v, N in zip(self.scene.terrains, travel, self.load_N, strict=True)]
@@ -345,11 +343,11 @@ class CleanAngleSample(NamedTuple):
     """A sample for the prediction, with every number finite."""
 
     dt_s: Scalar  #: step [s], >= 0
-    time_credible: Scalar  #: the condition that the clock can have shown the step
+    time_credible: Scalar  #: the condition that the step is plausible
     pitch_rad: Scalar  #: 0 where it is not measured
     pitch_measured: Scalar  #: the condition that it is
-    torque_Nm: np.ndarray  #: (driven,) at the wheels over the step, the last one where no current came
-    currents_measured: Scalar  #: the condition that all currents came
+    torque_Nm: np.ndarray  #: (driven,) at the wheels over the step, the last one where no current was measured
+    currents_measured: Scalar  #: the condition that all currents were measured
     rest_s: Scalar  #: time for which counts and motors have been still
     resting: Scalar  #: the condition that this has lasted long enough for a standstill
 
@@ -358,12 +356,12 @@ class Angle(NamedTuple):
     """y = row @ x + v, v ~ N(0, variance)."""
 
     row: np.ndarray  #: (n,)
-    angle_rad: Scalar  #: y; nan where there is nothing to learn
+    angle_rad: Scalar  #: y; nan where there is no information
     variance: Scalar  #: rad^2
 
 
 def count_angle(model: MomentumModel, k: int) -> Angle:
-    """Measurement by the count of wheel k alone: its middle, give or take."""
+    """Measurement by the count of wheel k alone: its middle, with the standard deviation of a count."""
     std = model.noise.encoder_std_rad if k < model.scene.robot.driven else model.noise.passive_std_rad or 0.0
     row = np.zeros(len(model.names))
     row[model.ahead(k)] = 1.0
@@ -399,14 +397,14 @@ def edge_angle(model: MomentumModel, k: int, belief: Belief, sample: AngleSample
 #: Time [s] after which a change of force is seen in the counts.
 SEEN_LATE_S = 0.003
 
-#: Standard deviation [N] of the force on a wheel of a robot that stands.
+#: Standard deviation [N] of the force on a wheel of a robot at rest.
 RESTING_FORCE_N = 2.0
 
-#: A body on its tyres swings out within this time [s] after a change of torque, and its accelerometer shows so much
-#: [m/s^2] for each N m: MuJoCo's RLMA, 60 kN/m under each wheel.
+#: Decay time [s] of the body's oscillation on its tyres after a change of torque, and its acceleration [m/s^2] for each
+#: N m: MuJoCo's RLMA, 60 kN/m under each wheel.
 SHAKING_S, SHAKING_M_S2_PER_NM = 0.02, 0.03
 
-#: No robot shows more than this acceleration [m/s^2], gravity included: the sensor is at fault.
+#: Largest plausible acceleration [m/s^2], gravity included: a larger one is a sensor fault.
 FASTEST_M_S2 = 100.0
 
 #: Standard deviation [m/s, rad/s] of the speed after a gap.
@@ -426,13 +424,13 @@ class MomentumState(NamedTuple):
 class MomentumObserver:
     """Settings; `init` and `step` are pure functions of them."""
 
-    scene: Scene  #: robot, and the terrain, of which only the rolling resistance counts
-    noise: MomentumNoise  #: of sensors and model; says which sensors there are
+    scene: Scene  #: robot, and the terrain, of which only the rolling resistance is used
+    noise: MomentumNoise  #: of sensors and model; determines which sensors there are
     count_gate: float = 25.0  #: NIS of a count beyond which the ground under its wheel has changed, > 0
-    #: the same of an edge, whose time shows even how gradually the ground takes up a torque, > 0
+    #: the same for an edge, whose time is precise enough to show that the ground takes up a torque gradually, > 0
     edge_gate: float = 400.0
     gate: float = 25.0  #: NIS beyond which any other measurement is not used, > 0
-    gap_s: float = 0.05  #: after a longer step nothing is known of the speed, > 0
+    gap_s: float = 0.05  #: after a longer step the speed is unknown, > 0
     rest_hold_s: float = 0.1  #: time for which counts and motors must be still before the robot counts as standing
     rest_current_A: float = 0.5  #: below it a motor is still, > 0
     current_limit_A: float = 200.0  #: beyond it a sensor is at fault, > 0
@@ -460,7 +458,7 @@ class MomentumObserver:
         return AngleSample(0.0, angles, np.full(robot.driven, math.nan), angles)
 
     def init(self) -> MomentumState:
-        """State of a robot that stands."""
+        """State of a robot at rest."""
         names, noise = self.model.names, self.noise
         stds = {name: FOLLOWING_STD for name in names if name.startswith("following")}
         stds |= {"accelerometer_offset_m_s2": noise.accelerometer_offset_std_m_s2, **self.model.initial_stds}
@@ -489,7 +487,7 @@ class MomentumObserver:
         return after, self.conclude(belief, clean)._replace(flags=flags)
 
     def sanitize(self, state: MomentumState, before: Belief, sample: AngleSample) -> CleanAngleSample:
-        """The sample with what no sensor and no clock can have shown replaced, and the time at rest."""
+        """The sample with implausible values replaced, and the time at rest."""
         robot = self.scene.robot
         time_credible = is_step(sample.dt_s, self.gap_s)
         dt_s = where(time_credible, sample.dt_s, 0.0)
@@ -513,7 +511,7 @@ class MomentumObserver:
         )
 
     def predict(self, before: Belief, last_Nm: np.ndarray, clean: CleanAngleSample) -> Belief:
-        """Belief at the end of the step: of a robot that moves, that stands, or of which a gap hides the speed."""
+        """Belief at the end of the step: the robot moves, is at rest, or has an unknown speed after a gap."""
         Q = self.model.process_noise(before.mean, clean.dt_s)
         moving = self.predict_motion(before, last_Nm, clean, Q)
         after_gap = moving
@@ -525,7 +523,7 @@ class MomentumObserver:
         return choose(clean.resting, standing, belief)
 
     def predict_motion(self, before: Belief, last_Nm: np.ndarray, clean: CleanAngleSample, Q: np.ndarray) -> Belief:
-        """x+ = Phi follow(x) + added,  P+ = (Phi S) P (Phi S)' + Q, and what late forces may have done."""
+        """x+ = Phi follow(x) + added,  P+ = (Phi S) P (Phi S)' + Q, and the possible effect of late forces."""
         model = self.model
         change_N = (clean.torque_Nm - last_Nm) / self.scene.robot.wheel.radius_m
         followed, S = model.follow(before.mean, change_N, clean.dt_s)
@@ -542,7 +540,7 @@ class MomentumObserver:
         return GRAVITY * self.noise.slope_std_rad
 
     def standing(self, belief: Belief, slope_m_s2: Scalar) -> Belief:
-        """Belief in a robot that stands: motion, forces and disturbance start again; other states stay as they are.
+        """Belief for a robot at rest: motion, forces and disturbance restart; other states stay as they are.
 
         slope_m_s2: standard deviation of gravity along the robot.
         """
@@ -556,9 +554,9 @@ class MomentumObserver:
         return Belief(stays @ belief.mean, stays @ belief.cov @ stays + np.diag(variances))
 
     def correct_counts(self, prior: Belief, sample: AngleSample, clean: CleanAngleSample) -> tuple[Belief, Scalar]:
-        """Correct with the encoders; the force on a driven wheel outside its gate is unknown.
+        """Correct with the encoders; the force on a driven wheel outside its gate becomes unknown.
 
-        Returns: the belief, and the condition that a driven wheel moved as its torque excludes.
+        Returns: the belief, and the condition that a driven wheel moved in a way that its torque excludes.
         """
         model, robot = self.model, self.scene.robot
         b = model.drive(prior.mean, clean.torque_Nm, clean.pitch_rad)
@@ -583,7 +581,7 @@ class MomentumObserver:
         return edge_angle(self.model, k, belief, sample, b)
 
     def is_outside_gate(self, belief: Belief, angle: Angle) -> Scalar:
-        """True where an angle is farther from the believed one than the ground as it was allows."""
+        """True where an angle is farther from the predicted one than an unchanged ground allows."""
         nu = angle.angle_rad - angle.row @ belief.mean
         gate = self.count_gate if self.noise.edge_std_counts is None else self.edge_gate
         return nu**2 > gate * (angle.row @ belief.cov @ angle.row + angle.variance)
@@ -598,8 +596,8 @@ class MomentumObserver:
     ) -> Belief:
         """Correct with the accelerometer: at rest it shows gravity and its offset, else the body's acceleration too.
 
-        A change of torque shakes the body on its tyres, and the accelerometer with it. A sample outside of its gate is
-        not used, but the disturbance may be anything from then on: the next one is believed.
+        A change of torque shakes the body on its tyres, and the accelerometer with it. A sample outside its gate is not
+        used, but it inflates the variance of the disturbance, so that the next one passes.
         """
         accelerometer_std = self.noise.accelerometer_std_m_s2
         if accelerometer_std is None:
@@ -661,10 +659,10 @@ class MomentumObserver:
 
 
 def consider_radius(before: Belief, after: Belief, model: MomentumModel) -> Belief:
-    """The belief after a correction from which the radius of the passive wheels has learnt nothing: Schmidt's filter.
+    """The belief after a correction that leaves the radius of the passive wheels as it was: Schmidt-Kalman filter.
 
-    The wheels show (1 + kappa) v. Linearised at an ever different v, their counts seem to tell kappa from v, which they
-    do not, and the filter went 30 standard deviations after it where a drag was larger than believed.
+    The wheels show (1 + kappa) v. Linearised at a changing v, their counts seem to distinguish kappa from v, which they
+    cannot; where a drag was larger than modelled, the filter moved kappa by 30 standard deviations.
     """
     if "passive_radius_excess" not in model.initial_stds:
         return after

@@ -1,4 +1,4 @@
-"""Quasi-static model: the slip of the wheels is at every instant the one that their force needs.
+"""Quasi-static model: at every instant the wheels have the slip that their force needs.
 
 A wheel that grips settles within a millisecond, so for a filter at 100 Hz its slip is a function of its force and not a
 state. The rotation of the wheels is then part of the body's inertia:
@@ -6,9 +6,9 @@ state. The rotation of the wheels is then part of the body's inertia:
 (M + sum G_i' G_i J_w / r^2) d(motion)/dt = sum G_i' tau_i / r + rolling resistance + grade
 F_i = (tau_i - J_w domega_i/dt) / r,   s_i from F_tr(s_i) = F_i,   omega_i = (v_i + s_i) / r
 
-It holds on the rising branch only. Where the ground cannot give the force there is no such slip: nan, and the wheel
-spins or locks, which `implicit_step` follows. The body's equation leaves out how slip itself changes, an error of the
-order of J_w / (m r^2) times the slip.
+The model holds on the rising branch only. Where the ground cannot give the force there is no such slip (nan), and the
+wheel spins or locks, which `implicit_step` models. The body's equation neglects the change of slip itself, an error of
+the order of J_w / (m r^2) times the slip.
 """
 
 from __future__ import annotations
@@ -89,5 +89,5 @@ def slip_at_force(law: TractionLaw, force_N: Any, travel_speed_m_s: Any, load_N:
 
 
 def gripping(motion: np.ndarray, robot: Robot) -> np.ndarray:
-    """The state (n,) of a robot that moves so on wheels without slip."""
+    """The state (n,) of a robot with this motion on wheels without slip."""
     return np.concatenate([motion, wheel_speeds(robot, motion)[: robot.driven]])

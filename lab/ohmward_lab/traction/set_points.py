@@ -1,4 +1,4 @@
-"""Set points of slip: the one of the largest force, and the one of the least energy, which is smaller.
+"""Set-points of slip: the one for the largest force, and the one for the least energy, which is smaller.
 
 `peak` and `best_slip` find them where the law of the ground is known, `SetPointSeeker` while driving. The share of the
 wheel's power that moves the robot against a load is (1 - lambda) (1 - R/F), with the wheel's rolling resistance R. More
@@ -51,7 +51,7 @@ def best_slip(law: TractionLaw, load_N: float, resistance_N: float, travel_speed
     """The slip at which a driving wheel turns the largest share of its power into pull.
 
     Raises:
-        InputError: the ground does not even give the force that the resistance takes.
+        InputError: the ground cannot give the force to overcome the resistance.
     """
     _check(load_N, travel_speed_m_s)
     require_between("resistance_N", resistance_N, 0.0, np.inf)
@@ -93,7 +93,7 @@ _LEAST_ADHESION = 0.01
 
 
 class SeekerState(NamedTuple):
-    """Moments of slip and adhesion over the window, the set-point, and the time [s] learned from."""
+    """Moments of slip and adhesion over the window, the set-point, and the time [s] that they cover."""
 
     slip: Any
     adhesion: Any
@@ -123,11 +123,11 @@ class SetPointSeeker:
     traction: climb slope - least slope   to the peak, or the knee of a plateau
     energy:   climb (1 - lambda) rho slope / mu^2 - (1 - rho/mu)   d/dlambda of (1 - lambda)(1 - rho/mu)
 
-    with rho = R/N, the resistance over the load. A small sine on the set-point makes lambda vary. Where it does not,
-    because the wheel does not follow or the command is held elsewhere, there is nothing to learn: the set-point stays,
-    and `identified` says so. The way to the set-point, from rest or after a skid, is not learned from either: one such
-    swing weighs as much as a hundred periods of the sine. On one driven axle at constant speed the force, and so the
-    slip, is no choice; it takes an acceleration or a second axle to make a set-point matter.
+    with rho = R/N, the resistance over the load. A small sine on the set-point makes lambda vary. If lambda does not
+    vary, because the wheel does not follow or the command is held elsewhere, nothing is learned: the set-point stays,
+    and `identified` is 0. The approach to the set-point, from rest or after a skid, is not learned from either: one
+    such swing weighs as much as a hundred periods of the sine. With one driven axle at constant speed the force, and so
+    the slip, is given; a set-point matters only with an acceleration or a second axle.
 
     Settings; `init` and `step` are pure functions of them.
     """
@@ -141,7 +141,7 @@ class SetPointSeeker:
     dither_Hz: float = 2.0  #: its frequency, > 0
     window_s: float = 1.0  #: of the regression, > 0; a few periods of the sine
     least_std: float = 0.003  #: standard deviation of slip below which nothing is learned, > 0
-    #: slip farther from the set-point is no part of the line around it and not learned from, > the dither
+    #: slip farther from the set-point than this is not on the line around it and not learned from, > the dither
     reach: float = 0.03
     least_slope: float = 0.1  #: slope [1] that counts as the peak for "traction", >= 0
     pace_per_s: float = 0.05  #: fastest change of the set-point, > 0
@@ -161,7 +161,7 @@ class SetPointSeeker:
         require_between("set_point_seeker.highest", self.highest, self.lowest, 0.99)
 
     def init(self, slip_ratio: Any) -> SeekerState:
-        """Before the first step, with the slip ratio to start from."""
+        """State before the first step, with the slip ratio to start from."""
         zero = 0.0 * slip_ratio
         return SeekerState(zero + slip_ratio, zero, zero, zero, zero + slip_ratio, zero)
 
@@ -181,7 +181,7 @@ class SetPointSeeker:
         return after, SetPoint(held, centre, slope, where(identified, 1.0, 0.0))
 
     def learn(self, state: SeekerState, slip_ratio: Any, adhesion: Any, dt_s: Any) -> SeekerState:
-        """The moments with one more sample, those before fading out; the first ones count fully."""
+        """Moments with one more sample; past samples are forgotten over the window, the first ones count fully."""
         share = dt_s / maximum(self.window_s, dt_s)
         share = maximum(share, dt_s / maximum(state.time_s + dt_s, 1e-9))
         x, y = slip_ratio - state.slip, adhesion - state.adhesion

@@ -22,7 +22,7 @@ from ohmward_lab.assess.study import STUDIES, Study, assess
 
 
 def run(args: argparse.Namespace) -> Outcome:
-    """Run the study, or what is left of it."""
+    """Run the study, or the rest of an interrupted one."""
     study = STUDIES[args.study]
     folder = Path(args.output or Path("ohmward-assess") / study.name)
     with progress() as report:
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 class Assessed(NamedTuple):
-    """A study that was run: its settings, its folder, the figures of each cell, the largest RMSE to recommend."""
+    """A finished study: its settings, its folder, the figures of each cell, the largest RMSE to recommend."""
 
     study: Study
     runs: int
@@ -56,7 +56,7 @@ class Assessed(NamedTuple):
 
 
 def summary(assessed: Assessed) -> dict[str, Any]:
-    """The object of --json."""
+    """Object printed by --json."""
     return {
         "command": "assess",
         "study": assessed.study.name,
@@ -112,7 +112,7 @@ def recommended(assessed: Assessed) -> tuple[list[str], list[list[str]]]:
 
 
 def worse(assessed: Assessed) -> list[str]:
-    """Sentences on the methods that are worse than the plain one, or worse with the truth than without."""
+    """Sentences on methods that are worse than the plain one, or worse when given the truth than without it."""
     lines = []
     for row in assessed.study.worse(assessed.found):
         few = " and ".join(filter(None, [", ".join(row.methods[:-1]), row.methods[-1]]))
@@ -124,7 +124,7 @@ def worse(assessed: Assessed) -> list[str]:
 
 
 def _range(values: Sequence[float]) -> str:
-    """Smallest and largest, or the one there is."""
+    """Smallest and largest value, or one number where both print alike."""
     return " to ".join(dict.fromkeys(map(hundredths, (min(values), max(values)))))
 
 
@@ -132,19 +132,19 @@ class Heat(NamedTuple):
     """One figure of every method under every condition."""
 
     caption: str  #: in words, with its unit
-    text: Callable[[Any], str]  #: of a cell; an empty one where there is no such figure
-    value: Callable[[Any], float]  #: of a row; nan is the worst
-    edges: tuple[float, ...]  #: values at which the shade becomes darker, from the lightest on
+    text: Callable[[Any], str]  #: text of a cell; empty where there is no such figure
+    value: Callable[[Any], float]  #: value of a row; nan counts as the worst
+    edges: tuple[float, ...]  #: values at which the shade becomes darker, lightest first
 
     def cell(self, row: Any) -> HeatCell | None:
-        """The cell, darker for each edge that the row is at or beyond; None where there is no such figure."""
+        """Cell that is darker for each edge that the value reaches; None where there is no such figure."""
         text, value = self.text(row), self.value(row)
         level = len(self.edges) if math.isnan(value) else sum(value >= edge for edge in self.edges)
         return HeatCell(text, level) if text else None
 
 
 def hundredths(value: float, digits: int = 1) -> str:
-    """A share in points of percent, a speed [m/s] in cm/s."""
+    """Text of a share in percentage points, or of a speed [m/s] in cm/s."""
     return f"{100.0 * value:.{digits}f}" if math.isfinite(value) else "nan"
 
 
@@ -155,7 +155,7 @@ _COVERED = Heat(
     (0.05, 0.1, 0.2, 0.4),
 )
 
-#: Of each study; the first one is that of the text, and of the recommendation.
+#: Heat maps of each study; the first one, the RMSE, is also in the text output and decides the recommendation.
 HEATS: Mapping[str, tuple[Heat, ...]] = {
     "battery": (
         Heat(
@@ -189,7 +189,7 @@ HEATS: Mapping[str, tuple[Heat, ...]] = {
     ),
 }
 
-#: Unit of the RMSE, a hundredth of what the figures hold.
+#: Unit of the RMSE: one hundredth of the unit of the figures.
 UNITS: Mapping[str, str] = {"battery": "points", "traction": "cm/s"}
 
 
@@ -221,7 +221,7 @@ def make_page(assessed: Assessed) -> Page:
 
 
 def cost(assessed: Assessed) -> list[list[str]]:
-    """Operations of a step, the most of all subjects, and the time of a sample, many runs side by side, here."""
+    """Most operations per step and shortest time per sample over all subjects, on this machine, runs side by side."""
     rows = []
     for method in assessed.study.methods:
         of = [row for row in assessed.found if row.method == method.name]

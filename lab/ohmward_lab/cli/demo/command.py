@@ -25,7 +25,7 @@ from ohmward_lab.simulate.robot_drive import WAY_HOME, robot_drive
 MARK = "made-by-ohmward-demo.txt"
 CAPACITY_AH = 12.0
 N_SERIES = {"lfp": 4, "lead-acid": 6}
-#: The battery that drives home.
+#: Chemistry of the battery on the drive home.
 DRIVEN = "lfp"
 
 _WELCOME = """\
@@ -72,7 +72,7 @@ def steps(chemistry: str, folder: Path, test: str, day: str) -> list[tuple[str, 
 
 
 def drive_home(folder: Path, day: RobotDay, evening: Mapping[str, Any], seed: int) -> dict[str, Outcome]:
-    """Simulate the drive with what the day has left in the battery, and run every command on its log.
+    """Simulate the drive from the charge left at the end of the day, and run every command on its log.
 
     evening: the summary of `soc` at the end of the day.
     """
@@ -87,7 +87,7 @@ def drive_home(folder: Path, day: RobotDay, evening: Mapping[str, Any], seed: in
 def drive_steps(folder: Path, soc: float, soc_std: float) -> list[tuple[str, ...]]:
     """Command lines of a user with this drive.
 
-    soc, soc_std: of the battery when it begins.
+    soc, soc_std: estimate and its standard deviation at the start of the drive.
     """
 
     def path(name: str) -> str:
@@ -138,7 +138,7 @@ def drive_figures(results: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _play(steps: Sequence[tuple[str, ...]]) -> dict[str, Outcome]:
-    """Print each command line, run it as the shell would, print the beginning of its text; outcomes by command."""
+    """Print each command line, run it as the shell would, print the start of its text; return outcomes by command."""
     outcomes = {}
     for words in steps:
         print(f"$ ohmward {shlex.join(words)}", flush=True)
@@ -149,7 +149,7 @@ def _play(steps: Sequence[tuple[str, ...]]) -> dict[str, Outcome]:
 
 
 def _prepare(folder: Path) -> Path:
-    """A folder for the demo: a new or empty one, or one from an earlier demo, whose files are made anew.
+    """A folder for the demo: a new or empty one, or one from an earlier demo, whose files are overwritten.
 
     Raises:
         InputError: the folder holds something else, or cannot be made.
@@ -179,7 +179,7 @@ CHAPTERS = {
 
 
 def make_page(outcomes: Mapping[str, Outcome], figures: Mapping[str, str]) -> Page:
-    """A chapter for every step; outcomes: by the name of the step.  figures: what is to be seen first."""
+    """Page with a chapter for each step; outcomes: by name of the step.  figures: shown at the top."""
     page = Page("A robot, from its battery test to the way home", _SUBTITLE, FOOTER)
     page = page.numbers({label.capitalize(): value for label, value in figures.items()})
     for name, (title, sections) in CHAPTERS.items():

@@ -16,7 +16,7 @@ EXAMPLES = """\
   ohmward reproduce errata
 """
 
-#: Publications, and the list of their errors, as `ohmward_lab.reproduce` has them: the help needs no NumPy.
+#: Publications, and the list of their errors, repeated from `ohmward_lab.reproduce` so that the help needs no NumPy.
 SUBJECTS = ("thesis", "paper", "errata")
 
 

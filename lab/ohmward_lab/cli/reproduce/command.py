@@ -1,4 +1,4 @@
-"""`ohmward reproduce`: tables and figures of [T] and [P] made again, printed numbers beside those found here."""
+"""`ohmward reproduce`: tables and figures of [T] and [P] reproduced, printed numbers beside those found here."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ def run(args: argparse.Namespace) -> Outcome:
 
 
 def with_nmc_cell(publication: Publication, data: str | None) -> Publication:
-    """The publication, and for the thesis the measured NMC cell where its records are there.
+    """The publication; for the thesis also the measured NMC cell where its records are available.
 
-    data: the folder of `--data`; without it that of OHMWARD_DATA, which need not hold the records.
+    data: folder given by `--data`; by default the one in OHMWARD_DATA, which need not hold the records.
 
     Raises:
         InputError: `--data` without the records, or for another subject than the thesis.
@@ -73,7 +73,7 @@ def with_nmc_cell(publication: Publication, data: str | None) -> Publication:
 def with_measured(
     publication: Publication, log: str, reading: ReadOptions, battery: str | None, start_soc: float | None
 ) -> Publication:
-    """The thesis, and the log that `--log` names as one item more; battery: path of its file.
+    """The thesis with the log given by `--log` as an additional item; battery: path of its file.
 
     Raises:
         InputError: a log without battery or start, or for another subject than the thesis.
@@ -105,7 +105,7 @@ def describe(publication: Publication, results: Sequence[tuple[Item, Result]]) -
 
 
 def cells(row: ResultRow) -> list[str]:
-    """The row as texts; a dash where there is no number, "nan" where a method ended in none."""
+    """Cells of the row as text; a dash where there is no number, "nan" where a method ended in nan."""
     numbers = (row.printed, row.as_printed, row.corrected, row.default)
     return [row.quantity, row.unit, *("-" if n is None else f"{n:.3g}" for n in numbers)]
 

@@ -17,10 +17,10 @@ EXAMPLES = """\
   ohmward simulate --cell Prada2013 --record day --ambient-degc -10 --aged-to 0.8 -o day.csv
 """
 
-#: Records and models of a cell, as `simulate.electrochemical` has them: the help needs no NumPy.
+#: Records and models of a cell, repeated from `simulate.electrochemical` so that the help needs no NumPy.
 RECORDS, MODELS = ("pulse-test", "low-rate-test", "day"), ("SPMe", "DFN", "lead-acid")
 
-#: Options that say something about a cell and nothing about a robot.
+#: Options that apply to a cell only, not to a robot.
 OF_CELLS = ("record", "model", "n_series", "ambient_degc", "aged_to", "resistance")
 
 

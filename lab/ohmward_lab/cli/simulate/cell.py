@@ -1,4 +1,4 @@
-"""`ohmward simulate --cell`: the log of a test or a day of a cell of porous electrodes."""
+"""`ohmward simulate --cell`: the log of a test or a day of a porous-electrode cell."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def result(found: Mapping[str, Any]) -> dict[str, str]:
 
 
 def make_page(log: Log, figures: Mapping[str, Any]) -> Page:
-    """Key figures; voltage, current, temperature and the true state of charge on one clock."""
+    """Key figures; voltage, current, temperature and the true state of charge on a common time axis."""
     truth = Figure(
         "State of charge", TIME, "State of charge [%]", [Series(log.time_s, 100 * log.extra["soc_true"], "true")]
     )

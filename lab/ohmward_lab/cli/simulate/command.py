@@ -71,7 +71,7 @@ ENERGY = {
 
 
 def summary(answer: ClosedLoopRun) -> dict[str, Any]:
-    """The object of --json."""
+    """Object printed by --json."""
     f = figures(answer)
     history = answer.history
     scenario = answer.scenario
@@ -102,7 +102,7 @@ def summary(answer: ClosedLoopRun) -> dict[str, Any]:
 
 
 def describe(found: Mapping[str, Any]) -> str:
-    """Text for people; found: the summary, here as in all that follows."""
+    """Text for people; found: the summary, as in the functions below."""
     observer = "the true speed" if found["observer"] == "true" else f"observer {found['observer']!r}"
     return wording.paragraphs(
         f"{found['scenario']}\n{found['robot']} on plant {found['plant']!r}, controller {found['controller']!r}, "
@@ -145,7 +145,7 @@ _POWER_S = 0.25
 
 
 def make_page(run: ClosedLoopRun, found: Mapping[str, Any]) -> Page:
-    """Key figures, plots above each other on one clock, where the energy went, warnings."""
+    """Key figures, warnings, stacked plots on a common time axis, energy table."""
     what = f"{found['robot']}, plant {found['plant']!r}, simulated for {duration(found['duration_s'])}"
     values = result(found)
     chosen = ("drive", "energy per metre", "slip reached after", "slip error, RMS", "speed error, RMS")
@@ -212,7 +212,7 @@ def _friction(run: ClosedLoopRun) -> Figure:
 
 
 def _power(run: ClosedLoopRun) -> Figure:
-    """Mean power of each part over short stretches."""
+    """Mean power of each part over short intervals."""
     truth, energy_J = run.history.truth, run.history.energy_J
     every = max(1, round(_POWER_S / float(np.median(np.diff(truth.time_s))))) if truth.time_s.size > 1 else 1
     time_s = truth.time_s[::every]

@@ -1,4 +1,4 @@
-"""Commands over time, and the controller of torque for the driven wheels at its own rate."""
+"""Commands over time, and the torque controller of the driven wheels, which runs at its own rate."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ NO_RAMP_M_S2 = 1e6
 
 @dataclass(frozen=True)
 class Command:
-    """Command from a time on; its mode says which keys it takes."""
+    """Command from a time on; its mode determines which keys it takes."""
 
     from_s: float = 0.0  #: time at which it begins, >= 0
     speed_m_s: float | None = None  #: forward, < 0 in reverse; 0 stops
@@ -63,7 +63,7 @@ class Command:
     slip_ratio: float | None = None  #: in (-1, 1), < 0 brakes; in mode "seek" the one to start from, > 0
     reverse: bool | None = None  #: drive backwards with that slip
     torque_Nm: float | None = None  #: of each driven wheel
-    mode: str | None = None  #: of the controller from then on; none is that of the controller's settings
+    mode: str | None = None  #: of the controller from then on; None is that of the controller's settings
 
     def __post_init__(self) -> None:
         require_between("commands.from_s", self.from_s, 0.0, math.inf)
@@ -80,8 +80,8 @@ class Command:
 class Control:
     """The controller and its limits."""
 
-    #: of commands that name none: "speed" within slip bounds, "slip", "seek" the slip of `objective`, "torque" without
-    #: feedback, or a wheel-speed PI that knows no slip, "wheel-speed" at once or "ramp"
+    #: of commands without one: "speed" within slip bounds, "slip", "seek" the slip of `objective`, "torque" without
+    #: feedback, or a wheel-speed PI that ignores slip, "wheel-speed" at once or "ramp"
     mode: str = "speed"
     #: in modes "slip" and "seek": "sliding-mode", "fuzzy", "slip-ratio" ([T] 5.3), "pid", or "cascade", which asks a
     #: wheel-speed PI for speeds at 50 Hz
@@ -91,7 +91,7 @@ class Control:
     #: of each driven wheel, > 0
     torque_limit_Nm: float = 12.0
     torque_rate_Nm_per_s: float = 5000.0
-    friction: float = 0.5  #: that the laws assume, with an error of up to as much, > 0
+    friction: float = 0.5  #: assumed by the laws, with an error of up to as much, > 0
     interval_s: float = 0.001  #: between steps, > 0 and at most 0.02
     #: in mode "seek": "traction" or "energy", which assumes the terrain's usual `RESISTANCE`
     objective: str = "traction"
@@ -114,7 +114,7 @@ class Control:
         """Refuse a command that does not fit the mode or the limits.
 
         Raises:
-            InputError: a key that the mode needs is missing, one that it does not know is there, a torque too large.
+            InputError: a missing key that the mode needs, a key that it does not take, a torque too large.
         """
         mode = self.mode_of(command)
         where_from = "controller.mode" if command.mode is None else "commands.mode"
@@ -154,9 +154,9 @@ class WheelCommand(NamedTuple):
 
 
 class Controller(NamedTuple):
-    """A controller; all of it traces."""
+    """A controller; both functions can be traced."""
 
-    #: state before the first step, whose measurement it is given, and the torque [N m] to take over from
+    #: state before the first step; from its measurement and the torque [N m] to take over from
     init: Callable[[Measurement, Any], Any]
     #: state after a step, the torque to hold, and a report; from state, command, measurement and dt_s
     step: Callable[[Any, WheelCommand, Measurement, Any], tuple[Any, Any, Report]]
@@ -220,7 +220,7 @@ def wheel_controller(control: Control, robot: Robot) -> Controller:
 
 
 def _loop(loop: SpeedController | SlipController, asked: Callable[[WheelCommand], Any]) -> Controller:
-    """A controller of speed or slip, which is asked so by a command."""
+    """A controller of speed or slip; `asked` turns a command into its own."""
 
     def init(m: Measurement, torque_Nm: Any) -> Any:
         return loop.init(m)._replace(torque_Nm=torque_Nm)
@@ -232,7 +232,7 @@ def _loop(loop: SpeedController | SlipController, asked: Callable[[WheelCommand]
 
 
 class SeekingLoop(NamedTuple):
-    """States of the slip controller and of the seeker; the slip ratio that was asked for and the one to hold."""
+    """States of the slip controller and of the seeker; the commanded slip ratio and the one to hold."""
 
     slip: SlipState
     seeker: SeekerState

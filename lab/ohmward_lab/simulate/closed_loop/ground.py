@@ -33,7 +33,7 @@ _EDGES = ("from_m", "to_m", "from_s", "to_s")
 
 @dataclass(frozen=True)
 class Patch:
-    """A piece of ground: a terrain by name, or a friction that sets in with slip speed (`CoulombCreep`).
+    """A piece of ground: a terrain by name, or a friction that builds up with slip speed (`CoulombCreep`).
 
     Raises:
         InputError: a value out of its range, both terrain and friction, an unknown terrain, edges that do not ascend.
@@ -44,13 +44,13 @@ class Patch:
     #: with friction: adhesion per slip speed while a wheel grips, > 0
     slip_stiffness_s_per_m: float = SLIP_STIFFNESS_S_PER_M
     rolling: float | None = None  #: rolling resistance over load, in place of the terrain's, >= 0
-    #: where along x, from_m included; none is endless
+    #: range along x, from_m included; without an end where None
     from_m: float | None = None
     to_m: float | None = None
-    #: when, likewise
+    #: range in time, likewise
     from_s: float | None = None
     to_s: float | None = None
-    wheels: tuple[str, ...] = ()  #: under which, by name; none is all
+    wheels: tuple[str, ...] = ()  #: names of the wheels on it; all where empty
 
     def __post_init__(self) -> None:
         if self.terrain is not None and self.friction is not None:
@@ -77,12 +77,12 @@ class Patch:
 
     @property
     def span_m(self) -> tuple[float, float]:
-        """Along x [m]."""
+        """Range along x [m]."""
         return -math.inf if self.from_m is None else self.from_m, math.inf if self.to_m is None else self.to_m
 
     @property
     def span_s(self) -> tuple[float, float]:
-        """In time [s]."""
+        """Range in time [s]."""
         return -math.inf if self.from_s is None else self.from_s, math.inf if self.to_s is None else self.to_s
 
     def covers(self, wheel: str, x_m: float, time_s: float) -> bool:
@@ -112,7 +112,7 @@ class Patch:
 
 @dataclass(frozen=True)
 class Grade:
-    """Slope of the ground along x: straight lines between the points, level beyond neither end but as there."""
+    """Slope of the ground along x: linear between the points, constant beyond both ends."""
 
     position_m: tuple[float, ...] = (0.0,)  #: (K,) [m], increasing
     grade_rad: tuple[float, ...] = (0.0,)  #: (K,) > 0 where x leads uphill, within +-0.7
@@ -150,10 +150,10 @@ class GroundSurface(NamedTuple):
 
 
 def surface(patches: Sequence[Patch], wheels: Sequence[str]) -> GroundSurface:
-    """The patches put in order, with dry asphalt where there are none.
+    """The patches in order, the one without an edge last: dry asphalt where none is given.
 
     Raises:
-        InputError: two patches at one place and time, two that lie under all others, a wheel that is not there.
+        InputError: two patches at one place and time, two without an edge, a wheel that the robot does not have.
     """
     bounded = [p for p in patches if p.bounded]
     base = [p for p in patches if not p.bounded]

@@ -101,7 +101,7 @@ class DriveWarnings:
         self._short_s = 0.0
 
     def add_step(self, report: Report, demanded_Nm: np.ndarray, torque_Nm: np.ndarray, dt_s: float) -> None:
-        """Count one step of the controller; torque_Nm: what the battery left of the demanded torque."""
+        """Count one step of the controller; torque_Nm: the demanded torque as limited by the battery."""
         self._duration_s += dt_s
         flags = np.asarray(report.flags).astype(int)
         if flags.any():
@@ -149,7 +149,7 @@ def run(scenario: Scenario, progress: Callable[[int, int], None] | None = None) 
     progress: called every 200 steps with (steps done, steps).
 
     Raises:
-        InputError: the plant cannot be made so, MuJoCo is not installed, or no sample of the sensors arrives.
+        InputError: the plant cannot be built, MuJoCo is not installed, or no sample of the sensors arrives.
     """
     begun = time.perf_counter()
     drive = ClosedLoopDrive(scenario)
@@ -182,7 +182,7 @@ def make_plant(scenario: Scenario) -> Plant:
 
 
 class ClosedLoopDrive:
-    """A drive under way."""
+    """A drive in progress."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario, self.robot = scenario, scenario.model
@@ -201,7 +201,7 @@ class ClosedLoopDrive:
         self._mode, self._state = "", None
         self._torque_Nm = np.zeros(self.robot.driven)
         self._history_s = max(scenario.controller.interval_s, _SHORTEST_INSTANT_S, scenario.duration_s / _INSTANTS)
-        #: of each sample that has not arrived: truth of the robot, current, voltage and SoC of the battery, by its time
+        #: truth of the robot, current, voltage and SoC of the battery at each sample that has not arrived, by its time
         self._on_the_way: dict[float, tuple[RobotTruth, float, float, float]] = {}
         self.history: Records[Instant] = Records()
         self.rows: Records[RunRow] = Records()
@@ -244,7 +244,7 @@ class ClosedLoopDrive:
         self._record(report, supplied)
 
     def _control(self, measurement: Measurement) -> tuple[np.ndarray, Report]:
-        """Torque [N m] of the controller of the present command; a new mode takes over from the torque given now."""
+        """Torque [N m] of the controller of the present command; a new mode takes over from the present torque."""
         now = bisect_left(self._starts_s, self.truth.time_s + _TIME_EPS_S) - 1
         settings = self.scenario.controller
         mode = settings.mode_of(self.scenario.commands[now])

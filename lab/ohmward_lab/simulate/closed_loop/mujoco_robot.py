@@ -18,7 +18,7 @@ from ohmward_lab.simulate.closed_loop.ground import Grade, GroundSurface, Patch,
 from ohmward_lab.simulate.mujoco_plant import Ground, RlmaParameters, RlmaPlant
 from ohmward_lab.simulate.robot_sensors import RobotTruth
 
-#: Height of the centre of gravity [m] of a robot that has none.
+#: Height of the centre of gravity [m] of a robot whose description has none.
 HEIGHT_M = 0.17
 
 
@@ -31,7 +31,7 @@ class MujocoRobot:
         patches, grade: of the ground. Rolling resistance is that of the ground that lies under all others.
 
     Raises:
-        InputError: MuJoCo is not installed, or it cannot be such a robot or such ground.
+        InputError: MuJoCo is not installed, or it cannot simulate this robot or this ground.
     """
 
     def __init__(
@@ -50,13 +50,13 @@ class MujocoRobot:
         self.reset()
 
     def reset(self, speed_m_s: float = 0.0, heading_rad: float = 0.0) -> RobotTruth:
-        """Put the robot back to the origin; the truth there."""
+        """Put the robot back to the origin; return the truth there."""
         self._before = self._plant.reset(speed_m_s, heading_rad)
         self.energy = EnergyBalance()
         return self._before
 
     def step(self, torque_N_m: Any, dt_s: float) -> RobotTruth:
-        """Hold the torque for `dt_s`; the truth at the end. `energy` is the balance [J] of this step."""
+        """Hold the torque for `dt_s`; return the truth at the end. `energy` is the balance [J] of this step."""
         after = self._plant.step(torque_N_m, dt_s)
         self.energy = energy_step(self._before, after, self.robot, self._rolling, self._drag)
         self._before = after
@@ -64,10 +64,10 @@ class MujocoRobot:
 
 
 def parameters(robot: Robot, patch: Patch, rolling: float) -> RlmaParameters:
-    """The robot as MuJoCo needs it; the wheels are even discs, the body is a box with the robot's yaw inertia.
+    """The robot as MuJoCo needs it; the wheels are solid discs, the body is a box with the robot's yaw inertia.
 
     Raises:
-        InputError: another chassis than four wheels on two axles, or a drive with losses, which MuJoCo does not have.
+        InputError: a chassis without four wheels on two axles, or a drive with losses, which MuJoCo does not have.
     """
     motor, chassis = robot.motor, robot.chassis
     if isinstance(chassis, Omni | Mecanum | TwoWheeled):
@@ -97,7 +97,7 @@ def parameters(robot: Robot, patch: Patch, rolling: float) -> RlmaParameters:
 
 
 def _box(robot: Robot, wheel_mass_kg: float, length_m: float, width_m: float) -> tuple[float, float, float]:
-    """Length, width and height [m] of an even body that gives the robot its yaw inertia, wheels included."""
+    """Length, width and height [m] of a homogeneous body that gives the robot its yaw inertia, wheels included."""
     arms = np.array([[p.x_m, p.y_m] for p in robot.places])
     across = robot.wheel.inertia_kg_m2 / 2 + wheel_mass_kg * robot.wheel.width_m**2 / 12
     wheels = wheel_mass_kg * float(np.sum(arms * arms)) + len(arms) * across
@@ -111,7 +111,7 @@ def _rolling(under: GroundSurface, robot: Robot) -> float:
     """Resistance over load of the ground that lies under all others.
 
     Raises:
-        InputError: a patch with another one.
+        InputError: a patch with another resistance.
     """
     laws = [patch.ground(robot).rolling for patch in under.patches]
     if not all(isinstance(law, RollingResistance) and law == laws[-1] for law in laws):
@@ -135,7 +135,7 @@ def energy_step(
 ) -> EnergyBalance:
     """Energy balance [J] of the motors between two truths, by the trapezoidal rule; forces are those of `after`.
 
-    `numerical` is what the other terms leave.
+    `numerical` is the remainder of the balance.
 
     rolling: (wheels,) resistance over load, against the wheel's rotation.
     """

@@ -32,11 +32,11 @@ from ohmward_lab.traction.momentum_observer import (
 )
 
 METHODS = ("ekf", "aekf", "ukf", "aukf", "momentum", "true")
-#: Standard deviation of the speed at the start: the robot stands.
+#: Standard deviation of the speed at the start: the robot is at rest.
 _START_STD_M_S = 0.005
-#: After so many samples without any the momentum observer knows nothing of the speed.
+#: Number of missing samples after which the momentum observer no longer knows the speed.
 _LONGEST_GAPS = 50.0
-#: Ripple and friction of a drive that no current shows [N m].
+#: Ripple and friction of a drive that do not show in its current [N m].
 _TORQUE_STD_NM = 0.05
 
 
@@ -44,7 +44,7 @@ _TORQUE_STD_NM = 0.05
 class Observing:
     """Method of the observer, and the ground that it assumes."""
 
-    #: "ekf", "ukf", with learnt noise "aekf", "aukf"; "momentum", which asks the ground nothing; "true" gives the
+    #: "ekf", "ukf", with learnt noise "aekf", "aukf"; "momentum", which assumes no friction law; "true" gives the
     #: controller the true speed
     method: str = "ukf"
     #: the assumed ground, as in `Patch`; where neither terrain nor friction is given, the ground that lies under all
@@ -81,7 +81,7 @@ def make_observer(observing: Observing, sensing: Sensing, robot: Robot, base: Pa
 
 
 def make_momentum_observer(observing: Observing, sensing: Sensing, robot: Robot, base: Patch) -> MomentumObserver:
-    """The observer of momentum with the robot and its sensors; of the ground it takes the rolling resistance."""
+    """The momentum observer with the robot and its sensors; of the ground it uses the rolling resistance alone."""
     assumed = free_sideways(robot)
     stds = noise(sensing, robot)
     count_rad = count_std_rad(sensing.counts_per_turn)
@@ -128,7 +128,7 @@ def noise(sensing: Sensing, robot: Robot) -> ObserverNoise:
 
 
 def angle_sample(sample: RobotSample) -> AngleSample:
-    """The sample for the momentum observer: what the wheels have turned since the one before."""
+    """The sample for the momentum observer, with the angles that the wheels have turned since the last one."""
     unknown = np.full(sample.wheel_speed_rad_s.size, math.nan)
     return AngleSample(
         dt_s=sample.dt_s,
@@ -184,12 +184,12 @@ def slip_estimate(e: MomentumEstimate) -> SlipEstimate:
 
 
 class Observation:
-    """A running observer: speeds of the wheels' centres by its last estimate, and the age of that.
+    """A running observer: speeds of the wheels' centres by its last estimate, and the age of that estimate.
 
     Args:
         observer: to be run; None gives the truth instead.
         robot: the true one.
-        start: truth at the start; without it the robot stands.
+        start: truth at the start; without it the robot is at rest.
     """
 
     def __init__(

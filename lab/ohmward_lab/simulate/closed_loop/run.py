@@ -66,7 +66,7 @@ class ClosedLoopRun(NamedTuple):
 
 
 def columns(run: ClosedLoopRun) -> dict[str, np.ndarray]:
-    """The log as the columns (T,) of a file: what was measured at all, then truths."""
+    """The log as the columns (T,) of a file: the signals that were measured, then the truth."""
     table = drive_log(run).columns([p.name for p in run.scenario.model.places])
     true = truths(run)
     return {name: values for name, values in table.items() if name in true or np.isfinite(values).any()}
@@ -112,14 +112,14 @@ def drive_log(run: ClosedLoopRun) -> DriveLog:
 REACHED_SLIP = 0.02
 #: Below this speed [m/s] controllers hold a slip speed (v_0) instead of a braking slip ratio.
 SLOWEST_M_S = 0.2
-#: Energy per metre is not defined for a shorter way [m].
+#: Energy per metre is not defined for a shorter distance [m].
 _SHORTEST_WAY_M = 0.01
 
 
 class SlipTracking(NamedTuple):
-    """Tracking of one command of slip by the worst of the driven wheels."""
+    """Tracking of one slip command by the worst of the driven wheels."""
 
-    #: time for which it held; a braking robot's ends where it is slower than `SLOWEST_M_S`
+    #: time for which it held; in braking, until the robot is slower than `SLOWEST_M_S`
     from_s: float
     to_s: float
     slip_ratio: float  #: commanded
@@ -130,7 +130,7 @@ class SlipTracking(NamedTuple):
 class Figures(NamedTuple):
     """Figures of a whole drive; nan where one is not defined."""
 
-    #: time, and length of the way of the robot's centre, forward and back
+    #: duration, and distance travelled by the robot's centre, forward and back
     duration_s: float
     distance_m: float
     slip: tuple[SlipTracking, ...]  #: each command of slip
@@ -161,7 +161,7 @@ def figures(run: ClosedLoopRun) -> Figures:
 
 
 def distance(history: Instant) -> float:
-    """Length of the way of the centre [m]."""
+    """Distance travelled by the robot's centre [m]."""
     steps = np.diff(history.truth.position_m[:, :2], axis=0, prepend=np.zeros((1, 2)))
     return float(np.hypot(*steps.T).sum())
 
@@ -183,7 +183,7 @@ def slip_tracking(run: ClosedLoopRun) -> list[SlipTracking]:
 
 
 def true_slip(history: Instant, robot: Robot) -> np.ndarray:
-    """(K, driven) slip ratio, > 0 driving and < 0 braking whichever way the robot goes; nan where it stands."""
+    """Slip ratio (K, driven), > 0 driving and < 0 braking in either direction of travel; nan at rest."""
     n, truth = robot.driven, history.truth
     rim = robot.wheel.radius_m * truth.wheel_speed_rad_s[:, :n]
     return driving_slip_ratio(rim, truth.wheel_centre_speed_m_s[:, :n])

@@ -41,16 +41,16 @@ class Scenario:
     duration_s: float  #: at least 0.01 and one interval of the sensors, at most a day
     commands: tuple[Command, ...]  #: over time, the first from 0 s on
     robot: str = "rlma"  #: one of `ROBOTS`, or a robot file
-    plant: str = "own"  #: "own", our equations with load transfer, or "mujoco", contacts and bodies that are not ours
+    plant: str = "own"  #: "own", our equations with load transfer, or "mujoco", independent contacts and bodies
     battery: Pack = field(default_factory=Pack)  #: its kind or file, and start
     ground: tuple[Patch, ...] = ()  #: patches; the one without an edge lies under all others
     grade: Grade = field(default_factory=Grade)  #: of the ground along x
     sensors: Sensing = field(default_factory=Sensing)  #: of the robot
     observer: Observing = field(default_factory=Observing)  #: of its speed and slip
     controller: Control = field(default_factory=Control)  #: of its torque
-    start_speed_m_s: float = 0.0  #: speed along x at which the robot rolls at the start; an observer is told of it
+    start_speed_m_s: float = 0.0  #: speed along x at which the robot rolls at the start, known to the observer
     drag_N_s2_per_m2: float = 0.0  #: drag over the square of the speed, >= 0
-    seed: int = 1  #: draws what is random in the sensors
+    seed: int = 1  #: draws the random errors of the sensors
     name: str = ""  #: in words
 
     def __post_init__(self) -> None:
@@ -129,7 +129,7 @@ EXAMPLE = "example"
 
 
 def load_scenario(path: str | PathLike[str]) -> Scenario:
-    """The scenario in a file; paths of robot and battery files in it are taken from its folder.
+    """The scenario in a file; paths of robot and battery files in it are relative to its folder.
 
     Raises:
         InputError: the file cannot be read or has an impossible value; names file, key, rule and fix.
@@ -139,7 +139,7 @@ def load_scenario(path: str | PathLike[str]) -> Scenario:
 
 
 def save_scenario(scenario: Scenario, path: str | PathLike[str]) -> None:
-    """Write the scenario file; it is either whole or not there. Paths in it count from its folder when it is read.
+    """Write the scenario file, all of it or none. Paths in it are relative to its folder when it is read.
 
     Raises:
         OhmwardError: the file cannot be written.

@@ -1,7 +1,7 @@
 """Sensors of the robot: their settings, and the samples that arrive from them.
 
 Encoders, currents, gyro, accelerometer and pitch come from one board (`robot_sensors`); an external speed (GNSS, visual
-or lidar odometry) has its own rate, delay and losses, and rides along with the next sample of the board.
+or lidar odometry) has its own rate, delay and losses, and arrives with the next sample of the board.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class ExternalSpeed:
 
     interval_s: float = 0.0  #: between measurements; 0 where there is none
     std_m_s: float = 0.03  #: white noise, > 0
-    #: under way for delay_s plus an even share of jitter_s
+    #: it takes delay_s plus a uniform random part of jitter_s to arrive
     delay_s: float = 0.0
     jitter_s: float = 0.0
     drop_share: float = 0.0  #: share that never arrives
@@ -64,7 +64,7 @@ class Sensing:
     current_noise_A: float = 0.1  #: of each motor's current, >= 0
     gyro: bool = True  #: True with a gyro
     pitch: bool = False  #: True with an attitude filter that gives pitch
-    compass: bool = False  #: True with a compass, whose heading goes into the log; the observer has no use for it
+    compass: bool = False  #: True with a compass, whose heading goes into the log; the observer does not use it
     #: of the board's link, as in `RobotSensors`
     delay_s: float = 0.0
     jitter_s: float = 0.0
@@ -128,13 +128,13 @@ class DelayedSpeed(NamedTuple):
 
 
 class SensorSuite:
-    """The sensors at work on one drive.
+    """The sensors of one drive.
 
     Args:
         sensing: settings.
-        robot: that carries them.
+        robot: it carries them.
         rng: draws noise, delays and losses.
-        start: truth at the start; without it the robot stands.
+        start: truth at the start; without it the robot is at rest.
     """
 
     def __init__(
@@ -157,9 +157,9 @@ class SensorSuite:
         return truth.wheel_speed_rad_s[:n] + self.sensing.drive_speed_std_rad_s * self._rng.standard_normal(n)
 
     def sample(self, truth: RobotTruth) -> list[Arrival]:
-        """Sample what is due; the samples that arrive now, in order, without those taken before one already used.
+        """Sample what is due; return the samples that arrive now, in order, without those older than one already used.
 
-        A motor's current is its mean since the sample before. `sampled` is True where a sample was taken.
+        A motor's current is its mean since the last sample. `sampled` is True where a sample was taken.
         """
         self._sample_speed(truth)
         self._torque_Nm = self._torque_Nm + truth.torque_N_m
@@ -205,7 +205,7 @@ class SensorSuite:
         )
 
     def _wheel_speeds(self, frame: SensorFrame) -> np.ndarray:
-        """(wheels,) [rad/s] since the frame before; without one, at the start, those it starts with."""
+        """Wheel speeds (wheels,) [rad/s] since the last frame; in the first frame, at 0 s, those of the start."""
         speeds = np.full(len(self.robot.places), math.nan)
         wheels = list(self._settings.encoder_wheels)
         if self._before is not None:
@@ -215,7 +215,7 @@ class SensorSuite:
         return speeds + self._spikes()
 
     def _spikes(self) -> np.ndarray:
-        """(wheels,) [rad/s] by which glitches change the speeds of the encoders."""
+        """Changes (wheels,) [rad/s] of the encoders' speeds by glitches."""
         wheels, share = len(self.robot.places), self.sensing.encoder_spike_share
         if not share:
             return np.zeros(wheels)

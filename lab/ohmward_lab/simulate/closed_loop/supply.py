@@ -1,4 +1,4 @@
-"""A simulated battery as a supply of power: current and voltage under a load, their sensors, and the torque it feeds.
+"""A simulated battery as a power supply: current and voltage under a load, their sensors, and the torque it can feed.
 
 V(i) i = -P,   V(i) = U + v_0(i) + B arcsinh(i / i_x)         U: without current, i > 0 charges, P > 0 is drawn
 
@@ -52,7 +52,7 @@ class Pack:
 
     kind: str | None = None  #: one of `KINDS`; None is "lfp", or the battery of `file`
     start_soc: float = 0.8  #: in (0, 1]
-    temperature_degC: float = ROOM_DEGC  #: of the battery at first, and of the air
+    temperature_degC: float = ROOM_DEGC  #: of the battery at the start, and of the air
     file: str | None = None  #: battery file (.toml) instead of a kind
 
     def __post_init__(self) -> None:
@@ -129,7 +129,7 @@ class PackSensors:
         self.add_step(first)
 
     def add_step(self, supplied: Supplied) -> None:
-        """Take one step of the battery into the mean."""
+        """Add one step of the battery to the mean."""
         self._sum = self._sum + np.array([supplied.current_A, supplied.voltage_V])
         self._count += 1
 

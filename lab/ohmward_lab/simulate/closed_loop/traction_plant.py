@@ -2,7 +2,7 @@
 
 It has the interface of `mujoco_plant.RlmaPlant`, so loops and sensors work with either.
 
-Several terrains as one, weighted by their shares, so that one compiled step serves a wheel on any ground.
+Several terrains are mixed, weighted by their shares, so that one compiled step serves a wheel on any ground.
 
 F = sum_k w_k F_k,   w_k the share of the contact that lies on terrain k
 """
@@ -72,7 +72,7 @@ def _all_equal(laws: Sequence[Any]) -> bool:
 class PlantInput(NamedTuple):
     """Torques and ground of one step."""
 
-    torque_Nm: Any  #: (driven,) of the motors at the wheels, losses of the drive not yet taken
+    torque_Nm: Any  #: (driven,) of the motors at the wheels, before the losses of the drive
     #: of the ground, along the robot and to its left
     grade_rad: Any
     bank_rad: Any
@@ -82,7 +82,7 @@ class PlantInput(NamedTuple):
 
 
 class PlantView(NamedTuple):
-    """Motion at the end of a step that the truth and the sensors show."""
+    """Motion at the end of a step, for the truth and the sensors."""
 
     travel_m_s: Any  #: (wheels,) of the wheels' centres along their rolling direction
     rim_m_s: Any  #: (wheels,) of the rims
@@ -101,7 +101,7 @@ class TractionPlant:
         longest_step_s: of the implicit step; `step` divides longer ones.
 
     Raises:
-        InputError: patches that overlap or name wheels that the robot has not.
+        InputError: patches that overlap or name wheels that the robot does not have.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class TractionPlant:
         self.reset()
 
     def reset(self, speed_m_s: float = 0.0, heading_rad: float = 0.0) -> RobotTruth:
-        """Put the robot back to the origin, rolling without slip at `speed_m_s`; the truth there."""
+        """Put the robot back to the origin, rolling without slip at `speed_m_s`; return the truth there."""
         robot = self.robot
         motion = np.zeros(robot.freedoms)
         motion[0] = speed_m_s
@@ -140,14 +140,14 @@ class TractionPlant:
         return self._advance(np.zeros(robot.driven), 0.0)
 
     def step(self, torque_N_m: Any, dt_s: float) -> RobotTruth:
-        """Hold the torque for `dt_s`; the truth at the end, its forces still under this torque.
+        """Hold the torque for `dt_s`; return the truth at the end, with forces under this torque.
 
         `energy` is the balance [J] of this step.
 
         torque_N_m: of each driven wheel, a number or (driven,).
 
         Raises:
-            InputError: another number of torques, a number that is not finite, dt_s <= 0.
+            InputError: a wrong number of torques, a number that is not finite, dt_s <= 0.
         """
         require_positive("dt_s", dt_s)
         torque = driven_torques(torque_N_m, tuple(range(self.robot.driven)))
@@ -176,7 +176,7 @@ class TractionPlant:
         return list(self.surface.under(x_m.tolist(), self._time_s))
 
     def _move(self, mean: np.ndarray, dt_s: float) -> None:
-        """Advance place and angles with the mean state of the step; wheels that are not driven roll."""
+        """Advance position and angles with the mean state of the step; wheels that are not driven roll."""
         robot = self.robot
         motion, driven_rad_s = mean[: robot.freedoms], mean[robot.freedoms :]
         forward, yaw_rate = motion[0], motion[-1]
