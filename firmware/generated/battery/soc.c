@@ -92,8 +92,8 @@ void soc_start(soc_state *state, const soc_sample *sample, float soc, float soc_
     /* hold (filters/sanitize.py): The value where it is credible, else the last credible one */
     const float current_A2 = credible ? current_A : 0.0f;
     state->current_A = current_A2;
-    /* TextbookFilter.start (battery/soc/textbook.py): State before the first sample, with a SoC that is taken as
-       it is */
+    /* TextbookFilter.start (battery/soc/textbook.py): State before the first sample at the given SoC, unchecked
+       by its voltage */
     const float t2 = fabsf(current_A2);
     const float std_1 = 0.001f + 0.01f * t2;
     const float std_2 = 0.001f + 0.033333335f * t2;
@@ -130,8 +130,8 @@ void soc_step(soc_state *state, const soc_sample *sample, soc_output *output)
     /* is_voltage (battery/soc/clean_sample.py): True where it is a number and a battery with this open-circuit
        voltage when full can show it */
     const bool measured = (0.0f < voltage_V) && (voltage_V < 28.0f);
-    /* sanitize_bare (battery/soc/clean_sample.py): The sample with a current, a step and a voltage that cannot be
-       true replaced */
+    /* sanitize_bare (battery/soc/clean_sample.py): The sample with an impossible current, step or voltage
+       replaced */
     const float clean_mean_A = 0.5f * (current_A + current_A3);
     const float clean_voltage_V = measured ? voltage_V : 0.0f;
     /* TextbookFilter.predict (battery/soc/textbook.py): The belief after `dt_s` of a constant current */
@@ -203,7 +203,7 @@ void soc_step(soc_state *state, const soc_sample *sample, soc_output *output)
     const float b_0 = 0.23068051f * second_0_0;
     const float L_0_0 = 2.0f * root;
     const float B_0_0 = plus_0_0 - minus_0_0;
-    /* solve_lower (filters/linear_algebra.py): X of L X = B by forward substitution */
+    /* solve_lower (filters/linear_algebra.py): Solve L X = B by forward substitution */
     const float rows_0_0 = B_0_0 / L_0_0;
     /* correct */
     const float t11 = 0.115340255f * (second_0_0 * second_0_0) + 1.2775f * (b_0 * b_0);

@@ -7,17 +7,17 @@
 extern "C" {
 #endif
 
-#define SOC_NO_CURRENT 1 /* no number, or one that no battery has: the last current was held, and faded */
-#define SOC_NO_VOLTAGE 2 /* no number, or one that no battery has: predicted only */
-#define SOC_BAD_TIME 4 /* dt_s no number, negative or years: taken as 0; dt_s = 0 is a repeated sample */
-#define SOC_GAP 8 /* longer than the estimator trusts a straight line between two currents */
+#define SOC_NO_CURRENT 1 /* missing or impossible: the last current was held, and faded */
+#define SOC_NO_VOLTAGE 2 /* missing or impossible: predicted only */
+#define SOC_BAD_TIME 4 /* dt_s not a number, negative or over a year: 0 was used; dt_s = 0 is a repeated sample */
+#define SOC_GAP 8 /* step too long to assume a straight line between its two currents */
 #define SOC_VOLTAGE_REJECTED 16 /* innovation outside its gate */
 #define SOC_REST 32 /* current known: the zero-current update was made */
 #define SOC_SOC_LIMITED 64 /* estimate projected into [0, 1] */
 #define SOC_NOT_POSITIVE_DEFINITE 128 /* the covariance had to be repaired */
 #define SOC_DIVERGED 256 /* the voltage has contradicted the estimate for too long: SoC was declared unknown */
 #define SOC_RESTARTED 512 /* in Python: the state was no longer a number, a new one was started from this sample */
-#define SOC_ANCHORED 1024 /* a full charge, the steep end of a flat curve or the cut-off of a load told SoC */
+#define SOC_ANCHORED 1024 /* a full charge, the steep end of a flat curve or the cut-off of a load corrected SoC */
 #define SOC_MISFIT 2048 /* an offset or a capacity that sensor and battery cannot have: another battery's file? */
 
 typedef struct {

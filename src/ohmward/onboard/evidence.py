@@ -7,7 +7,7 @@ measurement:
     speed      sigma^2 + (dv / 1.96)^2          dv = min(g t, |v| + v_max)
     position   sigma^2 + ((|v| + dv) t / 1.96)^2
 
-Wheels that do not stick to the ground brake or accelerate a robot by at most g, and its motors turn no faster than
+Wheels held by friction alone brake or accelerate a robot by at most g, and its motors turn no faster than
 without load, v_max. The current is a usual one, or the last one if that was larger. Once a band carries no information,
 or the wheel sensors are silent, the estimate is unknown.
 """

@@ -7,9 +7,8 @@ result and argument are normal numbers, measured by `tests/trace/test_elementary
     exp, log 1;  expm1, log1p, cosh 2;  sin, cos 3 and tan 4 up to |x| = 1e5 (single: 1e3);
     arctan, arctan2, sinh, tanh, arcsinh 3;  power 1 + |log2 of the result|.
 
-Beyond: exp overflows to inf and underflows gradually to 0 as it should, sinh and cosh overflow where exp does, and nan
-gives nan. sin, cos and tan lose digits
-with |x|; arctan2 does not know the sign of a zero.
+Outside these ranges: exp overflows to inf and underflows gradually to 0 as it should, sinh and cosh overflow where exp
+does, and nan gives nan. sin, cos and tan lose digits as |x| grows; arctan2 ignores the sign of a zero.
 """
 
 from __future__ import annotations
