@@ -20,11 +20,15 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
     "sphinx.ext.autodoc",
-    "sphinx.ext.viewcode",
     "listed_names",
     "offline_math",
     "plain_docstrings",
 ]
+# `-t quick` leaves out what takes two thirds of the time and warns of nothing: copies of the source, and every function
+# in the contents of every page.
+if not tags.has("quick"):  # noqa: F821 (Sphinx gives it)
+    extensions.append("sphinx.ext.viewcode")
+toc_object_entries = not tags.has("quick")  # noqa: F821
 exclude_patterns = ["_build", "extensions"]
 # Notebooks call `ohmward` of this environment, write into a folder of their own, and end the build where they fail.
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])

@@ -78,19 +78,8 @@ def test_the_documentation_builds_without_a_warning_and_reads_without_a_network(
     for needed in ("sphinx", "myst_nb", "sphinx_design", "furo"):
         pytest.importorskip(needed, reason="pip install --group docs to build the documentation")
     # the notebooks run in a test of their own
-    built = [
-        sys.executable,
-        "-m",
-        "sphinx",
-        "-W",
-        "-q",
-        "-D",
-        "nb_execution_mode=off",
-        "-b",
-        "html",
-        ROOT / "docs",
-        tmp_path,
-    ]
+    options = ["-W", "-q", "-t", "quick", "-D", "nb_execution_mode=off", "-b", "html"]
+    built = [sys.executable, "-m", "sphinx", *options, ROOT / "docs", tmp_path]
     assert subprocess.run(built, capture_output=True, text=True, check=False).stderr == ""
     for page in tmp_path.rglob("*.html"):
         assert re.findall(r"<(?:script|link|img)[^>]*https?://[^>]*>", page.read_text(encoding="utf-8")) == []
