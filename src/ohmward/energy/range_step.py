@@ -321,7 +321,7 @@ def usual_ground(c: Consumption, driven: Sequence[Stretch]) -> list[Stretch]:
             share * v.distance_m * climbing,
         )
         for name, v in zip(c.terrains, c.visits, strict=True)
-        if v.distance_m > 0.0
+        if v.distance_m > 0.0 and v.time_s > 0.0
     ]
 
 

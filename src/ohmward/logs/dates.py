@@ -104,7 +104,6 @@ def read_dates(cells: Sequence[str], time_format: str | None = None) -> Dates:
 
     Raises:
         ValueError: with the cell that is not a date; see `unreadable`.
-        InputError: it may be day or month that stands first, and the dates do not tell.
     """
     if time_format is not None and time_format != EXCEL:
         parsed = [datetime.strptime(cell.strip(), time_format) if cell.strip() else None for cell in cells]

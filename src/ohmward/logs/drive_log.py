@@ -328,7 +328,7 @@ def _at_once(time_s: np.ndarray, speed_rad_s: np.ndarray) -> tuple[np.ndarray, t
     together = np.full(speed_rad_s.shape, np.nan)
     for wheel, rows in zip(measured, known.T, strict=True):
         together[first, wheel] = on_lines(time_s[first], time_s[rows], speed_rad_s[rows, wheel])
-    text = "no two wheels report at the same time: their speeds are interpolated to the times of the first one"
+    text = "the wheels never report all at the same time: their speeds are interpolated to the times of the first one"
     return together, (Note(text),)
 
 

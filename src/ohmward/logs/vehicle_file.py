@@ -177,14 +177,14 @@ def _of_telemetry(log: Any) -> Iterator[_LoggedMessage]:
 
 
 def _battery_status(message: Any) -> dict[str, float]:
-    """The numbers of BATTERY_STATUS; missing voltage, current and temperature are NaN."""
+    """The numbers of BATTERY_STATUS, NaN where it has the mark of a missing one."""
     cells_mV = [mV for mV in (*message.voltages, *getattr(message, "voltages_ext", ())) if 0 < mV < _NO_CELL_MV]
     current, degC = message.current_battery, message.temperature
     return {
         "voltage [V]": 1e-3 * sum(cells_mV) if cells_mV else np.nan,
         "current [A]": np.nan if current == _NO_CURRENT else 1e-2 * current,
         "temperature [degC]": np.nan if degC == _NO_DEGC else 1e-2 * degC,
-        "remaining [%]": float(message.battery_remaining),
+        "remaining [%]": np.nan if message.battery_remaining < 0 else float(message.battery_remaining),
     }
 
 

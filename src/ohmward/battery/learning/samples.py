@@ -212,12 +212,13 @@ def _jumps_at_gaps(dt_s: np.ndarray, gaps: np.ndarray) -> list[Jump]:
 
 
 def _path_jumps(path: np.ndarray) -> list[Jump]:
-    """Changes of SoC that the samples leave open, in some steps of equal variance."""
+    """Changes of SoC that the samples leave open, in steps of about equal variance; a long interval may be several."""
     variance = np.cumsum(path)
     if variance[-1] < _LEAST_PATH**2:
         return []
-    at = np.searchsorted(variance, variance[-1] * np.arange(1, _PATH_STEPS) / _PATH_STEPS)
-    return [Jump(int(k), float(np.sqrt(variance[-1] / _PATH_STEPS))) for k in np.unique(at)]
+    at = np.unique(np.searchsorted(variance, variance[-1] * np.arange(1, _PATH_STEPS + 1) / _PATH_STEPS))
+    std = np.sqrt(np.diff(variance[at], prepend=0.0))
+    return [Jump(int(k), float(s)) for k, s in zip(at, std, strict=True)]
 
 
 def _declared_rests(current_A: np.ndarray, time_s: np.ndarray, battery: Battery) -> list[DeclaredRest]:

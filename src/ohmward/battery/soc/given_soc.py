@@ -92,7 +92,7 @@ def longest_known_gap_s(settings: Any) -> float:
 def after_gap(settings: TheveninFilter | GaussianSumFilter, state: Any, first: SocSample, gap_s: float) -> Any:
     """State before the first sample after a gap of `gap_s` [s] with unknown current.
 
-    Either the robot was off, and the charge is the previous one apart from what its electronics drew, or it can be any.
+    Either the robot was off, and the charge is the previous one to within what its electronics drew, or it can be any.
     So a gap is a start with a given value that is as likely wrong as right, and its first voltage is used in the same
     way. The estimates of capacity and resistances belong to the battery and are kept.
     """

@@ -36,8 +36,6 @@ WRONG_TOKEN_S = 0.5
 #: Number of bytes read from the body of a request.
 _BODY_BYTES = 4096
 
-#: A `Host` that is not one of this machine's own names comes from a page elsewhere that was redirected here.
-
 _PORT = re.compile(r":\d+$")
 
 _COOKIE = "ohmward_token"

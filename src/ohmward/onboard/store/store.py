@@ -457,7 +457,7 @@ _DAY_S = 86_400.0
 def totals_of_store(folder: Path, capacity_Ah: float) -> Totals:
     """The totals of everything in a store, read a day at a time.
 
-    capacity_Ah: of the battery; nan without one.
+    capacity_Ah: of the battery; inf without one, which counts no cycles.
 
     Raises:
         OhmwardError: there is no store, or it cannot be read.
