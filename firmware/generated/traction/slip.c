@@ -36,7 +36,7 @@ void slip_step(slip_state *state, const slip_sample *sample, slip_output *output
     const float measurement_force_N = sample->measurement_force_N;
     const float measurement_acceleration_m_s2 = sample->measurement_acceleration_m_s2;
     const float dt_s = sample->dt_s;
-    /* plausible_step_s (traction/control/force_filter.py): The time since the step before [s] */
+    /* plausible_step_s (traction/control/force_filter.py): The time since the previous step [s] */
     const float motion_dt_s = ((0.0f < dt_s) && (dt_s <= 60.0f)) ? dt_s : 0.0f;
     /* ForceFilter.usable (traction/control/force_filter.py): True where a controller may act on a measurement */
     const bool possible = (fabsf(measurement_wheel_speed_rad_s) <= 100000.0f) && (fabsf(measurement_travel_speed_m_s) <= 1000.0f);
@@ -87,8 +87,8 @@ void slip_step(slip_state *state, const slip_sample *sample, slip_output *output
     const float rate = (t8 >= 5.0f) ? 5.0f : t8;
     const float target = slip_target + motion_dt_s * rate;
     output->report_slip_target = target;
-    /* SlipController.motion (traction/control/slip_controller.py): The wheel along its direction, and the slip
-       that it should have */
+    /* SlipController.motion (traction/control/slip_controller.py): Motion of the wheel along its direction, and
+       its target slip */
     const float motion_rim_m_s = omega * (0.12f * direction2);
     const float motion_travel_m_s = estimate_travel_speed_m_s2 * direction2;
     const float motion_acceleration_m_s2 = estimate_acceleration_m_s2_2 * direction2;
@@ -122,7 +122,8 @@ void slip_step(slip_state *state, const slip_sample *sample, slip_output *output
     const float t11 = target * slope;
     const float here_gain = (travel <= rim3) ? 1.0f - t11 * ((0.0f <= motion_rim_m_s) ? 1.0f : (-1.0f)) : 1.0f;
     const float here_drift = (rim3 < travel) ? 1.0f + t11 * ((0.0f <= motion_travel_m_s) ? 1.0f : (-1.0f)) : 1.0f;
-    /* SlidingMode.gain_m_s2 (traction/control/sliding_mode.py): The least k that keeps the sliding condition */
+    /* SlidingMode.gain_m_s2 (traction/control/sliding_mode.py): The smallest k that satisfies the sliding
+       condition */
     const float by_force = 51.484913f * (0.0144f * here_gain) / 0.0108f;
     /* equivalent_rate (traction/control/sliding_mode.py): The gain r domega/dt [m/s^2] that holds sigma constant
        */
@@ -141,7 +142,7 @@ void slip_step(slip_state *state, const slip_sample *sample, slip_output *output
     const bool forward = 0.0f <= distance;
     const float direction3 = forward ? 1.0f : (-1.0f);
     const float size = forward ? distance : -distance;
-    /* reaching_share (traction/control/sliding_mode.py): Rate at which sigma is to come down, over k, at a
+    /* reaching_share (traction/control/sliding_mode.py): Rate at which sigma should decrease, over k, at a
        distance in layers */
     const float t14 = (1.0f < size) ? sqrtf(2.0f * ((size <= 1.0f) ? 1.0f : size) - 1.0f) : size;
     /* SlidingMode.torque_with */

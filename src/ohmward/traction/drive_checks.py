@@ -1,7 +1,7 @@
 """Checks of the recording of a drive for faults, before an estimate is made from it.
 
-Every check looks for one fault that robots really have, and names the wheel, the evidence and the cure. A speed from
-outside without a sign is mended.
+Each check looks for one fault of real robots, and names the wheel, the evidence and the cure. A speed from outside
+without a sign is corrected.
 """
 
 from __future__ import annotations
@@ -29,40 +29,40 @@ from ohmward.traction.speed_observer.make_observer import (
     yaw_rate_of_wheels,
 )
 
-#: Size [A] from which on a motor works.
+#: Current [A] from which a motor works.
 WORKS_A = 1.0
 
 #: Speeds have lost their sign where the wheels contradict the gyro by this share of its motion (in squares).
 CONTRADICTION = 0.1
 
-#: Sides turn against each other in this share of the samples, for so many turns of the robot, where one is mirrored.
+#: One side is mirrored if the sides turn against each other in this share of the samples, for this many turns.
 SPINS_SHARE, FEWEST_SPINS = 0.9, 3.0
-#: A robot that spins on the spot turns its sides alike; one with a mirrored side drives curves too, in which the speeds
-#: of the sides differ by more than this share of their sum in that share of the samples.
+#: A robot that spins on the spot turns its sides equally fast; one with a mirrored side drives curves too, in which the
+#: speeds of the sides differ by more than this share of their sum in that share of the samples.
 UNLIKE, UNLIKE_SHARE = 0.1, 0.1
 
-#: A motor brakes all the way where its current in the direction of its wheel is below this share of its size.
+#: A motor only brakes if its currents in the direction of its wheel add up to less than this share of their sizes.
 BRAKES = -0.3
 
-#: A motor whose sign is right takes no more than so many times the energy that the robot gives up while it brakes: mass
-#: and torque constant of a robot file may be wrong.
+#: Largest energy that a motor with the right sign takes, over what the robot gives up while it brakes: mass and torque
+#: constant of a robot file may be wrong.
 TAKES = 2.0
 
-#: A gyro that repeats 0 while the wheels turn the robot for longer is dead [s].
+#: Time [s] of repeating 0, while the wheels turn the robot, after which a gyro is dead.
 DEAD_AT_ZERO_S = 10.0
 
-#: A spike is so many times the usual speed of a wheel.
+#: Size of a spike over the usual speed of a wheel.
 SPIKE = 10.0
 
-#: A speed from outside has no sign where it is positive in so many samples of wheels that turn back, none negative, and
-#: no less than this share of the wheels' speed in the median.
+#: A speed from outside has no sign if the wheels turn back in at least this many samples, it is never negative, and its
+#: median there is at least this share of the wheels'.
 FEWEST_BACK, SIZE_SHARE = 3, 0.5
 
-#: A robot is stuck where the speed from outside is below `STUCK_SHARE` of the wheels', for so long [s] and in so many
-#: samples in a row; one that starts is not, however late that speed comes.
+#: A robot is stuck if the speed from outside is below `STUCK_SHARE` of the wheels' for this time [s] and this many
+#: samples in a row; a starting robot is not, however late that speed comes.
 STUCK_S, FEWEST_STUCK = 3.0, 3
 
-#: The speed from outside over that of the wheels: beyond these it is another unit.
+#: Speed of the wheels over that from outside, either way: beyond these a unit is doubtful, and certainly wrong.
 RATIO_DOUBTFUL, RATIO_MEANINGLESS = 2.0, 5.0
 
 
@@ -90,15 +90,15 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
 
 
 def mended(robot: Robot, log: DriveLog) -> DriveLog:
-    """The log without what a gyro repeats while it is dead, and with the sign of a speed from outside."""
+    """The log without the yaw rates of a dead gyro, and with the sign of a speed from outside."""
     return with_signed_speed(robot, without_dead_gyro(robot, log))
 
 
 def without_dead_gyro(robot: Robot, log: DriveLog) -> DriveLog:
     """The log without the yaw rates of a gyro that repeats one to the last bit while wheels turn the robot unevenly.
 
-    Wheels that slip turn no robot, and a gyro without noise then repeats its 0: that counts where it lasts for long, or
-    where the gyro never shows another number.
+    Slipping wheels do not turn the robot, and a gyro without noise then repeats its 0: that counts only if it lasts
+    long, or if the gyro never shows another number.
     """
     if log.yaw_rate_rad_s is None or robot.freedoms < 2:
         return log
@@ -122,7 +122,7 @@ def without_dead_gyro(robot: Robot, log: DriveLog) -> DriveLog:
 
 
 def with_signed_speed(robot: Robot, log: DriveLog) -> DriveLog:
-    """The log with the sign of the wheels on a speed from outside that is a size, and a note; else the log as it is.
+    """The log with the wheels' sign on an unsigned speed from outside, and a note; otherwise the log unchanged.
 
     Where the wheels stand and the robot does not, the sign is unknown, and the speed is left out.
     """
@@ -149,7 +149,8 @@ def with_signed_speed(robot: Robot, log: DriveLog) -> DriveLog:
 def _stuck_encoders(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Encoders that repeat a number to the last digit while the other wheels change theirs.
 
-    A wheel may stand for a while when a robot turns about it; one that never turns is unplugged, but on an omni robot.
+    A wheel may stand for a while when a robot turns about it; one that never turns is unplugged, except on an omni
+    robot.
     """
     for k, name in enumerate(_names(robot)):
         rows = np.flatnonzero(np.isfinite(log.wheel_speed_rad_s[:, k]))
@@ -185,14 +186,14 @@ def _spikes(robot: Robot, log: DriveLog) -> Iterator[str]:
 
 
 def _contradictions(robot: Robot, log: DriveLog) -> Iterator[str]:
-    """Signs and units by which wheels and gyro contradict each other."""
+    """Wrong signs and units, by which wheels and gyro contradict each other."""
     motion = motion_of(robot, log.wheel_speed_rad_s.T, log.yaw_rate_rad_s)
     signs = [str(finding) for _, finding in check_signs(robot, motion, "log")] or list(_unsigned_wheels(robot, log))
     yield from signs or map(str, check_units(robot, motion, "log"))
 
 
 def _beyond_limits(robot: Robot, log: DriveLog) -> Iterator[str]:
-    """Wheels and motors whose values, single ones aside, no such robot has."""
+    """Wheels and motors whose values, apart from single ones, are beyond the limits of such a robot."""
     for quantity, part, values in (
         (QUANTITIES["wheel_speed_rad_s"], "wheel", log.wheel_speed_rad_s),
         (QUANTITIES["motor_current_A"], "motor", log.motor_current_A),
@@ -242,7 +243,7 @@ def _unsigned_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
 def _mirrored_side(robot: Robot, log: DriveLog) -> Iterator[str]:
     """Sides that turn against each other nearly always, so that a robot without a gyro only spins on the spot.
 
-    Where their speeds are alike all the time, it may do just that.
+    If their speeds are equal all the time, it may do just that.
     """
     sides = _sides(robot)
     if log.yaw_rate_rad_s is not None or log.speed_m_s is not None or sides is None:
@@ -291,9 +292,9 @@ def brakes_all_the_way(which: str, fix: str) -> str:
 def only_brakes(
     robot: Robot, time_s: np.ndarray, speed_rad_s: np.ndarray, current_A: np.ndarray, pitch_rad: np.ndarray
 ) -> bool:
-    """True for a motor that would brake all the way, and take energy that the robot does not give up.
+    """True for a motor that seems to brake all the time, and to take energy that the robot does not give up.
 
-    Each driven wheel gives up an equal share of it, by the speed of its rim, and by the pitch.
+    Each driven wheel gives up an equal share of it, computed from the speed of its rim and the pitch.
 
     time_s, speed_rad_s, current_A, pitch_rad: (T,) of the motor and its wheel; nan where not known.
     """
@@ -310,7 +311,7 @@ def only_brakes(
 
 
 def _blocked_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
-    """Motors that work for a while and whose wheels do not turn."""
+    """Motors that work for a while although their wheels do not turn."""
     for k, name in enumerate(_names(robot)[: robot.driven]):
         stands = np.abs(log.wheel_speed_rad_s[:, k]) < 0.25 * TURNS_RAD_S
         works = np.abs(log.motor_current_A[:, k]) > WORKS_A
@@ -323,7 +324,7 @@ def _blocked_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
 
 
 def _dead_currents(robot: Robot, log: DriveLog) -> Iterator[str]:
-    """Current sensors that never show anything though their wheels turn."""
+    """Current sensors that never change although their wheels turn."""
     for k, name in enumerate(_names(robot)[: robot.driven]):
         current = log.motor_current_A[:, k]
         current = current[np.isfinite(current) & (np.abs(log.wheel_speed_rad_s[:, k]) > TURNS_RAD_S)]
@@ -335,12 +336,12 @@ def _dead_currents(robot: Robot, log: DriveLog) -> Iterator[str]:
 
 
 def _stuck_robot(robot: Robot, log: DriveLog) -> Iterator[str]:
-    """Wheels that turn under a robot that stands, by a speed from outside which may come seldom."""
+    """Wheels that turn under a robot that stands, by a speed from outside, which may be infrequent."""
     speed, wheels = speed_and_wheels_m_s(robot, log)
     if not speed.size:
         return
     assert log.speed_m_s is not None
-    turn = np.abs(wheels) > TURNS_M_S  # wheels that stand tell nothing of it
+    turn = np.abs(wheels) > TURNS_M_S  # standing wheels are no evidence
     time_s = log.time_s[np.isfinite(log.speed_m_s)][turn]
     stands = np.abs(speed[turn]) < STUCK_SHARE * np.abs(wheels[turn])
     for first, stop in long_runs(stands, time_s, STUCK_S, FEWEST_STUCK):

@@ -1,8 +1,8 @@
-"""Inbox of a robot: stamped messages of each sensor at its own rate, late and out of order, become samples in order.
+"""Inbox of a robot: turns messages of sensors at different rates, late and out of order, into samples in order.
 
-A message waits until no earlier one can come any more, `delay_s`. A sample ends with the speeds of the wheels; what
-other sensors sent since the sample before goes with it: the mean of the motor currents over the step, the newest of
-everything else, an external speed with its age. Where no wheel reports, samples go on without.
+A message waits for `delay_s`, until no earlier one can arrive. A sample ends with the wheel speeds and includes what
+other sensors have sent since the previous sample: the mean motor currents over the step, the newest value of everything
+else, and the age of an external speed. If no wheel reports, samples continue without wheels.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ohmward.quantities import BODY
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.encoders import differences
 
-#: Sensors of the body that the odometry takes and the speed observer does not.
+#: Body sensors that the odometry uses and the speed observer does not.
 HEADING = ("heading_rad", "heading_std_rad")
 _BODY = frozenset(BODY)
 #: Arguments of `SensorInbox.put` that have a value for each wheel or motor.
@@ -30,9 +30,9 @@ WHEELS = ("wheel_speed_rad_s", "wheel_counts", "current_A")
 
 
 class _Message(NamedTuple):
-    """A message as floats, a few of which are much faster than as arrays; only what was measured.
+    """Measured values of a message, as floats: for so few they are much faster than arrays.
 
-    speeds, counts: of wheels by their numbers.  currents: (driven,) or none at all.
+    speeds, counts: by wheel number. currents: (driven,) or empty.
     """
 
     stamp_s: float
@@ -51,18 +51,18 @@ class SensorInbox:
     >>> for sample in inbox.take(): estimator.update(**sample)                                       # doctest: +SKIP
 
     Args:
-        robot: that the sensors are on.
-        delay_s: a message may arrive so much later than one with a later stamp, >= 0; a later one is left out.
-        gather_s: speeds of single wheels whose stamps lie so close together are one sample, >= 0.
-        silence_s: where no wheel reports for so long, a sample without wheels is made, > 0.
+        robot: robot that carries the sensors.
+        delay_s: longest time by which a message may arrive after one with a later stamp, >= 0; later ones are left out.
+        gather_s: speeds of single wheels with stamps at most this far apart form one sample, >= 0.
+        silence_s: time without a wheel report after which a sample without wheels is made, > 0.
         counts_per_turn: of the encoders; needed for `wheel_counts`.
-        bits: of their counters, which start again after as many.
+        bits: width of their counters, which wrap around.
         prompt: close a sample as soon as every wheel that usually reports has done so, instead of with the next one;
-            what comes late then goes with the next sample, a wheel's speed within `gather_s`. Speeds of a time after
-            the sample before make a sample of that time, also where other sensors have sent later messages already.
+            late messages then go with the next sample, wheel speeds only within `gather_s`. Wheel speeds stamped after
+            the previous sample form a sample of their own time, even if other sensors have already sent later messages.
 
     Attributes:
-        left_out: number of messages that came too late, or whose stamp was no time, or far from all others.
+        left_out: number of messages that came too late, or whose stamp was not finite or far from all others.
     """
 
     def __init__(
@@ -107,12 +107,12 @@ class SensorInbox:
         """Take in a message.
 
         stamp_s: time of its measurement.
-        wheel_speed_rad_s, wheel_counts: (wheels,) or (driven,), nan or None for wheels that it does not tell of.
-        current_A: (driven,), the same.
+        wheel_speed_rad_s, wheel_counts: (wheels,) or (driven,), nan or None for wheels without a value.
+        current_A: (driven,), likewise.
         body: any of `BODY`.
 
         Raises:
-            InputError: something else than numbers, of another number of wheels, or a name that there is not.
+            InputError: values that are not numbers, the wrong number of wheels, or an unknown name.
         """
         stamp_s = number("stamp_s", stamp_s)
         if not body.keys() <= _BODY:
@@ -142,20 +142,20 @@ class SensorInbox:
         heapq.heappush(self._waiting, (taken_at_s, next(self._order), message))
 
     def take(self) -> list[dict[str, Any]]:
-        """Samples that no message can change any more, in order: keyword arguments of `SlipEstimator.update`.
+        """Completed samples in order, each as keyword arguments of `SlipEstimator.update`.
 
-        Those of `HEADING`, where they were put in, are for `Odometry.update` alone.
+        Values of `HEADING`, if any were put in, are for `Odometry.update` only.
         """
         done, self._before_clock_set = self._before_clock_set, []
         return [*done, *self._take(self._newest_s - self.delay_s)]
 
     def flush(self) -> list[dict[str, Any]]:
-        """All samples that are left, at the end of a drive."""
+        """All remaining samples, at the end of a drive."""
         done, self._before_clock_set = self._before_clock_set, []
         return [*done, *self._take(math.inf), *self._close()]
 
     def _is_odd(self, stamp_s: float) -> bool:
-        """True for a stamp that is no time, or more than `CLOCK_SET_S` from the others; two such set the clock."""
+        """True for a stamp not finite or over `CLOCK_SET_S` from the others; two such in a row set the clock."""
         if not math.isfinite(stamp_s):
             return True
         if math.isinf(self._newest_s) or abs(stamp_s - self._newest_s) <= CLOCK_SET_S:
@@ -189,7 +189,7 @@ class SensorInbox:
         return all(wheel in self._speeds for wheel, at_s in self._reported_s.items() if at_s > since_s)
 
     def _speeds_of(self, stamp_s: float, message: _Message) -> dict[int, float]:
-        """Speeds [rad/s] of a message by wheel, those of counts as means since the wheel's count before."""
+        """Speeds [rad/s] in a message by wheel; counts give the mean since the wheel's previous count."""
         if not message.counts:
             return message.speeds
         speeds = dict(message.speeds)
@@ -208,7 +208,7 @@ class SensorInbox:
         return stamp_s > self._start_s + self.silence_s
 
     def _add(self, stamp_s: float, speeds: Mapping[int, float], message: _Message) -> None:
-        """The message in the sample that is open."""
+        """Add a message to the open sample."""
         if math.isnan(self._start_s):
             self._start_s = stamp_s
         if not self._speeds:
@@ -227,7 +227,7 @@ class SensorInbox:
                     self._speed_s = message.stamp_s
 
     def _close(self) -> list[dict[str, Any]]:
-        """The sample that is open, if there is anything in it; the next one begins where it ends."""
+        """Close the open sample and return it unless it is empty; the next one begins where it ends."""
         if not (self._speeds or self._currents or self._body):
             return []
         speeds = np.array([self._speeds.get(wheel, math.nan) for wheel in range(self._wheels)])
@@ -241,14 +241,14 @@ class SensorInbox:
         return [sample]
 
     def _clear(self, start_s: float) -> None:
-        """An empty sample that begins at `start_s`."""
+        """Begin an empty sample at `start_s`."""
         self._start_s = self._sample_s = start_s
         self._speeds, self._currents, self._body = {}, [], {}
         self._speed_s = math.nan
 
 
 def _measured(name: str, values: PerWheel | None, *counts: int) -> dict[int, float]:
-    """Values by wheel, those that are numbers; raises InputError as `numbers`."""
+    """Finite values by wheel; raises InputError like `numbers`."""
     if values is None:
         return {}
     given = numbers(name, values, *counts).tolist()
@@ -256,6 +256,6 @@ def _measured(name: str, values: PerWheel | None, *counts: int) -> dict[int, flo
 
 
 def _mean(values: Sequence[float]) -> float:
-    """Mean of those that are numbers, nan where none is."""
+    """Mean of the finite values; nan if there are none."""
     known = [value for value in values if math.isfinite(value)]
     return sum(known) / len(known) if known else math.nan

@@ -27,17 +27,17 @@ CURED = 0.1
 #: Shortest duration [s] and fewest samples of a fault.
 LASTS_S, FEWEST = 1.0, 20
 
-#: A wheel that turns slower than this tells nothing about its sign [rad/s].
+#: A wheel that turns slower than this says nothing about its sign [rad/s].
 TURNING_RAD_S = 0.5
 
 #: Contradictions [rad/s] below this are the noise of encoders and gyro, and a little slip.
 LEAST_RAD_S = 0.1
 
-#: Wheels and gyro differ by no more than the first factor by radius and track; wheels that scrub turn faster than the
-#: robot by no more than the second.
+#: Largest factor between wheels and gyro by radius and track, and largest one by which scrubbing wheels turn faster
+#: than the robot.
 MOST_FASTER, SCRUBS = 1.5, 3.0
 
-#: A unit is a factor, which leaves the yaw rates of wheels and gyro correlated by this much at least.
+#: A wrong unit is a factor, which leaves the yaw rates of wheels and gyro correlated by at least this much.
 CORRELATED = 0.8
 
 _WHEEL, _YAW_RATE = ("wheel_speed_rad_s", "wheel_counts"), "yaw_rate_rad_s"
@@ -61,7 +61,7 @@ def wrong_signs(rows: np.ndarray, values: np.ndarray, least: float) -> list[int]
 
 
 class SensedMotion(NamedTuple):
-    """What wheels and gyro show of a motion, while the robot moves and all of them are known."""
+    """Values of wheels and gyro while the robot moves and all of them are known."""
 
     seen: list[int]  #: rows of G of the sensors that report
     rows: np.ndarray  #: (n, freedoms) of G
@@ -69,7 +69,7 @@ class SensedMotion(NamedTuple):
 
 
 def check_signs(robot: Robot, motion: SensedMotion, place: Place) -> Iterator[tuple[int, Finding]]:
-    """A finding on a sign by which wheels and gyro contradict each other, and the row of G that it is of."""
+    """Finding on a sign by which wheels and gyro contradict each other, and its row of G."""
     seen, rows, values = motion
     if values.shape[1] < FEWEST:
         return
@@ -123,9 +123,9 @@ def against_gyro(place: Place) -> Finding:
 
 
 def motion_of(robot: Robot, wheel_speed_rad_s: np.ndarray, yaw_rate_rad_s: np.ndarray | None) -> SensedMotion:
-    """What the sensors that report at all show of the robot's motion.
+    """Values of the sensors that report at all, while the robot moves.
 
-    wheel_speed_rad_s: (wheels, T), nan throughout of those that do not report.
+    wheel_speed_rad_s: (wheels, T), nan throughout for those that do not report.
     yaw_rate_rad_s: (T,) of a gyro, or None.
     """
     check = MotionCheck(robot)
@@ -154,11 +154,11 @@ class MotionCheck:
     """Check of each wheel by the others.
 
     Args:
-        robot: that the wheels are on.
+        robot: robot with the wheels.
 
     Attributes:
         rows: G (wheels + 1, freedoms), the gyro's last.
-        scale: a yaw rate times it is of the size of wheel speeds, so that one tolerance serves all.
+        scale: factor that brings a yaw rate to the size of wheel speeds, so that one tolerance serves all.
     """
 
     def __init__(self, robot: Robot):
@@ -195,11 +195,11 @@ class MotionCheck:
         return rows, values
 
     def _scaled(self, k: int, value: float) -> float:
-        """Value of the sensor of row k, of the size of wheel speeds."""
+        """Value of the sensor of row k, scaled to the size of wheel speeds."""
         return self.scale * value if k == self._gyro else value
 
     def _expected(self, k: int, rows: list[int], values: list[float]) -> float | None:
-        """Speed [rad/s] of wheel k from all others; None where they do not tell it or contradict each other."""
+        """Speed [rad/s] of wheel k from all others; None if they do not determine it or contradict each other."""
         others = [n for n, row in enumerate(rows) if row != k]
         G, omega = self.rows[[rows[n] for n in others]], np.array([values[n] for n in others])
         if not len(others) or np.linalg.matrix_rank(np.vstack([G, self.rows[k]])) > np.linalg.matrix_rank(G):

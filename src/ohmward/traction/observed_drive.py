@@ -1,9 +1,9 @@
-"""Speed and slip of a recorded drive: check the log, choose an estimator, run it, and sum the drive up.
+"""Speed and slip of a recorded drive: check the log, choose an estimator, run it, and summarise the drive.
 
 observed = observe_drive(robot, log, hard_terrain("gravel"))
 drive_figures(observed).slip_episodes
 
-Alarms at samples are joined to episodes: the wheel, its start, its end and its largest slip.
+Alarms at single samples are joined into episodes with wheel, start, end and largest slip.
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ from ohmward.traction.terrain.crossing import Crossing
 from ohmward.traction.terrain.floor import Floors, travel_speed
 from ohmward.traction.terrain.slip_on_floors import FloorRun, slip_on_floors
 
-#: Alarms of a wheel that are no further apart [s] are one episode.
+#: Alarms of a wheel at most this far apart [s] form one episode.
 JOINED_S = 0.5
 #: Sigmas above which 5 % of a normal distribution lie.
 ONE_SIDED_95 = NormalDist().inv_cdf(0.95)
 
 
 class SlipEpisode(NamedTuple):
-    """A time in which a wheel, or the robot as a whole, slipped more than is allowed."""
+    """Period in which a wheel, or the robot as a whole, slipped more than allowed."""
 
     wheel: str  #: its name, or "robot"
     #: of the alarm, on the log's clock
     start_s: float
     end_s: float
-    greatest_slip_m_s: float  #: slip speed r omega - v of the largest size in it
-    greatest_slip: float  #: slip ratio of the largest size, nan below the floor of speed
+    greatest_slip_m_s: float  #: slip speed r omega - v of the largest magnitude
+    greatest_slip: float  #: slip ratio of the largest magnitude, nan below the speed floor
 
 
 class ImmobilisedEpisode(NamedTuple):
-    """The wheels turned and the robot did not, from start_s to end_s on the log's clock."""
+    """Period in which the wheels turned but the robot did not, on the log's clock."""
 
     start_s: float
     end_s: float
@@ -69,7 +69,7 @@ def slip_episodes(track: SlipRun, wheels: Sequence[str]) -> list[SlipEpisode]:
 
 
 def robot_episodes(track: FloorRun) -> list[SlipEpisode]:
-    """Episodes in which a robot on learnt floors loses more than is allowed of the way of its wheels, for 95 % sure."""
+    """Episodes in which a robot on learnt floors slips more than allowed along its way, with 95 % confidence."""
     slip, std = np.nan_to_num(track.travel_slip), np.nan_to_num(track.travel_slip_std)
     speed = slip * travel_speed(track.rim)
     alarm = slip - SlipAlarm().allowed_ratio > ONE_SIDED_95 * std
@@ -86,7 +86,7 @@ def robot_episodes(track: FloorRun) -> list[SlipEpisode]:
 
 
 def immobilised_episodes(track: SlipRun) -> list[ImmobilisedEpisode]:
-    """Times in which the robot was stuck, in order."""
+    """Periods in which the robot was stuck, in order."""
     episodes = _joined_runs(track.time_s, track.estimates.immobilised > 0.5)
     return [ImmobilisedEpisode(float(track.time_s[first]), float(track.time_s[last])) for first, last in episodes]
 
@@ -102,16 +102,16 @@ def _joined_runs(time_s: np.ndarray, alarm: np.ndarray) -> list[tuple[int, int]]
 
 
 def _greatest(values: np.ndarray) -> float:
-    """The value of the largest size; nan where there is none."""
+    """Value of the largest magnitude; nan if none is finite."""
     known = values[np.isfinite(values)]
     return float(known[np.argmax(np.abs(known))]) if known.size else float("nan")
 
 
-#: A sensor contradicts the model where it is refused in more than this share of the samples; a robot that slips now and
-#: then has a hundredth of that.
+#: A sensor contradicts the model if it is rejected in more than this share of the samples; a robot that slips now and
+#: then reaches a hundredth of that.
 CONTRADICTS = 0.1
 
-#: A wheel that has not reported for so long [s] is silent.
+#: Time [s] without a report after which a wheel is silent.
 SILENT_S = 1.0
 
 #: Flags of a sensor that the model contradicts, and the advice.
@@ -126,7 +126,7 @@ CONTRADICTIONS = {
 
 
 def fit_notes(run: SlipRun) -> tuple[Note, ...]:
-    """Warnings of what the observer met on the way."""
+    """Warnings about encoder spikes, and about a model that does not fit the log."""
     spikes = int(np.count_nonzero(run.flags & SlipFlag.ENCODER_SPIKE))
     text = (
         f"{spikes} of {len(run.flags)} samples in which an encoder jumps as no wheel can: "
@@ -136,7 +136,7 @@ def fit_notes(run: SlipRun) -> tuple[Note, ...]:
 
 
 def misfits(run: SlipRun) -> tuple[Note, ...]:
-    """Warnings that the model does not fit the log, whose estimates are not to be trusted then; none where it fits."""
+    """Warnings that the model does not fit the log, so the estimates cannot be trusted; empty if it fits."""
     shares = {flag: float(np.mean(run.flags & flag != 0)) for flag in CONTRADICTIONS}
     found = [
         f"the model does not fit {100 * share:.2g} % of the log: {CONTRADICTIONS[flag]}"
@@ -155,7 +155,7 @@ def misfits(run: SlipRun) -> tuple[Note, ...]:
 #: Elements of the pose in the names of its covariances.
 POSE = ("x", "y", "yaw")
 
-#: Flags of learnt floors that mean a fault of the log.
+#: Flags of an estimate on learnt floors that mean a fault in the log.
 FAULTS = ("bad_time", "gap", "no_current", "no_encoder", "encoder_stopped", "speed_refused")
 
 
@@ -235,13 +235,13 @@ class DriveFigures(NamedTuple):
     slip_episodes: list[SlipEpisode]
     immobilised_episodes: list[ImmobilisedEpisode]
     unobserved_share: float  #: of the samples in which the speed was not observable
-    #: at the end, of the first wheel, to the ground that was believed; the std is relative
+    #: at the end, of the first wheel, over the assumed ground's; the std is relative
     friction_ratio: float | None
     friction_std: float | None
     #: at the end
     grade_rad: float | None
     grade_std_rad: float | None
-    #: at the end, to the robot's radius
+    #: at the end, over the robot's radius
     radius_ratio: float | None
     radius_std: float | None
 
@@ -253,7 +253,7 @@ class PoseFigures(NamedTuple):
     x_m: float
     y_m: float
     yaw_rad: float
-    #: standard deviations, the first in the direction in which it is largest
+    #: standard deviations, of the position in the direction of the largest one
     position_std_m: float
     yaw_std_rad: float
     #: None without a gyro
@@ -268,7 +268,7 @@ class FloorFigures(NamedTuple):
     travel_slip_mean: float | None
     travel_slip_std: float | None
     floor_share: dict[str, float]  #: mean probability of each floor under the wheels, by name
-    floor_crossings: tuple[Crossing, ...]  #: times at which another floor was met
+    floor_crossings: tuple[Crossing, ...]  #: times at which the floor changed
 
 
 def observe_drive(
@@ -278,14 +278,14 @@ def observe_drive(
     method: str = "ukf",
     progress: Callable[[int, int], None] | None = None,
 ) -> ObservedDrive:
-    """Speed and slip by an observer of wheels, motors and whatever else the log has.
+    """Speed and slip by an observer of wheels, motors and all other sensors in the log.
 
     terrain: ground that is assumed at first.
     method: "ekf", "aekf", "ukf" or "aukf".
     progress: called now and then with (steps done, T).
 
     Raises:
-        InputError: no such method, or a log that cannot be of this robot.
+        InputError: the method is unknown, or the log cannot be of this robot.
     """
     faults = check_drive(robot, log)
     log = mended(robot, log)
@@ -302,7 +302,7 @@ def observe_drive(
 
 
 def odometry_for(robot: Robot, log: DriveLog) -> Odometry:
-    """The odometry of a robot that knows from the log how far to trust an outside speed before it has heard many."""
+    """Odometry of a robot, with the initial standard deviation of an outside speed taken from the log."""
     if "speed_m_s" not in log.channels:
         return Odometry(robot)
     return Odometry(robot, noise=replace(noise_of(robot), speed_std_m_s=speed_std_m_s(robot, log)))
@@ -320,13 +320,13 @@ def _are_silent(log: DriveLog, driven: int) -> np.ndarray:
 def observe_on_floors(
     robot: Robot, log: DriveLog, known: Floors, method: str = "ukf", on: Sequence[str] = ()
 ) -> ObservedDrive:
-    """Speed and slip as learnt floors explain the motor currents.
+    """Speed and slip from motor currents on learnt floors.
 
     known: floors and the robot that learnt them.
-    on: names of the floors that the robot drives on, and no other; empty where nobody says so.
+    on: names of the only floors that the robot drives on; empty if these are not known.
 
     Raises:
-        InputError: no floors, no floor of such a name, no such method, or a driven wheel without encoder or motor
+        InputError: there are no floors, a floor or the method is unknown, or a driven wheel has no encoder or motor
             current.
     """
     faults = check_drive(robot, log)
@@ -343,7 +343,7 @@ def observe_on_floors(
 
 
 def as_estimates(run: FloorRun, robot: Robot) -> SlipEstimate:
-    """Slip on floors as estimates (T, ...) of the speed observer; radius, level ground and friction are as assumed."""
+    """Slip on floors as estimates (T, ...) of the speed observer; radius, grade and friction as assumed."""
     rim = run.rim @ robot.rolling[: robot.driven].T
     travel = travel_speed(run.rim)[:, None]
     slip, std = np.nan_to_num(run.slip_ratio) * travel, np.nan_to_num(run.slip_ratio_std) * travel
@@ -384,7 +384,7 @@ def _floor_notes(robot: Robot, known: Floors, track: FloorRun, on: Sequence[str]
 
 
 def drive_figures(observed: ObservedDrive) -> DriveFigures:
-    """Distance, speeds, episodes of slip, and what was learnt of friction, grade and radius."""
+    """Distance, speeds, episodes of slip, and the final estimates of friction, grade and radius."""
     track = observed.track
     e = track.estimates
     unobserved = e.flags.astype(int) & SlipFlag.SPEED_UNOBSERVED != 0
@@ -426,7 +426,7 @@ def _episodes(observed: ObservedDrive) -> list[SlipEpisode]:
 
 
 def travel_speed_m_s(observed: ObservedDrive) -> np.ndarray:
-    """(T,) speed of the body in whatever direction."""
+    """(T,) speed of the body, in any direction."""
     return travel_speed(motion_of(observed.robot, observed.track.estimates))
 
 

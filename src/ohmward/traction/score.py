@@ -15,7 +15,7 @@ from ohmward.traction.speed_observer.estimate import SlipAlarm, SlipEstimate
 #: Below this speed [m/s] of rim and travel a slip ratio is not compared: it would be noise over noise.
 SLIP_FLOOR_M_S = 0.05
 
-#: A wheel slips clearly beyond the allowed slip from so many times of it on.
+#: Multiple of the allowed slip beyond which a wheel clearly slips too much.
 CLEARLY = 2.0
 
 
@@ -23,7 +23,7 @@ class DriveTruth(NamedTuple):
     """True motion, each (T,) or (T, driven), nan where it is not known; None where it was not measured."""
 
     speed_m_s: np.ndarray  #: of the body, forward
-    #: > 0 to the left; without it the observer's own serves to find the speed of each wheel's centre
+    #: > 0 to the left; without it the observer's own gives the speed of each wheel's centre
     yaw_rate_rad_s: np.ndarray | None = None
     lateral_speed_m_s: np.ndarray | None = None  #: to the left; without it a robot that moves sideways has no true slip
     #: (T, driven) of the wheels; without it their slip follows from the motion of the body
@@ -40,12 +40,12 @@ class DriveScore(NamedTuple):
     slip_rmse: float  #: of the slip ratio, all wheels together, where rim or travel are faster than `SLIP_FLOOR_M_S`
     coverage_95: float  #: share of the samples and wheels whose true slip speed is within the estimate's own 95 % band
     false_alarm_rate: float  #: share of the samples and wheels with no more than the allowed slip that raise the alarm
-    detection_rate: float  #: share of those with `CLEARLY` more than it that raise it
+    detection_rate: float  #: share of those with more than `CLEARLY` times the allowed slip that raise it
     samples: int  #: number of samples with a true speed
 
 
 def score_figures(score: DriveScore | None) -> dict[str, float | None]:
-    """The errors of a drive by name; every figure None without a truth."""
+    """Errors of a drive by name; all None without a truth."""
     names = [name for name in DriveScore._fields if name != "samples"]
     return {name: None if score is None else getattr(score, name) for name in names}
 
@@ -61,7 +61,7 @@ class TrueSlip(NamedTuple):
 def score_drive(robot: Robot, estimates: SlipEstimate, truth: DriveTruth, alarm: SlipAlarm | None = None) -> DriveScore:
     """Score of estimates (T, ...) of this robot.
 
-    alarm: of the observer, which says what slip is allowed.
+    alarm: alarm settings of the observer, with the slip that is allowed.
 
     Raises:
         InputError: shapes differ.

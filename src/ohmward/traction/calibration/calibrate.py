@@ -27,7 +27,7 @@ from ohmward.traction.terrain.floor import Floor
 
 #: Parts of a robot that can be calibrated.
 PARTS = ("radius", "track", "motor")
-#: Loads that add up to less or more than the weight by this factor are not in newtons.
+#: Factor between the sum of the loads and the weight from which they are not in newtons.
 _OTHER_UNIT = 3.0
 
 
@@ -56,8 +56,8 @@ def calibrate(
 
     drives: one or several, with the motion of the body; a DriveLog, path or DataFrame whose speed from outside was
         measured will do.
-    robot: its mass and geometry are believed; or the path of its file, or the name of a packaged one.
-    parts: of `PARTS`; None for `usual_parts`.
+    robot: its mass and geometry are assumed correct; or the path of its file, or the name of a packaged one.
+    parts: some of `PARTS`; None for `usual_parts`.
     floor: name under which the floor is learnt; None learns none.
     rolling: rolling resistance of the floor, share of the load, and its standard deviation.
 
@@ -88,7 +88,7 @@ def calibrate(
 
 
 def _known(drive: CalibrationDrive | DriveSource, robot: Robot) -> CalibrationDrive:
-    """A drive with the motion of the body, from the speed that was measured from outside where it has none."""
+    """A drive with the motion of the body, from its measured outside speed if it has none."""
     return drive if isinstance(drive, CalibrationDrive) else with_measured_speed(robot, as_drive(drive, robot))
 
 
@@ -107,10 +107,10 @@ def usual_parts(robot: Robot) -> tuple[str, ...]:
 
 
 def with_measured_speed(robot: Robot, log: DriveLog) -> CalibrationDrive:
-    """The drive with the motion that its speed from outside shows.
+    """The drive with the motion of the body by its speed from outside.
 
     Raises:
-        InputError: there is none, or it does not say how the robot moves sideways.
+        InputError: there is none, or it does not determine the sideways motion.
     """
     if log.speed_m_s is None:
         raise InputError(
@@ -125,7 +125,7 @@ def with_wheel_loads(robot: Robot, loads_N: Sequence[float]) -> Robot:
     """The robot with its wheels' loads as weighed, its mass their sum.
 
     Raises:
-        InputError: a sum that is far from the robot's weight.
+        InputError: the sum is far from the robot's weight.
     """
     weight_N = robot.mass_kg * GRAVITY
     found_N = sum(loads_N)

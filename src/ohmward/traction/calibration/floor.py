@@ -2,7 +2,7 @@
 
     lambda = h slip of the law at F / (mu N)      for every stretch and driven wheel, F from the motor current
 
-Maximum a posteriori of ln mu, ln C, ln kappa, k and p by Gauss and Newton (Levenberg's damping), the prior being any
+Maximum a posteriori of ln mu, ln C, ln kappa, k and p by Gauss-Newton with Levenberg's damping, with the prior of any
 floor (`terrain.floor`); the covariance is the sandwich of `parameters`. The drag is linear in its two shares.
 """
 
@@ -40,18 +40,18 @@ from ohmward.traction.terrain.floor import (
 
 _PRIOR = np.array([np.log(FRICTION), np.log(STIFFNESS), 0.0, 0.0, 0.0])
 _PRIOR_STD = np.array([FRICTION_STD, STIFFNESS_STD, ACROSS_STD, SIDE_STD, SPEED_POWER_STD])
-#: Steps of Gauss and Newton, damping of the first, step of the numerical derivative, and least sigma of the residuals.
+#: Gauss-Newton steps, damping of the first, step of the numerical derivative, and least sigma of the residuals.
 _STEPS, _DAMPING, _NUDGE, _LEAST_STD = 30, 1e-3, 1e-4, 1e-9
 #: Least slip of a drive that a law of two parameters leaves unexplained.
 _LEAST_SLIP_STD = 0.005
 #: Largest size of k and p.
 _MOST = 0.9
 _COASTING_S = 0.3
-#: Standard deviation of a value that is held, because the fit would leave what it can be.
+#: Standard deviation of a value that is held, because the fit would leave its range.
 _HELD_STD = 1e-6
 
 
-#: Largest friction of a floor, and relative standard deviation of it: more than before any drive.
+#: Largest friction of an identified floor, and its largest relative standard deviation: just above that of the prior.
 MOST_FRICTION, MOST_FRICTION_STD = 2.5, 1.1 * FRICTION_STD
 
 
@@ -123,7 +123,7 @@ def learn_floor(name: str, drives: Sequence[CalibrationDrive], robot: Robot) -> 
 
 
 def unidentified_floor(floor: Floor) -> str:
-    """Reason why a floor is not one that the drives tell; empty where it is."""
+    """Reason why the drives do not identify a floor; empty if they do."""
     if floor.friction <= MOST_FRICTION and floor.friction_std <= MOST_FRICTION_STD:
         return ""
     return (
@@ -158,9 +158,9 @@ def traction(s: Stretches, robot: Robot) -> np.ndarray:
 
 
 def fit_law(p: Points) -> FloorFit:
-    """Friction and stiffness, how direction and speed change the slip, and the slip that they leave unexplained.
+    """Friction and stiffness, dependence of the slip on direction and speed, and the unexplained slip.
 
-    No more than the whole motion along the axle renews a contact: kappa is 1 where the fit would make it more.
+    At most the whole motion along the axle renews a contact: kappa is held at 1 where the fit would exceed it.
     """
     fit = _fit(p, _PRIOR_STD)
     if fit.values[2] <= 0:

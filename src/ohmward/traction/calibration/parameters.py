@@ -3,8 +3,8 @@
     beta = H^-1 (A' y / sigma^2 + P0^-1 beta0),   H = A' A / sigma^2 + P0^-1
     cov  = H^-1 (sum over groups g g' + P0^-1) H^-1,   g = A_g' e_g / sigma^2     (sandwich; White 1980)
 
-sigma is that of the residuals e. Groups are drives where there are ten of them, else rows: a sandwich of few groups
-is too small; it stands when the rows of one drive err together.
+sigma is that of the residuals e. Groups are drives if there are ten of them, else rows: a sandwich of few groups is too
+small. With drives as groups it holds although the rows of one drive are correlated.
 """
 
 from __future__ import annotations
@@ -30,8 +30,7 @@ from ohmward.traction.terrain.floor import (
     travel_speed,
 )
 
-#: Largest standard deviation over the value with which drives tell a number of the robot file: that is the rule for all
-#: of them.
+#: Largest relative standard deviation with which a number of the robot file counts as identified: the rule for all.
 MOST_STD = {
     "wheel.radius_m": 0.1,
     "chassis.track_m": 0.2,
@@ -40,7 +39,7 @@ MOST_STD = {
     "motor.friction_Nm": 0.5,
     "motor.damping_Nms_per_rad": 0.5,
 }
-#: A radius found beyond this factor of the robot file's is none: wheels slip all the time, or a unit is another.
+#: Largest factor between a radius found and the robot file's: beyond, wheels slip all the time, or a unit is wrong.
 MOST_RADIUS_RATIO = 2.0
 
 
@@ -50,16 +49,16 @@ class Parameter(NamedTuple):
     name: str  #: its path in the robot, with its unit: "motor.friction_Nm"
     value: float  #: as calibrated, or the robot's own where it was not
     std: float  #: standard deviation of that
-    reason: str = ""  #: cause why it could not be identified; empty where it was
+    reason: str = ""  #: reason why it could not be identified; empty if it was
 
     @property
     def identified(self) -> bool:
-        """True where the drives tell it."""
+        """True if the drives identify it."""
         return not self.reason
 
 
 def is_identified(name: str, value: float, std: float) -> bool:
-    """True where drives tell the number `name` of the robot file: positive, and as certain as `MOST_STD` asks."""
+    """True if drives identify the number `name` of the robot file: positive, and as certain as `MOST_STD` requires."""
     return value > 0 and std <= MOST_STD[name] * value
 
 
@@ -73,7 +72,7 @@ def with_parameters(robot: Robot, parameters: Iterable[Parameter]) -> Robot:
     return robot
 
 
-#: Groups are drives from so many of them on.
+#: Number of drives from which groups are drives.
 FEWEST_DRIVES = 10
 
 
@@ -107,7 +106,7 @@ def regress(A: np.ndarray, y: np.ndarray, drive: np.ndarray, prior: np.ndarray, 
 
 
 def scores(A: np.ndarray, residual: np.ndarray, drive: np.ndarray) -> np.ndarray:
-    """A_g' e_g of every group, (groups, p), with the correction for the degrees of freedom that the fit took."""
+    """A_g' e_g of every group, (groups, p), corrected for the degrees of freedom of the fit."""
     numbers, group = np.unique(drive, return_inverse=True)
     if numbers.size < FEWEST_DRIVES:
         group = np.arange(residual.size)
@@ -117,19 +116,19 @@ def scores(A: np.ndarray, residual: np.ndarray, drive: np.ndarray) -> np.ndarray
     return total * np.sqrt(count / max(count - A.shape[1], 1))
 
 
-#: The share counts as identified from so many turning stretches on.
+#: Number of turning stretches from which the share counts as identified.
 FEWEST_TURNS = 3
-#: Standard deviation of the effective track of which nothing is known, relative to the track: skid-steered robots on
-#: hard ground have 1.2 to 2 times their track; the driver of Clearpath's Husky takes 1.875.
+#: Standard deviation of an unknown effective track, relative to the track: skid-steered robots on hard ground have 1.2
+#: to 2 times their track; the driver of Clearpath's Husky takes 1.875.
 TRACK_STD = 0.5
 
 
 def calibrate_radius(drives: Sequence[CalibrationDrive], robot: Robot) -> Parameter:
     """The radius with which the wheels' turns give the true speed over ground.
 
-    v = r |G^+ omega|, fitted over the steady stretches; from the wheels that are not driven where they have encoders,
-    because these do not creep. With driven wheels the radius takes the creep of that floor with it, so calibrate on the
-    floor that grips best; its sigma has room for the creep of an ordinary floor.
+    v = r |G^+ omega|, fitted over the steady stretches; from the undriven wheels if they have encoders, because these
+    do not creep. With driven wheels the radius includes the creep of that floor, so calibrate on the floor that grips
+    best; its sigma allows for the creep of an ordinary floor.
 
     Raises:
         InputError: no steady stretch.
@@ -179,8 +178,8 @@ def calibrate_track(
         psi_dot = s r (omega_r - omega_l) / b,      b_eff = b / s
 
     s is the share of the sides' difference that becomes a turn (steering efficiency over 1; A. Mandow et al.,
-    "Experimental kinematics for wheeled skid-steer mobile robots", IROS 2007). It is fitted for the turn that the
-    wheels predict, after the radius, which straight stretches tell.
+    "Experimental kinematics for wheeled skid-steer mobile robots", IROS 2007). It is fitted to the turn that the wheels
+    predict, after the radius, which straight stretches determine.
 
     Args:
         drives: with the motion of the body, turns among them.
@@ -213,7 +212,7 @@ CONSTANT = "motor.torque_constant_Nm_per_A"
 _UNSTEADY_S = 0.5
 #: Columns of the fit.
 KAPPA, ROLLING_SHARE, ROLLER_SHARE, FRICTION, DAMPING = range(5)
-#: Damping needs drives of which the fast ones are at least so much faster than the slow ones.
+#: Smallest ratio of fast to slow speeds in the drives that identify the damping.
 _SPEED_RATIO = 2.0
 #: Sigma of a parameter that the fit does not change.
 _HELD = 1e-9
@@ -230,15 +229,15 @@ class RegressionRow(NamedTuple):
 def calibrate_motor(
     drives: Sequence[CalibrationDrive], robot: Robot, rolling: tuple[float, float] = ROLLING
 ) -> tuple[Parameter, ...]:
-    """Torque constant, friction and damping of the motors; the robot's own value where the drives do not tell one.
+    """Torque constant, friction and damping of the motors; the robot's own value if the drives identify none.
 
         n K_m I (1 - (1 - eta) d) = kappa [ J domega/dt + r (F_inertia + F_drag) ] + tau_c tanh(omega/omega_0) + b omega
 
     for every stretch and driven wheel, linear in kappa, the shares of the drag, tau_c and b (`motor`, `terrain.floor`);
     the ground is level. kappa is the robot file's torque constant over the true one: only accelerations show it,
     through the mass. d is the direction of the current and the rotation. An omni robot driven in several directions
-    tells the friction of its motors from the drag of its rollers; with wheels that only roll forward the two look the
-    same, and the prior of the rolling resistance decides.
+    separates the friction of its motors from the drag of its rollers; with wheels that only roll forward the two look
+    the same, and the prior of the rolling resistance decides.
 
     Args:
         drives: with the motion of the body.
@@ -318,7 +317,7 @@ def _losses(fit: Regression, robot: Robot, prior_std: np.ndarray) -> tuple[Param
 
 
 def _loss(name: str, i: int, fit: Regression, own: float, reason: str) -> Parameter:
-    """The loss in column i where it is clearly more than nothing, else the robot's own."""
+    """The loss in column i if it is identified, else the robot's own."""
     value = float(fit.beta[i] / fit.beta[KAPPA])
     std = float(np.sqrt(fit.cov[i, i]) / fit.beta[KAPPA])
     return Parameter(name, value, std) if is_identified(name, value, std) else Parameter(name, own, std, reason)

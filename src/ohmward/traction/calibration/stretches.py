@@ -1,6 +1,6 @@
 """True motion of the body, and stretches of nearly steady motion, cut from drives: the rows of every calibration.
 
-The motion is that of a pose as a camera or a total station saw it, or of measured speeds.
+The motion comes from poses measured by a camera or a total station, or from measured speeds.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ def motion_from_speed(
 ) -> np.ndarray:
     """Motion (T, freedoms) of a robot from its forward speed; straight ahead without a yaw rate.
 
-    Between speeds that come less often than the log's samples it is a straight line, nan before the first and after the
-    last. A skid-steered robot is taken to turn about a point abreast of its centre of gravity.
+    Speeds less frequent than the log's samples are interpolated linearly, with nan before the first and after the last.
+    A skid-steered robot is assumed to turn about a point abreast of its centre of gravity.
 
     Raises:
         InputError: the robot moves sideways at will.
@@ -67,10 +67,10 @@ def motion_from_speed(
 
 
 def motion_from_truth(robot: Robot, time_s: np.ndarray, truth: DriveTruth) -> np.ndarray:
-    """Motion (T, freedoms) from every speed that was measured, straight lines between them.
+    """Motion (T, freedoms) from all measured speeds, interpolated linearly.
 
     Raises:
-        InputError: the robot moves sideways, and how fast was not measured.
+        InputError: the robot moves sideways, and its lateral speed was not measured.
     """
     lateral, yaw_rate = truth.lateral_speed_m_s, truth.yaw_rate_rad_s
     if robot.freedoms == 3 and lateral is not None and yaw_rate is not None:
@@ -79,7 +79,7 @@ def motion_from_truth(robot: Robot, time_s: np.ndarray, truth: DriveTruth) -> np
 
 
 def without_lateral(robot: Robot, motion: np.ndarray) -> np.ndarray:
-    """Motion (T, freedoms) of a robot from that of a free body (T, 3), whose lateral speed it may lack."""
+    """Motion (T, freedoms) of a robot from a planar motion (T, 3), without the lateral speed if it has none."""
     return motion if robot.freedoms == 3 else motion[:, [0, 2]]
 
 
@@ -141,7 +141,7 @@ def cut(
 ) -> Stretches:
     """All stretches of the drives in which the body's motion is known.
 
-    Sensors may have rates of their own: between the samples of a slower one stand straight lines.
+    Sensors may have rates of their own: samples of a slower one are interpolated linearly.
 
     steady: leave out those in which the wheels change their speed much, among them starts and stops.
     turning: keep the turns of a robot whose wheels scrub, which no other fit than that of the track can use.
@@ -167,7 +167,7 @@ def stuck(s: Stretches) -> np.ndarray:
     """Conditions (K,) that the wheels turn and the body hardly moves; those that turn on the spot are not judged.
 
     The speed of the body over that of the rims is below `STUCK_SHARE` of what the faster half of the stretches has in
-    its upper quartile: such a stretch tells of no radius, motor or law of a floor.
+    its upper quartile: such a stretch says nothing about a radius, a motor or the law of a floor.
     """
     rim_m_s, body_m_s = travel_speed(s.rim), travel_speed(s.motion)
     rolls = rim_m_s >= SLOWEST_M_S
@@ -230,7 +230,7 @@ def parabola(time_s: np.ndarray) -> np.ndarray:
     """Weights (rows,) with which the mean of a rate is the slope of the line through its integral.
 
     The slope of a least-squares line through v is the mean of dv/dt with weights 1 - x^2 over x in [-1, 1]: forces and
-    accelerations taken so belong together even where they step within a stretch.
+    accelerations averaged so belong together even if they step within a stretch.
     """
     x = 2 * (time_s - time_s[0]) / (time_s[-1] - time_s[0]) - 1
     return 1 - (x * (1 - 1 / time_s.size)) ** 2

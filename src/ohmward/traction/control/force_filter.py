@@ -2,12 +2,12 @@
 
 F_hat = (tau - J domega/dt) / r,   a_hat = dv/dt,   each through a lag of the first order.
 
-An estimator that runs as fast as the controller knows both better: its acceleration is taken as it is, its force goes
-through the same lag. Where a wheel grips, the force of the ground is the torque over the radius; fed back at once it
-would hold up any torque that noise has once called for.
+An estimator that runs as fast as the controller knows both better: its acceleration is used as it is, its force goes
+through the same lag. While a wheel grips, the force of the ground is the torque over the radius; fed back at once it
+would sustain any torque once caused by noise.
 
-The lag is implicit in time: e+ = e + dt (raw - e) / (lag + dt). With a difference for the derivative, dt cancels, and
-dt = 0 is as good as any other.
+The lag is implicit in time: e+ = e + dt (raw - e) / (lag + dt). With a difference for the derivative dt cancels, so dt
+= 0 is allowed.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ IMPOSSIBLE_N = 1e7
 IMPOSSIBLE_M_S2 = 1e5
 #: A longer time [s] between two steps is a fault of the clock.
 LONGEST_CONTROL_STEP_S = 60.0
-#: Rates are taken over at least this time [s], so that a step of no time divides by something.
+#: Shortest time [s] that rates divide by, for steps of no length.
 SHORTEST_CONTROL_STEP_S = 1e-9
 
 
 class WheelEstimate(NamedTuple):
     """Estimate of a wheel: its last usable speeds, and the force and acceleration that follow from their change."""
 
-    #: last usable ones, the latter brought up to now
+    #: last usable ones, the travel speed predicted to now
     wheel_speed_rad_s: Any
     travel_speed_m_s: Any
     force_N: Any  #:          of the ground along x
@@ -96,5 +96,5 @@ class ForceFilter:
 
 
 def plausible_step_s(dt_s: Any) -> Any:
-    """The time since the step before [s]; 0, in which nothing changes, where the clock gives an impossible one."""
+    """The time since the previous step [s]; 0, in which nothing changes, if the clock gives an impossible one."""
     return where((dt_s > 0.0) & (dt_s <= LONGEST_CONTROL_STEP_S), dt_s, 0.0)

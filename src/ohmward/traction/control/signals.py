@@ -38,7 +38,7 @@ def driven_wheel(robot: Robot) -> DrivenWheel:
     return DrivenWheel(robot.wheel.radius_m, inertia, float(load_N), along / n)
 
 
-#: A torque [N m] that differs by less from the one asked for is that torque.
+#: Difference [N m] below which two torques are the same.
 SAME_TORQUE = 1e-9
 
 
@@ -46,7 +46,7 @@ SAME_TORQUE = 1e-9
 class Limits:
     """Limits of the torque at the wheel."""
 
-    torque_Nm: float  #: largest size, > 0
+    torque_Nm: float  #: largest magnitude, > 0
     rate_Nm_per_s: float = 5000.0  #: largest rate of change, > 0
 
     def __post_init__(self) -> None:
@@ -72,12 +72,12 @@ def limited(demanded_Nm: Any, torque_Nm: Any) -> Any:
 class ControlFlag(IntFlag):
     """Conditions of a step of a controller; `Report.flags` is their sum."""
 
-    STALE = 1  #: the measurement is too old, too uncertain or no number: torque goes to zero
-    STOPPED = 2  #: too slow for slip to mean anything: a slip controller gives no torque, the speed controller holds
-    TORQUE_LIMITED = 4  #: the torque asked for is above its limit, or changes faster than its limit
-    SLIP_BOUND = 8  #: the speed controller gives less torque than the speed asks for, to stay within the slip bound
-    UNREACHABLE = 16  #: the slip asked for does not come about although the torque has been at its limit for a while
-    BAD_COMMAND = 32  #: the command is no number or out of its range: torque goes to zero
+    STALE = 1  #: the measurement is too old, too uncertain or not a number: torque goes to zero
+    STOPPED = 2  #: too slow for slip to be meaningful: a slip controller gives no torque, the speed controller holds
+    TORQUE_LIMITED = 4  #: the demanded torque exceeds its limit, or changes faster than its limit
+    SLIP_BOUND = 8  #: the speed controller gives less torque than the speed needs, to stay within the slip bound
+    UNREACHABLE = 16  #: the commanded slip is not reached although the torque has been at its limit for a while
+    BAD_COMMAND = 32  #: the command is not a number or out of its range: torque goes to zero
 
 
 class Measurement(NamedTuple):
@@ -87,22 +87,22 @@ class Measurement(NamedTuple):
     travel_speed_m_s: Any  #:     of the wheel's centre along the wheel, measured or estimated
     age_s: Any = 0.0  #:                of the travel speed, >= 0
     travel_speed_std_m_s: Any = 0.0  #: its standard deviation
-    force_N: Any = math.nan  #:              of the ground on the wheel, from an estimator; nan where there is none
+    force_N: Any = math.nan  #:              of the ground on the wheel, from an estimator; nan without one
     acceleration_m_s2: Any = math.nan  #:    of the wheel's centre, likewise
 
 
 class SlipCommand(NamedTuple):
     """A slip to hold."""
 
-    slip_ratio: Any  #: in (-1, 1), > 0 drives and < 0 brakes, whichever way the robot goes
+    slip_ratio: Any  #: in (-1, 1), > 0 drives and < 0 brakes, in either direction of travel
     direction: Any = 1.0  #:  >= 0 forward, < 0 reverse
 
 
 class SpeedCommand(NamedTuple):
-    """A speed to hold, within bounds of slip."""
+    """A speed to hold, within slip bounds."""
 
     speed_m_s: Any  #:  of the wheel's centre, < 0 in reverse
-    slip_bound: Any = 0.12  #: largest slip ratio in size, driving and braking, at least 0.001 and below 1
+    slip_bound: Any = 0.12  #: largest slip ratio in magnitude, driving and braking, at least 0.001 and below 1
 
 
 class Report(NamedTuple):
@@ -110,7 +110,7 @@ class Report(NamedTuple):
 
     slip_ratio: Any  #:  driving > 0 and braking < 0; nan below `slip.REPORT_FLOOR`
     slip_target: Any  #: slip ratio that is held now, or the bound
-    surface_m_s: Any  #: distance from it as a slip speed, > 0 where slip is too large; see `surface`
+    surface_m_s: Any  #: distance from it as a slip speed, > 0 if slip is too large; see `surface`
     force_N: Any  #:     of the ground on the wheel, along x, as estimated
     demanded_Nm: Any  #: torque without limits
     flags: Any  #:       sum of `ControlFlag`

@@ -9,12 +9,12 @@ k >= gain r^2 dF / J_hat + (beta - 1) |drift a_hat + V_f dlambda_d/dt| + beta (d
 
 for |F - F_hat| <= dF, |dv/dt - a_hat| <= da, J_hat / beta <= J <= beta J_hat. The layer is as wide as the loop needs:
 Phi = k max(T, 5 dt), so that inside it sigma decays with the time constant T, or five steps where those are longer
-(Slotine and Li). Outside the layer the textbook's saturation would hold the torque at what the condition asks for at
-least; here the rate goes on growing as k sqrt(2 |sigma| / Phi - 1), up to the limit of the drive: a spinning wheel is
-braked with all there is, and as it comes down the torque comes back by k J_hat / r in a time constant, no faster, which
-is the way of the least time under a bound on the torque's rate. Away from zero the torque grows at no more than half of
-that; towards zero it is free. A bias that the layer leaves is removed by the observed force; k_i > 0 removes it where
-F_hat is a guess. The integral rests while the slip is far from its target: a wheel that spins at 60 m/s for half a
+(Slotine and Li). Outside the layer the textbook's saturation would hold the torque at the least that the condition
+needs; here the rate keeps growing as k sqrt(2 |sigma| / Phi - 1), up to the limit of the drive: a spinning wheel is
+braked with full torque, and as it slows down the torque returns by k J_hat / r per time constant, no faster, which
+takes the least time under a bound on the torque's rate. Away from zero the torque grows at no more than half of that
+rate; towards zero it is free. A bias that the layer leaves is removed by the observed force; k_i > 0 removes it where
+F_hat is a guess. The integral is frozen while the slip is far from its target: a wheel that spins at 60 m/s for half a
 second would leave 30 m in it.
 """
 
@@ -32,10 +32,10 @@ from ohmward.traction.friction.law import direction_and_size
 
 #: Steps in the shortest time constant of a sampled loop (Slotine and Li).
 STEPS_PER_TIME_CONSTANT = 5.0
-#: A slip ratio farther than this from its target is on its way there, and no bias that the integral is to remove.
+#: Largest distance of a slip ratio from its target for the integral: beyond, it is still on its way there, not a bias.
 INTEGRAL_REACH = 0.1
 
-#: Time constants in which the torque may grow by what the gain asks for: RLMA brakes a spin with its 12 N m after 30 ms
+#: Time constants in which the torque may grow by the gain's demand: RLMA brakes a spin with its 12 N m after 30 ms
 #: instead of 3, and ends it 15 ms later; the torque's change from step to step has half the RMS.
 GROWTH_TIME_CONSTANTS = 2.0
 
@@ -63,8 +63,8 @@ class SlidingMemory(NamedTuple):
 class SlidingMode:
     """Settings of the law."""
 
-    uncertainty: Uncertainty  #: that the gain has to outweigh
-    reaching_m_s2: float = 1.0  #: eta, least rate at which sigma comes down outside the layer, > 0
+    uncertainty: Uncertainty  #: error bounds that the gain has to outweigh
+    reaching_m_s2: float = 1.0  #: eta, least rate at which sigma decreases outside the layer, > 0
     time_constant_s: float = 0.005  #: T, of sigma inside the layer, > 0
     integral_per_s: float = 0.0  #: k_i, >= 0
 
@@ -73,7 +73,7 @@ class SlidingMode:
         require_between("sliding_mode.integral_per_s", self.integral_per_s, 0.0, math.inf)
 
     def init(self, zero: Any) -> SlidingMemory:
-        """No integral yet."""
+        """Memory with a zero integral."""
         return SlidingMemory(zero)
 
     def torque_Nm(self, memory: SlidingMemory, motion: Motion, wheel: DrivenWheel) -> Any:
@@ -109,7 +109,7 @@ class SlidingMode:
         return surface(motion.rim_m_s, motion.travel_m_s, motion.slip_target, motion.floor_m_s, motion.launch)
 
     def gain_m_s2(self, here: SlidingSurface, motion: Motion, wheel: DrivenWheel) -> Any:
-        """The least k that keeps the sliding condition."""
+        """The smallest k that satisfies the sliding condition."""
         beta = self.uncertainty.inertia_factor
         by_force = here.gain * wheel.radius_m**2 * self.uncertainty.force_N / wheel.inertia_kg_m2
         by_inertia = (beta - 1) * abs(equivalent_rate(here, motion))
@@ -121,7 +121,7 @@ class SlidingMode:
 
 
 def reaching_share(distance: Any) -> Any:
-    """Rate at which sigma is to come down, over k, at a distance in layers; its slope has no step."""
+    """Rate at which sigma should decrease, over k, at a distance in layers; its slope is continuous."""
     direction, size = direction_and_size(distance)
     return direction * where(size > 1.0, sqrt(2.0 * maximum(size, 1.0) - 1.0), size)
 

@@ -1,8 +1,8 @@
-"""Slip controller: one shell around any slip law, for limits, reverse, dropouts and standstill.
+"""Slip controller: a shell around any slip law that handles limits, reverse, dropouts and standstill.
 
-Laws see motion along the commanded direction; braking opposes travel, whichever way it goes. Where the measurement or
-the command cannot be used, and where a robot that brakes has come to a stop, the torque goes to zero as fast as its
-limit lets it, and the law forgets what it had integrated.
+Laws see motion along the commanded direction; braking opposes travel in either direction. If the measurement or the
+command cannot be used, or a braking robot has come to a stop, the torque goes to zero as fast as its limit allows, and
+the law forgets its integral.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class SlipState(NamedTuple):
     torque_Nm: Any  #:   given in the last step
     slip_target: Any  #: slip ratio reached by the ramp
     direction: Any  #:   1 forward, -1 reverse, 0 before the first step
-    limited_s: Any  #:   time for which the limit of the torque has held the slip away from its target
+    limited_s: Any  #:   time for which the torque limit has kept the slip away from its target
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class SlipController:
     law: SlipLaw  #: `SlidingMode`, `FuzzySlidingMode`, `SlipRatioSlidingMode` or `SlipPid`
     limits: Limits  #: of the torque
     force_filter: ForceFilter = field(default_factory=ForceFilter)  #: estimates force and acceleration
-    target_rate_per_s: float = 5.0  #: rate at which the slip that is held follows the command, > 0
+    target_rate_per_s: float = 5.0  #: rate at which the held slip follows the command, > 0
     floor_m_s: float = 0.22  #: v_0, below which a slip speed is held instead of a slip ratio, > 0
     launch: float = 5.0  #: slip speed with which a driving wheel starts from rest, over that slip speed, >= 1
-    stop_m_s: float = 0.05  #: below this speed braking has come to its end, > 0
+    stop_m_s: float = 0.05  #: speed below which braking has ended, > 0
     tolerance: float = 0.02  #: deviation of the slip ratio that counts as reached, > 0
     unreachable_after_s: float = 0.2  #: a slip that stays out of reach for longer is reported, > 0
 
@@ -98,7 +98,7 @@ class SlipController:
         return SlipState(estimate, memory, torque, where(acting, target, 0.0), direction, limited_s), torque, report
 
     def direction(self, command: SlipCommand, estimate: WheelEstimate) -> Any:
-        """1 forward, -1 reverse: as commanded when driving, that of travel when braking."""
+        """1 forward, -1 reverse: the commanded direction when driving, that of travel when braking."""
         rim = self.wheel.radius_m * estimate.wheel_speed_rad_s
         commanded = where(command.direction >= 0, 1.0, -1.0)
         return where(command.slip_ratio < 0, travel_direction(rim, estimate.travel_speed_m_s), commanded)
@@ -118,7 +118,7 @@ class SlipController:
     def motion(
         self, estimate: WheelEstimate, direction: Any, target: Any, rate_per_s: Any, dt_s: Any, torque_before_Nm: Any
     ) -> Motion:
-        """The wheel along its direction, and the slip that it should have."""
+        """Motion of the wheel along its direction, and its target slip."""
         return Motion(
             rim_m_s=direction * self.wheel.radius_m * estimate.wheel_speed_rad_s,
             travel_m_s=direction * estimate.travel_speed_m_s,

@@ -23,7 +23,7 @@ from ohmward.traction.control.signals import DrivenWheel
 
 
 class Motion(NamedTuple):
-    """Motion of a wheel and the slip that it should have, along the commanded direction: a law knows no reverse."""
+    """Motion of a wheel and its target slip, along the commanded direction: a law knows no reverse."""
 
     #: speeds of rim and of the wheel's centre
     rim_m_s: Any
@@ -35,7 +35,7 @@ class Motion(NamedTuple):
     floor_m_s: Any  #:           v_0 of the surface, below which a slip speed is held instead of a slip ratio
     dt_s: Any  #:                time for which the torque will be held
     launch: Any = 1.0  #:              l of the surface
-    torque_before_Nm: Any = None  #:    given in the step before; None where the torque may be any
+    torque_before_Nm: Any = None  #:    given in the previous step; None if the torque is free
 
 
 class SlipLaw(Protocol):
@@ -69,7 +69,7 @@ class SlidingSurface(NamedTuple):
 
 
 def surface(rim_m_s: Any, travel_m_s: Any, slip_target: Any, floor_m_s: Any, launch: Any = 1.0) -> SlidingSurface:
-    """The surface of a slip ratio in (-1, 1) for these speeds of rim and travel; launch >= 1 where it is to drive."""
+    """The surface of a slip ratio in (-1, 1) for these speeds of rim and travel; launch >= 1 for driving."""
     rim, travel = abs(rim_m_s), abs(travel_m_s)
     V = maximum(rim, travel)
     V_f = maximum(V, maximum(floor_m_s, launch * floor_m_s - (launch - 1) * V))

@@ -1,4 +1,4 @@
-"""Speed controller within bounds of slip: the mode in which a robot drives.
+"""Speed controller within slip bounds: the normal driving mode of a robot.
 
 F = m [a_ref + 2 w e + w^2 int e dt],   e = v_ref - v,   tau = r F + J a_ref / r,   then between two bounds:
 
@@ -6,16 +6,16 @@ tau(-lambda_max) <= tau <= tau(+lambda_max)
 
 The bounds are the torques with which the sliding mode law would hold the slips -lambda_max and +lambda_max. While the
 wheel grips they leave room; where the ground gives way they override the speed loop, continuously, and the law holds
-the slip at its bound until the speed needs less. While the torque is bounded v_ref goes no further than the speed
-itself, and the integral waits.
+the slip at its bound until the speed loop needs less. While the torque is bounded v_ref goes no further than the speed
+itself, and the integral is frozen.
 
 v_ref is a ramp that eases off: a_ref = a min(1, sqrt(|v_c - v_ref| / v_e)) falls linearly in time to zero. Copper and
 creep lose the square of the force, and of all ways to cover a distance in a time and end at a speed, the one of least
 int a^2 dt has an acceleration linear in time. A ramp that starts with 4/3 of a constant one's acceleration and eases
-off all the way covers as much in the same time, with 8/9 of int a^2 dt.
+off all the way covers the same distance in the same time, with 8/9 of int a^2 dt.
 
-At standstill, asked for speed 0, the loop takes the rim's speed for e: the integral is then the wheel's angle, and the
-wheel holds its place.
+At standstill, with speed 0 commanded, the loop uses the rim's speed in e: the integral is then the wheel's angle, and
+the wheel holds its position.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from ohmward.traction.control.sliding_mode import SlidingMode
 from ohmward.traction.control.slip_law import Motion
 from ohmward.traction.dynamics.slip import driving_slip_ratio
 
-#: A smaller bound of slip is below what any estimate of speed resolves, and would ask for a force beyond measure.
+#: A smaller slip bound is below what any speed estimate resolves, and would demand an unlimited force.
 _LEAST_BOUND = 1e-3
 
 
@@ -67,14 +67,14 @@ class SpeedController:
     """Settings; `init` and `step` are pure functions of them."""
 
     wheel: DrivenWheel  #: parameters of each driven wheel
-    law: SlidingMode  #: that holds the slip at its bounds
+    law: SlidingMode  #: law that holds the slip at its bounds
     limits: Limits  #: of the torque
     force_filter: ForceFilter = field(default_factory=ForceFilter)  #: estimates force and acceleration
-    acceleration_m_s2: float = 0.5  #: a, most of the ramp, > 0
-    easing_m_s: float = 0.25  #: v_e, the last part of a change of speed, over which it eases off, > 0
+    acceleration_m_s2: float = 0.5  #: a, largest of the ramp, > 0
+    easing_m_s: float = 0.25  #: v_e, last part of a change of speed, over which the ramp eases off, > 0
     bandwidth_rad_s: float = 3.0  #: w, of the speed loop, > 0
     creep_m_s: float = 0.06  #: slip speed that is always allowed, so that a robot can start and climb, > 0
-    stop_m_s: float = 0.05  #: below this speed a robot that shall stop has stopped, > 0
+    stop_m_s: float = 0.05  #: speed below which a robot commanded to stop has stopped, > 0
 
     def __post_init__(self) -> None:
         require_each_positive(
@@ -132,7 +132,7 @@ class SpeedController:
     def next_reference(
         self, state: SpeedState, estimate: WheelEstimate, waiting: Any, acceleration_m_s2: Any, dt_s: Any
     ) -> Any:
-        """Reference speed after the step; while torque is lacking, no farther than the speed itself."""
+        """Reference speed after the step; while torque is lacking, no further than the speed itself."""
         ahead = (estimate.travel_speed_m_s - state.reference_m_s) * acceleration_m_s2 > 0.0
         held = where(ahead, estimate.travel_speed_m_s, state.reference_m_s)
         return where(waiting, held, state.reference_m_s + acceleration_m_s2 * dt_s)
@@ -172,7 +172,7 @@ class SpeedController:
         )
 
     def stopped(self, state: SpeedState, command: SpeedCommand, estimate: WheelEstimate) -> Any:
-        """True where the robot is to stand and stands."""
+        """True where the robot is commanded to stand and stands."""
         fastest = maximum(abs(self.wheel.radius_m * estimate.wheel_speed_rad_s), abs(estimate.travel_speed_m_s))
         return (command.speed_m_s == 0) & (state.reference_m_s == 0) & (fastest < self.stop_m_s)
 
@@ -183,7 +183,7 @@ def is_speed(command: SpeedCommand) -> Any:
 
 
 def between(demanded_Nm: Any, b: Bounds) -> Any:
-    """The torque within its bounds; where they cross, far outside, the one on the side of the slip counts."""
+    """The torque within its bounds; if they cross, far outside, the one on the side of the slip counts."""
     from_above = minimum(maximum(demanded_Nm, b.lower_Nm), b.upper_Nm)
     from_below = maximum(minimum(demanded_Nm, b.upper_Nm), b.lower_Nm)
     return where(b.upper_sigma + b.lower_sigma > 0.0, from_above, from_below)

@@ -1,9 +1,9 @@
-"""Wheel-speed cascade: holds a slip on ordinary motors that take a wheel speed.
+"""Wheel-speed cascade: holds a slip on ordinary motor drives with a wheel-speed command.
 
 r omega_ref = v / (1 - lambda_d) driving,   v (1 + lambda_d) braking,   |lambda_d| v_0 away from v at least when driving
 
 It is the surface sigma = 0 solved for the rim's speed. The drive's own loop is fast, so 50 Hz are enough; the reference
-is given for the middle of the time in which it will hold, `lead_s` ahead.
+is computed for the middle of the time for which it will hold, `lead_s` ahead.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ohmward.traction.dynamics.slip import driving_slip_ratio, travel_direction
 
 
 class CascadeState(NamedTuple):
-    """Estimate of the wheel, and the wheel speed [rad/s] asked for in the last step."""
+    """Estimate of the wheel, and the wheel speed [rad/s] commanded in the last step."""
 
     estimate: WheelEstimate
     reference_rad_s: Any
@@ -38,7 +38,7 @@ class WheelSpeedCascade:
     floor_m_s: float = 0.2  #: v_0, > 0
     lead_s: float = 0.01  #: time by which the travel speed is predicted ahead, >= 0
     wheel_acceleration_rad_s2: float = 200.0  #: largest change of the reference, > 0
-    stop_m_s: float = 0.05  #: below this speed braking has come to its end, > 0
+    stop_m_s: float = 0.05  #: speed below which braking has ended, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("wheel_speed_cascade.", self, "floor_m_s", "wheel_acceleration_rad_s2", "stop_m_s")
@@ -52,7 +52,7 @@ class WheelSpeedCascade:
     def step(
         self, state: CascadeState, command: SlipCommand, measurement: Measurement, dt_s: Any
     ) -> tuple[CascadeState, Any, Report]:
-        """State after the step, wheel speed [rad/s] to ask for, and a report without force and torque."""
+        """State after the step, wheel speed [rad/s] to command, and a report without force and torque."""
         r = self.wheel.radius_m
         estimate = self.force_filter.update(state.estimate, 0.0, measurement, self.wheel, dt_s)
         rim, v = r * estimate.wheel_speed_rad_s, estimate.travel_speed_m_s
@@ -84,7 +84,7 @@ class WheelSpeedCascade:
 
 
 def rim_speed_m_s(travel_m_s: Any, slip_target: Any, floor_m_s: float) -> Any:
-    """Speed of the rim on the surface; the robot travels forward, and braking never turns the wheel back."""
+    """Speed of the rim on the surface; the robot travels forward, and braking never reverses the wheel."""
     driving = maximum(travel_m_s / (1 - maximum(slip_target, 0.0)), travel_m_s + slip_target * floor_m_s)
     braking = maximum(travel_m_s * (1 + slip_target), 0.0)
     return where(slip_target >= 0, driving, braking)
@@ -109,7 +109,7 @@ class WheelSpeedDrive:
         require_each_positive("wheel_speed_drive.", self, "proportional_Nm_s", "integral_Nm")
 
     def init(self, wheel_speed_rad_s: Any) -> DriveState:
-        """No torque."""
+        """State without torque."""
         zero = 0.0 * wheel_speed_rad_s
         return DriveState(zero, zero)
 

@@ -32,7 +32,7 @@ from ohmward.traction.robot.robot import GRAVITY, Robot
 
 #: Passes over the loop of force and load; each leaves about height/wheelbase * mu of the error.
 LOAD_PASSES = 4
-#: Slip speed [m/s] at which the direction of a slip vector stops to count; it keeps the derivative at rest finite.
+#: Slip speed [m/s] below which the direction of a slip vector fades; it keeps the derivative at rest finite.
 _STILL = 1e-6
 
 
@@ -50,11 +50,11 @@ class RobotInput(NamedTuple):
     grade_rad: Any = 0.0  #:      > 0 uphill along x
     bank_rad: Any = 0.0  #:       > 0 where the ground rises to the left
     drawbar_N: Any = 0.0  #:      pull of a load behind the robot, > 0 backward
-    adhesion_share: Any = 1.0  #: (wheels,) or one for all: factor of the traction of the named terrain
+    adhesion_share: Any = 1.0  #: (wheels,) or one for all: factor on the traction of the terrain
 
 
 class Forces(NamedTuple):
-    """Forces at the wheels, each (wheels,) but the torques, which are (driven,)."""
+    """Forces at the wheels, each (wheels,) except the torques, which are (driven,)."""
 
     load_N: np.ndarray  #:         normal load
     slip_speed_m_s: np.ndarray  #: r omega - v along the wheel, 0 where it is not driven
@@ -92,7 +92,7 @@ class WheelMotion(NamedTuple):
 
 
 def wheel_motion(x: np.ndarray, robot: Robot) -> WheelMotion:
-    """Motion of the wheels in state x; one that is not driven rolls, one that is free sideways is not dragged."""
+    """Motion of the wheels in state x; undriven wheels do not slip, and wheels free sideways are not dragged."""
     motion, omega = x[: robot.freedoms], x[robot.freedoms :]
     travel = robot.rolling @ motion
     sideways = robot.sideways @ motion if robot.chassis.scrubs else np.zeros(len(travel))
@@ -102,7 +102,7 @@ def wheel_motion(x: np.ndarray, robot: Robot) -> WheelMotion:
 def forces_at(x: np.ndarray, u: RobotInput, p: Scene, load_N: np.ndarray, grip: np.ndarray | None = None) -> Forces:
     """Slip and forces in state x under these loads (wheels,).
 
-    grip: (driven,) [N s/m] force per slip speed, where it is not to be that of x, see `grips`.
+    grip: (driven,) [N s/m] force per slip speed; None for that of x, see `grips`.
     """
     robot, n = p.robot, p.robot.driven
     rim, travel, sideways = wheel_motion(x, robot)
@@ -147,10 +147,10 @@ def vector_grip(rim: Any, travel: Any, sideways: Any, load_N: Any, law: Traction
 
 
 def normal_loads(u: RobotInput, robot: Robot, ground_N: np.ndarray) -> np.ndarray:
-    """Load of each wheel (wheels,) under its share of the weight and the tilt by the forces along the ground.
+    """Load of each wheel (wheels,) from its share of the weight and the shift by the forces along the ground.
 
-    ground_N: (2,) all forces of the ground along x and y; they act robot.height_m below the centre of gravity. A load
-    that would be negative, of a robot about to tip over, is zero.
+    ground_N: (2,) all forces of the ground along x and y; they act robot.height_m below the centre of gravity. A
+    negative load, of a robot about to tip over, is set to zero.
     """
     weight = robot.mass_kg * GRAVITY * cos(u.grade_rad) * cos(u.bank_rad)
     moments = np.array([weight, -robot.height_m * ground_N[0], -robot.height_m * ground_N[1]])
@@ -186,7 +186,7 @@ def rates(x: np.ndarray, u: RobotInput, p: Scene) -> np.ndarray:
 
 
 def _external(x: np.ndarray, pull: np.ndarray, robot: Robot) -> np.ndarray:
-    """Forces on the body (freedoms,) that do not come from the wheels, with those of the turning frame."""
+    """Forces on the body (freedoms,) that do not come from the wheels, including those of the rotating frame."""
     if robot.freedoms == 2:
         return np.array([pull[0], 0.0])
     v_x, v_y, yaw_rate = x[:3]

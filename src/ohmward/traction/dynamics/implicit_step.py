@@ -1,20 +1,20 @@
 """One step of a robot on the ground, implicit because wheels are stiff.
 
-A wheel that grips settles with J_w / (r^2 N C1 C2), 0.5 ms for a robot of 42 kg; an explicit step has to be shorter.
-Here every stage solves X = base + h rate(X), so a step of 10 ms is as stable as one of 10 us. Two methods, both
-L-stable: they forget the stiff part instead of ringing.
+A gripping wheel settles with the time constant J_w / (r^2 N C1 C2), 0.5 ms for a robot of 42 kg; an explicit step has
+to be shorter. Here every stage solves X = base + h rate(X), so a step of 10 ms is as stable as one of 10 us. Two
+methods, both L-stable: they forget the stiff part instead of ringing.
 
 EULER       order 1, one stage. Its numerical loss is >= 0: discrete time is passive too.
 ALEXANDER   order 2, two stages, gamma = 1 - 1/sqrt(2) (Alexander 1977, SDIRK2).
 
-Newton alone can go back and forth for ever between the flat ends of a saturating law. So every stage starts with a few
-chord steps: the force is taken as proportional to the slip, with the factor of the last step. The factor falls with the
-slip, so these steps cannot overshoot (they minimise a bound of the stage's energy), only be slow; Newton then finishes.
-The number of steps is fixed, so that the whole step is a straight line of operations; `Step.defect_m_s` says what they
-left.
+Newton's method alone can oscillate for ever between the flat ends of a saturating law. So every stage starts with a few
+chord steps: the force is assumed proportional to the slip, with the factor of the last step. The factor falls with the
+slip, so these steps cannot overshoot (they minimise a bound of the stage's energy), though they may be slow; Newton
+then finishes. The number of steps is fixed, so that the whole step is a fixed sequence of operations; `Step.defect_m_s`
+is the remaining error.
 
 A law that falls beyond its peak makes a wheel bistable: with h r^2 N |dF/ds| / J_w > 1 a stage has more than one
-solution, and none is better. Then the step must be shorter (for a peak at 0.1 m/s: 3 ms EULER, 10 ms ALEXANDER).
+solution, and none is preferable. Then the step must be shorter (for a peak at 0.1 m/s: 3 ms EULER, 10 ms ALEXANDER).
 """
 
 from __future__ import annotations
@@ -114,7 +114,8 @@ def solve_stage(
 ) -> tuple[np.ndarray, np.ndarray]:
     """X (n,) of X = base + h rate(X), and the loads (wheels,) there.
 
-    Loads follow the forces from step to step, but not in the Jacobian, and rest at last: X is exact for the loads.
+    Loads follow the forces between iterations, but not in the Jacobian, and are fixed in the last ones: X is exact for
+    these loads.
     """
     robot = p.robot
     load_N = normal_loads(u, robot, np.zeros(2))

@@ -29,7 +29,7 @@ def direction_and_size(x: Any) -> tuple[Any, Any]:
     return where(forward, 1.0, -1.0), where(forward, x, -x)
 
 
-#: Least speed [m/s] that a slip ratio is taken against: a law in the slip ratio has infinite slope at rest.
+#: Smallest speed [m/s] that a slip ratio divides by: a law in the slip ratio has infinite slope at rest.
 SPEED_FLOOR = 0.05
 
 
@@ -47,7 +47,7 @@ class TractionLaw(Protocol):
     """A law of friction between wheel and ground.
 
     Implementations are frozen dataclasses that check themselves. The force has the sign of the slip speed or is zero
-    (the ground takes energy and never gives any), is odd in the direction of motion, continuous, and traces.
+    (the ground takes energy and never gives any), is odd in the direction of motion, continuous, and can be traced.
     """
 
     def force_N(self, contact: Contact) -> Any:
@@ -159,7 +159,7 @@ class WardIagnemma:
 def adhesion(slip_speed_m_s: Any, c1: Any, c2_s_per_m: Any, c3_s_per_m: Any = 0.0) -> Any:
     """Force over load, [T] 4.3, of the sign of the slip; the parameters may be states of a filter.
 
-    The sign stands in the constants: traced, force and slope are then shortest.
+    The sign is put in the constants, which makes the traced force and slope shortest.
     """
     forward = slip_speed_m_s >= 0
     fade = where(forward, -c2_s_per_m, c2_s_per_m)
@@ -172,13 +172,13 @@ class Burckhardt:
 
     mu = c1 (1 - e^(-c2 lambda)) - c3 lambda,  lambda = |s| / max(|r omega|, |v|)
 
-    Beyond 1 (rim and travel opposed) it stays what it is at 1.
+    Beyond 1 (rim and travel opposed) it keeps its value at 1.
     """
 
     c1: float  #: adhesion to which the exponential rises, > 0
     c2: float  #: rate of it, > 0
     c3: float  #: adhesion that a sliding wheel has lost, >= 0, with the adhesion at slip ratio 1 not below 0
-    speed_floor_m_s: float = SPEED_FLOOR  #: below this speed the slip ratio is taken against it, > 0
+    speed_floor_m_s: float = SPEED_FLOOR  #: smallest speed that the slip ratio divides by, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("burckhardt.", self, "c1", "c2", "speed_floor_m_s")
@@ -242,7 +242,7 @@ class Brush:
     patch_length_m: float  #: l, > 0
     tread_stiffness_N_per_m2: float  #: k, force on a metre of patch for a metre of deformation, > 0
     lead_length_m: float = 0.0  #: lambda_a, >= 0
-    speed_floor_m_s: float = SPEED_FLOOR  #: below this rim speed the creepage is taken against it, > 0
+    speed_floor_m_s: float = SPEED_FLOOR  #: smallest rim speed that the creepage divides by, > 0
 
     def __post_init__(self) -> None:
         require_each_positive(
@@ -313,14 +313,15 @@ class SoftGround:
         contact length               l = sqrt(z_0 (D - z_0))
         traction                     F = (b l c + W tan phi) [1 - K/(i l) (1 - e^(-i l/K))],  i = s / |r omega|
 
-    The pressure is taken as even along the contact. A spinning wheel digs in deeper (slip sinkage); that is not here.
+    The pressure is assumed uniform along the contact. A spinning wheel digs in deeper (slip sinkage); that is not
+    modelled.
     """
 
-    soil: Soil  #: what is rolled on
+    soil: Soil  #: the soil
     #: of the wheel, > 0
     radius_m: float
     width_m: float
-    speed_floor_m_s: float = SPEED_FLOOR  #: below this rim speed the creepage is taken against it, > 0
+    speed_floor_m_s: float = SPEED_FLOOR  #: smallest rim speed that the creepage divides by, > 0
 
     def __post_init__(self) -> None:
         require_each_positive("soft_ground.", self, "radius_m", "width_m", "speed_floor_m_s")

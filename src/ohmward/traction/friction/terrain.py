@@ -86,7 +86,7 @@ class Terrain(NamedTuple):
 
 
 class _Wheel(Protocol):
-    """What a soil must know of a wheel."""
+    """Dimensions of a wheel that a soil needs."""
 
     @property
     def radius_m(self) -> float: ...

@@ -1,18 +1,18 @@
-"""Outside speed beside the rims, from GNSS, visual or lidar odometry, optical flow: its noise, age and evidence.
+"""Outside speed besides the rims', from GNSS, visual or lidar odometry, optical flow: its noise, age and evidence.
 
-It may be late: the rims that it is held against are whatever they have been of late that lies nearest to it. What is
-left are its errors e, from which its noise is learnt. Slip and a wrong radius make errors that last, which no
-difference shows, and filters and satellites make ones that fade from speed to speed, by rho:
+It may be late: it is compared with the recent speed of the rims that lies nearest to it. The remainder is its error e,
+from which its noise is learnt. Slip and a wrong radius cause lasting errors, which differences do not show; filters and
+satellites cause errors that are correlated from speed to speed, by rho:
 
     D_1 = E (e_k - e_(k-1))^2 / 2 = V (1 - rho),   D_2 = E (e_k - e_(k-2))^2 / 2 = V (1 - rho^2)
 
-A mean of many is as good as one of uncorrelated errors of the variance
+A mean of many is as accurate as one of uncorrelated errors with the variance
 
     V (1 + rho) / (1 - rho) = D_1 (1 + rho) / (1 - rho)^2,   1 + rho = D_2 / D_1
 
-The roots of D_1 and D_2 are means of the sizes of differences, for which one that jumps is no noise. The standard
-deviation that the source gives, or a usual one, counts for a number n of differences, and what a source gives is its
-least. A standard deviation that rests upon n is that of Student's distribution, larger by sqrt(n / (n - 2)).
+The roots of D_1 and D_2 come from mean absolute differences, in which a single jump counts little. The standard
+deviation given by the source, or a usual one, counts for a number n of differences, and the source's own is a minimum.
+A standard deviation estimated from n is that of Student's distribution, larger by sqrt(n / (n - 2)).
 """
 
 from __future__ import annotations
@@ -27,23 +27,24 @@ from ohmward.trace import clip, exp, isfinite, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.sample import CleanSample
 
-#: Standard deviation [m/s] of a source that gives none, where its errors are not learnt: of GNSS, and of odometry of
-#: cameras at a walking pace.
+#: Standard deviation [m/s] of a source that gives none, if its errors are not learnt: that of GNSS, and of camera
+#: odometry at a walking pace.
 ASSUMED_STD_M_S = 0.05
 
-#: The usual one where they are, and the least one that they show.
+#: Usual standard deviation [m/s] if they are learnt, and the smallest learnt one.
 USUAL_STD_M_S, LEAST_STD_M_S = 0.1, 0.02
 
 #: Number of differences that the given standard deviation, and the usual one, count for (> 2), and the most in a mean.
 GIVEN_COUNTS, USUAL_COUNTS, MEAN_OF = 20.0, 3.0, 100.0
 
-#: Standard deviation of white noise over the mean size of its differences; a difference counts up to so many times.
+#: Standard deviation of white noise over the mean size of its differences; largest difference that counts, over the
+#: mean.
 OF_DIFFERENCES, MOST_TIMES = math.sqrt(math.pi) / 2.0, 4.0
 
-#: Most correlation from each error to the next.
+#: Largest correlation of successive errors.
 MOST_CORRELATION = 0.9
 
-#: Rims are remembered for once to twice so long [s].
+#: Rims are remembered for one to two times this time [s].
 RIMS_SPAN_S = 0.6
 
 
@@ -66,9 +67,9 @@ class OutsideSpeed(NamedTuple):
     measured: Any  #: the condition that there is one
     speed_m_s: Scalar  #: as measured; 0 where there is none
     std_m_s: Scalar  #: its standard deviation
-    rims_m_s: Scalar  #: speed of the rims that it is held against
-    late_m_s: Scalar  #: what they have changed by since; 0 where there is none
-    white_std_m_s: Scalar = math.nan  #: standard deviation of what does not last from speed to speed
+    rims_m_s: Scalar  #: speed of the rims that it is compared with
+    late_m_s: Scalar  #: change of the rims since then; 0 without a speed
+    white_std_m_s: Scalar = math.nan  #: standard deviation of the part that is uncorrelated from speed to speed
 
 
 def receive(
@@ -76,8 +77,8 @@ def receive(
 ) -> tuple[SpeedErrors, OutsideSpeed]:
     """The state after a step, and the outside speed with which it ends, if there is one.
 
-    rim_m_s: forward speed as the wheels show it.
-    rolls: the condition that this is the robot's, so that noise is learnt.
+    rim_m_s: forward speed by the wheels.
+    rolls: the condition that the robot moves at it, so that noise is learnt.
     std_m_s: usual standard deviation of a source that does not give its own.
     """
     over = before.span_s + clean.dt_s >= RIMS_SPAN_S
@@ -120,43 +121,43 @@ def effective_std(differences: np.ndarray) -> Scalar:
     return differences[0] * sqrt(1.0 + rho) / (1.0 - rho)
 
 
-#: The robot counts as held from this probability on. A single outside speed of zero may be a fault of its source, and
-#: makes no alarm.
+#: Probabilities from which the robot counts as held, and from which an alarm is raised. A single outside speed of zero
+#: may be a fault of its source, and raises none.
 IS_HELD, ALARM = 0.5, 0.9
 
-#: The wheels turn from this speed [m/s] of their rims on; a robot below this share of it is stuck.
+#: Rim speed [m/s] from which the wheels turn, and share of it below which a robot is stuck.
 TURNS_M_S, STUCK_SHARE = 0.1, 0.2
 
-#: A robot is met held, or sliding, once in so long on average [s], is held for so long, and slides for so long.
+#: Mean time [s] until a robot is held or slides, mean time for which it is held, and for which it slides.
 MET_S, HELD_S, SLIDES_S = 500.0, 60.0, 10.0
 
-#: Wheels begin to slide where they change their speed: once in so much change [m/s] on average.
+#: Mean change of wheel speed [m/s] until the wheels slide: slides begin where it changes.
 MET_M_S = 15.0
 
-#: Standard deviation h [m/s] of the speed of a robot that is held: it rocks. Slip q of one that rolls, over its speed.
+#: Standard deviation h [m/s] of the speed of a held robot, which rocks. Slip q of a rolling one, over its speed.
 ROCKS_M_S, ROLLS_SHARE = 0.05, 0.05
 
 #: Share g of outside speeds that are garbage, and their density d [s/m].
 GARBAGE, GARBAGE_S_PER_M = 0.01, 0.5
 
-#: Density at two standard deviations from the mean, over that of one standard deviation of one.
+#: Density of the standard normal distribution at two standard deviations.
 TWO_SIGMA = math.exp(-2.0) / math.sqrt(2.0 * math.pi)
 
 
 class Held(NamedTuple):
-    """Hypothesis that the robot is held while its wheels turn, as one that is stuck: judged by outside speeds alone.
+    """Hypothesis that the robot is held while its wheels turn, as if stuck: judged by outside speeds alone.
 
-    Wheels and gyro cannot tell a robot that is held, or one whose wheels all slide, from one that rolls, so they are no
-    evidence of it. An outside speed y of standard deviation s is: with the speed v of the rims,
+    Wheels and gyro cannot distinguish a robot that is held, or whose wheels all slide, from one that rolls, so they are
+    no evidence. An outside speed y with standard deviation s is: with the speed v of the rims,
 
         p(y | held)   = (1 - g) N(y; 0, s^2 + h^2) + g d
         p(y | rolls)  = (1 - g) N(y; v, s^2 + (q v)^2) + g d
         p(y | slides) = min(d, N(2 s; 0, s^2))
 
-    and g the share of speeds that are garbage, of density d, as are those of a robot that slides: any, but where s is
-    so large that d would tell of it within two of them. A robot is met held or sliding, and comes free, as in a Markov
-    chain; without motor currents it is met sliding the more, the more its wheels change their speed; one whose wheels
-    stand stays as it is.
+    and g the share of speeds that are garbage, of density d. A sliding robot has that density too, unless s is so large
+    that d would favour sliding within two standard deviations. Holding and sliding begin and end as in a Markov chain;
+    without motor currents a slide is likelier to begin the more the wheels change their speed; while the wheels stand,
+    the state stays.
     """
 
     probability: Any = 0.0  #: that it is held
@@ -166,8 +167,8 @@ class Held(NamedTuple):
 def weigh_held(before: Held, y: OutsideSpeed, rim_m_s: Any, dt_s: Scalar, changed_m_s: Scalar = 0.0) -> Held:
     """The hypothesis after a step.
 
-    rim_m_s: forward speed as the wheels show it.
-    changed_m_s: size of its change; 0 where motor currents tell what the wheels' friction does.
+    rim_m_s: forward speed by the wheels.
+    changed_m_s: size of its change; 0 if motor currents show the friction of the wheels.
     """
     turns = abs(rim_m_s) > TURNS_M_S
     met, ends, stops = (1.0 - exp(-dt_s / time_s) for time_s in (MET_S, HELD_S, SLIDES_S))
@@ -187,6 +188,6 @@ def weigh_held(before: Held, y: OutsideSpeed, rim_m_s: Any, dt_s: Scalar, change
 
 
 def likelihood(error_m_s: Scalar, variance: Scalar) -> Scalar:
-    """Density [s/m] of an outside speed that is off by so much, which may be garbage."""
+    """Density [s/m] of an outside speed with this error, garbage included."""
     normal = exp(-0.5 * error_m_s * error_m_s / variance) / sqrt(2.0 * math.pi * variance)
     return (1.0 - GARBAGE) * normal + GARBAGE * GARBAGE_S_PER_M

@@ -1,12 +1,12 @@
 """One sample of the sensors of a robot, live or from a log, for speed observer, odometry and learnt floors; sanitised.
 
-What no sensor can have shown counts as missing, see `ohmward.filters.sanitize`. A sensor that comes at its own rate
-leaves samples without a value. For its usual interval, learnt as its values come, the last value still holds; later it
-is missing. The interval follows the gaps between values: quickly up to the longest of them, slowly down, so that jitter
-makes no value missing; one gap in which the sensor failed lengthens it by a quarter at most.
+A value that no sensor can give counts as missing, see `ohmward.filters.sanitize`. A sensor with a rate of its own
+leaves samples without a value: its last value holds for its usual interval, which is learnt as values arrive; after
+that it is missing. The interval follows the gaps between values, quickly up to the longest of them and slowly down, so
+that jitter makes no value missing; one gap in which the sensor failed lengthens it by a quarter at most.
 
-An encoder that repeats one number to the last bit, and not that of a wheel that stands, while another one moves, has
-stopped. One that stops at zero cannot be told from a wheel that stands.
+An encoder that repeats a number other than zero to the last bit while another one moves has stopped. One that stops at
+zero cannot be distinguished from a standing wheel.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ class RobotSample(NamedTuple):
     0.02
     """
 
-    dt_s: Any  #: time since the sample before [s]; 0 for the first
+    dt_s: Any  #: time since the previous sample [s]; 0 for the first
     wheel_speed_rad_s: np.ndarray  #: (wheels,) from encoders, driven wheels first; nan for a wheel without one
     current_A: np.ndarray  #: (driven,) of the motors over the step that ends now, > 0 drives forward
     yaw_rate_rad_s: Any = math.nan  #: from a gyro, the mean over the step, > 0 to the left
     acceleration_m_s2: Any = math.nan  #: from an accelerometer along x, gravity included: at rest g sin(pitch)
     pitch_rad: Any = math.nan  #: from an attitude filter, > 0 with the nose up
-    #: forward, from GNSS, visual or lidar odometry, optical flow; its standard deviation where the source gives one,
-    #: and its age
+    #: forward, from GNSS, visual or lidar odometry, optical flow; its standard deviation if the source gives one, and
+    #: its age
     speed_m_s: Any = math.nan
     speed_std_m_s: Any = math.nan
     speed_age_s: Any = 0.0
@@ -53,7 +53,7 @@ def no_sample(robot: Robot) -> RobotSample:
 
 
 def samples_of(log: DriveLog, robot: Robot, before_s: float = math.nan) -> RobotSample:
-    """The log as samples (T, ...), its first step counted from `before_s` where that is a time before it.
+    """The log as samples (T, ...), its first step counted from `before_s` if that is earlier.
 
     Raises:
         InputError: the log has other wheels or motors than the robot.
@@ -81,7 +81,7 @@ def first_of(samples: S) -> S:
     return first._replace(dt_s=0.0) if isinstance(samples, RobotSample) else first
 
 
-#: Keeps a time of no length, a robot that stands or no sample at all from dividing by zero.
+#: Prevents a division by zero for a step without length, a standing robot or no samples.
 LEAST_DIVISOR = 1e-9
 
 
@@ -110,7 +110,7 @@ def change_since(history: History, age_s: Scalar) -> Scalar:
 
 
 def sum_since(dt_s: np.ndarray, changes: np.ndarray, age_s: Scalar) -> tuple[Any, Scalar]:
-    """Sum of the changes in the last `age_s`, a step that it begins in counted in part, and the time [s] they cover.
+    """Sum of the changes in the last `age_s`, its oldest step in part, and the time [s] that they cover.
 
     dt_s: (steps,) length of each, newest first.  changes: (steps, ...).
     """
@@ -128,16 +128,16 @@ def sum_since(dt_s: np.ndarray, changes: np.ndarray, age_s: Scalar) -> tuple[Any
 #: Age [s] of a channel that has never had a value.
 NEVER_S = 1e9
 
-#: Factors by which one gap between two values shortens and lengthens the usual interval at most.
+#: Largest factors by which one gap between two values shortens and lengthens the usual interval.
 SHORTER, LONGER = 0.99, 1.25
 
 #: Share of the usual interval for which a value holds; below 1, so that a value that fails is missing.
 HOLD_SHARE = 0.99
 
-#: So many values in a row may be lost on a link from a sensor that works.
+#: Number of values in a row that may be lost on the link from a working sensor.
 LOST = 3
 
-#: Time [s] for which the first value holds, until a second one tells the interval: sensors of 5 Hz are usual.
+#: Time [s] for which the first value holds, until a second one gives the interval: sensors of 5 Hz are common.
 FIRST_INTERVAL_S = 0.25
 
 
@@ -176,9 +176,9 @@ def holds(intervals: Intervals) -> np.ndarray:
 
 
 def share_measured(before: Intervals, after: Intervals, dt_s: Scalar) -> np.ndarray:
-    """Share of the time since the last value over which a mean is taken (channels,); 0 before the second value.
+    """Share (channels,) of the time since the last value that a mean covers; 0 before the second value.
 
-    All of it where up to LOST values were lost on the way, as counts run on; beyond, the usual interval.
+    All of it if up to LOST values were lost in between, as counts run on; otherwise the usual interval.
 
     before, after: clocks before and after the step.
     """
@@ -187,23 +187,23 @@ def share_measured(before: Intervals, after: Intervals, dt_s: Scalar) -> np.ndar
     return where(lost, 1.0, after.usual_s / maximum(gap_s, LEAST_DIVISOR))
 
 
-#: A longer step is a clock that was set, not a robot that waited.
+#: Longest step [s]: a longer one is a clock that was set, not a robot that waited.
 LONGEST_STEP_S = 3600.0
 
-#: A faster turn [rad/s] is a gyro's fault: the range of those that robots carry is 2000 degrees a second.
+#: A faster turn [rad/s] is a gyro's fault: gyros on robots have a range of 2000 degrees per second.
 MOST_YAW_RAD_S = 35.0
 
 #: A steeper pitch [rad] is a sensor's fault.
 STEEPEST_RAD = 1.5
 
-#: An older speed [s] is no measurement; a standard deviation [m/s] outside of these limits is not its source's.
+#: An older speed [s] is not used, nor is a standard deviation [m/s] outside these limits.
 OLDEST_S = 60.0
 SPEED_STD_M_S = (1e-4, 10.0)
 
 #: Time constant with which a motor current that is not measured fades.
 CURRENT_FADES_S = 0.5
 
-#: An encoder has stopped when it has repeated itself for so long [s] while another one moved.
+#: Time [s] of repeating itself, while another encoder moves, after which an encoder has stopped.
 STOPPED_AFTER_S = 2.0
 
 
@@ -216,17 +216,17 @@ class SensorStds(NamedTuple):
 
 
 class CleanSample(NamedTuple):
-    """A sample of what is credible."""
+    """Credible values of a sample."""
 
     dt_s: Scalar  #: step [s], >= 0
     modelled_s: Scalar  #: part of the step that a model describes; 0 while the robot stands
-    unmodelled_s: Scalar  #: the rest, in which the speed may have changed by anything; 0 while the robot stands
+    unmodelled_s: Scalar  #: the rest, in which the speed may change by any amount; 0 while the robot stands
     current_A: np.ndarray  #: (driven,) over the step, 0 or held where it is not measured
     current_measured: np.ndarray  #: (driven,) conditions, true too where the last one still holds
     wheel_speed_rad_s: np.ndarray  #: (wheels,), 0 where it is not measured
     wheel_measured: np.ndarray  #: (wheels,) conditions
-    time_credible: Scalar  #: the condition that the clock can have shown the step
-    gap: Scalar  #: the condition that the step is longer than the last current is believed
+    time_credible: Scalar  #: the condition that the step is possible for a clock
+    gap: Scalar  #: the condition that the step is longer than the last current holds
     #: of the body, nan where it is not measured
     yaw_rate_rad_s: Scalar = math.nan
     acceleration_m_s2: Scalar = math.nan
@@ -234,12 +234,12 @@ class CleanSample(NamedTuple):
     speed_m_s: Scalar = math.nan
     speed_std_m_s: Scalar = math.nan
     speed_age_s: Scalar = 0.0  #: >= 0
-    speed_refused: Scalar = False  #: the condition that there is a speed of the body which no robot has now
-    current_refused: Scalar = False  #: the condition that a current was measured which no wheel can have taken
+    speed_refused: Scalar = False  #: the condition that a speed of the body was given that no robot can have now
+    current_refused: Scalar = False  #: the condition that a current was measured that no wheel can have taken
     lag_share: Any = 1.0  #: (wheels,) share of the time since each encoder's last value over which its speed is a mean
     rest_s: Scalar = 0.0  #: time for which wheels and motors have been at rest
     resting: Scalar = False  #: the condition that this has lasted long enough for a standstill
-    stds: SensorStds | None = None  #: matched standard deviations of the sensors; None where the given ones hold
+    stds: SensorStds | None = None  #: matched standard deviations of the sensors; None for the given ones
 
 
 class EncoderWatch(NamedTuple):
@@ -250,7 +250,7 @@ class EncoderWatch(NamedTuple):
 
 
 def sanitize(sample: RobotSample, gap_s: float) -> CleanSample:
-    """The sample without what no sensor and no clock can have shown; a step longer than `gap_s` is a gap."""
+    """The sample without values that no sensor or clock can give; a step longer than `gap_s` is a gap."""
     time = sanitize_step(sample.dt_s, LONGEST_STEP_S, gap_s)
     measured_A = np.array([within(current, MOST_MOTOR_A) for current in sample.current_A])
     measured = np.array([within(speed, MOST_WHEEL_RAD_S) for speed in sample.wheel_speed_rad_s])

@@ -1,7 +1,7 @@
 """Measurements of the odometry, each an update of its own: wheels against gyro, speeds, headings, and pose increments.
 
 Each function takes the correction so far and returns it with one more. A measurement that is missing or outside its
-gate changes no mean; one of the motion that is outside opens the band at once, as far as the innovation says.
+gate changes no mean; a measured motion outside its gate widens the band at once, by as much as the innovation.
 """
 
 from __future__ import annotations
@@ -49,17 +49,17 @@ from ohmward.traction.odometry.model import (
 )
 from ohmward.traction.odometry.sample import OdometrySample
 
-#: Gyro and wheels are compared by the angles that they turned in so long [s]: a count is wrong once in an angle.
+#: Time [s] over which the angles of gyro and wheels are compared: quantisation enters an angle only once.
 COMPARED_S = 0.5
 
-#: A turn of the wheels [rad] beyond what they count wrong, and limits of the share by which scrubbing changes it: at -1
-#: the robot does not turn at all and its wheels spin, above 0 is the error of a track.
+#: Turn of the wheels [rad] beyond their quantisation, and limits of the share by which scrubbing changes it: at -1 the
+#: robot does not turn at all and its wheels spin, above 0 it is an error of the track.
 LEAST_TURN_RAD, SCRUBBING_SHARE = 0.01, (-0.95, 0.1)
 
-#: A robot whose wheels moved less than this [m] stood: its encoders have no error of counting.
+#: A robot whose wheels moved less than this [m] stood: its encoders have no quantisation error.
 STOOD_M = 1e-6
 
-#: A robot that stands turns by so much [rad] unseen: a hundredth of a count; keeps its yaw's variance above rounding.
+#: Unnoticed turn [rad] of a standing robot, a hundredth of a count: it keeps the variance of the yaw above rounding.
 STILL_TURN_RAD = 1e-5
 
 #: Least and longest length [s] of a pose increment.
@@ -68,7 +68,7 @@ INCREMENT_S = (1e-3, 10.0)
 #: A larger pose increment [m, rad] is its source's fault.
 MOST_INCREMENT = 100.0
 
-#: Share of a pose increment's length that must be remembered.
+#: Share of a pose increment's length that the stored steps must cover.
 REMEMBERED = 0.99
 
 #: Limits [m, rad] of the standard deviation of a pose increment that its source gives.
@@ -77,13 +77,13 @@ INCREMENT_STD = (1e-5, 10.0)
 #: Limits [rad] of the standard deviation of a heading that its source gives; a larger heading is its source's fault.
 HEADING_STD, MOST_HEADING_RAD = (1e-4, 1.0), 1e4
 
-#: Correlation times from one heading that is used to the next: their errors are alike by e^-3, a twentieth.
+#: Correlation times between headings that are used: their errors are then correlated by e^-3, a twentieth.
 HEADING_WAIT = 3.0
 
-#: A slip is opened to so many of its standard deviations at most: beyond, rounding would spoil the covariance.
+#: Largest slip, in its standard deviations, to which it is widened: beyond, rounding would spoil the covariance.
 MOST_OPENED = 1e4
 
-#: Outside speeds, a second apart or less, name a slide within so long [s]; the way of it is taken back.
+#: Time [s] in which outside speeds, a second apart or less, reveal a slide; its distance is then taken back.
 OVERRUN_S = 3.0
 
 #: Least standard deviation [m/s, rad/s] by which a rejected measurement is divided.
@@ -94,10 +94,10 @@ class TurnSums(NamedTuple):
     """Sums over the time since gyro and wheels were last compared."""
 
     time_s: Any = 0.0  #: time
-    #: angles that they show
+    #: measured angles
     wheels_rad: Any = 0.0
     gyro_rad: Any = 0.0
-    rim_m: Any = 0.0  #: way of the rims, whatever its direction
+    rim_m: Any = 0.0  #: distance covered by the rims, in any direction
     gyro_variance: Any = 0.0  #: of the gyro's angle by its noise [rad2]
     start_rad_s: Any = 0.0  #: yaw rate of the gyro at the start
     stood: Any = 0.0  #: comparisons in a row in which the wheels have not moved
@@ -112,15 +112,15 @@ class HeadingTimes(NamedTuple):
 
 
 class Overrun(NamedTuple):
-    """How far the pose has gone beyond what outside speeds show; none where the last one is older than `OVERRUN_S`."""
+    """Distance of the pose beyond that of the outside speeds; zero if the last one is older than `OVERRUN_S`."""
 
     last_m_s: Any = 0.0  #: the last outside speed
     age_s: Any = NEVER_S  #: time since it
-    way_m: Any = 0.0  #: way of the pose less that of the outside speeds, each of which holds to the next
+    way_m: Any = 0.0  #: distance of the pose less that of the outside speeds, each held to the next
 
 
 def run_over(before: Overrun, speed_m_s: Scalar, received: OutsideSpeed, slides: Scalar, dt_s: Scalar) -> Overrun:
-    """The overrun after a step in which the pose moved at this speed; what a slide took back is gone."""
+    """The overrun after a step in which the pose moved at this speed; the part taken back for a slide is removed."""
     age_s = before.age_s + dt_s
     kept_m = before.way_m * exp(-dt_s / OVERRUN_S) + (speed_m_s - before.last_m_s) * dt_s
     way_m = where(age_s <= OVERRUN_S, kept_m, 0.0)
@@ -145,9 +145,9 @@ class PoseCorrection(NamedTuple):
 
 
 def add_turn(sums: TurnSums, u: MotionInput, rim_m: Scalar) -> TurnSums:
-    """The sums with one more step; nothing where gyro and wheels are not comparable in it.
+    """The sums with one more step; reset if gyro and wheels are not comparable in it.
 
-    rim_m: way of the rims in it, whatever its direction.
+    rim_m: distance covered by the rims in it, in any direction.
     """
     added = sums._replace(
         time_s=sums.time_s + u.dt_s,
@@ -168,12 +168,12 @@ def use_turn(
     Wheels that turned:   0 = d - (t_g + t_w) w + e,                            e a part of a count
     wheels that stood:    0 = (t_g + t_w) (w - w_0) - (theta_g - b T) + e
 
-    The noise of the gyro over the time T at rest is in the yaw and in d too, Cov(yaw, e) = -N^2 T = -Cov(d, e), so
-    that the wheels take back from both what a bad gyro has turned them by. A robot whose counts stay may still turn by
-    a part of one, in the n-th comparison at rest by a part 1 / n of it: then it has turned by less in all those before.
+    The noise of the gyro over the time T at rest is in the yaw and in d too, Cov(yaw, e) = -N^2 T = -Cov(d, e), so that
+    the wheels remove from both the turn of a bad gyro. A robot whose counts stay may still turn by a part of one; in
+    the n-th comparison at rest by 1 / n of it, as it has turned by less in all those before.
 
-    Where a robot that stands has turned by its gyro for longer than `reset_after_s`, the offset has changed. Where
-    wheels and gyro disagree, nothing is known of d.
+    If a standing robot has turned by its gyro for longer than `reset_after_s`, the offset has changed. If wheels and
+    gyro disagree, d is unknown.
 
     fresh: the condition that the step ended with a value of the wheels.
     """
@@ -203,7 +203,7 @@ def use_turn(
 
 
 def forget(belief: Belief, i: int, variance: Scalar) -> Belief:
-    """The belief in which nothing is known of element i but that it is zero but for this variance."""
+    """The belief with element i reset to zero with this variance."""
     keep = np.array([0.0 if k == i else 1.0 for k in range(len(belief.mean))])
     return inflate(Belief(belief.mean * keep, belief.cov * np.outer(keep, keep)), i, variance)
 
@@ -211,8 +211,8 @@ def forget(belief: Belief, i: int, variance: Scalar) -> Belief:
 def scrubbing(belief: Belief, sums: TurnSums) -> Belief:
     """The belief of a robot that may drag its wheels sideways, where wheels have turned farther than the gyro.
 
-    Fixed wheels that scrub turn the robot by less than they show, theta_g = theta_w (1 + k_w) with k_w in (-1, 0): a
-    long robot whose front wheels alone are driven in simulation by a tenth of it.
+    Fixed wheels that scrub turn the robot by less than they show, theta_g = theta_w (1 + k_w) with k_w in (-1, 0): in
+    simulation, a long robot with only its front wheels driven turns by a tenth of it.
     """
     gyro_rad = sums.gyro_rad - belief.mean[OFFSET] * sums.time_s
     share = gyro_rad / where(abs(sums.wheels_rad) > LEAST_TURN_RAD, sums.wheels_rad, np.inf) - 1.0
@@ -232,11 +232,11 @@ def use_speeds(
     noise: OdometryNoise,
     gate: float,
 ) -> PoseCorrection:
-    """Correct with external speeds forward and to the left, the first with what it has changed by since.
+    """Correct with external speeds forward and to the left, the first with its change since then.
 
     outside: the first.
     slides: probability that the robot slides, so that its wheels do not show its speed.
-    overrun_m: way by which the pose is ahead of the outside speeds, see `Overrun`.
+    overrun_m: distance by which the pose is ahead of the outside speeds, see `Overrun`.
     """
     age_s = clean.speed_age_s
     credible = within(sample.speed_left_m_s, FASTEST_M_S) & logical_not(sample.robot.speed_age_s > OLDEST_S)
@@ -262,14 +262,14 @@ def use_forward_speed(
     u: MotionInput,
     gate: float,
 ) -> tuple[Belief, Scalar]:
-    """The belief after an outside speed y = v + noise, and the condition that a robot that rolls has none of these.
+    """The belief after an outside speed y = v + noise, and the condition that it excludes a rolling robot.
 
     A mixture of two: the robot rolls, and y is used within its gate, or it slides with the probability p, its slip may
-    be anything, and it has not gone the way by which its pose is ahead of the outside speeds:
+    be anything, and it has not covered the distance by which its pose is ahead of the outside speeds:
 
         x = (1 - p) x_r + p x_s,   P = (1 - p) P_r + p P_s + p (1 - p) (x_s - x_r) (x_s - x_r)'
 
-    y_slides: y without what the rims have changed by since, which is none of a robot that slides.
+    y_slides: y without the change of the rims since then, which a sliding robot does not make.
     """
 
     def forward(x: np.ndarray) -> np.ndarray:
@@ -286,7 +286,7 @@ def use_forward_speed(
 
 
 def moved_back(belief: Belief, way_m: Scalar, u: MotionInput) -> Belief:
-    """The belief of a robot that has gone less far by this way, known to a third of it."""
+    """The belief moved back by this distance, which is known to within a third of it."""
     yaw = yaw_now(belief.mean, u)
     back = np.array([{X: cos(yaw), Y: sin(yaw)}.get(i, 0.0) * way_m for i in range(len(NAMES))])
     return Belief(belief.mean - back, belief.cov + np.outer(back, back) / 9.0)
@@ -301,13 +301,13 @@ def use_heading(
     gate: float,
     reset_after_s: float,
 ) -> tuple[PoseCorrection, HeadingTimes]:
-    """Correct with a heading, the short way round; new times then.
+    """Correct with a heading, by the shorter turn; new times then.
 
     heading = yaw + heading_zero + noise
 
-    What disturbs a compass lasts while the robot passes it: one heading is used in `HEADING_WAIT` correlation times, so
-    that errors that are alike count once. Where headings have been outside the gate for longer than `reset_after_s`,
-    the field is another one here, as inside a building: its zero is learnt again, and the yaw stays that of gyro and
+    A compass disturbance lasts while the robot passes its source: one heading is used per `HEADING_WAIT` correlation
+    times, so that correlated errors count once. If headings have been outside the gate for longer than `reset_after_s`,
+    the local field is different, as inside a building: the zero is estimated again, and the yaw stays that of gyro and
     wheels.
     """
 
@@ -333,9 +333,9 @@ def use_heading(
 def use_increment(
     body: PoseCorrection, sample: OdometrySample, u: MotionInput, trail: Trail, noise: OdometryNoise, gate: float
 ) -> PoseCorrection:
-    """Correct with a pose increment: its difference from the way that was reckoned is that of the twist, over its time.
+    """Correct with a pose increment: its difference from dead reckoning is the error of the twist, over its time.
 
-    The errors of the twist last for `correlation_s`; by how much they have changed since is noise.
+    The errors of the twist last for `correlation_s`; their change since then is noise.
     """
     if len(trail.dt_s) == 0:
         return body
@@ -364,7 +364,7 @@ def use_motion(
 ) -> tuple[Belief, Scalar]:
     """The belief after y = (component of the twist) length_s + noise, and the condition that it was outside its gate.
 
-    state: slip that is opened then.
+    state: slip that is widened then.
     """
 
     def moved(x: np.ndarray) -> np.ndarray:
@@ -377,7 +377,7 @@ def use_motion(
 
 
 def opened_slip(belief: Belief, state: int, speed: Scalar, std: Scalar) -> Belief:
-    """The belief with a slip that may be larger by this speed; std: that of a slip of one."""
+    """The belief with a slip that may be larger by this speed; std: speed of a slip of one standard deviation."""
     slip = clip(speed / maximum(std, LEAST_REJECTED_STD), -MOST_OPENED, MOST_OPENED)
     return inflate(belief, state, slip * slip)
 
@@ -406,7 +406,7 @@ def forgotten(age_s: Scalar, noise: OdometryNoise) -> Scalar:
 
 
 class Trail(NamedTuple):
-    """Dead reckoning that no measurement corrects."""
+    """Dead reckoning without corrections."""
 
     dt_s: np.ndarray  #: (steps,) length of each of the last steps, newest first
     moved: np.ndarray  #: (3, steps) change of x, y and yaw in each, in the frame of its own start
@@ -414,10 +414,10 @@ class Trail(NamedTuple):
 
 
 class SeenWay(NamedTuple):
-    """The way between two instants."""
+    """Displacement between two instants."""
 
     increment: np.ndarray  #: (3,) forward, left and turn, in the frame of its start
-    known_s: Scalar  #: time of it that is remembered
+    known_s: Scalar  #: part of its time that is stored
 
 
 def empty_trail(steps: int) -> Trail:
@@ -438,7 +438,7 @@ def extend(trail: Trail, twist: np.ndarray, dt_s: Scalar) -> Trail:
 
 
 def way(trail: Trail, length_s: Scalar, age_s: Scalar) -> SeenWay:
-    """The way of `length_s` that ended `age_s` ago; a step that begins or ends within is counted in part."""
+    """Displacement over the `length_s` that ended `age_s` ago; steps at its ends count in part."""
     end, end_s = sum_since(trail.dt_s, trail.moved.T, age_s)
     start, start_s = sum_since(trail.dt_s, trail.moved.T, age_s + length_s)
     dx, dy, turn = start - end

@@ -1,4 +1,4 @@
-"""Odometry for people: a filter that remembers. `update` takes live samples, `run` takes a whole drive."""
+"""Odometry for users: a filter with its state. `update` takes live samples, `run` takes a whole drive."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NO_INCREMENT, NOT_OBSERVED = np.full(3, np.nan), Observed()
 
 
 class OdometryRun(Run[OdometryEstimate]):
-    """Pose and twist along a whole drive, every field of `OdometryEstimate` with time in front."""
+    """Pose and twist along a whole drive: every field of `OdometryEstimate` with time as first axis."""
 
     flag_type = OdometryFlag
 
@@ -51,7 +51,7 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
     Args:
         robot: a robot, the path of its file, or the name of a packaged one. Or the settings of a filter.
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
-        noise: of sensors and wheels; by default that of the kind of chassis.
+        noise: of sensors and wheels; by default that of the chassis type.
     """
 
     flag_type = OdometryFlag
@@ -89,20 +89,20 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
         increment_age_s: float = 0.0,
         observed: SlipEstimate | None = None,
     ) -> OdometryEstimate:
-        """Estimate after one live sample; None and nan are missing. A bad one is survived and flagged (`OdometryFlag`).
+        """Estimate after one live sample; None and nan mean missing. A bad sample is flagged (`OdometryFlag`).
 
-        time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
-            where it is earlier by more than a minute, or the fifth late one in a row, the clock was set, and time goes
-            on from there.
-        wheel_speed_rad_s: (wheels,) or (driven,), driven wheels first. Wheels that are not driven
-            tell the motion, as they neither creep nor spin.
-        observed: estimate of a speed observer after the same sample. Where it knows the motor currents, it is the
-            motion, and a speed from outside is in it; where it does not, it adds nothing to the wheels, the gyro and
-            the speed given here, and is not used.
+        time_s: of the sample. A late one (before the previous sample's time) is used without a step in time; if it is
+            early by more than a minute, or the fifth late one in a row, the clock was set, and time continues from
+            there.
+        wheel_speed_rad_s: (wheels,) or (driven,), driven wheels first. Undriven wheels measure the motion, as they
+            neither creep nor spin.
+        observed: estimate of a speed observer after the same sample. If it had the motor currents, its motion is used,
+            and it already includes an outside speed; without them it adds nothing to the wheels, the gyro and the speed
+            given here, and is ignored.
         All others: see `OdometrySample`.
 
         Raises:
-            InputError: something else than a number, or another count of numbers.
+            InputError: a value is not a number, or an array has the wrong length.
         """
         time_s = number("time_s", time_s)
         speeds = numbers("wheel_speed_rad_s", wheel_speed_rad_s, self._wheels, self._driven)
@@ -134,11 +134,11 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
     def run(
         self, log: DriveSource, observed: SlipEstimate | None = None, progress: Progress | None = None
     ) -> OdometryRun:
-        """Pose and twist at every sample of a log, from this odometry's state on; a new one starts at the log's start.
+        """Pose and twist at every sample of a log, continuing from the current state; a new one starts with the log.
 
         log: a DriveLog, or a path or DataFrame of one.
-        observed: estimates (T, ...) of a speed observer along the same log, see `update`; the external speed of the
-            log, if there is one, is in them.
+        observed: estimates (T, ...) of a speed observer along the same log, see `update`; they already include the
+            log's external speed, if any.
         progress: called now and then with (steps done, T).
 
         Raises:
@@ -157,7 +157,7 @@ class Odometry(LiveEstimator[OdometrySample, OdometryEstimate]):
 def odometry_samples(
     log: DriveLog, settings: PoseFilter, observed: SlipEstimate | None = None, before_s: float = np.nan
 ) -> OdometrySample:
-    """The log as samples (T, ...), its first step counted from `before_s` where that is a time before it.
+    """The log as samples (T, ...), its first step counted from `before_s` if that is earlier.
 
     Raises:
         InputError: the log has other wheels than the robot, or `observed` another number of samples.
@@ -181,9 +181,9 @@ def odometry_samples(
 
 
 def force_known(robot: Robot, observed: SlipEstimate) -> np.ndarray:
-    """Conditions (...) that the observer knew the force of every motor; it never does where wheels scrub.
+    """Conditions (...) that the observer knew the force of every motor; never true where wheels scrub.
 
-    Without it any torque counts as possible: then the wheels may slip at any time, which opens the band, and are never
+    Otherwise any torque is possible: the wheels may slip at any time, which widens the band, and they are never
     compared with the gyro, whose offset stays unknown.
     """
     measured = np.asarray(observed.flags, dtype=int) & SlipFlag.NO_CURRENT == 0
@@ -191,17 +191,17 @@ def force_known(robot: Robot, observed: SlipEstimate) -> np.ndarray:
 
 
 def by_wheels_and_gyro(robot: Robot, measured: Collection[str]) -> bool:
-    """True where wheels and gyro show slip; measured: what came beside wheels and motor currents."""
+    """True if slip is observable from wheels and gyro; measured: channels besides wheels and motor currents."""
     return bool(slip_modes(robot)) and "yaw_rate_rad_s" in measured
 
 
 def with_slip_of(robot: Robot, estimate: SlipEstimate, pose: OdometryEstimate, heard: Any = True) -> SlipEstimate:
-    """Estimates (...) of a speed observer that knows no force, with speed and slip as wheels and gyro show them.
+    """Estimates (...) of a speed observer without known forces, with speed and slip from wheels and gyro.
 
-    Without the motor currents any torque counts as possible to it; which wheel slips, and how fast the robot goes, the
-    hypotheses of the odometry tell (`traction/odometry/modes.py`).
+    Without motor currents any torque is possible to the observer; which wheel slips, and how fast the robot moves,
+    follows from the hypotheses of the odometry (`traction/odometry/modes.py`).
 
-    heard: (...) the condition that all driven wheels and the gyro report; elsewhere the estimates stay.
+    heard: (...) the condition that all driven wheels and the gyro report; elsewhere the estimates are unchanged.
     """
     slip, std = np.asarray(pose.slip_speed_m_s), np.asarray(pose.slip_speed_std_m_s)
     radius_m = robot.wheel.radius_m * np.asarray(estimate.radius_ratio)[..., None]
@@ -233,9 +233,9 @@ def _where(heard: Any, values: Any, others: Any) -> np.ndarray:
 
 
 def motion_of_observer(settings: PoseFilter, estimate: SlipEstimate) -> Observed:
-    """Motion of the body by estimates (...) of a speed observer."""
+    """Motion of the body from estimates (...) of a speed observer."""
     radius_m, most_std = settings.robot.wheel.radius_m * estimate.radius_ratio, settings.noise.radius_std
-    # One estimate on floats: an eighth of the time of as many arrays of two.
+    # A single estimate uses floats: an eighth of the time of arrays with two elements.
     many = estimate.grip.ndim > 1
     of_wheels = (estimate.wheel_speed_rad_s, estimate.slip_speed_m_s, estimate.grip)
     speeds, slips, grips = ([*values.T] if many else values.tolist() for values in of_wheels)

@@ -1,4 +1,4 @@
-"""Motion over a step from the wheels, the gyro or a speed observer; what is slower than the samples holds."""
+"""Motion over a step from the wheels, the gyro or a speed observer; sensors slower than the samples are held."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from ohmward.traction.robot.chassis import PLANAR, Differential
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.speed_evidence import LOST_M_S
 
-#: A rim whose speed changes by more than that of counting [m/s] and an acceleration of 2 g [m/s2] is not the robot's.
+#: Largest change of a rim's speed: by quantisation [m/s], and by an acceleration of 2 g [m/s2].
 JUMP_M_S, JUMP_M_S2 = 0.2, 20.0
 
 #: Angles [rad] that differ by less are the same: rounding of a file.
@@ -50,32 +50,32 @@ SAME_RAD = 1e-4
 #: Wheels with less grip than this show no turn.
 LEAST_TURN_GRIP = 0.5
 
-#: Share of the standard deviation of the radius that wheels have which do not drive: that of a ruler, without creep.
+#: Share of the radius's standard deviation that undriven wheels have: that of a ruler, without creep.
 FREE_SHARE = 0.7
 
 #: Channels whose usual interval is learnt.
 WHEELS, GYRO, OBSERVER, PASSIVE = range(4)
 
 
-#: Larger values are no observer's.
+#: Largest values of an observer.
 CREDIBLE = Observed(LOST_M_S, LOST_M_S, LOST_M_S, MOST_YAW_RAD_S, MOST_YAW_RAD_S, 1.0, 1.0)
 
 
-#: A count is known from so many differences on, and no encoder has a larger one [rad].
+#: Number of differences from which a count is known, and largest count of an encoder [rad].
 FEWEST_DIFFERENCES, MOST_COUNT_RAD = 20.0, 0.5
 
 
 class CountOfEncoder(NamedTuple):
-    """The angle of one count, by which the steps of a wheel differ that shows angles by counting."""
+    """Angle of one count, by which the steps of a wheel with a counting encoder differ."""
 
-    least_rad: Any = MOST_COUNT_RAD  #: by which two steps in a row have differed
-    differences: Any = 0.0  #: how many there were
+    least_rad: Any = MOST_COUNT_RAD  #: smallest difference of two steps in a row
+    differences: Any = 0.0  #: number of differences
 
 
 class MotionState(NamedTuple):
     """The last values of the sensors and their clocks."""
 
-    #: (driven,), and how old each is
+    #: (driven,), and the age of each
     wheel_speed_rad_s: np.ndarray
     wheel_age_s: np.ndarray
     passive_rad_s: np.ndarray  #: (passive,)
@@ -83,10 +83,10 @@ class MotionState(NamedTuple):
     modes: ModeState  #: which wheels roll
     outside: SpeedErrors  #: rims, and errors of outside speeds
     held: Held  #: whether the robot is held while they turn
-    #: (3,) way that was reckoned by the wheels since their last values [m, m, rad]
+    #: (3,) displacement reckoned by the wheels since their last values [m, m, rad]
     reckoned: np.ndarray
     turned_rad: np.ndarray  #: (driven,) angles of the last steps
-    encoder: CountOfEncoder  #: as they have shown it
+    encoder: CountOfEncoder  #: count, as far as the steps have shown it
     usual_turn_rad_s: Any  #: yaw rate by the driven wheels, averaged over `USUAL_TURN_S`
     observed: Observed  #: of the speed observer
     intervals: Intervals  #: of `WHEELS`, `GYRO`, `OBSERVER` and `PASSIVE`
@@ -96,15 +96,15 @@ class MeasuredMotion(NamedTuple):
     """Motion over a step, and conditions on its sensors."""
 
     input: MotionInput  #: of the model
-    white_variance: np.ndarray  #: (3,) of the twist, by counting and by the gyro's noise over one step
+    white_variance: np.ndarray  #: (3,) of the twist, by quantisation and by the gyro's noise over one step
     rims_m_s: np.ndarray  #: (driven,) speeds of the rims
-    rim_m: Scalar  #: way of the driven rims whatever its direction, their mean
+    rim_m: Scalar  #: distance covered by the driven rims in any direction, their mean
     sensors: MotionState  #: after the step
     speed: ModeSpeed  #: forward speed of the rims, and which of them slip
     is_held: Any  #: the condition that the robot is more likely held than not
     outside: OutsideSpeed  #: forward
     turns: Any  #: the condition that the wheels would move it
-    by_driven: Scalar  #: the condition that the driven ones tell it, no observer and no wheel that rolls freely
+    by_driven: Scalar  #: the condition that the driven wheels give it, not an observer or free wheels
     #: see `OdometryFlag`
     no_wheels: Scalar
     no_gyro: Scalar
@@ -155,7 +155,7 @@ def sense(before: MotionState, clean: CleanSample, new: Observed, robot: Robot) 
     measured = every(clean.wheel_measured[: robot.driven])
     jumps = jumped(speed_rad_s, before.wheel_speed_rad_s, before.wheel_age_s, dt_s, robot)
     jump = measured & some(jumps)
-    # Where a gyro tells the turn, the wheels that have not jumped still tell the speed.
+    # With a gyro for the turn, the wheels that have not jumped still give the speed.
     rolled = measured & logical_not(some([jump & logical_not(holds(before.intervals)[GYRO]), every(jumps)]))
     taken = np.array([rolled & logical_not(bad) for bad in jumps])
     free = passive_rolled(before, clean, robot)
@@ -196,7 +196,7 @@ def count_seen(before: MotionState, turned_rad: np.ndarray) -> CountOfEncoder:
 
 
 def jumped(now: np.ndarray, last: np.ndarray, age_s: np.ndarray, dt_s: Scalar, robot: Robot) -> list[Scalar]:
-    """Conditions (wheels,) that a rim has changed its speed as no robot can since its last value, so long ago."""
+    """Conditions (wheels,) that a rim's speed changed since its last value, of this age, faster than any robot's."""
     most_m_s = JUMP_M_S + JUMP_M_S2 * (age_s + dt_s)
     changes = zip(now, last, most_m_s, strict=True)
     return [abs(new - old) * robot.wheel.radius_m > most for new, old, most in changes]
@@ -222,9 +222,9 @@ def show(
     robot: Robot,
     noise: OdometryNoise,
 ) -> MeasuredMotion:
-    """Motion over the step to this state of the sensors: an observer's before the wheels', a gyro's before both.
+    """Motion over the step to this sensor state: an observer's is preferred to the wheels', a gyro's to both.
 
-    A robot that is held neither goes as its wheels turn nor turns as they do.
+    A robot that is held neither moves nor turns with its wheels.
 
     since_s: time since the wheels were last measured, at its end.
     gyro_variance: of the gyro's angle over time.
@@ -252,7 +252,7 @@ def show(
     forward_m_s = where(free | is_held, rim[0], (1.0 - noise.creep) * speed.forward_m_s)
     rim_m_s = hypot(forward_m_s, rim[1])
     motion = np.array([forward_m_s, rim[1], rim[2]])
-    # A speed by counting is the mean since the last value, so that no way is lost where one is late or missing.
+    # A speed from counts is the mean since the last value, so no distance is lost where one is late or missing.
     whole = fresh & (since_s <= (LOST + 1) * usual_s)
     way = where(whole, motion * since_s - now.reckoned, motion * dt_s)
     reckoned = where(fresh, 0.0, now.reckoned + way)
@@ -315,7 +315,7 @@ def motion_std(
     robot: Robot,
     noise: OdometryNoise,
 ) -> np.ndarray:
-    """Standard deviations (3,) of the motion: an observer's where it tells, else those of slip and scrub."""
+    """Standard deviations (3,) of the motion: an observer's if there is one, else those of slip and scrub."""
     speed_std_m_s = where(is_held, ROCKS_M_S, noise.slip_share * rim_m_s)
     speed_std_m_s = where(observed, now.observed.speed_std_m_s, speed_std_m_s)
     by_wheels = turn_std(rim_m_s, yaw_rate_rad_s, robot, noise)
@@ -329,7 +329,7 @@ def motion_std(
 
 
 def free_motion(now: MotionState, robot: Robot) -> np.ndarray:
-    """Motion (3,) as the wheels that are not driven show it; zeros where there are none."""
+    """Motion (3,) by the undriven wheels; zeros if there are none."""
     if len(now.passive_rad_s) == 0:
         return np.zeros(3)
     by_rims = planar(robot, np.linalg.pinv(robot.rolling[passive_wheels(robot)]))
@@ -337,7 +337,7 @@ def free_motion(now: MotionState, robot: Robot) -> np.ndarray:
 
 
 def white_variance(u: MotionInput, observed: Scalar, count_m_s: Scalar, counted: Scalar, robot: Robot) -> np.ndarray:
-    """Variance (3,) of the twist by counts over the step and by the noise of the gyro; an observer has its own in.
+    """Variance (3,) of the twist by counts over the step and by the gyro's noise; an observer includes its own.
 
     counted: variance of the forward speed over that of one rim, where wheels do not roll sideways.
     """
@@ -348,33 +348,33 @@ def white_variance(u: MotionInput, observed: Scalar, count_m_s: Scalar, counted:
 
 
 def counting_m(count: CountOfEncoder, robot: Robot, noise: OdometryNoise) -> Scalar:
-    """Standard deviation [m] of the way of a rim by counting, even within a count; that of the noise at least."""
+    """Standard deviation [m] of a rim's distance by counting, uniform within a count; at least the noise's."""
     known = (count.differences >= FEWEST_DIFFERENCES) & (count.least_rad < MOST_COUNT_RAD)
     by_steps_rad = where(known, count.least_rad, 0.0) / math.sqrt(12.0)
     return robot.wheel.radius_m * maximum(by_steps_rad, noise.encoder_std_rad / math.sqrt(2.0))
 
 
 def turn_per_slip(robot: Robot) -> float:
-    """Yaw rate by independent slip of the wheels over its standard deviation [1/m]."""
+    """Yaw rate from independent slip of the wheels, per standard deviation of the slip [1/m]."""
     return float(np.linalg.norm(rim_matrix(robot)[2]))
 
 
 def turn_std(rim_m_s: Scalar, turn_rad_s: Scalar, robot: Robot, noise: OdometryNoise) -> Scalar:
-    """Standard deviation [rad/s] of the yaw rate of the wheels: of slip that differs, and of that in turns."""
+    """Standard deviation [rad/s] of the wheels' yaw rate: from slip that differs, and from slip in turns."""
     apart = noise.slip_difference_share * turn_per_slip(robot)
     return hypot(apart * rim_m_s, noise.turn_share * turn_rad_s)
 
 
 def side_std(speed_std_m_s: Scalar, rim_m_s: Scalar, turn_rad_s: Scalar, robot: Robot, noise: OdometryNoise) -> Scalar:
-    """Standard deviation [m/s] of the sideways speed: of side slip, and of driven slip where wheels roll sideways."""
+    """Standard deviation [m/s] of the sideways speed: from side slip, and from driven slip if wheels roll sideways."""
     side = hypot(noise.side_slip_share * rim_m_s, noise.side_arm_std_m * turn_rad_s)
     return hypot(side, speed_std_m_s) if rim_matrix(robot)[1].any() else side
 
 
 def unobserved(intervals: Intervals, moves: Scalar, by_gyro: Scalar, clean: CleanSample) -> np.ndarray:
-    """Time (3,) [s] for which nothing has shown each motion, since the start at most.
+    """Time (3,) [s] since each motion was last observed, at most since the start.
 
-    A gyro that has missed samples shows the yaw rate at both ends of the gap: half of it is as unobserved.
+    A gyro with missed samples gives the yaw rate at both ends of the gap: half of the gap counts as unobserved.
     """
     age_s, seen = intervals.age_s[WHEELS], was_seen(intervals)[WHEELS]
     since_s = where(moves, 0.0, age_s - where(seen, 0.0, NEVER_S))
@@ -391,21 +391,21 @@ def hypot(a: Scalar, b: Scalar) -> Scalar:
 WEIGHTS = np.array([1.0, -3.0, 3.0, -1.0])
 SUM_OF_SQUARES = float(WEIGHTS @ WEIGHTS)
 
-#: Noise changes with what vibrates: it is forgotten in so many seconds.
+#: Time [s] in which noise is forgotten: it changes with vibration.
 FORGOTTEN_S = 5.0
 
-#: The data sheet counts as much as so many samples.
+#: Number of samples that the data sheet counts for.
 SHEET_SAMPLES = 20.0
 
-#: Samples farther apart than this [s] hold motion in their third difference, but those of a robot that stands.
+#: Samples farther apart than this [s] have motion in their third difference, unless the robot stands.
 LONGEST_INTERVAL_S = 0.1
 
-#: A square larger than so many variances counts as that many: five sigmas, so that one spike is no noise.
+#: Largest square, in variances: five sigmas, so that one spike is not learnt as noise.
 MOST_VARIANCES = 25.0
 
 
 class GyroNoise(NamedTuple):
-    """Angle random walk of a gyro, learnt from its own samples: third differences hold its noise and no motion.
+    """Angle random walk of a gyro, learnt from its own samples: third differences contain its noise and no motion.
 
         e_i = g_i - 3 g_(i-1) + 3 g_(i-2) - g_(i-3),   E[e^2] = 20 s^2,   N^2 = s^2 dt
 
@@ -415,10 +415,10 @@ class GyroNoise(NamedTuple):
     """
 
     variance: Any  #: of the angle over time [rad2/s]
-    samples: Any  #: how many it rests upon
-    last_rad_s: np.ndarray  #: (3,) samples before, newest first
+    samples: Any  #: number that it is based on
+    last_rad_s: np.ndarray  #: (3,) previous samples, newest first
     since_s: Any  #: time since the newest
-    in_row: Any  #: how many of them came without a pause
+    in_row: Any  #: number of them without a pause
 
 
 def gyro_noise_of_sheet(gyro_walk: float) -> GyroNoise:
@@ -454,5 +454,5 @@ def learn_gyro_noise(
 
 
 def walk_variance(known: GyroNoise, gyro_walk: float) -> Scalar:
-    """Variance of the angle over time [rad2/s]: what the samples show, and no less than the data sheet's."""
+    """Variance of the angle over time [rad2/s]: from the samples, and at least the data sheet's."""
     return maximum(known.variance, gyro_walk**2)

@@ -6,19 +6,18 @@
     d+ = d + dt (w_w - (w_g - b))
 
 The yaw is the gyro's, which is t_g late. d is the angle by which the wheels have turned more than the gyro shows.
-Counts are angles, wrong by a part of a count however far the wheels have turned: d stays within such a part of
-(t_g + t_w) w, where wheels slip t_w ahead to begin a turn. It is in the units of the gyro, whose scale k_g enters only
-where the pose is reckoned: in (w_g - b)(1 + k_g) the noise of a gyro at rest would be likelier for a smaller scale, and
-the filter would learn that. So k_w has the error of the track and that of the gyro in it, and what the wheels show of
-it is shared between them.
+Counts measure angles to within a fraction of a count, however far the wheels have turned: d stays that close to (t_g +
+t_w) w, where wheels slip t_w ahead to begin a turn. d is in gyro units, and the gyro's scale k_g enters only in the
+pose: with (w_g - b)(1 + k_g) the noise of a gyro at rest would be likelier for a smaller scale, and the filter would
+learn that. So k_w contains the errors of the track and of the gyro's scale, and its correction is shared between them.
 
-A compass shows yaw + h, with its heading h at the yaw 0, which lasts.
+A compass measures yaw + h, where h, its heading at yaw 0, is constant.
 
-v_r, l_r, w_r is the motion of the wheels' rims, or that of a speed observer; w_g the gyro's. The scales k, k_g, k_w,
-the curvature q by unequal wheels and the offset b last. Slip is correlated over seconds: z is a Gauss-Markov process of
-unit variance, scaled by the standard deviation that holds now. So the error of the position grows with the root of
-time, and faster than that of errors that are new at every sample. `OdometryNoise` has those that last, those that are
-correlated over seconds, and white ones.
+v_r, l_r, w_r is the motion of the wheels' rims, or of a speed observer; w_g is the gyro's yaw rate. The scales k, k_g,
+k_w, the curvature q from unequal wheels and the offset b are persistent. Slip is correlated over seconds: z is a
+Gauss-Markov process of unit variance, scaled by the current standard deviation. So the position error grows with the
+root of time, and faster than with errors that are independent at every sample. `OdometryNoise` holds persistent errors,
+those correlated over seconds, and white ones.
 """
 
 from __future__ import annotations
@@ -45,41 +44,40 @@ from ohmward.traction.terrain.floor import ROLLING, STIFFNESS
 class OdometryNoise:
     """Standard deviations, all >= 0; shares and scales are relative.
 
-    The first group are errors that last, the second change within `correlation_s`, the third are white.
+    The first group are persistent errors, the second change within `correlation_s`, the third are white.
     """
 
-    gyro_offset_std_rad_s: float = 0.02  #: of a gyro at rest; 1 degree a second is a usual data sheet
-    gyro_scale_std: float = 0.01  #: of its sensitivity; 1 % is a usual data sheet
-    #: of the effective radius of all wheels: half a millimetre of a radius of 120, and half of the creep of wheels that
-    #: drive; 0.003 and less where it was calibrated on the ground that the robot drives on
+    gyro_offset_std_rad_s: float = 0.02  #: of a gyro at rest; data sheets usually give 1 degree per second
+    gyro_scale_std: float = 0.01  #: of its sensitivity; data sheets usually give 1 %
+    #: of the effective radius of all wheels: half a millimetre in 120 mm, and half of the creep of driven wheels; 0.003
+    #: or less if it was calibrated on the ground that the robot drives on
     radius_std: float = 0.006
     turn_scale_std: float = 0.01  #: of the effective track
-    #: of a wheel's radius about the mean of all; 0.06 % is 0.1 mm of a diameter of 160
+    #: of a wheel's radius about the mean of all; 0.06 % is 0.1 mm in a diameter of 160 mm
     wheel_difference_std: float = 0.0006
-    #: slip ratio of the driven wheels of a robot that keeps its speed; 0 where its radius contains it, because it was
-    #: calibrated by driving
+    #: slip ratio of the driven wheels at constant speed; 0 if the radius contains it, because it was calibrated by
+    #: driving
     creep: float = 0.0
-    #: of the offset [rad/s over the root of a second]; a fifth of a degree a second in an hour, as it warms up
+    #: random walk of the offset [rad/s per root of a second]: a fifth of a degree per second in an hour, as it warms up
     gyro_offset_walk: float = 6e-5
-    slip_share: float = 0.005  #: slip of the wheels over their speed, where no observer tells it
+    slip_share: float = 0.005  #: slip of the wheels over their speed, if no observer estimates it
     slip_difference_share: float = 3e-4  #: slip of one wheel beyond that of the others, over their speed
-    turn_share: float = 0.06  #: error of the yaw rate that the wheels show, over it, by their slip in turns
-    gyro_delay_std_s: float = 0.1  #: of the gyro after the wheels, by its filter and its way to the computer
-    #: time by which the wheels show a turn before the robot makes it, by the slip that turns it: I B^2 v / (k N), for
-    #: [T]'s robot 0.04 s at 0.6 m/s on a hard floor
+    turn_share: float = 0.06  #: relative error of the wheels' yaw rate, by slip in turns
+    gyro_delay_std_s: float = 0.1  #: of the gyro's delay behind the wheels, by its filter and transmission
+    #: of the time by which the wheels turn before the robot does, by the slip that turns it: I B^2 v / (k N), for [T]'s
+    #: robot 0.04 s at 0.6 m/s on a hard floor
     wheels_ahead_std_s: float = 0.1
     side_slip_share: float = 0.003  #: sideways speed over the speed
-    #: sideways speed over the yaw rate, by a centre of rotation beside that of the robot file [m]
+    #: sideways speed over the yaw rate [m], by a centre of rotation away from that of the robot file
     side_arm_std_m: float = 0.005
-    correlation_s: float = 2.0  #: time constant of these [s], > 0
-    turn_correlation_s: float = 10.0  #: that of the errors of the yaw rate [s], > 0
-    #: angle random walk of the gyro [rad over the root of a second]; that of MEMS gyros is 0.2 to 1 degree over the
-    #: root of an hour
+    correlation_s: float = 2.0  #: time constant of the slip errors [s], > 0
+    turn_correlation_s: float = 10.0  #: time constant of the yaw rate errors [s], > 0
+    #: angle random walk of the gyro [rad per root of a second]; MEMS gyros have 0.2 to 1 degree per root of an hour
     gyro_walk: float = 3e-4
-    encoder_std_rad: float = 6e-4  #: of the angle of a wheel between two instants: 4096 counts a turn have 6e-4 rad
-    speed_std_m_s: float = USUAL_STD_M_S  #: of an outside speed that gives none, until its errors have shown it
-    heading_std_rad: float = 0.05  #: of a heading without one; that of a compass away from iron is 2 to 5 degrees
-    #: of a pose increment without one [m, m, rad, over the root of a second]
+    encoder_std_rad: float = 6e-4  #: of the angle of a wheel between two instants: 6e-4 rad for 4096 counts per turn
+    speed_std_m_s: float = USUAL_STD_M_S  #: of an outside speed without one, until its errors have shown it
+    heading_std_rad: float = 0.05  #: of a heading without one; a compass away from iron has 2 to 5 degrees
+    #: of a pose increment without one [m, m, rad, per root of a second]
     increment_walk: tuple[float, float, float] = (0.02, 0.02, 0.005)
 
     def __post_init__(self) -> None:
@@ -90,16 +88,16 @@ class OdometryNoise:
         require_length("noise.increment_walk", self.increment_walk, 3, "forward, left, turn")
 
 
-#: A skid-steered robot drags its wheels sideways: its effective track is 1.3 to 2 times the real one, by ground and
-#: load, and its centre of rotation wanders between the axles. The turn of a Warthog differs from that of its wheels by
-#: 0.08 of it over 1.5 s, by more while it begins.
+#: A skid-steered robot drags its wheels sideways: its effective track is 1.3 to 2 times the real one, depending on
+#: ground and load, and its centre of rotation moves between the axles. A Warthog's turn differs from its wheels' by 8 %
+#: over 1.5 s, and by more while the turn begins.
 SCRUBBING = OdometryNoise(
     radius_std=RADIUS_STD, turn_scale_std=0.3, slip_share=0.01, turn_share=0.2, side_arm_std_m=0.1, side_slip_share=0.02
 )
 
 
 def noise_of(robot: Robot) -> OdometryNoise:
-    """Noise of a robot of which only the file is known."""
+    """Default noise of a robot, from its file alone."""
     noise = SCRUBBING if isinstance(robot.chassis, SkidSteer) else OdometryNoise()
     return replace(noise, creep=rolling_creep(robot))
 
@@ -107,8 +105,8 @@ def noise_of(robot: Robot) -> OdometryNoise:
 def rolling_creep(robot: Robot) -> float:
     """Slip ratio at which the driven wheels of a robot overcome the rolling resistance of all its wheels.
 
-    lambda = rho sum_all(N) / (C sum_driven(N)), with the medians of floors for the resistance rho over load and for the
-    stiffness C of the tyre: 0.0075 where half of the weight is on driven wheels.
+    lambda = rho sum_all(N) / (C sum_driven(N)), with medians over floors for the resistance rho (over load) and the
+    tyre's stiffness C: 0.0075 with half of the weight on driven wheels.
     """
     return ROLLING / STIFFNESS / float(robot.loads[: robot.driven, 0].sum())
 
@@ -136,36 +134,36 @@ SLIP, SIDE_SLIP, TURN_SLIP = range(len(NAMES) - 3, len(NAMES))
 #: Gauss-Markov states of unit variance.
 CORRELATED = (SLIP, SIDE_SLIP, TURN_SLIP)
 
-#: Standard deviation [rad] of a heading that may be any.
+#: Standard deviation [rad] of an unknown heading.
 ANY_HEADING_RAD = math.pi / math.sqrt(3.0)
 
-#: Time constant [s] of the usual yaw rate of the wheels, which may be but counts where its angle in that time is within
-#: so many standard deviations of counting.
+#: Time constant [s] of the wheels' average yaw rate, and standard deviations of quantisation within which its angle in
+#: that time may be mere counting.
 USUAL_TURN_S, COUNTED = 0.5, 5.0
 
-#: Standard deviations from which on a slip is of another kind, and the most by which its time is longer then.
+#: Standard deviations from which a slip is of another kind, and largest factor on its correlation time then.
 GROSS_SLIP, GROSS_LASTS = 5.0, 15.0
 
-#: Acceleration [m/s2, m/s2, rad/s2] that is possible while nothing shows the motion.
+#: Acceleration [m/s2, m/s2, rad/s2] that is possible while the motion is unobserved.
 UNOBSERVED = np.array([0.5, 0.1, 0.5])
 
 
 class MotionInput(NamedTuple):
-    """Motion over a step as the sensors show it."""
+    """Measured motion over a step."""
 
     dt_s: Scalar  #: step [s]
-    motion: np.ndarray  #: (3,) forward, left [m/s] and turning [rad/s], of the wheels or of an observer
-    way: np.ndarray  #: (3,) the way of the step [m, m, rad] as they show it
+    motion: np.ndarray  #: (3,) forward, left [m/s] and turning [rad/s], from the wheels or an observer
+    way: np.ndarray  #: (3,) displacement over the step [m, m, rad] from these
     motion_std: np.ndarray  #: (3,) standard deviations of its correlated errors
-    scale: Scalar  #: share of the radius's standard deviation that is in its speed
+    scale: Scalar  #: share of the radius's standard deviation contained in its speed
     gyro_rad_s: Scalar  #: yaw rate of the gyro
     gyro_variance: Scalar  #: of its angle over time [rad2/s]
-    by_gyro: Any  #: the condition that it tells the turn
-    comparable: Any  #: the condition that the wheels show it too
-    count_rad: Any  #: standard deviation of the turn that the wheels show, by counting
-    unobserved_s: np.ndarray  #: (3,) time for which nothing has shown each motion
+    by_gyro: Any  #: the condition that the gyro gives the turn
+    comparable: Any  #: the condition that the wheels measure the turn too
+    count_rad: Any  #: standard deviation of the wheels' turn, by quantisation
+    unobserved_s: np.ndarray  #: (3,) time since each motion was last observed
     usual_turn_rad_s: Any = 0.0  #: yaw rate of the wheels, averaged over the time before the step
-    #: k_w and the forward slip as they are known before the step
+    #: estimates of k_w and of the forward slip before the step
     turn_scale: Any = 0.0
     slip_sigmas: Any = 0.0
 
@@ -176,7 +174,7 @@ def first_belief(noise: OdometryNoise, turn_per_slip: float, count_rad: float) -
     k_w = k_t - k_g with the error k_t of the track, so that Var k_w = Var k_t + Var k_g and Cov(k_w, k_g) = -Var k_g.
 
     turn_per_slip: yaw rate over independent slip of the wheels [1/m].
-    count_rad: standard deviation of the turn that the wheels show, by counting.
+    count_rad: standard deviation of the wheels' turn, by quantisation.
     """
     stds = {
         OFFSET: noise.gyro_offset_std_rad_s,
@@ -205,12 +203,12 @@ def twist(x: np.ndarray, u: MotionInput) -> np.ndarray:
 
 
 def moved(x: np.ndarray, u: MotionInput, rims: np.ndarray, time_s: Scalar) -> tuple[np.ndarray, Scalar]:
-    """Way (3,) forward, left [m] and turned [rad] by the wheels, and the turn by the gyro, both turns in its units.
+    """Displacement (3,) forward, left [m] and turn [rad] by the wheels, and turn by the gyro, both in gyro units.
 
-    rims: (3,) the way as the rims show it in that time.
+    rims: (3,) displacement by the rims in that time.
 
-    The scale of the wheels' turn is learnt over the turn of the step, or over the usual one where that may be but
-    counts: wheels and gyro differ by those, and the filter would learn the scale from them.
+    The scale of the wheels' turn multiplies the turn of the step, or the average one while that may be mere counting:
+    wheels and gyro then differ by quantisation, and the filter would learn the scale from it.
     """
     scale = 1.0 + u.scale * x[RADIUS]
     forward = rims[0] * scale + u.motion_std[0] * time_s * x[SLIP]
@@ -234,15 +232,15 @@ def next_state(x: np.ndarray, u: MotionInput, noise: OdometryNoise) -> np.ndarra
 
 
 def yaw_now(x: np.ndarray, u: MotionInput) -> Scalar:
-    """Yaw [rad] in state x, with what a gyro that is late has still to show."""
+    """Yaw [rad] in state x, including the turn that a late gyro has yet to report."""
     return x[YAW] + where(u.by_gyro, x[DELAY] * (u.gyro_rad_s - x[OFFSET]), 0.0)
 
 
 def decays(u: MotionInput, noise: OdometryNoise) -> np.ndarray:
-    """Shares (3,) of the `CORRELATED` errors that are left after the step.
+    """Decay factors (3,) of the `CORRELATED` errors over the step.
 
-    A slip so large that it is another kind of motion, as that of a robot that is stuck, lasts until a sensor shows its
-    end: its time grows with its square.
+    A slip so large that it is another kind of motion, as of a stuck robot, lasts until a sensor shows its end: its
+    correlation time grows with its square.
     """
     sigmas = u.slip_sigmas / GROSS_SLIP
     lasts_s = noise.correlation_s * clip(sigmas * sigmas, 1.0, GROSS_LASTS)
@@ -273,16 +271,17 @@ def process_noise(x: np.ndarray, u: MotionInput, noise: OdometryNoise) -> np.nda
 
 
 def unobserved_variance(u: MotionInput) -> np.ndarray:
-    """Variance (3,) that the step adds to the way forward and left and to the turn, by motion that nothing shows.
+    """Variance (3,) that unobserved motion adds in the step to the displacement forward and left and to the turn.
 
-    An acceleration a since then is a way of a t^2 / 2, wrong by its whole length: Var+ - Var = (a/2)^2 (t+^4 - t^4).
+    An acceleration a moves the robot by a t^2 / 2, all of it error: Var+ - Var = (a/2)^2 (t+^4
+    - t^4).
     """
     before_s = maximum(u.unobserved_s - u.dt_s, 0.0)
     return (UNOBSERVED / 2.0) ** 2 * (u.unobserved_s**4 - before_s**4)
 
 
 def position_std(cov: np.ndarray) -> Scalar:
-    """Largest standard deviation [m] of the position in any direction: the long half axis of its ellipse of one sigma.
+    """Largest standard deviation [m] of the position in any direction: the semi-major axis of its 1-sigma ellipse.
 
     cov: covariance of x, y and whatever follows.
     """

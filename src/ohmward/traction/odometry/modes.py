@@ -1,20 +1,20 @@
-"""Which driven wheels roll: hypotheses that wheels and gyro tell apart, and the forward speed that they agree on.
+"""Hypotheses on which driven wheels roll, tested by wheels and gyro, and the forward speed that they agree on.
 
-A gyro tells what the turn adds to each rim, so that every driven wheel shows a forward speed of its own:
+A gyro gives the turn's share in each rim's speed, so every driven wheel measures a forward speed of its own:
 
     v_i = r w_i - g_i w_g / (1 + k_w)
 
-All roll, or the wheels of one mode slip, one wheel or those of a side, and the others show the speed. A mode is as
-likely as its wheels agree (sigma), as the slip of the others is usual (s), and as its speed goes on as it was:
+Either all roll, or the wheels of one mode slip, one wheel or those of a side, and the others give the speed. A mode is
+likely if its rolling wheels agree (sigma), the slip of the others is usual (s), and its speed changes little:
 
     log L = -1/2 [sum_rolling (v_i - v)^2 / sigma^2 + n_rolling log sigma^2
                   + sum_slipping log (s^2 + (v_i - v)^2) + (v - v_before)^2 / q]
 
-q is the square of the change of all wheels together, one for all modes: a wheel that starts to slip changes its speed
-alone. A mode forgets and is met as a Markov chain does (the interacting multiple models of Blom and Bar-Shalom 1988,
-mixed in the probabilities alone, as the speed of each mode is measured afresh). Only sensors that disagree are
-evidence: nothing counts without a gyro or in a gap, and innovations within `EVIDENCE_S` are one. Where all wheels slip
-alike, wheels and gyro cannot tell; the speed then changes no faster than friction can change it.
+q is the squared mean change of all wheels, the same for all modes: a wheel that starts to slip changes its speed alone.
+Modes begin and end as a Markov chain (the interacting multiple models of Blom and Bar-Shalom 1988, mixed in the
+probabilities only, as the speed of each mode is measured at every step). Only disagreement between sensors is evidence:
+nothing counts without a gyro or in a gap, and innovations within `EVIDENCE_S` count as one. If all wheels slip alike,
+wheels and gyro cannot detect it; the speed then changes no faster than friction allows.
 """
 
 from __future__ import annotations
@@ -32,57 +32,57 @@ from ohmward.traction.odometry.model import OdometryNoise
 from ohmward.traction.robot.chassis import PLANAR
 from ohmward.traction.robot.robot import GRAVITY, Robot
 
-#: Standard deviation by which the forward speeds of wheels that roll differ: [m/s], and over the speed.
+#: Standard deviation of the forward speeds of rolling wheels about their mean: [m/s], and over the speed.
 ROLLING_M_S, ROLLING_SHARE = 0.02, 0.02
 
-#: That of the slip of wheels that slip: [m/s], and over the speed.
+#: Standard deviation of the slip of slipping wheels: [m/s], and over the speed.
 SLIPPING_M_S, SLIPPING_SHARE = 0.3, 0.3
 
-#: A mode of slip begins once in `MET_S` on average, for each of its kind, and lasts so long [s].
+#: Mean duration [s] of a mode of slip; each mode begins once in `MET_S` on average.
 SLIP_LASTS_S = 2.0
 
-#: Innovations within this time [s] are one piece of evidence, and none counts for more than this square of sigmas.
+#: Time [s] within which innovations count as one piece of evidence, and largest squared sigmas that one counts for.
 EVIDENCE_S, MOST_SQUARE = 0.1, 25.0
 
-#: Least share of the wheels' turn that the robot makes, and least step [s]: a shorter one is none, counts over it show
-#: no speed, and no turn changes in it.
+#: Smallest share of the wheels' turn that the robot makes, and shortest step [s] over which counts give a speed and a
+#: turn changes.
 LEAST_SCALE, LEAST_STEP_S = 0.05, 1e-3
 
-#: Time constant [s] of the speeds from which modes go on.
+#: Time constant [s] of the averaged speeds that changes are measured from.
 BEFORE_S = 0.3
 
-#: Wheels differ by more than their turn explains beyond so many of its variances.
+#: Number of the turn's variances beyond which wheels differ by more than it explains.
 UNEXPLAINED = 9.0
 
-#: Change [m/s] of the speed that is none.
+#: Smallest change [m/s] of the speed that counts.
 LEAST_CHANGE_M_S = 1e-4
 
-#: Sigmas of counting by which rims may change faster than friction lets them.
+#: Sigmas of the rolling wheels' speed by which rims may exceed the change that friction allows.
 COUNTED = 4.0
 
 
 class ModeState(NamedTuple):
-    """What is carried from step to step."""
+    """State from step to step."""
 
     probability: np.ndarray  #: (modes,) all roll, then each of `slip_modes`
     forward_m_s: np.ndarray  #: (driven,) as each wheel showed it, averaged over `BEFORE_S`
-    turn_rad_s: Any = 0.0  #: of the gyro at the last value of the wheels
+    turn_rad_s: Any = 0.0  #: yaw rate of the gyro at the wheels' last value
     followed_m_s: Any = 0.0  #: forward speed, changed no faster than friction can
 
 
 class ModeSpeed(NamedTuple):
-    """Forward speed as the wheels show it."""
+    """Forward speed from the wheels."""
 
     forward_m_s: Scalar  #: mean of the modes
     std_m_s: Scalar  #: of the modes about it, and of rims that change faster than friction can
     slips: np.ndarray  #: (driven,) probability that each wheel slips
     named: Any  #: the condition that one mode of slip is more likely than all others together
-    loose_m_s: Scalar  #: largest slip of a wheel that counts as one that rolls
-    counted: Scalar  #: variance of the forward speed by counting, over that of one rim
+    loose_m_s: Scalar  #: largest slip of a wheel that still counts as rolling
+    counted: Scalar  #: variance of the forward speed by quantisation, over that of one rim
 
 
 class Turning(NamedTuple):
-    """What the gyro shows of the turn."""
+    """Turn of the robot by the gyro."""
 
     rad_s: Scalar  #: yaw rate
     holds: Any  #: the condition that it is known
@@ -91,7 +91,7 @@ class Turning(NamedTuple):
 
 
 def slip_modes(robot: Robot) -> list[tuple[int, ...]]:
-    """The driven wheels that slip in each mode: each one, and those of a side; none where rims show sideways speed."""
+    """Driven wheels that slip in each mode: each one, and those of a side; empty if rims measure sideways speed."""
     n = robot.driven
     if rims_show_sideways(robot) or n < 2:
         return []
@@ -100,7 +100,7 @@ def slip_modes(robot: Robot) -> list[tuple[int, ...]]:
 
 
 def rims_show_sideways(robot: Robot) -> bool:
-    """True where the driven wheels roll sideways too, so that the forward speed by each depends on the sideways one."""
+    """True where the driven wheels roll sideways too, so that each one's forward speed depends on the sideways one."""
     axes = robot.chassis.freedoms
     return PLANAR[1] in axes and bool(np.any(robot.rolling[: robot.driven, axes.index(PLANAR[1])]))
 
@@ -127,11 +127,11 @@ def weigh(
     """State and forward speed after a step.
 
     rims_m_s: (driven,) speeds of the rims.
-    mean_m_s: forward speed of them all; alone used without a gyro, and where the robot moves sideways too.
-    refused: (driven,) conditions that a wheel has jumped, so that its speed is an old one.
-    fresh: the condition that the step ended with a value of the wheels.
-    since_s: time since the value before.
-    count_m_s: standard deviation of a rim's speed by counting.
+    mean_m_s: their mean forward speed; used alone without a gyro, and if the robot moves sideways too.
+    refused: (driven,) conditions that a wheel has jumped and its speed is an older one.
+    fresh: the condition that the step ended with a new value of the wheels.
+    since_s: time since the previous value.
+    count_m_s: standard deviation of a rim's speed by quantisation.
     """
     modes, n = [(), *slip_modes(robot)], robot.driven
     turning = turning._replace(scale=maximum(turning.scale, LEAST_SCALE - 1.0))
@@ -160,10 +160,10 @@ def weigh(
     likely = chain * exp(weight * (logs - reduce(maximum, logs)))
     probability = where(judged, likely / likely.sum(), before.probability)
     follows = 1.0 - exp(-since_s / BEFORE_S)
-    # No wheel on the ground changes the speed of a robot faster: the friction of rubber is 1.
+    # No wheel on the ground changes a robot's speed faster: the friction of rubber is 1.
     most_m_s, loose_m_s = GRAVITY * since_s, COUNTED * sqrt(speed_variance)
     wide_m_s = most_m_s + loose_m_s
-    # Each mode goes on from the speed before as far as friction can change it.
+    # Each mode changes the previous speed only as far as friction can.
     possible = clip(speeds, before.followed_m_s - wide_m_s, before.followed_m_s + wide_m_s)
     of_mean = clip(mean_m_s, before.followed_m_s - wide_m_s, before.followed_m_s + wide_m_s)
     forward = where(turning.holds, probability @ possible, of_mean)
@@ -208,13 +208,14 @@ def variances(
     robot: Robot,
     noise: OdometryNoise,
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """Variances [m2/s2] of forward speeds about their mean: by turn and counting, of rolling and of slipping wheels.
+    """Variances [m2/s2] of forward speeds about their mean: by turn and quantisation, of rolling, of slipping wheels.
 
-    rate_rad_s, by_rims_rad_s: of the robot by the gyro, and by the rims: wheels that begin to turn it slip first.
+    rate_rad_s, by_rims_rad_s: yaw rate of the robot by the gyro, and by the rims: wheels that begin to turn it slip
+        first.
     """
     ahead_s = math.hypot(noise.gyro_delay_std_s, noise.wheels_ahead_std_s)
     sooner = ahead_s * (turning.rad_s - before.turn_rad_s) / maximum(since_s, LEAST_STEP_S)
-    # Wheels that turn the robot by another share than they should scrub, each in its own way.
+    # Where the robot turns by another share than it should, its wheels scrub, each in its own way.
     scrubbing = (turning.scale * turning.scale + turning.scale_std * turning.scale_std) / (1.0 + turning.scale) ** 2
     slip_rad_s = noise.turn_share * maximum(abs(rate_rad_s), abs(by_rims_rad_s))
     turn_variance = lever_m(robot) ** 2 * (
@@ -227,5 +228,5 @@ def variances(
 
 
 def lever_m(robot: Robot) -> float:
-    """Speed of the driven rims by a turn over its yaw rate, root of the mean square."""
+    """Speed of the driven rims in a turn per yaw rate, root mean square."""
     return float(np.sqrt(np.mean(robot.rolling[: robot.driven, -1] ** 2)))

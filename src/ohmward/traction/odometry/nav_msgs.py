@@ -13,10 +13,10 @@ import numpy as np
 
 from ohmward.traction.odometry.sample import OdometryEstimate
 
-#: Places of x, y and yaw among x, y, z and the rotations about them.
+#: Indices of x, y and yaw among x, y, z and the rotations about them.
 PLANE = (0, 1, 5)
 
-#: Variance of what a robot in the plane does not estimate: large, as filters that fuse the message expect it.
+#: Variance of what planar odometry does not estimate: large, as filters that fuse the message expect.
 UNKNOWN_VARIANCE = 1e6
 
 
@@ -54,7 +54,7 @@ def twist_of(estimate: OdometryEstimate) -> dict[str, Any]:
 
 
 def twist_with_covariance(forward_m_s: Any, left_m_s: Any, yaw_rate_rad_s: Any, cov: np.ndarray) -> dict[str, Any]:
-    """The same from speeds, a yaw rate and their covariance (3, 3)."""
+    """The fields of a `geometry_msgs/TwistWithCovariance` from speeds, a yaw rate and their covariance (3, 3)."""
     twist = {"linear": vector(forward_m_s, left_m_s), "angular": vector(z=yaw_rate_rad_s)}
     return {"twist": twist, "covariance": six_by_six(cov)}
 

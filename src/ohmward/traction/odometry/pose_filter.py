@@ -94,14 +94,14 @@ class PoseState(NamedTuple):
     motion: MotionState  #: last values of the sensors
     gyro: GyroNoise  #: its noise as learnt so far
     sums: TurnSums  #: angles of gyro and wheels since they were last compared
-    history: History  #: changes of the speed, for speeds that come late
+    history: History  #: changes of the speed, for late speeds
     trail: Trail  #: the last steps, for pose increments
     heading: HeadingTimes  #: times of headings
-    overrun: Overrun  #: way beyond that of outside speeds
+    overrun: Overrun  #: distance beyond that of the outside speeds
     speed_m_s: Any = 0.0  #: after the last step
-    slip_std_m_s: Any = 0.0  #: standard deviation that the slip was scaled by in it
+    slip_std_m_s: Any = 0.0  #: standard deviation that the slip was scaled by in that step
     distance_m: Any = 0.0  #: length of the path
-    #: (2,) standard deviation of x and y by the square of the yaw's error, one random number for both [m]
+    #: (2,) standard deviation [m] of x and y by the squared yaw error, fully correlated
     second_order_m: np.ndarray = np.zeros(2)
 
 
@@ -109,15 +109,15 @@ class PoseState(NamedTuple):
 class PoseFilter:
     """Settings; `init` and `step` are pure functions of them."""
 
-    robot: Robot  #: whose wheels these are
+    robot: Robot  #: robot with its wheels
     noise: OdometryNoise  #: of sensors and wheels
     gate: float = 10.8  #: NIS beyond which a measurement is not used; 10.8 is 99.9 %
-    #: time for which gyro and wheels disagree after which the gyro's offset may have changed, and for which headings
-    #: disagree with the yaw after which their zero may have
+    #: time of disagreement after which the gyro's offset may have changed (gyro and wheels), or the zero of the
+    #: headings (headings and yaw)
     reset_after_s: float = 5.0
     gap_s: float = 0.5  #: a longer step is flagged
     #: number of samples by which a speed from outside may be late, and within which a pose increment must have begun; 0
-    #: leaves increments out
+    #: disables increments
     late_steps: int = 20
 
     def __post_init__(self) -> None:
@@ -136,7 +136,7 @@ class PoseFilter:
 
     @cached_property
     def turn_per_slip(self) -> float:
-        """Yaw rate by independent slip of the wheels over its standard deviation [1/m]."""
+        """Yaw rate from independent slip of the wheels, per standard deviation of the slip [1/m]."""
         return turn_per_slip(self.robot)
 
     def no_sample(self) -> OdometrySample:
@@ -193,7 +193,7 @@ class PoseFilter:
         return after, estimate._replace(flags=flags)
 
     def hear(self, known: GyroNoise, sensors: MotionState, dt_s: Scalar) -> GyroNoise:
-        """Noise of the gyro after the step, which ended with a sample of it where that is of no age."""
+        """Noise of the gyro after the step; its sample is new if its age is zero."""
         new = sensors.intervals.age_s[GYRO] <= 0.0
         stands = every([speed == 0.0 for speed in sensors.wheel_speed_rad_s]) & was_seen(sensors.intervals)[WHEELS]
         return learn_gyro_noise(known, sensors.gyro_rad_s, new, stands, dt_s, self.noise.gyro_walk)
@@ -224,7 +224,7 @@ class PoseFilter:
         return use_increment(body, sample, u, trail, noise, gate), sums
 
     def slip_by_turn(self, body: PoseCorrection, motion: MeasuredMotion) -> Scalar:
-        """Slip [m/s] of the driven wheels that a turn they showed and the robot did not make tells of, if they roll."""
+        """Slip [m/s] of rolling driven wheels implied by a turn that they showed and the robot did not make."""
         apart_m_s = lever_m(self.robot) * body.turn_apart_rad_s
         rolls = motion.sensors.modes.probability[0]
         return where(body.turn_rejected, rolls * minimum(apart_m_s, motion.speed.loose_m_s), 0.0)
@@ -288,7 +288,7 @@ class PoseFilter:
 
 
 def with_slip_speed(belief: Belief, before_m_s: Scalar, now_m_s: Scalar) -> Belief:
-    """The belief with a slip that was opened as large in m/s as it was before its standard deviation grew to this."""
+    """The belief with a widened slip that stays the same in m/s as its standard deviation grows to this."""
     most = 1.0 / sqrt(maximum(belief.cov[SLIP, SLIP], 1.0))
     share = minimum(maximum(before_m_s / maximum(now_m_s, LEAST_REJECTED_STD), most), 1.0)
     scale = np.array([share if i == SLIP else 1.0 for i in range(len(belief.mean))])
@@ -296,17 +296,17 @@ def with_slip_speed(belief: Belief, before_m_s: Scalar, now_m_s: Scalar) -> Beli
 
 
 def opened(belief: Belief, motion: MeasuredMotion, slip_m_s: Scalar) -> Belief:
-    """The belief with a slip of this standard deviation [m/s] at least, which is forgotten in `correlation_s`."""
+    """The belief with a slip of at least this standard deviation [m/s], which decays in `correlation_s`."""
     slip = minimum(slip_m_s / maximum(motion.input.motion_std[0], LEAST_REJECTED_STD), MOST_OPENED)
     return choose(motion.by_driven, widen(belief, SLIP, slip * slip), belief)
 
 
 def second_order(before: Belief, after: Belief) -> np.ndarray:
-    """What a step adds to `PoseState.second_order_m` (2,).
+    """Contribution of a step to `PoseState.second_order_m` (2,).
 
-    A yaw that is e wrong shortens the way d along its direction by d (1 - cos e), of which the root of the mean square
-    is sqrt(3)/2 d s^2 for a normal e of a small standard deviation s, and sqrt(3/2) d for a yaw that may be any. The
-    yaw's errors last, so that these add up.
+    A yaw error e shortens the distance d along its direction by d (1 - cos e), with the root mean square sqrt(3)/2 d
+    s^2 for a normal e of a small standard deviation s, and sqrt(3/2) d for an unknown yaw. Yaw errors persist, so these
+    add up.
     """
     share = minimum(0.5 * math.sqrt(3.0) * after.cov[YAW, YAW], math.sqrt(1.5))
     return share * (after.mean[:YAW] - before.mean[:YAW])
@@ -319,5 +319,5 @@ def travelled(belief: Belief, u: MotionInput) -> Scalar:
 
 
 def pose_filter(robot: Robot, noise: OdometryNoise | None = None) -> PoseFilter:
-    """The filter of a robot, with the noise of its kind of chassis unless given."""
+    """The filter of a robot, with the default noise of its chassis unless given."""
     return PoseFilter(robot, noise or noise_of(robot))

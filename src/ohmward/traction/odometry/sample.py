@@ -12,7 +12,7 @@ from ohmward.traction.motion.sample import RobotSample
 
 
 class Observed(NamedTuple):
-    """Motion that a speed observer gives, which knows the slip of the wheels; nan where there is nothing new."""
+    """Motion from a speed observer, which knows the slip of the wheels; nan where there is nothing new."""
 
     speed_m_s: Any = math.nan
     speed_std_m_s: Any = math.nan
@@ -20,33 +20,33 @@ class Observed(NamedTuple):
     #: used where there is no gyro
     yaw_rate_rad_s: Any = math.nan
     yaw_rate_std_rad_s: Any = math.nan
-    #: share of `OdometryNoise.radius_std` that it does not know either; 1 where it does not estimate it
+    #: share of `OdometryNoise.radius_std` left after its estimate; 1 if it does not estimate the radius
     scale: Any = 1.0
-    grip: Any = 1.0  #: least grip of the driven wheels, 0 to 1; wheels that spin do not show a turn
+    grip: Any = 1.0  #: lowest grip of the driven wheels, 0 to 1; spinning wheels do not measure a turn
 
 
 class OdometrySample(NamedTuple):
     """One sample of the robot's sensors, of other sources of its motion, and of a speed observer."""
 
     robot: RobotSample
-    #: outside speed to the left and its standard deviation, as old as that forward
+    #: outside speed to the left and its standard deviation, with the age of the forward one
     speed_left_m_s: Any = math.nan
     speed_left_std_m_s: Any = math.nan
-    #: from a compass or two GNSS antennas, > 0 to the left, from any zero, which is learnt; full turns may be counted
-    #: or not; and its standard deviation where the source gives one
+    #: from a compass or two GNSS antennas, > 0 to the left; its zero is arbitrary and estimated, and full turns may be
+    #: counted or not; and its standard deviation if the source gives one
     heading_rad: Any = math.nan
     heading_std_rad: Any = math.nan
-    #: (3,) change of the pose [m, m, rad] that visual or lidar odometry has seen: forward and left in the frame of its
-    #: start, and the turn
+    #: (3,) change of the pose [m, m, rad] from visual or lidar odometry: forward and left in the frame of its start,
+    #: and the turn
     increment: np.ndarray = np.full(3, math.nan)
-    increment_std: np.ndarray = np.full(3, math.nan)  #: (3,) standard deviations where the source gives them
+    increment_std: np.ndarray = np.full(3, math.nan)  #: (3,) standard deviations if the source gives them
     increment_s: Any = math.nan  #: time between its start and its end
     increment_age_s: Any = 0.0  #: time since its end
     observed: Observed = Observed()
 
     @property
     def dt_s(self) -> Any:
-        """Time since the sample before [s]."""
+        """Time since the previous sample [s]."""
         return self.robot.dt_s
 
 
@@ -74,26 +74,26 @@ class OdometryEstimate(NamedTuple):
     #: (driven,) slip speed r omega - v of each wheel's centre, and its standard deviation [m/s]
     slip_speed_m_s: np.ndarray
     slip_speed_std_m_s: np.ndarray
-    #: (driven,) probability that each wheel slips beside the others; 0 where no gyro tells, or wheels roll sideways
+    #: (driven,) probability that each wheel slips while others roll; 0 without a gyro, or if wheels roll sideways
     slip_probability: np.ndarray
-    stuck_probability: Any  #: that the robot is held while its driven wheels turn; an outside speed tells
+    stuck_probability: Any  #: that the robot is held while its driven wheels turn, by an outside speed
     flags: Any  #: sum of `OdometryFlag` values; 0 is a sample without incident
 
 
 class OdometryFlag(SampleFlag):
     """Incidents of a sample of the odometry."""
 
-    BAD_TIME = 1  #: dt_s is negative, too long or no number; the step counts as none
-    GAP = 2  #: a long step; the motion in it is that of its end
-    NO_WHEELS = 4  #: nothing shows the speed any more: the last one goes on, and the band grows
-    NO_GYRO = 8  #: the gyro has stopped: the wheels tell the turn
-    WHEEL_JUMP = 16  #: a wheel changed its speed as no robot can; not used
+    BAD_TIME = 1  #: dt_s is negative, too long or not a number; taken as 0
+    GAP = 2  #: a long step; the motion at its end is used for all of it
+    NO_WHEELS = 4  #: no speed measurement any more: the last one is held, and the band grows
+    NO_GYRO = 8  #: the gyro has stopped: the wheels give the turn
+    WHEEL_JUMP = 16  #: a wheel changed its speed faster than any robot can; not used
     TURN_REJECTED = 32  #: gyro and wheels disagree beyond their sigmas: a wheel that slips, or a gyro that failed
-    SPEED_REJECTED = 64  #: an external speed outside its gate; not used, the band was opened
-    INCREMENT_REJECTED = 128  #: a pose increment outside its gate; not used, the band was opened
-    INCREMENT_TOO_OLD = 256  #: a pose increment that began before the samples that are remembered; not used
+    SPEED_REJECTED = 64  #: an external speed outside its gate; not used, the band was widened
+    INCREMENT_REJECTED = 128  #: a pose increment outside its gate; not used, the band was widened
+    INCREMENT_TOO_OLD = 256  #: a pose increment that began before the stored samples; not used
     NOT_POSITIVE_DEFINITE = 512  #: the covariance was not positive semidefinite
     RESTARTED = 1024  #: the state was no longer a number; a new one was started from this sample
-    HEADING_REJECTED = 2048  #: a heading outside its gate, as beside iron; not used
-    WHEEL_SLIPS = 4096  #: a wheel, or those of a side, slip more likely than not: the others show the speed
-    STUCK = 8192  #: the wheels turn and the robot does not, by an outside speed
+    HEADING_REJECTED = 2048  #: a heading outside its gate, as near iron; not used
+    WHEEL_SLIPS = 4096  #: a wheel, or one side's wheels, probably slip: the others give the speed
+    STUCK = 8192  #: the wheels turn but the robot stands, by an outside speed

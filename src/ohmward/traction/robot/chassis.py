@@ -2,7 +2,7 @@
 
 A wheel at (x, y) that rolls in the direction (c, s) moves at c v_x + s v_y + (x s - y c) yaw_rate: one row of the
 rolling matrix G. Travel speeds are G times the body's motion, and the wheels' forces act on the body through the
-transpose of G, so no power is lost or made between wheel and body.
+transpose of G, so no power is lost or created between wheel and body.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PLANAR = ("v_m_s", "v_left_m_s", "yaw_rate_rad_s")
 
 
 class Place(NamedTuple):
-    """One wheel: x forward and y left of the centre of gravity, its rolling direction, and True where it is driven."""
+    """One wheel: x forward and y left of the centre of gravity, its rolling direction, and True if driven."""
 
     name: str
     x_m: float
@@ -34,9 +34,9 @@ class Place(NamedTuple):
 class Chassis(Protocol):
     """A layout of wheels.
 
-    freedoms: the motions that the body can make, of `PLANAR`.
-    scrubs:   True where the wheels resist a sideways motion with the friction that they roll with.
-    rollers:  True where rollers on its wheels let them go sideways.
+    freedoms: motions that the body can make, a subset of `PLANAR`.
+    scrubs:   True if the wheels resist sideways motion, by the same friction law as along their rolling direction.
+    rollers:  True if rollers on the wheels let them move sideways.
     places:   the wheels, the driven ones first.
     """
 
@@ -52,7 +52,7 @@ class Chassis(Protocol):
 
 @dataclass(frozen=True)
 class Differential:
-    """Four wheels of which the front or all are driven, as in [T]: no sideways motion, no resistance to turning."""
+    """Four wheels, the front pair or all of them driven, as in [T]: no sideways motion, no resistance to turning."""
 
     #: L_f and L_r, distances of front and rear axle from the centre of gravity, > 0
     front_m: float
@@ -71,7 +71,7 @@ class Differential:
 
     @property
     def wheelbase_m(self) -> float:
-        """Between the axles."""
+        """Distance between the axles."""
         return self.front_m + self.rear_m
 
     @property
@@ -82,13 +82,13 @@ class Differential:
 
 @dataclass(frozen=True)
 class SkidSteer:
-    """Four driven wheels, fixed: to turn, it drags them sideways."""
+    """Four fixed, driven wheels: to turn, the robot drags them sideways."""
 
     #: distances of front and rear axle from the centre of gravity, > 0
     front_m: float
     rear_m: float
     track_m: float  #: distance between left and right wheels, > 0
-    #: speed difference of the two sides over the yaw rate, which is the distance between the instantaneous centres of
+    #: speed difference between the two sides over the yaw rate: the distance between the instantaneous centres of
     #: rotation of left and right wheels (Mandow et al. 2007), > 0. `ohmward calibrate` finds it; divided by `track_m`
     #: it is ROS's `wheel_separation_multiplier`. If absent, `track_m`
     effective_track_m: float | None = None
@@ -109,7 +109,7 @@ class SkidSteer:
 
     @property
     def wheelbase_m(self) -> float:
-        """Between the axles."""
+        """Distance between the axles."""
         return self.front_m + self.rear_m
 
     @property
@@ -152,7 +152,7 @@ class TwoWheeled:
 
 @dataclass(frozen=True)
 class Omni:
-    """Omni-wheels on a circle around the centre of gravity, each rolling along the circle, free sideways."""
+    """Omni-wheels on a circle around the centre of gravity, each rolling along the circle and free sideways."""
 
     arm_m: float  #: radius of the circle of the wheels, > 0
     #: directions of the wheels from the centre, counter-clockwise from forward; at least three, not all on one line
@@ -172,7 +172,7 @@ class Omni:
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """In the order of the bearings."""
+        """The wheels, in the order of the bearings."""
         return tuple(self._place(k, math.radians(bearing)) for k, bearing in enumerate(self.bearings_deg, start=1))
 
     def _place(self, number: int, bearing: float) -> Place:
@@ -184,8 +184,9 @@ class Omni:
 class Mecanum:
     """Four driven wheels with rollers at 45 degrees, which form an X as seen from above.
 
-    Such a wheel pushes along the axis of the roller that it stands on, and goes freely across: it is an omni-wheel that
-    rolls at 45 degrees to the robot, of a radius smaller by the square root of 2. That is what `wheel.radius_m` is.
+    Such a wheel pushes along the axis of the roller that it stands on and moves freely across it: it acts as an
+    omni-wheel that rolls at 45 degrees to the robot, with a radius smaller by the factor sqrt(2). `wheel.radius_m` is
+    that smaller radius.
     """
 
     #: distances of front and rear axle from the centre of gravity, > 0
@@ -202,7 +203,7 @@ class Mecanum:
 
     @property
     def wheelbase_m(self) -> float:
-        """Between the axles."""
+        """Distance between the axles."""
         return self.front_m + self.rear_m
 
     @property
@@ -229,8 +230,8 @@ def sideways_matrix(chassis: Chassis) -> np.ndarray:
 def load_matrix(places: Sequence[Place]) -> np.ndarray:
     """(wheels, 3): normal loads from the force on the ground and its first moments in x and y.
 
-    The loads vary linearly with the place, as those of a stiff body on equal springs: for a rectangle and for three
-    wheels this is the only solution without twist. Wheels that mirror each other get the same numbers to the last bit.
+    The loads vary linearly with the position, like those of a stiff body on equal springs: for a rectangle and for
+    three wheels this is the only solution without twist. Mirrored wheels get the same numbers to the last bit.
     """
     moments = np.array([[1.0, p.x_m, p.y_m] for p in places])
     return np.linalg.solve(moments.T @ moments, moments.T).T

@@ -5,8 +5,8 @@ tau_f    = [tau_c + (1 - eta) n K_m |I|] tanh(omega / omega_0) + b omega
 V        = R I + n K_m omega
 J_rotor  counts n^2 times at the wheel
 
-The gear's loss is a friction that grows with its torque: driving, the share eta of the motor's power reaches
-the wheel; braking, 1/(2 - eta) of the wheel's power reaches the motor. It never gives energy.
+Gear loss is a friction that grows with the torque: when driving, the fraction eta of the motor's power reaches the
+wheel; when braking, 1/(2 - eta) of the wheel's power reaches the motor. It never adds energy.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ohmward.traction.friction.law import direction_and_size
 
 @dataclass(frozen=True)
 class Motor:
-    """One motor and its gear; torque and speed are those of the wheel."""
+    """One motor and its gear; torque and speed are at the wheel."""
 
     torque_constant_Nm_per_A: float  #: K_m of the bare motor, equal to its back-EMF constant in V s/rad, > 0
     resistance_ohm: float  #: R of the winding, > 0
@@ -30,7 +30,7 @@ class Motor:
     gear_efficiency: float = 1.0  #: eta, in (0, 1]
     friction_Nm: float = 0.0  #: tau_c, dry friction at the wheel, >= 0
     damping_Nms_per_rad: float = 0.0  #: b, viscous friction at the wheel, >= 0
-    friction_speed_rad_s: float = 0.5  #: omega_0, wheel speed within which dry friction changes sign, > 0
+    friction_speed_rad_s: float = 0.5  #: omega_0, wheel speed over which dry friction changes sign, > 0
     rotor_inertia_kg_m2: float = 0.0  #: moment of inertia of the rotor about its axis, >= 0
 
     def __post_init__(self) -> None:
@@ -78,7 +78,7 @@ def current_for_torque(motor: Motor, torque_Nm: Any, wheel_speed_rad_s: Any) -> 
 
 
 def terminal_voltage(motor: Motor, current_A: Any, wheel_speed_rad_s: Any) -> Any:
-    """Voltage [V] across the motor, the inductance left out."""
+    """Voltage [V] across the motor, neglecting inductance."""
     return motor.resistance_ohm * current_A + motor.wheel_constant_Nm_per_A * wheel_speed_rad_s
 
 

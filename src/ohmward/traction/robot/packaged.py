@@ -1,4 +1,4 @@
-"""Robots that come with the package, the robot of a file or of a name, and a generic one of a few sizes."""
+"""Packaged robots, robots by file or name, and a generic robot from a few dimensions."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from ohmward.traction.robot.robot import GRAVITY, ROBOT_FILE, Robot, Wheel, disc
 #: Layouts of the wheels of a generic robot.
 LAYOUTS = ("two-wheel", "skid-steer", "mecanum", "omni")
 
-#: No robot has larger wheels [m].
+#: Largest wheel radius of any robot [m].
 _LARGEST_WHEEL_M = 3.0
-#: Assumed of a robot: width of a wheel over its radius, mass of one over that of the robot, share of the wheelbase
-#: that the driven axle of two stands from the centre of gravity.
+#: Assumed for a robot: wheel width over wheel radius, wheel mass over robot mass, and distance of a two-wheeled robot's
+#: driven axle from the centre of gravity over the wheelbase.
 WIDTH, WHEEL_MASS, AXLE = 0.4, 0.02, 0.25
 
-#: Assumed of its motors: their voltage [V], the speed without load [m/s], and the pull at standstill over the weight.
+#: Assumed for its motors: voltage [V], no-load speed [m/s], and pull at standstill over the weight.
 _MOTOR_V, _FREE_M_S, _PULL = 24.0, 2.5, 1.0
 
 
@@ -35,18 +35,18 @@ def generic_robot(
     layout: str = "two-wheel",
     name: str = "robot",
 ) -> Robot:
-    """Robot of its sizes alone, to start with: body, wheels and motors as usual; `calibrate` finds what they are.
+    """Robot from its dimensions alone, as a start: body, wheels and motors are typical; `calibrate` identifies them.
 
-    The body is an even box as long as the wheelbase and as wide as the track. The motors are those of `generic_motor`.
+    The body is a uniform box as long as the wheelbase and as wide as the track; motors are those of `generic_motor`.
 
     mass_kg, wheel_radius_m, track_m: > 0; the track is the distance between left and right wheels, for "omni" the
         diameter of the circle of its wheels.
-    wheelbase_m: between the axles, or from the driven axle to the caster, > 0; as the track where it is None.
+    wheelbase_m: between the axles, or from the driven axle to the caster, > 0; None for the track.
     gear_ratio: turns of the motor for one of the wheel, > 0.
-    layout: of `LAYOUTS`: two driven wheels before a caster, four driven ones, four with rollers, three on a circle.
+    layout: of `LAYOUTS`: two driven wheels and a caster behind, four driven, four with rollers, three on a circle.
 
     Raises:
-        InputError: a size that cannot be, or no such layout.
+        InputError: a size is impossible, or the layout is unknown.
     """
     base_m = track_m if wheelbase_m is None else wheelbase_m
     for size, value in (("mass_kg", mass_kg), ("wheel_radius_m", wheel_radius_m), ("track_m", track_m)):
@@ -82,10 +82,10 @@ def generic_robot(
 
 
 def generic_motor(mass_kg: float, wheel_radius_m: float, driven: int, gear_ratio: float = 1.0) -> Motor:
-    """Motor of each of the driven wheels where nothing is known of it.
+    """Typical motor of each driven wheel, for robots whose motors are unknown.
 
-    It is such that the robot reaches 2.5 m/s without load at 24 V, and that all of them pull its weight at standstill:
-    currents of motors tell forces only once the motors are known.
+    The robot reaches 2.5 m/s without load at 24 V, and all motors together pull its weight at standstill. Motor
+    currents give forces only once the real motors are known.
     """
     constant = _MOTOR_V * wheel_radius_m / (_FREE_M_S * gear_ratio)
     stall_A = _PULL * mass_kg * GRAVITY * wheel_radius_m / (driven * gear_ratio * constant)
@@ -95,9 +95,9 @@ def generic_motor(mass_kg: float, wheel_radius_m: float, driven: int, gear_ratio
 _RLMA_WHEEL_KG = 1.5
 _RLMA_WHEEL = Wheel(radius_m=0.12, width_m=0.05, inertia_kg_m2=_RLMA_WHEEL_KG * 0.12**2 / 2)
 
-#: The robot of [T]. Mass, axles, track, radius and box (0.68 x 0.38 x 0.20 m) are given there. Wheels are taken as even
-#: discs of 1.5 kg, the box as even and 8 cm clear of the ground, the motors as 6.5-inch hub motors (16 rpm/V,
-#: 0.179 ohm): [T] describes none of them.
+#: The robot of [T]. Mass, axles, track, radius and box (0.68 x 0.38 x 0.20 m) are given there. Assumed, as [T] does not
+#: describe them: wheels as uniform discs of 1.5 kg, the box as uniform and 8 cm clear of the ground, and 6.5-inch hub
+#: motors (16 rpm/V, 0.179 ohm).
 RLMA = Robot(
     name="RLMA",
     mass_kg=42.0,
@@ -127,14 +127,14 @@ ROBOTINO = Robot(
 )
 
 _SEEDER_WHEEL = Wheel(radius_m=0.15, width_m=0.06, inertia_kg_m2=1.5 * 0.15**2 / 2)
-#: [P] 4, of each of two motors. A motor gives V^2 / (4 R) at most, at half its speed without load.
+#: [P] 4, for each of the two motors. A motor delivers at most V^2 / (4 R), at half its no-load speed.
 _SEEDER_MOTOR_V, _SEEDER_MOTOR_PEAK_W = 12.0, 514.0
-#: Not printed: speed without load [rad/s], as usual for a brushed motor of this size, 5,600 rpm.
+#: Not given in [P]: no-load speed [rad/s], typical of a brushed motor of this size, 5,600 rpm.
 _SEEDER_MOTOR_FREE_RAD_S = 5600.0 * math.pi / 30.0
 
-#: The seeder robot of [P]. Printed there: a differential drive, two motors of 12 V and 514 W at most, and their type,
-#: of which G16 is taken for a gear of 16 to 1. All else is an estimate: no mass, no dimension and nothing of wheels,
-#: casters and gears is printed. The idle power is that of the Raspberry Pi 4 and the boards that are.
+#: The seeder robot of [P], which states a differential drive, two motors of 12 V and at most 514 W, and their type,
+#: whose G16 is read as a gear of 16 to 1. All else is an estimate: [P] gives no mass, no dimensions and nothing about
+#: wheels, casters and gears. The idle power is that of the Raspberry Pi 4 and the boards that it lists.
 SEEDER = Robot(
     name="Seeder",
     mass_kg=25.0,
@@ -152,9 +152,9 @@ SEEDER = Robot(
     idle_W=8.0,
 )
 
-#: As their makers publish them: masses of the data sheets, sizes of `turtlebot3_description`, `create3_description`,
-#: `kobuki_description`, `husky_description` and `jackal_description`. Motors are those of `generic_motor`, centres of
-#: gravity and yaw inertias those of an even box, where nothing is published.
+#: Robots as published by their makers: masses from the data sheets, dimensions from `turtlebot3_description`,
+#: `create3_description`, `kobuki_description`, `husky_description` and `jackal_description`. Where nothing is
+#: published, motors are those of `generic_motor`, and centres of gravity and yaw inertias those of a uniform box.
 _BY_SIZES = {
     "turtlebot2": generic_robot(6.3, 0.035, 0.230, 0.23, name="TurtleBot 2 (Kobuki)"),
     "turtlebot3-burger": generic_robot(1.0, 0.033, 0.160, 0.081, name="TurtleBot 3 Burger"),
@@ -169,13 +169,13 @@ PACKAGED: Mapping[str, Robot] = {"rlma": RLMA, "robotino": ROBOTINO, "seeder": S
 
 
 def load_robot(path: str | PathLike[str]) -> Robot:
-    """The robot in a file, or a packaged one by its name, see `PACKAGED`.
+    """Load a robot from its file, or a packaged one by its name, see `PACKAGED`.
 
     >>> ow.load_robot("husky").mass_kg
     50.0
 
     Raises:
-        InputError: the file cannot be read, or no robot can be as it says; names file, key, rule and fix.
+        InputError: the file cannot be read, or describes an impossible robot; names file, key, rule and fix.
     """
     if not isinstance(path, str | PathLike):
         raise InputError(f"a robot must be a Robot, or the path or name of one, got {type(path).__name__}")

@@ -1,6 +1,6 @@
-"""A robot: body, wheels, motors and chassis, and the three that come with the package.
+"""A robot: body, wheels, motors and chassis, and its file.
 
-The robot file is TOML that people read and edit. Units are part of the names; every key is known.
+The robot file is TOML that people read and edit. Units are part of the names; an unknown key is an error.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from ohmward.traction.robot.motor import Motor
 
 GRAVITY = 9.80665
 
-#: Largest relative difference of the sum of weighed wheel loads from the weight.
+#: Largest relative difference between the sum of the weighed wheel loads and the weight.
 _WEIGHING = 0.05
 
 
 @dataclass(frozen=True)
 class Wheel:
-    """All wheels of a robot are alike."""
+    """Dimensions of a wheel; all wheels of a robot are alike."""
 
     radius_m: float  #: effective rolling radius, > 0
     width_m: float  #: tyre width, > 0
@@ -63,7 +63,7 @@ class Robot(RichDisplay):
         chassis: arrangement of the wheels.
         wheel: properties of each wheel.
         motor: motor and gear of each driven wheel.
-        height_m: height of the centre of gravity, >= 0; with 0 no load moves between the wheels.
+        height_m: height of the centre of gravity, >= 0; with 0 no load shifts between the wheels.
         idle_W: power of the electronics, >= 0.
         wheel_load_N: (wheels,) weighed load of each wheel, > 0, adding up to the weight; empty: from the geometry.
     """
@@ -118,7 +118,7 @@ class Robot(RichDisplay):
 
     @cached_property
     def motion_by_rims(self) -> np.ndarray:
-        """G_d^+ (freedoms, driven): motion of the body by the speeds of its driven rims, as if none slipped."""
+        """G_d^+ (freedoms, driven): motion of the body from the speeds of its driven rims, assuming no slip."""
         return np.linalg.pinv(self.rolling[: self.driven])
 
     @cached_property
@@ -128,7 +128,7 @@ class Robot(RichDisplay):
 
     @cached_property
     def loads(self) -> np.ndarray:
-        """(wheels, 3), see `chassis`; the first column are the shares of the weight."""
+        """(wheels, 3), see `chassis`; the first column is each wheel's share of the weight."""
         matrix = load_matrix(self.places)
         if self.wheel_load_N:
             matrix[:, 0] = np.array(self.wheel_load_N) / sum(self.wheel_load_N)
@@ -185,7 +185,7 @@ class Robot(RichDisplay):
 
 
 def free_sideways(robot: Robot) -> Robot:
-    """The robot as observers can have it: a skid-steered one with wheels that are free sideways, that turns alike."""
+    """Robot for observers: a skid-steered one as a differential drive of its effective track, all wheels driven."""
     chassis = robot.chassis
     if not isinstance(chassis, SkidSteer):
         return robot
@@ -193,26 +193,26 @@ def free_sideways(robot: Robot) -> Robot:
 
 
 def solid_box_yaw_inertia(mass_kg: float, length_m: float, width_m: float) -> float:
-    """Yaw inertia [kg m2] of an even box, where nothing better is known."""
+    """Yaw inertia [kg m2] of a uniform box, where nothing better is known."""
     return mass_kg * (length_m**2 + width_m**2) / 12
 
 
 def disc_yaw_inertia(mass_kg: float, wheel: Wheel, distance_m: float) -> float:
-    """Yaw inertia [kg m2] of a wheel, an even disc at this distance from the centre of gravity."""
+    """Yaw inertia [kg m2] of a wheel, a uniform disc at this distance from the centre of gravity."""
     return mass_kg * ((3 * wheel.radius_m**2 + wheel.width_m**2) / 12 + distance_m**2)
 
 
 def wheel_speeds(robot: Robot, motion: np.ndarray) -> np.ndarray:
-    """Speed [rad/s] of every wheel that rolls without slip while the body moves so; motion: (freedoms,)."""
+    """Speed [rad/s] of every wheel, rolling without slip, for a motion (freedoms,) of the body."""
     return robot.rolling @ motion / robot.wheel.radius_m
 
 
 def motion_from_wheels(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
-    """Motion (..., freedoms) that fits the driven wheels' speeds (..., driven) best, as if none slipped."""
+    """Motion (..., freedoms) that fits the driven wheels' speeds (..., driven) best, assuming no slip."""
     return robot.wheel.radius_m * np.asarray(wheel_speed_rad_s) @ robot.motion_by_rims.T
 
 
-#: What `kind` in the table [chassis] may be.
+#: Values of `kind` in the table [chassis].
 CHASSIS: Mapping[type, str] = {
     Differential: "differential",
     SkidSteer: "skid-steer",
@@ -228,12 +228,12 @@ _HEADER = """\
 #   mecanum (front_m, rear_m, track_m; radius_m is that of its wheels over the square root of 2).
 # [motor] is each of the motors: constant, resistance and rotor of the bare motor, friction and damping at the wheel.
 """
-#: Its `dump` and `parse` give and take the text.
+#: Format of the robot file; `dump` writes and `parse` reads its text.
 ROBOT_FILE = TomlFile(Robot, "ohmward-robot/1", _HEADER, digits=9, kinds=CHASSIS)
 
 
 def save_robot(robot: Robot, path: str | PathLike[str]) -> None:
-    """Write the robot file; it is either whole or not there.
+    """Write the robot file; it is either complete or absent.
 
     >>> ow.save_robot(ow.load_robot("husky"), "robot.toml")
 

@@ -1,7 +1,7 @@
-"""Robots as ROS describes them: wheels, masses and joints of a URDF.
+"""Robot from a URDF, as used by ROS: wheels, masses and joints.
 
-Wheels are the links on joints of type `continuous` about a horizontal axis that stand on the ground. Those that swivel,
-on a joint about the vertical, count as casters, and so do links that are called so; a steered axle is one.
+Wheels are links on `continuous` joints about a horizontal axis that stand on the ground. Those that also swivel, on a
+joint about the vertical, count as casters (a steered axle too), and so do links with "caster" in their name.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from ohmward.traction.robot.chassis import Omni, SkidSteer, TwoWheeled
 from ohmward.traction.robot.packaged import AXLE, WHEEL_MASS, WIDTH, generic_motor
 from ohmward.traction.robot.robot import Robot, Wheel, solid_box_yaw_inertia
 
-#: An axis is horizontal where it points up by less than this, lateral where it points ahead by less.
+#: An axis is horizontal if its upward component is below this, lateral if its forward component is.
 _MOST_TILT = 0.2
-#: A wheel stands on the ground where its lowest point is above that of the lowest wheel by no more than this share of
-#: its radius; radii that differ by no more are equal; casters that are closer, over the length of the robot, are one.
+#: A wheel stands on the ground if its lowest point is above that of the lowest wheel by no more than this share of its
+#: radius; radii that differ by no more are equal; casters closer than this [m] along the robot count as one.
 _SAME_SHARE = 0.1
 #: Names of the elements of an inertia, row by row of its upper half.
 _UPPER = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 
 class UrdfRobot(NamedTuple):
-    """What a URDF says of a robot."""
+    """Contents of a URDF."""
 
     robot: Robot
     joints: dict[str, str]  #: driven wheel -> joint
     imu_rpy: dict[
         str, tuple[float, float, float]
-    ]  #: link of an inertial unit that is mounted turned -> roll, pitch, yaw [rad]
-    assumed: tuple[str, ...]  #: sentences for people
+    ]  #: link of an inertial unit that is mounted at an angle -> roll, pitch, yaw [rad]
+    assumed: tuple[str, ...]  #: assumptions, as sentences
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,11 @@ class _Link:
 def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg: float | None = None) -> UrdfRobot:
     """Robot of a URDF: chassis, wheels, mass and yaw inertia; motors as `generic_motor`.
 
-    radius_m: of the wheels, > 0, where the file has only meshes of them.
-    mass_kg: of the robot, > 0, where it is not the sum of the links' masses.
+    radius_m: of the wheels, > 0, if the file has only meshes for them.
+    mass_kg: of the robot, > 0, if it is not the sum of the links' masses.
 
     Raises:
-        InputError: no URDF, no wheels that ohmward knows, or sizes that are missing; says which.
+        InputError: not a URDF, no wheels of a supported layout, or missing sizes; says which.
     """
     root = _root(path)
     try:
@@ -114,7 +114,7 @@ def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg:
 
 
 def _wheel(driven: Sequence[_Link], radius_m: float, mass_kg: float) -> Wheel:
-    """The mean of the wheels; an even disc where they have no inertia."""
+    """Mean of the wheels; a uniform disc if they have no inertia."""
     widths = [wheel.width_m for wheel in driven if math.isfinite(wheel.width_m)]
     inertia = float(np.mean([wheel.axis @ wheel.inertia @ wheel.axis for wheel in driven]))
     wheel_kg = float(np.mean([wheel.mass_kg for wheel in driven])) or WHEEL_MASS * mass_kg
@@ -124,7 +124,7 @@ def _wheel(driven: Sequence[_Link], radius_m: float, mass_kg: float) -> Wheel:
 
 
 def _root(path: str | PathLike[str]) -> ElementTree.Element:
-    """The element `robot` of a file without macros."""
+    """Root element `robot` of a file without macros."""
     try:
         text = Path(path).read_text(encoding="utf-8")
         if "<!DOCTYPE" in text:
@@ -180,7 +180,7 @@ def _link(
     joint: str = "",
     axis: np.ndarray | None = None,
 ) -> _Link:
-    """A link with what its element says of mass and size."""
+    """Link with mass and size from its element."""
     link = _Link(element.get("name", ""), at_m, frame, swivels, joint, np.zeros(3) if axis is None else axis)
     inertial = element.find("inertial")
     if inertial is not None:
@@ -223,7 +223,7 @@ def _wheels(links: Sequence[_Link], radius_m: float | None, path: str) -> list[_
 
 
 def _casters(links: Sequence[_Link], wheels: Sequence[_Link]) -> list[float]:
-    """Places along the robot [m] of what carries it beside the driven wheels, each once."""
+    """Positions of the casters along the robot [m], each once."""
     names = {wheel.name for wheel in wheels}
     swivelling = [wheel.at_m[0] for wheel in wheels if wheel.swivels]
     called = [link.at_m[0] for link in links if "caster" in link.name.lower() and link.name not in names]
@@ -237,7 +237,7 @@ def _casters(links: Sequence[_Link], wheels: Sequence[_Link]) -> list[float]:
 def _chassis(
     driven: Sequence[_Link], casters_m: list[float], centre_m: float, path: str
 ) -> tuple[SkidSteer | TwoWheeled | Omni, list[str], list[str]]:
-    """Layout of the wheels about the centre of gravity at `centre_m`, names of the driven ones, and words about it."""
+    """Layout of the wheels about the centre of gravity at `centre_m`, names of the driven ones, and assumptions."""
     x, y = np.array([wheel.at_m[:2] for wheel in driven]).T
     if len(driven) == 2:
         chassis, words = _two_wheeled(float(x.mean()), float(np.ptp(y)), casters_m, centre_m)
@@ -266,7 +266,7 @@ def _chassis(
 def _two_wheeled(
     axle_m: float, track_m: float, casters_m: list[float], centre_m: float
 ) -> tuple[TwoWheeled, list[str]]:
-    """Two driven wheels and casters, with words about what was assumed."""
+    """Two driven wheels and casters, and the assumptions made."""
     words = []
     if not casters_m:
         casters_m = [axle_m - track_m]
@@ -288,7 +288,7 @@ def _about_vertical(link: _Link, centre: np.ndarray) -> float:
 
 
 def _moved(origin: ElementTree.Element | None, at_m: np.ndarray, frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Place and frame behind an element `origin`, seen from a place and frame."""
+    """Position and frame after an element `origin`, from the position and frame before it."""
     if origin is None:
         return at_m, frame
     turned = rotation(*_numbers(origin.get("rpy", "0 0 0")))
@@ -296,7 +296,7 @@ def _moved(origin: ElementTree.Element | None, at_m: np.ndarray, frame: np.ndarr
 
 
 def rotation(roll_rad: float, pitch_rad: float, yaw_rad: float) -> np.ndarray:
-    """(3, 3) from the frame of a part to that of what it is mounted on: R_z(yaw) R_y(pitch) R_x(roll)."""
+    """Rotation (3, 3) from the frame of a part to the frame that it is mounted in: R_z(yaw) R_y(pitch) R_x(roll)."""
     (cr, cp, cy), (sr, sp, sy) = (f([roll_rad, pitch_rad, yaw_rad]) for f in (np.cos, np.sin))
     return np.array(
         [
@@ -308,7 +308,7 @@ def rotation(roll_rad: float, pitch_rad: float, yaw_rad: float) -> np.ndarray:
 
 
 def roll_pitch_yaw(frame: np.ndarray) -> tuple[float, float, float]:
-    """The angles [rad] that `rotation` makes this (3, 3) of; the roll is 0 where the nose points up or down."""
+    """Roll, pitch and yaw [rad] of a (3, 3) made by `rotation`; the roll is 0 where the nose points up or down."""
     pitch_rad = math.atan2(-frame[2, 0], math.hypot(frame[0, 0], frame[1, 0]))
     if math.cos(pitch_rad) < 1e-6:
         return 0.0, pitch_rad, math.atan2(-frame[0, 1], frame[1, 1])
@@ -335,6 +335,6 @@ def _direction(text: str) -> np.ndarray:
 
 
 def _of(element: ElementTree.Element, child: str, attribute: str) -> str:
-    """Attribute of the child of an element; "" without."""
+    """Attribute of an element's child; "" if it is missing."""
     found = element.find(child)
     return "" if found is None else found.get(attribute, "")

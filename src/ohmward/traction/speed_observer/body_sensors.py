@@ -3,20 +3,21 @@
 Each function takes the correction so far and returns it with one more. A sensor that `ObserverNoise` does not have
 costs nothing; a measurement that is missing or outside its gate changes nothing.
 
-External speed: from GNSS, visual or lidar odometry, optical flow; late, and at odds with the wheels at times.
+External speed: from GNSS, visual or lidar odometry, optical flow; late, and sometimes in conflict with the wheels.
 
-Wheels that slide steadily look as if they gripped under a robot as fast as they are, and the filter is sure of that. A
-speed from outside that contradicts it is outside its gate. One may be a glitch, so it is not used, but the estimate is
-open until the next one comes, for `reset_after_s` at most: the wheels would close it at once, and whether they grip is
-in dispute. A second one in a row that says the same is used, and so is one after others that leaned to the same side.
-Then the wheels slide: they keep their traction, and the friction is the one that gives it at their new slip.
+Wheels that slide steadily look like gripping wheels of a robot with their speed, and the filter is confident of that. A
+speed from outside that contradicts it is outside its gate. A single one may be a glitch, so it is not used, but the
+estimate stays wide until the next one, for `reset_after_s` at most: otherwise the wheels, whose grip is in dispute,
+would narrow it at once. A second one in a row that agrees is used, and so is one after others that leaned to the same
+side. Then the
+wheels slide: they keep their traction, and the friction becomes the one that gives it at their new slip.
 
-Passive wheels: encoders on wheels that no motor drives, which roll as fast as the robot goes.
+Passive wheels: encoders on undriven wheels, which roll at the robot's speed.
 
-They are the best speed that there is, so the filter follows what they have in common. An innovation inside the gate to
-the same side for some tenths of a second is a force that the model lacks, as that of a drawbar or of a steep slope: the
-disturbance is opened for it, before the estimate lags so far that the gate excludes the wheels. Where all are beyond
-their gates and say the same, they are no glitch, and the speed is opened for them.
+They are the best speed available, so the filter follows their common innovation. An innovation inside the gate to the
+same side for some tenths of a second is a force that the model lacks, such as that of a drawbar or of a steep slope:
+the disturbance is widened for it, before the estimate lags so far that the gate excludes the wheels. If all are outside
+their gates and agree, it is no glitch, and the speed is widened for them.
 """
 
 from __future__ import annotations
@@ -47,12 +48,12 @@ class BodyTimers(NamedTuple):
     """Time [s] for which a sensor of the body has been outside its gate, and by how much."""
 
     speed_s: Any  #: external speed
-    disputed_m_s: Any  #: innovation of the last external speed where it was outside; 0 where it was used
-    innovation_sum: Any  #: of external speeds that were used, over their standard deviations, and fading
+    disputed_m_s: Any  #: innovation of the last external speed if it was outside; 0 if it was used
+    innovation_sum: Any  #: fading sum of the normalised innovations of external speeds that were used
     gyro_s: Any  #: gyro
     pitch_s: Any  #: pitch
     passive_s: np.ndarray  #: (wheels - driven,) encoders of the wheels that are not driven
-    passive_sum: Any  #: of the innovations that these have in common, over their standard deviations, and fading
+    passive_sum: Any  #: fading sum of the normalised innovations that these have in common
 
 
 class BodyCorrection(NamedTuple):
@@ -65,8 +66,8 @@ class BodyCorrection(NamedTuple):
     gyro_rejected: Scalar = False
     speed_rejected: Scalar = False
     passive_rejected: Scalar = False
-    passive_doubted: Scalar = False  #: one of the passive wheels has been so for too long
-    speed_reset: Scalar = False  #: the estimate was opened for an external speed that contradicted it again
+    passive_doubted: Scalar = False  #: one of the passive wheels has been outside for too long
+    speed_reset: Scalar = False  #: the estimate was widened for an external speed that contradicted it again
 
 
 class SensorGate(NamedTuple):
@@ -77,7 +78,7 @@ class SensorGate(NamedTuple):
 
 
 def use_gyro(body: BodyCorrection, clean: CleanSample, model: Model, gate: SensorGate) -> BodyCorrection:
-    """Correct with the yaw rate; one that has been outside its gate for too long is right, and the estimate opened."""
+    """Correct with the yaw rate; one outside its gate for too long is accepted, and the estimate widened."""
     i = model.layout.index("yaw_rate_rad_s")
     if model.noise.gyro_std_rad_s is None:
         return body
@@ -91,8 +92,8 @@ def use_gyro(body: BodyCorrection, clean: CleanSample, model: Model, gate: Senso
 def use_pitch(body: BodyCorrection, clean: CleanSample, model: Model, gate: SensorGate) -> BodyCorrection:
     """Correct with the pitch, which is the grade under a stiff robot.
 
-    One that is off for longer than a glitch shows the edge of a slope, and the grade is opened for it: what the wheels
-    have made of it may be their slip.
+    A pitch outside its gate for longer than a glitch shows the edge of a slope, and the grade is widened for it: what
+    the wheels attribute to a grade may be their slip.
     """
     std = model.noise.pitch_std_rad
     if std is None or not model.states.grade:
@@ -123,10 +124,10 @@ def use_standstill(body: BodyCorrection, resting: Scalar, model: Model) -> BodyC
 
 
 def use_held(body: BodyCorrection, held: Scalar, clean: CleanSample, model: Model) -> BodyCorrection:
-    """Correct with the zero speed of a robot that is held while its wheels turn, however fast they have taken it.
+    """Correct with the zero speed of a robot that is held while its wheels turn, whatever speed they suggest.
 
-    It rocks about it, with errors that last for a second; where no force is known its speed walks so far from sample to
-    sample that they do not.
+    It rocks, with errors that last for a second; if no force is known, its speed walks so far from sample to sample
+    that they do not.
     """
     if model.noise.speed_std_m_s is None:
         return body
@@ -149,9 +150,9 @@ def correct_sensor(belief: Belief, y: Scalar, h: Function, variance: Scalar, gat
 def correct_element(
     belief: Belief, i: int, y: Scalar, variance: Scalar, rejected_s: Scalar, dt_s: Scalar, gate: SensorGate
 ) -> tuple[Belief, Scalar, Scalar]:
-    """The belief after y = x_i + noise, for which it is opened where that has been outside its gate for too long.
+    """The belief after y = x_i + noise, widened for it if y has been outside its gate for too long.
 
-    Returns the condition that y is outside its gate besides, and the time for which it has been.
+    Also returns the condition that y is outside its gate, and the time for which it has been.
     """
     nu = where(isfinite(y), y - belief.mean[i], 0.0)
     prior = choose(rejected_s > gate.reset_after_s, inflate(belief, i, nu * nu), belief)
@@ -160,31 +161,31 @@ def correct_element(
     return belief, rejected, time_rejected(rejected_s, dt_s, rejected, isfinite(y))
 
 
-#: A disturbance that the model lacks may have made an innovation of the speed within this time [s].
+#: Time [s] in which a disturbance that the model lacks may have caused an innovation of the speed.
 OPENED_S = 0.2
 
-#: Innovations that lean to one side for long are a contradiction, too: share of their sum that each keeps, and squared
-#: sum over its variance from which on they are one; 16 is one in 16,000 where the noise is white.
+#: Innovations that lean to one side for long are a contradiction too: decay factor of their sum at each one, and
+#: squared sum over its variance from which they are one; with white noise 16 occurs once in 16,000.
 LASTS, LASTING_NIS = 0.8, 16.0
 
-#: A speed that comes late may have missed a disturbance of so many sigmas of the grade.
+#: Largest disturbance, in sigmas of the grade, that a late speed may have missed.
 LATE_GRADES = 1.5
 
-#: Where an external speed says that wheels slide: least share to which the friction falls, relative standard deviation
-#: of the friction by the force that the motors give, and a force that is nearly none [N].
+#: If an external speed shows that wheels slide: smallest share to which the friction falls, relative standard deviation
+#: of the friction by the motors' force, and a negligible force [N].
 LEAST_SHARE, SLIDING_STD, TINY_N = 0.01, 0.3, 1e-3
 
-#: Two external speeds in a row say the same where the second is off by this share of what the first was off by.
+#: Two external speeds in a row agree if the innovation of the second is at least this share of the first's.
 AGREES = 0.5
 
 
 class ReceivedSpeed(NamedTuple):
-    """An external speed against the belief."""
+    """External speed compared with the belief."""
 
     credible: Scalar  #: the condition that there is one
-    speed_m_s: Scalar  #: what it says of now; nan where there is none
+    speed_m_s: Scalar  #: predicted to now; nan without one
     variance: Scalar  #: of that
-    innovation_m_s: Scalar  #: against the belief; 0 where there is none
+    innovation_m_s: Scalar  #: against the belief; 0 without one
 
 
 class Dispute(NamedTuple):
@@ -203,9 +204,9 @@ def use_speed(
     model: Model,
     gate: SensorGate,
 ) -> BodyCorrection:
-    """Correct with the external speed, or open the estimate for it; one that no such robot can have is not used.
+    """Correct with the external speed, or widen the estimate for it; one impossible for the robot is not used.
 
-    fastest_m_s: greatest speed that the body can have, by its wheels and by how long it can have slid.
+    fastest_m_s: greatest speed that the body can have, by its wheels and the longest possible slide.
     """
     if model.noise.speed_std_m_s is None:
         return body
@@ -264,7 +265,7 @@ def disputed(y: ReceivedSpeed, belief: Belief, last: BodyTimers, dt_s: Scalar, g
 
 
 def opened_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
-    """The belief as uncertain of the speed as this innovation, on a ground as unknown as at first."""
+    """The belief with a speed as uncertain as this innovation, and a ground as uncertain as at first."""
     belief = inflate(belief, 0, nu_m_s * nu_m_s)
     if model.states.grade:  # it stands for every disturbance that the model lacks
         least_rad = nu_m_s / (GRAVITY * OPENED_S)
@@ -278,7 +279,7 @@ def opened_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
 
 
 def sliding_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
-    """The belief with a ground that lets the wheels slide as they do where the speed is off by this innovation.
+    """The belief with a ground on which the wheels slide as they do if the speed is off by this innovation.
 
     They keep their traction, so the friction ratio falls to that traction over the one they would have had.
     """
@@ -297,7 +298,7 @@ def sliding_for(belief: Belief, nu_m_s: Scalar, model: Model) -> Belief:
     return Belief(mean, cov)
 
 
-#: Time constant [s] with which an innovation that they have in common is forgotten.
+#: Time constant [s] with which a common innovation of the passive wheels is forgotten.
 COMMON_LASTS_S = 0.2
 
 
@@ -306,7 +307,7 @@ class CommonInnovation(NamedTuple):
 
     speed_m_s: Scalar  #: of the speed of the body
     normalised: Scalar  #: over its standard deviation; 0 where a wheel is outside its gate or not measured
-    confirmed: Scalar  #: the condition that all of several wheels say about the same
+    confirmed: Scalar  #: the condition that there are several wheels and they agree
 
 
 def use_passive_wheels(
@@ -314,7 +315,7 @@ def use_passive_wheels(
 ) -> BodyCorrection:
     """Correct with the speeds of the wheels that are not driven; lag: (wheels,) as of `Model.encoder_lag`.
 
-    One that contradicts for too long is at fault; where all do, the speed is, and it is opened for them.
+    A wheel that contradicts for too long is at fault; if all do, the speed is, and it is widened for them.
     """
     n, times_s = model.driven, body.rejected.passive_s
     if model.noise.passive_std_rad_s is None or not len(times_s):

@@ -1,11 +1,11 @@
-"""Encoders of the driven wheels, and a wheel that moves as the model excludes.
+"""Encoders of the driven wheels, and wheels that move as the model excludes.
 
-Such a wheel has met other ground, or its encoder is broken. Whatever the ground gives, between nothing and all that it
-takes, the wheel ends the step between two speeds: that of its motor alone, and that of rolling (`possible_speeds`). An
-encoder that jumps beyond both is not believed for SPIKE_S: a count that was lost or made up is over by then. One that
-jumps between them is believed at first: with the square of the innovation added to the variance of the wheel's own
-speed, nearly all of the jump goes there, and none of it to the body. While the innovation stays outside its gate, sigma
-points learn the friction from it; after `reset_after_s` the encoder is at fault. It is used again once it agrees.
+Such a wheel has met other ground, or its encoder is broken. Whatever traction the ground gives, from none to its
+largest, the wheel ends the step between two speeds: that of its motor alone, and that of rolling (`possible_speeds`).
+An encoder that jumps beyond both is not used for SPIKE_S: a lost or spurious count is over by then. One that jumps
+between them is used at first: with the square of the innovation added to the variance of the wheel's own speed, nearly
+all of the jump goes there, and none of it to the body. While the innovation stays outside its gate, sigma points learn
+the friction from it; after `reset_after_s` the encoder is at fault. It is used again once it agrees.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from ohmward.traction.motion.sample import CleanSample
 from ohmward.traction.speed_observer.model import Model
 from ohmward.traction.speed_observer.slip_step import SlipStep
 
-#: Least error [m/s^2] of the acceleration by a wheel whose encoder is not believed.
+#: Least error [m/s^2] of the acceleration by a wheel whose encoder is not used.
 ENCODER_GROWTH_M_S2 = 0.1
 
 #: A jump beyond what motor and ground can do is a spike if it lasts for less than this [s].
 SPIKE_S = 0.05
 
 #: Standard deviations of encoder, wheel and travel that the possible speeds leave room for, and the share by which the
-#: torque of a motor may be other than its current and its data sheet say.
+#: torque of a motor may differ from its current and its data sheet.
 POSSIBLE_SIGMAS, TORQUE_SHARE = 5.0, 0.5
 
 
@@ -43,7 +43,7 @@ class EncoderGate(NamedTuple):
 
     nis: float  #: NIS beyond which its wheel has met other ground
     reset_after_s: float  #: time outside the gate after which the encoder is at fault
-    jumps_teach: bool  #: the prior tells what a jump says of the friction: sigma points do, a slope at grip does not
+    jumps_teach: bool  #: friction is learnt from a jump: sigma points can, a slope at grip cannot
 
 
 class FreeWheels(NamedTuple):
@@ -56,7 +56,7 @@ class FreeWheels(NamedTuple):
 class RejectedFor(NamedTuple):
     """Time [s] for which an encoder, or each one (driven,), has shown what the model excludes."""
 
-    gate_s: Any  #: outside its gate, spikes left out
+    gate_s: Any  #: outside its gate, without spikes
     impossible_s: Any  #: beyond the possible speeds of its wheel
 
 
@@ -64,7 +64,7 @@ class WheelCorrection(NamedTuple):
     """Update by one encoder."""
 
     belief: Belief  #: after it
-    used: Scalar  #: the condition that the encoder is measured, believed and inside its gate
+    used: Scalar  #: the condition that the encoder is measured, not at fault and inside its gate
     ground_changed: Scalar  #: the condition that the wheel moved as the model excludes
     spike: Scalar  #: the condition that the encoder jumped as no wheel can, and was not used
     rejected: RejectedFor  #: how long it has been outside its gate
@@ -102,7 +102,7 @@ def correct_wheels(
 
     free: the wheels as their motors alone would turn them, this step included.
     lag: (wheels,) [rad/s], `Model.encoder_lag`.
-    step: that the mean of the belief made.
+    step: of the mean of the belief.
     rejected: before the step.
     """
     belief = prior
@@ -134,12 +134,12 @@ def correct_wheel(
     model: Model,
     gate: EncoderGate,
 ) -> WheelCorrection:
-    """The prior corrected with the speed y of driven wheel k; an encoder that is not believed only widens it.
+    """The prior corrected with the speed y of driven wheel k; an encoder that is not used only widens it.
 
     R: variance of the encoder.
-    possible: speeds of the wheel that are possible at all.
+    possible: speeds that the wheel can have.
     torque_noise: standard deviation of the predicted speed by the error of the torque.
-    before: how long the encoder has been outside its gate before.
+    before: time for which the encoder has been outside its gate before.
     """
     i = model.layout.wheel(k)
     nu = y - prior.mean[i]
@@ -169,7 +169,7 @@ def correct_wheel(
 def correct_speed(
     belief: Belief, i: int, y: Scalar, R: Scalar, used: Scalar, torque_noise: Scalar, model: Model
 ) -> Belief:
-    """The belief corrected with the speed y of the wheel with state i; the stiffness takes its true share of it."""
+    """The belief corrected with the speed y of the wheel with state i; the stiffness gets its true share of it."""
     posterior = correct_state(belief, i, y, R, used)
     if not model.states.stiffness:
         return posterior
@@ -180,9 +180,9 @@ def correct_speed(
 def true_share(belief: Belief, i: int, j: int, noise: Scalar) -> Scalar:
     """Share in [0, 1] of the squared regressor of state j that is signal, not noise.
 
-    The speed of wheel i shows the stiffness j by h = P_ij / P_jj: the slip that the currents predict, less what the
-    speed of the body follows. It has their noise, so it is a regressor with errors: its square is too large by their
-    variance, and what is learnt from them makes wheels look stiffer than they are.
+    The speed of wheel i depends on the stiffness j by h = P_ij / P_jj: the slip that the currents predict, less what
+    the speed of the body follows. It contains their noise, so it is a regressor with errors: its square is too large by
+    their variance, and learning from it makes wheels look stiffer than they are.
     """
     h = belief.cov[i, j] / maximum(belief.cov[j, j], TINY)
     return maximum(0.0, 1.0 - noise * noise / maximum(h * h, TINY))
@@ -204,9 +204,8 @@ def possible_speeds(
 ) -> PossibleSpeeds:
     """Speeds [rad/s] that driven wheel k can have at the end of a step, with room for their uncertainty.
 
-    A ground that gives nothing lets the motor turn the wheel alone, by dt tau/J_w in each step since its encoder's last
-    value; one that gives all that it takes lets the wheel roll, at v/r. Every other ground, and the one that is
-    believed, ends in between.
+    Without traction the motor turns the wheel alone, by dt tau/J_w in each step since its encoder's last value; with
+    full traction the wheel rolls, at v/r. Every other ground, and the estimated one, ends in between.
 
     prior: belief at the end of the step.
     R: variance of the encoder.
@@ -233,14 +232,14 @@ def turned(free: FreeWheels, clean: CleanSample, model: Model) -> FreeWheels:
 
 
 def released(free: FreeWheels, belief: Belief, clean: CleanSample, model: Model) -> FreeWheels:
-    """The free wheels for the next step: from the belief on where an encoder has had a value."""
+    """The free wheels for the next step: they start from the belief where an encoder has had a value."""
     layout = model.layout
     measured, omega = clean.wheel_measured[: model.driven], belief.mean[layout.wheel(0) : layout.robot_states]
     return FreeWheels(where(measured, omega, free.start_rad_s), where(measured, 0.0, free.motor_rad_s))
 
 
 def ground_unknown(belief: Belief, k: int, jump_rad_s: Scalar, model: Model) -> Belief:
-    """The belief after driven wheel k may have jumped so, with its friction as unknown as at first."""
+    """The belief after a possible jump of driven wheel k, with its friction as uncertain as at first."""
     belief = inflate(belief, model.layout.wheel(k), jump_rad_s * jump_rad_s)
     if model.states.friction == "known":
         return belief
@@ -255,9 +254,9 @@ def rejected_variance(belief: Belief, k: int, dt_s: Scalar, model: Model) -> Sca
 
 
 def wheel_speeds(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float, bits: int = 32) -> np.ndarray:
-    """Mean speed (T, wheels) [rad/s] of each wheel since the count before; nan in the first row and where dt <= 0.
+    """Mean speed (T, wheels) [rad/s] of each wheel since the previous count; nan in the first row and where dt <= 0.
 
-    counts: (T, wheels) whole numbers, of a counter that starts again after `bits` bits, signed or not.
+    counts: (T, wheels) whole numbers, of a counter that wraps around after `bits` bits, signed or not.
     time_s: (T,) of each row.
 
     Raises:
@@ -278,6 +277,6 @@ def wheel_speeds(counts: np.ndarray, time_s: np.ndarray, counts_per_turn: float,
 
 
 def differences(counts: np.ndarray, bits: int) -> np.ndarray:
-    """Counts (T - 1, wheels) since the row before, taken the short way round the counter."""
+    """Counts (T - 1, wheels) since the previous row, by the shorter way around the counter."""
     half = 1 << (bits - 1)
     return np.mod(np.diff(counts.astype(np.int64), axis=0) + half, 2 * half) - half

@@ -1,13 +1,13 @@
-"""Estimate of the speed observer, plain numbers: slip, forces, how long the speed has not been observable, and alarms.
+"""Estimate of the speed observer: slip, forces, time for which the speed has not been observable, and alarms.
 
 Alarms for a wheel that slips and for a robot that is stuck: tests of an estimate against its own sigma.
 
-A wheel slips where |s| - s_allowed > z sigma_s. As long as the sigma is true, a wheel whose slip is just the allowed
-one raises the alarm in a share 1 - Phi(z) of the samples, one that slips less in fewer: that is the false-alarm rate.
+A wheel slips where |s| - s_allowed > z sigma_s. If the sigma is correct, a wheel whose slip is just the allowed one
+raises the alarm in a share 1 - Phi(z) of the samples, one that slips less in fewer: that is the false-alarm rate.
 Samples of one wheel are correlated, so alarms come in bursts: the rate is a share of time, not a count of events.
 
-The robot is immobilised where its wheels turn and its speed, z sigma_v added, is below a share of theirs, for a while.
-Where nothing shows the speed of the body, sigma_v grows and the test falls silent: it never guesses.
+The robot is immobilised if its wheels turn and its speed plus z sigma_v is below a share of theirs, for a while. While
+the speed of the body is unobserved, sigma_v grows and the test gives no alarm: it never guesses.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from ohmward.traction.speed_observer.model import Model
 
 
 class SlipEstimate(NamedTuple):
-    """Estimate after a sample. A quantity that is not a state has the value that is assumed, and std 0.
+    """Estimate after a sample. A quantity that is not a state has its assumed value, and std 0.
 
     >>> estimator = ow.SlipEstimator("turtlebot4")
     >>> estimate = estimator.update(0.0, wheel_speed_rad_s=[5.0, 5.0], yaw_rate_rad_s=0.0)
@@ -50,9 +50,9 @@ class SlipEstimate(NamedTuple):
     grade_rad, grade_std_rad: > 0 uphill.
     radius_ratio, radius_std: effective radius over the robot's.
     grip: (driven,) slope of traction over slip, one sigma of slip beyond the estimate, over the slope without slip:
-        1 grips, 0 spins. The wheels show the speed of the body as far as they grip.
-    unobserved_s: time for which nothing has shown the speed of the body: no wheel gripped, no passive wheel turned, no
-        external speed came. Then it is dead reckoning from the forces, and `speed_std_m_s` grows with it.
+        1 grips, 0 spins. The wheels measure the speed of the body only as far as they grip.
+    unobserved_s: time since the speed of the body was last observed: no wheel gripped, no passive wheel turned, no
+        external speed came. The speed is then dead reckoning from the forces, and `speed_std_m_s` grows.
     slipping: (driven,) 1 where the slip is beyond the allowed one, see `SlipAlarm`, else 0.
     immobilised: 1 where the wheels turn and the robot does not, else 0.
     flags: sum of `SlipFlag` values; 0 is a sample without incident.
@@ -87,20 +87,20 @@ class SlipFlag(SampleFlag):
     SlipFlag.NO_CURRENT|NO_ENCODER
     """
 
-    BAD_TIME = 1  # dt_s is not a number, negative or hours: taken as 0
-    GAP = 2  # longer than the last current is believed: the speed may be anything near
-    NO_CURRENT = 4  # of at least one motor, or one that no wheel takes: the last one fades, its torque is unknown
-    NO_ENCODER = 8  # of at least one driven wheel: not a number, or one that no wheel has
+    BAD_TIME = 1  # dt_s is not a number, negative or longer than an hour: taken as 0
+    GAP = 2  # a step longer than the last current holds: the speed is uncertain in the rest of it
+    NO_CURRENT = 4  # of at least one motor, or an impossible one: the last one fades, its torque is unknown
+    NO_ENCODER = 8  # of at least one driven wheel: not a number, or an impossible one
     GROUND_CHANGED = 16  # a wheel moved as the model excludes: its ground is unknown, its speed is the encoder's
     ENCODER_DOUBTED = 32  # a wheel has contradicted the model for so long that its encoder is no longer used
     GYRO_REJECTED = 64  # outside its gate
     SPEED_REJECTED = 128  # outside its gate
-    SPEED_RESET = 256  # it has contradicted the estimate for too long: the estimate was opened for it
+    SPEED_RESET = 256  # it has contradicted the estimate for too long: the estimate was widened to accept it
     STANDSTILL = 512  # wheels and motors at rest: speed is zero
-    SPEED_UNOBSERVED = 1024  # nothing has shown the speed for a while: dead reckoning
+    SPEED_UNOBSERVED = 1024  # the speed has not been observed for a while: dead reckoning
     NOT_POSITIVE_DEFINITE = 2048  # the covariance had to be repaired
-    RESTARTED = 4096  # the state was no longer one that this robot can have: a new one was started from this sample
-    ENCODER_SPIKE = 8192  # an encoder jumped as no wheel can: not used
+    RESTARTED = 4096  # the state had become impossible for this robot: a new one was started from this sample
+    ENCODER_SPIKE = 8192  # an encoder jumped further than a wheel can: not used
 
 
 @dataclass(frozen=True)
@@ -110,10 +110,10 @@ class SlipAlarm:
     #: share of the samples in which a wheel at the allowed slip raises the alarm, in (0, 0.5)
     false_alarm_rate: float = 1e-3
     allowed_m_s: float = 0.03  #: slip speed that is always allowed, >= 0
-    allowed_ratio: float = 0.05  #: slip that is allowed besides, over the speed of the wheel's rim, >= 0
-    stuck_rim_m_s: float = TURNS_M_S  #: the wheels count as turning from this speed of their rims on, > 0
-    stuck_ratio: float = STUCK_SHARE  #: the robot counts as stuck below this share of it, in (0, 1)
-    stuck_s: float = 1.0  #: for so long, >= 0
+    allowed_ratio: float = 0.05  #: further slip that is allowed, over the speed of the wheel's rim, >= 0
+    stuck_rim_m_s: float = TURNS_M_S  #: rim speed from which the wheels count as turning, > 0
+    stuck_ratio: float = STUCK_SHARE  #: share of the rim speed below which the robot counts as stuck, in (0, 1)
+    stuck_s: float = 1.0  #: time for which it must be, >= 0
 
     def __post_init__(self) -> None:
         if not 0 < self.false_alarm_rate < 0.5:
@@ -155,7 +155,7 @@ class DrivenWheels(NamedTuple):
 def driven_wheels(belief: Belief, open_m_s: Scalar, model: Model) -> DrivenWheels:
     """Travel, slip and grip of the driven wheels.
 
-    open_m_s: standard deviation of the speed besides that of the belief.
+    open_m_s: standard deviation of the speed in addition to the belief's.
     """
     x, P = belief
     G, freedoms = model.scene.robot.rolling[: model.driven], model.scene.robot.freedoms
@@ -175,7 +175,7 @@ def driven_wheels(belief: Belief, open_m_s: Scalar, model: Model) -> DrivenWheel
 
 
 def with_unknown_mass(wheels: DrivenWheels, by_mass_m_s: Scalar, model: Model) -> DrivenWheels:
-    """The same with such a standard deviation of the speed besides; their grip is that of the belief."""
+    """The wheels with this standard deviation added to the speed; their grip stays."""
     along_m_s = model.scene.robot.rolling[: model.driven, 0] * by_mass_m_s
     return wheels._replace(
         speed_std_m_s=sqrt(wheels.speed_std_m_s**2 + by_mass_m_s**2),
@@ -226,11 +226,11 @@ def conclude(
 
 
 def grade_std(belief: Belief, clean: CleanSample, model: Model) -> Scalar:
-    """Standard deviation [rad] of the grade, and of what may be grade in an unusual rolling resistance.
+    """Standard deviation [rad] of the grade, including unusual rolling resistance that may really be grade.
 
-    In a steady drive a long slope and another resistance look alike, and slopes of the prior are short: what a long one
-    takes goes to the resistance. So what is unusual of that, over the weight, counts as far as both are not told apart,
-    by their correlation.
+    In a steady drive a long slope and a changed resistance look alike, and the prior expects short slopes: the force of
+    a long one is attributed to the resistance. So the unusual part of that, over the weight, counts as far as the two
+    cannot be distinguished, by their correlation.
     """
     (x, P), names = belief, model.layout.names
     if not {"grade_rad", "rolling_excess"} <= set(names):

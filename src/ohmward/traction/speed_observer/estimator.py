@@ -1,4 +1,4 @@
-"""Speed and slip for people: an observer that remembers. `update` takes live samples, `run` takes a whole drive."""
+"""Speed and slip for users: an observer with its state. `update` takes live samples, `run` takes a whole drive."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
 
     Args:
         robot: a robot, the path of its file, or the name of a packaged one: "rlma", "robotino", "seeder". Or the
-            settings of an observer; `make_observer` finds some for a robot and a log, whose noise it measures.
+            settings of an observer; `make_observer` finds them for a robot and a log, whose noise it measures.
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
         terrain: ground that is assumed at first, by name; its friction is estimated.
         filter: "ekf", "aekf", "ukf" or "aukf".
@@ -78,20 +78,20 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
         speed_std_m_s: float | None = None,
         speed_age_s: float = 0.0,
     ) -> SlipEstimate:
-        """Estimate after one live sample. A bad one is survived and flagged, see `SlipFlag`; None and nan are missing.
+        """Estimate after one live sample. A bad sample is flagged, see `SlipFlag`; None and nan mean missing.
 
-        What is slower than the samples holds for its usual interval. Samples best end with the speeds of the wheels:
-        `ohmward.traction.SensorInbox` makes such samples of messages that come one by one, late and out of order.
+        A sensor slower than the samples is held for its usual interval. Samples should end with the wheel speeds:
+        `ohmward.traction.SensorInbox` makes such samples from messages that arrive one by one, late and out of order.
 
-        time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
-            where it is earlier by more than a minute, or the fifth late one in a row, the clock was set, and time goes
-            on from there.
+        time_s: of the sample. A late one (before the previous sample's time) is used without a step in time; if it is
+            early by more than a minute, or the fifth late one in a row, the clock was set, and time continues from
+            there.
         wheel_speed_rad_s: (wheels,) or (driven,) from encoders, driven wheels first.
         current_A: (driven,) of the motors, > 0 drives forward.
-        All others: see `RobotSample`. What the observer has no noise for is not used.
+        All others: see `RobotSample`. A sensor without noise settings in the observer is not used.
 
         Raises:
-            InputError: something else than a number, or not one for each wheel or motor.
+            InputError: a value is not a number, or there is not one for each wheel or motor.
         """
         wheels, driven = self._counts
         time_s = number("time_s", time_s)
@@ -109,7 +109,7 @@ class SlipEstimator(LiveEstimator[RobotSample, SlipEstimate]):
         return self._advance(sample, self._clock(time_s))
 
     def run(self, log: DriveSource, progress: Progress | None = None) -> SlipRun:
-        """Estimates for every sample of a log, from this estimator's state on; a new one starts at the log's start.
+        """Estimates for every sample of a log, continuing from the current state; a new one starts with the log.
 
         log: a DriveLog, or a path or DataFrame of one.
         progress: called now and then with (steps done, T).

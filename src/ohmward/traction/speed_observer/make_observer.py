@@ -1,22 +1,22 @@
 """Make an observer for a robot and a log: which sensors there are, their noise, and which states they allow.
 
-The noise that a log shows is measured there: quantisation, white noise, errors of an external speed. What it does not
-show (offsets, the torque constant, the ground) keeps the values of `ObserverNoise`. Every choice is a note. Without a
-log every sensor may come, with its usual noise (`default_observer`).
+Noise that is visible in a log is measured there: quantisation, white noise, errors of an external speed. The rest
+(offsets, the torque constant, the ground) keeps the values of `ObserverNoise`. Every choice is reported in a note.
+Without a log every sensor is possible, with its usual noise (`default_observer`).
 
-Disturbance acceleration of a drive: what neither the robot file nor a level ground explains.
+Disturbance acceleration of a drive: the part that neither the robot file nor a level ground explains.
 
     d = | G' (tau - J_w d omega/dt) / r | / m - | dv/dt |      as vectors, of the body
 
-tau is the motors' torque, and v the motion that the wheels show while they grip. A slope is in d, rolling resistance,
-and every friction that the robot file lacks. Its median is robust against slip, which is rare.
+tau is the motors' torque, and v the motion that the wheels show while they grip. d contains slopes, rolling resistance,
+and all friction that the robot file lacks. Its median is robust against slip, which is rare.
 
 Effective track of a skid-steered robot, where its file has none and its log has wheels and a gyro.
 
     b_eff = sum (v_right - v_left) psi_dot / sum psi_dot^2
 
-The sides of a robot that scrubs differ by more than its yaw rate times its track; with the track alone, left wheels,
-right wheels and gyro contradict each other in every turn, and the observer calls the difference slip.
+The side speeds of a robot that scrubs differ by more than its yaw rate times its track; with the track alone, left
+wheels, right wheels and gyro contradict each other in every turn, and the observer interprets the difference as slip.
 """
 
 from __future__ import annotations
@@ -45,22 +45,21 @@ from ohmward.traction.speed_observer.noise import ObserverNoise
 from ohmward.traction.speed_observer.speed_observer import SpeedObserver
 from ohmward.traction.speed_observer.states import States
 
-#: Least standard deviation [rad/s] that a log may claim for an encoder; that of an external speed is
-#: `ASSUMED_STD_M_S`.
+#: Smallest standard deviation [rad/s] taken from a log for an encoder; that of an external speed is `ASSUMED_STD_M_S`.
 LEAST_ENCODER_RAD_S = 0.01
 
 #: Standard deviation of a normal error over its median absolute deviation.
 _MAD = 1.0 / NormalDist().inv_cdf(0.75)
-#: Fewer samples than this tell no noise.
+#: Fewest samples from which noise is measured.
 _FEWEST_FOR_NOISE = 10
 #: Changes below this are rounding.
 _SAME = 1e-9
-#: Standard deviations beyond which an error of the speed is an outlier, which tells no correlation.
+#: Standard deviations beyond which an error of the speed is an outlier, left out of the correlation.
 _OUTLIER = 4.0
 
 
 def encoder_std_rad_s(wheel_speed_rad_s: np.ndarray) -> float:
-    """The largest noise [rad/s] of these wheels (T, wheels): of quantisation or of other jumps; there is a floor.
+    """Largest noise [rad/s] of these wheels (T, wheels), from quantisation or other jumps, with a floor.
 
     A speed from counts moves in steps q = 2 pi / (counts dt): variance q^2/12 for each of its two counts.
     """
@@ -71,14 +70,14 @@ def encoder_std_rad_s(wheel_speed_rad_s: np.ndarray) -> float:
 
 
 def quantum(values: np.ndarray) -> float:
-    """Step in which a channel (T,) moves: the smallest one that is usual among its changes; 0 without changes."""
+    """Quantisation step of a channel (T,): the smallest common one among its changes; 0 without changes."""
     change = np.abs(np.diff(values[np.isfinite(values)]))
     change = change[change > _SAME]
     return float(np.quantile(change, 0.01)) if change.size else 0.0
 
 
 def noise_std(values: np.ndarray | None, least: float) -> float:
-    """Standard deviation of the white noise of a channel (T,): of each sample against the line through its neighbours.
+    """Standard deviation of the white noise of a channel (T,): from each sample and the line through its neighbours.
 
     Robust against the true motion, as long as that is slow; not below `least`.
     """
@@ -90,10 +89,10 @@ def noise_std(values: np.ndarray | None, least: float) -> float:
 
 
 def speed_std_m_s(robot: Robot, log: DriveLog) -> float:
-    """Standard deviation of an external speed that does not carry its own: against the wheels, which mostly grip.
+    """Standard deviation of an external speed: its own, else that against the wheels, which mostly grip.
 
-    Filters, lags and satellites make errors that last. With a correlation rho from each to the next, a mean of many is
-    as good as one of uncorrelated errors with sqrt((1 + rho)/(1 - rho)) times the standard deviation.
+    Filters, lags and satellites cause lasting errors. With a correlation rho from each to the next, a mean of many is
+    as accurate as one of uncorrelated errors with sqrt((1 + rho)/(1 - rho)) times the standard deviation.
     """
     if log.speed_std_m_s is not None and "speed_std_m_s" in log.channels:
         return float(np.nanmedian(log.speed_std_m_s))
@@ -106,9 +105,10 @@ def speed_std_m_s(robot: Robot, log: DriveLog) -> float:
 
 
 def speed_minus_wheels_m_s(robot: Robot, log: DriveLog) -> np.ndarray:
-    """External speeds (N,) minus those of the driven wheels on the radius that fits best; may be empty.
+    """External speeds (N,) minus those of the driven wheels with the radius that fits best; may be empty.
 
-    Both as they come: an age is known to some hundredths of a second only, and what the speed changes in it is noise.
+    Ages are not corrected: they are known only to some hundredths of a second, and the change of speed in them is
+    noise.
     """
     speed, wheels = speed_and_wheels_m_s(robot, replace(log, speed_age_s=None))
     moving = np.abs(wheels) > TURNS_M_S
@@ -117,7 +117,7 @@ def speed_minus_wheels_m_s(robot: Robot, log: DriveLog) -> np.ndarray:
 
 
 def speed_and_wheels_m_s(robot: Robot, log: DriveLog) -> tuple[np.ndarray, np.ndarray]:
-    """External speeds and those by the driven wheels at the times that they tell of, each (N,); may be empty."""
+    """External speeds and those by the driven wheels at the times of measurement, each (N,); may be empty."""
     rolled = motion_from_wheels(robot, log.wheel_speed_rad_s[:, : robot.driven])[:, 0]
     speed = np.full(len(log), np.nan) if log.speed_m_s is None else log.speed_m_s
     seen, given = np.isfinite(rolled), np.isfinite(speed)
@@ -140,25 +140,25 @@ def usual_step_s(log: DriveLog) -> float:
     return float(np.median(np.diff(log.time_s))) if len(log) > 1 else 0.0
 
 
-#: The track is found where the yaw rate is at least so large [rad/s, root of its mean square], and the sides differ by
-#: it with this correlation: the wheels of a robot that slides sideways say little of its turns.
+#: Smallest yaw rate [rad/s, root mean square], and smallest correlation of it with the difference of the sides, from
+#: which the track is found: the wheels of a robot that slides sideways say little about its turns.
 YAWS_RAD_S, TOGETHER = 0.1, 0.9
 
 
 #: Window [s] over which speeds change by more than the noise of encoders.
 WINDOW_S = 0.3
 
-#: Speed [rad/s] from which on a wheel turns.
+#: Speed [rad/s] from which a wheel turns.
 TURNS_RAD_S = 0.2
 
-#: Fewer samples than this tell no disturbance.
+#: Fewest samples from which a disturbance is found.
 _FEWEST_FOR_DISTURBANCE = 20
 
 
 #: Filters by name: method, and whether R of the encoders is matched.
 FILTERS = {"ekf": ("ekf", False), "aekf": ("ekf", True), "ukf": ("ukf", False), "aukf": ("ukf", True)}
 
-#: Least standard deviations that a log may claim: rad/s of a gyro with its offset, m/s^2 of an accelerometer on a robot
+#: Smallest standard deviations taken from a log: rad/s of a gyro with its offset, m/s^2 of an accelerometer on a robot
 #: that shakes.
 LEAST_GYRO_RAD_S = 0.01
 LEAST_ACCELEROMETER_M_S2 = 0.2
@@ -167,20 +167,20 @@ LEAST_ACCELEROMETER_M_S2 = 0.2
 PITCH_RAD = math.radians(0.5)
 RADIUS_STD = 0.01
 
-#: Standard deviation of an accelerometer's offset that nobody calibrated [m/s^2]: mounted 2 degrees off.
+#: Standard deviation of an uncalibrated accelerometer's offset [m/s^2]: mounted 2 degrees off.
 ACCELEROMETER_OFFSET_M_S2 = 0.35
 
-#: Where the motor currents are not measured: traction of a wheel over its load, and for how long it lasts [s].
+#: Without measured motor currents: traction of a wheel over its load, and its duration [s].
 UNMEASURED_TRACTION, UNMEASURED_S = 0.3, 1.0
 
-#: Age of an encoder's speed in steps where no force tells how wheels change their speed within a step: what the model
-#: then predicts is its own errors settling, and added to a slow encoder they build up from value to value.
+#: Age of an encoder's speed in steps, if no known force gives the change of speed within a step: the model then
+#: predicts only the settling of its own errors, which with a slow encoder would build up from value to value.
 UNFORCED_LAG_SHARE = 0.0
 
 #: Slip [m/s] at which a wheel surely grips.
 SMALL_SLIP_M_S = 1e-4
 
-#: Disturbance [g] from which on neither ground nor robot are what is believed: the wheels may slip by as much of their
+#: Disturbance [g] from which ground or robot differ from the assumed ones: the wheels may slip by that share of their
 #: speed, as on a ground whose adhesion grows with slip no faster than one to one.
 LARGE_DISTURBANCE_G = 0.05
 LARGE_DISTURBANCE = (
@@ -191,19 +191,18 @@ LARGE_DISTURBANCE = (
 #: Correlation time [s] of a disturbance.
 DISTURBANCE_S = 5.0
 
-#: Wheels that scrub: their slip as a share of the speed of their rims, where neither a force nor an external speed is
-#: known, and the walk of a yaw rate that is not the wheels' [rad/s over the root of a second].
+#: For wheels that scrub: their slip as a share of the speed of their rims, where neither a force nor an external speed
+#: is known, and the walk of a yaw rate that is not the wheels' [rad/s over the root of a second].
 SCRUBBING_SHARE = 0.25
 SCRUBBING_YAW_WALK = 3.0
-#: The same walk where the wheels turn the robot as their effective track says, within the tenth or so that scrubbing
-#: changes by: a third of it.
+#: The same walk if the effective track is known, to within the tenth or so that scrubbing changes it by: a third of it.
 TRACKED_YAW_WALK = 1.0
 SCRUBBING = (
     "a skid-steered robot is observed as one whose wheels are free sideways: its turns are the gyro's, and its motor "
     "currents tell no force, because much of them drags the wheels sideways"
 )
 
-#: A step so many times as long as the usual one is a gap.
+#: Length of a step, over the usual one, from which it is a gap.
 GAP_STEPS = 2.5
 
 
@@ -231,7 +230,7 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
     method, matching = FILTERS[name]
     tracked = with_effective_track(robot, log)
     rolling = free_sideways(tracked)
-    # The motor currents tell the force that drives the robot; those of wheels that scrub mostly do not.
+    # The motor currents give the force that drives the robot; those of wheels that scrub mostly do not.
     force = not robot.chassis.scrubs and bool(np.isfinite(log.motor_current_A).any())
     disturbance_g = disturbance_m_s2(rolling, log) / GRAVITY if force else 0.0
     noise = sensor_noise(rolling, log, force)
@@ -254,9 +253,9 @@ def make_observer(robot: Robot, log: DriveLog, terrain: Terrain, name: str = "uk
 
 
 def sensor_noise(robot: Robot, log: DriveLog, force: bool) -> ObserverNoise:
-    """Noise of the sensors that the log has; force: the motor currents tell it.
+    """Noise of the sensors that the log has; force: it is known from the motor currents.
 
-    The accelerometer serves where they do not, and the pitch tells gravity from it.
+    Otherwise the accelerometer is used, with the pitch to remove gravity.
     """
     driven, passive = np.split(log.wheel_speed_rad_s, [robot.driven], axis=1)
     has = set(log.channels)
@@ -284,7 +283,7 @@ def yaw_rate_walk(chassis: SkidSteer) -> float:
 
 
 def with_disturbance(noise: ObserverNoise, disturbance_g: float) -> ObserverNoise:
-    """The noise with a grade for such a disturbance [g]: of a slope, or of friction, which turns with the robot."""
+    """The noise with a grade for this disturbance [g]: a slope, or friction, which turns with the robot."""
     std = max(noise.grade_std_rad, disturbance_g)
     if std == noise.grade_std_rad:
         return noise
@@ -292,7 +291,7 @@ def with_disturbance(noise: ObserverNoise, disturbance_g: float) -> ObserverNois
 
 
 def unmeasured_torque_Nm(robot: Robot, step_s: float) -> float:
-    """Standard deviation of a torque that is not measured, as white noise: any that the ground takes for a while."""
+    """Standard deviation of an unmeasured torque, as white noise: any that the ground takes for a while."""
     load_N = robot.mass_kg * GRAVITY / len(robot.places)
     white = math.sqrt(max(UNMEASURED_S / max(step_s, LEAST_DIVISOR), 1.0))
     return UNMEASURED_TRACTION * load_N * robot.wheel.radius_m * white
@@ -302,8 +301,8 @@ def unmeasured_force_walk(robot: Robot, rim_m_s: float, terrain: Terrain) -> flo
     """Walk of the speed [m/s over the root of a second] where the force that drives the robot is not measured.
 
     A lasting acceleration a makes a gripping wheel slip by a/(k g), with the slope k of adhesion over slip speed; a
-    walk q of the speed makes the slip unknown by q sqrt(1/(2 k g)). This q makes both the same: white torque alone
-    would forget.
+    walk q of the speed makes the slip unknown by q sqrt(1/(2 k g)). This q makes both equal: white torque noise alone
+    would be averaged out.
     """
     load_N = robot.mass_kg * GRAVITY / len(robot.places)
     gripping = contact(rim_m_s + SMALL_SLIP_M_S, rim_m_s, load_N)
@@ -312,10 +311,10 @@ def unmeasured_force_walk(robot: Robot, rim_m_s: float, terrain: Terrain) -> flo
 
 
 def states_of(noise: ObserverNoise, force: bool) -> States:
-    """States that are observable: without a force nothing of the ground, without an external speed no radius.
+    """Observable states: without a known force none of the ground, without an external speed no radius.
 
-    A filter learns a radius that is not observable from the errors of its model. Where it is not a state, its part in
-    the sigmas is considered, see `consider_radius`.
+    A filter learns an unobservable radius from the errors of its model. If it is not a state, its part in the sigmas is
+    added by `consider_radius`.
     """
     return States(
         friction="one" if force else "known",
@@ -327,7 +326,7 @@ def states_of(noise: ObserverNoise, force: bool) -> States:
 
 
 def notes_of(observer: SpeedObserver, log: DriveLog, robot: Robot, disturbance_g: float) -> tuple[Note, ...]:
-    """Notes on the choices, in order of their weight."""
+    """Notes on the choices, in order of importance."""
     notes = []
     if disturbance_g > LARGE_DISTURBANCE_G:
         notes.append(Note(LARGE_DISTURBANCE.format(disturbance_g), "warning"))
@@ -339,7 +338,7 @@ def notes_of(observer: SpeedObserver, log: DriveLog, robot: Robot, disturbance_g
 
 
 def track_notes(robot: Robot, tracked: Robot) -> tuple[Note, ...]:
-    """A note where the effective track is that of the log."""
+    """A note if the effective track was found from the log."""
     if tracked is robot or not isinstance(tracked.chassis, SkidSteer):
         return ()
     found_m, track_m = tracked.chassis.turning_track_m, tracked.chassis.track_m
@@ -373,7 +372,7 @@ def sensor_notes(noise: ObserverNoise, log: DriveLog) -> tuple[Note, ...]:
 
 
 def with_effective_track(robot: Robot, log: DriveLog) -> Robot:
-    """The robot with the effective track that wheels and gyro of the log show; unchanged where none or one is known."""
+    """The robot with the effective track that wheels and gyro of the log show; unchanged if known or not found."""
     chassis = robot.chassis
     if not isinstance(chassis, SkidSteer) or chassis.effective_track_m is not None or log.yaw_rate_rad_s is None:
         return robot
@@ -395,7 +394,7 @@ def yaw_rate_of_wheels(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarra
 
 
 def disturbance_m_s2(robot: Robot, log: DriveLog) -> float:
-    """Median of d [m/s^2] over the samples in which the robot moves; 0 where the log cannot tell."""
+    """Median of d [m/s^2] over the samples in which the robot moves; 0 if there are too few."""
     n = robot.driven
     speed, current = log.wheel_speed_rad_s[:, :n], log.motor_current_A
     rows = np.isfinite(speed).all(axis=1) & np.isfinite(current).all(axis=1)
@@ -420,12 +419,12 @@ def window_mean(values: np.ndarray, half: int) -> np.ndarray:
 
 DEFAULT_TERRAIN, DEFAULT_FILTER = "dry asphalt", "ukf"
 
-#: Sensors of which there may be one; one that never comes costs nothing but its part of the step.
+#: Sensors that a robot may have; an absent one costs only its part of the step.
 ANY_SENSORS = ObserverNoise(
     gyro_std_rad_s=LEAST_GYRO_RAD_S, pitch_std_rad=PITCH_RAD, speed_std_m_s=ASSUMED_STD_M_S, radius_std=RADIUS_STD
 )
 
-#: Speed of the rims and step of a drive that nobody has seen yet, where the motor currents do not tell the force.
+#: Assumed rim speed and step before there is a drive, if the motor currents do not give the force.
 USUAL_SPEED_M_S, USUAL_STEP_S = 0.5, 0.02
 
 
@@ -439,7 +438,7 @@ def default_observer(
     filter: "ekf", "aekf", "ukf" or "aukf".
 
     Raises:
-        InputError: a name that there is not.
+        InputError: an unknown name.
     """
     if filter.lower() not in FILTERS:
         raise InputError(f"filter must be one of {', '.join(FILTERS)}, got {filter!r}")
@@ -459,7 +458,7 @@ def default_observer(
 def any_noise(robot: Robot, terrain: Terrain, force: bool) -> ObserverNoise:
     """Usual noise of every sensor that the robot may have.
 
-    force: the motor currents tell what drives the robot; they do not where wheels scrub.
+    force: the motor currents give the force that drives the robot; they do not where wheels scrub.
     """
     has_passive = len(robot.places) > robot.driven
     noise = replace(ANY_SENSORS, passive_std_rad_s=ObserverNoise.encoder_std_rad_s if has_passive else None)

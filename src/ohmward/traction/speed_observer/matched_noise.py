@@ -1,18 +1,18 @@
-"""White noise of encoders, motor currents and gyro, matched to what the sensors show: the adaptive filters' R.
+"""White noise of encoders, motor currents and gyro, matched to their signals: the adaptive filters' R.
 
-Three values of a sensor in a row tell its white noise: how far the one in between lies off the line through the other
+Three values of a sensor in a row show its white noise: the distance of the middle one from the line through the other
 two, at the share a of the time between them, is
 
     d = y_1 - (1 - a) y_0 - a y_2,    Var d = (1 + (1 - a)^2 + a^2) R
 
-but for the bend of the true course, which is small at the rates of control. R is the mean of d^2 over its factor, with
-exponential forgetting; each d^2 counts up to CLIP times what is usual, so that glitches and jolts do not teach.
+apart from the curvature of the true signal, which is small at control rates. R is the mean of d^2 over its factor, with
+exponential forgetting; each d^2 is capped at CLIP times the usual one, so that glitches and jolts are not learnt.
 
 [T] 3.50 matches R to the filter's residuals instead. They depend on Q: where Q is generous, as that of ground and yaw
-rate must be, residuals shrink with R, and every R confirms itself. Nor do they tell the noise of the currents while
-wheels grip: a factor of ten moves the correlation of the innovations by 0.02. The course of each sensor depends on no
-model at all. It does not tell what is not white: of a torque the friction of the gear, of a gyro the offset. So a
-share of the given torque and an offset of the gyro always remain.
+rate must be, residuals shrink with R, and every R confirms itself. Nor do they show the noise of the currents while
+wheels grip: a factor of ten changes the correlation of the innovations by 0.02. The signal of each sensor needs no
+model at all. It does not show errors that are not white: the gear friction in a torque, the offset of a gyro. So a
+share of the given torque noise and an offset of the gyro always remain.
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.sample import LEAST_DIVISOR, NEVER_S, CleanSample, SensorStds
 from ohmward.traction.speed_observer.model import Model
 
-#: A squared deviation counts up to so many times the usual one; the mean of a chi-square of one degree of freedom that
-#: is cut off there.
+#: Largest squared deviation, over the usual one; mean of a chi-square variable of one degree of freedom capped there.
 CLIP, CLIPPED_MEAN = 4.0, 0.9205
 
 #: Number of samples that the given noise counts for.
@@ -40,10 +39,10 @@ MOST_RATIO = 20.0
 #: Share of the given torque's standard deviation that no current shows.
 UNMODELLED_SHARE = 0.2
 
-#: Offset of a gyro [rad/s] that its white noise does not show, where the given standard deviation is not less.
+#: Offset of a gyro [rad/s] that its white noise does not show, unless the given standard deviation is less.
 GYRO_OFFSET_RAD_S = 0.003
 
-#: A sensor slower than this [s] bends too much between three values.
+#: The signal of a sensor slower than this [s] curves too much between three values.
 SLOWEST_S = 0.25
 
 
@@ -76,7 +75,7 @@ def unmatched(model: Model) -> MatchedNoise:
 
 
 def fixed() -> MatchedNoise:
-    """No noise that is matched."""
+    """Empty noise, without matching."""
     return MatchedNoise(*[first(np.empty(0))] * 3)
 
 
@@ -87,7 +86,7 @@ def first(std: np.ndarray) -> WhiteNoise:
 
 
 def matched_stds(matched: MatchedNoise, model: Model) -> SensorStds:
-    """The standard deviations that the sensors have shown, and what is never white besides."""
+    """Matched standard deviations of the sensors, plus the errors that are never white."""
     given = model.given_stds
     measured_Nm = model.scene.robot.motor.wheel_constant_Nm_per_A * sqrt(matched.current.variance)
     offset_rad_s = np.minimum(given.gyro_rad_s, GYRO_OFFSET_RAD_S)
@@ -119,7 +118,7 @@ def follow(
 ) -> WhiteNoise:
     """The white noise of a sensor after values y (channels,), where they are measured.
 
-    Values that repeat tell nothing: of wheels that stand, or of a driver that holds the last one.
+    Repeated values carry no information: wheels stand, or a driver holds the last value.
     """
     channels = list(zip(*white, strict=True))
     news = zip(channels, given.variance, y, measured, strict=True)

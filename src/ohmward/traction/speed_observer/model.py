@@ -1,7 +1,8 @@
 """The robot as a filter sees it: next state, process noise, outputs, and the belief that it starts from.
 
-Ground, grade and offsets are Gauss-Markov states (Ornstein-Uhlenbeck processes): they wander by their random walk and
-return to what is usual, so one that is not observable for hours is as unknown as before the first sample, never more:
+Ground, grade and offsets are Gauss-Markov states (Ornstein-Uhlenbeck processes): they drift by their random walk and
+return to their usual values, so one that is not observable for hours is as uncertain as before the first sample, never
+more:
 
     x+ = e^(-dt/T) x + w,   Var w = sigma^2 (1 - e^(-2 dt/T)),   T = 2 sigma^2 / walk^2
 """
@@ -30,7 +31,7 @@ from ohmward.traction.speed_observer.states import StateLayout, States
 #: Acceleration [m/s^2] that is possible in a gap, and the largest change [m/s] of the speed in it.
 UNKNOWN_M_S2, UNKNOWN_M_S = 3.0, 3.0
 
-#: Share of the change of the speed in a gap that a wheel may slip by after it.
+#: Share of a gap's change of speed by which a wheel may slip after it.
 GAP_SLIP = 0.3
 
 
@@ -45,7 +46,7 @@ class GaussMarkov(NamedTuple):
 class Model:
     """Robot, ground, states and noise."""
 
-    scene: Scene  #: robot, and the terrain that it is believed to drive on
+    scene: Scene  #: robot, and the terrain that it is assumed to drive on
     states: States  #: what is estimated besides the robot's own state
     noise: ObserverNoise  #: of sensors and model
 
@@ -61,7 +62,7 @@ class Model:
 
     @cached_property
     def given_stds(self) -> SensorStds:
-        """Standard deviations that were given."""
+        """Given standard deviations of the sensors."""
         noise, robot = self.noise, self.scene.robot
         passive = [noise.passive_std_rad_s] * (len(robot.places) - robot.driven)
         encoders = [noise.encoder_std_rad_s] * robot.driven + [
@@ -75,7 +76,7 @@ class Model:
         return clean.stds or self.given_stds
 
     def first_belief(self, wheel_speed_rad_s: np.ndarray) -> Belief:
-        """Belief in a body that moves as the driven wheels (driven,) say."""
+        """First belief: the body moves as the driven wheels (driven,) show."""
         robot, names = self.scene.robot, self.layout.names
         own = np.concatenate([motion_from_wheels(robot, wheel_speed_rad_s), wheel_speed_rad_s])
         mean = np.array([*own, *(1.0 if name == "radius_ratio" else 0.0 for name in names[len(own) :])])
@@ -114,7 +115,7 @@ class Model:
         return std(P[i, i])
 
     def decay_factor(self, name: str, dt_s: Scalar) -> Scalar:
-        """e^(-dt/T) of a Gauss-Markov state; 1 for one that does not wander."""
+        """e^(-dt/T) of a Gauss-Markov state; 1 for one without a random walk."""
         known = self.gauss_markov(name)
         return exp(-dt_s * (known.walk**2 / (2 * known.std**2))) if known.walk else 1.0
 
@@ -154,7 +155,7 @@ class Model:
         return RobotInput(clean.current_A, grade)
 
     def process_noise(self, step: SlipStep, clean: CleanSample) -> np.ndarray:
-        """Q (n, n) of a step; errors of torque and traction go through the model, where a wheel that grips damps them.
+        """Q (n, n) of a step; errors of torque and traction go through the model, where a gripping wheel damps them.
 
         Q = diag(random walks) + B B' + C C' + g^2 D,  B: `torque_noise`, C: `curve_shape_noise`, D: `gap_covariance`
         """
@@ -164,12 +165,12 @@ class Model:
         B = self.torque_noise(step, clean)
         C = self.curve_shape_noise(step, clean)
         gap = minimum(UNKNOWN_M_S2 * clean.unmodelled_s, UNKNOWN_M_S)
-        within = where(clean.unmodelled_s > 0.0, 0.0, 1.0)  # D has what torques do in a gap
+        within = where(clean.unmodelled_s > 0.0, 0.0, 1.0)  # D includes the effect of torques in a gap
         Q[:own, :own] = Q[:own, :own] + within * (B @ B.T) + C @ C.T + gap**2 * self.gap_covariance
         return mirror_lower(Q)
 
     def motion_variances(self, clean: CleanSample) -> list[Scalar]:
-        """Variances that the robot's own states gain by unknown accelerations."""
+        """Variances that the robot's own states gain from unknown accelerations."""
         speed = self.noise.speed_walk**2 * clean.modelled_s
         yaw_rate = self.noise.yaw_rate_walk**2 * clean.modelled_s
         freedoms = self.scene.robot.chassis.freedoms
@@ -179,7 +180,7 @@ class Model:
     def gap_covariance(self) -> np.ndarray:
         """D (own, own) of the robot's own states after a gap in which the speed may have changed by 1 m/s.
 
-        Body and wheels change together, as wheels that grip do, but for GAP_SLIP of it.
+        Body and wheels change together, as gripping wheels do, except for GAP_SLIP of it.
         """
         robot = self.scene.robot
         arm_m = float(np.max(np.abs(robot.rolling[:, -1])))
@@ -191,7 +192,7 @@ class Model:
     def torque_noise(self, step: SlipStep, clean: CleanSample) -> np.ndarray:
         """B (freedoms + driven, driven): change of body and wheels by one sigma of torque on each driven wheel.
 
-        Where a current is not measured its torque may be any that the ground takes.
+        If a current is not measured, its torque may be anything that the ground takes.
         """
         most_Nm = self.scene.robot.wheel.radius_m * self.static_load_N[: self.driven]
         usual_Nm = self.stds(clean).torque_Nm
@@ -205,8 +206,8 @@ class Model:
         """C (freedoms + driven, driven): change of body and wheels by one sigma of the friction curve's shape.
 
         Friction and stiffness fix a friction law at its two ends, not its curvature in between, where a wheel then
-        seems to show a speed that it does not. An error that lasts for T weighs as white noise sqrt(2 T/dt) times as
-        large.
+        seems to measure a speed that it does not. An error that lasts for T counts like white noise sqrt(2 T/dt) times
+        as large.
         """
         if self.states.friction == "known":
             return np.zeros_like(step.force_response)
@@ -215,12 +216,12 @@ class Model:
         return step.force_response * std_N
 
     def encoder_lag(self, before: np.ndarray, after: np.ndarray, step: SlipStep) -> np.ndarray:
-        """Speed (wheels,) [rad/s] of each wheel at the end of a step beyond the one that its encoder shows.
+        """Speed (wheels,) [rad/s] of each wheel at the end of a step, less the one that its encoder shows.
 
         An encoder that counts shows the mean speed over the step, `encoder_lag_share` 0.5. Body and spinning wheels
-        change their speed evenly, so half of their change is still to come. The slip of a wheel that grips settles with
-        T = dt/(D - 1), n = dt/T: the end of the implicit step makes n/(1 + n) of the slip's whole change, and is ahead
-        of the mean by (1 - e^-n)/n - 1/(1 + n) of it. Half of (2/(1 + D))^2 of the change made is that to within 0.025.
+        change their speed evenly, so half of their change is still to come. The slip of a gripping wheel settles with T
+        = dt/(D - 1), n = dt/T: the implicit step ends after n/(1 + n) of the slip's whole change, ahead of the mean by
+        (1 - e^-n)/n - 1/(1 + n) of it. Half of (2/(1 + D))^2 of the change made equals that to within 0.025.
 
         before, after: (n,) means of the state; step: the one between them.
         """

@@ -21,12 +21,12 @@ class ObserverNoise:
     #: age of an encoder speed in steps: 0.5 for counts over the step, 0 for an instantaneous speed
     encoder_lag_share: float = 0.5
     torque_std_Nm: float = 0.1  #: of the torque at a wheel: current sensor, ripple, friction of the gear
-    #: relative error of the nonlinear part of the slip, by the unknown curvature of the friction curve. Without effect
+    #: relative error of the nonlinear part of the slip, from the unknown curvature of the friction curve. No effect
     #: where the ground is known.
     curve_shape_std: float = 0.7
-    #: correlation time of that error [s]: about as long as a slip is held. With less the filter averages away an error
-    #: that lasts: of 0.1, 0.2, 0.3, 0.5 and 0.8 s, on grounds with a corner and with encoders on the driven wheels
-    #: alone, 0.1 and 0.2 are too sure, and 0.8 is wider without need.
+    #: correlation time of that error [s]: about as long as a slip is held. If it is shorter, the filter averages out an
+    #: error that lasts: of 0.1, 0.2, 0.3, 0.5 and 0.8 s, on grounds with a corner and with encoders on the driven
+    #: wheels only, 0.1 and 0.2 are overconfident, and 0.8 is needlessly wide.
     curve_shape_correlation_s: float = 0.5
     #: of a gyro (offset included), of encoders on wheels that are not driven, of an external speed without a std of its
     #: own, of a measured pitch, of an accelerometer
@@ -52,7 +52,7 @@ class ObserverNoise:
     #: about level; 1 degree is a disturbance of 0.17 m/s^2, of whatever origin
     grade_std_rad: float = math.radians(1.0)
     #: relative, of the robot's mass with its load; None where the mass is known. An error of it acts like a slope while
-    #: wheels drive or brake, so the grade is at least as uncertain as it makes it.
+    #: wheels drive or brake, so the grade is at least that uncertain.
     mass_std: float | None = None
     rolling_std: float = 0.7  #: relative, of the terrain's rolling resistance
     radius_std: float = 0.005  #: relative, of the effective radius
@@ -68,7 +68,7 @@ def require_stds(prefix: str, values: Mapping[str, float | None], optional: Coll
     """Raise InputError unless standard deviations are > 0 and walks >= 0; an optional one may be None.
 
     Raises:
-        InputError: names the value behind the prefix.
+        InputError: names the value after the prefix.
     """
     for name, value in values.items():
         if value is None:
@@ -83,7 +83,7 @@ def require_stds(prefix: str, values: Mapping[str, float | None], optional: Coll
 def quantisation_std_rad_s(counts_per_turn: int, dt_s: float) -> float:
     """Standard deviation [rad/s] of a speed from the difference of two counts, `dt_s` apart.
 
-    Each count is even over one step of 2 pi / counts_per_turn: variance step^2/12 twice.
+    Each count has a uniform error over one step of 2 pi / counts_per_turn: variance step^2/12 twice.
     """
     require_positive("counts_per_turn", counts_per_turn)
     require_positive("dt_s", dt_s)

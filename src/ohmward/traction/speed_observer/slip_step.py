@@ -1,6 +1,6 @@
 """One step of the robot for a filter: implicit in the slip of the driven wheels, explicit in everything else.
 
-A wheel that grips settles in 0.5 ms, so its slip at the end of a step is the one that balances there (implicit Euler:
+A gripping wheel settles in 0.5 ms, so its slip at the end of a step is the one that balances there (implicit Euler:
 order 1, L-stable). From v* and omega*, where the step would end without traction, and the slip s = r omega - G v:
 
     v     = v*     + dt M^-1 G' F(s)
@@ -8,13 +8,12 @@ order 1, L-stable). From v* and omega*, where the step would end without tractio
     s     = s*     - A F(s),    A = dt (G M^-1 G' + r^2 J_w^-1)
 
 The last line is one equation for each driven wheel, coupled by one part in a hundred through the body. Newton starts at
-the slip before the step, where a steady wheel is already, or where the caller knows better: a stiff wheel forgets where
-it was, so sigma points start where the step of their mean ends. The traction of a law that saturates is concave in the
-slip, so the tangent at s = 0 gives a bound that no step may fall below, and from there the steps approach from one
-side.
+the slip before the step, where a steady wheel already is, or at a slip from the caller: a stiff wheel forgets its past,
+so sigma points start where the step of their mean ends. The traction of a law that saturates is concave in the slip, so
+the tangent at s = 0 gives a bound that no step may fall below, and from there the steps approach from one side.
 
 A torque tau and a traction f that the model does not know change the end of the step by (slope k = dF/ds, damping
-D = 1 + diag(A) k, the coupling of the wheels left out)
+D = 1 + diag(A) k, neglecting the coupling of the wheels)
 
     dF/dtau     = k r dt J_w^-1 / D                 traction that the ground adds for the torque
     dv/dtau     = dt M^-1 G' dF/dtau                dv/df     =  dt M^-1 G' / D
@@ -49,7 +48,7 @@ class SlipStep(NamedTuple):
     force_response: np.ndarray  #: dv/df, domega/df (freedoms + driven, driven) [1/N]
     #: (driven,) traction due to the part of the slip that exceeds F / k0, with the slope k0 at rest
     nonlinear_N: np.ndarray
-    #: D (driven,), by which the ground divides what else would change the slip; 1 where a wheel spins
+    #: D (driven,), factor by which the ground reduces other changes of the slip; 1 where a wheel spins
     damping: np.ndarray
 
 
@@ -104,7 +103,7 @@ def without_traction(parts: Parts, u: RobotInput, p: Scene, load_N: np.ndarray) 
 def balance_slip(
     free_slip: np.ndarray, A: np.ndarray, start: np.ndarray, steps: int, parts: Parts, load_N: np.ndarray, p: Scene
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Slip s of s + A F(s) = free_slip after so many Newton steps, F(s), slope k = dF/ds there, and k0 without slip.
+    """Slip s of s + A F(s) = free_slip after these Newton steps, F(s), slope k = dF/ds there, and k0 without slip.
 
     All (driven,), slopes in N s/m and >= 0; A in m/(N s). F is the law's, so never more than the ground can give.
     """
@@ -123,7 +122,7 @@ def balance_slip(
 def traction_and_slope(
     slip_m_s: np.ndarray, parts: Parts, load_N: np.ndarray, p: Scene
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Traction F (driven,) [N] and its slope dF/ds (driven,) [N s/m], which counts as 0 where it falls."""
+    """Traction F (driven,) [N] and its slope dF/ds (driven,) [N s/m], which is set to 0 where it is negative."""
     F, J = linearize(lambda s: traction(s, parts, load_N, p), slip_m_s)
     return F, maximum(np.diag(J), 0.0)
 

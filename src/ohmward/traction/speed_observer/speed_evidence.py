@@ -1,43 +1,44 @@
-"""Evidence of whether the wheels show the speed of the body, and the one decision that rests upon it.
+"""Evidence of whether the wheels show the speed of the body, and the one decision based on it.
 
-evidence                                          what becomes of the belief (`judge`)
+evidence                                          effect on the belief (`judge`)
 
 an outside speed near zero, rims that turn        the robot is held (`motion/outside_speed.py`): its speed is zero
 a force that changes the speed of the rims as     the wheels grip: their speed is the body's, and a belief in a slide
-  the whole robot's mass lets it                    starts again from grip
+  the whole robot's mass allows                     starts again from grip
 ground and grade unusual for grip, wheels that    gross slip: it starts again from wheels that slide, as long as the
-  turn the way in which they are driven             slope has not been learnt
-a change of the speed that neither force nor      not to be told from grip on another slope: the band opens as fast as
+  turn in the direction of their drive              slope has not been learnt
+a change of the speed that neither force nor      not distinct from grip on a slope: the band widens as fast as
   pitch explains, and no evidence of grip           a usual slope moves a robot that slides
-rims that took the speed along faster than any    a jump: the band opens to it
+rims that changed the speed faster than any       a jump: the band widens to it
   force can
-no number, faster than its wheels of late, or     none that this robot can have (`is_lost`): it starts again from this
+not a number, faster than its recent wheels, or   impossible for this robot (`is_lost`): it starts again from this
   against every encoder for long                    sample
 
-Apparent inertia. Wheels that grip carry the whole robot, wheels that slide turn themselves alone. With rims as fast as
-v_r under a force F of the motors along x, d/dt v_r = (F - F_0)/M with
+Apparent inertia. Gripping wheels carry the whole robot, sliding wheels turn only themselves. With rims at the speed v_r
+under a force F of the motors along x, d/dt v_r = (F - F_0)/M with
 
     grip    M_g = m + M_s        slide    M_s = J_w |G_x|^2 / r^2
 
 On robots with wheels they differ by a factor of 10 to 50. Slopes and friction are nearly constant, so rims and force go
-through a high pass, H = (T s/(1 + T s))^2 for the speed and H/s for the force, and U = I/M holds for what is left:
+through a high pass, H = (T s/(1 + T s))^2 for the speed and H/s for the force, and U = I/M holds for the remainder:
 
     evidence of grip    L = 1/2 ((U - I/M_s)^2 / sigma_s^2 - (U - I/M_g)^2 / sigma_g^2)
 
 A drive that changes its force is evidence all the time; a steady one is none.
 
-Gross slip. A filter whose wheels grip can only learn a slope from wheels that turn faster than their forces explain, a
-little in every step, and is ever surer of it. So both are compared by their squared Mahalanobis distance from what is
-usual (-2 log of their likelihood), where only the driven wheels show the speed, and until the slope has been learnt:
+Gross slip. From wheels that turn faster than their forces explain, a filter that assumes grip can only learn a slope, a
+little in every step and with growing confidence. So both are compared by their squared Mahalanobis distance from the
+usual values (-2 log of their likelihood), if only the driven wheels show the speed, and until the slope has been
+learnt:
 
     grip    d^2 = sum ((x_i - x_i0) / sigma_i0)^2      over the states of ground and grade as learnt
     slide   d^2 = (ln a / sigma_a0)^2                  friction ratio a at which these wheels slide with their force
 
-Reach. A robot on wheels is as fast as its wheels have turned of late, or faster by what a slope adds while they slide:
+Reach. A robot on wheels is as fast as its wheels have recently turned, or faster by what a slope adds while they slide:
 
     |v| <= SHARE p + s + REST,   p+ = max(r |omega|, |v| where a sensor of the body shows it, e^(-dt/T) p)
 
-with s the speed that sliding can have added since something last showed the speed.
+with s the speed that sliding can have added since the speed was last observed.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ from ohmward.traction.speed_observer.slip_step import step_without_traction, tra
 #: Time constant [s] with which an unexplained change of the speed is forgotten.
 MEMORY_S = 1.0
 
-#: Squared distance from which on grip is unusual, and by which slide may be farther off than grip.
+#: Squared distance from which grip is unusual, and by which slide may be farther off than grip.
 UNUSUAL, MARGIN = 5.0, 2.0
 
 #: A slope counts as learnt once its standard deviation is below this share of its first one.
@@ -73,21 +74,22 @@ LEARNT_SHARE = 0.5
 #: States of ground and grade; the evidence needs all of them.
 LEARNT = ("log_friction", "log_stiffness", "grade_rad", "rolling_excess")
 
-#: Slip [m/s] at which any ground gives what it can; relative sigma of a sliding wheel's friction; least friction ratio.
+#: Slip [m/s] at which any ground gives its full traction; relative sigma of a sliding wheel's friction; least friction
+#: ratio.
 SLIDING_M_S, FRICTION_STD, LEAST_RATIO = 1.0, 0.1, 1e-3
 
-#: Keeps a ground that gives no force from dividing by zero [N^2].
+#: Prevents a division by zero on a ground that gives no force [N^2].
 _TINY_N2 = 1e-12
 
 
 def is_ambiguous(model: Model) -> bool:
-    """True where grip and slide look alike: all that they differ in is learnt, and no other sensor tells them apart."""
+    """True if grip and slide look alike: all that they differ in is learnt, and no other sensor distinguishes them."""
     others = model.noise.pitch_std_rad, model.noise.speed_std_m_s, model.noise.passive_std_rad_s
     return set(LEARNT) <= set(model.layout.names) and all(std is None for std in others)
 
 
 def change_by_momentum(before: Belief, after: Belief, clean: CleanSample, model: Model) -> Scalar:
-    """Change [m/s] of the speed by what the motors give and the wheels do not keep, whatever the ground is.
+    """Change [m/s] of the speed by the motors' impulse that the wheels do not keep, whatever the ground.
 
     F dt = J_w (omega* - omega+) / r with the end omega* of a step on level ground without traction.
     """
@@ -101,9 +103,9 @@ def change_by_momentum(before: Belief, after: Belief, clean: CleanSample, model:
 
 
 def with_gross_slip(judged: Judgement, clean: CleanSample, model: Model, gate: float) -> Judgement:
-    """Start the belief again from sliding wheels where that is the better hypothesis, and may be.
+    """Restart the belief from sliding wheels if that is the better hypothesis, and a possible one.
 
-    gate: squared distance from which on a friction is out of question.
+    gate: squared distance from which a friction is rejected.
     """
     if not is_ambiguous(model):
         return judged
@@ -121,7 +123,7 @@ def with_gross_slip(judged: Judgement, clean: CleanSample, model: Model, gate: f
 
 
 def squared_mahalanobis(belief: Belief, model: Model) -> Scalar:
-    """Squared distance of ground and grade from what is usual, in standard deviations before the first sample."""
+    """Squared distance of ground and grade from their usual values, in standard deviations before the first sample."""
     return sum((belief.mean[model.layout.index(name)] / model.initial_std(name)) ** 2 for name in LEARNT)
 
 
@@ -150,7 +152,7 @@ def log_friction_of_sliding(belief: Belief, unexplained_m_s: Scalar, model: Mode
 
 
 def sliding(belief: Belief, log_friction: Scalar, unexplained_m_s: Scalar, model: Model) -> Belief:
-    """Belief in wheels that slide under a body as fast as its forces say; ground and grade are unknown as at first."""
+    """Belief in wheels that slide under a body as fast as its forces imply; ground and grade as unknown as at first."""
     layout, own = model.layout, model.layout.robot_states
     first = model.first_belief(belief.mean[layout.wheel(0) : own])
     mean = np.array([*belief.mean[:own], *first.mean[own:]])
@@ -167,37 +169,37 @@ def sliding(belief: Belief, log_friction: Scalar, unexplained_m_s: Scalar, model
 #: sample, short against a slide, whose beginning shows in it for as long.
 HIGH_PASS_S = 0.1
 
-#: Time constant [s] with which evidence is forgotten, the most that one sample may say, and the mean over that time
-#: from which on it counts.
+#: Time constant [s] with which evidence is forgotten, largest evidence of one sample, and mean over that time from
+#: which it counts.
 EVIDENCE_S, MOST_EVIDENCE, ENOUGH = 0.15, 5.0, 3.0
 
 #: Standard deviations of U [m/s]: of wheels that grip, by edges of slopes and by creep, and of wheels that slide, by
 #: the noise of encoders and currents and by a friction that changes with the slip, a share of I/M_s.
 GRIP_M_S, SLIDE_M_S, SLIDE_SHARE = 0.05, 0.03, 0.3
 
-#: Usual slopes and resistances are within so many standard deviations.
+#: Standard deviations within which slopes and resistances are usual.
 USUAL = 1.0
 
-#: Standard deviation of the acceleration of a robot that slides, in those that the slope gives, and the time [s] for
-#: which it may have been sliding before the evidence of grip is forgotten.
+#: Standard deviation of the acceleration of a sliding robot, over that by the slope, and the time [s] for which it may
+#: have been sliding before the evidence of grip is forgotten.
 OPENS, BEFORE_S = 1.1, 0.8
 
-#: For so long [s] what has shown the speed, or the pitch, counts as showing it; then the speed is unobserved.
+#: Time [s] for which a measurement of the speed, or of the pitch, counts; then the speed is unobserved.
 SEEN_S = 0.5
 
-#: A belief in sliding wheels is wrong where they carry the robot with less than this share of the force that they have
-#: given while sliding: a friction that falls would let them run away.
+#: A belief in sliding wheels is wrong if they carry the robot with less than this share of their force while sliding:
+#: with a falling friction they would run away.
 GRIP_SHARE = 0.7
 
-#: Time constant [s] with which a jump of the speed is forgotten, and the least one [m/s] that no slope makes in it: it
-#: takes 2 m/s^2, as on 0.2 rad. One of a speed that was uncertain is none.
+#: Time constant [s] with which a jump of the speed is forgotten, and the smallest one [m/s] that no slope causes in it:
+#: it takes 2 m/s^2, as on 0.2 rad. The last one is added to it, in standard deviations of the speed before.
 JUMP_S, JUMP_M_S, JUMP_SIGMAS = 0.15, 0.3, 2.0
 
 #: Standard deviation of the speed of wheels that are seen to slide, over the unexplained change until then.
 LAGS = 2.0
 
-#: Relative standard deviation of the mass with a load that nobody told: with 40 % more of it, wheels that slide change
-#: the speed by 0.29 less than believed, two of these.
+#: Relative standard deviation of the mass with an unknown load: with 40 % more mass, sliding wheels change the speed by
+#: 0.29 less than estimated, two of these.
 MASS_STD = 0.15
 
 #: Wheels slide where their grip is below this; above, they show the speed of the body.
@@ -212,18 +214,18 @@ class SpeedEvidence(NamedTuple):
     passed_m_s: np.ndarray = np.zeros(2)  #: that after one and after two high passes; the last is U
     force_N: Scalar = 0.0  #: of the motors, through a low pass
     impulse_Ns: Scalar = 0.0  #: I
-    evidence_s: Scalar = 0.0  #: of grip, its sum over time, and fading
-    unexplained_m_s: Scalar = 0.0  #: change of the speed of late that neither force nor pitch explains, and fading
-    jump_m_s: Scalar = 0.0  #: the same of the last moments, by the wheels
+    evidence_s: Scalar = 0.0  #: of grip, its fading sum over time
+    unexplained_m_s: Scalar = 0.0  #: fading sum of the changes of speed that neither force nor pitch explains
+    jump_m_s: Scalar = 0.0  #: the same over the last moments, by the wheels
     uncertain_m_s: Scalar = 0.0  #: standard deviation of the speed, through a low pass
     pitch_rad: Scalar = 0.0  #: last one measured
     no_pitch_s: Scalar = SEEN_S  #: time since then
     body_unobserved_s: Scalar = SEEN_S  #: time since a sensor of the body has shown the speed
     peak_N: Scalar = 0.0  #: greatest force since the wheels have been sliding in the belief
     disturbed_m_s: Scalar = 0.0  #: change of the speed by traction since then, while nothing else has shown the speed
-    open_m_s: Scalar = 0.0  #: standard deviation of the speed by a slide that cannot be told from grip
-    wheels_m_s: Scalar = 0.0  #: greatest speed that wheels or sensors of the body have shown of late
-    sliding_m_s: Scalar = 0.0  #: speed that sliding can have added since something last showed the speed
+    open_m_s: Scalar = 0.0  #: standard deviation of the speed by a slide that cannot be distinguished from grip
+    wheels_m_s: Scalar = 0.0  #: greatest speed that wheels or sensors of the body have recently shown
+    sliding_m_s: Scalar = 0.0  #: speed that sliding can have added since the speed was last observed
     outside: SpeedErrors = SpeedErrors()  #: rims, and errors of outside speeds
     held: Held = Held()  #: that the robot is held while its wheels turn
 
@@ -237,7 +239,7 @@ class Judgement(NamedTuple):
 
 
 def tells_grip(model: Model) -> bool:
-    """True where the filter learns the ground from the forces of the wheels, and may take a slide for a slope."""
+    """True where the filter learns the ground from the forces of the wheels, and may mistake a slide for a slope."""
     return set(LEARNT) - {"log_friction"} <= set(model.layout.names) and model.states.friction != "known"
 
 
@@ -255,7 +257,7 @@ def judge(
     last: before the step, but with `held` after it.
     before, wheels: beliefs before the step, and after the encoders of the driven wheels.
     body: after all measurements.
-    gate: squared distance from which on a friction is out of question.
+    gate: squared distance from which a friction is rejected.
     """
     if not tells_grip(model):
         return Judgement(last, body.belief, False)
@@ -290,10 +292,10 @@ def gathered(
 def with_grip(
     evidence: SpeedEvidence, last: SpeedEvidence, belief: Belief, clean: CleanSample, model: Model
 ) -> Judgement:
-    """The belief where wheels begin to slide in it, and where they carry the robot although they slide in it.
+    """The belief when its wheels begin to slide, and when they carry the robot although they slide in it.
 
-    In the first case the speed has been the wheels' for as long as the filter took to see the slide, and is as
-    uncertain as what neither force nor pitch explains. In the second it is the wheels' again.
+    In the first case the speed has followed the wheels until the filter detected the slide, and is as uncertain as the
+    change that neither force nor pitch explains. In the second it follows the wheels again.
 
     last: before the step.
     """
@@ -316,18 +318,18 @@ def with_grip(
 
 
 def by_mass_m_s(evidence: SpeedEvidence) -> Scalar:
-    """Standard deviation [m/s] of the speed by the mass, since nothing has shown the speed."""
+    """Standard deviation [m/s] of the speed by the mass, since the speed was last observed."""
     return MASS_STD * abs(evidence.disturbed_m_s)
 
 
 def has_jumped(evidence: SpeedEvidence) -> Scalar:
-    """The condition that the wheels have taken the speed along as no force can have changed it."""
+    """The condition that the wheels have changed the estimated speed faster than any force can."""
     jumped = abs(evidence.jump_m_s) > JUMP_M_S + JUMP_SIGMAS * evidence.uncertain_m_s
     return every([jumped, logical_not(grips(evidence)), evidence.body_unobserved_s >= SEEN_S])
 
 
 def slope_std_rad(evidence: SpeedEvidence, model: Model) -> Scalar:
-    """Standard deviation [rad] of a usual slope: of what the pitch leaves of it where it is measured."""
+    """Standard deviation [rad] of a usual slope: that of the pitch where it is measured."""
     usual, measured = model.noise.grade_std_rad, model.noise.pitch_std_rad
     return usual if measured is None else where(evidence.no_pitch_s < SEEN_S, measured, usual)
 
@@ -335,7 +337,7 @@ def slope_std_rad(evidence: SpeedEvidence, model: Model) -> Scalar:
 def opening_m_s2(evidence: SpeedEvidence, model: Model) -> Scalar:
     """Standard deviation [m/s^2] of the acceleration of a robot that slides.
 
-    Without a pitch the slope tells it, with a pitch the force that is missing.
+    Without a pitch it follows from the slope, with a pitch from the force that is missing.
     """
     usual_m_s2 = OPENS * GRAVITY * model.noise.grade_std_rad
     if model.noise.pitch_std_rad is None:
@@ -344,7 +346,7 @@ def opening_m_s2(evidence: SpeedEvidence, model: Model) -> Scalar:
 
 
 def grips(evidence: SpeedEvidence) -> Scalar:
-    """The condition that the wheels have shown of late that they carry the robot."""
+    """The condition that the wheels have recently shown that they carry the robot."""
     return evidence.evidence_s > ENOUGH * EVIDENCE_S
 
 
@@ -429,11 +431,11 @@ SHARE, REST_M_S = 1.25, 0.25
 #: Acceleration [m/s^2] that sliding down a slope of 0.2 rad gives.
 SLIDING_M_S2 = 2.0
 
-#: No belief of a robot reaches this speed [m/s], and none is so uncertain: twice the fastest robot, as an estimate may
-#: err where a sensor may not.
+#: Speed [m/s] and standard deviation that no belief reaches: twice the fastest robot, as an estimate may be further off
+#: than a sensor.
 LOST_M_S = 2.0 * FASTEST_M_S
 
-#: Yaw rate and wheel speed that no belief of a robot reaches [rad/s]; none is so uncertain either.
+#: Yaw rate and wheel speed [rad/s] that no belief reaches; nor does the standard deviation of a wheel speed.
 LOST_YAW_RAD_S, LOST_WHEEL_RAD_S = 50.0, 1e3
 
 #: Standard deviation of the speed after a restart, as a share of the rims' speed: wheels may be spinning then.
@@ -451,7 +453,7 @@ def with_reach(
     """The evidence with the speeds that the body can have reached after a step.
 
     body_observable: the condition that a sensor of the body shows its speed in this step.
-    unobserved_s: time for which nothing had shown the speed before the step.
+    unobserved_s: time since the speed was last observed, before the step.
     """
     parts, robot = model.layout.split(belief.mean), model.scene.robot
     rims = robot.wheel.radius_m * parts.radius_ratio * abs(parts.omega)
@@ -472,10 +474,10 @@ def fastest_m_s(evidence: SpeedEvidence) -> Scalar:
 def is_lost(
     belief: Belief, evidence: SpeedEvidence, rejected_s: np.ndarray, locked_out_s: float, model: Model
 ) -> Scalar:
-    """True where the belief is none that this robot can have.
+    """True if the belief is impossible for this robot.
 
     rejected_s: (driven,) time for which each encoder has been outside its gate.
-    locked_out_s: where all have been for longer, it is the belief that is wrong.
+    locked_out_s: if all have been for longer, the belief is wrong.
     """
     x, P = belief
     layout = model.layout
@@ -493,7 +495,7 @@ def is_lost(
 
 
 def restarted(before: Belief, clean: CleanSample, model: Model) -> Belief:
-    """A new belief from this sample: a body that moves as its wheels say, or not at all as they do.
+    """New belief from this sample: the body moves as its wheels show, or quite differently.
 
     before: belief before the step, for wheels that are not measured.
     """

@@ -1,15 +1,15 @@
-"""Speed and slip of a robot from encoders and motor currents, and from whatever else there is; [T] 4.5.
+"""Speed and slip of a robot from encoders and motor currents, and from any other sensors; [T] 4.5.
 
 The model predicts (EKF or UKF) with a step that is implicit in the slip, so samples may be 10 ms apart although wheels
 settle in 0.5 ms. Every measurement is an update of its own: at its own rate, missing, late or wrong. Matching learns
-the white noise of encoders, currents and gyro from their own course (`matched_noise`); what the ground adds to Q is not
-matched, because innovations tell the size of the noise but not the ratio of Q to R, which sets the gain
+the white noise of encoders, currents and gyro from their own signals (`matched_noise`); what the ground adds to Q is
+not matched, because innovations show the size of the noise but not the ratio of Q to R, which sets the gain
 (`ohmward.filters.adaptive`).
 
-The driven wheels show the speed as far as they grip, through the slope of traction over slip. A wheel that spins shows
-its force and nothing of the speed; friction and speed cannot both be told from a steady spin. Then the speed is dead
-reckoning from the forces, and its sigma grows with that of the grade: 0.17 m/s each second per degree. A passive wheel,
-an external speed or a standstill makes it observable again.
+The driven wheels show the speed as far as they grip, through the slope of traction over slip. A spinning wheel shows
+its force but not the speed; a steady spin cannot determine both friction and speed. The speed is then dead reckoning
+from the forces, and its sigma grows with that of the grade: 0.17 m/s each second per degree. A passive wheel, an
+external speed or a standstill makes it observable again.
 """
 
 from __future__ import annotations
@@ -110,24 +110,24 @@ class ObserverState(NamedTuple):
 
     belief: PackedBelief  #: mean (n,) and lower triangle of the covariance
     matched: MatchedNoise  #: noise of the sensors; empty without matching
-    current_A: np.ndarray  #: (driven,) last credible ones
+    current_A: np.ndarray  #: (driven,) last credible currents
     current_intervals: Intervals  #: of the motor currents, each (driven,)
     encoder_intervals: Intervals  #: of the encoders, each (wheels,)
     lag_rad_s: np.ndarray  #: (wheels,) `Model.encoder_lag` since each encoder's last value
     free: FreeWheels  #: the wheels as their motors alone would turn them
-    history: History  #: predicted changes of the speed of late, for speeds that come late
+    history: History  #: recent predicted changes of the speed, for speeds that arrive late
     rest_s: Scalar  #: time for which wheels and motors have been at rest
-    rejected: RejectedFor  #: for how long each encoder has been outside its gate, (driven,)
-    body_rejected: BodyTimers  #: the same of the sensors of the body
+    rejected: RejectedFor  #: time for which each encoder has been outside its gate, (driven,)
+    body_rejected: BodyTimers  #: the same for the sensors of the body
     evidence: SpeedEvidence  #: of whether the wheels show the speed
-    unobserved_s: Scalar  #: time for which nothing has shown the speed
+    unobserved_s: Scalar  #: time since the speed was last observed
     stuck_s: Scalar  #: time for which the wheels have turned and the robot has not
 
 
 def started(
     belief: Belief, model: Model, late_steps: int, matching: bool, before: ObserverState | None = None
 ) -> ObserverState:
-    """State of an observer that has this belief and no past, but for the clocks and the noise of the sensors before."""
+    """State of an observer with this belief and no past, except for the clocks and noise of its sensors."""
     n, wheels = model.driven, len(model.scene.robot.places)
     return ObserverState(
         belief=pack(belief),
@@ -149,13 +149,13 @@ def started(
     )
 
 
-#: No ground takes more than so many times the load.
+#: Largest force that any ground takes, over the load.
 MOST_ADHESION = 2.0
 
 
 METHODS: dict[str, ModuleType] = {"ekf": extended, "ukf": unscented}
 
-#: Where every encoder has been outside its gate for so many times `reset_after_s`, not the encoders are wrong.
+#: If every encoder has been outside its gate for this many times `reset_after_s`, the encoders are not at fault.
 LOCKED_OUT = 2.0
 
 
@@ -172,23 +172,23 @@ class Prediction(NamedTuple):
 class SpeedObserver:
     """Settings; `init` and `step` are pure functions of them."""
 
-    scene: Scene  #: robot, and the terrain that it is believed to drive on
+    scene: Scene  #: robot, and the terrain that it is assumed to drive on
     states: States = field(default_factory=States)  #: what is estimated besides the robot's own state
     noise: ObserverNoise = field(default_factory=ObserverNoise)  #: of sensors and model; says which sensors there are
     method: str = "ukf"  #: "ekf" or "ukf"
     matching: bool = False  #: learn the noise of encoders, currents and gyro (AEKF, AUKF)
-    #: the motor currents tell the force that drives the robot; those of wheels that scrub do not
+    #: the motor currents give the force that drives the robot; those of wheels that scrub do not
     uses_currents: bool = True
-    window: float = 100.0  #: effective samples of that; [T] takes 100
+    window: float = 100.0  #: effective samples of the matching; [T] uses 100
     alarm: SlipAlarm = field(default_factory=SlipAlarm)  #: tests for slip and for a robot that is stuck
     gate: float = 10.8  #: NIS beyond which a measurement of the body is not used; 10.8 is 99.9 %
     encoder_gate: float = 25.0  #: NIS of an encoder beyond which its wheel has met other ground
-    #: time outside its gate after which an encoder is doubted, and an external speed is believed
+    #: time outside its gate after which an encoder is at fault, and an external speed is accepted
     reset_after_s: float = 1.0
-    gap_s: float = 0.1  #: a longer step says nothing about the current in between
+    gap_s: float = 0.1  #: a longer step leaves the current in between unknown
     #: time for which wheels and motors must be at rest before the speed counts as zero; inf never does
     rest_hold_s: float = 0.5
-    #: below both a wheel and a motor are at rest
+    #: a wheel and a motor below both are at rest
     rest_wheel_rad_s: float = 0.05
     rest_current_A: float = 0.5
     late_steps: int = 20  #: number of samples by which an external speed may be late
@@ -221,7 +221,7 @@ class SpeedObserver:
 
     @property
     def gyro_first(self) -> bool:
-        """True where nothing is learnt of the ground: the gyro shows turns first, and what wheels add is slip."""
+        """True if the ground is not estimated: the gyro gives turns first, and what wheels add is slip."""
         return self.states.friction == "known"
 
     def no_sample(self) -> RobotSample:
@@ -229,7 +229,7 @@ class SpeedObserver:
         return no_sample(self.scene.robot)
 
     def init(self, first: RobotSample) -> ObserverState:
-        """State before the first sample, of which it takes the speeds: a body that moves as the driven wheels say."""
+        """State before the first sample: the body moves as the driven wheels show in it."""
         clean = sanitize(first, self.gap_s)
         speeds = np.asarray(clean.wheel_speed_rad_s[: self.model.driven], dtype=float)
         return started(self.model.first_belief(speeds), self.model, self.late_steps, self.matching)
@@ -269,10 +269,10 @@ class SpeedObserver:
         return choose(lost, fresh, after), estimate._replace(flags=flags)
 
     def sanitize(self, state: ObserverState, sample: RobotSample) -> tuple[Belief, CleanSample, ObserverState]:
-        """The belief before the step, the sample without what no sensor can have shown, and the state with its clocks.
+        """The belief before the step, the sample without impossible values, and the state with its clocks.
 
-        Where an encoder shows its first value, the belief is one of a body that moves as the wheels do. Where the robot
-        stands, the sample is one without motion.
+        At an encoder's first value, the belief becomes one of a body that moves as the wheels do. While the robot
+        stands, the sample has no motion.
         """
         if not self.uses_currents:
             sample = sample._replace(current_A=np.zeros(self.model.driven))
@@ -299,7 +299,7 @@ class SpeedObserver:
     def is_at_rest(self, clean: CleanSample, holds: np.ndarray) -> Scalar:
         """True where all driven wheels and motors are measured, and all are at rest.
 
-        holds: (wheels,) conditions that an encoder which is not measured is only slower than the samples.
+        holds: (wheels,) conditions that an encoder without a value is only slower than the samples.
         """
         n = self.model.driven
         still = [within(speed, self.rest_wheel_rad_s) for speed in clean.wheel_speed_rad_s[:n]]
@@ -317,7 +317,7 @@ class SpeedObserver:
         return Prediction(belief, step, lag_rad_s * clean.lag_share, lag_rad_s)
 
     def correct_turn(self, state: ObserverState, prediction: Prediction, clean: CleanSample) -> BodyCorrection:
-        """Correct with the gyro before the wheels, where nothing is learnt of the ground."""
+        """Correct with the gyro before the wheels, if the ground is not estimated."""
         body = BodyCorrection(prediction.belief, state.body_rejected)
         return use_gyro(body, clean, self.model, self.sensor_gate) if self.gyro_first else body
 
@@ -349,7 +349,7 @@ class SpeedObserver:
         return use_standstill(body, clean.resting, model)
 
     def weigh_held(self, before: SpeedEvidence, wheels: Belief, clean: CleanSample) -> SpeedEvidence:
-        """Weigh that the robot is held while its wheels turn, where it has an outside speed; wheels: as corrected."""
+        """Weigh whether the robot is held while its wheels turn, if it has an outside speed; wheels: as corrected."""
         std_m_s, model = self.model.noise.speed_std_m_s, self.model
         if std_m_s is None:
             return before
@@ -357,7 +357,7 @@ class SpeedObserver:
         rim_m_s = robot.motion_by_rims[0] @ (robot.wheel.radius_m * model.layout.split(wheels.mean).omega)
         was_held = before.held.probability > IS_HELD
         outside, y = receive(before.outside, rim_m_s, clean, logical_not(was_held), std_m_s)
-        white = y._replace(std_m_s=y.white_std_m_s)  # errors that last are slides here, and no noise
+        white = y._replace(std_m_s=y.white_std_m_s)  # lasting errors are slides here, not noise
         return before._replace(outside=outside, held=weigh_held(before.held, white, rim_m_s, clean.dt_s))
 
     def conclude(
@@ -420,7 +420,7 @@ def speed_change(before: Belief, prediction: Prediction, wheels: EncoderCorrecti
 
 
 def first_sight(belief: Belief, clean: CleanSample, encoders: Intervals, model: Model) -> Belief:
-    """The belief, or where an encoder shows its first value one of a body that moves as the wheels do.
+    """The belief, or at an encoder's first value one of a body that moves as the wheels do.
 
     encoders: clocks before the step.
     """

@@ -8,7 +8,7 @@
     radius_ratio                                    effective radius of the wheels over the robot's
     accelerometer_offset_m_s2
 
-Ratios of the ground are logarithms: positive whatever the filter does, and their sigma is a relative one.
+Ratios of the ground are logarithms: they stay positive, and their sigma is relative.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from ohmward.traction.robot.robot import Robot
 
 FRICTION = ("known", "one", "each")
 
-#: Bounds of the mean of a state: beyond these nothing of the kind exists, whatever a filter has made of its
-#: measurements. Ground gives between a hundredth and a hundred times what was believed (wet ice to rubber is 30 times),
-#: rolling resistance never pushes, a slope of 0.5 rad is beyond what wheels climb, no tyre has half or twice its size.
-#: Sigma points may lie beyond: a mean over them would be biased if they did not.
+#: Bounds of the mean of a state: nothing real lies beyond, whatever a filter makes of its measurements. Ground gives
+#: between a hundredth and a hundred times the assumed value (wet ice to rubber is 30 times), rolling resistance never
+#: pushes, a slope of 0.5 rad is beyond what wheels climb, no tyre has half or twice its size. Sigma points may lie
+#: beyond: otherwise the mean over them would be biased.
 BOUNDS: dict[str, tuple[float, float]] = {
     "log_friction": (-math.log(100.0), math.log(100.0)),
     "log_stiffness": (-math.log(100.0), math.log(100.0)),

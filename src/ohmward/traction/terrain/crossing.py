@@ -1,17 +1,16 @@
-"""Crossings of a wheel to another floor: Page's CUSUM test on the forces of the wheels, for each wheel and both ways.
+"""Crossings of a wheel to another floor: Page's CUSUM test on the wheel forces, for each wheel and both directions.
 
     g+ = max(0, g+ + (dt/tau) e' (f - mu - e/2) / sigma^2),          g- likewise with mu - f
     sigma^2 = ripple^2 + (growth |mu|)^2,   tau = ripple_m / speed
 
-f are the forces of the driven wheels over their mean load, mu their mean since the last change, e what they change by
-when the floor under one wheel does (`floor.drag_columns`): it depends on the direction of the motion, and tells a
-crossing from the ripple of the rollers, which goes with the way and not with the time. An alarm is g > h; h follows
-from how often it may be false. For Brownian motion the mean time between false alarms of one test is
-(Page 1954, Siegmund 1985)
+f are the forces of the driven wheels over their mean load, mu their mean since the last change, e their change when the
+floor under one wheel changes (`floor.drag_columns`): it depends on the direction of the motion, and distinguishes a
+crossing from the ripple of the rollers, which depends on distance and not on time. An alarm is g > h; h follows from
+the false-alarm rate. For Brownian motion the mean time between false alarms of one test is (Page 1954, Siegmund 1985)
 
     T = (2 tau / k^2) (e^h - h - 1),   k^2 = e'e / sigma^2            and of n tests together the n-th part of it
 
-The test starts anew after an alarm, after a stop, and where the motion changes: drag depends on its direction.
+The test restarts after an alarm, after a stop, and when the motion changes: drag depends on its direction.
 """
 
 from __future__ import annotations
@@ -32,15 +31,16 @@ from ohmward.traction.motion.sample import LEAST_DIVISOR
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.floor import Floor, drag_columns, mean_load, travel_speed
 
-#: Floors whose drags differ less are one floor to this test.
+#: Floors whose drags differ by less count as one floor in this test.
 SAME_DRAG = 0.02
-#: Of the difference between two floors: a floor differs from place to place, and a wheel may stand on both.
+#: Share of the difference between two floors that counts: a floor varies from place to place, and a wheel may stand on
+#: both.
 COUNTS = 0.7
-#: A motion that differs from that at the start of the test by more than this share of it starts it anew.
+#: A motion that differs from that at the start of the test by more than this share of it restarts the test.
 _OTHER_MOTION = 0.3
-#: mu is the mean over at most so long a time [s], and its first value counts for so long.
+#: Longest time [s] that mu is the mean over, and time that its first value counts for.
 MEMORY_S, _FIRST_S = 3.0, 0.3
-#: Ripple lasts no shorter than this [s]: the filter of the forces.
+#: Shortest correlation time of the ripple [s]: that of the force filter.
 _SHORTEST_RIPPLE_S = 0.1
 #: Least change of a drag that counts, share of the load.
 _LEAST_DRAG_STEP = 1e-3
@@ -50,7 +50,7 @@ _LAST, _MOST_NEEDED = math.log(2) - 1e-3, 0.5 - math.log(2) / 2
 
 
 class Crossing(NamedTuple):
-    """A wheel, or several, on another floor: time at which it was known, and the drag before and after."""
+    """A wheel, or several, on another floor: time of its detection, and the drag before and after."""
 
     time_s: float
     drag_before: float
@@ -61,10 +61,10 @@ class CrossingSample(NamedTuple):
     """Sample of the test."""
 
     force_share: np.ndarray  #: f (driven,) forces over the mean load
-    change: np.ndarray  #: e (driven, wheels) change of f when the floor under each wheel changes by as much as counts
+    change: np.ndarray  #: e (driven, wheels) change of f at the smallest change of each wheel's floor that counts
     motion: np.ndarray  #: (freedoms,) of the rims
     moving: Scalar  #: the condition that the wheels turn
-    dt_s: Scalar  #: since the sample before
+    dt_s: Scalar  #: since the previous sample
 
 
 class CrossingState(NamedTuple):
@@ -73,16 +73,16 @@ class CrossingState(NamedTuple):
     sums: np.ndarray  #: (2, wheels) g+, g-
     mean: np.ndarray  #: mu (driven,)
     tested_s: Scalar  #: since the test began, < 0 while it waits
-    motion: np.ndarray  #: (freedoms - 1,) then, without the rotation
+    motion: np.ndarray  #: (freedoms - 1,) at the start of the test, without the rotation
 
 
 class CrossingResult(NamedTuple):
     """Result of the test for a sample."""
 
-    alarm: Scalar  #: the condition that a wheel has come to another floor
-    restart: Scalar  #: the condition that the test starts anew, since the robot moves otherwise, or stands
-    #: (wheels,) mean time from the crossing of each wheel to its alarm, as the robot moves now; inf while the test
-    #: waits, and for a wheel whose floor hardly shows in the forces
+    alarm: Scalar  #: the condition that a wheel has moved to another floor
+    restart: Scalar  #: the condition that the test restarts, as the motion has changed or the robot stands
+    #: (wheels,) mean time from the crossing of each wheel to its alarm at the present motion; inf while the test waits,
+    #: and for a wheel whose floor hardly affects the forces
     delay_s: np.ndarray
 
 
@@ -103,7 +103,7 @@ class CrossingTest:
     roller_step: float = 0.13
     ripple_share: float = 0.018  #: of a wheel's force without drag, share of the mean load, > 0
     ripple_growth: float = 0.05  #: of the ripple with the forces, >= 0
-    ripple_m: float = 0.03  #: way that a ripple lasts, about the passage of a roller, > 0
+    ripple_m: float = 0.03  #: distance that a ripple lasts, about the passage of a roller, > 0
     #: of driving, all wheels and both ways together, > 0, if the ripple were as assumed
     false_alarms_per_hour: float = 1.0
     settling_s: float = 1.2  #: time after a start in which nothing is tested, >= 0: the robot accelerates
@@ -122,14 +122,14 @@ class CrossingTest:
     def sample(
         self, robot: Robot, motion: np.ndarray, force_N: np.ndarray, moving: Scalar, dt_s: Scalar
     ) -> CrossingSample:
-        """Sample of the test from forces (driven,) while the rims move so, (freedoms,)."""
+        """Sample of the test from forces (driven,) at a motion (freedoms,) of the rims."""
         load_N = mean_load(robot)
         change = drag_columns(robot, motion) @ np.array([self.rolling_step, self.roller_step]) / load_N
         return CrossingSample(force_N / load_N, change, motion, moving, dt_s)
 
     def step(self, state: CrossingState, sample: CrossingSample) -> tuple[CrossingState, CrossingResult]:
         """State and result after a sample."""
-        # a sample after a gap too is worth no more than the memory of the filter of the forces
+        # even after a gap, a sample counts for no more than the memory of the force filter
         sample = sample._replace(dt_s=minimum(sample.dt_s, _SHORTEST_RIPPLE_S))
         force, motion = sample.force_share, sample.motion[:-1]
         restart = logical_not(sample.moving) | is_other_motion(motion, state.motion)
@@ -174,10 +174,10 @@ class CrossingTest:
         return h
 
     def delay_s(self, k2: np.ndarray, tau_s: Scalar, memory_s: Scalar) -> np.ndarray:
-        """Mean time (n,) [s] from a change that counts to its alarm; inf for one that mu follows first.
+        """Mean time (n,) [s] from a change that counts to its alarm; inf if mu follows it first.
 
-        Siegmund's (2 tau / k^2)(e^-h + h - 1) holds for a mu that is known. One that is the mean over T = `memory_s`
-        follows the change: the sum grows by (k^2 / tau)(e^(-t/T) - 1/2), so the alarm comes at x = t/T with
+        Siegmund's (2 tau / k^2)(e^-h + h - 1) holds for a known mu. A mean over T = `memory_s` follows the change: the
+        sum grows by (k^2 / tau)(e^(-t/T) - 1/2), so the alarm comes at x = t/T with
 
             1 - e^-x - x/2 = (tau / (T k^2)) (e^-h + h - 1)
         """
@@ -207,7 +207,7 @@ def memory(tested_s: Scalar) -> Scalar:
 
 
 def crossing_test(floors: Sequence[Floor]) -> CrossingTest:
-    """The test for a robot that knows these floors: a change counts from the difference of the nearest two on."""
+    """The test for a robot that knows these floors: the difference of the nearest two sets the change that counts."""
     pairs = pairwise(sorted(floors, key=lambda f: f.drag))
     different = [(a, b) for a, b in pairs if b.drag - a.drag > SAME_DRAG]
     if not different:

@@ -4,14 +4,14 @@ F / N = mu (1 - e^(-C sigma / mu))         traction of a wheel at slip sigma, Bu
 sigma = -(mu / C) ln(1 - F / (mu N))       its inverse: the slip that a force needs; the wheel spins where F >= mu N
 lambda = s / U = h sigma,    h = sqrt((a^2 + kappa^2 c^2) / w^2) (1 + k c / w) (U / U_0)^-p,    w^2 = a^2 + c^2
 
-U is the speed of the rims over the ground as the wheels make it, s = r omega - v the slip speed of a wheel along its
-rolling direction, in which it moves at a, and at c to its left. The factor h is 1 for fixed wheels at the speed U_0.
-The slip relates to the speed at which the contact is renewed: of the motion along the axle, which rollers take, the
-share kappa. Omni-wheels that lead, moving outward, slip more than those that trail, by k; and creep depends on speed,
-by the power p. Rolling takes `rolling` of a wheel's load against its motion, and the rollers of an omni-wheel take
-`roller` of it against the motion along their wheel's axle.
+U is the travel speed of the rims as if no wheel slipped, s = r omega - v the slip speed of a wheel along its rolling
+direction, in which it moves at a, and at c to its left. The factor h is 1 for fixed wheels at the speed U_0. Slip is
+relative to the speed at which the contact is renewed, to which the motion along the axle, taken by rollers, contributes
+the share kappa. Omni-wheels that lead, moving outward, slip more than those that trail, by k; and creep depends on
+speed, by the power p. Rolling resists a wheel's motion with `rolling` of its load, and the rollers of an omni-wheel
+resist the motion along its axle with `roller` of it.
 
-The floors file holds those that one robot has learnt, as TOML that people read and edit.
+The floors file holds the floors that one robot has learnt, as TOML that people read and edit.
 
 Demand of floors on the driven wheels: the forces that keep a body moving against the drag under all its wheels.
 
@@ -45,9 +45,9 @@ STIFFNESS, STIFFNESS_STD = 8.0, 1.2
 ROLLING, ROLLING_STD = 0.03, 1.0
 #: Share of these sigmas from floor to floor of one robot; the rest is common to all its floors.
 BETWEEN_SHARE = 0.8
-#: Relative standard deviations of friction, stiffness and drag of a floor that was never met and asks for forces like
-#: those of a known one. Two carpets under one robot take 0.21 and 0.25 of its weight; they differ by factors of 2.2 in
-#: stiffness and 1.7 in friction.
+#: Relative standard deviations of friction, stiffness and drag of a new floor that needs forces like those of a known
+#: one. Two carpets under one robot need 0.21 and 0.25 of its weight; they differ by factors of 2.2 in stiffness and 1.7
+#: in friction.
 LIKE_FRICTION_STD, LIKE_STIFFNESS_STD, LIKE_DRAG_STD = 0.5, 1.0, 0.2
 #: Sigma of ln kappa about 0, k about 0 and p about 0. Two floors under one omni robot have kappa 0.9 and 0.5, k -0.11
 #: and -0.16, and p -0.11 and 0.07.
@@ -56,8 +56,8 @@ ACROSS_STD, SIDE_STD, SPEED_POWER_STD = 0.5, 0.2, 0.1
 _STANDING_M_S = 1e-4
 #: Nodes (q,) and weights (q,) of the quadrature over friction, and over stiffness.
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(11)
-#: A floor of which a force takes all but this share of the friction, or more, is less probable the more it takes: rough
-#: floors and wheels that bounce leave some of it unused.
+#: A floor of whose friction a force leaves less than this share unused is less probable the less it leaves: rough
+#: floors and bouncing wheels never use all of it.
 _SPARE_SHARE, _LEAST_WEIGHT = 0.2, 1e-6
 
 
@@ -66,8 +66,8 @@ class Floor:
     """One floor. Standard deviations of positive quantities are relative."""
 
     name: str  #: in words
-    friction: float  #: mu, traction over load of a wheel that spins, > 0
-    stiffness: float  #: C, traction over load and slip where the slip is small, > 0
+    friction: float  #: mu, traction over load of a spinning wheel, > 0
+    stiffness: float  #: C, traction over load and slip at small slip, > 0
     #: share of the load, >= 0
     rolling: float
     roller: float = 0.0
@@ -79,14 +79,14 @@ class Floor:
     drag_std: float = ROLLING_STD  #: of both, relative, >= 0
     #: standard deviation of a wheel's force that these leave unexplained, share of the load, > 0
     force_std: float = 0.03
-    drives: int = 0  #: number of recordings that it was learnt from; 0 for a floor that was never met
-    across: float = 1.0  #: kappa, share of the motion along a wheel's axle that its slip relates to, in (0, 1]
+    drives: int = 0  #: number of recordings that it was learnt from; 0 for a new floor
+    across: float = 1.0  #: kappa, share of the motion along a wheel's axle that renews its contact, in (0, 1]
     across_std: float = 0.0  #: its standard deviation
     side: float = 0.0  #: k, in (-1, 1), absolute
     side_std: float = 0.0  #: its standard deviation
     speed_power: float = 0.0  #: p, by which the stiffness grows with the speed, absolute
     speed_power_std: float = 0.0  #: its standard deviation
-    #: speeds between which it does, learnt; U_0 is their geometric mean. > 0.
+    #: lowest and highest speed of its drives; U_0 is their geometric mean. > 0.
     slowest_m_s: float = 0.1
     fastest_m_s: float = 0.1
 
@@ -120,7 +120,7 @@ class Floor:
 
     @property
     def drag(self) -> float:
-        """Force that keeps a robot moving over its weight, about: half of its rollers turn."""
+        """Approximate force over weight that keeps a robot moving: half of its rollers turn."""
         return self.rolling + self.roller / 2
 
     @property
@@ -134,14 +134,14 @@ class SlipBelief(NamedTuple):
     """The slip ratio of wheels."""
 
     mean: np.ndarray  #: (..., n)
-    cov: np.ndarray  #: (..., n, n): wheels on one floor err together
+    cov: np.ndarray  #: (..., n, n): wheels on one floor have correlated errors
 
 
 class SlipScale(NamedTuple):
-    """Slip of wheels over that of the law at their force, for how they move."""
+    """Slip of wheels over that of the law at their force, depending on their motion."""
 
     factor: Any = 1.0  #: h (..., n)
-    #: its relative standard deviations, (..., n) each, of causes that all wheels have in common
+    #: its relative standard deviations, (..., n) each, from causes common to all wheels
     std: tuple[Any, ...] = ()
 
 
@@ -150,7 +150,7 @@ AS_LEARNT = SlipScale()
 
 
 def slip_scale(floor: Floor, along: Any, across: Any, travel_m_s: Any) -> SlipScale:
-    """Dependence of the slip on direction and speed; beyond the speeds of its drives it may go on so or stay.
+    """Dependence of the slip on direction and speed; beyond the speeds of its drives it may continue or stay constant.
 
     along, across: (..., n) motion of each wheel in its rolling direction and to its left [m/s].
     travel_m_s: (..., 1) speed U of the rims.
@@ -185,7 +185,7 @@ def _size(along: Any, across: Any) -> Any:
 
 
 def slip_at_force(force_share: Any, friction: Any, stiffness: Any) -> Any:
-    """Slip ratio at which the ground gives this force over load; +-1, a wheel that spins, where it cannot."""
+    """Slip ratio at which the ground gives this force over load; +-1, a spinning wheel, if it cannot."""
     size = np.minimum(np.abs(force_share) / friction, 1.0)
     with np.errstate(divide="ignore"):
         slip = -np.log1p(-size) * friction / stiffness
@@ -198,10 +198,10 @@ def slip_belief(
     """Belief in the slip of wheels on this floor.
 
     force_share, force_std: (..., n) traction over load, and its standard deviation.
-    scale: for how the wheels move.
+    scale: for the motion of the wheels.
 
-    The mean over friction and stiffness is taken by Gauss and Hermite's rule, because the law is nonlinear where they
-    are uncertain. `slip_curves` has the same for a traced step.
+    The mean over friction and stiffness is taken by Gauss-Hermite quadrature, because the law is nonlinear over their
+    uncertainty. `SlipCurves` has the same for a traced step.
     """
     at_node, weights = slips_of_floors(floor, force_share)
     mean = (weights * at_node).sum(axis=0)
@@ -214,7 +214,7 @@ def slip_belief(
 
 
 def scaled(law: SlipBelief, scale: SlipScale, floor: Floor) -> SlipBelief:
-    """Belief in lambda, with what the floor leaves unexplained, from that in sigma."""
+    """Belief in lambda from that in sigma, with the slip that the floor leaves unexplained."""
     mean = law.mean * scale.factor
     cov = law.cov * _outer(scale.factor + 0.0 * law.mean)
     for std in scale.std:
@@ -227,9 +227,9 @@ def _outer(v: Any) -> Any:
 
 
 def slips_of_floors(floor: Floor, force_share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Slip (Q, ...) at forces over load (...) on Q floors that this one may be, and their probabilities (Q, ...).
+    """Slip (Q, ...) at forces over load (...) on Q possible versions of this floor, and their probabilities (Q, ...).
 
-    A force that the ground has given is evidence of its friction: floors that hardly could are less probable.
+    A force that the ground has given is evidence of its friction: floors that could hardly give it are less probable.
     """
     factor = np.linalg.cholesky(floor.log_covariance + 1e-12 * np.eye(2))
     grid = np.stack(np.meshgrid(_NODES, _NODES, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -244,7 +244,7 @@ def slips_of_floors(floor: Floor, force_share: np.ndarray) -> tuple[np.ndarray, 
 
 
 def like(known: Floor) -> Floor:
-    """A floor that was never met and asks for forces like those of a known one: its slip may be another."""
+    """New floor that needs forces like those of a known one, and may slip differently."""
     return replace(
         known,
         name=f"like {known.name}",
@@ -257,7 +257,7 @@ def like(known: Floor) -> Floor:
 
 
 def new_floor(known: Sequence[Floor] = ()) -> Floor:
-    """A floor that the robot has never met, from those that it has, as much as floors resemble each other.
+    """New floor, predicted from the known ones as far as floors resemble each other.
 
     Precision-weighted mean of logarithms: each known floor with its own sigma and that from floor to floor, and the
     prior. Without a known floor it is the prior.
@@ -301,7 +301,7 @@ _HEADER = """\
 
 @dataclass(frozen=True)
 class Floors:
-    """robot: name of the robot that learnt them; floor: each with its own name."""
+    """Floors of a robot. robot: its name; floor: the floors, each with its own name."""
 
     robot: str
     floor: tuple[Floor, ...] = ()
@@ -312,14 +312,14 @@ class Floors:
             raise InputError(f"floor.name must differ from floor to floor; {sorted(twice)[0]!r} comes twice")
 
     def with_floor(self, floor: Floor) -> Floors:
-        """With this floor, in the place of one with its name."""
+        """The floors with this one, which replaces one of the same name."""
         return Floors(self.robot, (*(f for f in self.floor if f.name != floor.name), floor))
 
     def named(self, names: Sequence[str]) -> Floors:
         """Only the floors of these names.
 
         Raises:
-            InputError: no floor of such a name.
+            InputError: no floor has such a name.
         """
         known = {f.name: f for f in self.floor}
         for name in names:
@@ -332,7 +332,7 @@ _FILE = TomlFile(Floors, "ohmward-floors/1", _HEADER)
 
 
 def save_floors(floors: Floors, path: str | PathLike[str]) -> None:
-    """Write the floors file; it is either whole or not there.
+    """Write the floors file; it is either complete or absent.
 
     Raises:
         OhmwardError: the file cannot be written.
@@ -341,26 +341,26 @@ def save_floors(floors: Floors, path: str | PathLike[str]) -> None:
 
 
 def load_floors(path: str | PathLike[str]) -> Floors:
-    """The floors in a file.
+    """Load the floors from a file.
 
     Raises:
-        InputError: the file cannot be read or says something that floors cannot be; names file, key, rule and fix.
+        InputError: the file cannot be read or describes impossible floors; names file, key, rule and fix.
     """
     return _FILE.load(path)
 
 
 #: Speed [m/s] below which a direction fades.
 FADING_M_S = 0.01
-#: Share of a wheel's motion that goes across it where the drag of its rollers has grown to tanh(1) of its full size:
-#: rubber creeps before it turns a roller. Fitted to 396 drives of an omni robot on three floors.
+#: Share of a wheel's motion across it at which the drag of its rollers reaches tanh(1) of its full size: rubber creeps
+#: before it turns a roller. Fitted to 396 drives of an omni robot on three floors.
 ROLLER_CREEP = 0.3
 
 
 def drag_columns(robot: Robot, motion: np.ndarray) -> np.ndarray:
     """Forces (..., driven, wheels, 2) [N] of the driven wheels for a rolling and a roller share of 1 under each wheel.
 
-    motion: (..., freedoms) of the rims: the body's own is known only once the floor is. Drags learnt along it differ
-        more from floor to floor, and leave less unexplained, than those along the body's.
+    motion: (..., freedoms) of the rims: the body's own is known only once the floor is. Drags learnt along the rims'
+        motion differ more from floor to floor, and leave less unexplained, than those along the body's.
     """
     along, across = wheel_motion(robot, motion)
     size = sqrt(along**2 + across**2 + FADING_M_S**2)
@@ -372,22 +372,21 @@ def drag_columns(robot: Robot, motion: np.ndarray) -> np.ndarray:
 
 
 def wheel_motion(robot: Robot, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Motion (..., wheels) of each wheel in its rolling direction and across it; fixed wheels are taken to roll."""
+    """Motion (..., wheels) of each wheel in its rolling direction and across it; fixed wheels are assumed to roll."""
     along = motion @ robot.rolling.T
     across = motion @ robot.sideways.T if robot.chassis.rollers else np.zeros(np.shape(along))
     return along, across
 
 
 def inertial_forces(robot: Robot, acceleration: np.ndarray) -> np.ndarray:
-    """Forces (..., driven) [N] of the driven wheels that accelerate the body so, (..., freedoms)."""
+    """Forces (..., driven) [N] of the driven wheels that give the body this acceleration (..., freedoms)."""
     return (robot.inertia[: robot.freedoms] * acceleration) @ robot.motion_by_rims
 
 
 def undetermined_force_std(robot: Robot, wheel_speed_rad_s: np.ndarray) -> np.ndarray:
     """Standard deviation (..., driven) [N] of the force that the dry friction of a standing motor may hold, either way.
 
-    Friction has the size tau_c and the direction of the rotation; at rest it is anything between, whatever the current
-    says.
+    Friction has the size tau_c and opposes the rotation; at rest it may be anything in between, whatever the current.
     """
     motor = robot.motor
     free = 1.0 - abs(tanh(wheel_speed_rad_s / motor.friction_speed_rad_s))
@@ -402,7 +401,7 @@ def drag_share(robot: Robot, motion: np.ndarray, force_N: np.ndarray) -> Any:
 
 
 def travel_speed(motion: np.ndarray) -> Any:
-    """Speed (...,) [m/s] of a motion (..., freedoms), its rotation left out."""
+    """Speed (...,) [m/s] of a motion (..., freedoms), without its rotation."""
     return sqrt((motion[..., :-1] * motion[..., :-1]).sum(axis=-1))
 
 
@@ -412,7 +411,7 @@ def static_loads(robot: Robot) -> np.ndarray:
 
 
 def mean_load(robot: Robot) -> float:
-    """Load of a driven wheel [N] at rest, their mean."""
+    """Mean load of the driven wheels [N] at rest."""
     return float(static_loads(robot)[: robot.driven].mean())
 
 

@@ -3,25 +3,25 @@
     P(c | F)  ~  N(mean F; sum_w d_cw, S_c(T)) P(c),   S_c(T) = drag's own + sigma^2 [ b + (1 - b) tau / T ] + sensor's
 
 A combination c names a floor for each wheel. Given c, the forces are those of `drag_columns` to within the uncertainty
-of the floors. F is their mean over the time T since the last event: a start, another motion, a crossing. A share b of
-the variance that the floors leave unexplained lasts as long as the robot moves alike (the model of the drag is simple),
-so more samples of one motion soon tell nothing new: evidence is not the sum over the samples. At an event what was
-believed becomes the prior of what comes next; between events it is forgotten at the rate of crossings.
+of the floors. F is their mean over the time T since the last event: a start, a change of motion, a crossing. A share b
+of the variance that the floors leave unexplained lasts as long as the motion stays the same (the drag model is simple),
+so more samples of one motion soon add nothing: evidence is not the sum over the samples. At an event the posterior
+becomes the next prior; between events the prior is forgotten at the rate of crossings.
 
-Like forces do not mean like slip: beside each known floor stands one that was never met and asks for about its forces,
-and last comes any other floor. Robots that cannot tell their wheels apart by their forces have one floor under all.
+Similar forces do not mean similar slip: for each known floor there is a new one that needs similar forces, and last
+comes any other new floor. Robots whose forces do not distinguish their wheels have one floor under all of them.
 
-An outside speed, beside wheels that slip, is evidence too: GNSS, visual or lidar odometry, optical flow.
+An outside speed shows slip, so it is evidence too: GNSS, visual or lidar odometry, optical flow.
 
     l = (w_x - v_x) / u = b' lambda,    b the forward row of G_d^+, u the travel speed of the rims
 
-The loss l is averaged since the last event. An error of the speed lasts, in part, from sample to sample, so the mean of
-n speeds of variance r has more than r / n:
+The loss l is averaged since the last event. Errors of the speed partly last from sample to sample, so the mean of n
+speeds of variance r has more than r / n:
 
     var l = r (s + (1 - s) / n) / u^2
 
-Each combination of floors expects b' m with variance b' C b of it, and is weighed by the normal density of what is
-seen. The slip of the wheels is then corrected by it, as a Kalman filter would.
+Each combination of floors predicts l = b' m with variance b' C b, and is weighted by the normal density of the measured
+one. The slip of the wheels is then corrected by it, as in a Kalman filter.
 """
 
 from __future__ import annotations
@@ -47,24 +47,24 @@ from ohmward.traction.robot.robot import Robot
 from ohmward.traction.terrain.crossing import MEMORY_S
 from ohmward.traction.terrain.floor import Floor, SlipBelief, drag_columns, like, mean_load, new_floor
 
-#: More combinations than this are refused: every sample weighs each of them.
+#: Largest number of combinations: every sample weighs each of them.
 MOST_COMBINATIONS = 1000
-#: Prior odds of a floor never met against a known one: a robot comes to new floors as often as to each known one. With
-#: 0.5, a carpet left out of three floors was covered by the band in 63 % of its runs, with 1 in all.
+#: Prior odds of a new floor against a known one: a robot comes to new floors as often as to each known one. With 0.5, a
+#: carpet left out of three floors was covered by the band in 63 % of its runs, with 1 in all.
 NEW_FLOOR_ODDS = 1.0
 #: Share of the time in which the wheels are on several floors: a robot's length over some metres of a floor.
 MIXED_SHARE = 0.05
-#: Share of the floors never met that ask for about the forces of a known one; the rest may ask for any. The carpets of
-#: the three campaigns with Robotino do (0.21 to 0.25 of the weight), with slips of 0.2 to 0.5.
+#: Share of new floors that need about the forces of a known one; the rest may need any. The carpets of the three
+#: campaigns with Robotino do (0.21 to 0.25 of the weight), with slips of 0.2 to 0.5.
 LIKE_SHARE = 0.8
-#: The forces of a start settle for so long [s]: the filter's force begins at 0, and bodies and rollers accelerate. Then
-#: they are averaged over `MEMORY_S` at most, so that a crossing that was missed is forgotten.
+#: Settling time [s] of the forces after a start: the filter's force begins at 0, and bodies and rollers accelerate.
+#: Then they are averaged over at most `MEMORY_S`, so that a missed crossing is forgotten.
 SETTLING_S = 0.5
-#: b. The mean force of a run errs by 0.03 of the load, of which the spread of a floor's drag has the larger part.
+#: b. The mean force of a run is off by 0.03 of the load, most of it from the spread of a floor's drag.
 PERSISTENT_SHARE = 0.1
-#: Share of the alarms of the crossing test that are right, about, for a robot that crosses every few minutes.
+#: Approximate share of true alarms of the crossing test, for a robot that crosses every few minutes.
 RIGHT_SHARE = 0.5
-#: Least probability of a combination: one that was excluded can come back.
+#: Smallest probability of a combination: an excluded one can return.
 _LEAST_PROBABILITY = 1e-30
 
 
@@ -74,7 +74,7 @@ class FloorForces(NamedTuple):
     motion: np.ndarray  #: (freedoms,) of the rims
     drag_N: np.ndarray  #: (driven,) without the inertial forces
     noise_N: np.ndarray  #: (driven,) standard deviation of the filter
-    friction_N: np.ndarray  #: (driven,) that of what the friction of standing motors may hold
+    friction_N: np.ndarray  #: (driven,) standard deviation of the forces that the friction of standing motors may hold
 
 
 class RecognitionState(NamedTuple):
@@ -93,9 +93,9 @@ class Recognition:
 
     robot: Robot  #: calibrated
     floors: Sequence[Floor] = ()  #: that it has learnt, each with its own name
-    known_only: bool = False  #: the robot is told that it drives on these floors and on no other one
+    known_only: bool = False  #: the robot drives on these floors only
     crossing_rate: float = 0.1  #: rate at which a wheel meets another floor [1/s]
-    correlation_s: float = 0.3  #: tau, correlation time of the part of the unexplained forces that does not last
+    correlation_s: float = 0.3  #: tau, correlation time of the varying part of the unexplained forces
 
     def __post_init__(self) -> None:
         require_each_positive("", self, "crossing_rate", "correlation_s")
@@ -111,20 +111,20 @@ class Recognition:
 
     @cached_property
     def all_floors(self) -> tuple[Floor, ...]:
-        """The floors; unless told, one never met that is like each of them, and last any floor never met."""
+        """The floors; unless `known_only`, also a new one like each of them, and last any new floor."""
         if self.known_only:
             return tuple(self.floors)
         return (*self.floors, *map(like, self.floors), new_floor(self.floors))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the floors, and last of all that were never met."""
+        """Names of the floors, and last the one of all new floors."""
         known = tuple(f.name for f in self.floors)
         return known if self.known_only else (*known, self.all_floors[-1].name)
 
     @cached_property
     def combinations(self) -> np.ndarray:
-        """Number (C, wheels) of the floor under each wheel; first each floor under all of them."""
+        """Index (C, wheels) of the floor under each wheel; first each floor under all of them."""
         count, wheels = len(self.all_floors), len(self.robot.places)
         alike = [(floor,) * wheels for floor in range(count)]
         if not self.robot.freedoms == self.robot.driven == wheels:
@@ -134,7 +134,7 @@ class Recognition:
 
     @cached_property
     def changes(self) -> np.ndarray:
-        """Transition matrix (C, C) of a change: one wheel meets another floor; all do where one cannot."""
+        """Transition matrix (C, C) of a change: one wheel moves to another floor, or all do where one alone cannot."""
         c = self.combinations
         apart = (c[:, None] != c[None]).sum(axis=-1)
         least = np.where(apart > 0, apart, len(self.robot.places)).min(axis=1, keepdims=True)
@@ -143,7 +143,7 @@ class Recognition:
 
     @cached_property
     def likeness(self) -> np.ndarray:
-        """Weight (C,) of each combination before anything is measured: known floors are likelier than one never met."""
+        """Weight (C,) of each combination before anything is measured: known floors are likelier than new ones."""
         known = len(self.floors)
         of_floor = np.ones(max(known, 1))
         if known and not self.known_only:
@@ -177,8 +177,8 @@ class Recognition:
     ) -> RecognitionState:
         """State after a sample.
 
-        alarm: the condition that a wheel has come to another floor.
-        restart: the condition that the robot moves otherwise than before.
+        alarm: the condition that a wheel has moved to another floor.
+        restart: the condition that the motion has changed.
         slip_evidence: (C,) log-likelihood of the slip that outside speeds have shown since the last event.
         """
         mean_N, averaged_s = self.averaged(state, forces.drag_N, alarm, restart, dt_s)
@@ -193,7 +193,7 @@ class Recognition:
         self, state: RecognitionState, drag_N: np.ndarray, alarm: Scalar, restart: Scalar, dt_s: Scalar
     ) -> tuple[np.ndarray, Scalar]:
         """Mean of the forces (driven,) and the time that it covers."""
-        dt_s = minimum(dt_s, self.correlation_s)  # a sample after a gap is one look
+        dt_s = minimum(dt_s, self.correlation_s)  # a sample after a gap counts once
         averaged_s = where(alarm, 0.0, where(restart, -SETTLING_S, minimum(state.averaged_s + dt_s, MEMORY_S)))
         share = where(averaged_s > dt_s, dt_s / maximum(averaged_s, LEAST_DIVISOR), 1.0)
         return state.mean_N + share * (drag_N - state.mean_N), averaged_s
@@ -201,7 +201,7 @@ class Recognition:
     def prior(self, state: RecognitionState, alarm: Scalar, ended: Scalar, dt_s: Scalar) -> np.ndarray:
         """Probability (C,) of the combinations before the forces since the last event.
 
-        ended: the condition that the motion ended to which the forces before this sample belong.
+        ended: the condition that the motion of the forces before this sample has ended.
         """
         before = state.combinations
         crossed = (1 - RIGHT_SHARE) * before + RIGHT_SHARE * self.changed(before)
@@ -216,7 +216,7 @@ class Recognition:
         return posterior * (1.0 / posterior.sum())
 
     def changed(self, belief: np.ndarray) -> np.ndarray:
-        """Belief (C,) after one wheel has met another floor."""
+        """Belief (C,) after one wheel has moved to another floor."""
         return np.array([belief[row > 0.0] @ row[row > 0.0] for row in self.changes.T])  # most are 0
 
     def log_likelihood(self, forces: FloorForces, averaged_s: Scalar) -> np.ndarray:
@@ -226,7 +226,7 @@ class Recognition:
 
             F ~ N(sum_w d_w, sum_w drag_std^2 d_w d_w' + diag(own variances))
 
-        The own variance of a wheel has a part that lasts, and one that the mean over T reduces by tau / T.
+        The own variance of a wheel has a lasting part, and one that the mean over T reduces by tau / T.
         """
         white = self.correlation_s / maximum(averaged_s, self.correlation_s)
         persistent = PERSISTENT_SHARE + (1 - PERSISTENT_SHARE) * white
@@ -250,7 +250,7 @@ class Recognition:
         return np.array([[belief[under == floor].sum() for floor in floors] for under in self.combinations.T])
 
     def by_name(self, by_wheel: np.ndarray) -> np.ndarray:
-        """Probability (wheels, floors) of the floors as in `names`: all that were never met are one."""
+        """Probability (wheels, floors) of the floors as in `names`: all new floors are one."""
         known = len(self.floors)
         return by_wheel if self.known_only else np.array([[*row[:known], row[known:].sum()] for row in by_wheel])
 
@@ -262,11 +262,11 @@ def log_density(error: np.ndarray, S: np.ndarray) -> Scalar:
     return -0.5 * (white @ white) - log(np.prod(np.diag(factor)))
 
 
-#: An older speed says nothing of now [s].
+#: Age [s] from which a speed is not used.
 OLDEST_LOSS_S = 1.0
-#: s. Share of the variance of a speed that lasts: its scale and mounting are off by about a third of its noise.
+#: s. Lasting share of the variance of a speed: its scale and mounting are off by about a third of its noise.
 LASTING_SHARE = 0.1
-#: A speed off by more sigmas than this from the mean of those before, which fade with the time constant of the mean
+#: A speed more sigmas than this away from the mean of the previous ones, which fade with the time constant of the mean
 #: force, begins a new mean: the slip has changed.
 CHANGED = 3.0
 
@@ -280,7 +280,7 @@ class LossState(NamedTuple):
 
 
 class SeenLoss(NamedTuple):
-    """A loss as the outside speeds show it: known where there is one, its value and its variance."""
+    """Loss by outside speeds: whether there is one, its value and its variance."""
 
     known: Any
     value: Any
@@ -288,7 +288,7 @@ class SeenLoss(NamedTuple):
 
 
 class LossSample(NamedTuple):
-    """Loss of one sample with its variance, nan where there is none, and whether a speed was there and refused."""
+    """Loss of one sample with its variance, nan where there is none, and whether a speed was given and refused."""
 
     value: Any
     variance: Any
@@ -296,10 +296,10 @@ class LossSample(NamedTuple):
 
 
 def loss_sample(clean: CleanSample, rim: np.ndarray, rim_std: np.ndarray, rate: np.ndarray, u: Scalar) -> LossSample:
-    """Loss that the speed of a sample shows, u = |w| > 0.
+    """Loss by the speed of a sample, u = |w| > 0.
 
-    A wheel that slips loses no more than all of its rim's motion, nor gains more: another speed is refused. What the
-    rims changed by since an old speed was true counts as its error.
+    A slipping wheel loses or gains at most all of its rim's motion: any other speed is refused. The change of the rims
+    since an old speed counts as its error.
     """
     std_m_s = where(isfinite(clean.speed_std_m_s), clean.speed_std_m_s, ASSUMED_STD_M_S)
     lost_m_s = rim[0] - clean.speed_m_s

@@ -1,21 +1,21 @@
-"""Slip of a robot on floors that it has learnt, or never met, from encoders and motor currents alone.
+"""Slip of a robot on learnt or new floors, from encoders and motor currents alone.
 
-The filter (`wheel_filter`) gives the motion of the rims and the force of each wheel; the forces tell the floor under
-each wheel (`recognition`); the floor tells the creep of a wheel under its force and motion (`floor`). Over several
-floors the slip is their terrain mixture, and wide on a floor that was never met.
+The filter (`wheel_filter`) gives the motion of the rims and the force of each wheel; the forces identify the floor
+under each wheel (`recognition`); the floor gives the creep of a wheel from its force and motion (`floor`). Over several
+floors the slip is their terrain mixture, and its band is wide on a new floor.
 
     lambda_i = sum over floors p_i h_i sigma_i(F_i / N_i),    v = w - G_d^+ (lambda |w|)
 
-All of it is one recursive step: a robot runs it live (`FloorSlipEstimator`), a log is a scan of it. The acceleration
-of the body, which is in the forces besides the drag, is that of the rims, filtered.
+All of this is one recursive step: a robot runs it live (`FloorSlipEstimator`), a log is a scan of it. Besides drag, the
+forces contain the body's inertia; its acceleration is that of the rims, filtered.
 
 Belief in the slip of wheels on a floor, as curves over their force: `floor.slip_belief` for a traced step.
 
     mean m(F/N),   variance v(F/N),   covariance of two wheels  c(F_i/N_i, F_j/N_j) = sum over k of phi_k phi_k
 
-Friction and stiffness of a floor are common to all wheels, so their slips err together. The phi_k are the first
-functions of Karhunen and Loeve's expansion of the slip over all floors that this one may be. The variance is exact;
-the part of the left-out functions counts as each wheel's own.
+Friction and stiffness of a floor are common to all wheels, so the errors of their slips are correlated. The phi_k are
+the first functions of the Karhunen-Loeve expansion of the slip over all possible versions of this floor. The variance
+is exact; the part of the omitted functions counts as each wheel's own.
 """
 
 from __future__ import annotations
@@ -98,12 +98,12 @@ class FloorEstimate(NamedTuple):
     slip_ratio_std: np.ndarray  #: its standard deviation
     force_N: np.ndarray  #: (driven,) of the ground
     floor_probability: np.ndarray  #: (wheels, floors), floors as in `Recognition.names`
-    crossing: Any  #: 1 where a wheel has come to another floor, else 0
-    #: share of the weight that the ground takes, before the last change and now
+    crossing: Any  #: 1 if a wheel has moved to another floor, else 0
+    #: drag over the weight, before the last change and now
     drag_before: Any
     drag_after: Any
-    #: (wheels,) mean time until a crossing of each wheel is known, as the robot moves now; inf while none is looked
-    #: for, and for a wheel whose floor hardly shows in the forces
+    #: (wheels,) mean time until a crossing of each wheel is detected at the present motion; inf while none is tested
+    #: for, and for a wheel whose floor hardly affects the forces
     crossing_delay_s: np.ndarray
     flags: Any  #: sum of `FloorFlag` values; 0 is a sample without incident
 
@@ -111,10 +111,10 @@ class FloorEstimate(NamedTuple):
 class FloorFlag(SampleFlag):
     """Events at a sample. None of them stops the estimator."""
 
-    BAD_TIME = 1  # dt_s is not a number, negative or hours: taken as 0
+    BAD_TIME = 1  # dt_s is not a number, negative or longer than an hour: taken as 0
     GAP = 2  # half a second without a sample: floors may have changed
-    NO_CURRENT = 4  # of at least one motor: its force wanders on
-    NO_ENCODER = 8  # of at least one driven wheel: its speed wanders on
+    NO_CURRENT = 4  # of at least one motor: its force continues as a random walk
+    NO_ENCODER = 8  # of at least one driven wheel: its speed continues as a random walk
     ENCODER_STOPPED = 16  # one repeats a number to the last bit while others move: not used until it moves again
     MOTION_UNKNOWN = 32  # the wheels hardly turn, or their motion is uncertain: no slip ratio, no floor recognised
     RESTARTED = 64  # in Python: the state was no longer a number, a new one was started from this sample
@@ -124,7 +124,7 @@ class FloorFlag(SampleFlag):
 #: A longer step is a gap [s].
 GAP_S = 0.5
 
-#: Largest force over load of the curves, more than any floor gives, and the distance of their points.
+#: Largest force over load of the curves, more than any floor gives, and the spacing of their points.
 MOST, SPACING = 2.0, 0.01
 #: Functions of the expansion.
 MODES = 5
@@ -163,7 +163,7 @@ class SlipCurves:
         return sign * self._at(0, size)
 
     def variance(self, force_share: Any) -> Any:
-        """Variance of the slip ratio over the floors that this one may be."""
+        """Variance of the slip ratio over the possible versions of this floor."""
         _, size = direction_and_size(force_share)
         return self._at(1, size)
 
@@ -182,7 +182,7 @@ SLOWEST_M_S, UNSURE_SHARE = REPORT_FLOOR, 0.5
 #: Time constant [s] of each of the two low-pass filters that give the rims' acceleration.
 RATE_S = 0.075
 #: The slip is the mean over the floors, weighted by this power of their probability: between the mean (1), which a
-#: floor of a tenth moves by a tenth of a large difference, and the likeliest floor, which jumps.
+#: floor of probability 0.1 moves by a tenth of a large difference, and the most probable floor, which jumps.
 LEANING = 2.0
 _ALMOST_NOTHING = 1e-6
 
@@ -194,12 +194,12 @@ class FloorState(NamedTuple):
     slow_rim: np.ndarray  #: (2, freedoms) motion of the rims after one and two first-order low-pass filters
     recognised: RecognitionState  #: belief in the floors
     crossing: CrossingState  #: of the test
-    encoders: EncoderWatch  #: as watched
+    encoders: EncoderWatch  #: values that they repeat
     loss: LossState  #: of the forward motion, as outside speeds have shown it since the last event
 
 
 class FloorRun(Run[FloorEstimate]):
-    """Slip and floors along a log of T samples: every field of `FloorEstimate` with time in front."""
+    """Slip and floors along a log of T samples: every field of `FloorEstimate` with time as first axis."""
 
     flag_type = FloorFlag
 
@@ -228,7 +228,7 @@ class SlipOnFloors:
         return no_sample(self.wheels.robot)
 
     def init(self, first: RobotSample) -> FloorState:
-        """State before the first sample, of which it takes the speeds: rims that turn as the encoders say."""
+        """State before the first sample, with the rim speeds of its encoders."""
         robot = self.wheels.robot
         nothing = np.zeros(len(robot.places))
         watch = EncoderWatch(nothing, nothing)
@@ -259,7 +259,7 @@ class SlipOnFloors:
         recognised = self.recognition.step(
             state.recognised, forces, result.alarm, result.restart, clean.dt_s, by_outside_speed
         )
-        recognised = choose(moving, recognised, state.recognised)  # forces of wheels that stand tell nothing
+        recognised = choose(moving, recognised, state.recognised)  # forces of standing wheels are no evidence
         probability = self.recognition.by_wheel(recognised.combinations)
         slip = corrected(self.mixture(slips, probability), seen(loss), robot.motion_by_rims[0])
         estimate = self.conclude(belief, slip, probability, moving)._replace(
@@ -380,7 +380,7 @@ def slip_on_floors(
     """The estimator of a calibrated robot that has learnt these floors.
 
     method: as in `wheel_filter.METHODS`.
-    known_only: it drives on these floors and on no other one.
+    known_only: the robot drives on these floors only.
     """
     return SlipOnFloors(
         Recognition(robot, tuple(floors), known_only), WheelFilter(robot, method), crossing_test(floors)
@@ -429,8 +429,8 @@ def floor_samples(log: DriveLog, robot: Robot, before_s: float = math.nan) -> Ro
     return samples_of(log, robot, before_s)
 
 
-#: With more combinations of floors than an omni robot has of five, the step is not compiled to machine code by itself:
-#: it would take half a minute.
+#: With more combinations of floors than an omni robot has with five, the step is not compiled to machine code by
+#: default: it would take half a minute.
 MOST_COMPILED = 221
 
 
@@ -444,7 +444,7 @@ class FloorSlipEstimator(LiveEstimator[RobotSample, FloorEstimate]):
     The first sample waits for the compilation, some seconds; later starts find it in the cache.
 
     Args:
-        floors: settings, of `slip_on_floors`.
+        floors: settings from `slip_on_floors`.
         lowering: "python", "machine" or None, see `ohmward.trace.Kernel`; results differ in their last digits.
     """
 
@@ -467,17 +467,17 @@ class FloorSlipEstimator(LiveEstimator[RobotSample, FloorEstimate]):
         speed_std_m_s: float | None = None,
         speed_age_s: float | None = None,
     ) -> FloorEstimate:
-        """Estimate after one live sample. A bad one is survived and flagged, see `FloorFlag`; None and nan are missing.
+        """Estimate after one live sample. A bad sample is flagged, see `FloorFlag`; None and nan mean missing.
 
-        time_s: of the sample. A late one (its time before that of the sample before) is used without a step in time;
-            where it is earlier by more than a minute, or the fifth late one in a row, the clock was set, and time goes
-            on from there.
+        time_s: of the sample. A late one (before the previous sample's time) is used without a step in time; if it is
+            early by more than a minute, or the fifth late one in a row, the clock was set, and time continues from
+            there.
         wheel_speed_rad_s, current_A: (driven,) of each driven wheel and its motor.
         speed_m_s, speed_std_m_s, speed_age_s: outside speed, forward, where there is one; 0.05 m/s and 0 s unless
-            given. The slip that it shows tells floors apart that ask for like forces, and narrows the band.
+            given. The slip that it shows distinguishes floors that need similar forces, and narrows the band.
 
         Raises:
-            InputError: something else than a number, or not one for each driven wheel.
+            InputError: a value is not a number, or there is not one for each driven wheel.
         """
         robot, time_s = self.floors.wheels.robot, number("time_s", time_s)
         sample = RobotSample(
@@ -491,7 +491,7 @@ class FloorSlipEstimator(LiveEstimator[RobotSample, FloorEstimate]):
         return self._advance(sample, self._clock(time_s))
 
     def run(self, log: DriveSource, progress: Progress | None = None) -> FloorRun:
-        """Slip and floors along a log, from this estimator's state on; a new one starts at the log's start.
+        """Slip and floors along a log, continuing from the current state; a new estimator starts with the log.
 
         progress: called now and then with (steps done, T).
 

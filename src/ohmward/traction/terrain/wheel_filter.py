@@ -11,10 +11,10 @@ With matching (AEKF, AUKF) the variance of each encoder and current is learnt fr
 
     R_k = mean of eps^2 + P_yy,   eps = y - h(x_k|k)
 
-A sample more than three sigma away is a wheel that starts or meets something: a jump of the state, not noise of the
-sensor. It is used and not learnt from, else the filter would become too slow where it has to follow.
+A sample more than three sigma away means that a wheel starts or hits something: a jump of the state, not sensor noise.
+It is used but not learnt from, or the filter would become too slow where it has to follow.
 
-A missing number has a variance that leaves the belief as it was; its quantity wanders on.
+A missing number gets a variance that leaves the belief unchanged; its quantity continues as a random walk.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ METHODS: dict[str, tuple[ModuleType, bool]] = {
     "ukf": (unscented, False),
     "aukf": (unscented, True),
 }
-#: An innovation of more sigmas than this is not learnt from.
+#: Innovations of more sigmas than this are not learnt from.
 _ORDINARY = 3.0
 #: Matched standard deviations never fall below this share of the given ones.
 _LEAST_SHARE = 0.2
-#: Variance of a number that is missing, over the given one.
+#: Variance of a missing number, over the given one.
 _MISSING = 1e12
-#: Standard deviation of rims of which the first sample lacks an encoder [m/s].
+#: Standard deviation [m/s] of the rims if the first sample lacks an encoder.
 _UNKNOWN_M_S = 1.0
 
 
@@ -58,7 +58,7 @@ class WheelState(NamedTuple):
 
     belief: PackedBelief  #: mean (freedoms + driven,) and triangle of the covariance
     variance: np.ndarray  #: (2 driven,) of encoders and currents
-    samples: Any  #: number of samples in these, with those that the given ones count for
+    samples: Any  #: number of samples in these, including those that the given variances count for
 
 
 class WheelBelief(NamedTuple):
@@ -79,7 +79,7 @@ class WheelFilter:
     #: of one sample
     encoder_std_rad_s: float = 0.1
     current_std_A: float = 0.2
-    #: of each motion of the rims, m/s over the root of a second; rotations take it over the arm
+    #: of each motion of the rims, m/s over the root of a second; divided by the arm for rotations
     speed_walk: float = 0.03
     force_walk: float = 0.15  #: of each force, share of the mean load over the root of a second
     window: float = 1000.0  #: samples over which a matched variance is the mean; then it forgets exponentially
@@ -106,7 +106,7 @@ class WheelFilter:
         return np.array([self.encoder_std_rad_s**2] * n + [self.current_std_A**2] * n)
 
     def init(self, first: CleanSample) -> WheelState:
-        """State of rims that turn as the first sample says, as far as it has encoders, with unknown forces."""
+        """State with the rim speeds of the first sample, as far as it has encoders, and unknown forces."""
         robot, measured = self.robot, first.wheel_measured[: self.robot.driven]
         speed_m_s = first.wheel_speed_rad_s[: robot.driven] * robot.wheel.radius_m
         mean = np.concatenate([robot.motion_by_rims @ speed_m_s, np.zeros(robot.driven)])
