@@ -108,7 +108,7 @@ def test_what_a_battery_file_takes_as_exact_is_named(here, capsys):
     save_battery(careless, here / "careless.toml")
     main(["doctor", "careless.toml"])
     exact = "capacity_std, activation_std_K, ocv_std_V_per_K, hysteresis_std: 0 in [noise]"
-    assert f"taken as exact  {exact}" in capsys.readouterr().out
+    assert f"assumed exact   {exact}" in capsys.readouterr().out
 
 
 def _drive_text() -> str:

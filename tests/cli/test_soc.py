@@ -135,8 +135,8 @@ def test_text_says_the_key_numbers(here, capsys):
 @pytest.mark.parametrize(
     ("column", "words", "says"),
     [
-        ("soc_true", (), "taken as a share"),
-        ("soc_pct", (), "taken as percent"),
+        ("soc_true", (), "read as a share"),
+        ("soc_pct", (), "read as percent"),
         ("discharged_Ah", ("--truth-start", str(START_SOC)), "counted up in discharging"),
         ("charge_mAh", ("--initial-soc", str(START_SOC)), "counted up in charging"),
     ],

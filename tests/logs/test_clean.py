@@ -48,9 +48,9 @@ def test_units_become_si_and_are_noted():
     np.testing.assert_allclose(cleaned.columns["I"], [1.5, NAN])
     np.testing.assert_allclose(cleaned.columns["U"], [12.0, NAN])
     np.testing.assert_allclose(cleaned.columns["T"], [25.0, 0.0], atol=1e-12)
-    assert "1 infinite value of 'U' taken as missing" in texts(cleaned)
+    assert "1 infinite value of 'U' treated as missing" in texts(cleaned)
     assert "current from 'I' in mA" in texts(cleaned)
-    assert "voltage from 'U', which names no unit: taken as V" in texts(cleaned)
+    assert "voltage from 'U', which names no unit: assumed to be V" in texts(cleaned)
 
 
 def test_text_in_numbers_is_named_with_its_place():

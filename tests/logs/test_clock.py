@@ -80,8 +80,8 @@ def test_elapsed_times_keep_their_zero(values, unit, time_s):
 
 
 def test_assumptions_are_noted():
-    assert "names no unit: taken as seconds" in clock([0.0, 1.0]).notes[0].text
-    assert "taken as UTC" in clock(text("2017-03-25 07:00:06", "2017-03-25 07:00:07")).notes[0].text
+    assert "names no unit: assumed to be seconds" in clock([0.0, 1.0]).notes[0].text
+    assert "UTC assumed" in clock(text("2017-03-25 07:00:06", "2017-03-25 07:00:07")).notes[0].text
     assert "Unix time in ms" in clock([START * 1e3]).notes[0].text
     assert "UTC" not in clock(text("2017-03-25T07:00:06Z")).notes[0].text
 

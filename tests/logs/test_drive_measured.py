@@ -21,13 +21,13 @@ def test_an_omni_robot_with_numbered_motors(measured):
     log = read_drive(path, OMNI, 3, gear_ratio=16.0, at_motor_shaft=True, where={"exp": 72}, extra=())
     assert np.median(log.wheel_speed_rad_s, axis=0) == pytest.approx([-3.7, 0.0, 3.7], abs=0.3)
     assert np.median(log.motor_current_A[:, 0]) < 0 < np.median(log.motor_current_A[:, 2])
-    assert "taken as magnitudes" in texts(log)
+    assert "read as magnitudes" in texts(log)
 
 
 def test_a_car_with_the_speed_of_its_rims(measured):
     log = read_drive(measured("comma2k19_example/wheel_speed.parquet"), FOUR, 2, radius_m=0.33)
     assert 5.0 < 0.33 * np.median(log.wheel_speed_rad_s) < 40.0
-    assert np.isnan(log.motor_current_A).all() and "taken as m/s" in texts(log)
+    assert np.isnan(log.motor_current_A).all() and "assumed to be in m/s" in texts(log)
 
 
 def test_a_skid_steered_robot_with_one_speed_and_current_for_each_side(measured):

@@ -84,7 +84,7 @@ def test_other_units(write):
 def test_a_v_is_the_speed_of_a_rim_and_the_note_says_so(write):
     log = drive(write({"t": TIME, "v_fl": ONE, "v_fr": ONE}), radius_m=0.5)
     assert log.wheel_speed_rad_s[:, 0] == pytest.approx(2 * ONE)
-    assert "taken as m/s" in notes(log) and "radius 0.5 m" in notes(log)
+    assert "assumed to be in m/s" in notes(log) and "radius 0.5 m" in notes(log)
 
 
 def test_counts_roll_over(write):
@@ -195,12 +195,12 @@ def test_a_heading_that_counts_clockwise_is_turned_round(write, sign):
 def test_infinite_values_are_missing_and_noted(write):
     log = drive(write({"t": TIME, "wl": ["1", "inf", "3", "4", "-inf"], "wr": ONE}))
     assert np.array_equal(np.isnan(log.wheel_speed_rad_s[:, 0]), [False, True, False, False, True])
-    assert "warning: 2 infinite values of 'wl' taken as missing" in notes(log)
+    assert "warning: 2 infinite values of 'wl' treated as missing" in notes(log)
 
 
 def test_a_speed_that_may_be_the_motors_is_doubted(write):
     path = write({"t": TIME, "m1vel": ONE, "m2vel": ONE})
-    assert "if not, say --motor-shaft" in notes(drive(path, gear_ratio=16.0))
+    assert "otherwise add --motor-shaft" in notes(drive(path, gear_ratio=16.0))
     assert "--motor-shaft" not in notes(drive(path))
     assert "if not" not in notes(drive(path, gear_ratio=16.0, at_motor_shaft=True))
 

@@ -96,7 +96,7 @@ def test_columns_that_are_not_wanted_may_tell_recordings_apart(write_text):
     rows = rows_of(LOG, lambda t, i, u, c, at: (t % 100, i, u, int(t // 100)))
     path = write_text(lines((*NAMES, "script"), rows))
     for extra in (None, ()):
-        with pytest.raises(InputError, match=r"told apart by 'script' .*--where script=0"):
+        with pytest.raises(InputError, match=r"they differ in 'script' .*--where script=0"):
             read_log(path, extra=extra)
 
 

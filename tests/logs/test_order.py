@@ -163,7 +163,7 @@ def instances(labels, shift_s=0.0, name="which", offset=5.0):
 @pytest.mark.parametrize("shift_s", [0.0, 0.03])
 @pytest.mark.parametrize("labels", [(0, 1), (3, 1, 7), ("left", "right"), ("front pack", "b", "c")])
 def test_batteries_side_by_side_are_refused_with_the_choice(labels, shift_s):
-    with pytest.raises(InputError, match="told apart by 'which'") as error:
+    with pytest.raises(InputError, match="they differ in 'which'") as error:
         require_one_instance(instances(labels, shift_s), "time", {"voltage"})
     assert all(f"which={label}" in str(error.value) for label in labels)
 

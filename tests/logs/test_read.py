@@ -270,7 +270,7 @@ def test_two_batteries_in_one_table_are_chosen_by_their_column(write_text, pulse
         for k, name in enumerate(("left", "right"))
     ]
     path = write_text("\n".join(["time_s,battery,current_A,voltage_V", *rows]))
-    with pytest.raises(InputError, match=r"told apart by 'battery'.* --where battery=left or --where battery=right"):
+    with pytest.raises(InputError, match=r"they differ in 'battery'.* --where battery=left or --where battery=right"):
         read_log(path, extra=extra)
     log = read_log(path, extra=extra, where={"battery": "right"})
     np.testing.assert_allclose(log.voltage_V, voltage_V - 1.0, atol=1e-3)

@@ -475,9 +475,9 @@ def generic_battery(name: str, capacity_Ah: float, n_series: int = 1, label: str
         sensor=usual_sensor(capacity_Ah),
         not_identified=(
             f"everything: these are start values that cells of {c.title} have in common",
-            f"capacity: as given, taken as right within ± {BAND_95 * _LABEL_CAPACITY_STD:.0%} (95 %)",
-            f"resistances: taken as right within a factor of {np.exp(BAND_95 * _LABEL_RESISTANCE_STD):.1f} (95 %); the "
-            "filter carries them as states",
+            f"capacity: as given, assumed to be right within ± {BAND_95 * _LABEL_CAPACITY_STD:.0%} (95 %)",
+            f"resistances: assumed to be right within a factor of {np.exp(BAND_95 * _LABEL_RESISTANCE_STD):.1f} "
+            "(95 %); the filter carries them as states",
         ),
     )
 

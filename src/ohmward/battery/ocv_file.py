@@ -91,7 +91,7 @@ def in_series(given: GivenOcv, voltage_V: np.ndarray, n_series: int) -> GivenOcv
     usual_V = float(np.nanmedian(voltage_V))
     for cells in dict.fromkeys((1, n_series)):
         if _covers(given.curve, cells, usual_V):
-            text = f"the given OCV curve was taken as that of one cell and multiplied by {cells}"
+            text = f"the given OCV curve was assumed to be that of one cell and multiplied by {cells}"
             notes = (*given.notes, Note(text)) if cells > 1 else given.notes
             return given._replace(curve=given.curve.scaled(cells) if cells > 1 else given.curve, notes=notes)
     low_V, high_V = given.curve.voltage_V[0], given.curve.voltage_V[-1]

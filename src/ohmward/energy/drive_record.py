@@ -106,7 +106,7 @@ def measured_motion(log: Log, speed_column: str = "speed_m_s") -> BodyMotion:
             f"--column speed=NAME. It has: {', '.join(log.extra) or 'nothing but the battery'}"
         )
     slope = next((name for name in SLOPE_COLUMNS if name in log.extra), None)
-    ground = f"slope from {slope!r}" if slope else "ground taken as level"
+    ground = f"slope from {slope!r}" if slope else "level ground assumed"
     note = Note(f"speed from column {speed_column!r} in m/s, {ground}")
     return BodyMotion(log.extra[speed_column], log.extra[slope] if slope else None, None, (note,))
 

@@ -63,7 +63,7 @@ def to_si(table: Table, chosen: Mapping[str, Column]) -> Table:
         values, infinite = finite(name, numbers(table, name))
         if channel.required and not np.isfinite(values).any():
             raise InputError(f"{table.source}: column {name!r} has no value; a log needs a measured {channel.name}")
-        taken = f" in {unit.symbol}" if unit else f", which names no unit: taken as {channel.default.symbol}"
+        taken = f" in {unit.symbol}" if unit else f", which names no unit: assumed to be {channel.default.symbol}"
         note = Note(f"{channel.name} from {name!r}{taken}")
         table = table.with_columns({name: (unit or channel.default).in_si(values)}, *infinite, note)
     return table
@@ -74,7 +74,7 @@ def finite(name: str, values: np.ndarray) -> tuple[np.ndarray, tuple[Note, ...]]
     if not ((values > LARGEST_READING).any() or (values < -LARGEST_READING).any()):
         return values, ()
     infinite = np.abs(values) > LARGEST_READING
-    note = Note(f"{counted(infinite.sum(), 'infinite value')} of {name!r} taken as missing", "warning")
+    note = Note(f"{counted(infinite.sum(), 'infinite value')} of {name!r} treated as missing", "warning")
     return np.where(infinite, np.nan, values), (note,)
 
 

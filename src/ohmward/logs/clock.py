@@ -196,11 +196,11 @@ def _from_numbers(table: Table, column: Column, values: np.ndarray, hints: FileH
     notes: tuple[Note, ...] = ()
     if unit is None:
         unit = UNITS["s"]
-        notes = (Note(f"column {column.name!r} names no unit: taken as seconds"),)
+        notes = (Note(f"column {column.name!r} names no unit: assumed to be seconds"),)
     if not _is_unix(first * unit.scale):
         return Clock(_scaled(values, unit.scale), None, notes, column.unit is None)
     if column.unit is None:
-        notes = (Note(f"column {column.name!r} taken as Unix time in {unit.symbol}"),)
+        notes = (Note(f"column {column.name!r} read as Unix time in {unit.symbol}"),)
     return Clock(_scaled(values - first, unit.scale), float(first * unit.scale), notes)
 
 
@@ -322,7 +322,7 @@ def _from_dates(table: Table, column: Column, dates: Dates, hints: FileHints, wh
         zone, time_zone = f", of {hints.timezone}", hints.timezone
     elif not dates.is_utc:
         require_no_change(table.source, column.name, seconds)
-        zone, time_zone = "; no time zone given, taken as UTC", ""
+        zone, time_zone = "; no time zone given, UTC assumed", ""
     known = seconds[np.isfinite(seconds)]
     start = float(known[0]) if known.size else 0.0
     excerpt = str(first if first is not None else text_of(start)).strip()

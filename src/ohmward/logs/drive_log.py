@@ -265,7 +265,7 @@ def _sign(current_A: np.ndarray, speed_rad_s: np.ndarray) -> Mended:
     if not often or (current_A < 0).any():
         return current_A, []
     text = (
-        "motor currents are never negative although wheels turn backwards: taken as magnitudes with the sign of the "
+        "motor currents are never negative although wheels turn backwards: read as magnitudes with the sign of the "
         "wheel's speed, which is wrong while braking"
     )
     return np.where(backward, -current_A, current_A), [Note(text, "warning")]

@@ -79,7 +79,7 @@ def explain_recordings(table: Table, time: str, restarts: np.ndarray, separators
     values = " and ".join(f"{name!r} ({_listed(table.columns[name])})" for name in separators)
     example = {name: _plain(table.columns[name][0]) for name in separators}
     options = " ".join(f"--where {argument(f'{name}={value}')}" for name, value in example.items())
-    return f"{what}; they are told apart by {values}; choose one, for example {options} (where={example})"
+    return f"{what}; they differ in {values}; choose one, for example {options} (where={example})"
 
 
 def find_separators(table: Table, time: str, restarts: np.ndarray) -> tuple[str, ...]:
@@ -340,8 +340,8 @@ def require_one_instance(table: Table, time: str, channels: Collection[str]) -> 
         values = distinct(table.columns[name])
         options = " or ".join(f"--where {argument(f'{name}={value}')}" for value in values)
         raise SeveralRecordingsError(
-            f"{table.source}: the rows of {len(values)} batteries or robots take turns, told apart by {name!r}; choose "
-            f"one with {options} (where={{{name!r}: {values[0]!r}}})"
+            f"{table.source}: the rows of {len(values)} batteries or robots take turns; they differ in {name!r}; "
+            f"choose one with {options} (where={{{name!r}: {values[0]!r}}})"
         )
     if (count := count_unnamed_instances(table, time, channels)) > 1:
         raise SeveralRecordingsError(

@@ -304,7 +304,7 @@ def wheel_speed(
             "wheel_speed=m"
         )
     if are_since_last_row(values, mechanics.counts_per_turn):
-        text = f"{name!r} does not grow with the way: taken as the counts since the row before, and added up"
+        text = f"{name!r} does not grow along the drive: read as counts since the previous row, and added up"
         speed_rad_s, _ = speed_from_counts(np.nancumsum(values), time_s, mechanics.counts_per_turn)
         return speed_rad_s / gear_ratio, (Note(text, "warning"),)
     speed_rad_s, rolled = speed_from_counts(values, time_s, mechanics.counts_per_turn)
@@ -435,7 +435,7 @@ def unit_notes(columns: Mapping[str, Column], mechanics: Mechanics) -> list[Note
         alike.setdefault(key, []).append(column.name)
     notes = []
     for (kind, symbol, guessed), names in alike.items():
-        unit = f"taken as {symbol}, which the name does not say" if guessed else f"in {symbol}"
+        unit = f"assumed to be in {symbol}, as the name gives no unit" if guessed else f"in {symbol}"
         doubtful = guessed and kind == WHEEL_SPEED.name and symbol == WHEEL_SPEED.default.symbol
         advice = "; for another say --unit wheel_speed=m/s, rpm or deg/s" if doubtful else ""
         text = f"{kind.replace('_', ' ')} from {listed(list(dict.fromkeys(names)))}, {unit}{advice}"
@@ -454,6 +454,6 @@ def _shaft_notes(unit: Unit, names: list[str], mechanics: Mechanics) -> list[Not
     if mechanics.at_motor_shaft:
         return [Note(f"that is the motor's, before a gear of {gear} (--motor-shaft)")]
     if mechanics.gear_ratio != 1.0 and any({"motor", "m"} & set(robot_words(name)) for name in names):
-        text = f"taken as the wheel's, behind the gear of {gear}; if not, say --motor-shaft"
+        text = f"assumed to be the wheel's, behind the gear of {gear}; otherwise add --motor-shaft"
         return [Note(text, "warning")]
     return []

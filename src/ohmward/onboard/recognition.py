@@ -260,7 +260,7 @@ class _Finder:
                 continue
             own, fits = quantity.unit, _fitting(signal, match.offered, self.robot)
             if quantity.group == "battery" and own in fits:
-                self.notes.append(f"{match.offered.name} has no unit: taken as {own}")
+                self.notes.append(f"{match.offered.name} has no unit: assumed to be {own}")
                 continue
             asked.add(channel)
             proposed = fits[0] if fits else own

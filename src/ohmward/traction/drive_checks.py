@@ -140,7 +140,7 @@ def with_signed_speed(robot: Robot, log: DriveLog) -> DriveLog:
         turn, size * np.sign(wheels), np.where(size > TURNS_M_S, np.nan, speed)
     )
     text = (
-        f"the speed from outside is never negative while the wheels turn back ({back.sum()} samples): taken as a size "
+        f"the speed from outside is never negative while the wheels turn back ({back.sum()} samples): read as its size "
         "with the sign of the wheels; if the robot never drove back, the signs of the encoders are wrong"
     )
     return replace(log, speed_m_s=signed, notes=(*log.notes, Note(text, "warning")))

@@ -73,7 +73,7 @@ def in_order_of_time(logs: Sequence[Log]) -> DatedLogs:
             "written with --time-format '%d.%m.%Y %H:%M:%S', or leave it out"
         )
     ends_s = np.cumsum([log.duration_s for log in logs])
-    note = "no log has a wall clock: they were taken as given, one right after the other"
+    note = "no log has a wall clock: the order given is used, without pauses in between"
     return DatedLogs(tuple(logs), ends_s - [log.duration_s for log in logs], False, (note,))
 
 

@@ -200,7 +200,7 @@ def _hysteresis(problem: CircuitProblem, kind: str) -> list[str]:
         return []
     error_mV = 1e3 * unknown_hysteresis_V(problem)
     return [
-        "hysteresis: needs a low-rate discharge and a low-rate charge; taken as none, with an error of the voltage of "
+        "hysteresis: needs a low-rate discharge and a low-rate charge; assumed zero, with an error of the voltage of "
         f"{error_mV:.2g} mV, as usual for {kind}"
     ]
 

@@ -295,7 +295,7 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
     Q, n, ocv = settings.capacity_Ah, settings.n_series, prepared.first.curve
     noise = start_noise(settings.chemistry, n, ocv_known=True)
     missing = "resistances and time constants: no pulses"
-    usual = f"that of {settings.chemistry} cells was taken" if settings.chemistry else "taken as none"
+    usual = f"that of {settings.chemistry} cells was taken" if settings.chemistry else "assumed zero"
     one_way = f"hysteresis: one direction only; {usual}"
     if settings.chemistry:
         model = start_model(settings.chemistry, Q, n, ocv.scaled(1 / n))
@@ -305,7 +305,7 @@ def _curve_alone(prepared: Preparation, settings: IdentificationSettings) -> Ide
             noise = replace(noise, level_std_V=float(np.hypot(noise.level_std_V, error_V)))
     else:
         model = Thevenin(Q, ocv, (0.0, 0.0), (0.0, 0.0), (), (), reference_degC=ocv.reference_degC)
-        missing += " in the logs; taken as 0 (name a chemistry for start values)"
+        missing += " in the logs; assumed zero (name a chemistry for start values)"
     battery = _battery(prepared, settings, model, _with_known_capacity(noise, prepared, Q))
     battery = replace(
         battery,

@@ -179,9 +179,9 @@ def soc_reference(log: Log, column: str, capacity_Ah: float, start_soc: float | 
         return _from_counter(log, column, milli * values, capacity_Ah, start_soc)
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     if not _PERCENT.search(column) and low >= -REFERENCE_MARGIN and high <= 1.0 + REFERENCE_MARGIN:
-        return SocReference(values, f"truth from {column!r}, taken as a share: {low:.3g} to {high:.3g}")
+        return SocReference(values, f"truth from {column!r}, read as a share: {low:.3g} to {high:.3g}")
     if low >= -100 * REFERENCE_MARGIN and high <= 100 * (1.0 + REFERENCE_MARGIN):
-        return SocReference(values / 100, f"truth from {column!r}, taken as percent: {low:.3g} % to {high:.3g} %")
+        return SocReference(values / 100, f"truth from {column!r}, read as percent: {low:.3g} % to {high:.3g} %")
     raise InputError(
         f"{log.name}: --truth {column} runs from {low:g} to {high:g}; a state of charge lies between 0 and 1 or 0 and "
         "100 %; a counter of ampere hours must have Ah in its name"

@@ -341,7 +341,7 @@ def sources(battery: Battery) -> dict[str, str]:
         "current sensor": f"offset ± {BAND_95 * battery.sensor.offset_std_A:.2g} A, "
         f"gain ± {100 * BAND_95 * battery.sensor.gain_std:.2g} % (95 %)",
     }
-    return rows | ({"taken as exact": f"{', '.join(exact)}: 0 in [noise]"} if exact else {})
+    return rows | ({"assumed exact": f"{', '.join(exact)}: 0 in [noise]"} if exact else {})
 
 
 def capacity_uncertainty(noise: BatteryNoise) -> str:

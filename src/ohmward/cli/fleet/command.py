@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> Outcome:
     executor = partial(on_dask, address=args.dask) if args.dask else here
     if robots.by != ALONE:
         notes.append(
-            f"info: robots told apart by {_WAYS.get(robots.by, f'the column {robots.by!r}')}: {len(robots.logs)}"
+            f"info: robots identified by {_WAYS.get(robots.by, f'the column {robots.by!r}')}: {len(robots.logs)}"
         )
         of_robots = RobotJob(job, robots.logs, str(folder / "batteries"))
         return _of_robots(args.battery, of_robots, folder, executor, notes)

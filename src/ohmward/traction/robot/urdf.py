@@ -78,7 +78,7 @@ def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg:
     total_kg = sum(link.mass_kg for link in links)
     if not (mass_kg or total_kg) > 0:
         raise InputError(f"{path}: its links have no masses; give the robot's with --mass")
-    assumed = ["motors: a URDF has none; taken as usual for the mass, so their currents do not tell forces yet"]
+    assumed = ["motors: a URDF has none; usual ones for the mass are assumed, so their currents give no forces yet"]
     if total_kg > 0:
         centre_m = np.average([link.centre_m for link in links], axis=0, weights=[link.mass_kg for link in links])
         square_m2 = sum(_about_vertical(link, centre_m) for link in links) / total_kg
@@ -251,7 +251,7 @@ def _chassis(
         return omni, [f"wheel_{k}" for k in 1 + np.argsort(order)], []
     if len(driven) == 4:
         front, rear = float(x.max()), float(x.min())
-        words = ['all four wheels are taken as driven; without motors at one axle take kind = "differential"']
+        words = ['all four wheels are assumed to be driven; without motors at one axle use kind = "differential"']
         if not rear < centre_m < front:
             centre_m = 0.5 * (front + rear)
             words.append("centre of gravity: in the middle of the axles, as the masses put it outside of them")
