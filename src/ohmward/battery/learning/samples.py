@@ -216,7 +216,8 @@ def _path_jumps(path: np.ndarray) -> list[Jump]:
     variance = np.cumsum(path)
     if variance[-1] < _LEAST_PATH**2:
         return []
-    at = np.unique(np.searchsorted(variance, variance[-1] * np.arange(1, _PATH_STEPS + 1) / _PATH_STEPS))
+    inside = np.searchsorted(variance, variance[-1] * np.arange(1, _PATH_STEPS) / _PATH_STEPS)
+    at = np.unique([*inside, len(path) - 1])
     std = np.sqrt(np.diff(variance[at], prepend=0.0))
     return [Jump(int(k), float(s)) for k, s in zip(at, std, strict=True)]
 
