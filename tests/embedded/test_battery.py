@@ -104,7 +104,7 @@ def test_the_header_says_what_the_docstrings_say():
 
 def test_the_readme_says_what_the_flags_mean_and_how_to_ask():
     text = library(battery_export(BATTERY, "ekf", "soc"))["README.md"]
-    assert "| `SOC_GAP` | 8 | longer than the estimator trusts a straight line between two currents |" in text
+    assert "| `SOC_GAP` | 8 | step too long to assume a straight line between its two currents |" in text
     assert "(unsigned)output.flags & SOC_NO_CURRENT" in text
 
 

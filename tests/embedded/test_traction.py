@@ -54,7 +54,7 @@ def test_the_readme_asks_for_a_flag_where_the_controller_has_it():
 def test_members_within_members_are_explained_too():
     text = library(controller_export(RLMA, "slip-controller", "wheel"))
     assert (
-        "| `command_slip_ratio` | in (-1, 1), > 0 drives and < 0 brakes, whichever way the robot goes |"
+        "| `command_slip_ratio` | in (-1, 1), > 0 drives and < 0 brakes, in either direction of travel |"
         in text["README.md"]
     )
     assert "float measurement_wheel_speed_rad_s; /* of the wheel, > 0 forward */" in text["wheel.h"]
