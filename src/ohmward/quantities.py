@@ -190,7 +190,7 @@ _TABLE = (
              ValueLimits(-1e4, 1e4), words_of("compass", *each_with_each(_COMPASSES, "heading")), "rad or deg"),
     Quantity("heading_std_rad", "standard deviation of that heading", "body", "rad", ValueLimits(0.0, 3.2),
              words_of(*each_with_each("heading", "std sigma")), "rad or deg"),
-    Quantity("pose_reset", "1 when the pose is to begin again at its origin", "body", "1", ValueLimits(0.0, 1.0),
+    Quantity("pose_reset", "1 when the pose is to restart at its origin", "body", "1", ValueLimits(0.0, 1.0),
              estimated_from=False),
     #: From a microcontroller with its own estimator: passed on with the states, and not used.
     Quantity("estimate", "estimate of a microcontroller, by its own name", "estimate", estimated_from=False),

@@ -100,7 +100,7 @@ def test_logs_that_teach_nothing_are_refused_with_the_reason(life, tmp_path, ref
     write_log(stuck(), tmp_path / "stuck.csv")
     words = ("--battery", str(life / "new.toml"), "--current-sign", "charge")
     message = refused("health", str(tmp_path / "stuck.csv"), *words)
-    assert "no log tells the health of this battery (1 given); stuck:" in message
+    assert "no log shows the health of this battery (1 given); stuck:" in message
 
 
 def test_a_file_that_is_no_log_is_left_out_and_named(life, tmp_path, as_json):

@@ -149,7 +149,7 @@ def test_text_and_page(there, capsys):
         (("mission",), "nothing to do: give a LOG, or --plan"),
         (("mission", "drive.csv", "--mass-kg", "40"), "--battery FILE.toml is needed"),
         (("mission", "--plan", "plan.toml", "--battery", "battery.toml", "--mass-kg", "4"), "--soc S is needed"),
-        (("mission", "drive.csv", "--battery", "battery.toml"), "nothing is known of the robot"),
+        (("mission", "drive.csv", "--battery", "battery.toml"), "the robot is unknown"),
         ((*AHEAD[:-1], "60", "--mass-kg", "4"), "for 60 % write 0.6"),
         ((*AHEAD, "--mass-kg", "40", "--reserve-soc", "0.7"), "reserve_soc must be below soc = 0.6"),
         ((*AHEAD, "--mass-kg", "-4"), "must be above 0"),

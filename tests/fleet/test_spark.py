@@ -139,9 +139,9 @@ def test_robots_that_tell_the_sign_tell_it_of_all_and_else_the_battery_file_does
 def test_a_sign_that_nobody_tells_or_robots_contradict_is_refused(spark):
     rest = Log("rest", RAMP_S, np.zeros(RAMP_S.size), np.full(RAMP_S.size, 3.7))
     battery = BATTERY_FILE.dump(CELL)
-    with pytest.raises(UnknownSignError, match="the samples of 1 robot do not tell"):
+    with pytest.raises(UnknownSignError, match="the samples of 1 robot do not show"):
         sign_of_fleet(history(spark, {"ada": rest}), battery)
-    with pytest.raises(UnknownSignError, match="the samples of 2 robots do not tell"):
+    with pytest.raises(UnknownSignError, match="the samples of 2 robots do not show"):
         sign_of_fleet(history(spark, {"ada": pulses(1.0), "bob": pulses(-1.0)}), battery)
     with pytest.raises(InputError, match="current_sign must be 'charge' or 'discharge', not 'auto'"):
         soc_stream(history(spark, {"ada": rest}), battery, current_sign="auto")

@@ -235,7 +235,7 @@ def test_parquet_with_dates_dictionaries_booleans_and_nulls(tmp_path, pulses):
         (b"time_s,current_A,voltage_V\nnow,1,12\n", r"line 2, column 'time_s': 'now' is not a time"),
         (b"time_s,current_A,voltage_V\n0,,12\n1,,12\n", "column 'current_A' has no value"),
         (b"time_s,current_A,voltage_V\n,1,12\n,1,12\n", "column 'time_s' has no value"),
-        (b"time_s,current_A,voltage_V\n0,1,12\n", "do not tell whether a positive current"),
+        (b"time_s,current_A,voltage_V\n0,1,12\n", "do not show whether a positive current"),
         (b"time_s,current_A,voltage_V\n5,1,12\n6,1,12\n0,1,12\n1,1,12\n", "several recordings"),
         (b"time_s,left_current,right_current,voltage\n0,1,1,12\n", "both 'left_current' and 'right_current'"),
     ],

@@ -56,7 +56,7 @@ def test_counts_since_the_last_row_are_added_up(per_turn, back, tmp_path):
         write_table({"time_s": T, **dict.fromkeys(names, column)}, tmp_path / "drive.csv")
         log = read_drive(tmp_path / "drive.csv", RLMA, counts_per_turn=per_turn)
         totals.append(log.wheel_speed_rad_s[-390:, 0])
-        added = [note for note in log.notes if "counts since the row before" in note.text]
+        added = [note for note in log.notes if "counts since the previous row" in note.text]
         assert bool(added) == (column is not counts)
     np.testing.assert_allclose(totals[0], totals[1], atol=1e-6)
 

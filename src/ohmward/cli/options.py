@@ -35,7 +35,7 @@ def add_log_options(parser: argparse.ArgumentParser, *, interval: bool = True) -
         "--current-sign",
         choices=("auto", "charge", "discharge"),
         default="auto",
-        help="what a positive current in the file does to the battery; auto tells it from the voltage (default)",
+        help="what a positive current in the file does to the battery; auto finds it from the voltage (default)",
     )
     _add_reading_options(group, "time, current, voltage or temperature", "current=mA", interval)
     group.add_argument(
@@ -187,15 +187,15 @@ def _add_reading_options(group: argparse._ArgumentGroup, kinds: str, unit: str, 
         type=lambda names: (TOPIC, names),
         action="append",
         dest="where",
-        help="topics of a recording of ROS or PX4, where their types do not tell, or several have one type",
+        help="topics of a recording of ROS or PX4, where types are ambiguous or several have the same type",
     )
     group.add_argument("--sort-time", action="store_true", help="sort rows that are out of order")
     for option, metavar, text in (
         ("--names", "A,B,C", "names of all columns of a table without a header"),
-        ("--encoding", "NAME", "encoding of a text, where its bytes do not tell: cp1251, shift_jis"),
+        ("--encoding", "NAME", "encoding of a text, where it cannot be recognised: cp1251, shift_jis"),
         ("--time-format", "FORMAT", "notation of dates: '%%d/%%m/%%Y %%H:%%M:%%S', or excel for serial dates"),
         ("--timezone", "ZONE", "zone of dates that name none: Europe/Berlin (UTC unless given)"),
-        ("--from", "TIME", "begin of the part that is wanted: seconds of the log, h:mm:ss, or a date"),
+        ("--from", "TIME", "start of the part to use: seconds of the log, h:mm:ss, or a date"),
         ("--to", "TIME", "its end, not included"),
         ("--dbc", "FILE", "database of the bus (DBC, KCD, SYM, ARXML), of a recording of CAN frames"),
     ):

@@ -92,7 +92,7 @@ def _curve(textbook: TextbookFilter, name: str, example: Any, in_clean: list[str
         return y[0], slope[0, 0]
 
     prototype = f"{name}_curve(float soc, const {name}_clean *clean"
-    comment, inputs = "The voltage without that of the RC pairs.", ["soc", *in_clean]
+    comment, inputs = "The voltage minus that of the RC pairs.", ["soc", *in_clean]
     if textbook.method == "ukf":
         program = trace(value, 0.0, example, with_origins=True)
         return Function(comment, f"static float {prototype})", program, inputs, ["return"])

@@ -59,7 +59,7 @@ def power_figure(balance: RecordedBalance) -> Figure:
         bands.append(Band(t, lower, upper, label, role))
         lower = upper
     line = Series(t, _smooth(t, balance.power.battery), "battery", role="reference")
-    title = "Power: losses on each other; what is left to the battery's line climbs, accelerates or is unexplained"
+    title = "Power: stacked losses; the rest up to the battery's line climbs, accelerates or is unexplained"
     return Figure(title, TIME, "Power [W]", [line], bands, height_px=320)
 
 

@@ -70,7 +70,7 @@ def _error(future: Future, address: str) -> BaseException | None:
     """Error of a batch, None without one; waits for its end."""
     error = future.exception()
     if future.status in ("cancelled", "lost"):
-        raise OhmwardError(f"the Dask scheduler at {address} was lost; start again: what is done is kept")
+        raise OhmwardError(f"the Dask scheduler at {address} was lost; start again: finished logs are kept")
     return error
 
 

@@ -88,7 +88,7 @@ def in_processes(job: FleetJob, batches: Sequence[list[str]], processes: int = 1
         yield from _side_by_side(job, batches, processes)
     except BrokenProcessPool as error:
         raise OhmwardError(
-            "a process was killed, for want of memory perhaps; start again with fewer --processes: what is done is kept"
+            "a process was killed, perhaps for want of memory; start again with fewer --processes: finished logs stay"
         ) from error
 
 

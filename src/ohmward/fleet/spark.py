@@ -80,7 +80,7 @@ def sign_of_fleet(history: DataFrame, battery: str) -> CurrentSign:
     sign = unanimous(own if any(own) else [vote.by_model for vote in votes])
     if sign is None:
         raise UnknownSignError(
-            f"the samples of {counted(len(votes), 'robot')} do not tell whether a positive current charges or "
+            f"the samples of {counted(len(votes), 'robot')} do not show whether a positive current charges or "
             "discharges the battery; say it with current_sign='charge' or current_sign='discharge'",
             "charge",
         )

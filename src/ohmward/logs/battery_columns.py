@@ -259,7 +259,7 @@ def with_direction(current: np.ndarray, states: np.ndarray, name: str) -> tuple[
     signs = np.array([direction[state] for state in states])
     if not (signs < 0).any():
         return current, ()
-    note = Note(f"the current has no sign: that of the state in {name!r}, charge or discharge, taken")
+    note = Note(f"the current has no sign: it gets that of the state in {name!r}, charge or discharge, taken")
     return np.where(signs < 0, 0.0 - current, current), (note,)
 
 

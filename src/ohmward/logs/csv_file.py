@@ -59,7 +59,7 @@ def _readable(path: Path) -> Iterator[None]:
     except UnicodeError as error:
         raise InputError(f"{path.name}: not in the encoding {error}; name another with --encoding") from error
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise InputError(f"{path.name}: the gzip file is damaged ({error}); unpack what is left of it") from error
+        raise InputError(f"{path.name}: the gzip file is damaged ({error}); unpack the intact part") from error
 
 
 def _load(path: Path, layout: CsvLayout, names: list[str], progress: Progress | None) -> Table:

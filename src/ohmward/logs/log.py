@@ -391,7 +391,7 @@ def charging_current(
         note = Note("the current is zero throughout: its sign does not matter", "warning")
     else:
         raise UnknownSignError(
-            f"{file.stem}: the data do not tell whether a positive current charges or discharges the battery "
+            f"{file.stem}: the data do not show whether a positive current charges or discharges the battery "
             f"({evidence}); say it with --current-sign charge or --current-sign discharge (current_sign='charge')",
             evidence.likely,
         )

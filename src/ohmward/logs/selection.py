@@ -73,7 +73,7 @@ def explain_recordings(table: Table, time: str, restarts: np.ndarray, separators
     )
     if not separators:
         return (
-            f"{what}, and no column tells them apart; choose one by its number with --where {RECORDING}=1 "
+            f"{what}, and no column distinguishes them; choose one by its number with --where {RECORDING}=1 "
             f"(where={{{RECORDING!r}: 1}}; there are {restarts.size + 1}), or split the file"
         )
     values = " and ".join(f"{name!r} ({_listed(table.columns[name])})" for name in separators)
@@ -346,7 +346,7 @@ def require_one_instance(table: Table, time: str, channels: Collection[str]) -> 
     if (count := count_unnamed_instances(table, time, channels)) > 1:
         raise SeveralRecordingsError(
             f"{table.source}: {count} rows stand at each time and differ as those of {count} batteries or robots, and "
-            "no column tells them apart; write each into a file of its own, or add a column with its name"
+            "no column distinguishes them; write each into a file of its own, or add a column with its name"
         )
 
 

@@ -293,8 +293,8 @@ def choose_topics(
     if not chosen:
         first = next(type_ for type_, about in known.items() if about.part == kind)
         raise InputError(
-            f"{source}: no topic of type {first}; name those that tell of the {kind} with --topic /a,/b, and their "
-            f"columns with --column where names do not tell; it has: {listed}"
+            f"{source}: no topic of type {first}; name those for the {kind} with --topic /a,/b, and their "
+            f"columns with --column where names are ambiguous; it has: {listed}"
         )
     return chosen
 

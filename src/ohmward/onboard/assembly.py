@@ -95,7 +95,7 @@ def _count_from_store(estimation: Estimation, setup: Setup) -> None:
         capacity_Ah = estimation.battery.capacity_Ah if estimation.battery else math.inf
         estimation.totals = totals_of_store(Path(store), capacity_Ah)
     except OhmwardError as error:
-        LOG.warning("totals begin with this start: %s", error)
+        LOG.warning("totals start from now: %s", error)
 
 
 def state_folder(setup: Setup) -> StateFolder | None:

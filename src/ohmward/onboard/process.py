@@ -192,7 +192,7 @@ class Process:
         """Time of a message on our clock, and its values that may be used, with nan for invalid ones."""
         own = message.source in self._own
         if own and message.received_s < self._received_s - LEAP_S:
-            LOG.warning("source %s: its time went back; everything begins again", message.source)
+            LOG.warning("source %s: its time went back; everything restarts", message.source)
             self.estimation.restart()
             self._restart()
         ahead_s = message.received_s - self.clock.now_s()

@@ -281,7 +281,7 @@ class _Finder:
             return
         likely = "charge" if evidence and evidence.edges.t_value > 0.0 else "discharge"
         text = f"does a positive {current.offered.name} charge or discharge the battery?"
-        text += f" The voltage does not tell it clearly: {evidence}" if evidence else ""
+        text += f" The voltage does not show it clearly: {evidence}" if evidence else ""
         self.questions.append(Question(text, "--current-sign", likely))
 
     def scaled(self, signal: str, match: _Match) -> ScaledSignal:

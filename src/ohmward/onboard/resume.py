@@ -182,7 +182,7 @@ def _resume_range(estimation: Estimation, content: Mapping[str, Any], away_s: fl
     try:
         before = RangeEstimator.restore(estimation.battery, content["range"])
     except InputError:
-        return ["the drive of before cannot be continued: battery or settings have changed; a new one begins"]
+        return ["the previous drive cannot be continued: battery or settings have changed; a new one starts"]
     if away_s <= DRIVE_S:
         estimation.range = before
     else:

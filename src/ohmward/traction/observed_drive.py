@@ -337,7 +337,7 @@ def observe_on_floors(
     track = SlipRun(log.time_s, as_estimates(on_floors, robot), time.perf_counter() - began)
     notes = (*faults, *log.notes, *_floor_notes(robot, known, on_floors, on))
     if "speed_m_s" in log.channels:
-        notes += (Note("the outside speed shows slip: it tells which floor this may be, and narrows the band"),)
+        notes += (Note("the outside speed shows slip: it indicates the floor, and narrows the band"),)
     path = odometry_for(robot, log).run(log, track.estimates)
     return ObservedDrive(robot, track, path, notes, on_floors=OnFloors(on_floors, estimator.recognition.names))
 
@@ -374,7 +374,7 @@ def as_estimates(run: FloorRun, robot: Robot) -> SlipEstimate:
 
 def _floor_notes(robot: Robot, known: Floors, track: FloorRun, on: Sequence[str]) -> list[Note]:
     names = ", ".join(on or [floor.name for floor in known.floor]) or "none"
-    others = ", and no other: the robot is given it" if on else " or one that was never met"
+    others = ", and no other: the robot is given it" if on else " or an unknown one"
     notes = [Note(f"slip follows from motor currents on learnt floors ({names}){others}")]
     if known.robot != robot.name:
         notes.append(Note(f"the floors were learnt by {known.robot!r}, the robot is {robot.name!r}", "warning"))

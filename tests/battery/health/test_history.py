@@ -59,7 +59,7 @@ def test_the_resistance_when_new_of_a_tested_battery_is_that_of_its_file():
 def test_a_file_that_has_learnt_is_told_of_its_logs_once_more():
     battery = replace(generic_battery("nmc", 10.0), knowledge=Knowledge(("capacity",), (0.01,), (SeenLog("a", "x"),)))
     assert unlearnt(battery).knowledge == Knowledge(("capacity",), (0.01,))
-    assert "no longer" in newness(battery, []).notes[-1]
+    assert "what it was then" in newness(battery, []).notes[-1]
 
 
 def test_points_hold_throughput_and_the_capacity_of_a_discharge():

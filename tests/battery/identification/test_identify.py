@@ -210,7 +210,7 @@ def test_gap_of_unknown_charge_without_a_curve():
         np.concatenate([first.current_A, later.current_A]),
         np.concatenate([first.voltage_V, later.voltage_V]),
     )
-    with pytest.raises(InputError, match="nothing tells its state of charge"):
+    with pytest.raises(InputError, match="its state of charge is unknown"):
         identify(both, capacity_Ah=2.0)
     battery = identify((*low_rate_logs(cell()), both), capacity_Ah=2.0, model="thevenin-1rc")
     assert any("divided at 1 gap" in note for note in battery.identification.notes)

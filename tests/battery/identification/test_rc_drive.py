@@ -67,7 +67,7 @@ def test_the_battery_finds_the_state_of_charge_of_another_drive(found):
 
 
 def test_a_drive_whose_state_of_charge_nobody_knows_is_refused(drive):
-    with pytest.raises(InputError, match=r"nothing tells its state of charge .* give it .--initial-soc"):
+    with pytest.raises(InputError, match=r"its state of charge is unknown .* give it .--initial-soc"):
         identify_in_detail(drive.select(slice(0, 2500)), SETTINGS)
 
 

@@ -107,7 +107,7 @@ def test_a_sweep_to_below_the_voltage_of_an_empty_battery_lacks_nothing_at_the_t
 
 def test_nothing_known_is_refused():
     log = play(cell(), *steps([(1200, 0, 30), (1800, -1, 5), (3600, 0, 30)]), soc=0.62)
-    with pytest.raises(InputError, match="nothing tells its state of charge"):
+    with pytest.raises(InputError, match="its state of charge is unknown"):
         anchor_soc(record_of(log), 2.0)
 
 

@@ -33,8 +33,8 @@ def test_what_both_may_err_is_no_contradiction(capacity_Ah, resistance_ohm):
 
 def test_the_quantities_that_differ_are_told():
     text = other_battery(FILE, seen(8.0, 0.030))
-    assert text.startswith("this is not the battery of the file: its capacity is 8 ± 0.47 Ah, that of the file 10 ±")
-    assert "its resistance is 30 ± 5.9 mohm, that of the file 20 ± 2.4 mohm" in text
+    assert text.startswith("this is not the battery of the file: its capacity is 8 ± 0.47 Ah, in the file 10 ±")
+    assert "its resistance is 30 ± 5.9 mohm, in the file 20 ± 2.4 mohm" in text
     assert "capacity" not in other_battery(FILE, seen(10.0, 0.035)).partition("(95 %)")[0].replace("of the file", "")
 
 

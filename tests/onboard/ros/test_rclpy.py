@@ -250,7 +250,7 @@ def test_services_change_what_is_estimated(robot, start):
     robot.until(lambda: driven_m() > 1.0 and charge() > 0.0, battery=True, wheels=True)
     before = charge()
     assert before < 0.9
-    assert call("reset_pose") == "the pose begins again at the origin of odom"
+    assert call("reset_pose") == "the pose restarts at the origin of odom"
     robot.until(lambda: driven_m() < 0.9, battery=True, wheels=True)
     assert call("battery_full") == "the battery is full"
     robot.until(lambda: charge() > 0.95, battery=True, wheels=True)

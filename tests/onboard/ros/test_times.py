@@ -186,6 +186,6 @@ def test_a_simulation_that_is_reset_begins_again(monkeypatch, caplog):
         for topic, name in (("clock", "/clock"), ("joints", "joints")):
             content = payload(topic, 1000.0 + 0.02 * k, 10.0)
             process.put(source.message(TOPICS[topic], content, process.clock.now_s(), name, ros_time))
-    assert "its time went back; everything begins again" in caplog.text
+    assert "its time went back; everything restarts" in caplog.text
     assert process.estimation.state.drive_time_s == pytest.approx(1000.0 + 0.02 * 99, abs=0.02)
     assert process.estimation.state.pose.x_m < 1.5

@@ -231,8 +231,8 @@ class PackEstimator:
         cells = snapshot.get("cells") if isinstance(snapshot, Mapping) else None
         if not isinstance(cells, Sequence) or len(cells) != estimator.settings.n_series:
             raise InputError(
-                f"the snapshot is none of a pack of {estimator.settings.n_series} cells (version {VERSION}); start a "
-                "new estimator from the first sample instead"
+                f"the snapshot is not of a pack of {estimator.settings.n_series} cells (version {VERSION}); start "
+                "a new estimator from the first sample instead"
             )
         filter_name = options.get("filter", DEFAULT)
         estimator.typical = SocEstimator.restore(

@@ -191,7 +191,7 @@ def health(
     if not any(update.verdict == "learnt" for update in learnt.updates):  # the health would be that of the label
         first = learnt.updates[0]
         raise InputError(
-            f"no log tells the health of this battery ({len(learnt.updates)} given); {first.log}: {first.reason}"
+            f"no log shows the health of this battery ({len(learnt.updates)} given); {first.log}: {first.reason}"
         )
     new = newness(battery, learnt.updates, new_capacity_Ah)
     points = points_of(dated, learnt.updates, new)

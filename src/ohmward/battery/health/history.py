@@ -89,7 +89,9 @@ def newness(battery: Battery, updates: Sequence[LogUpdate], capacity_Ah: float |
     source = "the battery file's" if capacity_Ah is None else "as given"
     notes = [f"capacity when new: {new_Ah:.4g} Ah, {source}"]
     if capacity_Ah is None and battery.knowledge is not None:
-        notes.append("the battery file has learnt since it was new, so its capacity is no longer that; say what it was")
+        notes.append(
+            "the battery file has learnt since the battery was new, so its capacity has changed; say what it was then"
+        )
     learnt = [update for update in updates if update.verdict != "set aside"]
     if not learnt:
         return Newness(new_Ah, math.nan, tuple(notes))

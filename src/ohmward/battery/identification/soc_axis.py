@@ -123,7 +123,7 @@ def find_anchors(
     if not known:
         _require_likely_capacity(record, capacity_Ah)
         raise InputError(
-            f"log {record.log.name!r}: nothing tells its state of charge (no full charge, no rest at a known "
+            f"log {record.log.name!r}: its state of charge is unknown (no full charge, no rest at a known "
             f"open-circuit voltage, less than {_SWEEP_SHARE:.0%} of the capacity moved); "
             f"give it (--initial-soc {record.log.name}=0.8, initial_soc={{{record.log.name!r}: 0.8}}), add a low-rate "
             "test of the same battery, or give its open-circuit voltage (--ocv, ocv=)"

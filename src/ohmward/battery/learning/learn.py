@@ -155,7 +155,7 @@ def learn_log(
         parts = _learn_parts(before, new.parts, anchors, given)
     except (InputError, np.linalg.LinAlgError) as refusal:
         if new.mostly_seen:
-            return battery, _not_learnt(battery, log, "seen", f"but for a part that tells nothing: {refusal}")
+            return battery, _not_learnt(battery, log, "seen", f"except for a part without information: {refusal}")
         return battery, _not_learnt(battery, log, "set aside", str(refusal))
     after = parts[-1].battery
     update = _update(ready, after, log, parts, anchors)._replace(hours=new.hours, left_out=new.left_out)

@@ -105,7 +105,7 @@ def too_small(capacity_Ah: Normal, depth: float) -> str:
     if depth <= _DEEPEST_DISCHARGE:
         return ""
     larger = f"its capacity is {depth * capacity_Ah.mean:.3g} Ah at least, by the charge that the log counts"
-    return _refusal(f"{larger}, that of the file {_band(capacity_Ah)} Ah")
+    return _refusal(f"{larger}, in the file {_band(capacity_Ah)} Ah")
 
 
 def other_battery(known: KnownBattery, alone: LogUpdate, explained_worse: float = 0.0) -> str:
@@ -139,7 +139,7 @@ def _other_sensor(known: KnownBattery, found: LogUpdate, std_A: float) -> str:
     if abs(off_A) <= _OTHER_SENSOR * std_A:
         return ""
     return (
-        f"its current sensor shows {_band(found.offset_A)} A where none flows, that of the file "
+        f"its current sensor shows {_band(found.offset_A)} A where none flows, in the file "
         f"{_band(known.offset_A)} A (95 %); check the sensor; "
         "for another one start again with `ohmward generic` and the present capacity"
     )
@@ -151,7 +151,7 @@ def _contradiction(known: KnownBattery, found: LogUpdate, z: list[float], limit:
         return ""
     units = (("capacity", "Ah", 1.0), ("resistance", "mohm", 1e3))
     differ = [
-        f"its {name} is {_band(new, scale)} {unit}, that of the file {_band(old, scale)} {unit}"
+        f"its {name} is {_band(new, scale)} {unit}, in the file {_band(old, scale)} {unit}"
         for (name, unit, scale), (old, new), off in zip(units, _pairs(known, found), z, strict=True)
         if abs(off) > _WORTH_TELLING
     ]

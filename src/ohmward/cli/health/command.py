@@ -36,11 +36,11 @@ WITHIN = {"month": DAYS_PER_YEAR / 12, "half_year": DAYS_PER_YEAR / 2, "year": D
 CAUSES: Mapping[Cause, str] = {
     "counter": "the current reads differently from here on: the resistance changed by as much the other way; "
     "this is a counter, no ageing",
-    "cold": "these logs are much colder; cold, not ageing, as far as they tell",
+    "cold": "these logs are much colder; they show cold, not ageing",
     "not full": "no full charge shows the capacity here: charges that were broken off look the same; not counted as "
     "ageing",
     "battery": "the resistance rose with it, faster than any ageing: damage, a bad contact, or another battery",
-    "unknown": "the logs do not tell whether it is the battery, its counter or how it was used",
+    "unknown": "the logs do not show whether it is the battery, its counter or how it was used",
 }
 LOGS = ["log", "begins", "cycles", "mean °C", "capacity", "resistance", "remark"]
 

@@ -52,7 +52,7 @@ def _add_battery_options(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument("--n-series", type=count, default=1, metavar="N", help="cells in series (default 1)")
     group.add_argument("--name", default="", help="what to call the battery; default: the first log's name")
-    add_initial_soc_option(group, "they do not tell it")
+    add_initial_soc_option(group, "they do not show it")
     group.add_argument(
         "--ocv",
         metavar="FILE",
@@ -64,6 +64,6 @@ def _add_battery_options(group: argparse._ArgumentGroup) -> None:
         type=number,
         metavar="A",
         help="what flows at every rest, <= 0: 0 in a laboratory, -0.7 on a robot that draws 0.7 A; goes into the "
-        "battery file, and then each rest tells the current sensor's offset (default: not declared)",
+        "battery file, and then each rest shows the current sensor's offset (default: not declared)",
     )
     add_sensor_options(group, "2.5 %% of 1 C", "1 %%")

@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--battery",
         required=True,
         metavar="FILE.toml",
-        help="file to begin with, of `generic`, `identify` or `learn`",
+        help="file to start from, made by `generic`, `identify` or `learn`",
     )
     parser.add_argument(
         "-o",

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     robot.add_argument("--payload-kg", type=number, default=0.0, metavar="M", help="load during the log (default 0)")
     robot.add_argument("--consumption", metavar="FILE.toml", help="what was learned before; default: from the robot")
-    parser.add_argument("-o", "--output", metavar="FILE.toml", help="write what is known after the log")
+    parser.add_argument("-o", "--output", metavar="FILE.toml", help="write the consumption learnt, this log included")
     _add_battery_options(parser)
     add_log_options(parser)
     add_shaft_options(parser.add_argument_group("reading wheels"))

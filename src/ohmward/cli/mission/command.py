@@ -105,7 +105,7 @@ def check(args: argparse.Namespace) -> None:
     if args.log is None and args.soc is None:
         raise InputError("--soc S is needed with a plan alone: the state of charge now, 0 to 1")
     if not (args.robot or args.consumption or args.mass_kg):
-        raise InputError("nothing is known of the robot: give --robot, --consumption or --mass-kg")
+        raise InputError("the robot is unknown: give --robot, --consumption or --mass-kg")
     if args.payload_kg < 0:
         raise InputError(f"--payload-kg must be >= 0, got {args.payload_kg:g}")
 

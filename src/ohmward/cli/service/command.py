@@ -70,7 +70,7 @@ def install(text: str, path: Path, *, replace: bool) -> Outcome:
     done = [
         f"{path} is written. Then:",
         "  sudo systemctl daemon-reload",
-        "  sudo systemctl enable --now ohmward      begin now and at every start of the machine",
+        "  sudo systemctl enable --now ohmward      start now and at every boot",
         "  systemctl status ohmward                 charge, and what is not in order",
         "  journalctl -u ohmward -f                 its log",
     ]

@@ -64,13 +64,13 @@ def _add_signals(group: argparse._ArgumentGroup) -> None:
         action="append",
         default=[],
         metavar="KIND=UNIT",
-        help="where neither name nor database tells it: wheel_speed=rpm, current=mA, yaw_rate=deg/s",
+        help="where neither name nor database has it: wheel_speed=rpm, current=mA, yaw_rate=deg/s",
     )
     group.add_argument(
         "--current-sign",
         choices=("auto", "charge", "discharge"),
         default="auto",
-        help="what a positive current does to the battery; auto tells it from values, where some are heard",
+        help="what a positive current does to the battery; auto finds it from values, if any are heard",
     )
     group.add_argument("--shaft", choices=("wheel", "motor"), help="that speeds are of: behind the gear, or before it")
     group.add_argument("--counts-per-turn", type=positive, metavar="N", help="of the encoders, where they send counts")

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="of --floors, the one that the robot drives on; again for several; else it is recognised",
+        help="floor of --floors that the robot drives on; repeat for several; otherwise it is recognised",
     )
     group.add_argument(
         "--truth", metavar="COLUMN[,...]", help=f"references in the log to compare with: {', '.join(TRUTHS)}"

@@ -181,10 +181,10 @@ def episodes(f: Mapping[str, Any]) -> list[str]:
         return lines
     mean, std = f["travel_slip_mean"], f["travel_slip_std"]
     if mean is None or mean + BAND_95 * std <= SlipAlarm().allowed_ratio:
-        return ["no wheel slips beyond what is allowed"]
+        return ["no wheel slips beyond the limit"]
     # on learnt floors a wide band may hide slip
     most = percent(mean + BAND_95 * std, 0)
-    return [f"no slip beyond what is allowed is certain; the robot may lose up to {most} of the way of its wheels"]
+    return [f"no slip beyond the limit is certain; the robot may lose up to {most} of the way of its wheels"]
 
 
 def errors(f: Mapping[str, Any]) -> dict[str, str]:

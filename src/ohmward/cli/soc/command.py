@@ -37,7 +37,7 @@ _LEARNT = [name for mean in LEARNT for name in (mean, STD_OF[mean])]
 _CAUSES = ("Cause", "Part of the band [points]", "Band if it were known [± points]", "Narrowed by")
 #: How to read the causes of the band's width.
 _SQUARES = "the squares of the parts add up to that of the band"
-_ANCHORS = "Events that tell the state of charge"
+_ANCHORS = "Events that fix the state of charge"
 _CELLS = ("Cell", "SoC [%]", "minus typical [points]", "Capacity over typical [%]", "Resistance over typical [%]")
 
 

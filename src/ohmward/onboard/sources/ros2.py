@@ -34,8 +34,8 @@ _CLOCK_LATE_S = 5.0
 #: Services below the name of the node, of type `std_srvs/Trigger`: name, event that it reports, and answer.
 SERVICES = (
     ("battery_full", "battery_full", "the battery is full"),
-    ("battery_changed", "battery_changed", "another battery is in: its charge begins with the next voltage"),
-    ("reset_pose", "pose_reset", "the pose begins again at the origin of odom"),
+    ("battery_changed", "battery_changed", "another battery is in: its charge starts from the next voltage"),
+    ("reset_pose", "pose_reset", "the pose restarts at the origin of odom"),
 )
 #: The squared norm of a single-precision unit quaternion differs from 1 by less; one that differs more is invalid.
 _UNIT = 0.01

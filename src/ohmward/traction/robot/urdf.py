@@ -89,7 +89,7 @@ def read_urdf(path: str | PathLike[str], radius_m: float | None = None, mass_kg:
     if not square_m2 > 0:
         length, width, _ = np.ptp([wheel.at_m for wheel in wheels], axis=0).tolist()
         square_m2 = solid_box_yaw_inertia(1.0, max(length, width), width)
-        assumed.append("yaw inertia: that of an even box, as the links have none")
+        assumed.append("yaw inertia: that of a homogeneous box, as the links have none")
     assumed += [
         f"joint {wheel.joint}: its axis points right, so that its speed is < 0 when the robot drives ahead; change the "
         "sign of that signal"
@@ -216,7 +216,7 @@ def _wheels(links: Sequence[_Link], radius_m: float | None, path: str) -> list[_
     radii = [link.radius_m for link in driven if link.radius_m > 0]
     if not radius_m and max(radii) > (1.0 + _SAME_SHARE) * min(radii):
         raise InputError(
-            f"{path}: its wheels have radii from {min(radii):g} to {max(radii):g} m, and ohmward knows robots with "
+            f"{path}: its wheels have radii from {min(radii):g} to {max(radii):g} m, and ohmward needs "
             "equal ones; give that of the driven wheels with --radius"
         )
     return sorted(found, key=lambda link: (-round(link.at_m[0], 3), -link.at_m[1]))

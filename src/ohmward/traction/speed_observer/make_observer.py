@@ -199,7 +199,7 @@ SCRUBBING_YAW_WALK = 3.0
 TRACKED_YAW_WALK = 1.0
 SCRUBBING = (
     "a skid-steered robot is observed as one whose wheels are free sideways: its turns are the gyro's, and its motor "
-    "currents tell no force, because much of them drags the wheels sideways"
+    "currents give no force, because much of them drags the wheels sideways"
 )
 
 #: Length of a step, over the usual one, from which it is a gap.
@@ -359,7 +359,7 @@ def sensor_notes(noise: ObserverNoise, log: DriveLog) -> tuple[Note, ...]:
     used = ", ".join(f"{name} {std:.2g} {unit}" for name, (std, unit) in stds.items() if std is not None)
     notes = [Note(f"standard deviations taken from the log: {used}")]
     if "acceleration_m_s2" in log.channels and noise.accelerometer_std_m_s2 is None:
-        text = "the accelerometer is not used: it needs a pitch, and the motor currents tell the same force"
+        text = "the accelerometer is not used: it needs a pitch, and the motor currents give the same force"
         notes.append(Note(text))
     if not np.isfinite(log.motor_current_A).any():
         text = "no motor currents: any torque up to the grip of the wheels counts as possible, so bands are wide"
