@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import statistics
 import time
@@ -70,14 +71,20 @@ def measure(runs: Mapping[K, Callable[[], object]], repeats: int) -> dict[K, Tim
     """Processor time of every call, taken in turns so that all see the same machine.
 
     A short call is repeated, and runs once before it is timed: what ran before has filled the cache with other things.
+    No garbage is collected meanwhile, as in `timeit`: that of all the peers together takes longer than most calls.
     """
     counts = {key: _count(run) for key, run in runs.items()}
     found: dict[K, list[float]] = {key: [] for key in runs}
-    for _ in range(repeats):
-        for key, run in runs.items():
-            if counts[key] > 1:
-                run()
-            found[key].append(_seconds(run, counts[key]))
+    gc.collect()
+    gc.disable()
+    try:
+        for _ in range(repeats):
+            for key, run in runs.items():
+                if counts[key] > 1:
+                    run()
+                found[key].append(_seconds(run, counts[key]))
+    finally:
+        gc.enable()
     return {key: Times(statistics.median(t), min(t), max(t)) for key, t in found.items()}
 
 
