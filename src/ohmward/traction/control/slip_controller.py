@@ -37,7 +37,7 @@ class SlipController:
     """Settings; `init` and `step` are pure functions of them."""
 
     wheel: DrivenWheel  #: parameters of each driven wheel
-    law: SlipLaw  #: `SlidingMode`, `FuzzySlidingMode`, `SlipRatioSlidingMode` or `SlipPid`
+    law: SlipLaw  #: `SlidingMode`; laws to compare it with are in `ohmward_lab.traction.compared_slip_laws`
     limits: Limits  #: of the torque
     force_filter: ForceFilter = field(default_factory=ForceFilter)  #: estimates force and acceleration
     target_rate_per_s: float = 5.0  #: rate at which the held slip follows the command, > 0
