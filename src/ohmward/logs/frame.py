@@ -255,7 +255,7 @@ def _columns(file: Any, names: list[str], progress: Progress | None) -> dict[str
     rows = file.metadata.num_rows
     columns: dict[str, np.ndarray] = {}
     first = 0
-    for batch in file.iter_batches(_DECODED_ROWS, columns=names):
+    for batch in file.iter_batches(_DECODED_ROWS, columns=names, use_threads=rows > _DECODED_ROWS):
         last = first + batch.num_rows
         for name in names:
             values = values_of(batch[name])
