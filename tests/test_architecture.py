@@ -139,7 +139,7 @@ def run(code: str) -> str:
 def test_imports_point_downwards(module):
     room = room_of(module)
     assert room in BELOW, (
-        f"{room} is a new room: say in BELOW what it may import, and in docs/architecture.md what it is"
+        f"{room} is a new subpackage: say in BELOW what it may import, and in docs/architecture.md what it is"
     )
     assert [t for t in imported(module) if not allowed(module, t)] == []
 
