@@ -1,4 +1,4 @@
-"""Slip control: laws, the shell around them, speed within slip bounds, set-points; see docs/slip-control.md."""
+"""Slip control: laws, the shell around them, speed within slip bounds; see docs/slip-control.md."""
 
 from ohmward.traction.control.force_filter import ForceFilter
 from ohmward.traction.control.signals import (
