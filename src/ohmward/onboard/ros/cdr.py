@@ -32,7 +32,7 @@ def serialize(type_: str, message: Mapping[str, Any]) -> bytes:
 def read(type_: str, payload: bytes) -> tuple[Layout, dict[str, float]]:
     """Layout of a message, and its numbers by their paths, such as `header.stamp.sec` or `velocity[1]`.
 
-    The layout is that of the first message of its kind; texts outside of arrays, such as a frame, are of that one, too.
+    Messages with the same layout share that of the first one, with its texts outside arrays, such as the frame.
 
     Raises:
         ValueError: the bytes are no such message.
@@ -47,15 +47,15 @@ def read(type_: str, payload: bytes) -> tuple[Layout, dict[str, float]]:
 
 
 class _Form(NamedTuple):
-    """What messages of one type and length have in common that are laid out alike."""
+    """Common form of messages with the same type, length and layout."""
 
     layout: Layout
-    marked: Callable[[bytes], Any]  #: takes the bytes out of a message that are the same in all of them
-    marks: Any  #: these bytes
-    numbers: struct.Struct  #: takes the numbers out, in the order of the layout
+    marked: Callable[[bytes], Any]  #: extracts the bytes of a message that are equal in all of them
+    marks: Any  #: those bytes
+    numbers: struct.Struct  #: extracts the numbers, in the order of the layout
 
 
-#: By type and length, as drivers send the same forms again and again; strangers cannot make it grow.
+#: Forms by type and length, as drivers repeat a few; bounded, so that no sender can make it grow.
 _FORMS: dict[tuple[str, int], _Form] = {}
 _MOST_FORMS = 256
 

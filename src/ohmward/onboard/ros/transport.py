@@ -28,10 +28,9 @@ MOST_DOMAIN = 232
 
 #: Time that the thread of a node has to end [s].
 _SPIN_END_S = 2.0
-#: Time between two looks at the messages that have come, and between two turns of the executor [s]: a turn costs as
-#: much as ten messages.
+#: Time between two polls for messages, and between two turns of the executor [s], which cost as much as ten messages.
 _LOOK_S, _TURN_S = 0.01, 0.05
-#: Messages of a topic that wait for the next look, also where this process was held up.
+#: Length of the queue of a topic, for a process that was held up; also the most messages of a topic in one poll.
 _QUEUE = 100
 
 
@@ -105,15 +104,18 @@ class RosNetwork:
 
 
 class _Subscription(NamedTuple):
-    """A subscription of rclpy, and who receives its messages."""
+    """A subscription of rclpy and the receiver of its messages."""
 
     made: Any
     receive: Receive
 
     def take_all(self) -> None:
-        """Hand over the messages that have come."""
+        """Hand over the messages that have arrived, a full queue at most."""
         with self.made.handle:
-            while taken := self.made.handle.take_message(self.made.msg_type, True):
+            for _ in range(_QUEUE):
+                taken = self.made.handle.take_message(self.made.msg_type, True)
+                if not taken:
+                    break
                 self.receive(taken[0])
 
 
@@ -180,8 +182,8 @@ def domain_of_environment() -> int:
 class RclpyTransport:
     """A node of rclpy; messages pass through it serialised, so that both transports carry the same bytes.
 
-    Its executor serves parameters, services and the clock of the node. Messages are taken without it: it builds a set
-    of everything that it waits for anew for each of them, which takes ten times as long as the message.
+    The executor serves parameters, services and the node's clock. Messages are taken without it, because it would
+    rebuild its wait set for each of them, at ten times the cost of the message.
 
     Args:
         node: it is served from a thread of this object.
