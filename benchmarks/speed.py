@@ -87,7 +87,6 @@ def write(text: str, pictures: list[Picture]) -> None:
 
 def all_sections(effort: Effort) -> Iterator[Section]:
     """In the order of the page."""
-    live = machine_speed.live_section(effort.repeats)  # after the peers the interpreter takes 2.6 times as long for it
     machine = machine_speed.measured_machine()
     yield from filter_speed.one_log(machine, effort.repeats, effort.steps)
     machine = machine_speed.measured_again(machine)
@@ -96,7 +95,7 @@ def all_sections(effort: Effort) -> Iterator[Section]:
     yield own_filters(effort.repeats)
     yield machine_speed.public_section(machine, effort.repeats, effort.steps)
     yield observers(effort.repeats)
-    yield live
+    yield machine_speed.live_section(effort.repeats)
     yield machine_speed.compilation_section(effort.repeats)
     yield start_up(effort.repeats)
     yield scaling.states_section(effort.repeats, effort.states)

@@ -71,7 +71,7 @@ def measure(runs: Mapping[K, Callable[[], object]], repeats: int) -> dict[K, Tim
     """Processor time of every call, taken in turns so that all see the same machine.
 
     A short call is repeated, and runs once before it is timed: what ran before has filled the cache with other things.
-    No garbage is collected meanwhile, as in `timeit`: that of all the peers together takes longer than most calls.
+    No garbage is collected meanwhile, as in `timeit`.
     """
     counts = {key: _count(run) for key, run in runs.items()}
     found: dict[K, list[float]] = {key: [] for key in runs}
