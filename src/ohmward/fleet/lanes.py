@@ -67,7 +67,8 @@ def _side_by_side(
     on_days = [on_day(estimator, logs[i].begin_unix_s) for i in order]
     states = [e.init(first, initial_soc, initial_soc_std) for e, first in zip(on_days, firsts, strict=True)]
     kernel = _kernel(cast(Hashable, estimator), lowering)
-    state, parts = side_by_side(states), []
+    state = side_by_side(states)
+    parts = []
     for first, last, lanes in _parts(lengths):
         part = SocSample(*(column[first:last, :lanes] for column in columns))
         state, estimates = kernel.scan_lanes(pick_lanes(state, slice(lanes)), part)

@@ -184,8 +184,9 @@ def _answers_later(dI: np.ndarray, dV: np.ndarray, slope_ohm: float) -> bool:
     if count <= _LATE_SAMPLES:
         return False
     earlier = [dI[_LATE_SAMPLES - j : _LATE_SAMPLES - j + count] for j in range(_LATE_SAMPLES + 1)]
-    products, answers = [[a @ b for b in earlier] for a in earlier], [a @ dV[_LATE_SAMPLES:] for a in earlier]
-    answers_ohm = np.linalg.lstsq(np.array(products), np.array(answers), rcond=None)[0]
+    products = np.array([[a @ b for b in earlier] for a in earlier])
+    answers = np.array([a @ dV[_LATE_SAMPLES:] for a in earlier])
+    answers_ohm = np.linalg.lstsq(products, answers, rcond=None)[0]
     clearest_ohm = answers_ohm[np.argmax(np.abs(answers_ohm))]
     return bool(clearest_ohm * slope_ohm < 0.0 and abs(clearest_ohm) >= abs(slope_ohm))
 

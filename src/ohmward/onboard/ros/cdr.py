@@ -12,10 +12,7 @@ from ohmward.onboard.ros.types import DEFINITIONS
 
 _ENCAPSULATION = b"\x00\x01\x00\x00"
 #: Formats of numbers for `struct` by those of NumPy.
-_LETTERS = {"u1": "B", "i1": "b", "u2": "H", "i2": "h", "u4": "I", "i4": "i", "u8": "Q", "i8": "q"} | {
-    "f4": "f",
-    "f8": "d",
-}
+_LETTERS = dict(zip(("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8"), "BbHhIiQqfd", strict=True))
 _FORMATS = {"bool": "?", "byte": "B", "uint8": "B", "int32": "i", "uint32": "I", "float32": "f", "float64": "d"}
 
 
@@ -63,8 +60,9 @@ _MOST_FORMS = 256
 def _form(type_: str, payload: bytes) -> _Form:
     layout = layout_of(payload, type_, DEFINITIONS, CDR)
     marked = itemgetter(*layout.marks.tolist())
-    order, at = "<" if payload[1] else ">", 0
+    order = "<" if payload[1] else ">"
     formats = []
+    at = 0
     for number in layout.numbers.values():
         formats.append(f"{number.at - at}x{_LETTERS[number.dtype[1:]]}")
         at = number.at + int(number.dtype[2:])

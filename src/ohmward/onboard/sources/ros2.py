@@ -160,7 +160,8 @@ class Ros2Source(RosNetwork):
 
     def _wheels(self, layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
         """Wheel speeds by the names of the wheels."""
-        wheels, values = self._wheel_of, {}
+        wheels = self._wheel_of
+        values = {}
         for path, joint in layout.texts.items():
             speed = numbers.get(f"velocity{path.removeprefix('name')}")
             if not path.startswith("name[") or speed is None or (wheels and joint not in wheels):
@@ -170,14 +171,13 @@ class Ros2Source(RosNetwork):
 
     def _body(self, layout: Layout, numbers: dict[str, float]) -> dict[str, float]:
         """Yaw rate, acceleration and pitch of the robot from the inertial unit, which may be mounted turned."""
-        mounted = self._mounted
         if any(self.imu_rpy):
             for path in ("angular_velocity", "linear_acceleration"):
-                turned = mounted @ [numbers[f"{path}.{axis}"] for axis in "xyz"]
+                turned = self._mounted @ [numbers[f"{path}.{axis}"] for axis in "xyz"]
                 numbers |= {f"{path}.{axis}": float(value) for axis, value in zip("xyz", turned, strict=True)}
         values = _of_table(types.IMU, numbers)
         x, y, z, w = (numbers[f"orientation.{axis}"] for axis in "xyzw")
-        pitch_rad = pitch_of(x, y, z, w, mounted[0].tolist())
+        pitch_rad = pitch_of(x, y, z, w, self._mounted[0].tolist())
         if numbers["orientation_covariance[0]"] != -1.0 and math.isfinite(pitch_rad):
             values["pitch_rad"] = pitch_rad
         return values
