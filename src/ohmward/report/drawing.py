@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +15,7 @@ import numpy as np
 
 from ohmward.atomic import replacing
 from ohmward.errors import InputError
-from ohmward.optional import require
+from ohmward.optional import MissingPackageError, require
 from ohmward.report.axis import XAxis, shared_x
 from ohmward.report.figure import MEANING, SHADES, Figure, Style, colours, envelope
 from ohmward.report.page import Page
@@ -23,8 +24,8 @@ from ohmward.report.page import Page
 SUFFIXES: Final = (".svg", ".pdf", ".png")
 #: Width of a drawing, height of a title and axis together, and size of a page's pixel [inch].
 _WIDTH_IN, _AROUND_IN, _PX_IN = 8.0, 0.55, 1 / 100
-#: Dots per inch of a PNG.
-_DPI = 150
+#: Dots per inch of a PNG: in a file, and in a notebook, which stores one for every plot.
+_DPI, _NOTEBOOK_DPI = 150, 100
 #: Columns and rows for thinning lines: more than a page in a journal shows.
 _COLUMNS, _ROWS = 1200, 800
 _STYLES: Final[Mapping[Style, Mapping[str, Any]]] = {
@@ -176,6 +177,16 @@ class Drawing(ABC):
     def _repr_html_(self) -> str:
         page = escape(self.html(), quote=True)
         return f'<iframe srcdoc="{page}" style="width:100%;height:{self.height_px}px;border:0"></iframe>'
+
+    def _repr_png_(self) -> bytes | None:
+        """The picture that Jupyter stores beside the page, for a notebook printed or converted to PDF."""
+        try:
+            matplotlib = require("matplotlib.figure", "a picture")
+        except MissingPackageError:
+            return None
+        file = BytesIO()
+        self.draw(matplotlib.Figure()).savefig(file, format="png", dpi=_NOTEBOOK_DPI)
+        return file.getvalue()
 
 
 @dataclass(frozen=True, eq=False)
