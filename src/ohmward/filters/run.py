@@ -30,11 +30,12 @@ class Run(RichDisplay, Generic[E]):
     #: Type of the flags.
     flag_type: ClassVar[type[IntFlag]]
 
-    def __getattr__(self, name: str) -> Any:
-        """A field of the estimates."""
+    def __getattr__(self, name: str) -> np.ndarray:
+        """A field of the estimates, (T,) or (T, wheels)."""
         if name.startswith("_") or name == "estimates":
             raise AttributeError(name)
-        return getattr(self.estimates, name)
+        values: np.ndarray = getattr(self.estimates, name)
+        return values
 
     def __repr__(self) -> str:
         hours = (self.time_s[-1] - self.time_s[0]) / 3600.0 if len(self.time_s) else 0.0

@@ -50,6 +50,21 @@ class PackRun(Run[PackEstimate]):
 
     flag_type = SocFlag
 
+    @property
+    def pack(self) -> PackState:
+        """SoC, charge and weakest cell of the pack, each (T,)."""
+        return self.estimates.pack
+
+    @property
+    def typical(self) -> SocEstimate:
+        """Estimates of the typical cell, each (T,)."""
+        return self.estimates.typical
+
+    @property
+    def cells(self) -> CellEstimate:
+        """Estimates of all cells, each (T, n)."""
+        return self.estimates.cells
+
     def warnings(self) -> tuple[CellWarning, ...]:
         """Warnings about cells that have drifted apart, at the end of the log."""
         return cell_warnings(CellEstimate(*(column[-1] for column in self.cells)), self.names)
