@@ -1,4 +1,4 @@
-"""Fill the two tables of README.md from the benchmarks: `python docs/fill_readme.py`.
+"""Fill the two tables of README.md and of the paper from the benchmarks: `python docs/fill_readme.py`.
 
 Five rows each, in words that a user knows; the rows are named here, the figures come from `benchmarks/accuracy.md`,
 `benchmarks/speed.md` and `benchmarks/firmware.md`. Among the rows are one in which plain coulomb counting is better and
@@ -14,7 +14,7 @@ from typing import NamedTuple
 from marked_block import replaced
 
 ROOT = Path(__file__).parents[1]
-README, BENCHMARKS = ROOT / "README.md", ROOT / "benchmarks"
+README, PAPER, BENCHMARKS = ROOT / "README.md", ROOT / "paper" / "paper.md", ROOT / "benchmarks"
 DATA, METHOD, START, QUANTITY = "data", "method", "start", "quantity"
 RMSE, COVERAGE, VALUE = "RMSE", "coverage of 95 %", "value"
 OVERVIEW = "## One log, in short"
@@ -61,12 +61,13 @@ ON_CHIP = "textbook-ukf, every 1 s, curve within 4 mV"
 
 def main() -> None:
     """Rewrite the blocks between the markers; a block whose benchmark is absent is empty."""
-    README.write_text(filled(README.read_text(encoding="utf-8")), encoding="utf-8")
+    for text in (README, PAPER):
+        text.write_text(filled(text.read_text(encoding="utf-8")), encoding="utf-8")
 
 
-def filled(readme: str) -> str:
-    """The text of the README with its tables made anew."""
-    with_accuracy = replaced(readme, "accuracy", accuracy_table(page("accuracy.md"), page("drive_to_empty.md")))
+def filled(text: str) -> str:
+    """The text of README or paper with its tables made anew."""
+    with_accuracy = replaced(text, "accuracy", accuracy_table(page("accuracy.md"), page("drive_to_empty.md")))
     return replaced(with_accuracy, "speed", speed_table(page("speed.md"), page("firmware.md")))
 
 

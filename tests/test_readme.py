@@ -91,8 +91,9 @@ def test_its_day_tells_the_truth():
     assert 2.5 * of_filter.rmse < of_counting.rmse
 
 
-def test_its_numbers_are_those_of_the_benchmark():
-    text = README.read_text(encoding="utf-8")
+@pytest.mark.parametrize("path", [README, fill_readme.PAPER], ids=lambda path: path.name)
+def test_its_numbers_are_those_of_the_benchmark(path):
+    text = path.read_text(encoding="utf-8")
     assert fill_readme.filled(text) == text, "run `python docs/fill_readme.py`"
 
 
