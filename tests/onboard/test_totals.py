@@ -89,6 +89,24 @@ def test_a_store_gives_those_of_its_rows(tmp_path):
     assert found == pytest.approx(Totals(3.0, 2.0, 0.039, 0.026, 5.0 / 24.0, 0.8))
 
 
+def test_a_store_counts_the_steps_between_its_days(tmp_path):
+    """Five days, a row every 50 s, none of them at the border of a day."""
+    days, step_s = 5, 50.0
+    store = Store(tmp_path / "store")
+    rows = round(days * 86_400.0 / step_s) + 1
+    for kind, values in (
+        ("battery", lambda k: {"battery_current_A": -2.0, "battery_voltage_V": 13.0}),
+        ("drive", lambda k: {"distance_m": 25.0 * k}),
+    ):
+        store.add(Row(kind, round(1e9 * (1.8e9 + 0.3 + (step_s + 1e-3) * k)), values(k)) for k in range(rows))
+    store.close()
+    found = totals_of_store(tmp_path / "store", 12.0)
+    hours = (rows - 1) * (step_s + 1e-3) / 3600.0
+    assert found.charge_out_Ah == pytest.approx(2.0 * hours, rel=1e-6)
+    assert found.energy_out_kWh == pytest.approx(0.026 * hours, rel=1e-6)
+    assert found.distance_km == pytest.approx(0.025 * (rows - 1), rel=1e-9)
+
+
 def test_a_robot_that_has_counted_none_begins_with_those_of_its_store(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     store = Store(tmp_path / "ohmward-store")

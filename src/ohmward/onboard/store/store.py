@@ -464,17 +464,27 @@ def totals_of_store(folder: Path, capacity_Ah: float) -> Totals:
     """
     store, totals = Store(folder, read_only=True), Totals()
     try:
-        for kind, names in (("battery", ("battery_current_A", "battery_voltage_V")), ("drive", ("distance_m",))):
-            rows, first_ns, last_ns = store.span_ns(kind)
-            days = np.arange(1e-9 * first_ns, 1e-9 * last_ns + 1.0, _DAY_S) if rows else ()
-            for day_s in days:
-                columns = store.read(kind, names, day_s, day_s + _DAY_S)
-                totals = (
-                    _with_battery(totals, columns, capacity_Ah) if kind == "battery" else _with_drive(totals, columns)
-                )
+        for columns in _by_day(store, "battery", ("battery_current_A", "battery_voltage_V")):
+            totals = _with_battery(totals, columns, capacity_Ah)
+        for columns in _by_day(store, "drive", ("distance_m",)):
+            totals = _with_drive(totals, columns)
     finally:
         store.close()
     return totals
+
+
+def _by_day(store: Store, kind: str, names: Sequence[str]) -> Iterator[Columns]:
+    """Rows of a day at a time, after the last row of the previous day: the first step of the day begins there."""
+    rows, first_ns, last_ns = store.span_ns(kind)
+    last_row: Columns = {}
+    begin_s, end_s = 1e-9 * first_ns - 1.0, 1e-9 * last_ns + 1.0  # whole nanoseconds do not fit into a float
+    for day_s in np.arange(begin_s, end_s, _DAY_S) if rows else ():
+        columns = store.read(kind, names, day_s, day_s + _DAY_S)
+        if last_row:
+            columns = joined([last_row, columns], names)
+        if len(columns["unix_ns"]):
+            last_row = {name: column[-1:] for name, column in columns.items()}
+        yield columns
 
 
 def _with_battery(totals: Totals, columns: Columns, capacity_Ah: float) -> Totals:
