@@ -40,7 +40,9 @@ def test_the_second_time_nothing_is_compiled(cache):
 def test_a_damaged_entry_is_compiled_anew(cache, damage):
     counted(KEY)
     (entry,) = cache.iterdir()
+    assert code_cache.is_cached(KEY)
     entry.write_bytes(damage(entry.read_bytes()))
+    assert not code_cache.is_cached(KEY)
     assert counted(KEY) == (b"code of " + KEY.encode(), True)
     assert counted(KEY)[1] is False
 

@@ -87,9 +87,10 @@ def cached(key: str, make: Callable[[], bytes]) -> bytes:
 
 
 def is_cached(key: str) -> bool:
-    """True where the folder has an entry of a key; `cached` checks whether it is intact and safe."""
+    """True where the folder has an intact, safe entry of a key."""
     try:
-        return (folder() / f"{key}.o").is_file()
+        with _opened(folder()) as cache_folder:
+            return _read(cache_folder, f"{key}.o") is not None
     except OSError:
         return False
 
