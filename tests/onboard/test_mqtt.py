@@ -66,9 +66,10 @@ def test_topics_become_messages(tmp_path):
 
         async def run():
             source = MqttSource(host="127.0.0.1", port=broker.port, signals=SIGNALS, topics=("robot/all",))
+            other, _ = client(broker)
+            other.publish("robot/voltage", b"24.9", 1, retain=True).wait_for_publish(5.0)  # measured before
             task = asyncio.create_task(source.run(got.append))
             await asyncio.sleep(0.5)
-            other, _ = client(broker)
             other.publish("robot/bms", b'{"current": -2.5, "time_s": 7}')
             other.publish("robot/voltage", b"25.5")
             other.publish("robot/all", b'{"wheel_speed_rad_s": [1, 2], "colour": "red"}')

@@ -116,7 +116,7 @@ def of_broker(broker: MqttBroker, seconds: float) -> list[Offered]:
         async with broker.connected() as (client, received):
             client.subscribe("#", 0)
             while True:
-                for topic, payload, received_s in await received.take():
+                for topic, payload, received_s, _ in await received.take():
                     heard.put(received_s, dict(_numbers(topic, payload)))
 
     _for_so_long(listen(), seconds)

@@ -27,6 +27,7 @@ class Payload(NamedTuple):
     topic: str
     payload: bytes
     received_s: float
+    retained: bool = False  #: True if the broker has kept it from before the subscription
 
 
 class Connection(NamedTuple):
@@ -125,7 +126,9 @@ class MqttBroker:
                 client.tls_set(ca_certs=self.ca_file)
             except (OSError, ValueError) as error:
                 raise OhmwardError(f"ca_file: {self.ca_file} cannot be used ({error}); give a PEM file") from error
-        client.on_message = lambda _client, _data, m: received.put(Payload(m.topic, m.payload, time.monotonic()))
+        client.on_message = lambda _client, _data, m: received.put(
+            Payload(m.topic, m.payload, time.monotonic(), m.retain)
+        )
         client.on_disconnect = lambda _client, _data, _flags, reason, _properties: received.fail(
             OhmwardError(f"the connection to {self._place} is lost ({reason}); is the broker running?")
         )

@@ -1,4 +1,8 @@
-"""MQTT: topics with a number each, or with JSON objects."""
+"""MQTT: topics with a number each, or with JSON objects.
+
+What the broker has retained from before the subscription is left out: nobody knows when it was measured, or whether
+anybody still measures it.
+"""
 
 from __future__ import annotations
 
@@ -46,6 +50,8 @@ class MqttSource(MqttBroker):
                 raise OhmwardError(f"{self.host}:{self.port} takes no subscription to {', '.join(sorted(topics))}")
             while True:
                 for payload in await connection.received.take():
+                    if payload.retained:
+                        continue
                     if message := self.message(payload, wiring):
                         put(message)
                     else:
