@@ -180,6 +180,22 @@ def test_states_go_on_while_no_sensor_reports(battery):
     assert later[-1].sample == {}
 
 
+def test_a_queue_at_the_connection_counts_as_if_it_had_come_in_time(battery):
+    """Twenty seconds that were waiting come at once, the next ten as they are measured."""
+
+    def driven(wait_s):
+        sent = [
+            Message(0.1 * k, 100.0 + max(0.1 * k, wait_s) + 1e-5 * k, "script", moving(PACK | WHEELS, k))
+            for k in range(300)
+        ]
+        process = Process(Estimation(battery, load_robot("rlma")), [Script(sent, then=EndedError("done"))], [])
+        run(process)
+        assert [d for d in process.diagnostics if d.startswith("clock")] == []
+        return process.estimation.totals
+
+    assert driven(20.0) == pytest.approx(driven(0.0), rel=1e-3)
+
+
 PACK = {"battery_current_A": -1.0, "battery_voltage_V": 12.6}
 WHEELS = dict.fromkeys((f"wheel_speed_rad_s.{k}" for k in range(4)), 5.0) | {"yaw_rate_rad_s": 0.0}
 CELLS = {f"cell_voltage_V.{k}": 3.15 for k in range(4)}

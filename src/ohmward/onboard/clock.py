@@ -16,6 +16,10 @@ LEAP_S = 1.0
 #: set by less than `LEAP_S`, or a link that has become slower for good, is followed after this time.
 DELAY_WINDOW_S = 30.0
 
+#: A new clock is known once the smallest delay has fallen by less than `_FALL_S` in this time: messages that were
+#: queued before the connection, which come much faster than they were measured, are then through.
+SETTLE_S, _FALL_S = 0.25, 0.1
+
 #: Number of message dates remembered, enough for samples that still wait for others.
 _DATES = 4096
 
@@ -37,36 +41,61 @@ class SourceClock:
 
     A message cannot arrive before it was measured, and the least delayed one is assumed to arrive at once, so that the
     offset between both clocks is the smallest recent difference of receipt and stamp. A stamp that leaps back or ahead
-    of its receipt restarts the search; one that is merely late, in a burst after a silence of the link, does not.
+    of its receipt restarts the search; one that is merely late, in a burst after a silence of the link, does not. The
+    first messages may be such a burst, of a sender that waited for the connection: see `settle`.
 
     Args:
         window_s: time over which the smallest difference counts; inf if both clocks are one, as in a simulation.
 
     Attributes:
         steps: number of times that the source's clock was set.
+        settled: True once the offset is known: no burst is arriving since the search began.
     """
 
     def __init__(self, window_s: float = DELAY_WINDOW_S) -> None:
-        self.window_s, self.steps = window_s, 0
+        self.window_s, self.steps, self.settled = window_s, 0, math.isinf(window_s)
         self._least_s = self._least_before_s = math.inf
         self._window_s = self._stamp_s = math.nan
+        self._began_s, self._fell_to_s, self._fell_s = math.nan, math.inf, math.nan
 
     def to_ours(self, stamp_s: float, received_s: float) -> float:
-        """Time of the measurement on our clock [s], never after its receipt; the receipt if the stamp is not finite."""
+        """Observe the newest measurement; its time on our clock [s], never after its receipt."""
+        self.observe(stamp_s, received_s)
+        return self.time_s(stamp_s, received_s)
+
+    def observe(self, stamp_s: float, received_s: float) -> None:
+        """Update the offset by the newest measurement; a stamp that is not finite tells nothing."""
         if not math.isfinite(stamp_s):
-            return received_s
+            return
+        self.settle(received_s)
         offset_s = received_s - stamp_s
-        known_s = min(self._least_s, self._least_before_s)
-        if stamp_s < self._stamp_s - LEAP_S or offset_s < known_s - LEAP_S:
-            self.steps += not math.isnan(self._stamp_s)
-            self._least_s = self._least_before_s = math.inf
+        first, goes_back = math.isnan(self._stamp_s), stamp_s < self._stamp_s - LEAP_S
+        if first or goes_back or (self.settled and offset_s < self._least() - LEAP_S):
+            self.steps += not first
+            again_s = received_s - self._began_s  # two senders that take turns are no queue each time
+            self.settled = self.settled and not (goes_back and again_s > self.window_s)
+            self._began_s = received_s
+            self._least_s = self._least_before_s = self._fell_to_s = math.inf
             self._window_s = received_s
         elif received_s - self._window_s > self.window_s / 2:
             self._least_before_s, self._least_s = self._least_s, math.inf
             self._window_s = received_s
         self._stamp_s = stamp_s
         self._least_s = min(self._least_s, offset_s)
-        return stamp_s + min(self._least_s, self._least_before_s)
+        if offset_s < self._fell_to_s - _FALL_S:
+            self._fell_to_s, self._fell_s = offset_s, received_s
+
+    def time_s(self, stamp_s: float, received_s: float) -> float:
+        """Time of an observed measurement on our clock [s]; the receipt if the stamp is not finite."""
+        return stamp_s + self._least() if math.isfinite(stamp_s) else received_s
+
+    def settle(self, now_s: float) -> bool:
+        """True once the smallest delay no longer falls as in a burst: the offset may be used from then on."""
+        self.settled = self.settled or now_s - self._fell_s >= SETTLE_S
+        return self.settled
+
+    def _least(self) -> float:
+        return min(self._least_s, self._least_before_s)
 
 
 class MessageDates:

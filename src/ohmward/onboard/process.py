@@ -18,7 +18,8 @@ from ohmward.battery.log_check import OTHER_FILE
 from ohmward.battery.soc.sample import SocEstimate, SocFlag
 from ohmward.errors import OhmwardError
 from ohmward.onboard.alarms import AlarmLimits, AlarmWatch
-from ohmward.onboard.clock import DELAY_WINDOW_S, LEAP_S, MessageDates, SourceClock, SystemClock
+from ohmward.onboard.arrivals import Arrival, Arrivals
+from ohmward.onboard.clock import LEAP_S, MessageDates, SystemClock
 from ohmward.onboard.estimation import Estimation
 from ohmward.onboard.evidence import AgeingModel
 from ohmward.onboard.feed import Feed
@@ -95,7 +96,7 @@ class Process:
         self.sinks = [(sink, Feed(feed_interval_s(sink))) for sink in sinks]
         self.diagnostics: dict[str, Diagnostic] = {}
         self._logged: dict[str, tuple[Level, str]] = {}
-        self._own = {source.name for source in sources if not is_live(source)}
+        self._own = frozenset(source.name for source in sources if not is_live(source))
         self._restart()
         self._ageing = AgeingModel(estimation.battery, estimation.robot)
         self.state = estimation.state
@@ -135,6 +136,8 @@ class Process:
             await asyncio.wait([stopped, ended], return_when=asyncio.FIRST_COMPLETED)
         finally:
             await _cancel([stopped, ended, *sources, watch])  # sources that end now are not reported as silent
+            for arrival in self._arrivals.flush():
+                self._take(arrival)
             last_s = self.state.time_s if self._own else self.now_s()
             for state in self.estimation.flush():  # as of now, maybe long after the measurement
                 self._pass_on(state._replace(time_s=max(state.time_s, last_s)))
@@ -152,7 +155,7 @@ class Process:
 
     def _restart(self) -> None:
         """Reset all times, at the start and when a simulation or a bag restarts."""
-        self._clocks: dict[tuple[str, str], SourceClock] = {}
+        self._arrivals = Arrivals(self._own)
         self._dates = MessageDates()
         self._ahead_s, self._received_s, self._simulated_s = 0.0, -math.inf, math.nan
         self._calendar_s = math.nan
@@ -179,17 +182,12 @@ class Process:
 
     def put(self, message: Message) -> None:
         """Accept a message: estimate, and pass the states on. Never raises."""
-        try:
-            for state in self.estimation.put(*self._watched(message)):
-                self._pass_on(state)
-            self.faults[message.source] = 0
-        except Exception as error:
-            self.faults[message.source] += 1
-            LOG.exception("estimation: unexpected error")
-            self.tell(Diagnostic("estimation", Level.ERROR, f"unexpected {type(error).__name__}: {error}"))
+        self._take_time(message)
+        for arrival in self._arrivals.put(message):
+            self._take(arrival)
 
-    def _watched(self, message: Message) -> tuple[float, dict[str, float]]:
-        """Time of a message on our clock, and its values that may be used, with nan for invalid ones."""
+    def _take_time(self, message: Message) -> None:
+        """Time of a replay or a simulation after a message; everything restarts if it went back."""
         own = message.source in self._own
         if own and message.received_s < self._received_s - LEAP_S:
             LOG.warning("source %s: its time went back; everything restarts", message.source)
@@ -201,18 +199,29 @@ class Process:
             self._received_s = message.received_s
         if message.sets_time:
             self._simulated_s = message.received_s
-        publisher = message.source, message.publisher
-        if (clock := self._clocks.get(publisher)) is None:
-            clock = self._clocks[publisher] = SourceClock(math.inf if own else DELAY_WINDOW_S)
-        steps = clock.steps
-        time_s = clock.to_ours(message.stamp_s, message.received_s)
+
+    def _take(self, arrival: Arrival) -> None:
+        """Estimate from a message, and pass the states on. Never raises."""
+        source = arrival.message.source
+        try:
+            for state in self.estimation.put(arrival.time_s, self._watched(arrival)):
+                self._pass_on(state)
+            self.faults[source] = 0
+        except Exception as error:
+            self.faults[source] += 1
+            LOG.exception("estimation: unexpected error")
+            self.tell(Diagnostic("estimation", Level.ERROR, f"unexpected {type(error).__name__}: {error}"))
+
+    def _watched(self, arrival: Arrival) -> dict[str, float]:
+        """Values of a message that may be used, with nan for invalid ones."""
+        message, time_s, clock_was_set = arrival
         self._dates.put(time_s, message.date_s)
-        if own:
+        if message.source in self._own:
             self._calendar_s = message.date_s - time_s
         values = self.watch.take(message.source, time_s, message.received_s, message.values)
-        if clock.steps > steps:
+        if clock_was_set:
             self.watch.clock_was_set(message.source, message.received_s)
-        return time_s, values
+        return values
 
     def tell(self, diagnostic: Diagnostic) -> None:
         """Record a condition; every state carries the latest one of each name. A new one is logged."""
@@ -264,6 +273,8 @@ class Process:
             await asyncio.sleep(SENSOR_LOOK_S)
             if self.clock.now_s() - began_s > 2.0 * SENSOR_LOOK_S:
                 await asyncio.sleep(SENSOR_LOOK_S)  # held up by the machine: first accept what came meanwhile
+            for arrival in self._arrivals.due(self.clock.now_s()):
+                self._take(arrival)
             for diagnostic in self.watch.look(self.now_s()):
                 self.tell(diagnostic)
             for sink, feed in self.sinks:

@@ -16,6 +16,7 @@ import ohmward
 from ohmward import generic_battery, save_battery
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.transport import RosNetwork, message_class
+from ohmward.traction.robot.packaged import load_robot
 
 rclpy = pytest.importorskip("rclpy", reason="rclpy is not installed: pip install 'ohmward[rclpy]', or source a ROS 2")
 DescribeParameters = importlib.import_module("rcl_interfaces.srv").DescribeParameters
@@ -259,6 +260,31 @@ def test_services_change_what_is_estimated(robot, start):
     node.send_signal(signal.SIGINT)
     node.communicate(timeout=PATIENCE_S)
     assert node.returncode == 0
+
+
+def test_what_a_driver_has_queued_counts_at_the_time_of_its_measurement(robot, start):
+    """Eight seconds at 4 rad/s are sent within a moment, the next two as they are measured."""
+    odometry = robot.hear(types.ODOMETRY, "ohmward/odometry")
+    reliable = rclpy.qos.QoSProfile(depth=1000)
+    robot.joints = robot.node.create_publisher(message_class(types.JOINT_STATE), "joint_states", reliable)
+    robot.imu = robot.node.create_publisher(message_class(types.IMU), "imu/data", reliable)
+    start("-p robot:=rlma")
+    robot.until(lambda: robot.joints.get_subscription_count() and robot.imu.get_subscription_count())
+    time.sleep(1.0)  # until the node has found the publishers, too
+    now_s, begin_s = time.time(), time.monotonic()
+    for k in range(400):
+        for publisher, message in ((robot.imu, robot.stamped(types.IMU)), (robot.joints, robot.joint_states())):
+            past_s = now_s - 8.0 + 0.02 * k
+            message.header.stamp.sec, message.header.stamp.nanosec = int(past_s), int(1e9 * (past_s % 1.0))
+            publisher.publish(message)
+    robot.until(lambda: time.monotonic() > begin_s + 2.0, wheels=True)
+    radius_m = load_robot("rlma").wheel.radius_m
+    assert odometry[-1].pose.pose.position.x == pytest.approx(4.0 * radius_m * 10.0, rel=0.05)
+    assert 8.0 < stamp_s(odometry[-1]) - stamp_s(odometry[0]) < 10.5
+
+
+def stamp_s(message) -> float:
+    return message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
 
 
 @pytest.mark.parametrize("after_s", [0.1, 0.4, 1.0])

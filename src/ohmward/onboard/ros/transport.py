@@ -30,8 +30,10 @@ MOST_DOMAIN = 232
 _SPIN_END_S = 2.0
 #: Time between two polls for messages, and between two turns of the executor [s], which cost as much as ten messages.
 _LOOK_S, _TURN_S = 0.01, 0.05
-#: Length of the queue of a topic, for a process that was held up; also the most messages of a topic in one poll.
-_QUEUE = 100
+#: Length of the queue of a topic, for a process that was held up, or a sender that had been waiting.
+_QUEUE = 1000
+#: Most messages of a topic in one poll, so that one topic cannot keep the others waiting.
+_MOST = 100
 
 
 class Transport(Protocol):
@@ -110,9 +112,9 @@ class _Subscription(NamedTuple):
     receive: Receive
 
     def take_all(self) -> None:
-        """Hand over the messages that have arrived, a full queue at most."""
+        """Hand over the messages that have arrived, `_MOST` at most."""
         with self.made.handle:
-            for _ in range(_QUEUE):
+            for _ in range(_MOST):
                 taken = self.made.handle.take_message(self.made.msg_type, True)
                 if not taken:
                     break
