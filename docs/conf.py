@@ -24,8 +24,8 @@ extensions = [
     "offline_math",
     "plain_docstrings",
 ]
-# `-t quick` leaves out what takes two thirds of the time and warns of nothing: copies of the source, and every function
-# in the contents of every page.
+# `-t quick` leaves out what takes most of the time and warns of nothing: copies of the source, every function in the
+# contents of every page, and links from types.
 if not tags.has("quick"):  # noqa: F821 (Sphinx gives it)
     extensions.append("sphinx.ext.viewcode")
 toc_object_entries = not tags.has("quick")  # noqa: F821
@@ -48,7 +48,7 @@ myst_heading_anchors = 3
 myst_dmath_double_inline = True
 
 autodoc_default_options = {"members": True, "member-order": "bysource"}
-autodoc_typehints = "signature"
+autodoc_typehints = "none" if tags.has("quick") else "signature"  # noqa: F821
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
 

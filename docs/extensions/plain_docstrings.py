@@ -10,6 +10,7 @@ import inspect
 import re
 import sys
 from collections.abc import Iterator
+from functools import cache
 from itertools import groupby
 from textwrap import dedent
 
@@ -42,6 +43,7 @@ def skip(app: Sphinx, what: str, name: str, value: object, skipped: bool, option
     return True if name in getattr(cls, "__annotations__", ()) else None
 
 
+@cache
 def _behind_fields(cls: type) -> dict[str, str]:
     """Meanings that stand behind fields, not in the docstring."""
     found = field_comments(cls) if cls.__module__.startswith("ohmward") and inspect.get_annotations(cls) else {}
