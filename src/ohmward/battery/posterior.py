@@ -8,10 +8,12 @@ that do not fit count less: rho is the pseudo-Huber loss (Hartley and Zisserman 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
+
+from ohmward.errors import InputError
 
 #: Knots of SoC of the correction of the open-circuit curve. Stages of graphite are 5 % of SoC wide and more; the ends
 #: are steep. The curves of the chemistries have their bends at knots, so that the bends of a curve that is not the
@@ -27,6 +29,31 @@ _SOC_STD = 0.003
 _MOST_HALVINGS, _SMALL_STEP = 5, 0.03
 #: Largest rise of the cost in a step: the slope of the curve is an average, so that no step is exactly downhill.
 _SLACK = 0.5
+
+
+class Unknowns(NamedTuple):
+    """Unknowns of a fit by groups, in the order of their vector."""
+
+    sizes: Mapping[str, int]  #: number of each group, by its name; 0 for one that is not sought
+    names: tuple[str, ...] = ()  #: (K,) of the unknowns, where a file keeps what is known of them
+
+    @property
+    def size(self) -> int:
+        """Number K of unknowns."""
+        return sum(self.sizes.values())
+
+    def group(self, name: str) -> slice:
+        """Places of a group in the vector of all; empty for one that is not sought."""
+        before = 0
+        for other, size in self.sizes.items():
+            if other == name:
+                return slice(before, before + size)
+            before += size
+        raise InputError(f"no group of unknowns {name!r}; there are {', '.join(self.sizes)}")
+
+    def places(self, *names: str) -> np.ndarray:
+        """Places of several groups in the vector of all."""
+        return np.concatenate([np.arange(self.size)[self.group(name)] for name in names])
 
 
 class Gaussian(NamedTuple):

@@ -15,7 +15,7 @@ from ohmward.battery.learning.fold import fold
 from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.samples import samples_of
 from ohmward.battery.learning.solve import moments, solve
-from ohmward.battery.learning.voltage_model import CurvePlace, VoltageModel, file_charge, nuisance_covariance, true_soc
+from ohmward.battery.learning.voltage_model import CurvePlace, VoltageModel, file_charge, prior_of, true_soc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.soc.anchor_rule import SocAnchor
 from ohmward.filters.belief import Belief
@@ -27,13 +27,9 @@ TESTED = Battery("tested", 12.0, "nmc", 3, 5.0, 14.0, thevenin=MODEL, noise=Batt
 def problem(battery: Battery, log: Log) -> tuple[VoltageModel, Belief]:
     (samples,) = samples_of(log, battery)
     model = VoltageModel(battery, samples, samples.rows)
-    K, M = model.parameters.size, model.nuisances.size
-    covariance = np.zeros((K + M, K + M))
-    covariance[:K, :K] = prior_covariance(battery)
-    covariance[K:, K:] = nuisance_covariance(model.nuisances, samples, battery, 0.5, 0.005)
-    mean = np.zeros(K + M)
-    mean[K + model.nuisances.soc] = 1.0
-    return model, Belief(mean, covariance)
+    prior = prior_of(model, 0.005)
+    prior.mean[model.unknowns.group("start soc")] = 1.0
+    return model, prior
 
 
 def test_the_solution_is_that_of_a_kalman_filter_through_all_rows():
@@ -64,10 +60,8 @@ def test_the_columns_are_the_derivatives_of_the_voltage():
     rng = np.random.default_rng(0)
     x = prior.mean + 0.1 * np.sqrt(np.diag(prior.cov)) * rng.standard_normal(prior.mean.size)
     columns = model.predict(x).voltage_columns
-    p, nuisances = model.parameters, model.nuisances
-    exact = [*range(p.group("ohmic").start, p.group("pair").stop), *range(p.group("ocv").start, p.group("ocv").stop)]
-    exact += [p.size + k for k in range(nuisances.misfit.start, nuisances.misfit.stop)]
-    for k in exact:
+    p = model.unknowns
+    for k in p.places("ohmic", "pair", "ocv", "misfit"):
         step = np.zeros(x.size)
         step[k] = 1e-4
         difference = (model.predict(x + step).voltage_V - model.predict(x - step).voltage_V) / 2e-4
@@ -82,7 +76,7 @@ def test_an_offset_that_changes_acts_the_same_whether_the_file_doubts_it_or_not(
     sure = replace(TESTED, sensor=replace(TESTED.sensor, offset_std_A=0.0))
     (model, prior), (other, other_prior) = problem(TESTED, day(MODEL, 1)), problem(sure, day(MODEL, 1))
     columns, others = model.predict(prior.mean).voltage_columns, other.predict(other_prior.mean).voltage_columns
-    assert model.nuisances.offset_from_s.size == 1
+    assert model.offset_starts.size == 1
     assert columns[:, model.parameters.size :] == pytest.approx(others[:, other.parameters.size :], abs=1e-12)
 
 

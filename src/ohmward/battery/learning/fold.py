@@ -22,7 +22,7 @@ import numpy as np
 from ohmward.battery.battery import Battery, Knowledge, SeenLog
 from ohmward.battery.chemistries import CELL_V, Normal, chemistry, chemistry_prior
 from ohmward.battery.identification.circuit_uncertainty import SOC_AXIS_STD, beyond_axis_V
-from ohmward.battery.learning.parameters import Parameters, mean_slope_V, parameters_of, prior_covariance
+from ohmward.battery.learning.parameters import mean_slope_V, parameters_of, prior_covariance
 from ohmward.battery.learning.voltage_model import CurvePlace, OpenCircuit, file_charge, true_soc
 from ohmward.battery.models.noise import BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve, hat, slip_shape
@@ -34,7 +34,7 @@ from ohmward.battery.models.thevenin import (
     next_state,
     overpotentials,
 )
-from ohmward.battery.posterior import ENTROPY_KNOTS, OCV_KNOTS
+from ohmward.battery.posterior import ENTROPY_KNOTS, OCV_KNOTS, Unknowns
 from ohmward.filters.consistency import BAND_95
 
 #: Duration of the pulse [s], and state of charge before the pulse that is quoted.
@@ -129,7 +129,7 @@ def without_capacity(covariance: np.ndarray, battery: Battery) -> np.ndarray:
     return found
 
 
-def ageing_direction(battery: Battery, p: Parameters) -> np.ndarray:
+def ageing_direction(battery: Battery, p: Unknowns) -> np.ndarray:
     """(K,) change of the parameters with the logarithm of the capacity in ageing, slip of the electrodes included."""
     model, direction = battery.thevenin, np.zeros(p.size)
     direction[p.group("capacity")] = 1.0
@@ -146,7 +146,7 @@ def _slope_by_capacity_V(battery: Battery, soc: np.ndarray) -> np.ndarray:
     return mean_slope_V(battery.thevenin.ocv, soc) * (1.0 - soc - stretched)
 
 
-def slip_direction(battery: Battery, p: Parameters) -> np.ndarray:
+def slip_direction(battery: Battery, p: Unknowns) -> np.ndarray:
     """(K,) change of the curve where the electrodes slip by the whole of a loss of capacity."""
     model, direction = battery.thevenin, np.zeros(p.size)
     direction[p.group("ocv")] = -mean_slope_V(model.ocv, OCV_KNOTS) * slip_shape(OCV_KNOTS, model.ocv_slip)
@@ -175,7 +175,7 @@ def folded_curve(curve: OpenCircuit) -> OcvCurve:
     return ocv.corrected(voltage_V, float(np.exp(theta[p.group("hysteresis")].sum())), more_V_per_K)
 
 
-def folded_noise(battery: Battery, p: Parameters, covariance: np.ndarray) -> BatteryNoise:
+def folded_noise(battery: Battery, p: Unknowns, covariance: np.ndarray) -> BatteryNoise:
     """Noise of the battery with these errors left in its parameters, none below its floor or above the old value."""
     noise, gain_std = battery.noise, battery.sensor.gain_std
     std = np.sqrt(np.diag(covariance))
@@ -222,17 +222,16 @@ def never_anchored(battery: Battery, before: Battery) -> Battery:
 def resistance_std(battery: Battery, covariance: np.ndarray) -> float:
     """Relative error of the resistance to a steady current, mean over SoC."""
     p, model = parameters_of(battery), battery.thevenin
-    weights = np.zeros(p.size)
     grid = np.linspace(0.0, 1.0, len(model.r0_discharge_ohm))
     along = hat(_NOISE_GRID, RESISTANCE_KNOTS).mean(axis=0)
-    rows = [(p.group("ohmic"), model.r0_discharge_ohm), *((p.pair(j), r) for j, r in enumerate(model.r_ohm))]
-    for place, ohm in rows:
-        weights[place] = along * np.interp(RESISTANCE_KNOTS, grid, ohm)
+    rows = [along * np.interp(RESISTANCE_KNOTS, grid, ohm) for ohm in (model.r0_discharge_ohm, *model.r_ohm)]
+    weights = np.zeros(p.size)
+    weights[p.places("ohmic", "pair")] = np.concatenate(rows)
     total = weights.sum()
     return float(np.sqrt(weights @ covariance @ weights) / total) if total > 0 else 0.0
 
 
-def _curve_error(battery: Battery, p: Parameters, covariance: np.ndarray) -> tuple[np.ndarray, float]:
+def _curve_error(battery: Battery, p: Unknowns, covariance: np.ndarray) -> tuple[np.ndarray, float]:
     """(21,) standard deviation [V] of the curve along SoC, and the correlation length of that error."""
     rows = np.zeros((_NOISE_GRID.size, p.size))
     rows[:, p.group("ocv")] = hat(_NOISE_GRID, OCV_KNOTS)
@@ -254,9 +253,9 @@ def _axis_std(battery: Battery, curve_V: np.ndarray) -> float:
     return float(np.median(curve_V[steep] / slope_V[steep]))
 
 
-def _share(noise: BatteryNoise, p: Parameters, std: np.ndarray) -> float | tuple[float, ...]:
+def _share(noise: BatteryNoise, p: Unknowns, std: np.ndarray) -> float | tuple[float, ...]:
     """Relative error of the overpotential, from the remaining errors of the resistances and the floor."""
-    shape = np.square(std[p.resistances]).mean()
+    shape = np.square(std[p.places("ohmic", "pair")]).mean()
     before = np.asarray(noise.overpotential_share)
     found = np.minimum(np.maximum(before, 0.0), np.hypot(_SHARE, 0.25 * np.sqrt(shape)))
     return tuple(found.tolist()) if found.ndim else float(found)

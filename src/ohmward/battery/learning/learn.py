@@ -59,8 +59,7 @@ from ohmward.battery.learning.start import (
     prior_of_age,
     soc_anchors,
 )
-from ohmward.battery.learning.voltage_model import VoltageModel, nuisance_covariance
-from ohmward.battery.models.noise import SOC_UNKNOWN_STD
+from ohmward.battery.learning.voltage_model import VoltageModel, prior_of
 from ohmward.battery.soc.anchor_rule import SocAnchor
 from ohmward.battery.soc.anchors import Anchor, find_anchors
 from ohmward.battery.soc.estimator import SocEstimator
@@ -227,7 +226,8 @@ def aged(battery: Battery, hours: float, cycles: float) -> Battery:
     capacity_variance: Any = noise.capacity_walk_variance(span_s) + _CYCLE_WALK**2 * cycles
     covariance += capacity_variance * (np.outer(direction, direction) + np.outer(slipped, slipped))
     resistance_variance: Any = noise.resistance_walk_variance(span_s) + _CYCLE_WALK**2 * cycles
-    covariance[np.ix_(p.resistances, p.resistances)] += resistance_variance
+    resistances = p.places("ohmic", "pair")
+    covariance[np.ix_(resistances, resistances)] += resistance_variance
     covariance[p.group("offset"), p.group("offset")] += battery.sensor.offset_walk_variance(span_s)
     of_aged = Knowledge.of(p.names, covariance, battery.learnt_logs, battery.curve_seen_from_soc)
     return replace(battery, knowledge=of_aged)
@@ -263,7 +263,7 @@ def _learn_parts(
 def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ...]) -> _Part:
     """Update by one part."""
     model = VoltageModel(battery, samples, samples.rows)
-    prior = of_file = _prior(model)
+    prior = of_file = prior_of(model, model_floor_V(battery))
     start = _best_start(model, prior, anchors)
     found = solve(model, prior, anchors, start)
     for _ in range(_AGE_ROUNDS if battery.knowledge is None else 0):
@@ -276,25 +276,12 @@ def _learn_part(battery: Battery, samples: Samples, anchors: tuple[SocAnchor, ..
     return _Part(after, found, model, log_estimates(model, prior, found, after))
 
 
-def _prior(model: VoltageModel) -> Belief:
-    """Prior of the parameters and of the unknowns of the part; its SoC may be anything."""
-    K, nuisances = model.parameters.size, model.nuisances
-    covariance = np.zeros((K + nuisances.size, K + nuisances.size))
-    covariance[:K, :K] = prior_covariance(model.battery)
-    floor_V = model_floor_V(model.battery)
-    covariance[K:, K:] = nuisance_covariance(nuisances, model.samples, model.battery, SOC_UNKNOWN_STD, floor_V)
-    mean = np.zeros(K + nuisances.size)
-    mean[K + nuisances.soc] = 0.5
-    return Belief(mean, covariance)
-
-
 def _best_start(model: VoltageModel, prior: Belief, anchors: tuple[SocAnchor, ...]) -> np.ndarray:
     """The start of the search that leads to the highest mode."""
-    place = model.parameters.size + model.nuisances.soc
     candidates = []
     for soc in likely_starts(model, prior.mean, anchors):
         x = prior.mean.copy()
-        x[place] = soc
+        x[model.unknowns.group("start soc")] = soc
         candidates.append(x)
     if len(candidates) == 1:
         return candidates[0]

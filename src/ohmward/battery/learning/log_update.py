@@ -20,9 +20,10 @@ import numpy as np
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import Normal
 from ohmward.battery.learning.fold import ageing_direction, pulse_ohm
-from ohmward.battery.learning.parameters import TITLES, Parameters
+from ohmward.battery.learning.parameters import TITLES
 from ohmward.battery.learning.solve import Solution
 from ohmward.battery.learning.voltage_model import VoltageModel
+from ohmward.battery.posterior import Unknowns
 from ohmward.battery.soc.anchors import Anchor
 from ohmward.filters.belief import Belief
 
@@ -51,7 +52,7 @@ def log_estimates(model: VoltageModel, prior: Belief, found: Solution, after: Ba
     information = np.linalg.inv(found.covariance[:K, :K]) - precision
     pull = precision @ found.x[:K]
     all_resistances = np.zeros(K)
-    all_resistances[p.resistances] = 1.0
+    all_resistances[p.places("ohmic", "pair")] = 1.0
     lowest_soc, given_Ah = _given(model, found, after)
     return LogEstimates(
         log_estimate(after.capacity_Ah, ageing_direction(model.battery, p), pull, information)
@@ -131,7 +132,7 @@ class LogUpdate(NamedTuple):
         return {name: None if value != value else value for name, value in found.items()}
 
 
-def narrowed(p: Parameters, before: np.ndarray, after: np.ndarray) -> dict[str, float]:
+def narrowed(p: Unknowns, before: np.ndarray, after: np.ndarray) -> dict[str, float]:
     """Factor by which the standard deviation of each group became smaller, the mean of its parameters."""
     factors = {}
     for name, size in p.sizes.items():

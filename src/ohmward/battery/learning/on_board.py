@@ -22,8 +22,9 @@ import numpy as np
 from ohmward.battery.battery import Battery, SeenLog
 from ohmward.battery.learning.fold import fold, known_since
 from ohmward.battery.learning.learn import aged
-from ohmward.battery.learning.parameters import Parameters, parameters_of, prior_covariance
+from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.models.thevenin import CircuitInput
+from ohmward.battery.posterior import Unknowns
 from ohmward.battery.soc.augmented_thevenin import AugmentedThevenin
 from ohmward.battery.soc.estimator import SocEstimator
 from ohmward.battery.soc.gaussian_sum import GaussianSumFilter
@@ -63,7 +64,7 @@ def learnt_on_board(battery: Battery, estimator: SocEstimator) -> Battery:
     return known_since(fold(before, theta, covariance, 1.0, (*battery.learnt_logs, on_board)), end_unix_s)
 
 
-def seen_by_filter(p: Parameters, system: AugmentedThevenin) -> tuple[list[str], np.ndarray]:
+def seen_by_filter(p: Unknowns, system: AugmentedThevenin) -> tuple[list[str], np.ndarray]:
     """Names of the filter's states that correct the file, and H (n, K): each as a mean of parameters."""
     activation = p.group("activation")
     places = {

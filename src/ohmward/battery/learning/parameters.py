@@ -6,7 +6,6 @@ capacity positive, and make twice a value as likely as half of it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +14,7 @@ from ohmward.battery.battery import Battery
 from ohmward.battery.models.noise import RESISTANCE_CORRELATION, BatteryNoise
 from ohmward.battery.models.ocv import OcvCurve, correlation
 from ohmward.battery.models.thevenin import RESISTANCE_KNOTS, Thevenin
-from ohmward.battery.posterior import ENTROPY_KNOTS, ENTROPY_LENGTH, OCV_KNOTS
-from ohmward.errors import InputError
+from ohmward.battery.posterior import ENTROPY_KNOTS, ENTROPY_LENGTH, OCV_KNOTS, Unknowns
 
 #: The charger's voltage limit defines a full lithium cell, so that an error of the SoC axis falls to this share of it
 #: there, and to no more than chargers differ. A test has shown the limit itself, a label that of the chemistry.
@@ -67,38 +65,7 @@ class Group(NamedTuple):
     covariance: np.ndarray
 
 
-class Parameters(NamedTuple):
-    """The parameters of a battery in their order."""
-
-    sizes: Mapping[str, int]  #: number of each group, by its name; 0 for one that the file takes as exact
-    names: tuple[str, ...]  #: (K,) of the parameters
-
-    @property
-    def size(self) -> int:
-        """Number K of parameters."""
-        return len(self.names)
-
-    def group(self, name: str) -> slice:
-        """The parameters of a group in the vector of all; empty for one that the file takes as exact."""
-        before = 0
-        for other, size in self.sizes.items():
-            if other == name:
-                return slice(before, before + size)
-            before += size
-        raise InputError(f"no group of parameters {name!r}; there are {', '.join(self.sizes)}")
-
-    @property
-    def resistances(self) -> np.ndarray:
-        """Places of all resistances in the vector of all."""
-        return np.r_[self.group("ohmic"), self.group("pair")]
-
-    def pair(self, j: int) -> slice:
-        """Resistances of the RC pair j along SoC, counted from 0."""
-        first = self.group("pair").start + j * RESISTANCE_KNOTS.size
-        return slice(first, first + RESISTANCE_KNOTS.size)
-
-
-def parameters_of(battery: Battery) -> Parameters:
+def parameters_of(battery: Battery) -> Unknowns:
     """The parameters of a battery, without those that its file takes as exact."""
     return _Prior(battery, battery.thevenin).parameters
 
@@ -128,9 +95,9 @@ class _Prior(NamedTuple):
         return self.battery.noise
 
     @property
-    def parameters(self) -> Parameters:
+    def parameters(self) -> Unknowns:
         groups = self.groups
-        return Parameters(
+        return Unknowns(
             {name: len(group.names) for name, group in groups.items()},
             tuple(name for group in groups.values() for name in group.names),
         )

@@ -43,7 +43,7 @@ _BOUND_STD = 0.01
 class Solution(NamedTuple):
     """The most likely unknowns of a part."""
 
-    x: np.ndarray  #: (n,) parameters and nuisances
+    x: np.ndarray  #: (n,) parameters of the battery and unknowns of the part
     hessian: np.ndarray  #: (n, n) of half the cost
     covariance: np.ndarray  #: (n, n)
     cost: float  #: at the minimum, up to a constant
@@ -131,7 +131,7 @@ class _PartProblem:
         """The rows about the unknowns x (n,); misfit: factor on the variance of the voltages."""
         p, white_V = self.model.predict(x), self.model.battery.noise.voltage_std_V
         share = np.minimum(self.model.share_at(p.soc), _LARGEST_SHARE)
-        slope_V = p.voltage_columns[:, self.model.parameters.size + self.model.nuisances.soc]
+        slope_V = p.voltage_columns[:, self.model.unknowns.group("start soc").start]
         variance_V2 = voltage_variance(white_V, share, p.over_V2, slope_V)
         residual_V = self.measured_V - p.voltage_V
         robust = robust_weights(residual_V**2 / (variance_V2 * misfit))

@@ -121,7 +121,7 @@ def _costs(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -
 
     The overpotentials are those of one start: they depend little on SoC.
     """
-    place = model.parameters.size + model.nuisances.soc
+    place = model.unknowns.group("start soc").start
     p = model.predict(x)
     noise, ocv, degC = model.battery.noise, model.model.ocv, model.samples.temperature_degC[model.rows]
     over_V = p.voltage_V - np.asarray(ocv.mean_V(p.soc, degC))
@@ -149,7 +149,7 @@ def _costs(model: VoltageModel, x: np.ndarray, anchors: tuple[SocAnchor, ...]) -
 def prior_of_age(model: VoltageModel, prior: Belief, x: np.ndarray) -> Belief:
     """The prior with the likeliest scale of ageing, the unknowns of the part being x (n,)."""
     p, covariance = model.parameters, prior.cov.copy()
-    q, resistances = p.group("capacity"), p.resistances
+    q, resistances = p.group("capacity"), p.places("ohmic", "pair")
     covariance[q, q] += _scale2(max(-float(x[q].sum()), 0.0), covariance[q, q])
     together = np.ix_(resistances, resistances)
     covariance[together] += _scale2(max(float(x[resistances].mean()), 0.0), covariance[together])

@@ -29,13 +29,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ohmward.battery.battery import Battery
-from ohmward.battery.learning.parameters import Parameters, parameters_of
+from ohmward.battery.learning.parameters import parameters_of, prior_covariance
 from ohmward.battery.learning.samples import Samples
-from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, walk_variance
+from ohmward.battery.models.noise import HYSTERESIS_UNKNOWN_STD, SOC_UNKNOWN_STD, walk_variance
 from ohmward.battery.models.ocv import correlation, hat, slip_shape
 from ohmward.battery.models.sensitivities import CircuitAlong, CircuitSample, SensitiveCircuit
 from ohmward.battery.models.thevenin import Corrections, Thevenin, without_curve
-from ohmward.battery.posterior import ENTROPY_KNOTS, OCV_KNOTS
+from ohmward.battery.posterior import ENTROPY_KNOTS, OCV_KNOTS, Unknowns
+from ohmward.filters.belief import Belief
 from ohmward.logs.log import SECONDS_PER_HOUR
 from ohmward.trace import Kernel, exp, linearize, where
 
@@ -106,7 +107,7 @@ class OpenCircuit:
     theta: np.ndarray
 
     @cached_property
-    def parameters(self) -> Parameters:
+    def parameters(self) -> Unknowns:
         """Unknowns of the battery."""
         return parameters_of(self.battery)
 
@@ -169,73 +170,6 @@ _LEAST_WALK_A = 1e-9
 _LEAST_PAIR_SHARE = 5e-4
 
 
-class Nuisances(NamedTuple):
-    """Places of the unknowns of a part in their vector (M,)."""
-
-    segments: int
-    n_pairs: int
-    n_jumps: int
-    offset_from_s: np.ndarray  #: times at which the offset changes
-    has_hysteresis: bool
-
-    @property
-    def soc(self) -> int:
-        """Place of the SoC at the start."""
-        return 0
-
-    @property
-    def jumps(self) -> slice:
-        """Places of the changes of SoC that no current shows."""
-        return slice(1, 1 + self.n_jumps)
-
-    @property
-    def offsets(self) -> slice:
-        """Places of the changes of the sensor's offset."""
-        return slice(self.jumps.stop, self.jumps.stop + self.offset_from_s.size)
-
-    def pair(self, j: int) -> slice:
-        """Places of the voltage of pair j at the start of each segment."""
-        first = self.offsets.stop + j * self.segments
-        return slice(first, first + self.segments)
-
-    @property
-    def hysteresis(self) -> slice:
-        """Places of the hysteresis at the start of each segment."""
-        first = self.offsets.stop + self.n_pairs * self.segments
-        return slice(first, first + self.has_hysteresis * self.segments)
-
-    @property
-    def misfit(self) -> slice:
-        """Places of the error of the voltage [V] of this log on MISFIT_KNOTS."""
-        return slice(self.hysteresis.stop, self.hysteresis.stop + MISFIT_KNOTS.size)
-
-    @property
-    def size(self) -> int:
-        """Number M of unknowns."""
-        return self.misfit.stop
-
-
-def nuisance_covariance(
-    nuisances: Nuisances, samples: Samples, battery: Battery, soc_std: float, misfit_V: float
-) -> np.ndarray:
-    """(M, M) prior covariance of the unknowns of a part; soc_std: of the SoC at its start."""
-    model = battery.thevenin
-    std = np.zeros(nuisances.size)
-    std[nuisances.soc] = soc_std
-    std[nuisances.jumps] = [jump.std for jump in samples.jumps]
-    if nuisances.offset_from_s.size:
-        step_s = float(samples.time_s[-1] - samples.time_s[0]) / (nuisances.offset_from_s.size + 1)
-        walk_A2: Any = walk_variance(max(battery.sensor.offset_walk_A, _LEAST_WALK_A), SECONDS_PER_HOUR, step_s)
-        std[nuisances.offsets] = np.sqrt(walk_A2)
-    least_V = _LEAST_PAIR_SHARE * float(np.mean(model.ocv.voltage_V))
-    for j, row in enumerate(model.r_ohm):
-        std[nuisances.pair(j)] = least_V + _START_C * model.capacity_Ah * float(np.mean(row))
-    std[nuisances.hysteresis] = HYSTERESIS_UNKNOWN_STD
-    covariance = np.diag(std**2)
-    covariance[nuisances.misfit, nuisances.misfit] = misfit_V**2 * correlation(MISFIT_KNOTS, _MISFIT_LENGTH)
-    return covariance
-
-
 #: Half step of the hysteresis at the start for its derivative, since a state that saturates is not linear in it.
 _HYSTERESIS_STEP = 0.5
 
@@ -246,7 +180,7 @@ class VoltagePrediction(NamedTuple):
     soc: np.ndarray  #: (N,) charge c, SoC by the capacity of the file
     voltage_V: np.ndarray  #: (N,)
     over_V2: np.ndarray  #: (N,) sum of the squares of the overpotentials [V^2]
-    voltage_columns: np.ndarray  #: (N, K + M) derivatives by the parameters, then by the nuisances
+    voltage_columns: np.ndarray  #: (N, K + M) derivatives by the unknowns
     charge: ChargeAlong  #: charge and SoC at every sample
 
 
@@ -266,18 +200,23 @@ class VoltageModel:
         return self.battery.thevenin
 
     @cached_property
-    def parameters(self) -> Parameters:
+    def parameters(self) -> Unknowns:
         """Unknowns of the battery."""
         return parameters_of(self.battery)
 
     @cached_property
-    def nuisances(self) -> Nuisances:
-        """Unknowns of the part."""
-        samples, model = self.samples, self.model
-        steps = int(min(samples.hours / _OFFSET_HOURS, _MOST_OFFSETS))
-        from_s = samples.time_s[0] + (samples.time_s[-1] - samples.time_s[0]) * np.arange(1, steps + 1) / (steps + 1)
-        hysteresis = any(model.ocv.hysteresis_V)
-        return Nuisances(1 + samples.gaps.size, model.pairs, len(samples.jumps), from_s, hysteresis)
+    def unknowns(self) -> Unknowns:
+        """All unknowns (K + M,): those of the battery, then those of the part."""
+        segments, hysteresis = self.starts.size, any(self.model.ocv.hysteresis_V)
+        of_part = {
+            "start soc": 1,
+            "jumps": len(self.samples.jumps),
+            "offset changes": self.offset_starts.size,
+            **{f"start v{j}": segments for j in range(self.model.pairs)},
+            "start hysteresis": segments * hysteresis,
+            "misfit": MISFIT_KNOTS.size,
+        }
+        return Unknowns({**self.parameters.sizes, **of_part})
 
     @cached_property
     def starts(self) -> np.ndarray:
@@ -298,9 +237,9 @@ class VoltageModel:
         curve = OpenCircuit(self.battery, x[:K])
         columns = there.columns + curve.slope_V(soc, degC)[:, None] * there.charge.columns(rows)
         columns[:, :K] += curve.columns(soc, degC)
-        misfit, places = hat(soc, MISFIT_KNOTS), K + np.arange(self.nuisances.size)[self.nuisances.misfit]
-        columns[:, places] = misfit
-        voltage_V = curve.at(soc, degC) + there.voltage_V + misfit @ x[places]
+        misfit, group = hat(soc, MISFIT_KNOTS), self.unknowns.group("misfit")
+        columns[:, group] = misfit
+        voltage_V = curve.at(soc, degC) + there.voltage_V + misfit @ x[group]
         return VoltagePrediction(soc, voltage_V, there.over_V2, columns, there.charge)
 
     def linear_about(self, x: np.ndarray, every: int) -> VoltageModel:
@@ -317,13 +256,16 @@ class VoltageModel:
         found_A = np.array([rest.excess_A for rest in self.samples.rests])
         columns = np.zeros((at.size, x.size))
         columns[:, self.parameters.group("offset")] = 1.0
-        columns[:, self.parameters.size :][:, self.nuisances.offsets] = at[:, None] >= self.offset_starts
+        columns[:, self.unknowns.group("offset changes")] = at[:, None] >= self.offset_starts
         return found_A - self.battery.sensor.offset_A - columns @ x, columns
 
     @cached_property
     def offset_starts(self) -> np.ndarray:
-        """Indices of the first sample after each change of the offset."""
-        return np.searchsorted(self.samples.time_s, self.nuisances.offset_from_s, side="right")
+        """Indices of the first sample after each change of the sensor's offset."""
+        samples = self.samples
+        steps = int(min(samples.hours / _OFFSET_HOURS, _MOST_OFFSETS))
+        from_s = samples.time_s[0] + (samples.time_s[-1] - samples.time_s[0]) * np.arange(1, steps + 1) / (steps + 1)
+        return np.searchsorted(samples.time_s, from_s, side="right")
 
     @cached_property
     def sensitive(self) -> SensitiveCircuit:
@@ -334,41 +276,38 @@ class VoltageModel:
     @cached_property
     def places(self) -> np.ndarray:
         """Places of the corrections of the circuit among the unknowns; an offset is the last of them."""
-        groups = [self.parameters.group(name) for name in Corrections._fields]
-        return np.concatenate([np.arange(group.start, group.stop) for group in groups])
+        return self.parameters.places(*Corrections._fields)
 
     def circuit(self, x: np.ndarray) -> CircuitInRows:
         """The circuit along the part, with the derivatives of its voltage in the rows."""
-        nu = x[self.parameters.size :]
-        low, high = self._hysteresis_starts(nu)
+        # the slope of the hysteresis at the starts is that between one below and one above the most likely one
+        group = self.unknowns.group("start hysteresis")
+        middle = x[group] if x[group].size else np.zeros(self.starts.size)
+        low, high = np.maximum(middle - _HYSTERESIS_STEP, -1.0), np.minimum(middle + _HYSTERESIS_STEP, 1.0)
+        start_h = np.column_stack([low, middle, high])
         theta = np.zeros(sum(self.sensitive.sizes))
         theta[: self.places.size] = x[self.places]
-        along = self.sensitive.along(theta, nu[self.nuisances.soc], self._circuit_samples(nu, low, high))
+        (soc,) = x[self.unknowns.group("start soc")]
+        along = self.sensitive.along(theta, soc, self._circuit_samples(x, start_h))
         charge = ChargeAlong(self, x, along.soc, along.soc_columns)
         return CircuitInRows(
             charge, along.voltage_V[self.rows], along.over_V2[self.rows], self._columns(x, along, high - low)
         )
 
-    def _hysteresis_starts(self, nu: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Hysteresis (segments,) at the starts below and above the most likely one; its slope is that between them."""
-        at = nu[self.nuisances.hysteresis] if self.nuisances.has_hysteresis else np.zeros(self.starts.size)
-        return np.maximum(at - _HYSTERESIS_STEP, -1.0), np.minimum(at + _HYSTERESIS_STEP, 1.0)
-
-    def _circuit_samples(self, nu: np.ndarray, low: np.ndarray, high: np.ndarray) -> CircuitSample:
-        """The samples with the values of the nuisances nu (M,)."""
-        samples, nuisances, starts = self.samples, self.nuisances, self.starts
+    def _circuit_samples(self, x: np.ndarray, hysteresis: np.ndarray) -> CircuitSample:
+        """The samples with the unknowns x (K + M,) of the part; hysteresis: (segments, 3) at the starts."""
+        samples, group, starts = self.samples, self.unknowns.group, self.starts
         T = samples.time_s.size
         counted, moved = np.ones(T), np.zeros(T)
         start_V, start_h = np.zeros((T, self.model.pairs)), np.zeros((T, 3))
         counted[starts] = 0.0
         moved[starts] = samples.moved_Ah[starts] / self.model.capacity_Ah
-        np.add.at(moved, self.jump_starts, nu[nuisances.jumps])
+        np.add.at(moved, self.jump_starts, x[group("jumps")])
         for j in range(self.model.pairs):
-            start_V[starts, j] = nu[nuisances.pair(j)]
-        middle = nu[nuisances.hysteresis] if nuisances.has_hysteresis else np.zeros(starts.size)
-        start_h[starts] = np.column_stack([low, middle, high])
+            start_V[starts, j] = x[group(f"start v{j}")]
+        start_h[starts] = hysteresis
         offset_A = np.zeros(T)
-        np.add.at(offset_A, self.offset_starts, nu[nuisances.offsets])
+        np.add.at(offset_A, self.offset_starts, x[group("offset changes")])
         return CircuitSample(
             dt_s=samples.dt_s,
             mean_current_A=samples.mean_current_A,
@@ -388,23 +327,21 @@ class VoltageModel:
 
     def _columns(self, x: np.ndarray, along: CircuitAlong, width: np.ndarray) -> np.ndarray:
         """(N, K + M) derivatives of the voltage of the circuit in the rows."""
-        rows, nuisances, P = self.rows, self.nuisances, sum(self.sensitive.sizes)
+        rows, group, P = self.rows, self.unknowns.group, sum(self.sensitive.sizes)
         columns = np.zeros((rows.size, x.size))
-        of_log = columns[:, self.parameters.size :]
         found = along.voltage_columns[rows]
         columns[:, self.places] = found[:, : self.places.size]
-        if nuisances.offset_from_s.size:
-            of_log[:, nuisances.offsets] = found[:, P - 1, None] * (rows[:, None] >= self.offset_starts)
+        columns[:, group("offset changes")] = found[:, P - 1, None] * (rows[:, None] >= self.offset_starts)
         segment = np.searchsorted(self.starts, rows, side="right") - 1
         for j in range(self.model.pairs):
             # share of the voltage at the start of each segment that is left at the start of each later one
             left = np.tril(np.ones((self.starts.size, self.starts.size)))
             for k, share in enumerate(along.left[self.starts[1:], j], start=1):
                 left[k:, :k] *= share
-            of_log[:, nuisances.pair(j)] = found[:, P + j, None] * left[segment]
-        if nuisances.has_hysteresis:
+            columns[:, group(f"start v{j}")] = found[:, P + j, None] * left[segment]
+        if self.unknowns.sizes["start hysteresis"]:
             slope_V = along.hysteresis_V[rows] / np.maximum(width, 1e-9)[segment]
-            of_log[np.arange(rows.size), nuisances.hysteresis.start + segment] = slope_V
+            columns[np.arange(rows.size), group("start hysteresis").start + segment] = slope_V
         return columns
 
 
@@ -428,15 +365,13 @@ class ChargeAlong(NamedTuple):
 
     def columns(self, at: np.ndarray) -> np.ndarray:
         """(N, K + M) derivatives of the charge in these samples."""
-        places, nuisances = self.of.places, self.of.nuisances
+        places, group = self.of.places, self.of.unknowns.group
         columns = np.zeros((at.size, self.x.size))
-        of_log = columns[:, self.of.parameters.size :]
         columns[:, places] = self.by_circuit[at, : places.size]
-        of_log[:, nuisances.soc] = 1.0
-        of_log[:, nuisances.jumps] = at[:, None] >= self.of.jump_starts
-        if nuisances.offset_from_s.size:
-            before = self.by_circuit[self.of.offset_starts - 1, -1]
-            of_log[:, nuisances.offsets] = np.minimum(self.by_circuit[at, -1, None] - before, 0.0)
+        columns[:, group("start soc")] = 1.0
+        columns[:, group("jumps")] = at[:, None] >= self.of.jump_starts
+        before = self.by_circuit[self.of.offset_starts - 1, -1]
+        columns[:, group("offset changes")] = np.minimum(self.by_circuit[at, -1, None] - before, 0.0)
         return columns
 
     def soc_columns(self, at: np.ndarray) -> np.ndarray:
@@ -470,3 +405,23 @@ class LinearCircuit(NamedTuple):
         return there._replace(
             charge=there.charge._replace(x=x, charge=charge), voltage_V=there.voltage_V + there.columns @ step
         )
+
+
+def prior_of(model: VoltageModel, misfit_V: float) -> Belief:
+    """Prior of all unknowns of a part, whose SoC at the start may be any; misfit_V: error peculiar to one log [V]."""
+    battery, samples, circuit = model.battery, model.samples, model.model
+    K, group = model.parameters.size, model.unknowns.group
+    mean, std = np.zeros(model.unknowns.size), np.zeros(model.unknowns.size)
+    mean[group("start soc")], std[group("start soc")] = 0.5, SOC_UNKNOWN_STD
+    std[group("jumps")] = [jump.std for jump in samples.jumps]
+    step_s = float(samples.time_s[-1] - samples.time_s[0]) / (model.offset_starts.size + 1)
+    walk_A2: Any = walk_variance(max(battery.sensor.offset_walk_A, _LEAST_WALK_A), SECONDS_PER_HOUR, step_s)
+    std[group("offset changes")] = np.sqrt(walk_A2)
+    least_V = _LEAST_PAIR_SHARE * float(np.mean(circuit.ocv.voltage_V))
+    for j, row in enumerate(circuit.r_ohm):
+        std[group(f"start v{j}")] = least_V + _START_C * circuit.capacity_Ah * float(np.mean(row))
+    std[group("start hysteresis")] = HYSTERESIS_UNKNOWN_STD
+    covariance = np.diag(std**2)
+    covariance[:K, :K] = prior_covariance(battery)
+    covariance[group("misfit"), group("misfit")] = misfit_V**2 * correlation(MISFIT_KNOTS, _MISFIT_LENGTH)
+    return Belief(mean, covariance)
