@@ -7,7 +7,7 @@ import pytest
 
 from battery.identification.examples import cell, pulse_log
 from battery.identification.test_circuit import problem_of
-from ohmward.battery.identification.circuit_design import Rates
+from ohmward.battery.identification.circuit_design import Rates, block
 from ohmward.battery.identification.circuit_fit import circuit_of, fit_circuit
 from ohmward.battery.identification.circuit_solve import solve
 from ohmward.battery.identification.identify import cells_transfer_V, try_transfer
@@ -32,7 +32,7 @@ def test_the_bend_of_a_cell_is_that_of_physics():
 def test_the_resistance_to_a_small_current_is_found_from_large_ones(problem):
     found = solve(problem, Rates(BENT.tau_s, BENT.hysteresis_rate, transfer_V=TRANSFER_V))
     for j, ohm in enumerate((0.25, 0.25, 0.010, 0.025)):
-        assert found.x[found.layout.block(j)][10] == pytest.approx(ohm, rel=0.07)
+        assert found.x[block(j)][10] == pytest.approx(ohm, rel=0.07)
     assert np.nanmax(np.abs(found.residual_V[0])) < 5e-3
 
 

@@ -9,6 +9,7 @@ from battery.identification.examples import cell, pulse_log
 from battery.identification.test_circuit import problem_of
 from ohmward.battery.chemistries import CHEMISTRIES, chemistry_prior
 from ohmward.battery.identification import identify
+from ohmward.battery.identification.circuit_design import block
 from ohmward.battery.identification.circuit_fit import circuit_of, fit_circuit
 from ohmward.battery.identification.circuit_uncertainty import (
     activation_std_K,
@@ -115,7 +116,7 @@ def test_two_temperatures_show_how_charge_transfer_bends_the_drop():
     fit = fit_circuit(problem, 2)
     assert fit.solution.rates.transfer_V == pytest.approx(0.1, rel=0.15)
     assert fit.solution.rates.activation_K == pytest.approx(TRUE.activation_K, abs=100.0)
-    assert fit.solution.x[fit.solution.layout.block(0)][5:-1] == pytest.approx(0.030, rel=0.03)
+    assert fit.solution.x[block(0)][5:-1] == pytest.approx(0.030, rel=0.03)
     assert max(float(np.nanmax(np.abs(r))) for r in fit.solution.residual_V) < 2e-3
     named = {c.name: c for c in confidence_intervals(fit)}
     assert named["transfer_V"].low < 0.1 < named["transfer_V"].high

@@ -22,7 +22,7 @@ from ohmward.battery.identification.soc_axis import axis_bridge
 from ohmward.battery.models.noise import on_soc_grid
 from ohmward.battery.models.ocv import OcvCurve, correlation, hat
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin, ohmic_drop
-from ohmward.battery.posterior import ENTROPY_KNOTS, ENTROPY_LENGTH, OCV_KNOTS, Gaussian
+from ohmward.battery.posterior import ENTROPY_KNOTS, ENTROPY_LENGTH, OCV_KNOTS, Gaussian, Unknowns
 
 RESISTANCE_GRID = np.linspace(0.0, 1.0, 21)
 #: Smaller currents, as a share of 1 C, show no resistance.
@@ -47,74 +47,36 @@ class Rates(NamedTuple):
     hysteresis_activation_K: float = 0.0  #: of the hysteresis voltage, the chemistry's
 
 
-class ParameterLayout(NamedTuple):
+def circuit_unknowns(pairs: int, records: int, hysteresis: bool, entropy: bool = False) -> Unknowns:
     """Layout of the vector x (K,) of the linear unknowns.
+
+    r0_discharge, r0_charge, r_1 ... r_n on RESISTANCE_GRID, each in its `block`; the scale ms of the hysteresis; the
+    OCV correction on OCV_KNOTS [V], that of its change with temperature on ENTROPY_KNOTS [V/K]; and for each record
+    v_1 ... v_n (and h with hysteresis) at its start.
 
     pairs: number n of RC pairs; records: number of records; hysteresis: True where the OCV curve has any; entropy: True
     where the temperature of the curve is corrected as well.
-    Resistances come first: r0_discharge, r0_charge, r_1 ... r_n on RESISTANCE_GRID; then ms (with hysteresis), the OCV
-    correction on OCV_KNOTS, that of its change with temperature on ENTROPY_KNOTS (with entropy), and for each record
-    v_1 ... v_n (and h with hysteresis) at its start.
     """
+    return Unknowns(
+        {
+            "resistances": (2 + pairs) * RESISTANCE_GRID.size,
+            "hysteresis": int(hysteresis),
+            "ocv": OCV_KNOTS.size,
+            "entropy": entropy * ENTROPY_KNOTS.size,
+            **{f"start {k}": pairs + hysteresis for k in range(records)},
+        }
+    )
 
-    pairs: int
-    records: int
-    hysteresis: bool
-    entropy: bool = False
 
-    @property
-    def blocks(self) -> int:
-        """Number of resistances along SoC."""
-        return 2 + self.pairs
-
-    @property
-    def resistances(self) -> slice:
-        """All resistances."""
-        return slice(0, self.blocks * RESISTANCE_GRID.size)
-
-    def block(self, j: int) -> slice:
-        """One resistance along SoC: 0 r0_discharge, 1 r0_charge, 1 + j r_j."""
-        return slice(j * RESISTANCE_GRID.size, (j + 1) * RESISTANCE_GRID.size)
-
-    @property
-    def steady_resistance(self) -> np.ndarray:
-        """(21, K) weights of x in the resistance to a lasting discharge, on RESISTANCE_GRID."""
-        rows = np.zeros((RESISTANCE_GRID.size, self.size))
-        for j in range(self.blocks):
-            if j != 1:
-                rows[:, self.block(j)] = np.eye(RESISTANCE_GRID.size)
-        return rows
-
-    @property
-    def scale(self) -> slice:
-        """Scale ms of the hysteresis; empty without hysteresis."""
-        return slice(self.resistances.stop, self.resistances.stop + self.hysteresis)
-
-    @property
-    def correction(self) -> slice:
-        """Correction of the OCV curve on OCV_KNOTS [V]."""
-        return slice(self.scale.stop, self.scale.stop + OCV_KNOTS.size)
-
-    @property
-    def entropic(self) -> slice:
-        """Correction of the change of the OCV curve with temperature on ENTROPY_KNOTS [V/K]; empty without entropy."""
-        return slice(self.correction.stop, self.correction.stop + self.entropy * ENTROPY_KNOTS.size)
-
-    def initial(self, record: int) -> slice:
-        """States at the start of a record."""
-        width = self.pairs + self.hysteresis
-        return slice(self.entropic.stop + record * width, self.entropic.stop + (record + 1) * width)
-
-    @property
-    def size(self) -> int:
-        """Length K of x."""
-        return self.initial(self.records).start
+def block(j: int) -> slice:
+    """Places of one resistance along SoC: 0 r0_discharge, 1 r0_charge, 1 + j r_j."""
+    return slice(j * RESISTANCE_GRID.size, (j + 1) * RESISTANCE_GRID.size)
 
 
 def design(
     samples: FitSamples,
     record: int,
-    layout: ParameterLayout,
+    unknowns: Unknowns,
     rates: Rates,
     ocv: OcvCurve,
     capacity_Ah: float,
@@ -122,35 +84,35 @@ def design(
 ) -> np.ndarray:
     """(N, K) columns of one record: voltage = ocv(soc) + columns @ x."""
     # linear in the resistances: those of 1 ohm give the columns
-    ones = (1.0, 1.0)
+    ones, pairs = (1.0, 1.0), len(rates.tau_s)
     unit = Thevenin(
         capacity_Ah,
         ocv,
         ones,
         ones,
-        (ones,) * layout.pairs,
+        (ones,) * pairs,
         reference_degC=reference_degC,
         **rates._replace(transfer_V=None)._asdict(),
     )
-    A = np.zeros((samples.soc.size, layout.size))
+    A, group = np.zeros((samples.soc.size, unknowns.size)), unknowns.group
     drop_V = ohmic_drop(samples.soc, CircuitInput(samples.current_A, samples.temperature_degC), unit)
     here, before = hat(samples.soc, RESISTANCE_GRID) * drop_V[:, None], hat(samples.soc_before, RESISTANCE_GRID)
-    A[:, layout.block(0)] = np.where(samples.current_A[:, None] > 0, 0.0, here)
-    A[:, layout.block(1)] = np.where(samples.current_A[:, None] > 0, here, 0.0)
-    initial = layout.initial(record).start
+    A[:, block(0)] = np.where(samples.current_A[:, None] > 0, 0.0, here)
+    A[:, block(1)] = np.where(samples.current_A[:, None] > 0, here, 0.0)
+    start = group(f"start {record}").start
     for j, pair in enumerate(pair_steps(samples, unit)):
-        A[:, layout.block(2 + j)] = scan(pair.decay, before * pair.drive_V[:, None])
-        A[:, initial + j] = np.cumprod(pair.decay)
-    A[:, layout.correction] = hat(samples.soc, OCV_KNOTS)
-    if layout.entropy:
+        A[:, block(2 + j)] = scan(pair.decay, before * pair.drive_V[:, None])
+        A[:, start + j] = np.cumprod(pair.decay)
+    A[:, group("ocv")] = hat(samples.soc, OCV_KNOTS)
+    if unknowns.sizes["entropy"]:
         warmer_K = samples.temperature_degC - ocv.reference_degC
-        A[:, layout.entropic] = warmer_K[:, None] * hat(samples.soc, ENTROPY_KNOTS)
-    if layout.hysteresis:
+        A[:, group("entropy")] = warmer_K[:, None] * hat(samples.soc, ENTROPY_KNOTS)
+    if unknowns.sizes["hysteresis"]:
         gap_V = unit.hysteresis_V_at(samples.soc, samples.temperature_degC)
         # a state that saturates is not linear in its start; the mean slope between the branches takes its place
         low, middle, high = hysteresis_along(samples, unit, (-1.0, 0.0, 1.0)).T
-        A[:, layout.scale] = (gap_V * middle)[:, None]
-        A[:, initial + layout.pairs] = gap_V * 0.5 * (high - low)
+        A[:, group("hysteresis")] = (gap_V * middle)[:, None]
+        A[:, start + pairs] = gap_V * 0.5 * (high - low)
     return A
 
 
@@ -177,47 +139,46 @@ _MEASURED_SLOPE = 0.5
 
 
 def nuisance_prior(
-    prior: ChemistryPrior, layout: ParameterLayout, ocv: OcvCurve, at_rest: list[bool], volts: float
+    prior: ChemistryPrior, unknowns: Unknowns, ocv: OcvCurve, at_rest: list[bool], volts: float
 ) -> Gaussian:
     """The prior of all but the resistances: hysteresis, OCV correction, states at the start of each record.
 
     at_rest: for each record, True where it starts with a rest.
     volts: voltage of the battery over that of a lithium-ion cell.
     """
-    precision = np.zeros((layout.size, layout.size))
-    information = np.zeros(layout.size)
-    if layout.hysteresis:
-        mean, std = prior.hysteresis.share
-        precision[layout.scale, layout.scale] += 1 / std**2
-        information[layout.scale] += mean / std**2
-    precision[layout.correction, layout.correction] += ocv_precision(prior.curve, ocv, volts)
-    if layout.entropy:
+    precision, information = np.zeros((unknowns.size, unknowns.size)), np.zeros(unknowns.size)
+    group, hysteresis = unknowns.group, unknowns.sizes["hysteresis"]
+    mean, std = prior.hysteresis.share
+    precision[group("hysteresis"), group("hysteresis")] += 1 / std**2
+    information[group("hysteresis")] += mean / std**2
+    precision[group("ocv"), group("ocv")] += ocv_precision(prior.curve, ocv, volts)
+    if unknowns.sizes["entropy"]:
         entropy_cov = entropy_std(prior, ocv, volts) ** 2 * correlation(ENTROPY_KNOTS, ENTROPY_LENGTH)
-        precision[layout.entropic, layout.entropic] += np.linalg.inv(entropy_cov)
+        precision[group("entropy"), group("entropy")] += np.linalg.inv(entropy_cov)
     for record, rests in enumerate(at_rest):
-        where = layout.initial(record)
-        start_V = np.full(layout.pairs, volts * (prior.rest_V if rests else prior.start_V))
-        std_of_start = np.concatenate([start_V, np.full(int(layout.hysteresis), prior.hysteresis.share.mean)])
+        where, pairs = group(f"start {record}"), unknowns.sizes[f"start {record}"] - hysteresis
+        start_V = np.full(pairs, volts * (prior.rest_V if rests else prior.start_V))
+        std_of_start = np.concatenate([start_V, np.full(hysteresis, prior.hysteresis.share.mean)])
         precision[where, where] += np.diag(1 / std_of_start**2)
     return Gaussian(precision, information)
 
 
-def resistance_prior(
-    prior: ChemistryPrior, layout: ParameterLayout, levels: np.ndarray, shapes: np.ndarray
-) -> Gaussian:
+def resistance_prior(prior: ChemistryPrior, unknowns: Unknowns, levels: np.ndarray, shapes: np.ndarray) -> Gaussian:
     """The prior of the resistances: random walks along SoC about a level, r0 alike in both directions.
 
     levels: (2 + n,) level of each resistance [ohm]; shapes: (2 + n, 21) its expected shape along SoC, about 1.
     """
-    precision = np.zeros((layout.size, layout.size))
-    information = np.zeros(layout.size)
-    for j in range(layout.blocks):
-        add_rows(precision, layout.block(j), _walk(prior, levels[j]) / shapes[j])
+    precision, information = np.zeros((unknowns.size, unknowns.size)), np.zeros(unknowns.size)
+    for j in range(levels.size):
+        add_rows(precision, block(j), _walk(prior, levels[j]) / shapes[j])
         if j != 1:
             row = 1 / (levels[j] * RESISTANCE_GRID.size * shapes[j])
-            add_rows(precision, layout.block(j), row[None, :])
-            information[layout.block(j)] += row
-    _tie_directions(precision, layout, prior.direction_share * levels[0])
+            add_rows(precision, block(j), row[None, :])
+            information[block(j)] += row
+    tie = np.eye(RESISTANCE_GRID.size) / (prior.direction_share * levels[0]) ** 2
+    for one, other in ((block(0), block(1)), (block(1), block(0))):
+        precision[one, one] += tie
+        precision[one, other] -= tie
     return Gaussian(precision, information)
 
 
@@ -249,12 +210,3 @@ def _walk(prior: ChemistryPrior, level: float) -> np.ndarray:
     """(20, 21) differences of neighbouring grid points over their standard deviation."""
     std = prior.walk_share * level * np.sqrt(np.diff(RESISTANCE_GRID) / 0.1)
     return np.diff(np.eye(RESISTANCE_GRID.size), axis=0) / std[:, None]
-
-
-def _tie_directions(precision: np.ndarray, layout: ParameterLayout, std_ohm: float) -> None:
-    discharge, charge = layout.block(0), layout.block(1)
-    tie = np.eye(RESISTANCE_GRID.size) / std_ohm**2
-    precision[discharge, discharge] += tie
-    precision[charge, charge] += tie
-    precision[discharge, charge] -= tie
-    precision[charge, discharge] -= tie

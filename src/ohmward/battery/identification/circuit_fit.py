@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, Rates, covered
+from ohmward.battery.identification.circuit_design import RESISTANCE_GRID, Rates, block, covered
 from ohmward.battery.identification.circuit_solve import CircuitProblem, CircuitSolution, SoughtRate, solve
 from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.identification.ocv_from_logs import OCV_GRID, smooth
@@ -56,11 +56,11 @@ class CircuitFit(NamedTuple):
 
     def ocv_std_V(self, soc: np.ndarray) -> np.ndarray:
         """Standard deviation [V] of the correction of the open-circuit voltage at soc."""
-        return np.interp(soc, OCV_KNOTS, self._std(self.solution.layout.correction))
+        return np.interp(soc, OCV_KNOTS, self._std(self.solution.unknowns.group("ocv")))
 
     def resistance_std_ohm(self, j: int) -> np.ndarray:
         """Standard deviation [ohm] of the j-th resistance on its grid of soc: R0 discharge, R0 charge, R1, ..."""
-        return self._std(self.solution.layout.block(j))
+        return self._std(block(j))
 
     def _std(self, rows: slice) -> np.ndarray:
         return np.sqrt(np.diag(self.solution.cov)[rows])
@@ -243,8 +243,7 @@ _SMALLEST_SHAPE = 0.3
 
 def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: float) -> Thevenin:
     """The Thevenin model of a solution: its OCV curve corrected, its hysteresis scaled."""
-    layout, x = solution.layout, solution.x
-    discharge, charge, *pairs = (tuple(x[layout.block(j)].tolist()) for j in range(layout.blocks))
+    discharge, charge, *pairs = (tuple(solution.x[block(j)].tolist()) for j in range(2 + len(solution.rates.tau_s)))
     return Thevenin(
         capacity_Ah=problem.capacity_Ah,
         ocv=corrected_ocv(solution, problem),
@@ -260,10 +259,9 @@ def circuit_of(solution: CircuitSolution, problem: CircuitProblem, efficiency: f
 
 def corrected_ocv(solution: CircuitSolution, problem: CircuitProblem) -> OcvCurve:
     """The first OCV curve as the fit corrected it, non-decreasing, and its hysteresis at the scale of the fit."""
-    layout, x = solution.layout, solution.x
-    scale = float(x[layout.scale][0]) if layout.hysteresis else 0.0
-    more_V_per_K = np.interp(OCV_GRID, ENTROPY_KNOTS, x[layout.entropic]) if layout.entropy else 0.0
-    return problem.ocv.corrected(_fitted_curve_V(solution, problem), scale, more_V_per_K)
+    entropy = solution.x[solution.unknowns.group("entropy")]
+    more_V_per_K = np.interp(OCV_GRID, ENTROPY_KNOTS, entropy) if entropy.size else 0.0
+    return problem.ocv.corrected(_fitted_curve_V(solution, problem), _hysteresis_scale(solution), more_V_per_K)
 
 
 def curve_notes(solution: CircuitSolution, problem: CircuitProblem) -> tuple[Note, ...]:
@@ -284,16 +282,19 @@ def curve_notes(solution: CircuitSolution, problem: CircuitProblem) -> tuple[Not
 def _fitted_curve_V(solution: CircuitSolution, problem: CircuitProblem) -> np.ndarray:
     """The first OCV curve with the correction of the fit [V], on OCV_GRID."""
     first = problem.ocv
-    correction_V = np.interp(OCV_GRID, OCV_KNOTS, solution.x[solution.layout.correction])
+    correction_V = np.interp(OCV_GRID, OCV_KNOTS, solution.x[solution.unknowns.group("ocv")])
     return np.asarray(first.mean_V(OCV_GRID, first.reference_degC)) + correction_V
 
 
 def start_of(solution: CircuitSolution, part: int) -> tuple[tuple[float, ...], float]:
     """RC voltages (n,) [V] and hysteresis state at the start of one part of the records."""
-    layout = solution.layout
-    start = solution.x[layout.initial(part)].tolist()
-    scale = float(solution.x[layout.scale][0]) if layout.hysteresis else 0.0
-    return tuple(start[: layout.pairs]), start[-1] / scale if scale > 0 else 0.0
+    start = solution.x[solution.unknowns.group(f"start {part}")].tolist()
+    scale = _hysteresis_scale(solution)
+    return tuple(start[: len(solution.rates.tau_s)]), start[-1] / scale if scale > 0 else 0.0
+
+
+def _hysteresis_scale(solution: CircuitSolution) -> float:
+    return float(solution.x[solution.unknowns.group("hysteresis")].sum())
 
 
 def slow_shape(ocv: OcvCurve, samples: Sequence[FitSamples], capacity_Ah: float) -> np.ndarray:

@@ -14,8 +14,9 @@ import numpy as np
 from ohmward.battery.chemistries import CELL_V, ChemistryPrior
 from ohmward.battery.identification.circuit_design import (
     RESISTANCE_GRID,
-    ParameterLayout,
     Rates,
+    block,
+    circuit_unknowns,
     design,
     nuisance_prior,
     resistance_prior,
@@ -24,7 +25,15 @@ from ohmward.battery.identification.fit_samples import FitSamples
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.battery.models.thevenin import transfer_share
-from ohmward.battery.posterior import Gaussian, gauss_newton, hessian, pseudo_huber, robust_weights, voltage_variance
+from ohmward.battery.posterior import (
+    Gaussian,
+    Unknowns,
+    gauss_newton,
+    hessian,
+    pseudo_huber,
+    robust_weights,
+    voltage_variance,
+)
 from ohmward.filters.consistency import BAND_95
 from ohmward.optional import require
 from ohmward.trace import Kernel, linearize
@@ -170,7 +179,7 @@ def _transferred() -> Kernel:
 class CircuitSolution:
     """Solution for the linear unknowns at given rates."""
 
-    layout: ParameterLayout
+    unknowns: Unknowns
     rates: Rates
     x: np.ndarray  #: (K,)
     rows: LinearRows  #: of all records, about x
@@ -255,34 +264,35 @@ def solve(
         linear; None finds both.
     """
     hysteresis = any(problem.ocv.hysteresis_V)
-    layout = ParameterLayout(len(rates.tau_s), len(problem.records), hysteresis, problem.fit_activation)
-    system = _linear_system(problem, layout, rates)
+    unknowns = circuit_unknowns(len(rates.tau_s), len(problem.records), hysteresis, problem.fit_activation)
+    system = _linear_system(problem, unknowns, rates)
+    bounded = unknowns.group("hysteresis").stop
 
     def minimum(H: np.ndarray, gradient: np.ndarray, x: np.ndarray) -> np.ndarray:
-        return _nonnegative(H, H @ x + gradient, layout.scale.stop)
+        return _nonnegative(H, H @ x + gradient, bounded)
 
     if near is None:
-        nothing = np.zeros(layout.size)
+        nothing = np.zeros(unknowns.size)
         first = system.about(nothing, np.ones(system.targets.size)).information(nothing)
-        prior = _prior(problem, layout, first)
-        start = _nonnegative(*prior.times(first), layout.scale.stop)
+        prior = _prior(problem, unknowns, first)
+        start = _nonnegative(*prior.times(first), bounded)
         x, rows = gauss_newton(system.about, prior, start, most_steps, minimum)
     else:
         of_records = system.about(near.x, near.rows.robust).information(near.x)
-        prior = _prior(problem, layout, of_records)
-        x = _nonnegative(*prior.times(of_records), layout.scale.stop)
+        prior = _prior(problem, unknowns, of_records)
+        x = _nonnegative(*prior.times(of_records), bounded)
         rows = system.about(x, near.rows.robust)
     measured = np.concatenate([np.isfinite(s.voltage_V) for s in problem.records])
     ends = np.cumsum([s.soc.size for s in problem.records])
     residual_V = np.split(np.where(measured, rows.residual_V, np.nan), ends[:-1])[: len(problem.samples)]
     of_prior = np.concatenate([_prior_residual(prior, x), _rates_residual(problem, rates)])
-    return CircuitSolution(layout, rates, x, rows, prior, tuple(residual_V), of_prior)
+    return CircuitSolution(unknowns, rates, x, rows, prior, tuple(residual_V), of_prior)
 
 
-def _linear_system(problem: CircuitProblem, layout: ParameterLayout, rates: Rates) -> LinearSystem:
+def _linear_system(problem: CircuitProblem, unknowns: Unknowns, rates: Rates) -> LinearSystem:
     """The system of all records."""
     columns = [
-        design(s, k, layout, rates, problem.ocv, problem.capacity_Ah, problem.reference_degC)
+        design(s, k, unknowns, rates, problem.ocv, problem.capacity_Ah, problem.reference_degC)
         for k, s in enumerate(problem.records)
     ]
     return LinearSystem(
@@ -290,7 +300,7 @@ def _linear_system(problem: CircuitProblem, layout: ParameterLayout, rates: Rate
         np.concatenate([_target(problem, s) for s in problem.records]),
         np.concatenate([_std_V(problem, s) for s in problem.records]),
         np.concatenate([_samples(s) for s in problem.records]),
-        slice(layout.block(0).start, layout.block(1).stop),
+        slice(0, block(1).stop),
         rates.transfer_V,
     )
 
@@ -329,29 +339,30 @@ def last_direction(current_A: np.ndarray) -> np.ndarray:
     return np.where(last >= 0, np.sign(current_A[np.maximum(last, 0)]), 0.0)
 
 
-def _prior(problem: CircuitProblem, layout: ParameterLayout, records: Gaussian) -> Gaussian:
+def _prior(problem: CircuitProblem, unknowns: Unknowns, records: Gaussian) -> Gaussian:
     """The prior about the levels that the resistances would have if each had its expected shape along SoC.
 
     records: their information on x.
     """
-    shapes = np.ones((layout.blocks, RESISTANCE_GRID.size))
-    if layout.pairs:
+    shapes = np.ones((unknowns.sizes["resistances"] // RESISTANCE_GRID.size, RESISTANCE_GRID.size))
+    if len(shapes) > 2:
         shapes[-1] = problem.slow_shape
     at_rest = [s.starts_at_rest for s in problem.records]
-    nuisance = nuisance_prior(problem.prior, layout, problem.ocv, at_rest, problem.volts)
-    levels = _levels(layout, shapes, *nuisance.times(records))
-    return nuisance.times(resistance_prior(problem.prior, layout, levels, shapes))
+    nuisance = nuisance_prior(problem.prior, unknowns, problem.ocv, at_rest, problem.volts)
+    levels = _levels(shapes, *nuisance.times(records))
+    return nuisance.times(resistance_prior(problem.prior, unknowns, levels, shapes))
 
 
-def _levels(layout: ParameterLayout, shapes: np.ndarray, H: np.ndarray, g: np.ndarray) -> np.ndarray:
+def _levels(shapes: np.ndarray, H: np.ndarray, g: np.ndarray) -> np.ndarray:
     """(2 + n,) levels [ohm] of resistances with given shapes (2 + n, 21) in the normal equations H x = g."""
-    S = np.zeros((layout.size, layout.blocks + layout.size - layout.resistances.stop))
-    for j in range(layout.blocks):
-        S[layout.block(j), j] = shapes[j]
-    S[layout.resistances.stop :, layout.blocks :] = np.eye(layout.size - layout.resistances.stop)
+    blocks, others = len(shapes), g.size - shapes.size
+    S = np.zeros((g.size, blocks + others))
+    for j in range(blocks):
+        S[block(j), j] = shapes[j]
+    S[shapes.size :, blocks:] = np.eye(others)
     ridge = np.zeros(S.shape[1])
-    ridge[: layout.blocks] = _RIDGE * np.trace(S.T @ H @ S) / S.shape[1]
-    levels = _nonnegative(S.T @ H @ S + np.diag(ridge), S.T @ g, layout.blocks)[: layout.blocks]
+    ridge[:blocks] = _RIDGE * np.trace(S.T @ H @ S) / S.shape[1]
+    levels = _nonnegative(S.T @ H @ S + np.diag(ridge), S.T @ g, blocks)[:blocks]
     levels[:2] = max(levels[0], levels[1])
     return np.maximum(levels, _SMALLEST_SHARE * max(levels[1:].sum(), 1e-6))
 

@@ -14,6 +14,7 @@ from ohmward.battery.battery import ConfidenceInterval
 from ohmward.battery.identification.circuit_design import (
     COVERED_RATE,
     RESISTANCE_GRID,
+    block,
     covered,
     entropy_std,
     pair_names,
@@ -42,8 +43,8 @@ _VAGUE_LOG = 0.7
 def confidence_intervals(fit: CircuitFit) -> tuple[ConfidenceInterval, ...]:
     """95 % intervals of the resistances at five states of charge, of the time constants and of the rates."""
     s = fit.solution
-    names = pair_names(s.layout.pairs)
-    resistances = [_resistance(s, j, names[j], soc) for j in range(s.layout.blocks) for soc in _REPORTED_SOC]
+    names = pair_names(len(s.rates.tau_s))
+    resistances = [_resistance(s, j, name, soc) for j, name in enumerate(names) for soc in _REPORTED_SOC]
     return (*resistances, *_search_intervals(fit))
 
 
@@ -74,7 +75,7 @@ def not_identified(
 
 def _resistance(s: CircuitSolution, j: int, name: str, soc: float) -> ConfidenceInterval:
     k = int(np.argmin(np.abs(RESISTANCE_GRID - soc)))
-    at = s.layout.block(j).start + k
+    at = block(j).start + k
     value, std = float(s.x[at]), float(np.sqrt(s.cov[at, at]))
     return ConfidenceInterval(f"{name} at soc {soc:g}", value, max(value - BAND_95 * std, 0.0), value + BAND_95 * std)
 
@@ -116,9 +117,17 @@ def _range(first: int, stop: int) -> str:
 
 def _share(s: CircuitSolution, where: np.ndarray) -> float:
     """Two relative standard deviations of the total resistance, the largest where `where` (21,) is true."""
-    rows = s.layout.steady_resistance[where]
+    rows = _steady_resistance(s)[where]
     std = np.sqrt(np.einsum("ij,jk,ik->i", rows, s.cov, rows))
     return float(np.max(2 * std / np.maximum(rows @ s.x, 1e-9)))
+
+
+def _steady_resistance(s: CircuitSolution) -> np.ndarray:
+    """(21, K) weights of the unknowns in the resistance to a lasting discharge, on RESISTANCE_GRID."""
+    rows = np.zeros((RESISTANCE_GRID.size, s.unknowns.size))
+    for j in (0, *range(2, 2 + len(s.rates.tau_s))):
+        rows[:, block(j)] = np.eye(RESISTANCE_GRID.size)
+    return rows
 
 
 def _directions(samples: Sequence[FitSamples], capacity_Ah: float) -> list[str]:
@@ -169,7 +178,7 @@ def ocv_std_V_per_K(fit: CircuitFit, problem: CircuitProblem) -> float:
     usual = problem.volts * problem.prior.ocv_std_V_per_K
     if not problem.fit_activation:
         return entropy_std(problem.prior, problem.ocv, problem.volts)
-    found = float(np.sqrt(np.diag(fit.solution.cov)[fit.solution.layout.entropic].mean()))
+    found = float(np.sqrt(np.diag(fit.solution.cov)[fit.solution.unknowns.group("entropy")].mean()))
     return min(max(found, _LEAST_SLOPE * usual), usual)
 
 
@@ -179,7 +188,7 @@ def hysteresis_std(fit: CircuitFit, problem: CircuitProblem) -> float:
         return 0.0
     if not problem.branches:
         return _HYSTERESIS_STD
-    scale, solution = fit.solution.layout.scale, fit.solution
+    solution, scale = fit.solution, fit.solution.unknowns.group("hysteresis")
     found = float(np.sqrt(solution.cov[scale, scale][0, 0]) / max(solution.x[scale][0], _SMALLEST_SCALE))
     return min(max(found, _MEASURED_HYSTERESIS_STD), _HYSTERESIS_STD)
 
@@ -388,8 +397,8 @@ def posterior_std_V(solution: CircuitSolution, current_A: float) -> np.ndarray:
 
     That of the OCV correction and of all resistances together, after the relaxation of all RC pairs.
     """
-    rows = -current_A * solution.layout.steady_resistance
-    rows[:, solution.layout.correction] = hat(RESISTANCE_GRID, OCV_KNOTS)
+    rows = -current_A * _steady_resistance(solution)
+    rows[:, solution.unknowns.group("ocv")] = hat(RESISTANCE_GRID, OCV_KNOTS)
     variance = np.einsum("ij,jk,ik->i", rows, solution.cov, rows)
     return np.sqrt(np.maximum(variance, 0.0))
 
