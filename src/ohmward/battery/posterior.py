@@ -1,5 +1,7 @@
 """Most likely parameters of a battery given voltages: Gauss-Newton on the posterior, for identification and learning.
 
+And the least errors that a file keeps, however much data agree: none is surer than its model is accurate.
+
     minimise  (x - m)' P^-1 (x - m) + sum w rho(r^2 / R),      R = white^2 + (share over)^2 + (std slope)^2
 
 with the residuals r = y - V(x). An error of the model persists for minutes, so that a sample counts w <= 1. Samples
@@ -13,6 +15,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
+from ohmward.battery.models.ocv import OcvCurve
 from ohmward.errors import InputError
 
 #: Knots of SoC of the correction of the open-circuit curve. Stages of graphite are 5 % of SoC wide and more; the ends
@@ -21,6 +24,17 @@ from ohmward.errors import InputError
 OCV_KNOTS = np.concatenate([[0.0, 0.01, 0.02, 0.035], np.linspace(0.05, 0.95, 37), [0.96, 0.97, 0.98, 0.99, 1.0]])
 #: Knots of the correction of its change with temperature, and correlation length of that: a stage of graphite.
 ENTROPY_KNOTS, ENTROPY_LENGTH = np.array([0.0, 0.5, 1.0]), 0.2
+#: Smallest error of the SoC axis of a curve: branches of measured cells agree to within this.
+SOC_AXIS_STD = 0.005
+#: Smallest error of an activation [K]: that of measured cells differs by 1000 and more between warm and cold, and a fit
+#: at two temperatures is also used beyond them.
+ACTIVATION_STD_K = 700.0
+#: Smallest relative error of a hysteresis: the part of the gap of low-rate branches that is not overpotential was 0.71
+#: to 0.87 for a cell at -15 to 45 degC.
+HYSTERESIS_STD = 0.15
+#: Smallest error of the curve's change with temperature over that before any data: rests at two temperatures are not
+#: equally complete, and low-rate branches include overpotential, which changes with temperature as well.
+ENTROPY_SHARE = 0.5
 #: Number of standard deviations beyond which errors count less.
 _ROBUST_AT = 2.5
 #: Error of SoC from sample to sample, which the slope of the curve turns into a voltage error.
@@ -145,3 +159,18 @@ def gauss_newton(
 def hessian(rows: Tangent, prior: Gaussian) -> np.ndarray:
     """(K, K) Hessian of half the cost, by Gauss and Newton: the posterior precision."""
     return rows.columns.T @ rows.columns + prior.precision
+
+
+def remaining_std(found: float, least: float, before: float) -> float:
+    """Standard deviation that is left in a file: the one found, not below the least and never above the one before."""
+    return min(max(found, least), before)
+
+
+def beyond_axis_V(std_V: np.ndarray, ocv: OcvCurve, axis_std: float = SOC_AXIS_STD) -> np.ndarray:
+    """(N,) error of the model [V] on a uniform grid of SoC without that of the SoC axis, which the filter adds itself.
+
+    Otherwise a steep end of the curve would count twice, and any voltage would be possible there.
+    """
+    fine = np.linspace(0.0, 1.0, len(ocv.voltage_V))
+    slope_V = np.interp(np.linspace(0.0, 1.0, std_V.size), fine, np.gradient(np.asarray(ocv.voltage_V), fine))
+    return np.sqrt(np.maximum(std_V**2 - (axis_std * slope_V) ** 2, 0.0))

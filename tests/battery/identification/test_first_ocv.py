@@ -5,11 +5,11 @@ import pytest
 
 from battery.identification.examples import NMC_OCV, cell, identify, low_rate_logs, play, pulse_log, steps
 from ohmward.battery.chemistries import chemistry, chemistry_prior
-from ohmward.battery.identification.circuit_uncertainty import SOC_AXIS_STD
 from ohmward.battery.identification.first_ocv import FirstOcv
 from ohmward.battery.identification.ocv_from_logs import branch_axis_std, find_branches, reconcile_branches
 from ohmward.battery.identification.record import make_records
 from ohmward.battery.identification.soc_axis import TEST_START_STD, anchor_soc
+from ohmward.battery.posterior import SOC_AXIS_STD
 from ohmward.errors import InputError
 from ohmward.logs import Log
 

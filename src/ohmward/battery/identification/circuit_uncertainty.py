@@ -29,9 +29,17 @@ from ohmward.battery.identification.circuit_solve import (
 from ohmward.battery.identification.fit_samples import COARSEST_S, FitSamples
 from ohmward.battery.identification.record import SETTLED_REST_S
 from ohmward.battery.models.noise import AGED_RESISTANCE_STD, BatteryNoise
-from ohmward.battery.models.ocv import OcvCurve, hat
+from ohmward.battery.models.ocv import hat
 from ohmward.battery.models.thevenin import Thevenin
-from ohmward.battery.posterior import OCV_KNOTS
+from ohmward.battery.posterior import (
+    ACTIVATION_STD_K,
+    ENTROPY_SHARE,
+    HYSTERESIS_STD,
+    OCV_KNOTS,
+    SOC_AXIS_STD,
+    beyond_axis_V,
+    remaining_std,
+)
 from ohmward.filters.consistency import BAND_95
 from ohmward.runs import runs
 
@@ -149,19 +157,10 @@ _SPREAD_K = 10.0
 #: Share of the charge that may have flowed below the low and above the high temperature.
 _OUTSIDE_SHARE = 0.02
 
-#: Smallest standard deviation of an activation [K]: that of measured cells differs by 1000 and more between warm and
-#: cold, and a fit at two temperatures is also used beyond them.
-_ACTIVATION_FLOOR_K = 700.0
 #: Relative error of a hysteresis from low-rate branches: it is 0.35 to 0.7 of their gap on measured LFP cells.
-_HYSTERESIS_STD = 0.5
-#: The same where the circuit was fitted to the branches as well: the part of their gap that is not overpotential was
-#: 0.71 to 0.87 for a cell at -15 to 45 degC.
-_MEASURED_HYSTERESIS_STD = 0.15
+_BRANCHES_STD = 0.5
 #: Smallest hysteresis, as a share of the gap, by which its error is divided.
 _SMALLEST_SCALE = 0.1
-#: Smallest error of the curve's temperature slope over that of the chemistry: rests at two temperatures are not equally
-#: complete, and low-rate branches include overpotential, which changes with temperature as well.
-_LEAST_SLOPE = 0.5
 
 
 def activation_std_K(fit: CircuitFit, problem: CircuitProblem) -> float:
@@ -170,7 +169,7 @@ def activation_std_K(fit: CircuitFit, problem: CircuitProblem) -> float:
     if not problem.fit_activation:
         return usual_K
     found_K = float(np.hypot(fit.search_std("activation_K"), fit.search_std("pair_activation_K")) / np.sqrt(2.0))
-    return min(max(found_K, _ACTIVATION_FLOOR_K), usual_K)
+    return remaining_std(found_K, ACTIVATION_STD_K, usual_K)
 
 
 def ocv_std_V_per_K(fit: CircuitFit, problem: CircuitProblem) -> float:
@@ -179,7 +178,7 @@ def ocv_std_V_per_K(fit: CircuitFit, problem: CircuitProblem) -> float:
     if not problem.fit_activation:
         return entropy_std(problem.prior, problem.ocv, problem.volts)
     found = float(np.sqrt(np.diag(fit.solution.cov)[fit.solution.unknowns.group("entropy")].mean()))
-    return min(max(found, _LEAST_SLOPE * usual), usual)
+    return remaining_std(found, ENTROPY_SHARE * usual, usual)
 
 
 def hysteresis_std(fit: CircuitFit, problem: CircuitProblem) -> float:
@@ -187,10 +186,10 @@ def hysteresis_std(fit: CircuitFit, problem: CircuitProblem) -> float:
     if not any(problem.ocv.hysteresis_V):
         return 0.0
     if not problem.branches:
-        return _HYSTERESIS_STD
+        return _BRANCHES_STD
     solution, scale = fit.solution, fit.solution.unknowns.group("hysteresis")
     found = float(np.sqrt(solution.cov[scale, scale][0, 0]) / max(solution.x[scale][0], _SMALLEST_SCALE))
-    return min(max(found, _MEASURED_HYSTERESIS_STD), _HYSTERESIS_STD)
+    return remaining_std(found, HYSTERESIS_STD, _BRANCHES_STD)
 
 
 def unknown_hysteresis_V(problem: CircuitProblem) -> float:
@@ -268,8 +267,6 @@ def load_temperature(samples: Sequence[FitSamples]) -> LoadTemperature:
 #: to another of the same cell it was 18 %, with the open-circuit voltage known.
 _LASTING_LOAD_ERROR = 0.15
 
-#: Error of the SoC axis of the OCV curve with exact anchors: branches of measured cells agree to within this.
-SOC_AXIS_STD = 0.005
 #: Smallest white noise of a voltage sensor, for a lithium-ion cell [V].
 _SMALLEST_STD_V = 0.002
 #: Short pulses show only the start of a slow process: smallest error of the overpotential after them.
@@ -346,16 +343,6 @@ def noise_from_fit(
         hysteresis_std=hysteresis_std(fit, problem),
         ocv_slip_std=problem.prior.ocv_slip.std,
     )
-
-
-def beyond_axis_V(std_V: np.ndarray, ocv: OcvCurve, axis_std: float = SOC_AXIS_STD) -> np.ndarray:
-    """(21,) error of the model [V] without that of the SoC axis, which the filter adds itself.
-
-    Otherwise a steep end of the curve would count twice, and any voltage would be possible there.
-    """
-    fine = np.linspace(0.0, 1.0, len(ocv.voltage_V))
-    slope_V = np.interp(RESISTANCE_GRID, fine, np.gradient(np.asarray(ocv.voltage_V), fine))
-    return np.sqrt(np.maximum(std_V**2 - (axis_std * slope_V) ** 2, 0.0))
 
 
 def residual_std_V(solution: CircuitSolution, problem: CircuitProblem) -> np.ndarray:

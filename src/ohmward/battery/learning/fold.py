@@ -1,7 +1,5 @@
 """Fold learnt parameters into a battery file: means into the model, standard deviations into the noise, with floors.
 
-A log cannot make a file more certain than its model is accurate: however many logs agree, every error has a floor.
-
 Resistance to a pulse, as battery testers measure and quote it.
 
 After a rest a current I of one capacity per hour flows for t = 10 s:
@@ -21,7 +19,6 @@ import numpy as np
 
 from ohmward.battery.battery import Battery, Knowledge, SeenLog
 from ohmward.battery.chemistries import CELL_V, Normal, chemistry, chemistry_prior
-from ohmward.battery.identification.circuit_uncertainty import SOC_AXIS_STD, beyond_axis_V
 from ohmward.battery.learning.parameters import mean_slope_V, parameters_of, prior_covariance
 from ohmward.battery.learning.voltage_model import CurvePlace, OpenCircuit, file_charge, true_soc
 from ohmward.battery.models.noise import BatteryNoise
@@ -34,7 +31,17 @@ from ohmward.battery.models.thevenin import (
     next_state,
     overpotentials,
 )
-from ohmward.battery.posterior import ENTROPY_KNOTS, OCV_KNOTS, Unknowns
+from ohmward.battery.posterior import (
+    ACTIVATION_STD_K,
+    ENTROPY_KNOTS,
+    ENTROPY_SHARE,
+    HYSTERESIS_STD,
+    OCV_KNOTS,
+    SOC_AXIS_STD,
+    Unknowns,
+    beyond_axis_V,
+    remaining_std,
+)
 from ohmward.filters.consistency import BAND_95
 
 #: Duration of the pulse [s], and state of charge before the pulse that is quoted.
@@ -44,12 +51,8 @@ PULSE_S, _HALF = 10.0, 0.5
 MODEL_STD_V, _MODEL_LENGTH = 0.005, 0.1
 #: The same for a battery that gases: slowly diffusing acid leaves 18 to 50 mV of 12 V after a day of loads.
 _GASSING_MODEL_STD_V = 0.01
-#: Smallest relative errors: of the capacity, of all resistances, of the overpotential at one SoC, of the hysteresis.
-_CAPACITY_STD, _RESISTANCE_STD, _SHARE, _HYSTERESIS_STD = 0.01, 0.05, 0.1, 0.15
-#: Smallest error of the activation temperatures, that of the best identification [K].
-_ACTIVATION_STD_K = 700.0
-#: Smallest error of the change of the curve with temperature, over that before any log.
-_ENTROPY_SHARE = 0.5
+#: Smallest relative errors: of the capacity, of all resistances, of the overpotential at one SoC.
+_CAPACITY_STD, _RESISTANCE_STD, _SHARE = 0.01, 0.05, 0.1
 #: Share of the axis error of the chemistry's curves that is left where only the curve has shown the charge: a log
 #: cannot see a shift of the axis then.
 _UNANCHORED_SHARE = 0.5
@@ -193,13 +196,13 @@ def folded_noise(battery: Battery, p: Unknowns, covariance: np.ndarray) -> Batte
         model_soc_length=length,
         soc_axis_std=axis_std,
         overpotential_share=_share(noise, p, std),
-        capacity_std=_between(_CAPACITY_STD, capacity_std, noise.capacity_std),
-        resistance_std=_between(_RESISTANCE_STD, resistance_std(battery, covariance), noise.resistance_std),
+        capacity_std=remaining_std(capacity_std, _CAPACITY_STD, noise.capacity_std),
+        resistance_std=remaining_std(resistance_std(battery, covariance), _RESISTANCE_STD, noise.resistance_std),
         ageing_correlation=0.0,  # the errors that a log leaves in either are independent
-        activation_std_K=_between(_ACTIVATION_STD_K, activation_K, noise.activation_std_K),
-        empty_activation_std_K=_between(0.0, empty_K, noise.empty_activation_std_K),
-        ocv_std_V_per_K=_between(_ENTROPY_SHARE * noise.ocv_std_V_per_K, entropy, noise.ocv_std_V_per_K),
-        hysteresis_std=_between(_HYSTERESIS_STD, float(std[p.group("hysteresis")].sum()), noise.hysteresis_std),
+        activation_std_K=remaining_std(activation_K, ACTIVATION_STD_K, noise.activation_std_K),
+        empty_activation_std_K=remaining_std(empty_K, 0.0, noise.empty_activation_std_K),
+        ocv_std_V_per_K=remaining_std(entropy, ENTROPY_SHARE * noise.ocv_std_V_per_K, noise.ocv_std_V_per_K),
+        hysteresis_std=remaining_std(float(std[p.group("hysteresis")].sum()), HYSTERESIS_STD, noise.hysteresis_std),
     )
 
 
@@ -259,11 +262,6 @@ def _share(noise: BatteryNoise, p: Unknowns, std: np.ndarray) -> float | tuple[f
     before = np.asarray(noise.overpotential_share)
     found = np.minimum(np.maximum(before, 0.0), np.hypot(_SHARE, 0.25 * np.sqrt(shape)))
     return tuple(found.tolist()) if found.ndim else float(found)
-
-
-def _between(floor: float, found: float, before: float) -> float:
-    """The value found, not below the floor and never above the previous one."""
-    return min(max(found, floor), before)
 
 
 def pulse_ohm(model: Thevenin) -> float:
