@@ -255,6 +255,13 @@ def test_names_without_end_do_not_fill_memory(battery):
     assert "mqtt sends new names" in found.message
 
 
+@pytest.mark.parametrize("voltage_V", [0.0008, 5.0, 16.5, 26.4])
+def test_a_voltage_that_the_battery_cannot_have_is_left_out(battery, voltage_V):
+    """A management that has just started, or another battery: its charge would come from a voltage that is none."""
+    taken = SensorWatch(battery).take("bms", 0.0, 0.0, {"battery_voltage_V": voltage_V, "battery_current_A": -3.0})
+    assert math.isnan(taken["battery_voltage_V"]) and taken["battery_current_A"] == -3.0
+
+
 def test_the_files_of_another_robot_are_named(battery):
     def strange(values):
         return values | {"wheel_speed_rad_s.middle": 1.0}
@@ -262,7 +269,9 @@ def test_the_files_of_another_robot_are_named(battery):
     other = Robot(generic_battery("nmc", 50.0, 14), strange).run()
     wrong = other.wrong()
     assert wrong.keys() == {"battery_voltage_V", "wheel_speed_rad_s.middle"}
-    assert re.match(r"reads 1[23][.0-9]*, plausible are 26.* to .*; check its unit", wrong["battery_voltage_V"])
+    assert re.match(
+        r"reads 1[23].*, which cannot be, plausible are 26.* to .*; check its unit", wrong["battery_voltage_V"]
+    )
     assert wrong["wheel_speed_rad_s.middle"].startswith("the robot has no such wheel; it has front_left, front_right")
 
 

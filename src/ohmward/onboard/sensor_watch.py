@@ -268,10 +268,13 @@ class SensorWatch:
         if len(self.sensors) >= MOST_SENSORS:
             return None
         quantity = quantity_of(signal)
+        plausible = limits_of(quantity.name, self.battery, self.robot)
+        # No battery is beyond them, whereas a wheel may spin, a cell be dead, and a circuit be short.
+        lowest, highest = plausible if quantity.name == "battery_voltage_V" else quantity.limits
         move = self._moves().get(quantity.name, math.inf)
-        sensor = self.sensors[signal] = WatchedSensor(signal, source, *quantity.limits, move)
+        sensor = self.sensors[signal] = WatchedSensor(signal, source, lowest, highest, move)
         sensor.absent = no_such_part(signal, self.robot)
-        sensor.plausible = limits_of(quantity.name, self.battery, self.robot)
+        sensor.plausible = plausible
         for name, quantities in EVIDENCE.items():
             if quantity.name in quantities and not sensor.absent:
                 self._evidence[name].append(sensor)
