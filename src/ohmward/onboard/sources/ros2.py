@@ -15,6 +15,7 @@ import numpy as np
 from ohmward.checks import require_length
 from ohmward.errors import InputError
 from ohmward.logs.bags.recording import Layout
+from ohmward.onboard.clock import LEAP_S
 from ohmward.onboard.message import Message, Put
 from ohmward.onboard.ros import types
 from ohmward.onboard.ros.cdr import read
@@ -122,7 +123,7 @@ class Ros2Source(RosNetwork):
         values = self._translations[type_](layout, numbers)
         stamp_s = _time(numbers, "header.stamp") or math.nan
         if clock is not None:
-            received_s = clock.received(stamp_s)
+            received_s = clock.received(stamp_s, topic)
         if not values or math.isnan(received_s):
             return None
         now_s = time.time() if clock is None else received_s
@@ -187,28 +188,42 @@ class RosTime:
     """Time of a simulation or a bag: that of /clock, but no earlier than the stamps received.
 
     /clock may be late by a fraction of a second, which is several seconds at ten times the rate; a stamp further ahead
-    is from another clock. If nobody publishes /clock, the newest stamp gives the time.
+    is from another clock. If nobody publishes /clock, the newest stamp gives the time, until a topic begins again.
 
     Attributes:
         now_s: seconds since 1970, or since the simulation began; nan before the first message.
     """
 
     def __init__(self) -> None:
-        self.now_s = math.nan
-        self._ahead_s = DATED_S
+        self.now_s = self._clock_s = math.nan
+        self._stamps: dict[str, tuple[float, float]] = {}  # least and last of each topic
 
     def set(self, clock_s: float) -> float:
         """The time after a message of /clock; it goes back if the simulation or the bag restarts."""
-        self._ahead_s = _CLOCK_LATE_S
-        goes_on = self.now_s - 2.0 * _CLOCK_LATE_S < clock_s <= self.now_s
-        self.now_s = self.now_s if goes_on else clock_s
+        restarts = clock_s < self._clock_s - LEAP_S
+        self._clock_s = clock_s
+        if restarts or not self.now_s - 2.0 * _CLOCK_LATE_S < clock_s <= self.now_s:
+            self.now_s = clock_s
         return self.now_s
 
-    def received(self, stamp_s: float) -> float:
+    def received(self, stamp_s: float, topic: str = "") -> float:
         """The time of receipt of a message with this stamp."""
-        if math.isnan(self.now_s) or self.now_s < stamp_s < self.now_s + self._ahead_s:
+        without_clock = math.isnan(self._clock_s)
+        if without_clock and self._begins_again(stamp_s, topic):
+            self.now_s = stamp_s
+        ahead_s = DATED_S if without_clock else _CLOCK_LATE_S
+        if math.isnan(self.now_s) or self.now_s < stamp_s < self.now_s + ahead_s:
             self.now_s = stamp_s
         return self.now_s
+
+    def _begins_again(self, stamp_s: float, topic: str) -> bool:
+        """True if the stamps of a topic go back to where they began, as those of a bag in a loop."""
+        least_s, last_s = self._stamps.get(topic, (stamp_s, stamp_s))
+        again = stamp_s < min(least_s + LEAP_S, last_s - LEAP_S)
+        if again:
+            self._stamps.clear()
+        self._stamps[topic] = min(least_s, stamp_s), stamp_s
+        return again
 
 
 def _time(numbers: dict[str, float], path: str) -> float:
