@@ -1,122 +1,366 @@
-"""Damaged logs and recordings of all formats through the readers: only errors of ours, and no log that cannot be.
+"""Damaged logs and recordings through each reader: only errors of ours, no log that cannot be, no memory without bound.
 
-python benchmarks/log_fuzz.py                 100,000 files
-python benchmarks/log_fuzz.py 1000 7          so many, from this seed
-python benchmarks/log_fuzz.py 1000000 7 CAN   of the formats with this word in their names
+python benchmarks/log_fuzz.py                                     1,000 files of each reader
+python benchmarks/log_fuzz.py --files 1000000 --state fuzz.json   so many, going on where the last run ended
+python benchmarks/log_fuzz.py --readers CAN                       of the readers with this word in their names
+python benchmarks/log_fuzz.py --readers open_csv --only 17        this file alone, with its traceback; it is left behind
+
+The file of a number is the same in every run with the same seed. The readers run in a process of their own, so that one
+that crashes or hangs costs no more than its file; its memory is measured where the system has /proc (Linux).
 """
 
 from __future__ import annotations
 
+import argparse
+import json
+import signal
 import sys
 import time
 import traceback
-import tracemalloc
 import warnings
+import zlib
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
 from tempfile import TemporaryDirectory
-
-import numpy as np
-from rosbags import rosbag1, rosbag2
+from typing import Any, NamedTuple
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-
-from logs.bags.examples import START_NS, STEP_NS, TYPE, payloads, store, write_mcap
-from logs.formats.mutation import damaged, written
-from logs.test_can_file import WRITERS as CAN_WRITERS
-from logs.test_can_file import hints as with_database
-from logs.test_ulog_file import write_ulog
-from ohmward.errors import OhmwardError
-from ohmward.logs import FileHints, Log, examine, read_log
 
 FILES, SEED = 100_000, 1
 #: A reader may take so much memory [bytes], or so many times the size of the file.
 MOST_BYTES, MOST_TIMES = 64 << 20, 10
-#: The memory of so many files is traced, one in this number: tracing is slow.
-TRACED_ONE_IN = 100
+#: Memory [bytes] at which the process of the readers is refused more.
+LIMIT_BYTES = 16 << 30
+#: Files that the process reads between two entries in the state, and time [s] after which a file is said to hang.
+BLOCK, HANGS_S = 200, 60.0
+FINE = ("read", "refused")
+#: Numbers of files that are noted for each other outcome.
+EXAMPLES = 3
 
 
-def recordings(folder: Path) -> dict[str, Path]:
-    """A recording of a bus, of ROS and of PX4 in each of their formats, by its name."""
-    paths = {}
-    for name, write in CAN_WRITERS.items():
+class Source(NamedTuple):
+    """Damaged inputs of one kind.
+
+    make: the input of a random generator, damaged.  size: of an input in bytes.
+    """
+
+    make: Callable[[Any], Any]
+    size: Callable[[Any], int]
+
+
+def recordings(folder: Path) -> list[Path]:
+    """A recording of a bus, of ROS and of PX4 in each of their formats."""
+    from rosbags import rosbag1, rosbag2
+
+    from logs.bags.examples import START_NS, STEP_NS, TYPE, payloads, store, write_mcap
+    from logs.test_can_file import WRITERS, hints, written
+    from logs.test_ulog_file import write_ulog
+
+    paths = []
+    for name, write in {**WRITERS, "MDF 4": written("bus.mf4", "MF4Writer")}.items():
         place = folder / name
         place.mkdir()
-        with_database(place)
-        paths[f"CAN, {name}"] = write(place)
-    paths["PX4, ULog"] = folder / "log.ulg"
-    write_ulog(paths["PX4, ULog"])
-    messages = payloads()
+        hints(place)
+        paths.append(write(place))
+    write_ulog(folder / "log.ulg")
+    messages = payloads(300)
     for compression in ("NONE", "LZ4", "ZSTD"):
-        paths[f"ROS, MCAP {compression}"] = folder / f"{compression}.mcap"
-        write_mcap(paths[f"ROS, MCAP {compression}"], {"/battery_state": (TYPE, messages)}, compression)
+        write_mcap(folder / f"{compression}.mcap", {"/battery_state": (TYPE, messages)}, compression)
     with rosbag2.Writer(folder / "bag", version=8, storage_plugin=rosbag2.StoragePlugin.SQLITE3) as writer:
         topic = writer.add_connection("/battery_state", TYPE, typestore=store())
         for k, message in enumerate(messages):
             writer.write(topic, START_NS + k * STEP_NS, message)
-    paths["ROS, SQLite"] = next((folder / "bag").glob("*.db3"))
-    paths["ROS, bag of ROS 1"] = folder / "one.bag"
-    with rosbag1.Writer(paths["ROS, bag of ROS 1"]) as writer:
+    with rosbag1.Writer(folder / "one.bag") as writer:
         topic = writer.add_connection("/battery_state", TYPE, typestore=store(ros1=True))
-        for k, message in enumerate(payloads(ros1=True)):
+        for k, message in enumerate(payloads(300, ros1=True)):
             writer.write(topic, START_NS + k * STEP_NS, message)
-    return paths
+    return [*paths, *folder.glob("*.ulg"), *folder.glob("*.mcap"), *folder.glob("bag/*.db3"), folder / "one.bag"]
 
 
-def outcome(path: Path, traced: bool) -> str:
-    """`read`, `refused`, or the error that must not be."""
-    database = next(path.parent.glob("*.dbc"), None)
-    if traced:
-        tracemalloc.start()
-    try:
-        log = read_log(path, hints=FileHints(dbc=str(database)) if database else None)
-        examine(log)
-    except OhmwardError:
-        return _too_much(path) or "refused"
-    except Exception as error:
-        traceback.print_exc()
-        return f"{type(error).__name__}: {error}"[:200]
+def drives(folder: Path) -> list[Path]:
+    """Tables of drives: speeds and body, counts, and turns of the wheels."""
+    import numpy as np
+
+    t = 0.1 * np.arange(200)
+    speed, yaw = 5.0 * np.sin(0.3 * t), 0.2 * np.cos(0.3 * t)
+    body = {"yaw_rate_rad_s": yaw, "acceleration_m_s2": 0.1 * yaw, "speed_m_s": 0.12 * speed, "heading_deg": 40 * yaw}
+    left, right = np.cumsum(0.1 * speed), np.cumsum(0.1 * (speed + yaw))
+    tables = {
+        "speeds": {"time_s": t, "left_wheel_speed_rad_s": speed, "right_wheel_speed_rad_s": speed + yaw, **body},
+        "counts": {"t_ms": 1000 * t, "left_ticks": np.round(229 * left), "right_ticks": np.round(229 * right)},
+        "turns": {"stamp": 1.77e9 + t, "left_wheel_turns": left / 6.28, "right_wheel_turns": right / 6.28},
+    }
+    for name, columns in tables.items():
+        rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+        lines = [",".join(columns), *(",".join(f"{cell:.9g}" for cell in row) for row in rows)]
+        (folder / f"{name}.csv").write_text("\n".join([*lines, ""]), encoding="utf-8")
+    return sorted(folder.glob("*.csv"))
+
+
+def sources(folder: Path) -> dict[str, Source]:
+    """The damaged inputs of each reader, by its name."""
+    from logs.formats.frames import damaged_frame
+    from logs.formats.mutation import damage, written
+    from ohmward.logs.bags.bag_table import is_recording
+    from ohmward.logs.read import HEAD_BYTES, opener_of
+
+    places = {name: folder / name for name in ("formats", "recordings", "drives")}
+    for place in places.values():
+        place.mkdir()
+    paths = [*written(places["formats"]).values(), *recordings(places["recordings"])]
+    of_readers: dict[str, list[Path]] = {"drives": drives(places["drives"])}
+    for path in paths:
+        opener: Any = opener_of(path.read_bytes()[:HEAD_BYTES])
+        name = "open_bag" if is_recording(path) else getattr(opener, "func", opener).__name__
+        keywords = getattr(opener, "keywords", {}).values()
+        is_text = name in ("open_csv", "open_objects")
+        of_readers.setdefault(" ".join([name, *keywords] + [path.suffix] * (not is_text)), []).append(path)
+
+    def damaged(originals: list[tuple[Path, bytes]], rng: Any) -> Path:
+        path, content = originals[rng.integers(len(originals))]
+        path.write_bytes(damage(content, path.suffix, rng))
+        return path
+
+    found = {
+        name: Source(partial(damaged, [(path, path.read_bytes()) for path in of_one]), lambda path: path.stat().st_size)
+        for name, of_one in sorted(of_readers.items())
+    }
+    return found | {"open_frame": Source(damaged_frame, lambda frame: MOST_BYTES)}
+
+
+def take(source: Any, how: int) -> None:
+    """Read an input as one of its users would, and examine what is in it.
+
+    how: 0 and 1 for the log of a battery, 2 for a drive, 3 for whatever `ohmward doctor` finds in it.
+
+    Raises:
+        OhmwardError: it is refused.
+        AssertionError: a log that cannot be.
+    """
+    import numpy as np
+
+    from ohmward.cli.doctor.command import DriveOptions, examine_log
+    from ohmward.logs import FileHints, examine, read_drive, read_log
+    from ohmward.logs.doctor import examine_drive
+    from ohmward.logs.log import ReadOptions
+
+    is_path = isinstance(source, Path)
+    database = next(source.parent.glob("*.dbc"), None) if is_path else None
+    hints = FileHints(dbc=str(database)) if database else FileHints()
+    if how == 3 and is_path:
+        list(examine_log(str(source), DriveOptions(None, ReadOptions(hints=hints), False, None)))
+    elif how == 2:
+        log = read_drive(source, ("left", "right"), 2, hints=hints)
+        examine_drive(log, ("left", "right"))
+        assert (np.diff(log.time_s) > 0).all(), "the time does not increase"
+        assert not np.isinf(log.wheel_speed_rad_s).any(), "an infinite speed"
     else:
-        return _too_much(path) or ("read" if is_sound(log) else "a log that cannot be")
-    finally:
-        tracemalloc.stop()
+        of_battery = read_log(source, hints=hints)
+        examine(of_battery)
+        degC = [] if of_battery.temperature_degC is None else [of_battery.temperature_degC]
+        assert (np.diff(of_battery.time_s) > 0).all(), "the time does not increase"
+        for column in (of_battery.current_A, of_battery.voltage_V, *degC):
+            assert not np.isinf(column).any(), "an infinite number"
 
 
-def _too_much(path: Path) -> str:
-    """The memory that a reader took, where it is more than it may; "" where it is not, or was not traced."""
-    _, peak = tracemalloc.get_traced_memory()
-    return f"took {peak >> 20} MiB" if peak > max(MOST_BYTES, MOST_TIMES * path.stat().st_size) else ""
+def outcome(source: Source, name: str, seed: int, number: int) -> str:
+    """`read`, `refused`, or what must not be, of the input with this number."""
+    import numpy as np
+
+    from ohmward.errors import OhmwardError
+
+    made = source.make(np.random.default_rng([seed, zlib.crc32(name.encode()), number]))
+    before = _start_memory()
+    try:
+        take(made, 2 if name == "drives" and number % 4 < 2 else number % 4)
+        found = "read"
+    except OhmwardError:
+        found = "refused"
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        found = f"{type(error).__name__} at {Path(where.filename).name}:{where.lineno}: {error}"[:160]
+    taken = _peak_memory() - before
+    return f"took {taken >> 20} MiB" if taken > max(MOST_BYTES, MOST_TIMES * source.size(made)) else found
 
 
-def is_sound(log: Log) -> bool:
-    """True where the time increases and no number is infinite."""
-    columns = [log.current_A, log.voltage_V, *([] if log.temperature_degC is None else [log.temperature_degC])]
-    return bool((np.diff(log.time_s) > 0).all()) and not any(np.isinf(column).any() for column in columns)
+def _start_memory() -> int:
+    """Begin to measure the peak of this process's memory; its memory now [bytes]."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5")
+    except OSError:
+        return 0
+    return _peak_memory()
 
 
-def run(files: int, seed: int, word: str = "") -> Counter[str]:
-    """Number of files with each outcome, of the formats with the word in their names; every warning is an error."""
-    with TemporaryDirectory() as folder, warnings.catch_warnings():
-        paths = {**written(Path(folder)), **recordings(Path(folder))}
-        chosen = [path for name, path in paths.items() if word.lower() in name.lower()]
-        print(f"{len(chosen)} formats")
+def _peak_memory() -> int:
+    """Largest memory [bytes] of this process since `_start_memory`, 0 where it cannot be measured."""
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+    except OSError:
+        return 0
+    return next((1024 * int(line.split()[1]) for line in lines if line.startswith("VmHWM")), 0)
+
+
+def serve(asked: Connection, at: Any, seed: int) -> None:
+    """Answer blocks of numbers of a reader with the outcome of each; every warning is an error.
+
+    at: shared number of the input that is being read.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(ImportError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (LIMIT_BYTES, LIMIT_BYTES))
+    with TemporaryDirectory() as folder:
+        found = sources(Path(folder))
         warnings.simplefilter("error")
-        files_of_them = damaged(chosen, np.random.default_rng(seed), files)
-        return Counter(outcome(path, k % TRACED_ONE_IN == 0) for k, path in enumerate(files_of_them))
+        asked.send(list(found))
+        while block := asked.recv():
+            name, numbers = block
+            answers = []
+            for number in numbers:
+                at.value = number
+                answers.append(outcome(found[name], name, seed, number))
+            asked.send(answers)
+
+
+class Readers:
+    """The process of the readers, started again whenever a file ends it."""
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+        self._start()
+
+    def _start(self) -> None:
+        context = get_context("spawn")
+        self._answers, theirs = context.Pipe()
+        self._at = context.Value("q", -1)
+        self._process = context.Process(target=serve, args=(theirs, self._at, self._seed), daemon=True)
+        self._process.start()
+        theirs.close()
+        self.names: list[str] = self._answers.recv()
+
+    def read(self, name: str, numbers: range) -> list[str]:
+        """The outcomes of the inputs with these numbers, up to the first that ends the process."""
+        self._answers.send((name, numbers))
+        at = -1
+        while not self._answers.poll(HANGS_S):
+            if at == self._at.value:
+                return self._ended(name, numbers, f"more than {HANGS_S:g} s")
+            at = self._at.value
+        try:
+            answers: list[str] = self._answers.recv()
+        except EOFError:
+            self._process.join()
+            return self._ended(name, numbers, f"the process ended ({self._process.exitcode})")
+        return answers
+
+    def _ended(self, name: str, numbers: range, what: str) -> list[str]:
+        at = self._at.value
+        self._process.kill()
+        self._process.join()
+        self._start()
+        return [*(self.read(name, range(numbers.start, at)) if at > numbers.start else []), what]
+
+    def close(self) -> None:
+        """End the process, once it has answered."""
+        with suppress(OSError):
+            self._answers.send(None)
+        self._process.join(HANGS_S)
+
+
+class Tally:
+    """Outcomes of each reader, written to a file where one is named."""
+
+    def __init__(self, path: Path | None, seed: int) -> None:
+        self._path = path
+        known = json.loads(path.read_text("utf-8")) if path and path.exists() else {"seed": seed, "readers": {}}
+        if known["seed"] != seed:
+            sys.exit(f"{path} is of seed {known['seed']}; name another file, or --seed {known['seed']}")
+        self._known = known
+
+    def done(self, reader: str) -> int:
+        """Number of the inputs of a reader so far."""
+        return sum(count for count, _ in self._known["readers"].get(reader, {}).values())
+
+    def add(self, reader: str, first: int, outcomes: list[str]) -> None:
+        """Count outcomes of the inputs from the first number on."""
+        counts = self._known["readers"].setdefault(reader, {})
+        for number, found in enumerate(outcomes, first):
+            count, examples = counts.get(found, (0, []))
+            more = [number] if found not in FINE and len(examples) < EXAMPLES else []
+            counts[found] = (count + 1, [*examples, *more])
+        if self._path:
+            beside = self._path.with_name(self._path.name + ".new")
+            beside.write_text(json.dumps(self._known, indent=1), "utf-8")
+            beside.replace(self._path)
+
+    def show(self) -> bool:
+        """Print all; False where an outcome must not be."""
+        readers: Mapping[str, Mapping[str, Any]] = self._known["readers"]
+        for name, counts in readers.items():
+            print(f"{self.done(name):10,} {name}: {', '.join(f'{counts.get(f, (0,))[0]:,} {f}' for f in FINE)}")
+            for found, (count, examples) in counts.items():
+                if found not in FINE:
+                    print(f"{count:14,} {found}; numbers {examples}")
+        return all(found in FINE for counts in readers.values() for found in counts)
+
+
+def run(files: int, seed: int, word: str, state: Path | None) -> bool:
+    """Read so many inputs of each reader with the word in its name; False where an outcome must not be."""
+    tally, readers = Tally(state, seed), Readers(seed)
+    chosen = [name for name in readers.names if word.lower() in name.lower()]
+    try:
+        while wanted := [name for name in chosen if tally.done(name) < files]:
+            for name in wanted:
+                first = tally.done(name)
+                tally.add(name, first, readers.read(name, range(first, min(first + BLOCK, files))))
+    except KeyboardInterrupt:
+        print("stopped")
+    else:
+        readers.close()
+    return tally.show()
+
+
+def run_one(seed: int, word: str, number: int) -> bool:
+    """Read one input of a reader, and leave its file in the folder; False where its outcome must not be."""
+    import numpy as np
+
+    with TemporaryDirectory() as folder:
+        name, source = next((n, s) for n, s in sources(Path(folder)).items() if word.lower() in n.lower())
+        made = source.make(np.random.default_rng([seed, zlib.crc32(name.encode()), number]))
+        if isinstance(made, Path):
+            left = Path(f"{number}{made.suffix}")
+            left.write_bytes(made.read_bytes())
+            print(f"{name}: {left}, once {made.relative_to(folder)}")
+        warnings.simplefilter("error")
+        take(made, 2 if name == "drives" and number % 4 < 2 else number % 4)
+    return True
 
 
 def fuzz(what: str, run: Callable[[], Counter[str]]) -> int:
-    """Run, and tell; 1 where an error should not be."""
+    """Run, and print; 1 where an error should not be."""
     began = time.perf_counter()
     counts = run()
     print(f"{what} in {time.perf_counter() - began:.0f} s")
     for outcome, count in counts.most_common():
         print(f"{count:8,} {outcome}")
-    return int(bool(set(counts) - {"read", "refused"}))
+    return int(bool(set(counts) - set(FINE)))
 
 
 if __name__ == "__main__":
-    given = sys.argv[1:]
-    count, seed = (int(word) for word in (*given[:2], *(str(n) for n in (FILES, SEED)[len(given[:2]) :])))
-    sys.exit(fuzz(f"{count:,} damaged logs", lambda: run(count, seed, *given[2:3])))
+    arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    arguments.add_argument("--files", type=int, default=1000)
+    arguments.add_argument("--seed", type=int, default=SEED)
+    arguments.add_argument("--readers", default="", metavar="WORD")
+    arguments.add_argument("--state", type=Path, metavar="FILE")
+    arguments.add_argument("--only", type=int, metavar="NUMBER")
+    given = arguments.parse_args()
+    if given.only is not None:
+        sys.exit(not run_one(given.seed, given.readers, given.only))
+    sys.exit(not run(given.files, given.seed, given.readers, given.state))

@@ -1,12 +1,15 @@
-"""Damaged logs of all formats: refused, or a log that can be; `python benchmarks/log_fuzz.py` takes 100,000."""
+"""Damaged logs of all formats: refused, or a log that can be; benchmarks/log_fuzz.py takes as many as one likes."""
 
 import gzip
+import struct
 import warnings
 import zipfile
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from logs.formats.containers import old_workbook
 from logs.formats.mutation import damaged, written
 from ohmward.errors import InputError, OhmwardError
 from ohmward.logs import read_log
@@ -26,6 +29,23 @@ def test_a_damaged_file_is_read_or_refused(seed, tmp_path):
             assert (np.diff(log.time_s) > 0).all()
             assert not np.isinf(log.current_A).any() and not np.isinf(log.voltage_V).any()
     assert read > 10
+
+
+def test_a_damaged_frame_is_read_or_refused():
+    pytest.importorskip("polars")
+    from logs.formats.frames import damaged_frame
+
+    rng, read = np.random.default_rng(1), 0
+    for _ in range(100):
+        frame = damaged_frame(rng)
+        try:
+            log = read_log(frame)
+        except OhmwardError:
+            continue
+        read += 1
+        assert (np.diff(log.time_s) > 0).all()
+        assert not np.isinf(log.current_A).any() and not np.isinf(log.voltage_V).any()
+    assert read > 5
 
 
 _CELLS = {
@@ -50,7 +70,7 @@ def workbook(path, part, content):
 def test_a_workbook_with_a_cell_far_away_is_refused(tmp_path, kind):
     """Its parser would ask for the memory of all cells between, and end the process."""
     sheet = f'<worksheet xmlns:x="x"><sheetData>{_CELLS[kind]}</sheetData></worksheet>'
-    with pytest.raises(InputError, match=r"span [\d,]+ cells, more than 16,777,216; delete the cells far from the log"):
+    with pytest.raises(InputError, match=r"span [\d,]+ cells, more than 524,288; delete the cells far from the log"):
         read_log(workbook(tmp_path / "log.xlsx", _SHEET, sheet))
 
 
@@ -72,6 +92,28 @@ def test_a_binary_workbook_with_a_cell_far_away_is_refused(tmp_path):
     last = b"\0\x04" + (1048575).to_bytes(4, "little") + b"\x05\x04" + (16383).to_bytes(4, "little")
     with pytest.raises(InputError, match="span 17,179,869,184 cells"):
         read_log(workbook(tmp_path / "log.xlsb", "xl/worksheets/sheet1.bin", first + other + last))
+
+
+def test_a_workbook_of_excel_97_with_a_cell_far_away_is_refused(tmp_path):
+    path = old_workbook(tmp_path)
+    content = bytearray(path.read_bytes())
+    first_number = content.index(b"\x03\x02\x0e\x00")
+    content[first_number + 4 : first_number + 8] = struct.pack("<HH", 65535, 255)
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="span 16,777,216 cells, more than 524,288"):
+        read_log(path)
+
+
+def test_a_panic_of_a_parser_is_a_refusal(tmp_path, monkeypatch):
+    """That of a package in Rust is no Exception."""
+    panic = type("PanicException", (BaseException,), {})
+
+    def from_path(path):
+        raise panic("assertion failed")
+
+    monkeypatch.setattr("python_calamine.CalamineWorkbook", SimpleNamespace(from_path=from_path))
+    with pytest.raises(InputError, match=r"no readable workbook \(assertion failed\); save it again"):
+        read_log(old_workbook(tmp_path))
 
 
 def test_a_workbook_that_unpacks_to_gigabytes_is_refused(tmp_path, monkeypatch):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 import zipfile
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
@@ -14,8 +15,8 @@ import numpy as np
 from ohmward.errors import InputError
 from ohmward.logs.frame import plain_array, values_of
 from ohmward.logs.hints import FileHints
-from ohmward.logs.table import Opener, Table, TableFile, file_of, parsing, row_numbers
-from ohmward.optional import require
+from ohmward.logs.table import Note, Opener, Table, TableFile, file_of, parsing, row_numbers
+from ohmward.optional import require, silenced
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 #: Kinds of NumPy types that a column may have.
@@ -71,7 +72,9 @@ def open_feather(path: Path, hints: FileHints) -> TableFile:
     return open_arrays(path.name, columns, hints)
 
 
-def open_arrays(source: str, arrays: Mapping[str, Any], hints: FileHints, advice: str = "") -> TableFile:
+def open_arrays(
+    source: str, arrays: Mapping[str, Any], hints: FileHints, advice: str = "", notes: tuple[Note, ...] = ()
+) -> TableFile:
     """The table of the largest group of arrays of equal length.
 
     arrays: name -> values of any shape; a name with points is shortened to its last part where that is unique.
@@ -90,7 +93,8 @@ def open_arrays(source: str, arrays: Mapping[str, Any], hints: FileHints, advice
         raise InputError(f"{source}: no two columns of one length found; it has: {held}{advice}")
     last = [name.rpartition(".")[2] for name in columns]
     short = [one if last.count(one) == 1 else name for one, name in zip(last, columns, strict=True)]
-    return file_of(Table(source, dict(zip(short, columns.values(), strict=True)), row_numbers(1, rows), "row"), hints)
+    table = Table(source, dict(zip(short, columns.values(), strict=True)), row_numbers(1, rows), "row", notes)
+    return file_of(table, hints)
 
 
 def _fields(content: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
@@ -122,9 +126,16 @@ def open_mpr(path: Path, hints: FileHints) -> TableFile:
 def open_neware(path: Path, hints: FileHints) -> TableFile:
     """The columns of a file of Neware, of a version that fastnda knows."""
     fastnda = require("fastnda", "a file of Neware (.nda, .ndax)")
-    with parsing(path, "no file that fastnda reads", "export it in BTSDA as Excel or CSV"):
+    with (
+        parsing(path, "no file that fastnda reads", "export it in BTSDA as Excel or CSV"),
+        silenced(),
+        warnings.catch_warnings(record=True) as warned,
+    ):
+        warnings.simplefilter("always")
         frame = fastnda.read(path)
-    return open_arrays(path.name, {name: frame[name].to_numpy() for name in frame.columns}, hints)
+    # of a version that its author has not compared with Neware's own program
+    notes = tuple(Note(" ".join(str(one.message).split()), "warning") for one in warned)
+    return open_arrays(path.name, {name: frame[name].to_numpy() for name in frame.columns}, hints, notes=notes)
 
 
 def is_ndax(path: Path) -> bool:

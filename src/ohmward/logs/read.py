@@ -196,16 +196,20 @@ def _open_file(path: Path, hints: FileHints) -> TableFile:
         head = stream.read(HEAD_BYTES)
     if about := next((about for beginning, about in _KNOWN if beginning.match(head)), None):
         raise InputError(f"{path.name}: {about}")
-    opener = next((opener for magic, opener in OPENERS.items() if head.startswith(magic)), None)
-    if opener is None and HDF5_MAGIC in head:
-        opener = open_hdf5
-    elif opener is None and is_telemetry(head):
-        opener = open_telemetry
-    elif opener is None and (reader := can_reader(head)) is not None:
-        opener = partial(open_can, reader=reader)
-    elif opener is None:
-        opener = open_objects if names_values(head) else open_csv
-    return as_wide(opener(path, hints))
+    return as_wide(opener_of(head)(path, hints))
+
+
+def opener_of(head: bytes) -> Opener:
+    """The opener of files that begin with these bytes."""
+    if opener := next((opener for magic, opener in OPENERS.items() if head.startswith(magic)), None):
+        return opener
+    if HDF5_MAGIC in head:
+        return open_hdf5
+    if is_telemetry(head):
+        return open_telemetry
+    if (reader := can_reader(head)) is not None:
+        return partial(open_can, reader=reader)
+    return open_objects if names_values(head) else open_csv
 
 
 def _open_zip(path: Path, hints: FileHints) -> TableFile:

@@ -167,7 +167,10 @@ def parsing(path: Path, fault: str, advice: str) -> Iterator[None]:
         yield
     except OhmwardError:
         raise
-    except Exception as error:
+    except BaseException as error:
+        # a panic of a parser in Rust is no Exception
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
+            raise
         raise InputError(f"{path.name}: {fault} ({error}); {advice}") from error
 
 

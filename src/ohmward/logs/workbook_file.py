@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 import zipfile
 from collections.abc import Callable, Sequence
 from datetime import date, datetime, time, timedelta
@@ -10,15 +11,19 @@ from pathlib import Path
 from typing import IO, Any
 from xml.parsers import expat
 
+import numpy as np
+
 from ohmward.errors import InputError
 from ohmward.logs.cells import Header, Marks, find_block, find_header, parse_cells, unique_names
 from ohmward.logs.columns import has_log
 from ohmward.logs.hints import FileHints
 from ohmward.logs.table import Note, Table, TableFile, file_of, parsing, row_numbers
-from ohmward.optional import require
+from ohmward.optional import require, silenced
 
 #: Most cells of a workbook, including empty ones between filled ones, and most bytes of its unpacked parts.
 MOST_CELLS, MOST_BYTES = 1 << 24, 1 << 30
+#: So many cells may lie in any workbook; in one with more, each has at least a byte of the unpacked parts.
+_FEW_CELLS = 1 << 19
 #: Bytes of a part examined at a time, and the longest tag that may lie across two such blocks.
 _BLOCK, _LONGEST_TAG = 1 << 20, 1 << 8
 #: Tag of an Excel cell, and of one with its place, as nearly all programs write it.
@@ -29,7 +34,7 @@ _PLACE = re.compile(rb"""<(?:\w+:)?c [^<>]*?\br=["']([A-Z]{1,3})(\d{1,7})["']"""
 def open_workbook(path: Path, hints: FileHints) -> TableFile:
     """The columns of a workbook: of its sheet that holds a log, or else of the one with the most rows."""
     calamine = require("python_calamine", "a workbook")
-    with parsing(path, "no readable workbook", "save it again, or as CSV"):
+    with parsing(path, "no readable workbook", "save it again, or as CSV"), silenced():
         _require_size(path)
         book = calamine.CalamineWorkbook.from_path(str(path))
         sheets = {name: book.get_sheet_by_name(name).to_python(skip_empty_area=True) for name in book.sheet_names}
@@ -49,24 +54,27 @@ def open_workbook(path: Path, hints: FileHints) -> TableFile:
 
 
 def _require_size(path: Path) -> None:
-    """Refuse a workbook whose sheets would not fit in memory; its parser holds all cells between filled ones.
-
-    A sheet of the older .xls has no more than 16 million cells.
-    """
-    if not zipfile.is_zipfile(path):
-        return
-    with zipfile.ZipFile(path) as book:
-        if sum(part.file_size for part in book.infolist()) > MOST_BYTES:
-            raise InputError(
-                f"{path.name}: the workbook unpacks to more than {MOST_BYTES >> 30} GiB; save its log as CSV or Parquet"
-            )
-        cells = 0
-        for part in book.infolist():
-            with book.open(part) as stream:
-                cells += _cells_of_part(part.filename, stream)
-    if cells > MOST_CELLS:
+    """Refuse a workbook whose sheets would not fit in memory; its parser holds all cells between filled ones."""
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as book:
+            unpacked = sum(part.file_size for part in book.infolist())
+            if unpacked > MOST_BYTES:
+                raise InputError(
+                    f"{path.name}: the workbook unpacks to more than {MOST_BYTES >> 30} GiB; save its log as CSV or "
+                    "Parquet"
+                )
+            cells = 0
+            for part in book.infolist():
+                with book.open(part) as stream:
+                    cells += _cells_of_part(part.filename, stream)
+    else:
+        stream_of_sheets = _stream_of_sheets(path.read_bytes())
+        unpacked = len(stream_of_sheets)
+        cells = _cells_of_biff(stream_of_sheets)
+    most = min(MOST_CELLS, max(_FEW_CELLS, unpacked))
+    if cells > most:
         raise InputError(
-            f"{path.name}: the filled cells of the workbook span {cells:,} cells, more than {MOST_CELLS:,}; delete the "
+            f"{path.name}: the filled cells of the workbook span {cells:,} cells, more than {most:,}; delete the "
             "cells far from the log, or save it as CSV or Parquet"
         )
 
@@ -193,6 +201,67 @@ def _packed_number(stream: IO[bytes], most: int) -> int | None:
         if byte[0] < 0x80:
             break
     return number
+
+
+#: Numbers of sectors from here on end a chain.
+_END_OF_CHAIN = 0xFFFFFFFA
+_MINI_SECTOR, _MINI_STREAM = 64, 4096
+
+
+def _stream_of_sheets(content: bytes) -> bytes:
+    """The stream with the sheets of an .xls: sectors of a compound file ([MS-CFB]), chained by a table."""
+    header = np.frombuffer(content[:512], "<u4")
+    size = 1 << content[30]
+
+    def sector(number: int) -> bytes:
+        return content[size * (number + 1) : size * (number + 2)]
+
+    def chain(first: int, following: np.ndarray, piece: Callable[[int], bytes]) -> bytes:
+        pieces: list[bytes] = []
+        while first < _END_OF_CHAIN and len(pieces) <= following.size:
+            pieces.append(piece(first))
+            first = int(following[first])
+        return b"".join(pieces)
+
+    tables, more = list(header[19:]), int(header[17])
+    while more < _END_OF_CHAIN and len(tables) * size <= len(content) + size * 109:
+        block = np.frombuffer(sector(more), "<u4")
+        tables += list(block[:-1])
+        more = int(block[-1])
+    following = np.frombuffer(b"".join(sector(int(k)) for k in tables if k < _END_OF_CHAIN), "<u4")
+    directory = chain(int(header[12]), following, sector)
+    entries = {}
+    for at in range(0, len(directory), 128):
+        name = directory[at : at + 64].decode("utf-16-le", "replace").partition("\0")[0]
+        entries[name] = struct.unpack_from("<II", directory, at + 116)
+    start, length = entries.get("Workbook") or entries["Book"]
+    if length >= _MINI_STREAM:
+        return chain(start, following, sector)[:length]
+    mini_stream = chain(entries["Root Entry"][0], following, sector)
+    mini_table = np.frombuffer(chain(int(header[15]), following, sector), "<u4")
+    return chain(start, mini_table, lambda k: mini_stream[_MINI_SECTOR * k : _MINI_SECTOR * (k + 1)])[:length]
+
+
+#: Records of BIFF that hold a cell, that hold several (the last column at their end), and that begin a sheet.
+_BIFF_CELL = frozenset({0x06, 0xD6, 0xFD, 0x203, 0x204, 0x205, 0x27E})
+_BIFF_CELLS, _BIFF_SHEET = 0xBD, 0x809
+
+
+def _cells_of_biff(stream: bytes) -> int:
+    """Number of cells in the sheets of an .xls: records of kind, size and content ([MS-XLS])."""
+    sheets = [_Extent()]
+    at = 0
+    while at + 4 <= len(stream):
+        kind, size = struct.unpack_from("<HH", stream, at)
+        at += 4
+        if kind == _BIFF_SHEET:
+            sheets.append(_Extent())
+        elif kind in _BIFF_CELL or kind == _BIFF_CELLS:
+            row, column = struct.unpack_from("<HH", stream, at)
+            last = struct.unpack_from("<H", stream, at + size - 2)[0] if kind == _BIFF_CELLS else column
+            sheets[-1].include(row, row, column, max(column, last))
+        at += size
+    return sum(sheet.cells for sheet in sheets)
 
 
 def _table_file(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import struct
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -45,6 +47,73 @@ def dated_workbook(folder: Path) -> Path:
         sheet.append([at.replace(tzinfo=None), i, u, c])
     book.save(folder / "log.xlsx")
     return folder / "log.xlsx"
+
+
+def _record(kind: int, content: bytes) -> bytes:
+    return struct.pack("<HH", kind, len(content)) + content
+
+
+def old_workbook(folder: Path) -> Path:
+    """A workbook of Excel 97: records of BIFF8 as the one stream of a compound file of sectors of 512 bytes."""
+
+    def begin(kind: int) -> bytes:
+        return _record(0x809, struct.pack("<HH12x", 0x600, kind))
+
+    end = _record(0x0A, b"")
+    cells = [
+        _record(0x204, struct.pack("<HHHHB", 0, k, 0, len(name), 0) + name.encode()) for k, name in enumerate(NAMES)
+    ]
+    cells += [
+        _record(0x203, struct.pack("<HHHd", row, k, 0, value))
+        for row, values in enumerate(LOG.rows(), 1)
+        for k, value in enumerate(values)
+    ]
+    globals_size = len(begin(5)) + len(_record(0x85, bytes(11))) + len(end)
+    sheet = _record(0x85, struct.pack("<IHBB", globals_size, 0, 3, 0) + b"log")
+    stream = begin(5) + sheet + end + begin(0x10) + b"".join(cells) + end
+    stream += bytes(-len(stream) % 512)
+    sectors = len(stream) // 512
+    # sector 0: the table of sectors, 1: the directory, from 2 on: the stream
+    chain = [0xFFFFFFFD, 0xFFFFFFFE, *range(3, 2 + sectors), 0xFFFFFFFE]
+    table = struct.pack(f"<{len(chain)}I", *chain).ljust(512, b"\xff")
+
+    def entry(name: str, kind: int, child: int, start: int, size: int) -> bytes:
+        text = name.encode("utf-16-le")
+        head = text.ljust(64, b"\0") + struct.pack("<HBBiii", len(text) + 2, kind, 1, -1, -1, child)
+        return head + bytes(36) + struct.pack("<IQ", start, size)
+
+    directory = entry("Root Entry", 5, 1, 0xFFFFFFFE, 0) + entry("Workbook", 2, -1, 2, len(stream))
+    head = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(16) + struct.pack("<HHHHH6x", 0x3E, 3, 0xFFFE, 9, 6)
+    head += struct.pack("<IIIIIIIII", 0, 1, 1, 0, 4096, 0xFFFFFFFE, 0, 0xFFFFFFFE, 0) + struct.pack("<I", 0)
+    content = head.ljust(512, b"\xff") + table + directory.ljust(512, b"\0") + stream
+    (folder / "log.xls").write_bytes(content)
+    return folder / "log.xls"
+
+
+def open_document(folder: Path) -> Path:
+    """A workbook of LibreOffice: its log is one part of XML."""
+    rows = [
+        [f"<table:table-cell office:value-type='string'><text:p>{name}</text:p></table:table-cell>" for name in NAMES]
+    ]
+    rows += [
+        [f"<table:table-cell office:value-type='float' office:value='{value}'/>" for value in row] for row in LOG.rows()
+    ]
+    body = "".join(f"<table:table-row>{''.join(row)}</table:table-row>" for row in rows)
+    spaces = " ".join(
+        f"xmlns:{name}='urn:oasis:names:tc:opendocument:xmlns:{name}:1.0'" for name in ("office", "table", "text")
+    )
+    text = f"<office:document-content {spaces}><office:body><office:spreadsheet><table:table table:name='log'>{body}"
+    text += "</table:table></office:spreadsheet></office:body></office:document-content>"
+    kind = "application/vnd.oasis.opendocument.spreadsheet"
+    manifest = (
+        "<manifest:manifest xmlns:manifest='urn:oasis:names:tc:opendocument:xmlns:manifest:1.0'>"
+        f"<manifest:file-entry manifest:full-path='/' manifest:media-type='{kind}'/></manifest:manifest>"
+    )
+    with zipfile.ZipFile(folder / "log.ods", "w", zipfile.ZIP_DEFLATED) as book:
+        book.writestr("mimetype", kind, zipfile.ZIP_STORED)
+        book.writestr("META-INF/manifest.xml", manifest)
+        book.writestr("content.xml", text)
+    return folder / "log.ods"
 
 
 def matlab(values: Callable[[], dict]) -> Callable[[Path], Path]:
@@ -116,6 +185,8 @@ def parts(folder: Path) -> Path:
 CONTAINERS = (
     f("Excel workbook", workbook, package="openpyxl"),
     f("Excel workbook, second sheet, dates, units", dated_workbook, package="openpyxl", dated=True),
+    f("Excel 97 workbook", old_workbook, package="python_calamine"),
+    f("OpenDocument workbook", open_document, package="python_calamine"),
     f("MATLAB, vectors", matlab(lambda: COLUMNS), package="scipy"),
     f("MATLAB, a structure", matlab(lambda: {"note": "4S", "log": {"meas": COLUMNS}}), package="scipy"),
     f("MATLAB 7.3", hdf5("log.mat", user_block=b"MATLAB 7.3 MAT-file, Platform: GLNXA64"), package="h5py"),

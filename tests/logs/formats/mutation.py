@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
+import io
+import zipfile
 from collections.abc import Collection, Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,6 +15,8 @@ from logs.formats.population import FORMATS
 
 #: Rows of the known log that are left: long logs say no more.
 _MOST_BYTES = 6_000
+_TEXTS = (".csv", ".txt", ".tsv", ".json", ".jsonl", ".mpt", ".lvm")
+_ZIP, _GZIP = b"PK\x03\x04", b"\x1f\x8b"
 _PIECES = (
     b'"', b"'", b",", b";", b"\t", b"\0", b"\xff\xfe", b"\xef\xbb\xbf", b"nan", b"inf", b"-inf", b"1e308", b"1e400",
     b"-", b"\r", b"\n", b"\n\n\n", b"#", b"sep=,\n", b"{", b"[", b"]}", b"[s]", b"A", b"V", b"time", b"99:99:99",
@@ -39,12 +44,35 @@ def damaged(paths: Collection[Path], rng: np.random.Generator, count: int) -> It
     originals = [(path, path.read_bytes()) for path in paths]
     for _ in range(count):
         path, content = originals[rng.integers(len(originals))]
-        text = path.suffix in (".csv", ".txt", ".tsv", ".json", ".jsonl", ".mpt", ".lvm")
-        changed = bytearray(content[:_MOST_BYTES] if text else content)
-        for _ in range(rng.integers(1, 4)):
-            changed = _changed(changed, rng)
-        path.write_bytes(bytes(changed))
+        path.write_bytes(damage(content, path.suffix, rng))
         yield path
+
+
+def damage(content: bytes, suffix: str, rng: np.random.Generator) -> bytes:
+    """The content of a file with one to three changes; of packed files every second time in what is packed."""
+    if content.startswith(_ZIP) and rng.integers(2):
+        return _in_archive(content, rng)
+    if content.startswith(_GZIP) and rng.integers(2):
+        return gzip.compress(damage(gzip.decompress(content), ".csv", rng), 1)
+    changed = bytearray(content[:_MOST_BYTES] if suffix in _TEXTS else content)
+    for _ in range(rng.integers(1, 4)):
+        changed = _changed(changed, rng)
+    return bytes(changed)
+
+
+def _in_archive(content: bytes, rng: np.random.Generator) -> bytes:
+    """An archive with one of its parts damaged, but packed without a fault."""
+    target = io.BytesIO()
+    with (
+        zipfile.ZipFile(io.BytesIO(content)) as source,
+        zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED, False, 1) as out,
+    ):
+        names = source.namelist()
+        chosen = names[rng.integers(len(names))]
+        for name in names:
+            part = source.read(name)
+            out.writestr(name, damage(part, "", rng) if name == chosen else part)
+    return target.getvalue()
 
 
 def _changed(content: bytearray, rng: np.random.Generator) -> bytearray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import struct
+import zipfile
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -94,10 +95,63 @@ def sqlite(folder: Path) -> Path:
     return folder / "log.db"
 
 
+#: A record of Neware's .nda of version 8, and of .ndax of version 2: their own units are 0.1 mV, 0.1 mA and s or ms.
+_NDA = np.dtype(
+    [
+        ("identifier", "<u1"), ("index", "<u4"), ("cycle", "<u4"), ("step", "<u1"), ("type", "<u1"), ("time", "<u4"),
+        ("U", "<i4"), ("I", "<i4"), ("nothing", "V8"), ("Q", "<i8"), ("E", "<i8"), ("unix", "<u8"), ("end", "V4"),
+    ]
+)  # fmt: skip
+_NDC = np.dtype(
+    [
+        ("nothing", "V8"), ("index", "<u4"), ("cycle", "<u4"), ("step", "<u1"), ("type", "<u1"), ("free", "V5"),
+        ("time", "<u8"), ("U", "<i4"), ("I", "<i4"), ("spare", "V4"), ("charge", "<i8", 4),
+        ("Y", "<u2"), *((part, "<u1") for part in "MDhms"), ("range", "<i4"), ("end", "V8"),
+    ]
+)  # fmt: skip
+#: Step of Neware whose current has either sign, and a current range of 10 A.
+_SIMULATED, _RANGE_MA = 17, 10_000
+
+
+def _neware(dtype: np.dtype, times_per_s: int) -> np.ndarray:
+    rows = np.zeros(LOG.time_s.size, dtype)
+    rows["index"], rows["step"], rows["type"] = 1 + np.arange(rows.size), 1, _SIMULATED
+    rows["time"] = np.round(times_per_s * LOG.time_s)
+    rows["U"], rows["I"] = np.round(1e4 * LOG.voltage_V), np.round(1e4 * LOG.current_A)
+    return rows
+
+
+def nda(folder: Path) -> Path:
+    rows, begin, range_at = _neware(_NDA, 1), 256, 80
+    rows["unix"] = [round(at.timestamp()) for at in LOG.moments]
+    head = bytearray(b"NEWARE".ljust(begin, b"\0"))
+    head[14], head[16:20] = 8, range_at.to_bytes(4, "little")
+    head[64:72] = struct.pack("<II", begin, rows.nbytes)
+    head[range_at + 26 : range_at + 30] = _RANGE_MA.to_bytes(4, "little")
+    (folder / "log.nda").write_bytes(bytes(head) + rows.tobytes())
+    return folder / "log.nda"
+
+
+def ndax(folder: Path) -> Path:
+    """Blocks of 512 bytes, each with as many records as fit."""
+    rows, begin, block = _neware(_NDC, 1000), 5, 512
+    rows["range"] = _RANGE_MA
+    for name, form in zip(("Y", *"MDhms"), ("%Y", "%m", "%d", "%H", "%M", "%S"), strict=True):
+        rows[name] = [int(at.strftime(form)) for at in LOG.moments]
+    each = (block - begin - 1) // _NDC.itemsize
+    blocks = (bytes(begin) + rows[k : k + each].tobytes() for k in range(0, rows.size, each))
+    head = bytes([1, 0, 2]).ljust(block, b"\0")
+    with zipfile.ZipFile(folder / "log.ndax", "w") as archive:
+        archive.writestr("data.ndc", head + b"".join(content.ljust(block, b"\0") for content in blocks))
+    return folder / "log.ndax"
+
+
 RECORDERS = (
     f("ArduPilot, DataFlash", binary_file("log.bin", dataflash()), package="pymavlink"),
     f("ArduPilot, telemetry", telemetry, package="pymavlink", dated=True),
     f("BioLogic EC-Lab .mpr", mpr, package="galvani", warm=False),
+    f("Neware .nda", nda, package="fastnda", warm=False),
+    f("Neware .ndax", ndax, package="fastnda", warm=False),
     f("MDF 4, signals", mdf, package="asammdf", dated=True, warm=False),
     f("SQLite of a logger", sqlite, dated=True),
 )
