@@ -11,8 +11,6 @@ from pathlib import Path
 from typing import IO, Any
 from xml.parsers import expat
 
-import numpy as np
-
 from ohmward.errors import InputError
 from ohmward.logs.cells import Header, Marks, find_block, find_header, parse_cells, unique_names
 from ohmward.logs.columns import has_log
@@ -68,7 +66,7 @@ def _require_size(path: Path) -> None:
                 with book.open(part) as stream:
                     cells += _cells_of_part(part.filename, stream)
     else:
-        stream_of_sheets = _stream_of_sheets(path.read_bytes())
+        stream_of_sheets = _stream_of_sheets(path)
         unpacked = len(stream_of_sheets)
         cells = _cells_of_biff(stream_of_sheets)
     most = min(MOST_CELLS, max(_FEW_CELLS, unpacked))
@@ -203,43 +201,11 @@ def _packed_number(stream: IO[bytes], most: int) -> int | None:
     return number
 
 
-#: Numbers of sectors from here on end a chain.
-_END_OF_CHAIN = 0xFFFFFFFA
-_MINI_SECTOR, _MINI_STREAM = 64, 4096
-
-
-def _stream_of_sheets(content: bytes) -> bytes:
-    """The stream with the sheets of an .xls: sectors of a compound file ([MS-CFB]), chained by a table."""
-    header = np.frombuffer(content[:512], "<u4")
-    size = 1 << content[30]
-
-    def sector(number: int) -> bytes:
-        return content[size * (number + 1) : size * (number + 2)]
-
-    def chain(first: int, following: np.ndarray, piece: Callable[[int], bytes]) -> bytes:
-        pieces: list[bytes] = []
-        while first < _END_OF_CHAIN and len(pieces) <= following.size:
-            pieces.append(piece(first))
-            first = int(following[first])
-        return b"".join(pieces)
-
-    tables, more = list(header[19:]), int(header[17])
-    while more < _END_OF_CHAIN and len(tables) * size <= len(content) + size * 109:
-        block = np.frombuffer(sector(more), "<u4")
-        tables += list(block[:-1])
-        more = int(block[-1])
-    following = np.frombuffer(b"".join(sector(int(k)) for k in tables if k < _END_OF_CHAIN), "<u4")
-    directory = chain(int(header[12]), following, sector)
-    entries = {}
-    for at in range(0, len(directory), 128):
-        name = directory[at : at + 64].decode("utf-16-le", "replace").partition("\0")[0]
-        entries[name] = struct.unpack_from("<II", directory, at + 116)
-    start, length = entries.get("Workbook") or entries["Book"]
-    if length >= _MINI_STREAM:
-        return chain(start, following, sector)[:length]
-    mini_stream = chain(entries["Root Entry"][0], following, sector)
-    mini_table = np.frombuffer(chain(int(header[15]), following, sector), "<u4")
-    return chain(start, mini_table, lambda k: mini_stream[_MINI_SECTOR * k : _MINI_SECTOR * (k + 1)])[:length]
+def _stream_of_sheets(path: Path) -> bytes:
+    """The stream with the sheets of an .xls."""
+    with require("olefile", "an .xls workbook").OleFileIO(path) as book:
+        stream: bytes = book.openstream("Workbook" if book.exists("Workbook") else "Book").read()
+        return stream
 
 
 #: Records of BIFF that hold a cell, that hold several (the last column at their end), and that begin a sheet.
