@@ -235,6 +235,15 @@ def test_the_transform_is_the_pose_where_it_is_asked_for():
     assert dict(Ros2Sink(publish_tf=True).advertised())["/tf"] == types.TF
 
 
+def test_after_a_restart_there_is_no_battery_state_before_its_first_sample():
+    """A bag in a loop: what was measured before is not sent again, without a date."""
+    translation = Translation(Ros2Sink(interval_s=0.0, slow_s=0.0))
+    assert types.BATTERY_STATE in sent(translation, at(50.0, driven()))
+    nothing = at(1.0, driven())._replace(battery_time_s=math.nan, battery_unix_s=math.nan, battery=None, sample={})
+    assert types.BATTERY_STATE not in sent(translation, nothing)
+    assert types.BATTERY_STATE in sent(translation, at(2.0, driven()))
+
+
 def test_dates_are_those_of_the_samples_and_never_go_back():
     """States of a battery and of a drive, whose evidence is older than the state and than that of the state before."""
     translation, dates = Translation(Ros2Sink(interval_s=0.0, slow_s=0.0)), []

@@ -115,6 +115,8 @@ class Translation:
                 yield "/tf", types.TF, serialize(types.TF, messages.transform(state, self._frames))
             if sink.twist and state.slip:
                 yield sink.twist, types.TWIST, serialize(types.TWIST, messages.twist(state, self._frames))
+        if math.isnan(state.battery_time_s):
+            self._measured.clear()  # nothing yet, or not since everything restarted
         if sink.battery_state and self._measured and self._battery.passes(state.time_s):
             found = messages.battery_state(
                 state, self._reporting(state), self.battery, self._frames, sink.percentage == "low"
