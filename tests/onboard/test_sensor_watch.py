@@ -6,7 +6,7 @@ import pytest
 
 from ohmward import generic_battery
 from ohmward.onboard.robot_state import Level
-from ohmward.onboard.sensor_watch import MOST_SENSORS, SensorWatch
+from ohmward.onboard.sensor_watch import MISSED_S, MOST_SENSORS, SensorWatch
 from ohmward.traction.motion_check import MotionCheck
 from ohmward.traction.robot.packaged import RLMA
 
@@ -235,7 +235,7 @@ def test_a_value_that_is_late_is_not_the_same_for_longer(battery):
 
 
 def test_late_values_and_clocks_that_were_set_are_named(battery):
-    watch = SensorWatch(battery, RLMA)
+    watch = SensorWatch(battery)
     watch.take("radio", 1.0, 3.0, {"battery_current_A": 1.0})
     watch.clock_was_set("radio", 3.0)
     found = {d.name: d.level for d in watch.look(3.1)}
@@ -253,6 +253,20 @@ def test_names_without_end_do_not_fill_memory(battery):
     assert watch.take("robot", 0.2, 0.2, {"battery_voltage_V": 13.1}) == {"battery_voltage_V": 13.1}
     (found,) = (diagnostic for diagnostic in watch.look(0.3) if diagnostic.name == "signals")
     assert "mqtt sends new names" in found.message
+
+
+def test_a_drive_without_any_wheel_is_missed_until_one_comes(battery):
+    """Joints without velocities, or a topic that nobody publishes: nothing else tells why there is no speed."""
+    watch = SensorWatch(battery, RLMA)
+    watch.take("ros2", 1.0, 1.0, {"battery_voltage_V": 13.0, "yaw_rate_rad_s": 0.0, "wheel_speed_rad_s.arm": 1.0})
+
+    def found(now_s):
+        return {d.name: d.level for d in watch.look(now_s) if d.name.startswith("sensors of the ")}
+
+    assert found(MISSED_S) == {}
+    assert found(MISSED_S + 1.0) == {"sensors of the drive": Level.STALE}
+    watch.take("ros2", 40.0, 40.0, {"wheel_speed_rad_s.front_left": 1.0})
+    assert found(41.0) == {"sensors of the drive": Level.OK}
 
 
 @pytest.mark.parametrize("voltage_V", [0.0008, 5.0, 16.5, 26.4])

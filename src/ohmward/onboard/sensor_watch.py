@@ -197,6 +197,7 @@ class SensorWatch:
         self.sources = {name: Delivery(frozenset(signals)) for name, signals in self.promised.items()}
         self._motion = MotionCheck(self.robot) if self.robot else None
         self._left_out = ""
+        self._missed: set[str] = set()
         self._evidence: dict[str, list[WatchedSensor]] = {name: [] for name in EVIDENCE}
 
     def ages(self, now_s: float) -> dict[str, Age]:
@@ -235,6 +236,7 @@ class SensorWatch:
             yield Diagnostic("signals", Level.WARN, message)
         for name, delivery in self.sources.items():
             yield from self._conditions(name, delivery, now_s)
+        yield from self._needed(now_s)
         for sensor in self.sensors.values():
             level, message = _condition(sensor, now_s)
             figures = {"value": sensor.value, "interval_s": sensor.interval_s, "age_s": now_s - sensor.last_s}
@@ -262,6 +264,19 @@ class SensorWatch:
             none = delivery.first_s == math.inf
             message = "none came yet; is the other side sending?" if none else "come"
             yield Diagnostic(f"messages of {name}", Level.STALE if none else Level.OK, message)
+
+    def _needed(self, now_s: float) -> Iterator[Diagnostic]:
+        """Conditions of what the estimates of battery and drive need at least, if all sources send something else."""
+        sending = all(now_s - delivery.first_s >= MISSED_S for delivery in self.sources.values())
+        declared = {signal.partition(".")[0] for delivery in self.sources.values() for signal in delivery.signals}
+        for group, owner in (("battery", self.battery), ("drive", self.robot)):
+            name, needed = f"sensors of the {group}", EVIDENCE[group]
+            if owner is not None and sending and not self._evidence[group] and not needed & declared:
+                self._missed.add(name)
+                text = f"no source sends {' or '.join(sorted(needed))}; look at names and topics, or leave its file out"
+                yield Diagnostic(name, Level.STALE, text)
+            elif name in self._missed:
+                yield Diagnostic(name, Level.OK, "report")
 
     def _first(self, signal: str, source: str) -> WatchedSensor | None:
         """The sensor of a new signal; None if there are too many already."""
