@@ -4,8 +4,10 @@ import ast
 import re
 import subprocess
 import sys
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -103,23 +105,29 @@ def room_of(module: str) -> str:
     return ".".join(module.split(".")[: 2 if module.startswith("ohmward_lab.") else 1])
 
 
-def imported(module: str, tree: ast.AST | None = None) -> set[str]:
-    """The modules that a module, or a part of it, imports, called as in `modules`."""
-    nodes = list(ast.walk(tree or ast.parse(text_of(module))))
+class Imports(NamedTuple):
+    """Modules of ohmward that a module imports, called as in `modules`."""
+
+    all: frozenset[str]
+    late: frozenset[str]  #: those within a function
+
+
+@cache
+def imports_of(module: str) -> Imports:
+    nodes = list(ast.walk(ast.parse(text_of(module))))
+    functions = [node for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
+    inside = [node for function in functions for node in ast.walk(function)]
+    return Imports(*(frozenset(own(module, part)) for part in (nodes, inside)))
+
+
+def own(module: str, nodes: list[ast.AST]) -> set[str]:
     names = {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}
     for node in nodes:
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{module}: imports are absolute here"
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
-    own = {name.removeprefix("ohmward.") for name in names if name.startswith(("ohmward.", "ohmward_lab."))}
-    return {name if name in MODULES else name.rpartition(".")[0] or name for name in own}
-
-
-def imported_late(module: str) -> set[str]:
-    """The modules of ohmward that are imported inside the functions of a module."""
-    nodes = ast.walk(ast.parse(text_of(module)))
-    functions = [node for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
-    return {name for function in functions for name in imported(module, function)}
+    ours = {name.removeprefix("ohmward.") for name in names if name.startswith(("ohmward.", "ohmward_lab."))}
+    return {name if name in MODULES else name.rpartition(".")[0] or name for name in ours}
 
 
 def allowed(module: str, target: str) -> bool:
@@ -141,7 +149,7 @@ def test_imports_point_downwards(module):
     assert room in BELOW, (
         f"{room} is a new subpackage: say in BELOW what it may import, and in docs/architecture.md what it is"
     )
-    assert [t for t in imported(module) if not allowed(module, t)] == []
+    assert [t for t in imports_of(module).all if not allowed(module, t)] == []
 
 
 def test_modules_are_loaded_by_name_in_few_places():
@@ -149,7 +157,7 @@ def test_modules_are_loaded_by_name_in_few_places():
 
 
 def test_the_files_form_no_circle():
-    below = {module: imported(module) & MODULES - {module} for module in MODULES}
+    below = {module: imports_of(module).all & MODULES - {module} for module in MODULES}
     try:
         TopologicalSorter(below).prepare()
     except CycleError as circle:
@@ -159,7 +167,7 @@ def test_the_files_form_no_circle():
 def test_own_modules_are_imported_at_the_top():
     """But optional packages, commands, which are loaded by name, and what a command of one file needs for its work."""
     commands = {f"cli.{name}" for name in COMMANDS}
-    assert {module: late for module in MODULES - commands if (late := imported_late(module))} == {}
+    assert {module: late for module in MODULES - commands if (late := imports_of(module).late)} == {}
 
 
 def test_the_rooms_form_no_circle():
@@ -169,11 +177,13 @@ def test_the_rooms_form_no_circle():
         seen.add(room)
 
 
-@pytest.mark.parametrize("module", ON_BOARD)
-def test_the_on_board_core_imports_numpy_alone(module):
-    loaded = run(f"import sys, {module}; print(*{{name.split('.')[0] for name in sys.modules}})").split()
-    assert sorted(set(loaded) & set(HEAVY)) == []
-    assert "numpy" in loaded
+def test_the_on_board_core_imports_numpy_alone():
+    """In one process, which says after each module what is loaded by then."""
+    say = "print(name, *{name.split('.')[0] for name in sys.modules})"
+    found = run(f"import importlib, sys\nfor name in {ON_BOARD}:\n    importlib.import_module(name)\n    {say}")
+    loaded = {name: set(packages) for name, *packages in map(str.split, found.splitlines())}
+    assert {name: heavy for name, packages in loaded.items() if (heavy := packages & set(HEAVY))} == {}
+    assert list(loaded) == ON_BOARD and "numpy" in loaded[ON_BOARD[0]]
 
 
 def test_the_package_itself_imports_nothing():

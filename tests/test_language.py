@@ -5,13 +5,13 @@ import io
 import re
 import tokenize
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import ohmward
 
 SOURCE = Path(ohmward.__file__).parent
 FILES = sorted(SOURCE.rglob("*.py"))
-TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
 
 #: Words that a reader of the field would have to learn first, and those of the field.
 PRIVATE = {
@@ -66,15 +66,17 @@ PRIVATE_INSIDE = {
 }
 
 
-def identifiers(path: Path) -> set[str]:
+@cache
+def identifiers(path: Path) -> frozenset[str]:
     text = path.read_text(encoding="utf-8")
-    return {t.string for t in tokenize.generate_tokens(io.StringIO(text).readline) if t.type == tokenize.NAME}
+    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+    return frozenset(t.string for t in tokens if t.type == tokenize.NAME)
 
 
 def test_no_class_name_stands_twice():
     places = defaultdict(list)
-    for path, tree in TREES.items():
-        for node in tree.body:
+    for path in FILES:
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.ClassDef):
                 places[node.name].append(str(path.relative_to(SOURCE)))
     assert {name: where for name, where in places.items() if len(where) > 1} == {}
