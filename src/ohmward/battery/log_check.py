@@ -188,10 +188,9 @@ def _windows(log: Log, battery: Battery) -> Iterator[Log]:
     if known.size < _FEWEST_ROWS:
         return
     time_s = log.time_s[known]
-    pieces = np.cumsum(np.diff(time_s, prepend=time_s[0]) > CURRENT_GAP_S)
-    number = pieces * 1_000_000 + (time_s - time_s[0]) // _WINDOW_S
-    starts = np.flatnonzero(np.diff(number, prepend=-1.0))
-    edges = np.append(starts, known.size)
+    after_gaps = 1 + np.flatnonzero(np.diff(time_s) > CURRENT_GAP_S)
+    starts = np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], _WINDOW_S))
+    edges = np.unique(np.concatenate([starts, after_gaps, [known.size]]))
     long = np.flatnonzero(np.diff(edges) >= _FEWEST_ROWS)
     chosen = long[np.unique(np.linspace(0, long.size - 1, min(_MOST_WINDOWS, long.size)).astype(int))]
     for k in chosen:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from battery.anchor_examples import HOUR, day, drained, label
+from ohmward.battery.soc import anchors
 from ohmward.battery.soc.anchors import find_anchors
 from ohmward.logs.log import Log
 
@@ -97,6 +98,15 @@ def test_a_log_that_ends_low_was_cut_off_and_so_was_one_before_a_gap():
     time_s, current_A, voltage_V, degC = map(np.concatenate, zip(columns_of(ended), columns_of(later), strict=True))
     day_and_day = Log("two days", time_s, current_A, voltage_V, degC)
     assert [anchor.sample for anchor in find_anchors(day_and_day, label("nca"))] == [lowest]
+
+
+@pytest.mark.parametrize("stretch", (1, 97, 1000))
+def test_an_event_that_lasts_is_found_in_a_log_that_is_searched_in_stretches(stretch, monkeypatch):
+    log, _ = day("nca", 0.5, [(3.0, 0.0), (8.0, 0.3), (4.0, 0.0), (0.5, -0.5)])
+    whole = find_anchors(log, label("nca"))
+    assert kinds(whole) == ["rest", "full charge", "rest"]
+    monkeypatch.setattr(anchors, "_STRETCH", stretch)
+    assert find_anchors(log, label("nca")) == whole
 
 
 @pytest.mark.parametrize(

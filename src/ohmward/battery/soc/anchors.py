@@ -11,7 +11,7 @@ import numpy as np
 
 from ohmward.battery.battery import Battery
 from ohmward.battery.models.thevenin import CircuitInput
-from ohmward.battery.soc.anchor_rule import AGAIN, AnchorEvent, AnchorMemory, AnchorRule, SocNormal
+from ohmward.battery.soc.anchor_rule import AGAIN, AnchorMemory, AnchorRule, SocNormal
 from ohmward.battery.soc.clean_sample import CURRENT_GAP_S, Rest, SampleLimits, first_input, sample_limits, sanitize
 from ohmward.battery.soc.estimator import SocRun, samples_of
 from ohmward.battery.soc.sample import SocFlag, SocSample
@@ -23,9 +23,8 @@ AnchorKind = Literal["full charge", "nearly full", "empty", "rest"]
 #: Source of an anchor that no column reports.
 VOLTAGE = "voltage"
 
-#: A long log is searched in stretches of this many samples, so that the memory for each stays small; each is extended
-#: by this many samples at both ends, for events that began before it or end after it.
-_STRETCH, _LEAD = 240_000, 20_000
+#: Samples of a log whose output is in memory at the same time.
+_STRETCH = 1 << 15
 
 
 class Anchor(NamedTuple):
@@ -52,21 +51,26 @@ class FinderState(NamedTuple):
     temperature_degC: Any
     memory: AnchorMemory
     rest: Rest
+    full: Any = 0.0  #: 1 from a full charge on, for as long as the voltage stands still
 
 
 class FinderOutput(NamedTuple):
     """Output at a sample; conditions are 1 and 0."""
 
     current_A: Any  #: last credible current
-    temperature_degC: Any  #: last credible temperature
-    event: AnchorEvent
-    long_rest: Any  #: its rest has become a long one
+    #: conditions that the sample completes a cut-off, or reaches the end of a flat curve, and the SoC of either
+    empty: Any
+    top: Any
+    event: SocNormal
+    #: conditions that a full charge, a long rest, or a load that is cut off here ended with the sample before
+    full: Any
+    rest: Any
+    cut_off: Any
+    #: of the sample before: last credible current and temperature, and state of charge of a cut-off
+    before: CircuitInput
+    low: SocNormal
     below_full: Any  #: a charger has tapered below the voltage of a full battery
     held_s: Any  #: time for which the voltage has stood still
-    rest_s: Any  #: time for which the battery has rested
-    low: Any  #: a load that ends here is cut off
-    low_soc: Any  #: state of charge of that cut-off
-    low_std: Any  #: its standard deviation
 
 
 @dataclass(frozen=True)
@@ -93,26 +97,27 @@ class AnchorFinder:
 
     def step(self, state: FinderState, sample: SocSample) -> tuple[FinderState, FinderOutput]:
         """State and output after a sample."""
-        clean = sanitize(sample, CircuitInput(state.current_A, state.temperature_degC), self.limits)
+        before = CircuitInput(state.current_A, state.temperature_degC)
+        clean = sanitize(sample, before, self.limits)
         memory, event = self.rule.step(state.memory, clean)
-        rest, long_rest = self.rule.continue_rest(state.rest, clean)
-        after = FinderState(clean.now.current_A, clean.now.temperature_degC, memory, rest)
-        below_full = self.rule.stops_below_full(memory, clean)
-        conditions = (event.full, event.empty, event.top, long_rest, below_full, self.rule.was_low(memory))
-        full, empty, top, long_rest, below_full, low = (where(condition, 1.0, 0.0) for condition in conditions)
-        seen = FinderOutput(
+        rest, _ = self.rule.continue_rest(state.rest, clean)
+        moved = memory.held_s < state.memory.held_s
+        full = where(event.full, 1.0, where(moved, 0.0, state.full))
+        after = FinderState(clean.now.current_A, clean.now.temperature_degC, memory, rest, full)
+        output = FinderOutput(
             current_A=after.current_A,
-            temperature_degC=after.temperature_degC,
-            event=event._replace(full=full, empty=empty, top=top),
-            long_rest=long_rest,
-            below_full=below_full,
+            empty=where(event.empty, 1.0, 0.0),
+            top=where(event.top, 1.0, 0.0),
+            event=SocNormal(event.soc, event.std),
+            full=where((state.full > 0.5) & moved, 1.0, 0.0),
+            rest=where((state.rest.used > 0.5) & (rest.used < 0.5), 1.0, 0.0),
+            cut_off=where(self.rule.was_low(state.memory) & (sample.dt_s > self.gap_s), 1.0, 0.0),
+            before=before,
+            low=SocNormal(state.memory.low_soc, state.memory.low_std),
+            below_full=where(self.rule.stops_below_full(memory, clean), 1.0, 0.0),
             held_s=memory.held_s,
-            rest_s=rest.rest_s,
-            low=low,
-            low_soc=memory.low_soc,
-            low_std=memory.low_std,
         )
-        return after, seen
+        return after, output
 
 
 def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
@@ -123,16 +128,15 @@ def find_anchors(log: Log, battery: Battery) -> tuple[Anchor, ...]:
     """
     finder = _finder(battery)
     found: list[Anchor] = []
-    current_A = np.zeros(len(log))
-    for stretch in _stretches(log, finder):
-        current_A[stretch.inside] = stretch.output.current_A
-        inside = _anchors_inside(log, stretch.inside, finder, stretch.output)
-        found += [anchor for anchor in inside if stretch.first <= anchor.sample < stretch.first + _STRETCH]
+    currents_A = []
+    for first, output in _outputs(log, finder):
+        currents_A.append(output.current_A)
+        found += _anchors_inside(log, first, finder.rule, output)
     said = SocNormal(1.0, finder.rule.limits.full_std)
     found += [_anchor("full charge", k, said, log, name) for name, k in log.full_charges()]
     found.sort(key=lambda anchor: anchor.sample)
-    moved_As = current_A * np.diff(log.time_s, prepend=log.time_s[0])
-    return tuple(_without_repeats(found, moved_As, AGAIN * finder.rule.model.capacity_As))
+    apart_As = AGAIN * finder.rule.model.capacity_As
+    return tuple(_without_repeats(found, log.time_s, np.concatenate(currents_A), apart_As))
 
 
 class JudgedAnchor(NamedTuple):
@@ -165,86 +169,77 @@ def judged_anchors(log: Log, battery: Battery, run: SocRun) -> list[JudgedAnchor
 def charger_limit_V(log: Log, battery: Battery) -> float | None:
     """Highest voltage [V], without overpotential, at which a charger stops below full; None if it never does."""
     finder, limits_V = _finder(battery), []
-    for stretch in _stretches(log, finder):
-        seen, voltage_V = stretch.output, log.voltage_V[stretch.inside]
-        if np.any(seen.event.full):
-            return None
-        for k in np.flatnonzero(np.diff(seen.below_full, prepend=0.0) > 0.0):
-            last = _end_of_run(seen.held_s, int(k))
-            u = CircuitInput(float(seen.current_A[last]), float(seen.temperature_degC[last]))
-            limits_V.append(float(finder.rule.relaxed_V(float(np.median(voltage_V[k : last + 1])), u)))
+    outputs = [output for _, output in _outputs(log, finder)]
+    if any(output.full.any() for output in outputs):
+        return None
+    held_s, below_full = (np.concatenate([getattr(o, name) for o in outputs]) for name in ("held_s", "below_full"))
+    before = CircuitInput(*(np.concatenate(columns) for columns in zip(*(o.before for o in outputs), strict=True)))
+    for k in np.flatnonzero(np.diff(below_full, prepend=0.0) > 0.0).tolist():
+        end = k + int(np.argmax(np.diff(held_s[k:]) < 0.0)) + 1
+        u = CircuitInput(*(float(column[end]) for column in before))
+        limits_V.append(float(finder.rule.relaxed_V(float(np.median(log.voltage_V[k:end])), u)))
     return max(limits_V, default=None)
-
-
-class _Stretch(NamedTuple):
-    """Stretch of a log: its first sample, the samples that were searched, and what was found in them."""
-
-    first: int
-    inside: slice
-    output: FinderOutput
 
 
 def _finder(battery: Battery) -> AnchorFinder:
     return AnchorFinder(AnchorRule(battery.thevenin, battery.noise, battery.sensor))
 
 
-def _stretches(log: Log, finder: AnchorFinder) -> Iterator[_Stretch]:
-    """The stretches of a log, one after the other."""
+def _outputs(log: Log, finder: AnchorFinder) -> Iterator[tuple[int, FinderOutput]]:
+    """First sample and output of each stretch of a log; the last one is of a sample after its end, without a value."""
     nothing = finder.no_sample()
     kernel = Kernel(finder.step, finder.init(nothing), nothing)
-    samples_of_log = samples_of(log)
+    columns = samples_of(log)
+    state = finder.init(SocSample(*(float(column[0]) for column in columns)))
     for first in range(0, len(log), _STRETCH):
-        inside = slice(max(first - _LEAD, 0), min(first + _STRETCH + _LEAD, len(log)))
-        samples = SocSample(*(column[inside] for column in samples_of_log))
-        start = finder.init(SocSample(*(float(column[0]) for column in samples)))
-        _, output = kernel.scan(start, samples)
-        yield _Stretch(first, inside, output)
+        state, output = kernel.scan(state, SocSample(*(column[first : first + _STRETCH] for column in columns)))
+        yield first, output
+    _, output = kernel.scan(state, nothing._replace(dt_s=np.array([math.inf])))
+    yield len(log), output
 
 
-def _anchors_inside(log: Log, inside: slice, finder: AnchorFinder, output: FinderOutput) -> Iterator[Anchor]:
-    """The anchors that current and voltage show in a part of a log."""
-    rule, event = finder.rule, output.event
+def _anchors_inside(log: Log, first: int, rule: AnchorRule, output: FinderOutput) -> Iterator[Anchor]:
+    """The anchors that current and voltage show in a stretch of a log from a sample on."""
 
-    def at(k: int) -> tuple[float, CircuitInput]:
-        voltage_V = float(log.voltage_V[inside.start + k])
-        return voltage_V, CircuitInput(float(output.current_A[k]), float(output.temperature_degC[k]))
+    def before(k: int) -> tuple[int, float, CircuitInput]:
+        last = first + k - 1
+        return last, float(log.voltage_V[last]), CircuitInput(*(float(column[k]) for column in output.before))
 
-    def anchor(kind: AnchorKind, k: int, soc: Any, std: Any) -> Anchor:
-        return _anchor(kind, inside.start + k, SocNormal(float(soc), float(std)), log)
-
-    for k in np.flatnonzero(event.full).tolist():
-        last = _end_of_run(output.held_s, k)
-        yield anchor("full charge", last, *rule.full(*at(last)))
-    for k in np.flatnonzero(event.top).tolist():
-        yield anchor("nearly full", k, event.soc[k], event.std[k])
-    for k in np.flatnonzero(event.empty).tolist():
-        yield anchor("empty", k, event.soc[k], event.std[k])
-    ends = np.append(np.diff(log.time_s[inside]) > finder.gap_s, True)
-    for k in np.flatnonzero((output.low > 0.0) & ends).tolist():
-        yield anchor("empty", k, output.low_soc[k], output.low_std[k])
-    for k in np.flatnonzero(output.long_rest).tolist():
-        last = _end_of_run(output.rest_s, k)
-        yield anchor("rest", last, *rule.at_rest(*at(last)))
+    for k in np.flatnonzero(output.full).tolist():
+        last, voltage_V, u = before(k)
+        yield _anchor("full charge", last, rule.full(voltage_V, u), log)
+    for k in np.flatnonzero(output.top).tolist():
+        yield _anchor("nearly full", first + k, _at(output.event, k), log)
+    for k in np.flatnonzero(output.empty).tolist():
+        yield _anchor("empty", first + k, _at(output.event, k), log)
+    for k in np.flatnonzero(output.cut_off).tolist():
+        yield _anchor("empty", first + k - 1, _at(output.low, k), log)
+    for k in np.flatnonzero(output.rest).tolist():
+        last, voltage_V, u = before(k)
+        yield _anchor("rest", last, rule.at_rest(voltage_V, u), log)
 
 
-def _end_of_run(held_s: np.ndarray, k: int) -> int:
-    """Last sample of the run of rising times that sample k belongs to."""
-    falls = np.flatnonzero(np.diff(held_s[k:]) < 0.0)
-    return k + int(falls[0]) if falls.size else len(held_s) - 1
+def _at(soc: SocNormal, k: int) -> SocNormal:
+    """State of charge at a sample."""
+    return SocNormal(float(soc.soc[k]), float(soc.std[k]))
 
 
-def _without_repeats(anchors: Sequence[Anchor], moved_As: np.ndarray, apart_As: float) -> Iterator[Anchor]:
+def _without_repeats(
+    anchors: Sequence[Anchor], time_s: np.ndarray, current_A: np.ndarray, apart_As: float
+) -> Iterator[Anchor]:
     """The anchors, only one for each charge or cut-off: between two of a kind, charge flows the other way.
 
-    moved_As: (T,) charge of each interval, > 0 charges; apart_As: least charge that has to flow the other way.
+    time_s, current_A: (T,); apart_As: least charge that has to flow the other way.
     """
-    out_As, in_As = np.cumsum(np.maximum(-moved_As, 0.0)), np.cumsum(np.maximum(moved_As, 0.0))
-    flowed = {"full charge": out_As, "nearly full": out_As, "empty": in_As}
+    ways = {"full charge": -1.0, "nearly full": -1.0, "empty": 1.0}
     last: dict[str, int] = {}
     for anchor in anchors:
         kind, k = anchor.kind, anchor.sample
-        if kind in flowed and kind in last and flowed[kind][k] - flowed[kind][last[kind]] < apart_As:
-            continue
+        if kind in ways and kind in last:
+            between = slice(last[kind], k + 1)
+            moved_As = ways[kind] * current_A[between][1:] * np.diff(time_s[between])
+            if np.maximum(moved_As, 0.0).sum() < apart_As:
+                continue
         last[kind] = k
         yield anchor
 
