@@ -68,6 +68,12 @@ def test_the_errors_of_what_was_learnt_are_those_of_the_last_sample(here, as_jso
     assert 0.0 < found["soh_capacity_std"] < 0.1 and 0.0 < found["resistance_ratio_std"] < 0.1
 
 
+def test_the_result_does_not_depend_on_the_files_that_are_written(here, as_json):
+    alone, with_files = as_json(*SOC), as_json(*SOC, "-o", "estimates.csv")
+    differing = {"seconds", "output"}
+    assert {key: alone[key] for key in KEYS - differing} == {key: with_files[key] for key in KEYS - differing}
+
+
 def test_a_filter_that_learns_nothing_has_no_errors_of_it(here, capsys):
     main([*SOC, "--filter", "coulomb", "--report", "soc.html"])
     text = capsys.readouterr().out

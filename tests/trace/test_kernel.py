@@ -186,6 +186,20 @@ def test_chunks_are_reported_and_do_not_show(kernel, monkeypatch):
     assert len(reports) > 2
 
 
+@pytest.mark.parametrize("lowering", ("python", "machine"))
+def test_outputs_of_the_end_are_the_last_of_the_whole_log(lowering, monkeypatch):
+    kernel = Kernel(fill, START, Sample(0.0, 1.0), lowering=lowering)
+    samples = Sample(INFLOW[:, 0], DT)
+    end, (level, flows, full, constant) = kernel.scan(START, samples)
+    monkeypatch.setattr(scan, "_CHUNK_SCALARS", 99)
+    found_end, found = kernel.scan(START, samples, at_end=("[1]", "[2]", "[3]"))
+    assert_equal(found_end, end)
+    assert_equal(found, (level, flows[-1:], full[-1:], constant[-1:]))
+    assert found[2].dtype == bool
+    nothing = kernel.scan(START, Sample(np.zeros(0), np.zeros(0)), at_end=("[1]",))
+    assert [o.shape for o in nothing[1]] == [(0,), (0, 2, 2), (0,), (0,)]
+
+
 def test_python_exceptions_become_infinities_and_nan_for_their_step_only():
     def step(s, x):
         return s + where(isfinite(x), x, 0.0), (1.0 / x, np.sqrt(x), np.log(x), np.exp(x), s)

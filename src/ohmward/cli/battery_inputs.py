@@ -107,10 +107,11 @@ class SocTask(NamedTuple):
             f"V; the Thevenin filters start at {100 * start:.0f} %"
         ]
 
-    def estimate(self, name: str, report: Report | None = None) -> SocRun:
-        """Run the estimator of this name over the log."""
+    def estimate(self, name: str, report: Report | None = None, learnt_along: bool = True) -> SocRun:
+        """Run the estimator of this name over the log; learnt_along: as for `SocEstimator.run`."""
         estimator = make_estimator(name, self.battery, EstimatorSettings(self.rest_current_A))
-        return SocEstimator(estimator, self.initial_soc, self.initial_soc_std).run(self.log, counting(report, name))
+        soc_estimator = SocEstimator(estimator, self.initial_soc, self.initial_soc_std)
+        return soc_estimator.run(self.log, counting(report, name), learnt_along)
 
     def estimate_cells(self, name: str, report: Report | None = None) -> PackRun | None:
         """Run the filter of this name over the cells of the log; None without cells or if it takes no cells."""

@@ -10,7 +10,7 @@ import os
 import struct
 import time
 from abc import ABC
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from threading import Lock
 from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar
 
@@ -224,15 +224,18 @@ class LiveEstimator(ABC, Generic[S, E]):
         check(structure_of(nothing, "sample"), sample, "sample")
         return type(nothing)(*sample)
 
-    def _scan(self, samples: S, first: S, end_s: float, progress: Progress | None) -> tuple[E, float]:
+    def _scan(
+        self, samples: S, first: S, end_s: float, progress: Progress | None, at_end: Collection[str] = ()
+    ) -> tuple[E, float]:
         """Estimates along samples (T, ...), and the seconds that they took; a new estimator starts from `first`.
 
+        at_end: fields of the estimates of which only the last value is needed.
         A log in which the state is lost is run again sample by sample, so that the estimator restarts as it does live.
         """
         began = time.perf_counter()
         if self.state is None:
             self.state = self.init(first)
-        after, estimates = self.kernel.scan(self.state, samples, progress)
+        after, estimates = self.kernel.scan(self.state, samples, progress, at_end)
         if is_finite(structure_of(after, "state"), after):
             self.state = after
         else:

@@ -1,7 +1,7 @@
 """Compiled functions: one call, live samples, one log, many logs, with the best lowering that is installed."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -75,14 +75,17 @@ class Kernel:
             check(self.program.argument_structure, args)
             raise
 
-    def scan(self, state: Any, samples: Any, progress: Progress | None = None) -> tuple[Any, Any]:
+    def scan(
+        self, state: Any, samples: Any, progress: Progress | None = None, at_end: Collection[str] = ()
+    ) -> tuple[Any, Any]:
         """Step through one log.
 
         state:    the state before the first sample.
         samples:  the structure of a sample with a leading time axis (T, ...) on every leaf; a leaf without it holds for
                   all times.
         progress: called now and then with (steps done, T).
-        Returns:  the state after the last sample, and the outputs with a leading time axis.
+        at_end:   fields of the output that are stored at the last sample only, which takes less memory.
+        Returns:  the state after the last sample, and the outputs with a leading time axis: (T, ...), (1, ...) at_end.
         Raises:   InputError if the function is no step, or a shape does not fit.
         """
         worth = self._at_hand
@@ -91,8 +94,8 @@ class Kernel:
             self._scanned += length
             worth = length >= WORTH_STEPS or self._scanned >= self._worth_scanned
         return self._run(
-            lambda: llvm_logs.run_log(self._one_machine, state, samples, progress),
-            lambda: scan.run(self._scan, self.program.step_structure, state, samples, progress),
+            lambda: llvm_logs.run_log(self._one_machine, state, samples, progress, at_end),
+            lambda: scan.run(self._scan, self.program.step_structure, state, samples, progress, at_end),
             worth,
         )
 

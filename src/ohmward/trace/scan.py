@@ -1,6 +1,6 @@
 """Run one log through the compiled Python loop, in chunks that keep the memory bounded."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,30 +22,40 @@ def run(
     state: Any,
     samples: Any,
     progress: Callable[[int, int], None] | None = None,
+    at_end: Collection[str] = (),
 ) -> tuple[Any, Any]:
     """Step through a log; see `Kernel.scan`."""
     columns, count = sample_columns(structure.sample, samples)
     row: Sequence[Any] = state_row(structure.state, state)
-    outputs: list[np.ndarray] = [np.empty((count, *leaf.shape), leaf.dtype) for _, leaf in leaves(structure.output)]
+    lengths = output_lengths(structure.output, count, at_end)
+    outputs: list[np.ndarray] = [
+        np.empty((length, *leaf.shape), leaf.dtype)
+        for length, (_, leaf) in zip(lengths, leaves(structure.output), strict=True)
+    ]
     chunk = max(1, _CHUNK_SCALARS // (len(columns) + size(structure.output)))
     for first in range(0, count, chunk):
         part = slice(first, min(first + chunk, count))
         emitted: list[float] = []
         row = scan(row, [c[part].tolist() for c in columns], emitted.extend)
-        _store(emitted, [o[part] for o in outputs])
+        _store(emitted, [o[part] if len(o) == count else o for o in outputs])
         if progress:
             progress(part.stop, count)
     return state_tree(structure.state, row), unflatten(structure.output, iter(outputs))
 
 
+def output_lengths(structure: Structure, count: int, at_end: Collection[str]) -> list[int]:
+    """Number of values of every leaf of the output that are stored, for a log of `count` samples."""
+    return [min(count, 1) if path in at_end else count for path, _ in leaves(structure)]
+
+
 def _store(emitted: Sequence[float], outputs: Sequence[np.ndarray]) -> None:
-    """Write rows of scalars, one after the other, into the output arrays (chunk, ...)."""
+    """Write rows of scalars, one after the other, into the output arrays (chunk, ...), or the last of them (1, ...)."""
     width = sum(o[0].size for o in outputs)
     table = np.array(emitted, dtype=float).reshape(-1, max(1, width))
     first = 0
     for output in outputs:
         last = first + output[0].size
-        output[:] = table[:, first:last].reshape(output.shape)
+        output[:] = table[-len(output) :, first:last].reshape(output.shape)
         first = last
 
 

@@ -82,7 +82,8 @@ class ChargeMemory(NamedTuple):
         lasts = {len(full) - 1 - int(np.argmax(happened[::-1])) for happened in (full, diverged) if happened.any()}
         memory = ChargeMemory() if time_s[0] < self.anchor_s else self  # times before the clock was set do not count
         for row in sorted({0} | lasts):
-            memory = memory.after(float(time_s[row]), SocEstimate(*(float(column[row]) for column in estimates)))
+            here = {name: getattr(estimates, name)[row] for name in ("soc", "soc_std", "flags")}
+            memory = memory.after(float(time_s[row]), estimates._replace(**here))
         return memory
 
     def history(self, now_s: float) -> ChargeHistory:

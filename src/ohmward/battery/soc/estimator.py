@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self, cast
 
@@ -17,7 +17,7 @@ from ohmward.battery.soc.clean_sample import LONGEST_PAUSE_S
 from ohmward.battery.soc.explanation import Explanation, explain
 from ohmward.battery.soc.given_soc import after_gap, full_charge, longest_known_gap_s, takes_given_soc, tell_soc
 from ohmward.battery.soc.registry import DEFAULT, chosen_name, make_estimator
-from ohmward.battery.soc.sample import Estimator, SocEstimate, SocFlag, SocSample
+from ohmward.battery.soc.sample import LEARNT_FIELDS, Estimator, SocEstimate, SocFlag, SocSample
 from ohmward.checks import require_between, require_positive
 from ohmward.errors import InputError
 from ohmward.filters.estimator import LiveEstimator, Progress, number
@@ -142,7 +142,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         """Restart before the first sample that follows such a gap."""
         self.state, self.memory = after_gap(self.settings, self.state, first, gap_s), _NO_MEMORY
 
-    def run(self, log: LogSource, progress: Progress | None = None) -> SocRun:
+    def run(self, log: LogSource, progress: Progress | None = None, learnt_along: bool = True) -> SocRun:
         """Estimates for every sample of a log, continuing from the present state; a new estimator starts with the log.
 
         Where a column of the log reports a full battery, as a charger does, the filters on the Thevenin model are
@@ -150,11 +150,13 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
 
         log: a Log, or a path or DataFrame of one.
         progress: called now and then with (steps done, T).
+        learnt_along: False stores the sensor offset, the capacity, the resistance and their standard deviations at the
+            end of the log only, (1,), which takes half of the memory.
         """
         log = as_log(log)
         if self._state is None and log.begin_unix_s is not None:
             self.unix_s = log.begin_unix_s
-        estimates, seconds = self._scan_log(log, progress)
+        estimates, seconds = self._scan_log(log, progress, () if learnt_along else LEARNT_FIELDS)
         history = self.memory.history(self.time_s)
         settings = on_day(self.settings, self.unix_s)
         return SocRun(log.time_s, estimates, seconds, settings, self.kernel, self.state, history, self.title)
@@ -186,7 +188,7 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
         self.state, estimate = tell_soc(self.settings, self.state, self.last, SocNormal(soc, std))
         return estimate
 
-    def _scan_log(self, log: Log, progress: Progress | None) -> tuple[SocEstimate, float]:
+    def _scan_log(self, log: Log, progress: Progress | None, at_end: Collection[str]) -> tuple[SocEstimate, float]:
         """Estimates along a log and the run time [s]; the log is split where a column reports full and at long gaps."""
         samples = samples_of(log, self.time_s)
         says_full = says_full_at(self.settings, log)
@@ -198,7 +200,8 @@ class SocEstimator(LiveEstimator[SocSample, SocEstimate]):
             first = SocSample(*(float(column[0]) for column in rows))
             if begin in gaps:
                 self._begin_after_gap(first, gaps[begin])
-            piece, took_s = self._scan(rows, first, float(log.time_s[stop - 1]), _from(begin, len(log), progress))
+            end_s = float(log.time_s[stop - 1])
+            piece, took_s = self._scan(rows, first, end_s, _from(begin, len(log), progress), at_end)
             if begin in gaps:
                 piece.flags[0] = int(piece.flags[0]) | SocFlag.GAP
             if stop - 1 in says_full:

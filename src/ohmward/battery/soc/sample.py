@@ -66,6 +66,9 @@ STD_OF = {
 #: States that an estimator learns besides SoC.
 LEARNT = tuple(STD_OF)[1:]
 
+#: Fields of these states and of their standard deviations.
+LEARNT_FIELDS = tuple(name for mean in LEARNT for name in (mean, STD_OF[mean]))
+
 
 class SocFlag(SampleFlag):
     """Incidents at a sample. None of them stops an estimator.

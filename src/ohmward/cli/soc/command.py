@@ -17,7 +17,7 @@ from ohmward.battery.soc.anchors import judged_anchors
 from ohmward.battery.soc.estimator import SocRun
 from ohmward.battery.soc.fit_check import misfits
 from ohmward.battery.soc.registry import chosen_name, title_of
-from ohmward.battery.soc.sample import LEARNT, STD_OF
+from ohmward.battery.soc.sample import LEARNT, LEARNT_FIELDS, STD_OF
 from ohmward.battery.soc.score import rejected_voltages, soc_figures, soc_scores
 from ohmward.cli import wording
 from ohmward.cli.battery_inputs import SocTask, make_soc_task
@@ -32,8 +32,6 @@ from ohmward.logs.table import counted
 from ohmward.logs.write import TABLES
 from ohmward.report import Figure, Page
 
-#: Quantities that a filter learns besides SoC, each with its standard deviation.
-_LEARNT = [name for mean in LEARNT for name in (mean, STD_OF[mean])]
 _CAUSES = ("Cause", "Part of the band [points]", "Band if it were known [± points]", "Narrowed by")
 #: How to read the causes of the band's width.
 _SQUARES = "the squares of the parts add up to that of the band"
@@ -48,7 +46,8 @@ def run(args: argparse.Namespace) -> Outcome:
         task = make_soc_task(args, report)
         name = chosen_name(args.filter.lower())
         cells = task.estimate_cells(name, report)
-        answer = cells.soc_run if cells else task.estimate(name, report)
+        learnt_along = bool(args.output or args.report)
+        answer = cells.soc_run if cells else task.estimate(name, report, learnt_along)
         if args.output:
             writing = counting(report, f"writing {Path(args.output).name}")
             write_table(estimate_table(task, answer, cells), args.output, writing)
@@ -105,7 +104,7 @@ def estimate_table(task: SocTask, answer: SocRun, cells: PackRun | None) -> dict
         "voltage_expected_V": e.voltage_V,
         "voltage_expected_std_V": e.voltage_std_V,
         "innovation_V": e.innovation_V,
-        **{name: getattr(e, name) for name in _LEARNT},
+        **{name: getattr(e, name) for name in LEARNT_FIELDS},
         "flags": e.flags.astype(int),
         **(cells.columns() if cells else {}),
         **({"soc_truth": task.truth.soc} if task.truth else {}),

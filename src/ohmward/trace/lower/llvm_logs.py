@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,19 @@ from ohmward.trace.structure import Structure, leaves, unflatten
 Progress = Callable[[int, int], None]
 
 
-def run_log(step: MachineStep, state: Any, samples: Any, progress: Progress | None = None) -> tuple[Any, Any]:
+def run_log(
+    step: MachineStep, state: Any, samples: Any, progress: Progress | None = None, at_end: Collection[str] = ()
+) -> tuple[Any, Any]:
     """Step through one log; see `Kernel.scan`."""
     structure = step.program.step_structure
     columns, count = scan.sample_columns(structure.sample, samples)
     row = np.array(scan.state_row(structure.state, state), dtype=float)
-    results = [np.empty((count, *leaf.shape)) for _, leaf in leaves(structure.output)]
-    scalars = [v for r in results for v in r.reshape(count, -1).T]
+    lengths = scan.output_lengths(structure.output, count, at_end)
+    results = [
+        np.empty((length, *leaf.shape)) for length, (_, leaf) in zip(lengths, leaves(structure.output), strict=True)
+    ]
+    scalars = [v for r in results for v in r.reshape(len(r), math.prod(r.shape[1:])).T]
+    scalars = [np.broadcast_to(v, count) for v in scalars]  # every step writes a value at the end to the same place
     step.one(row, _doubles(columns), scalars, progress)
     return scan.state_tree(structure.state, row.tolist()), _typed(structure.output, results)
 
