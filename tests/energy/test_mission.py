@@ -73,6 +73,14 @@ def test_the_state_of_the_battery_is_that_of_plan_and_log():
     assert notes == []
 
 
+def test_a_log_that_ends_at_the_cut_off_is_remembered():
+    settings = MissionSettings(initial_soc=0.9, initial_soc_std=0.01, reserve_soc=0.0, cutoff_V=24.0)
+    end = analyse(battery((20.0, 28.0)), start(PRIOR), LOG, ground="grass", settings=settings).consumption.end
+    assert end is not None and end.temperature_degC == 15.0
+    above = replace(settings, cutoff_V=20.0)
+    assert analyse(battery((20.0, 28.0)), start(PRIOR), LOG, ground="grass", settings=above).consumption.end is None
+
+
 def test_a_log_that_ends_below_the_usual_reserve_reaches_to_empty():
     state, notes = battery_at_end(battery(), MissionSettings(soc=0.05), None, LOG)
     assert state.reserve_soc == 0.0

@@ -274,7 +274,7 @@ def test_another_battery_keeps_the_way_and_forgets_the_last_one():
     estimator = new(terrain="grass")
     before = driven(estimator)[-1]
     estimator.change_battery()
-    assert estimator.state.sag == Sag() and estimator.state.began_soc == 0.0
+    assert estimator.state.sag == Sag() and estimator.state.discharge.start_soc == 0.0
     unknown = estimator.update(T[-1] + 1.0, None, 0.5, -30.0 / V, V, terrain="grass")
     assert math.isnan(unknown.distance_m.p50) and unknown.driven_m >= before.driven_m
     half_empty = estimator.update(T[-1] + 2.0, 0.4, 0.5, -30.0 / V, V, terrain="grass")

@@ -8,10 +8,12 @@ from hypothesis import strategies as st
 from energy.examples import battery
 from ohmward.battery.battery import Battery
 from ohmward.battery.chemistries import generic_battery, start_model
+from ohmward.battery.models.noise import CurrentSensor
 from ohmward.battery.models.ocv import OcvCurve
 from ohmward.battery.models.thevenin import CircuitInput, Thevenin
 from ohmward.battery.models.thevenin import next_state as thevenin_next
 from ohmward.battery.models.thevenin import voltage as thevenin_voltage
+from ohmward.energy.discharge_end import DischargeEnd
 from ohmward.energy.peaks import Peaks
 from ohmward.energy.points import normal_points
 from ohmward.energy.usable_energy import (
@@ -202,6 +204,36 @@ def test_a_battery_ends_by_its_voltage_while_the_mean_of_its_particles_still_has
     assert free.p50 - at_40_W.p50 == pytest.approx(40.0 * 150.0, rel=0.02)
     assert free.p50 - at_20_W.p10 == pytest.approx(20.0 * 150.0 * np.exp(1.28155 * 1.1), rel=0.02)
     assert np.ptp(np.array(free)) == pytest.approx(0.0, abs=1.0)
+
+
+#: 8.1 Ah from 95 % down to 22 V, which is 25 % of charge in a curve from 20 to 28 V.
+END = DischargeEnd(8.1, 0.95, 0.0, 1.0, 5.0, 5.0, 22.0, 25.0)
+
+
+def test_an_earlier_end_measures_the_capacity():
+    # without lag and resistance Q (0.95 - 0.25) = 8.1 Ah to 2 % of 10 Ah: Q = 11.57 Ah, of 13 - 3 before
+    a_battery = replace(battery((20.0, 28.0)), sensor=CurrentSensor(offset_std_A=0.0))
+    state = BatteryState(0.9, soh_capacity=1.3, capacity_std=0.2, cutoff_V=22.0, diffusion_lag_s=0.0, end=END)
+    before, after = (usable_energy(a_battery, s, 1e-6) for s in (replace(state, end=None), state))
+    exact = [usable_energy(a_battery, replace(state, soh_capacity=q, capacity_std=0.0), 1e-6).p50 for q in (0.5, 1.0)]
+    whole_J = (exact[1] - exact[0]) / 0.5
+    std = 0.02 / 0.7 / np.hypot(1.0, 0.02 / 0.7 / 0.3)  # the prior is half as wide again on its lower side
+    assert after.p50 / whole_J == pytest.approx(8.1 / 0.7 / 10.0, rel=5e-3)
+    assert (after.p90 - after.p10) / whole_J == pytest.approx(2 * 1.28155 * std, rel=0.1)
+    assert after.p90 - after.p10 < 0.2 * (before.p90 - before.p10)
+
+
+def test_an_earlier_end_measures_the_lag_of_diffusion():
+    # Q (0.95 - 0.25) is 7 Ah; of these 6.5 Ah came at 5 A, so that T = 0.5 Ah / 5 A = 360 s to 2 % of 10 Ah, 144 s
+    z = np.linspace(-4.0, 4.0, 2001)
+    T = 150.0 * np.exp(1.1 * z)
+    upto = np.cumsum(np.exp(-0.5 * z**2 - 0.5 * ((T - 360.0) / 144.0) ** 2))
+    median_s = np.interp(0.5 * upto[-1], upto, T)
+    a_battery = replace(battery((20.0, 28.0)), sensor=CurrentSensor(offset_std_A=0.0))
+    state = BatteryState(0.9, cutoff_V=22.0, end=END._replace(given_Ah=6.5))
+    free = usable_energy(a_battery, replace(state, diffusion_lag_s=0.0, end=None), 100.0)
+    after = usable_energy(a_battery, state, 100.0)
+    assert free.p50 - after.p50 == pytest.approx(100.0 * median_s, rel=0.03) and median_s > 240.0
 
 
 def test_resistance_settles_with_the_time_under_load():

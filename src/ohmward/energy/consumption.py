@@ -32,6 +32,7 @@ import numpy as np
 
 from ohmward.checks import require_between, require_finite
 from ohmward.energy.consumption_prior import ConsumptionPrior
+from ohmward.energy.discharge_end import DischargeEnd
 from ohmward.energy.leg import Stretch
 from ohmward.errors import InputError
 from ohmward.filters import kalman
@@ -74,6 +75,7 @@ class Consumption:
     visits: tuple[Visits, ...] = ()  #: (K,) totals of all drives there
     on_this_drive: tuple[str, ...] = ()  #: terrains of the drive under way
     last_drive_unix_s: float | None = None  #: when the last drive ended, where its log had a wall clock
+    end: DischargeEnd | None = None  #: last discharge that ended at the cut-off
 
     def __post_init__(self) -> None:
         n = len(SHARED) + 2 * len(self.terrains)

@@ -13,6 +13,7 @@ import numpy as np
 from ohmward.atomic import write_text
 from ohmward.energy.consumption import SHARED, Consumption, Variance, Visits
 from ohmward.energy.consumption_prior import ConsumptionPrior
+from ohmward.energy.discharge_end import DischargeEnd
 from ohmward.errors import InputError
 from ohmward.optional import require
 from ohmward.toml_file import parse_file, parse_toml
@@ -24,7 +25,7 @@ _HEADER = """\
 """
 #: Names in older tables, and the current ones.
 _FORMER = {"regain": "regeneration", "regain_std": "regeneration_std", "own": "day_effect", "load": "day_effect"}
-_TABLES = ("prior", "scatter", "day", "terrain", "coefficients")
+_TABLES = ("prior", "scatter", "day", "terrain", "coefficients", "end")
 
 
 def save_consumption(c: Consumption, path: str | PathLike[str]) -> None:
@@ -55,9 +56,11 @@ def dump_consumption(c: Consumption) -> str:
     tomli_w = require("tomli_w", "writing TOML")
 
     clock = {} if c.last_drive_unix_s is None else {"last_drive_unix_s": float(c.last_drive_unix_s)}
+    end = {} if c.end is None else {"end": c.end._asdict()}
     data = {
         "format": FORMAT,
         **clock,
+        **end,
         "prior": asdict(c.prior),
         "scatter": _variance(c.scatter),
         "day": _variance(c.day),
@@ -100,6 +103,7 @@ def _from_tables(data: Mapping[str, Any]) -> Consumption:
         tuple(Visits(*(t[name] for name in Visits._fields)) for t in terrains),
         tuple(t["name"] for t in terrains if t["on_this_drive"]),
         data.get("last_drive_unix_s"),
+        _end(data["end"]) if "end" in data else None,
     )
     if list(c.names) != [_todays_name(name) for name in data["coefficients"]["names"]]:
         raise InputError(
@@ -113,6 +117,10 @@ def _todays_name(name: str) -> str:
     """Current name of a coefficient, alone or as `kind:terrain`."""
     kind, colon, terrain = name.partition(":")
     return f"{_FORMER.get(kind, kind)}{colon}{terrain}"
+
+
+def _end(table: Mapping[str, Any]) -> DischargeEnd:
+    return DischargeEnd(*(float(table[name]) for name in DischargeEnd._fields))
 
 
 def _terrain(c: Consumption, k: int) -> dict[str, Any]:

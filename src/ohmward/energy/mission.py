@@ -25,6 +25,7 @@ from ohmward.battery.soc.registry import DEFAULT, EstimatorSettings, make_estima
 from ohmward.battery.soc.sample import SocEstimate
 from ohmward.checks import require_between, require_each_not_negative
 from ohmward.energy.consumption import Consumption, begin_drive, learn, with_terrain
+from ohmward.energy.discharge_end import end_along
 from ohmward.energy.drive_record import BodyMotion, DriveRecord, measured_motion, observe_motion, record_drive
 from ohmward.energy.leg import Leg, Stretch, stretch_of
 from ohmward.energy.range import MissionForecast, Range, get_home, range_left
@@ -174,6 +175,9 @@ def analyse(
         record = record_drive(log, motion, ground, settings.payload_kg)
     learned, notes = learn_drive(before, record)
     consumption, guessed = _with_plan(learned, plan)
+    if log is not None and estimates is not None:
+        end = end_along(log, estimates.soc, estimates.soc_std, cutoff_of(settings, plan))
+        consumption = replace(consumption, end=end or consumption.end)
     state, assumed = battery_at_end(battery, settings, plan, log, estimates)
     ahead = stretches_ahead(plan, record)
     return MissionResult(
@@ -224,10 +228,14 @@ def battery_at_end(
     else:
         raise InputError("settings.soc is needed with a plan alone: the state of charge now, 0 to 1")
     reserve_soc, notes = _reserve(settings, plan, log, now.soc)
-    cutoff_V = settings.cutoff_V or (plan.cutoff_V if plan else 0.0)
     sag_ohm = sag_along(log).ohm if log is not None and estimates is not None else NO_SAG
-    state = battery_state(battery, now, sag_ohm, reserve_soc=reserve_soc, cutoff_V=cutoff_V)
+    state = battery_state(battery, now, sag_ohm, reserve_soc=reserve_soc, cutoff_V=cutoff_of(settings, plan))
     return state, notes
+
+
+def cutoff_of(settings: MissionSettings, plan: Plan | None) -> float:
+    """Voltage at which the robot stops, from the settings or the plan; 0 if nothing monitors it."""
+    return settings.cutoff_V or (plan.cutoff_V if plan else 0.0)
 
 
 def stretches_ahead(plan: Plan | None, record: DriveRecord | None) -> list[Stretch]:

@@ -26,6 +26,7 @@ from ohmward.energy.peaks import PeakRatio, peaks_of_way
 from ohmward.energy.points import Quantiles, normal_points, quantiles, student
 from ohmward.energy.usable_energy import BATTERY_DIMENSIONS, BatteryState, discharge, soc_after, usable_at, usable_J
 from ohmward.errors import InputError
+from ohmward.logs.log import SECONDS_PER_HOUR
 
 #: Dimensions of the points: those of the battery; then, of the consumption, coefficients, day effects and scatter.
 DIMENSIONS = BATTERY_DIMENSIONS + 3
@@ -102,7 +103,7 @@ def range_along(
     demand = energy_demands(c, way)
     demand = demand._replace(learned_J2=demand.learned_J2 + unknown_J**2)
     power_W = float(demand.mean_J[-1] / time_s[-1])
-    usable = usable_at(battery, replace(state, peaks=peaks_of_way(c, way, ratio)), power_W, z[BATTERY])
+    usable = usable_at(battery, replace(state, peaks=peaks_of_way(c, way, ratio), end=c.end), power_W, z[BATTERY])
     looked_at = np.unique(np.linspace(0, len(way) - 1, _LOOKED_AT).astype(int))
     needed = np.maximum.accumulate(np.vstack([np.zeros(usable.shape), needed_J(demand.at(looked_at), z)]), axis=0)
     place = places(needed, usable)
@@ -124,7 +125,7 @@ def planned_way(
 ) -> list[Stretch]:
     """The plan as far as the battery can reach; if that is beyond its end, then parts of ground like `then`."""
     full_V = battery.thevenin.ocv.voltage_V[-1]
-    most_J = 3600.0 * battery.capacity_Ah * state.soh_capacity * state.soc * full_V
+    most_J = SECONDS_PER_HOUR * battery.capacity_Ah * state.soh_capacity * state.soc * full_V
     mean_J = np.cumsum([design_row(c, s) @ c.mean for s in plan])
     reached = int(np.searchsorted(np.maximum.accumulate(mean_J), most_J))
     if reached < len(plan):
@@ -178,7 +179,8 @@ def ground_std(c: Consumption, recent: Sequence[Stretch]) -> float:
 
 def with_peaks(state: BatteryState, c: Consumption, way: Sequence[Stretch]) -> BatteryState:
     """The battery state with the peaks of power of this route, unless it already has some."""
-    return state if state.peaks is not None else replace(state, peaks=peaks_of_way(c, way, PeakRatio()))
+    peaks = state.peaks if state.peaks is not None else peaks_of_way(c, way, PeakRatio())
+    return replace(state, peaks=peaks, end=c.end)
 
 
 def distances(per_m: np.ndarray, scatter: np.ndarray, usable: np.ndarray) -> np.ndarray:
@@ -196,7 +198,7 @@ def time_left(c: Consumption, battery: Battery, state: BatteryState) -> Quantile
     """Time [s] for which the robot can stand."""
     z = normal_points(DIMENSIONS)
     standing = energy_demand(c, [Stretch("", 1.0)])
-    usable = usable_at(battery, state, standing.mean_J, z[BATTERY])
+    usable = usable_at(battery, replace(state, end=c.end), standing.mean_J, z[BATTERY])
     power_W = certain_part(standing, z)
     return quantiles(np.where(power_W > 0, usable / np.where(power_W > 0, power_W, 1.0), np.inf))
 

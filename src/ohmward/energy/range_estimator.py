@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -17,6 +17,7 @@ from ohmward.energy.consumption import Consumption, begin_drive, start
 from ohmward.energy.consumption_file import dump_consumption, parse_consumption
 from ohmward.energy.consumption_prior import prior_from_robot
 from ohmward.energy.cut_drive import DriveMeter, DriveSample, Measured
+from ohmward.energy.discharge_end import DischargeMeter
 from ohmward.energy.leg import Leg, Stretch
 from ohmward.energy.peaks import PeakRatio
 from ohmward.energy.points import Quantiles
@@ -102,12 +103,13 @@ class RangeEstimator:
 
     def change_battery(self) -> None:
         """Reset the battery's state after a change to another one of its kind; the record of the drive is kept."""
-        nothing = self.settings.init(self.consumption)
+        nothing = self.settings.init(replace(self.consumption, end=None))
         self.state = self.state._replace(
+            consumption=nothing.consumption,
             soc=nothing.soc,
             forecast=nothing.forecast,
             forecast_s=nothing.forecast_s,
-            began_soc=nothing.began_soc,
+            discharge=nothing.discharge,
             sag=nothing.sag,
         )
 
@@ -291,9 +293,8 @@ _State = tuple[
     tuple[_Quantiles, _Quantiles, _Quantiles, _Quantiles, _Number, float, int],
     _Number,
     float,
-    float,
     tuple[float, float, float],
-    float,
+    tuple[float, float, float, float, float, float, _Number],
     tuple[_Number, _Number, float, float, float, float],
     _Number,
 ]
@@ -312,10 +313,9 @@ def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
         soc,
         forecast,
         forecast_s,
-        held_W,
         peak_W,
         ratio,
-        began_soc,
+        discharge,
         sag,
         began_s,
     ) = snapshot.typed(_State, "state", taken.get("state"))
@@ -337,10 +337,9 @@ def _state_of(settings: RangeSettings, taken: Mapping[str, Any]) -> RangeState:
             RangeFlag(flags),
         ),
         _number(forecast_s),
-        held_W,
         peak_W,
         PeakRatio(*ratio),
-        began_soc,
+        DischargeMeter(*map(_number, discharge)),
         Sag(*map(_number, sag)),
         _number(began_s),
     )

@@ -19,6 +19,7 @@ from ohmward.battery.soc.clean_sample import is_current, is_voltage
 from ohmward.checks import require_between, require_each_not_negative, require_positive
 from ohmward.energy.consumption import Consumption, learn, moving_time_s, with_terrain
 from ohmward.energy.cut_drive import Cut, DriveMeter, DriveSample, advance
+from ohmward.energy.discharge_end import DischargeMeter
 from ohmward.energy.leg import Leg, Stretch, part_of, stretch_of, total_distance_m, total_time_s
 from ohmward.energy.peaks import PEAKED_S, PeakRatio, mean_power_W, peaks_of_way
 from ohmward.energy.points import Quantiles, normal_points
@@ -42,9 +43,6 @@ FIRST_LEG_M, FIRST_SPEED_M_S = 100.0, 0.5
 
 #: Shortest drive that predicts the way ahead: a shorter one is a start from rest, at a tenth of the later speed.
 LEAST_DRIVEN_M = 5.0
-
-#: Time [s] for which a peak of power must last to count: a protection opens after some seconds.
-PROTECTION_OPENS_S = 3.0
 
 #: Relative standard deviation of the resistance towards empty, predicted from the resistance measured before.
 RESISTANCE_SHARE = 0.15
@@ -127,11 +125,9 @@ class RangeState(NamedTuple):
     soc: SocNow  #: last one known
     forecast: RangeEstimate  #: last one
     forecast_s: float  #: its time; -inf before the first
-    #: power out of the battery [W] sustained for some seconds, and the highest of the stretch under way
-    held_W: float = 0.0
-    peak_W: float = 0.0
+    peak_W: float = 0.0  #: highest power of the stretch under way that was sustained for some seconds
     peak_ratio: PeakRatio = PeakRatio()  #: of the stretches of this drive
-    began_soc: float = 0.0  #: highest state of charge on this drive
+    discharge: DischargeMeter = DischargeMeter()  #: since the highest state of charge on this drive
     sag: Sag = Sag()  #: of the battery under its loads
     began_s: float = math.nan  #: time of the first sample
 
@@ -176,7 +172,8 @@ class RangeSettings:
         """State and estimate after a sample."""
         flags = flags_of_sample(state, sample)
         if math.isfinite(sample.soc.soc):
-            state = state._replace(soc=sample.soc, began_soc=max(state.began_soc, sample.soc.soc))
+            counted = state.discharge.with_soc(sample.soc.soc, sample.soc.soc_std)
+            state = state._replace(soc=sample.soc, discharge=counted)
         if not flags & RangeFlag.BAD_TIME:
             state = self.drive(state, sample)
         time_s = sample.drive.time_s
@@ -190,24 +187,27 @@ class RangeSettings:
     def drive(self, state: RangeState, sample: RangeSample) -> RangeState:
         """The state after a sample of the drive; each finished stretch updates the consumption."""
         meter, finished = advance(state.meter, sample.drive, self.cut)
-        held_W, peak_W = held_power(state, sample.drive)
         since_s = sample.drive.time_s - state.meter.last.time_s if state.meter.last else math.nan
+        discharge = state.discharge.with_sample(since_s, sample.current_A, sample.voltage_V)
+        peak_W = max(state.peak_W, discharge.held_W)
         consumption, recent, finished_m, ratio = state.consumption, state.recent, state.finished_m, state.peak_ratio
+        if end := discharge.end(self.cutoff_V, _known(state.soc.temperature_degC, BatteryState.temperature_degC)):
+            consumption = replace(consumption, end=end)
         for part in finished:
             stretch = part.stretch._replace(payload_kg=self.payload_kg)
             consumption = learn(consumption, stretch, part.energy_J)
             recent = (*recent, stretch)[-RECENT_STRETCHES:]
             finished_m += stretch.distance_m
             if moving_time_s(stretch) >= PEAKED_S:
-                ratio, peak_W = ratio.with_stretch(peak_W, mean_power_W(consumption, stretch)), held_W
+                ratio, peak_W = ratio.with_stretch(peak_W, mean_power_W(consumption, stretch)), discharge.held_W
         return state._replace(
             consumption=consumption,
             meter=meter,
             recent=recent,
             finished_m=finished_m,
-            held_W=held_W,
             peak_W=peak_W,
             peak_ratio=ratio,
+            discharge=discharge,
             sag=state.sag.with_sample(since_s, sample.current_A, sample.voltage_V),
             began_s=state.began_s if state.began_s <= sample.drive.time_s else sample.drive.time_s,
         )
@@ -225,7 +225,7 @@ class RangeSettings:
             counted=since_full,
             reserve_soc=self.reserve_soc,
             cutoff_V=self.cutoff_V,
-            began_soc=state.began_soc,
+            began_soc=state.discharge.start_soc,
         )
         ahead, plan = self.ahead(state), tuple(map(stretch_of, sample.plan))
         home_m = self.way_home(ahead, sample.home)
@@ -323,16 +323,6 @@ def usual_ground(c: Consumption, driven: Sequence[Stretch]) -> list[Stretch]:
         for name, v in zip(c.terrains, c.visits, strict=True)
         if v.distance_m > 0.0 and v.time_s > 0.0
     ]
-
-
-def held_power(state: RangeState, sample: DriveSample) -> tuple[float, float]:
-    """Power [W] sustained for some seconds, and the highest of this stretch, after a sample."""
-    last = state.meter.last
-    dt_s = math.nan if last is None else sample.time_s - last.time_s
-    if not (dt_s > 0.0 and math.isfinite(sample.battery_W)):
-        return state.held_W, state.peak_W
-    held_W = state.held_W + (1.0 - math.exp(-dt_s / PROTECTION_OPENS_S)) * (sample.battery_W - state.held_W)
-    return held_W, max(held_W, state.peak_W)
 
 
 def reach_probability(

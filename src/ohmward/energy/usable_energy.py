@@ -21,12 +21,13 @@ difference
 dz = I T / Q,   T = r^2 / (15 D),
 
 and at a time t after a step of the current, 2 sqrt(15 T t / pi) / 3 - t takes the place of T. T is known to within a
-factor; the peaks use its median.
+factor; an earlier discharge that ended at the cut-off narrows it, together with Q and R.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, NamedTuple
 
@@ -38,29 +39,34 @@ from ohmward.battery.models.noise import USUAL_C
 from ohmward.battery.models.temperature import ROOM_DEGC
 from ohmward.checks import require_between, require_each_not_negative, require_each_positive
 from ohmward.energy.balance import running_integral
+from ohmward.energy.discharge_end import DischargeEnd
 from ohmward.energy.peaks import Peaks
 from ohmward.energy.points import Quantiles, normal_points, normal_tail, quantiles
 from ohmward.errors import InputError
+from ohmward.logs.log import SECONDS_PER_HOUR
 from ohmward.quantities import COLDEST_DEGC, HOTTEST_DEGC
 
-#: Grid of states of charge for a discharge; number of resistances on the grid that others are interpolated from.
+#: Grid of states of charge for a discharge; grids that resistances and lags are interpolated from: deviations of the
+#: resistance in standard deviations, and lags over the expected one.
 _GRID = np.linspace(0.0, 1.0, 251)
-_RESISTANCES = 33
-_SECONDS_PER_HOUR = 3600.0
+_RESISTANCES = np.array([-3.8, -2.6, -1.9, -1.4, -1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0, 1.4, 1.9, 2.6, 3.8])
+_LAGS = np.array([0.0, 1.0, 3.0, 9.0])
 #: Duration [s] of a peak of power: rough ground, the start of a climb.
 PEAK_LASTS_S = 10.0
 #: Lag T [s] of diffusion and the standard deviation of its logarithm. The slower electrode of published parameter sets
 #: of lithium cells has 27 (Ramadass 2004), 59 (Kim 2011), 102 (Mohtat 2020), 111 (Ai 2020), 171 (Marquis 2019), 454
 #: (Chen 2020, O'Kane 2022), 556 (Prada 2013) and 1026 s (Ecker 2015); which one empties first differs.
 USUAL_LAG_S, _LAG_LOG_STD = 150.0, 1.1
+#: Standard deviation of the charge given down to an end, from the model of the voltage near empty, over the capacity.
+_END_STD = 0.02
 #: Standard deviation of the capacity on the lower side, over the mean of both sides: ageing only reduces capacity.
 _LOWER_SIDE_SHARE = 1.5
 #: Rows of the points of a battery: state of charge, capacity, resistance, diffusion lag, luck with the peaks.
 BATTERY_DIMENSIONS = 5
 #: Smallest relative capacity used as a divisor.
 _LEAST_CAPACITY = 0.01
-#: Where every battery would have survived with a higher probability than this, its survival carries no information.
-_ALL_LIVED = 0.999
+#: Where the log-likelihoods of all batteries differ by less than this, what they have done carries no information.
+_ALIKE = 0.001
 #: Voltage margin where the power cannot be delivered: far below any cut-off.
 _NO_POWER_V = -1e9
 #: Smallest resistance [ohm] and time [s] used as a divisor.
@@ -91,6 +97,7 @@ class BatteryState:
     #: state of charge from which the battery has come here without a failure, on a route like this one; 0 for none
     began_soc: float = 0.0
     diffusion_lag_s: float = USUAL_LAG_S  #: T, known to within a factor
+    end: DischargeEnd | None = None  #: of an earlier discharge of this battery
     #: time under load at the end of the route: RC pairs settle in their own times
     loaded_s: float = math.inf
 
@@ -125,9 +132,9 @@ def usable_at(battery: Battery, state: BatteryState, power_W: float, z: np.ndarr
 
     z: (5, N) standard normal points of state of charge, capacity, resistance, diffusion lag and luck with the peaks.
     """
-    drawn, curves, between = _drawn(battery, state, power_W, z)
-    start_J = _at_both(curves.whole_J, drawn.soc, between)
-    end_J = _end_J(curves, state, drawn, between)
+    drawn, curves = _drawn(battery, state, power_W, z)
+    start_J = _at_both(curves.whole_J, drawn.soc, drawn.resistance)
+    end_J = _end_J(curves, state, drawn)
     return drawn.capacity * np.maximum(start_J - end_J, 0.0)
 
 
@@ -136,10 +143,21 @@ def discharge(battery: Battery, state: BatteryState, power_W: float, z: np.ndarr
 
     z: (5, N) standard normal points of state of charge, capacity, resistance, diffusion lag and luck with the peaks.
     """
-    drawn, curves, between = _drawn(battery, state, power_W, z)
-    whole_J = _at_resistance(curves.whole_J, between)
-    end_J = _end_J(curves, state, drawn, between)
+    drawn, curves = _drawn(battery, state, power_W, z)
+    whole_J = _at_resistance(curves.whole_J, drawn.resistance)
+    end_J = _end_J(curves, state, drawn)
     return Discharge(_GRID, drawn.capacity * np.maximum(whole_J - end_J, 0.0), drawn.soc)
+
+
+class _Between(NamedTuple):
+    """Places (N,) on a grid: the lower neighbour, and the share of the step above it."""
+
+    below: np.ndarray
+    share: np.ndarray
+
+    def rows(self, rows: np.ndarray) -> _Between:
+        """Some of the places."""
+        return _Between(self.below[rows], self.share[rows])
 
 
 class _Drawn(NamedTuple):
@@ -149,6 +167,19 @@ class _Drawn(NamedTuple):
     capacity: np.ndarray  #: over the battery file's
     lag_J: np.ndarray  #: energy left when the voltage ends a discharge, because the surface empties before the mean
     luck: np.ndarray  #: expected number of peaks up to the first that occurs
+    resistance: _Between  #: on the grid of `_Curves`
+    lag: _Between  #: likewise
+
+    def rows(self, rows: np.ndarray) -> _Drawn:
+        """Some of the batteries, with the luck of all: it is that of the peaks to come."""
+        return _Drawn(
+            self.soc[rows],
+            self.capacity[rows],
+            self.lag_J[rows],
+            self.luck,
+            self.resistance.rows(rows),
+            self.lag.rows(rows),
+        )
 
 
 class _Curves(NamedTuple):
@@ -156,19 +187,17 @@ class _Curves(NamedTuple):
 
     whole_J: np.ndarray  #: (K, R) given between empty and each SoC
     end_J: np.ndarray  #: (K, R) part of it that is left where the voltage ends a discharge from each SoC
-    #: (K, R) expected number of peaks that the battery cannot deliver, from full down to each SoC; None for no peaks
-    peaks: np.ndarray | None
+    #: for each lag, (K, R) expected number of peaks that the battery cannot deliver, from full down to each SoC; None
+    #: for no peaks
+    peaks: tuple[np.ndarray, ...] | None
 
 
-class _Between(NamedTuple):
-    """Places (N,) of resistances on the grid of `_Curves`: the lower neighbour, and the share of the step above it."""
+def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> tuple[_Drawn, _Curves]:
+    """Batteries at the points (5, N), and the curves to interpolate.
 
-    below: np.ndarray
-    share: np.ndarray
-
-
-def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> tuple[_Drawn, _Curves, _Between]:
-    """Batteries at the points (5, N), and the curves to interpolate, which are nearly linear in the resistance."""
+    By Bayes' rule, the points count by how likely such batteries are to have done what this one has: survived the way
+    up to here, and given its charge down to an earlier end.
+    """
     z_soc, z_capacity, z_resistance, z_lag, z_luck = z
     sides = np.where(z_capacity < 0.0, _LOWER_SIDE_SHARE, 2.0 - _LOWER_SIDE_SHARE)
     capacity = np.maximum(state.soh_capacity + state.capacity_std * sides * z_capacity, _LEAST_CAPACITY)
@@ -177,60 +206,106 @@ def _drawn(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray)
     with_capacity = counted * (1.0 - state.soh_capacity / capacity)
     by_itself = np.sqrt(state.soc_std**2 - counted_std**2) * z_soc
     soc = np.clip(state.soc + with_capacity + by_itself, 0.0, 1.0)
-    grid = np.linspace(float(z_resistance.min()), float(z_resistance.max()), _RESISTANCES)
-    curves = _curves(battery, state, power_W, grid)
-    if state.began_soc > state.soc and curves.peaks is not None:
-        z_resistance = _of_survivors(state, curves.peaks, grid, z_resistance)
-    position = (z_resistance - grid[0]) / (grid[1] - grid[0])
-    below = np.minimum(position.astype(int), len(grid) - 2)
-    lag_J = max(power_W, 0.0) * state.diffusion_lag_s * np.exp(_LAG_LOG_STD * z_lag) if state.cutoff_V > 0.0 else 0.0
-    drawn = _Drawn(soc, capacity, lag_J + np.zeros(soc.shape), -np.log(normal_tail(z_luck)))
-    return drawn, curves, _Between(below, position - below)
-
-
-def _of_survivors(state: BatteryState, peaks: np.ndarray, grid: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """(N,) deviations of the resistance of batteries that have survived from `began_soc` to here, at normal points z.
-
-    A battery survives with probability exp(-n), where n is the expected number of peaks beyond what it can deliver;
-    by Bayes' rule the density of its resistance is the prior times that.
-    """
-    began, now = (
-        np.array([np.interp(soc, _GRID, column) for column in peaks.T]) for soc in (state.began_soc, state.soc)
+    lag_s = state.diffusion_lag_s * np.exp(_LAG_LOG_STD * z_lag)
+    curves = _curves(battery, state, power_W)
+    drawn = _Drawn(
+        soc,
+        capacity,
+        max(power_W, 0.0) * lag_s if state.cutoff_V > 0.0 else np.zeros(soc.shape),
+        -np.log(normal_tail(z_luck)),
+        _between(z_resistance, _RESISTANCES),
+        _between(lag_s / capacity, _lags_s(state)),
     )
-    failed = now - began
-    lived = np.exp(failed.min() - failed)
-    if lived.min() > _ALL_LIVED:
-        return z
-    likely = np.exp(-0.5 * grid**2) * lived
-    upto = np.concatenate([[0.0], np.cumsum(0.5 * (likely[1:] + likely[:-1]))])
-    return np.interp(1.0 - normal_tail(z), upto / upto[-1], grid)
+    unlikely = np.zeros(soc.shape)
+    if state.began_soc > state.soc and curves.peaks is not None:
+        unlikely += _failures(curves.peaks, state, drawn)
+    if state.end is not None:
+        unlikely += _misfit(battery, state, state.end, capacity, lag_s, drawn.resistance)
+    return drawn.rows(_resampled(unlikely)) if np.ptp(unlikely) > _ALIKE else drawn, curves
 
 
-def _curves(battery: Battery, state: BatteryState, power_W: float, z: np.ndarray) -> _Curves:
-    """Energy at constant power [W] of batteries whose resistances deviate by z (R,) standard deviations."""
+def _between(values: np.ndarray, grid: np.ndarray) -> _Between:
+    """Places of values (N,) on an increasing grid, of which the ends stand for all beyond."""
+    below = np.clip(np.searchsorted(grid, values) - 1, 0, max(len(grid) - 2, 0))
+    if len(grid) == 1:
+        return _Between(below, np.zeros(values.shape))
+    return _Between(below, np.clip((values - grid[below]) / (grid[below + 1] - grid[below]), 0.0, 1.0))
+
+
+def _resampled(unlikely: np.ndarray) -> np.ndarray:
+    """(N,) rows of the points, each as often as it is likely; unlikely: (N,) negative log-likelihoods."""
+    upto = np.cumsum(np.exp(unlikely.min() - unlikely))
+    return np.searchsorted(upto, (np.arange(len(upto)) + 0.5) / len(upto) * upto[-1])
+
+
+def _failures(peaks: Sequence[np.ndarray], state: BatteryState, drawn: _Drawn) -> np.ndarray:
+    """(N,) expected number n of peaks that a battery could not have delivered since `began_soc`; exp(-n) survive."""
+    since = [
+        np.array([np.interp(state.soc, _GRID, column) - np.interp(state.began_soc, _GRID, column) for column in lag.T])
+        for lag in peaks
+    ]
+    at = np.stack([_at_resistance(of_lag[None], drawn.resistance)[0] for of_lag in since])
+    return _between_levels(at, drawn.lag)
+
+
+def _misfit(
+    battery: Battery,
+    state: BatteryState,
+    end: DischargeEnd,
+    capacity: np.ndarray,
+    lag_s: np.ndarray,
+    resistance: _Between,
+) -> np.ndarray:
+    """(N,) negative log-likelihoods of the charge given down to an earlier end."""
+    ocv_V, r_ohm, peak_ohm = (row[:, None] for row in discharge_curves(battery, _GRID, end.temperature_degC))
+    slow_ohm, fast_ohm = _resistances(state, r_ohm, peak_ohm)
+    margin_V = ocv_V - slow_ohm * end.mean_A - fast_ohm * end.last_A - end.voltage_V
+    surface_soc = _at_resistance(_ends(_GRID[:, None] + np.zeros(margin_V.shape), margin_V)[-1:], resistance)[0]
+    lag_As = end.mean_A * lag_s + max(end.last_A - end.mean_A, 0.0) * _peak_lag_s(lag_s)
+    file_Ah = battery.capacity_Ah
+    given_Ah = file_Ah * capacity * (end.start_soc - surface_soc) - lag_As / SECONDS_PER_HOUR
+    offset_Ah = battery.sensor.offset_std_A * end.hours
+    std_Ah = math.hypot(file_Ah * end.start_soc_std, offset_Ah, _END_STD * file_Ah)
+    return 0.5 * ((given_Ah - end.given_Ah) / std_Ah) ** 2
+
+
+def _lags_s(state: BatteryState) -> np.ndarray:
+    """Lags of diffusion [s] of the curves; 0 alone where no voltage ends a discharge."""
+    has_lag = state.cutoff_V > 0.0 and state.diffusion_lag_s > 0.0
+    return state.diffusion_lag_s * _LAGS if has_lag else np.zeros(1)
+
+
+def _resistances(state: BatteryState, r_ohm: np.ndarray, peak_ohm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(K, R) resistances of the slow pairs and to a peak, from those of the file (K, 1)."""
+    ratio = np.maximum(state.resistance_ratio + state.resistance_std * _RESISTANCES, 0.0)
+    if state.peak_resistance_ratio is None:
+        return (r_ohm - peak_ohm) * ratio, peak_ohm * ratio
+    of_peaks = np.maximum(state.peak_resistance_ratio + state.peak_resistance_std * _RESISTANCES, 0.0)
+    return (r_ohm - peak_ohm) * ratio, peak_ohm * of_peaks
+
+
+def _curves(battery: Battery, state: BatteryState, power_W: float) -> _Curves:
+    """Energy at constant power [W] of batteries with each of the resistances and lags."""
     ocv_V, r_ohm, peak_ohm = (
         row[:, None] for row in discharge_curves(battery, _GRID, state.temperature_degC, state.loaded_s)
     )
-    ratio = np.maximum(state.resistance_ratio + state.resistance_std * z, 0.0)
-    slow_ohm, fast_ohm = (r_ohm - peak_ohm) * ratio, peak_ohm * ratio
-    if state.peak_resistance_ratio is not None:
-        fast_ohm = peak_ohm * np.maximum(state.peak_resistance_ratio + state.peak_resistance_std * z, 0.0)
+    slow_ohm, fast_ohm = _resistances(state, r_ohm, peak_ohm)
     voltage_V, holds = loaded_voltage(ocv_V, slow_ohm + fast_ohm, power_W)
     margin_V = np.where(holds, voltage_V - state.cutoff_V, _NO_POWER_V)
-    whole_J = _SECONDS_PER_HOUR * battery.capacity_Ah * running_integral(_GRID, voltage_V)
+    whole_J = SECONDS_PER_HOUR * battery.capacity_Ah * running_integral(_GRID, voltage_V)
     peaks = None
     if state.peaks is not None and power_W > 0.0:
         settled_V = ocv_V - slow_ohm * power_W / voltage_V
-        highest_W = _highest_W(battery, state, power_W, settled_V, fast_ohm)
         time_s = (whole_J[-1] - whole_J[::-1]) / power_W
-        peaks = running_integral(time_s, state.peaks.above(highest_W[::-1]))[::-1]
+        highest_W = (_highest_W(battery, state, power_W, settled_V, fast_ohm, lag_s) for lag_s in _lags_s(state))
+        peaks = tuple(running_integral(time_s, state.peaks.above(of_lag[::-1]))[::-1] for of_lag in highest_W)
     return _Curves(whole_J, _ends(whole_J, margin_V), peaks)
 
 
 def _highest_W(
-    battery: Battery, state: BatteryState, power_W: float, settled_V: np.ndarray, peak_ohm: np.ndarray
+    battery: Battery, state: BatteryState, power_W: float, settled_V: np.ndarray, peak_ohm: np.ndarray, lag_s: float
 ) -> np.ndarray:
-    """(K, R) highest power that a peak may have.
+    """(K, R) highest power that a peak may have, with this lag over the capacity.
 
     settled_V: (K, R) voltage of the battery before its resistance to peaks. With diffusion, the limit at the SoC of the
     surface applies at a mean SoC that is higher by the charge that mean power and peak have taken from the surface.
@@ -238,11 +313,10 @@ def _highest_W(
     least_V = np.maximum(state.cutoff_V, 0.5 * settled_V)
     peak_A = np.maximum(settled_V - least_V, 0.0) / np.maximum(peak_ohm, _LEAST_OHM)
     highest_W = least_V * peak_A
-    if not (state.cutoff_V > 0.0 and state.diffusion_lag_s > 0.0):
+    if not lag_s > 0.0:
         return highest_W
-    lag_s = state.diffusion_lag_s
-    of_peak_s = min(max(2.0 / 3.0 * math.sqrt(15.0 / math.pi * lag_s * PEAK_LASTS_S) - PEAK_LASTS_S, 0.0), lag_s)
-    mean_A, charge_As = power_W / settled_V, _SECONDS_PER_HOUR * battery.capacity_Ah * state.soh_capacity
+    of_peak_s = float(_peak_lag_s(lag_s))
+    mean_A, charge_As = power_W / settled_V, SECONDS_PER_HOUR * battery.capacity_Ah
     lead = (mean_A * lag_s + np.maximum(peak_A - mean_A, 0.0) * of_peak_s) / charge_As
     # below the SoC at which the highest peak empties the surface, the limit is the peak that just empties it
     emptying_A = mean_A + np.maximum(_GRID[:, None] * charge_As - mean_A * lag_s, 0.0) / max(of_peak_s, _LEAST_S)
@@ -250,6 +324,11 @@ def _highest_W(
     return np.stack(
         [np.where(at[0] > _GRID, emptying, np.interp(_GRID, at, watts)) for at, watts, emptying in columns], axis=1
     )
+
+
+def _peak_lag_s(lag_s: Any) -> Any:
+    """The time that takes the place of the lag [s] for a peak, of any shape."""
+    return np.clip(2.0 / 3.0 * np.sqrt(15.0 / math.pi * lag_s * PEAK_LASTS_S) - PEAK_LASTS_S, 0.0, lag_s)
 
 
 def _ends(whole_J: np.ndarray, margin_V: np.ndarray) -> np.ndarray:
@@ -264,30 +343,35 @@ def _ends(whole_J: np.ndarray, margin_V: np.ndarray) -> np.ndarray:
     return np.where(below >= 0, high_J - share * (high_J - low_J), 0.0)
 
 
-def _end_J(curves: _Curves, state: BatteryState, drawn: _Drawn, between: _Between) -> np.ndarray:
+def _end_J(curves: _Curves, state: BatteryState, drawn: _Drawn) -> np.ndarray:
     """(N,) energy over the capacity at the end of each battery's discharge, by its voltage, the reserve or a peak."""
-    soc = drawn.soc
-    from_here = curves.end_J[(soc * (len(_GRID) - 1)).astype(int)[:, None], between.below[:, None] + np.arange(2)]
-    by_voltage = from_here[:, 0] + between.share * (from_here[:, 1] - from_here[:, 0])
+    soc, resistance = drawn.soc, drawn.resistance
+    from_here = curves.end_J[(soc * (len(_GRID) - 1)).astype(int)[:, None], resistance.below[:, None] + np.arange(2)]
+    by_voltage = from_here[:, 0] + resistance.share * (from_here[:, 1] - from_here[:, 0])
     by_voltage += drawn.lag_J / drawn.capacity
-    by_reserve = _at_both(curves.whole_J, np.full(soc.shape, state.reserve_soc), between)
-    return np.maximum(np.maximum(by_reserve, by_voltage), _end_by_peaks_J(curves, drawn, between))
-
-
-def _end_by_peaks_J(curves: _Curves, drawn: _Drawn, between: _Between) -> np.ndarray:
-    """(N,) energy over the capacity at the first peak that a battery cannot deliver; 0 for none."""
-    end_J = np.zeros(drawn.soc.shape)
+    by_reserve = _at_both(curves.whole_J, np.full(soc.shape, state.reserve_soc), resistance)
+    end_J = np.maximum(by_reserve, by_voltage)
     if curves.peaks is None:
         return end_J
-    upto = _at_both(curves.peaks, drawn.soc, between) + drawn.luck / drawn.capacity
-    for column in range(curves.peaks.shape[1] - 1):
-        here = between.below == column
-        low, high = (
-            np.interp(upto[here], curves.peaks[::-1, k], curves.whole_J[::-1, k], right=0.0)
-            for k in (column, column + 1)
-        )
-        end_J[here] = low + between.share[here] * (high - low)
+    by_peaks = np.stack([_end_by_peaks_J(curves.whole_J, of_lag, drawn) for of_lag in curves.peaks])
+    return np.maximum(end_J, _between_levels(by_peaks, drawn.lag))
+
+
+def _end_by_peaks_J(whole_J: np.ndarray, peaks: np.ndarray, drawn: _Drawn) -> np.ndarray:
+    """(N,) energy over the capacity at the first peak (of a table (K, R)) that a battery cannot deliver."""
+    end_J, resistance = np.zeros(drawn.soc.shape), drawn.resistance
+    upto = _at_both(peaks, drawn.soc, resistance) + drawn.luck / drawn.capacity
+    for column in range(peaks.shape[1] - 1):
+        here = resistance.below == column
+        low, high = (np.interp(upto[here], peaks[::-1, k], whole_J[::-1, k], right=0.0) for k in (column, column + 1))
+        end_J[here] = low + resistance.share[here] * (high - low)
     return end_J
+
+
+def _between_levels(levels: np.ndarray, between: _Between) -> np.ndarray:
+    """(N,) values between those of each level (L, N)."""
+    low, high = _rows(levels, between.below), _rows(levels, np.minimum(between.below + 1, len(levels) - 1))
+    return low + between.share * (high - low)
 
 
 def _at_resistance(table: np.ndarray, between: _Between) -> np.ndarray:
