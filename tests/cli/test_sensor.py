@@ -1,4 +1,4 @@
-"""`--sensor-offset`, `--sensor-gain`: into a new file; for one run before the file's, and named where they differ."""
+"""Options of the sensors: into a new file; for one run before the file's, and named where they differ."""
 
 import json
 
@@ -7,10 +7,11 @@ import pytest
 from ohmward.battery.file import load_battery
 from ohmward.cli.main import main
 
-GIVEN = ("--sensor-offset", "0.02", "--sensor-gain", "0.03")
+GIVEN = ("--sensor-offset", "0.02", "--sensor-gain", "0.03", "--voltage-gain", "0.005")
 SAID = (
     "warning: --sensor-offset 0.02 A was used; the battery file says 0.05 A",
     "warning: --sensor-gain 0.03 was used; the battery file says 0.01",
+    "warning: --voltage-gain 0.005 was used; the battery file says 0",
 )
 SOC = ("soc", "day.csv", "--battery", "battery.toml")
 
@@ -25,8 +26,9 @@ SOC = ("soc", "day.csv", "--battery", "battery.toml")
 )
 def test_into_a_new_file(words, here, as_json):
     as_given = as_json(*words, *GIVEN, "-o", "new.toml")
-    sensor = load_battery("new.toml").sensor
-    assert (sensor.offset_std_A, sensor.gain_std) == (0.02, 0.03)
+    battery = load_battery("new.toml")
+    assert (battery.sensor.offset_std_A, battery.sensor.gain_std) == (0.02, 0.03)
+    assert battery.noise.voltage_gain_std == 0.005
     assert as_given["sensor"]["offset_std_A"] == 0.02
     assert as_json(*words, "-o", "other.toml")["sensor"]["offset_std_A"] == pytest.approx(0.025 * 12)
 
@@ -34,14 +36,14 @@ def test_into_a_new_file(words, here, as_json):
 def test_for_one_run_and_named(here, as_json):
     usual, given = as_json(*SOC), as_json(*SOC, *GIVEN)
     assert all(text in given["notes"] for text in SAID)
-    assert not [note for note in usual["notes"] if "--sensor" in note]
+    assert not [note for note in usual["notes"] if "was used" in note]
     assert given["soc_std_final"] != usual["soc_std_final"]
     assert load_battery("battery.toml").sensor.offset_std_A == 0.05
 
 
 def test_what_the_file_says_contradicts_nothing(here, as_json):
-    same = as_json(*SOC, "--sensor-offset", "0.05", "--sensor-gain", "0.01")
-    assert not [note for note in same["notes"] if "--sensor" in note]
+    same = as_json(*SOC, "--sensor-offset", "0.05", "--sensor-gain", "0.01", "--voltage-gain", "0")
+    assert not [note for note in same["notes"] if "was used" in note]
     again = as_json(*SOC)["soc_final"]  # perhaps in machine code by now, which rounds as it likes
     assert same["soc_final"] == pytest.approx(again, rel=1e-12)
 
@@ -84,6 +86,7 @@ def test_a_fleet_with_another_sensor_is_another_job(here, capsys):
         (("--sensor-offset", "small"), ("--sensor-offset", "finite number")),
         (("--sensor-gain", "2"), ("--sensor-gain", "is a share", "0.02 for 2 %")),
         (("--sensor-gain", "1"), ("is a share", "0.01 for 1 %")),
+        (("--voltage-gain", "1"), ("--voltage-gain", "is a share", "0.01 for 1 %")),
         (("--sensor-gain", "-0.01"), ("is a share between 0 and 0.5, got -0.01",)),
     ],
 )
@@ -93,7 +96,8 @@ def test_refusals(words, messages, here, refused):
         assert message in text
 
 
-def test_a_robot_has_no_current_sensor_of_a_battery(here, refused):
-    assert "leave out --sensor-offset and --sensor-gain" in refused(
-        "export", "rlma", "--filter", "ekf", "--sensor-gain", "0.01", "-o", "c"
+@pytest.mark.parametrize("option", ["--sensor-offset", "--sensor-gain", "--voltage-gain"])
+def test_a_robot_has_no_sensors_of_a_battery(option, here, refused):
+    assert "leave out --sensor-offset, --sensor-gain and --voltage-gain" in refused(
+        "export", "rlma", "--filter", "ekf", option, "0.01", "-o", "c"
     )

@@ -35,28 +35,34 @@ from ohmward.logs.table import RECORDING_ENDINGS, TableFile
 _BATTERY_KINDS = tuple(channel.name for channel in BATTERY)
 
 
-def with_sensor(
-    battery: Battery, sensor_offset_A: float | None, sensor_gain: float | None
-) -> tuple[Battery, list[str]]:
-    """The battery with the current sensor of the options, and a warning for each option that contradicts the battery.
+def with_sensor(battery: Battery, args: argparse.Namespace) -> tuple[Battery, list[str]]:
+    """The battery with the sensors of `add_sensor_options`, and a warning for each that contradicts the battery.
 
     Raises:
         InputError: the offset is larger than the current that empties the battery in an hour.
     """
-    known = battery.sensor
-    offset_A = known.offset_std_A if sensor_offset_A is None else sensor_offset_A
-    gain = known.gain_std if sensor_gain is None else sensor_gain
-    if sensor_offset_A is not None and offset_A > battery.capacity_Ah:
+    sensor, noise = battery.sensor, battery.noise
+    offset_A = sensor.offset_std_A if args.sensor_offset is None else args.sensor_offset
+    gain = sensor.gain_std if args.sensor_gain is None else args.sensor_gain
+    voltage_gain = noise.voltage_gain_std if args.voltage_gain is None else args.voltage_gain
+    if args.sensor_offset is not None and offset_A > battery.capacity_Ah:
         raise InputError(
             f"--sensor-offset must be below 1 C, {battery.capacity_Ah:g} A, got {offset_A:g} A; for milliamperes write "
             f"{offset_A / 1000:g}"
         )
     warnings = []
-    if offset_A != known.offset_std_A:
-        warnings.append(_contradiction(f"--sensor-offset {offset_A:g} A", f"{known.offset_std_A:g} A"))
-    if gain != known.gain_std:
-        warnings.append(_contradiction(f"--sensor-gain {gain:g}", f"{known.gain_std:g}"))
-    return replace(battery, sensor=replace(known, offset_std_A=offset_A, gain_std=gain)), warnings
+    if offset_A != sensor.offset_std_A:
+        warnings.append(_contradiction(f"--sensor-offset {offset_A:g} A", f"{sensor.offset_std_A:g} A"))
+    if gain != sensor.gain_std:
+        warnings.append(_contradiction(f"--sensor-gain {gain:g}", f"{sensor.gain_std:g}"))
+    if voltage_gain != noise.voltage_gain_std:
+        warnings.append(_contradiction(f"--voltage-gain {voltage_gain:g}", f"{noise.voltage_gain_std:g}"))
+    with_options = replace(
+        battery,
+        sensor=replace(sensor, offset_std_A=offset_A, gain_std=gain),
+        noise=replace(noise, voltage_gain_std=voltage_gain),
+    )
+    return with_options, warnings
 
 
 def _contradiction(option: str, in_file: str) -> str:
@@ -64,8 +70,8 @@ def _contradiction(option: str, in_file: str) -> str:
 
 
 def load_with_sensor(path: str, args: argparse.Namespace) -> tuple[Battery, list[str]]:
-    """The battery of a file with the sensor that the options name; see `with_sensor`."""
-    return with_sensor(load_battery(path), args.sensor_offset, args.sensor_gain)
+    """The battery of a file with the sensors that the options name; see `with_sensor`."""
+    return with_sensor(load_battery(path), args)
 
 
 def given_start(args: argparse.Namespace) -> dict[str, Any]:

@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> Outcome:
         battery = generic_battery(args.chemistry, args.capacity_ah, args.n_series, args.name)
     else:
         raise InputError("--capacity-ah is needed, as on the label, or --bpx with the parameters of a cell")
-    battery, _ = with_sensor(battery, args.sensor_offset, args.sensor_gain)
+    battery, _ = with_sensor(battery, args)
     backup = replace_battery(battery, args.output)
     summary = {
         "command": "generic",

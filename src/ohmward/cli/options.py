@@ -116,7 +116,10 @@ def add_start_options(group: argparse._ActionsContainer, start: str) -> None:
 def add_sensor_options(
     group: argparse._ActionsContainer, offset: str = "the battery file's", gain: str = "the battery file's"
 ) -> None:
-    """Options of the current sensor, for a parser or a group of one; offset, gain: defaults, as the help gives them."""
+    """Options of current and voltage sensor, for a parser or a group of one.
+
+    offset, gain: defaults of the current sensor, as the help gives them.
+    """
     group.add_argument(
         "--sensor-offset",
         type=offset_std,
@@ -128,6 +131,13 @@ def add_sensor_options(
         type=gain_std,
         metavar="SHARE",
         help=f"that of its gain, as a share: 0.02 for 2 %%; default: {gain}",
+    )
+    group.add_argument(
+        "--voltage-gain",
+        type=gain_std,
+        metavar="SHARE",
+        help="that of the gain of the voltage sensor, where it is not the one of the test: 0.005 for 0.5 %%; default: "
+        "the battery file's, else 0",
     )
 
 

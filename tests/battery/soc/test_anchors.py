@@ -82,6 +82,17 @@ def test_a_long_rest_tells_what_the_curve_tells():
     assert abs(truth[rest.sample] - rest.soc) < 2 * rest.soc_std
 
 
+def test_a_rest_tells_less_where_the_voltage_sensor_is_not_the_one_of_the_test():
+    log, _ = day("nca", 0.6, [(0.2, 0.0), (0.5, -0.5), (4.0, 0.0), (0.3, -0.5), (0.5, 0.0)])
+    battery = label("nca")
+    other = replace(battery, noise=replace(battery.noise, voltage_gain_std=0.01))
+    (same,), (rest,) = find_anchors(log, battery), find_anchors(log, other)
+    curve, voltage_V = battery.thevenin.ocv, log.voltage_V[rest.sample]
+    by_gain = 0.5 * (curve.soc_at(1.01 * voltage_V) - curve.soc_at(0.99 * voltage_V))
+    assert rest.soc == pytest.approx(same.soc)
+    assert rest.soc_std == pytest.approx(np.hypot(same.soc_std, by_gain), rel=0.05)
+
+
 def test_a_rest_on_a_plateau_tells_nothing():
     log, _ = day("lfp", 0.6, [(0.2, 0.0), (0.2, -0.5), (8.0, 0.0), (0.2, -0.5)])
     assert find_anchors(log, label("lfp")) == ()

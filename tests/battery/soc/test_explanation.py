@@ -304,3 +304,12 @@ def test_a_cold_that_no_test_showed_is_a_cause_that_a_test_removes():
     # wider: the share of the error that earlier voltages left is known from the log in its main lines only
     assert said.points_without == pytest.approx(half_points(after), rel=0.3)
     assert "activation" not in [c.name for c in after.explain().causes]
+
+
+def test_the_gain_of_another_voltage_sensor_is_a_cause():
+    columns = columns_of(LFP, 0.6)
+    before = run(settings_of(LFP, replace(NOISE, voltage_gain_std=0.01)), columns, 0.6)
+    said = cause(before, "voltage_gain")
+    assert said.text.startswith("gain of the voltage sensor known within ± ")
+    assert 0.0 < float(said.text.split("±")[1].rstrip(" %")) <= 1.96
+    assert said.points_without < half_points(before)

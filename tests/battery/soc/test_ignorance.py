@@ -143,7 +143,7 @@ def test_the_level_of_the_curve_stays_ten_times_as_long_and_takes_the_temperatur
 @pytest.mark.parametrize("degC", [25.0, -10.0])
 def test_the_first_voltage_is_shared_between_the_errors_of_the_curve(degC):
     """Their sum has the moments that the voltage gave it, and the same voltage once more is no news."""
-    noise = replace(TESTED, level_std_V=0.008, ocv_std_V_per_K=2e-4)
+    noise = replace(TESTED, level_std_V=0.008, ocv_std_V_per_K=2e-4, voltage_gain_std=0.005)
     settings = TheveninFilter(NMC, noise)
     first = SocSample(0.0, 0.0, 3.7, degC)
     (part,) = settings.voltage_start.hypotheses(first, None)
@@ -158,8 +158,43 @@ def test_the_first_voltage_is_shared_between_the_errors_of_the_curve(degC):
     assert np.linalg.eigvalsh(belief.cov).min() > -1e-9
 
 
+OTHER_SENSOR = replace(TESTED, voltage_gain_std=0.005)
+
+
+def other_sensors(rng):
+    """Current (T,), SoC and voltage (T, LIVES) of the file's cell, measured by sensors of another gain each."""
+    current_A = drive(rng, STEPS, -0.3)
+    cell = simulate(NMC, current_A, 0.8)
+    gain = 1.0 + OTHER_SENSOR.voltage_gain_std * rng.standard_normal(LIVES)
+    return current_A, np.repeat(cell.soc[:, None], LIVES, axis=1), cell.voltage_V[:, None] * gain
+
+
+@pytest.mark.parametrize("method", ["ekf", "ukf"])
+def test_the_gain_of_another_voltage_sensor_is_covered(method):
+    lives = other_sensors(np.random.default_rng(2))
+    same, other = (estimates_of(noise, method, lives, 25.0) for noise in (TESTED, OTHER_SENSOR))
+    covered = [np.mean((np.abs(e.soc - lives[1]) < 1.96 * e.soc_std)[1800:]) for e in (same, other)]
+    assert covered[0] < 0.8 and covered[1] > 0.93
+    assert np.mean((other.soc - lives[1]) ** 2) < np.mean((same.soc - lives[1]) ** 2)
+
+
+def test_the_gain_of_the_voltage_is_an_error_that_stays_in_proportion_to_the_voltage():
+    settings = TheveninFilter(NMC, OTHER_SENSOR)
+    system, first = settings.system, SocSample(36.0, 0.0, 3.7, NMC.ocv.reference_degC)
+    k = system.state_names.index("voltage_gain_error")
+    state = settings.start(first, 0.8, 0.03)
+    belief, clean = unpack(state.belief), settings.sanitize(state, first)
+    error = settings.voltage_error(belief, clean)
+    one_std = belief.mean + np.eye(len(belief.mean))[k]
+    more_V = system.voltage(one_std, clean, error) - system.voltage(belief.mean, clean, error)
+    assert float(more_V[0]) == pytest.approx(0.005 * float(NMC.ocv.mean_V(0.8, NMC.ocv.reference_degC)))
+    assert float(system.next_state(one_std, clean)[k]) == 1.0
+    assert float(system.process_noise(belief.mean, clean)[k, k]) == 0.0
+
+
 def test_states_without_a_doubt_are_not_there():
     assert TheveninFilter(NMC, TESTED).state_names[-1] == "model_error"
+    assert TheveninFilter(NMC, OTHER_SENSOR).state_names[-1] == "voltage_gain_error"
     assert "hysteresis_log_ratio" not in TheveninFilter(NMC, replace(TESTED, hysteresis_std=0.5)).state_names
     assert TheveninFilter(LFP, replace(TESTED, hysteresis_std=0.5)).state_names[-1] == "hysteresis_log_ratio"
 

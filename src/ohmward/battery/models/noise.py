@@ -84,6 +84,8 @@ class BatteryNoise:
     soc_axis_std: float = 0.01  #: error of the SoC axis of the OCV curve
     #: error of the level of the OCV curve, common to all SoC, in addition to `model_std_V`; 0 if that already holds it
     level_std_V: float = 0.0
+    #: relative error of the voltage sensor's gain against that of the test's sensor; 0 if it is the same one
+    voltage_gain_std: float = 0.0
     correlation_s: float = 200.0  #: correlation time of the errors that depend on the current
     capacity_std: float = 0.01  #: relative error of the capacity
     capacity_walk: float = 0.01  #: random walk of the capacity error in 1000 hours
@@ -155,6 +157,12 @@ class BatteryNoise:
         if self.level_std_V:
             return own_V, sqrt(self.level_std_V**2 + thermal_V * thermal_V)
         return sqrt(own_V**2 + thermal_V * thermal_V), 0.0
+
+    def gain_error_V(self, soc: Scalar, u: CircuitInput, p: Thevenin) -> Scalar:
+        """Standard deviation [V] of the error that the gain of the sensor causes in the open-circuit voltage."""
+        if not self.voltage_gain_std:
+            return 0.0
+        return self.voltage_gain_std * p.ocv.mean_V(soc, u.temperature_degC)
 
     def overpotential_share_at(self, soc: Scalar) -> Scalar:
         """Relative error of the overpotential at this SoC."""

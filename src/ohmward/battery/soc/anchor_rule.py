@@ -320,7 +320,8 @@ class AnchorRule:
         """State of charge at which a load is cut off at this voltage."""
         still_V = self.but_for_drop_V(voltage_V, u)
         of_drop = sqrt(self.noise.resistance_variance_at(u, self.model))
-        uncertain_V = of_drop * (still_V - voltage_V) + self.noise.model_std_V[0]
+        of_curve_V = _hypot(self.noise.model_std_V[0], self.noise.gain_error_V(0.0, u, self.model))
+        uncertain_V = of_drop * (still_V - voltage_V) + of_curve_V
         soc = self.soc_at(still_V)
         left = self.left_by_diffusion(maximum(-u.current_A, 0.0), u.temperature_degC)
         of_load = _hypot(self.limits.empty_std, left.std)
@@ -343,7 +344,9 @@ class AnchorRule:
         """State of charge of a battery at rest at this voltage, from the curve of the file and its errors."""
         soc, noise = self.soc_at(voltage_V), self.noise
         hysteresis_V = HYSTERESIS_UNKNOWN_STD * self.model.hysteresis_V_at(soc, u.temperature_degC)
-        uncertain_V = sqrt(noise.voltage_std_V**2 + noise.model_std_at(soc) ** 2 + hysteresis_V * hysteresis_V)
+        gain_V = noise.gain_error_V(soc, u, self.model)
+        errors_V = (noise.voltage_std_V, noise.model_std_at(soc), hysteresis_V, gain_V)
+        uncertain_V = sqrt(sum(error_V * error_V for error_V in errors_V))
         half = 0.5 * (self.soc_at(voltage_V + uncertain_V) - self.soc_at(voltage_V - uncertain_V))
         return SocNormal(soc, _hypot(noise.soc_axis_std, half))
 

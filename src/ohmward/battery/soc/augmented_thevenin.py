@@ -11,12 +11,13 @@
                                      not time: it stays while SoC stays, and is new after `model_soc_length`.
     level_error                      error of the level of the curve, likewise: it stays ten times as long, and grows
                                      away from the temperature of the curve
+    voltage_gain_error               error of the voltage sensor's gain in its own standard deviations: it stays
     ohmic_activation_error_K, pair_activation_error_K
                                      errors of the activation temperatures: the band opens where the battery leaves the
                                      temperature of the test, and closes where it comes back
     hysteresis_log_ratio             ln of the hysteresis voltage over the file's
 
-The last four exist only where the file gives them a standard deviation. The measurement noise is not white either: an
+The last five exist only where the file gives them a standard deviation. The measurement noise is not white either: an
 error that persists for a correlation time is one observation in that time, however often it is sampled, so
 R = variance * 2 correlation time / dt. Errors of axis and overpotential enter both the state and R.
 """
@@ -110,6 +111,7 @@ class AugmentedState(NamedTuple):
     pair_log_ratio: Any
     model_error: Any
     level_error: Any = 0.0
+    voltage_gain_error: Any = 0.0
     ohmic_activation_error_K: Any = 0.0
     pair_activation_error_K: Any = 0.0
     hysteresis_log_ratio: Any = 0.0
@@ -134,6 +136,7 @@ class VoltageError(NamedTuple):
     tangent_V: Scalar = 0.0
     tangent_V2: Scalar = 0.0
     level_std_V: Scalar = 0.0  #: of the error of the curve's level, the unit of the state `level_error`
+    gain_std_V: Scalar = 0.0  #: of the error by the voltage sensor's gain, the unit of `voltage_gain_error`
 
 
 @dataclass(frozen=True)
@@ -154,6 +157,7 @@ class AugmentedThevenin:
         """Names of the states of the errors, in order; without those that the file takes as exact."""
         stds = {
             "level_error": self.noise.level_std_V,
+            "voltage_gain_error": self.noise.voltage_gain_std,
             "ohmic_activation_error_K": self.noise.activation_std_K,
             "pair_activation_error_K": self.noise.activation_std_K,
             "hysteresis_log_ratio": self.noise.hysteresis_std * any(self.model.ocv.hysteresis_V),
@@ -187,6 +191,7 @@ class AugmentedThevenin:
             pair_log_ratio=resistance_std,
             model_error=1.0,
             level_error=1.0,
+            voltage_gain_error=1.0,
             ohmic_activation_error_K=noise.activation_std_K,
             pair_activation_error_K=noise.activation_std_K,
             hysteresis_log_ratio=noise.hysteresis_std,
@@ -247,7 +252,8 @@ class AugmentedThevenin:
         circuit = np.array([self.curve_soc(state), *v, h * exp(state.hysteresis_log_ratio)])
         circuit_V = voltage(circuit, u, self.model, state.ohmic(self.coldness(u)))
         lasting_V = error.model_std_V * state.model_error + error.level_std_V * state.level_error
-        return circuit_V + lasting_V + error.tangent_V
+        gain_V = error.gain_std_V * state.voltage_gain_error
+        return circuit_V + lasting_V + gain_V + error.tangent_V
 
     def resistance_ratio(self, state: AugmentedState) -> Scalar:
         """Resistance to a steady current over the file's, at the reference temperature of the file."""
@@ -354,15 +360,16 @@ class AugmentedThevenin:
             tangent_V=tangent_V,
             tangent_V2=tangent_V2,
             level_std_V=level_V,
+            gain_std_V=noise.gain_error_V(soc, u, self.model),
         )
 
     def error_shares(self, soc: Scalar, u: CircuitInput) -> dict[str, Scalar]:
-        """Shares of model and level error in the standard deviation of their sum at rest; their squares add up to 1."""
-        if not self.noise.level_std_V:
-            return {"model_error": 1.0}
+        """Shares of the lasting errors in the standard deviation of their sum at rest; their squares add up to 1."""
         _, level_V = self.noise.curve_stds(soc, u.error_degC - self.model.ocv.reference_degC)
-        level = level_V / lasting_std_V(soc, u, self.model, self.noise)
-        return {"model_error": np.sqrt(1.0 - level * level), "level_error": level}
+        stds_V = {"level_error": level_V, "voltage_gain_error": self.noise.gain_error_V(soc, u, self.model)}
+        total_V = lasting_std_V(soc, u, self.model, self.noise)
+        shares = {name: std_V / total_V for name, std_V in stds_V.items() if name in self.error_names}
+        return {"model_error": np.sqrt(1.0 - sum(share * share for share in shares.values()))} | shares
 
     def tangent_error(
         self, soc: Scalar, slope: Scalar, std: Scalar, circuit: np.ndarray, u: CircuitInput

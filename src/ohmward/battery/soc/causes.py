@@ -237,6 +237,7 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
     moved_std = math.sqrt(max(float(settings.system.axis_variance(x)) - axis_std**2, 0.0))
     slopes_V = {"axis": axis_std * slope_V, "capacity": moved_std * slope_V}
     error_V = slopes_V | voltage_errors(settings, x, u, now_V)
+    gain_V = std.get("voltage_gain", 0.0) * float(settings.noise.gain_error_V(x.circuit[SOC], u, settings.model))
     hysteresis_V = std["hysteresis"] * float(settings.model.hysteresis_V_at(x.circuit[SOC], u.temperature_degC))
     return Conditions(
         settings,
@@ -247,7 +248,7 @@ def conditions(settings: TheveninFilter, state: FilterState, history: ChargeHist
         error_V,
         slopes_V | voltage_errors(settings, x, u, usual_V),
         float(settings.noise.overpotential_share_at(x.circuit[SOC])),
-        float(np.linalg.norm([error_V["curve"], error_V["ocv_temperature"], hysteresis_V])),
+        float(np.linalg.norm([error_V["curve"], error_V["ocv_temperature"], hysteresis_V, gain_V])),
         float(state.unknown_s),
     )
 
@@ -375,6 +376,13 @@ WORDINGS: dict[str, Wording] = {
         lambda now: f"gain of the current sensor known within {within(now.settings.sensor.gain_std)}",
         lambda now: "the data sheet of the current sensor ([sensor] in the battery file)",
     ),
+    "voltage_gain": Wording(
+        lambda now: (
+            "gain of the voltage sensor known within "
+            f"± {100 * BAND_95 * now.std['voltage_gain'] * now.settings.noise.voltage_gain_std:.2g} %"
+        ),
+        lambda now: "a voltage sensor that was compared with that of the test (voltage_gain_std in the battery file)",
+    ),
     "resistance": Wording(
         lambda now: f"resistance known within {within(now.std['resistance'])}",
         lambda now: "an hour of driving with changing current",
@@ -400,4 +408,5 @@ _CAUSE_BY_NAME = {
     "_log": "resistance",
     "model_error": "voltage_error",
     "level_error": "voltage_error",
+    "voltage_gain": "voltage_gain",
 }

@@ -186,8 +186,8 @@ class TheveninFilter:
     def start_from(self, first: SocSample, part: Hypothesis) -> FilterState:
         """State before the first sample, with the correlation of SoC and the model's voltage error; traceable.
 
-        That error e, of unit variance, is a m + b l, of the model error m and, where there is one, the level error l;
-        a^2 and b^2 are their shares of the variance. The voltage says nothing about b m - a l.
+        That error e, of unit variance, is the sum of the model error, the level error and that of the voltage sensor's
+        gain, as far as there are such states, each times its share. The voltage says nothing about other sums of them.
         """
         start = part.start
         state = self.start(first, start.soc, start.std)
@@ -217,7 +217,7 @@ class TheveninFilter:
 
     def with_new_curve_errors(self, belief: Belief) -> Belief:
         """The belief with the errors of the curve as at a start: a contradicting voltage has driven them away."""
-        for name in ("model_error", "level_error"):
+        for name in ("model_error", "level_error", "voltage_gain_error"):
             if name in self.state_names:
                 belief = restarted_at(belief, self.state_names.index(name), 0.0, 1.0)
         return belief

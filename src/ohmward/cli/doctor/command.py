@@ -340,8 +340,16 @@ def sources(battery: Battery) -> dict[str, str]:
         "rest current": "not declared" if idle is None else f"{idle:g} A",
         "current sensor": f"offset ± {BAND_95 * battery.sensor.offset_std_A:.2g} A, "
         f"gain ± {100 * BAND_95 * battery.sensor.gain_std:.2g} % (95 %)",
+        "voltage sensor": voltage_sensor(battery.noise),
     }
     return rows | ({"assumed exact": f"{', '.join(exact)}: 0 in [noise]"} if exact else {})
+
+
+def voltage_sensor(noise: BatteryNoise) -> str:
+    """Gain of the voltage sensor in words."""
+    if not noise.voltage_gain_std:
+        return "that of the test"
+    return f"gain ± {100 * BAND_95 * noise.voltage_gain_std:.2g} % (95 %)"
 
 
 def capacity_uncertainty(noise: BatteryNoise) -> str:

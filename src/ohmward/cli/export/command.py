@@ -69,8 +69,10 @@ def run(args: argparse.Namespace) -> Outcome:
     name, filter_name = args.name or (_MODULE if python else symbol_of(args.output)), args.filter
     filter_name = filter_name or (DEFAULT if python else SMALL)
     if is_robot:
-        if args.sensor_offset is not None or args.sensor_gain is not None:
-            raise InputError("a current sensor is that of a battery; leave out --sensor-offset and --sensor-gain")
+        if any(given is not None for given in (args.sensor_offset, args.sensor_gain, args.voltage_gain)):
+            raise InputError(
+                "these sensors are those of a battery; leave out --sensor-offset, --sensor-gain and --voltage-gain"
+            )
         if args.curve_error:
             raise InputError("a curve error is for the open-circuit voltage of a battery; leave out --curve-error")
         if args.style != "lines":

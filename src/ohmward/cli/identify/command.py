@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> Outcome:
     with progress() as report:
         found = identify_in_detail(logs, settings, report)
     as_rc = args.model == "rc"
-    battery, _ = with_sensor(found.battery, args.sensor_offset, args.sensor_gain)
+    battery, _ = with_sensor(found.battery, args)
     found = found._replace(battery=battery)
     seconds = time.perf_counter() - began
     backup = replace_battery(battery, args.output) if args.output else None
