@@ -77,6 +77,15 @@ def test_they_go_on_after_a_restart():
     assert totals_from({"cycles": "many", "distance_km": -1.0, "energy_in_kWh": 2}) == Totals(energy_in_kWh=2.0)
 
 
+def test_they_go_on_where_the_time_of_a_robot_went_back():
+    estimation = Estimation(BATTERY)
+    hour(estimation, -2.0, start_s=7200.0)
+    estimation.restart()
+    assert estimation.soc is not None and estimation.soc.last is None
+    hour(estimation, -2.0)
+    assert estimation.state.totals.charge_out_Ah == pytest.approx(4.0)
+
+
 def test_a_store_gives_those_of_its_rows(tmp_path):
     estimation, maker = Estimation(BATTERY), RowMaker()
     states = [*hour(estimation, -2.0), *hour(estimation, 3.0, 7200.0)]

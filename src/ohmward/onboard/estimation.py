@@ -113,8 +113,10 @@ class Estimation:
         self._full_s, self._full_pending = -math.inf, False
 
     def restart(self) -> None:
-        """Forget every sample, as when a simulation is reset or a bag restarts."""
+        """Forget every sample, as when a simulation is reset or a bag restarts; the robot's totals go on."""
+        totals = self.totals
         vars(self).update(vars(Estimation(*self._settings)))
+        self.totals = totals
 
     def compile(self) -> None:
         """Compile on copies, so that the first samples need not wait: 1 to 2 s, or some hundredths from the disk."""
