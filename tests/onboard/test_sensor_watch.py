@@ -7,7 +7,6 @@ import pytest
 from ohmward import generic_battery
 from ohmward.onboard.robot_state import Level
 from ohmward.onboard.sensor_watch import MISSED_S, MOST_SENSORS, SensorWatch
-from ohmward.traction.motion_check import MotionCheck
 from ohmward.traction.robot.packaged import RLMA
 
 PLACES = [place.name for place in RLMA.places]
@@ -147,13 +146,18 @@ def test_wheels_that_spin_in_place_accuse_nobody(battery):
     assert Robot(battery, ice).run().wrong() == {}
 
 
-def test_a_gyro_that_repeats_itself_while_the_wheels_turn_the_robot_is_stuck():
-    check = MotionCheck(RLMA)
-    turning = RLMA.rolling @ [0.0, 1.0] / RLMA.wheel.radius_m
-    wheels = {f"wheel_speed_rad_s.{name}": (float(speed), False) for name, speed in zip(PLACES, turning, strict=True)}
-    assert list(check.stuck(wheels | {"yaw_rate_rad_s": (0.0, True)})) == ["yaw_rate_rad_s"]
-    assert list(check.stuck(wheels | {"yaw_rate_rad_s": (1.0, True)})) == []
-    assert list(check.stuck(wheels | {"yaw_rate_rad_s": (0.0, False)})) == []
+def test_a_gyro_that_the_pose_contradicts_is_stuck_while_it_repeats_itself(battery):
+    watch = SensorWatch(battery, RLMA)
+
+    def level(time_s, rate_rad_s):
+        watch.take("imu", time_s, time_s, {"yaw_rate_rad_s": rate_rad_s})
+        watch.take_contradiction("yaw_rate_rad_s")
+        return next(d.level for d in watch.look(time_s) if d.name == "yaw_rate_rad_s")
+
+    assert [level(0.1 * k, 0.01 * k) for k in range(30)] == [Level.OK] * 30
+    repeated = [level(3.0 + 0.1 * k, 0.0) for k in range(30)]
+    assert repeated == [Level.OK] * 20 + [Level.ERROR] * 10
+    assert level(6.0, 0.1) == Level.OK
 
 
 def test_a_quantity_from_two_sources_is_named_and_the_first_is_used(battery):

@@ -27,6 +27,7 @@ from ohmward.onboard.message import Message
 from ohmward.onboard.part import LOG, EndedError, FaultyInput, Sink, Source, feed_interval_s, is_live, keep_running
 from ohmward.onboard.robot_state import Diagnostic, Level, RobotState
 from ohmward.onboard.sensor_watch import SensorWatch
+from ohmward.traction.odometry.sample import OdometryFlag
 
 #: Time between two checks for sensors that should have reported.
 SENSOR_LOOK_S = 0.25
@@ -275,6 +276,9 @@ class Process:
                 await asyncio.sleep(SENSOR_LOOK_S)  # held up by the machine: first accept what came meanwhile
             for arrival in self._arrivals.due(self.clock.now_s()):
                 self._take(arrival)
+            pose = self.estimation.state.pose
+            if pose and int(pose.flags) & OdometryFlag.NO_GYRO:
+                self.watch.take_contradiction("yaw_rate_rad_s")
             for diagnostic in self.watch.look(self.now_s()):
                 self.tell(diagnostic)
             for sink, feed in self.sinks:

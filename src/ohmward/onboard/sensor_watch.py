@@ -19,7 +19,8 @@ from ohmward.onboard.message import no_such_part
 from ohmward.onboard.robot_state import Diagnostic, Level
 from ohmward.quantities import EVENTS, QUANTITIES, ValueLimits, limits_of, quantity_of
 from ohmward.signals.checks import beyond_limits, doubled, missing, no_number, stuck
-from ohmward.traction.motion_check import FEWEST, LASTS_S, MotionCheck
+from ohmward.traction.motion.stuck_gyro import FEWEST, REPEATS_S
+from ohmward.traction.motion_check import MotionCheck
 from ohmward.traction.robot.robot import Robot
 
 #: A sensor is silent after this many usual intervals without a value, but no earlier than this time.
@@ -167,7 +168,7 @@ class WatchedSensor:
     @property
     def is_same(self) -> bool:
         """True if the value has been the same for as long as a fault in a log lasts."""
-        return self.same >= FEWEST and self.last_s - self.same_s >= LASTS_S
+        return self.same >= FEWEST and self.last_s - self.same_s >= REPEATS_S
 
 
 @dataclass
@@ -242,6 +243,11 @@ class SensorWatch:
             figures = {"value": sensor.value, "interval_s": sensor.interval_s, "age_s": now_s - sensor.last_s}
             yield Diagnostic(sensor.signal, level, message, figures)
             sensor.bad = sensor.good = sensor.repeated = 0
+
+    def take_contradiction(self, signal: str) -> None:
+        """Take it that an estimate contradicts a sensor, which is stuck if it repeats itself."""
+        if (sensor := self.sensors.get(signal)) and sensor.is_same:
+            sensor.stuck = True
 
     def _conditions(self, name: str, delivery: Delivery, now_s: float) -> Iterator[Diagnostic]:
         """Conditions of a source: its clock, its delay, missing signals and missing messages."""

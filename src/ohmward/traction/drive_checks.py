@@ -20,7 +20,8 @@ from ohmward.runs import from_to, long_runs
 from ohmward.signals.checks import beyond_limits, stuck
 from ohmward.traction.motion.outside_speed import STUCK_SHARE, TURNS_M_S
 from ohmward.traction.motion.sample import require_wheels
-from ohmward.traction.motion_check import CURED, FEWEST, LASTS_S, SCRUBS, check_signs, check_units, motion_of
+from ohmward.traction.motion.stuck_gyro import FEWEST, REPEATS_S, watch_log
+from ohmward.traction.motion_check import CURED, SCRUBS, check_signs, check_units, motion_of
 from ohmward.traction.robot.robot import GRAVITY, Robot
 from ohmward.traction.speed_observer.make_observer import (
     TURNS_RAD_S,
@@ -47,9 +48,6 @@ BRAKES = -0.3
 #: Largest energy that a motor with the right sign takes, over what the robot gives up while it brakes: mass and torque
 #: constant of a robot file may be wrong.
 TAKES = 2.0
-
-#: Time [s] of repeating 0, while the wheels turn the robot, after which a gyro is dead.
-DEAD_AT_ZERO_S = 10.0
 
 #: Size of a spike over the usual speed of a wheel.
 SPIKE = 10.0
@@ -90,28 +88,27 @@ def check_drive(robot: Robot, log: DriveLog) -> tuple[Note, ...]:
 
 
 def mended(robot: Robot, log: DriveLog) -> DriveLog:
-    """The log without the yaw rates of a dead gyro, and with the sign of a speed from outside."""
-    return with_signed_speed(robot, without_dead_gyro(robot, log))
+    """The log without the yaw rates of a stuck gyro, and with the sign of a speed from outside."""
+    return with_signed_speed(robot, without_stuck_gyro(robot, log))
 
 
-def without_dead_gyro(robot: Robot, log: DriveLog) -> DriveLog:
-    """The log without the yaw rates of a gyro that repeats one to the last bit while wheels turn the robot unevenly.
+def without_stuck_gyro(robot: Robot, log: DriveLog) -> DriveLog:
+    """The log without the yaw rates that a stuck gyro repeats, from the first one on.
 
-    Slipping wheels do not turn the robot, and a gyro without noise then repeats its 0: that counts only if it lasts
-    long, or if the gyro never shows another number.
+    A gyro that never shows another number is stuck even if it is 0, and wheels that slip are not the cause.
     """
-    if log.yaw_rate_rad_s is None or robot.freedoms < 2:
+    if log.yaw_rate_rad_s is None:
         return log
-    wheels = np.isfinite(log.wheel_speed_rad_s[:, : robot.driven]).all(axis=1)
-    rows = np.flatnonzero(wheels & np.isfinite(log.yaw_rate_rad_s))
-    time_s, yaw_rate = log.time_s[rows], log.yaw_rate_rad_s[rows]
-    by_wheels = yaw_rate_of_wheels(robot, log.wheel_speed_rad_s[rows])
-    differs = (np.abs(by_wheels - yaw_rate) > YAWS_RAD_S) & (np.diff(by_wheels, prepend=np.nan) != 0.0)
+    rows = np.flatnonzero(np.isfinite(log.yaw_rate_rad_s))
+    repeats = np.append(False, np.diff(log.yaw_rate_rad_s[rows]) == 0.0)
+    repeated = long_runs(repeats, log.time_s[rows], REPEATS_S, FEWEST)
+    if not repeated:
+        return log
+    suspected, is_stuck = (condition[rows] for condition in watch_log(robot, log))
     dead = np.zeros(len(log), dtype=bool)
-    for first, stop in long_runs(np.append(False, np.diff(yaw_rate) == 0.0), time_s, LASTS_S, FEWEST):
-        turned_s = differs[first:stop].mean() * (time_s[stop - 1] - time_s[first])
+    for first, stop in repeated:
         never_moves = stop - first >= rows.size - 1
-        if turned_s > (LASTS_S if never_moves or yaw_rate[first] else DEAD_AT_ZERO_S):
+        if (suspected if never_moves else is_stuck)[first:stop].any():
             dead[rows[first - 1 : stop]] = True
     if not dead.any():
         return log
@@ -158,7 +155,7 @@ def _stuck_encoders(robot: Robot, log: DriveLog) -> Iterator[str]:
         same = np.append(False, np.diff(speed) == 0)
         moving = np.nan_to_num(np.abs(np.diff(others, axis=0, prepend=others[:1]))).max(axis=1, initial=0.0) > 0
         turning = np.nan_to_num(np.abs(others)).max(axis=1, initial=0.0) > TURNS_RAD_S
-        for first, stop in long_runs(same, log.time_s[rows], LASTS_S, FEWEST):
+        for first, stop in long_runs(same, log.time_s[rows], REPEATS_S, FEWEST):
             may_stand = speed[first] == 0 and (stop - first < rows.size - 1 or robot.chassis.rollers)
             if not may_stand and moving[first:stop].mean() > 0.5 and turning[first:stop].mean() > 0.5:
                 what, when = f"the encoder of {name} is ", f" {from_to(log.time_s[rows[first:stop]])}"
@@ -315,7 +312,7 @@ def _blocked_wheels(robot: Robot, log: DriveLog) -> Iterator[str]:
     for k, name in enumerate(_names(robot)[: robot.driven]):
         stands = np.abs(log.wheel_speed_rad_s[:, k]) < 0.25 * TURNS_RAD_S
         works = np.abs(log.motor_current_A[:, k]) > WORKS_A
-        for first, stop in long_runs(stands & works, log.time_s, LASTS_S, FEWEST)[:1]:
+        for first, stop in long_runs(stands & works, log.time_s, REPEATS_S, FEWEST)[:1]:
             current_A = float(np.median(np.abs(log.motor_current_A[first:stop, k])))
             yield (
                 f"the motor of {name} takes {current_A:.3g} A {from_to(log.time_s[first:stop])} and its wheel does "

@@ -15,6 +15,7 @@ import numpy as np
 
 from ohmward.quantities import QUANTITIES
 from ohmward.signals.checks import Finding, Place, rescale, scales_of
+from ohmward.traction.motion.stuck_gyro import FEWEST
 from ohmward.traction.robot.chassis import PLANAR
 from ohmward.traction.robot.robot import Robot
 
@@ -23,9 +24,6 @@ DIFFERENCE_RAD_S = 1.0
 
 #: Signs are wrong, or lost, where others leave less than this share of the contradiction (in squares).
 CURED = 0.1
-
-#: Shortest duration [s] and fewest samples of a fault.
-LASTS_S, FEWEST = 1.0, 20
 
 #: A wheel that turns slower than this says nothing about its sign [rad/s].
 TURNING_RAD_S = 0.5
@@ -172,14 +170,14 @@ class MotionCheck:
         self.rows = np.vstack([rolling, self.scale * np.array(turn)])
 
     def stuck(self, sensors: Mapping[str, tuple[float, bool]]) -> Iterator[str]:
-        """Signals of wheels that are stuck, and of a gyro.
+        """Signals of wheels that are stuck; for a gyro see `motion/stuck_gyro.py`.
 
         sensors: signal -> speed or yaw rate [rad/s], and True where it has been the same to the last bit for long.
         """
         rows, values = self._known(sensors)
         for signal, (value, same) in sensors.items():
             k = self._signals.get(signal)
-            if same and k is not None and (value != 0.0 or k < self.driven or k == self._gyro):
+            if same and k is not None and k != self._gyro and (value != 0.0 or k < self.driven):
                 expected = self._expected(k, rows, values)
                 if expected is not None and abs(expected - self._scaled(k, value)) > DIFFERENCE_RAD_S:
                     yield signal

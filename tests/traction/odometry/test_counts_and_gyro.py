@@ -186,3 +186,25 @@ def test_a_yaw_that_is_unsure_shortens_the_way_by_its_square():
     mean_square = weights @ (1 - np.cos(s * nodes)) ** 2 / math.sqrt(2 * math.pi)
     assert math.sqrt(e.pose_cov[-1, 0, 0]) == pytest.approx(way_m * math.sqrt(mean_square), rel=0.02)
     assert math.sqrt(e.pose_cov[-1, 1, 1]) == pytest.approx(way_m * s, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "fault", ["zero from the start", "0.02 from the start", "zero after 40 s", "frozen after 40 s"]
+)
+def test_the_turn_that_a_dead_gyro_missed_is_the_wheels_and_covered_before_it_is_found(fault):
+    """Ten robots; the wheels alone are as far off, and the band is theirs."""
+    settings, missed, wheels = pose_filter(INDOOR), [], []
+    for seed in range(10):
+        drive = stop_and_go(seed, 4096)
+        dies = 0 if "start" in fault else round(40.0 / DT_S)
+        value = {"z": 0.0, "0": 0.02, "f": drive.gyro_rad_s[dies]}[fault[0]]
+        gyro = np.where(np.arange(len(drive.gyro_rad_s)) < dies, drive.gyro_rad_s, value)
+        silent = np.where(np.arange(len(gyro)) < dies, gyro, np.nan)
+        given = (samples(settings, wheel_speed_rad_s=drive.wheel_speed_rad_s, yaw_rate_rad_s=g) for g in (gyro, silent))
+        e, alone = (scan(settings, of)[1] for of in given)
+        sigmas = np.abs(e.yaw_rad - drive.pose[:, 2]) / np.sqrt(e.pose_cov[:, 2, 2])
+        assert np.mean(sigmas < 3.0) > 0.85
+        assert sigmas[-1] < 3.0
+        missed.append(e.yaw_rad[-1] - drive.pose[-1, 2])
+        wheels.append(alone.yaw_rad[-1] - drive.pose[-1, 2])
+    assert np.mean(np.abs(missed)) < np.mean(np.abs(wheels)) + 0.1

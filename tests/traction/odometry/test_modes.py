@@ -137,7 +137,15 @@ def test_without_a_gyro_and_in_a_gap_nothing_is_evidence():
     held = weigh(*seen, STILL, False, 0.02, 0.0, RLMA, NOISE)[0]
     late = weigh(*seen, STILL, True, 3.0, 0.0, RLMA, NOISE)[0]
     for after in (silent, held, late):
-        assert_allclose(after.probability, before.probability)
+        assert_allclose(after.probability, before.probability, atol=1e-6)
+
+
+def test_a_slip_is_over_after_a_while_without_a_gyro():
+    state = at(0.5)._replace(probability=np.array([0.0, 1.0, 0.0]))
+    silent = STILL._replace(holds=False)
+    for _ in range(500):
+        state, _ = weigh(state, np.full(2, 0.5), 0.5, HEARD[:2], silent, True, 0.02, 0.0, RLMA, NOISE)
+    assert_allclose(state.probability, at(0.5).probability, atol=0.01)
 
 
 def test_wheels_that_roll_sideways_too_count_alike():

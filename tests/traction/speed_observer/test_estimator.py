@@ -30,6 +30,17 @@ def drive(steps=40, wheel_speed=2.0, **others):
     return DriveLog("drive", time_s, speed, np.zeros((steps, 2)), **others)
 
 
+def test_a_gyro_that_repeats_a_number_turns_nothing_once_it_is_found():
+    time_s = 0.01 * np.arange(1000)
+    turn = 0.5 * np.sin(time_s)
+    speed = np.column_stack([np.full(time_s.size, 0.5), turn]) @ RLMA.rolling.T / RLMA.wheel.radius_m
+    log = drive(time_s.size, speed[:, :2], yaw_rate_rad_s=np.full(time_s.size, 0.01))
+    observer = replace(OBSERVER, noise=ObserverNoise(gyro_std_rad_s=0.01))
+    e = observe(observer, log).estimates
+    assert np.abs(e.yaw_rate_rad_s - turn)[time_s > 4.0].max() < 0.05
+    assert (e.flags.astype(int)[time_s > 4.0] & SlipFlag.GYRO_REJECTED).all()
+
+
 def rows(samples):
     return [RobotSample(*(values[k] for values in samples)) for k in range(len(samples.dt_s))]
 

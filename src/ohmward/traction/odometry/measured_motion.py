@@ -41,8 +41,9 @@ from ohmward.traction.robot.chassis import PLANAR, Differential
 from ohmward.traction.robot.robot import Robot
 from ohmward.traction.speed_observer.speed_evidence import LOST_M_S
 
-#: Largest change of a rim's speed: by quantisation [m/s], and by an acceleration of 2 g [m/s2].
-JUMP_M_S, JUMP_M_S2 = 0.2, 20.0
+#: Largest change of a rim's speed: by quantisation of its distance [m], or by this number of counts once their size is
+#: known, and by an acceleration of 2 g [m/s2].
+JUMP_M, JUMP_COUNTS, JUMP_M_S2 = 0.004, 2.0, 20.0
 
 #: Angles [rad] that differ by less are the same: rounding of a file.
 SAME_RAD = 1e-4
@@ -153,14 +154,15 @@ def sense(before: MotionState, clean: CleanSample, new: Observed, robot: Robot) 
     speed_rad_s, dt_s = clean.wheel_speed_rad_s[: robot.driven], clean.dt_s
     passive_rad_s = clean.wheel_speed_rad_s[passive_wheels(robot)]
     measured = every(clean.wheel_measured[: robot.driven])
-    jumps = jumped(speed_rad_s, before.wheel_speed_rad_s, before.wheel_age_s, dt_s, robot)
+    turned_rad = where(measured, speed_rad_s * (before.wheel_age_s + dt_s), before.turned_rad)
+    encoder = choose(measured, count_seen(before, turned_rad), before.encoder)
+    jumps = jumped(speed_rad_s, before.wheel_speed_rad_s, before.wheel_age_s + dt_s, encoder, robot)
     jump = measured & some(jumps)
     # With a gyro for the turn, the wheels that have not jumped still give the speed.
     rolled = measured & logical_not(some([jump & logical_not(holds(before.intervals)[GYRO]), every(jumps)]))
     taken = np.array([rolled & logical_not(bad) for bad in jumps])
     free = passive_rolled(before, clean, robot)
     turned = isfinite(clean.yaw_rate_rad_s)
-    turned_rad = where(taken, speed_rad_s * (before.wheel_age_s + dt_s), before.turned_rad)
     credible = [within(value, limit) for value, limit in zip(new, CREDIBLE, strict=True)]
     observed = credible[0] & credible[1] & (new.speed_std_m_s >= 0.0)
     latest = [
@@ -175,8 +177,8 @@ def sense(before: MotionState, clean: CleanSample, new: Observed, robot: Robot) 
         outside=before.outside,
         held=before.held,
         reckoned=before.reckoned,
-        turned_rad=where(rolled, turned_rad, before.turned_rad),
-        encoder=choose(rolled, count_seen(before, turned_rad), before.encoder),
+        turned_rad=turned_rad,
+        encoder=encoder,
         usual_turn_rad_s=before.usual_turn_rad_s,
         observed=Observed(*latest),
         intervals=advance(before.intervals, np.array([rolled, turned, observed, free]), dt_s),
@@ -195,11 +197,16 @@ def count_seen(before: MotionState, turned_rad: np.ndarray) -> CountOfEncoder:
     return CountOfEncoder(least, minimum(differences, FEWEST_DIFFERENCES))
 
 
-def jumped(now: np.ndarray, last: np.ndarray, age_s: np.ndarray, dt_s: Scalar, robot: Robot) -> list[Scalar]:
-    """Conditions (wheels,) that a rim's speed changed since its last value, of this age, faster than any robot's."""
-    most_m_s = JUMP_M_S + JUMP_M_S2 * (age_s + dt_s)
-    changes = zip(now, last, most_m_s, strict=True)
-    return [abs(new - old) * robot.wheel.radius_m > most for new, old, most in changes]
+def jumped(
+    now: np.ndarray, last: np.ndarray, since_s: np.ndarray, encoder: CountOfEncoder, robot: Robot
+) -> list[Scalar]:
+    """Conditions (wheels,) that a rim's speed changed since its last value, so long ago, faster than any robot's."""
+    counted_m = maximum(JUMP_M, JUMP_COUNTS * robot.wheel.radius_m * count_rad(encoder))
+    changes = zip(now, last, since_s, strict=True)
+    return [
+        abs(new - old) * robot.wheel.radius_m * time_s > counted_m + JUMP_M_S2 * time_s * time_s
+        for new, old, time_s in changes
+    ]
 
 
 def passive_rolled(before: MotionState, clean: CleanSample, robot: Robot) -> Scalar:
@@ -207,8 +214,8 @@ def passive_rolled(before: MotionState, clean: CleanSample, robot: Robot) -> Sca
     passive = passive_wheels(robot)
     if len(passive) == 0:
         return False
-    age_s = np.array([before.intervals.age_s[PASSIVE]] * len(passive))
-    jumps = jumped(clean.wheel_speed_rad_s[passive], before.passive_rad_s, age_s, clean.dt_s, robot)
+    since_s = np.array([before.intervals.age_s[PASSIVE] + clean.dt_s] * len(passive))
+    jumps = jumped(clean.wheel_speed_rad_s[passive], before.passive_rad_s, since_s, before.encoder, robot)
     return every(clean.wheel_measured[passive]) & logical_not(some(jumps))
 
 
@@ -347,11 +354,15 @@ def white_variance(u: MotionInput, observed: Scalar, count_m_s: Scalar, counted:
     return np.array([where(observed, 0.0, rims[0]), where(observed, 0.0, rims[1]), where(u.by_gyro, gyro, rims[2])])
 
 
+def count_rad(count: CountOfEncoder) -> Scalar:
+    """Angle of one count; 0 until it is known."""
+    known = (count.differences >= FEWEST_DIFFERENCES) & (count.least_rad < MOST_COUNT_RAD)
+    return where(known, count.least_rad, 0.0)
+
+
 def counting_m(count: CountOfEncoder, robot: Robot, noise: OdometryNoise) -> Scalar:
     """Standard deviation [m] of a rim's distance by counting, uniform within a count; at least the noise's."""
-    known = (count.differences >= FEWEST_DIFFERENCES) & (count.least_rad < MOST_COUNT_RAD)
-    by_steps_rad = where(known, count.least_rad, 0.0) / math.sqrt(12.0)
-    return robot.wheel.radius_m * maximum(by_steps_rad, noise.encoder_std_rad / math.sqrt(2.0))
+    return robot.wheel.radius_m * maximum(count_rad(count) / math.sqrt(12.0), noise.encoder_std_rad / math.sqrt(2.0))
 
 
 def turn_per_slip(robot: Robot) -> float:

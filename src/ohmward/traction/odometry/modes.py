@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ohmward.trace import clip, exp, log, maximum, minimum, sqrt, where
+from ohmward.trace import clip, exp, log, logical_not, maximum, minimum, sqrt, where
 from ohmward.trace.expression import Scalar
 from ohmward.traction.motion.outside_speed import MET_S
 from ohmward.traction.odometry.model import OdometryNoise
@@ -155,10 +155,11 @@ def weigh(
         for slipping, part, v, change in zip(modes, rolling, speeds, changes, strict=True)
     ])  # fmt: skip
     judged = fresh & turning.holds & (since_s < SLIP_LASTS_S)
+    forgets = fresh & logical_not(turning.holds)
     weight = minimum(since_s / EVIDENCE_S, 1.0)
     chain = mixed(before.probability, since_s)
     likely = chain * exp(weight * (logs - reduce(maximum, logs)))
-    probability = where(judged, likely / likely.sum(), before.probability)
+    probability = where(judged, likely / likely.sum(), where(forgets, chain, before.probability))
     follows = 1.0 - exp(-since_s / BEFORE_S)
     # No wheel on the ground changes a robot's speed faster: the friction of rubber is 1.
     most_m_s, loose_m_s = GRAVITY * since_s, COUNTED * sqrt(speed_variance)

@@ -29,6 +29,7 @@ from ohmward.traction.motion.sample import (
     sanitize,
     was_seen,
 )
+from ohmward.traction.motion.stuck_gyro import GyroWatch, watch_gyro, without_stuck_gyro
 from ohmward.traction.odometry.corrections import (
     LEAST_REJECTED_STD,
     MOST_OPENED,
@@ -66,9 +67,11 @@ from ohmward.traction.odometry.measured_motion import (
     walk_variance,
 )
 from ohmward.traction.odometry.model import (
+    NAMES,
     OFFSET,
     RADIUS,
     SLIP,
+    TURN_SCALE,
     YAW,
     MotionInput,
     OdometryNoise,
@@ -93,11 +96,13 @@ class PoseState(NamedTuple):
     belief: PackedBelief  #: packed, of `model.NAMES`
     motion: MotionState  #: last values of the sensors
     gyro: GyroNoise  #: its noise as learnt so far
+    watch: GyroWatch  #: of whether it is stuck
     sums: TurnSums  #: angles of gyro and wheels since they were last compared
     history: History  #: changes of the speed, for late speeds
     trail: Trail  #: the last steps, for pose increments
     heading: HeadingTimes  #: times of headings
     overrun: Overrun  #: distance beyond that of the outside speeds
+    changed_yaw_rad: Any = 0.0  #: yaw at the gyro's last change
     speed_m_s: Any = 0.0  #: after the last step
     slip_std_m_s: Any = 0.0  #: standard deviation that the slip was scaled by in that step
     distance_m: Any = 0.0  #: length of the path
@@ -151,18 +156,24 @@ class PoseFilter:
         gyro = gyro_noise_of_sheet(self.noise.gyro_walk)
         history, trail = empty_history(steps), empty_trail(steps)
         return PoseState(
-            pack(belief), no_motion(self.robot), gyro, TurnSums(), history, trail, HeadingTimes(), Overrun()
-        )
+            pack(belief), no_motion(self.robot), gyro, GyroWatch(), TurnSums(), history, trail, HeadingTimes(),
+            Overrun(),
+        )  # fmt: skip
 
     def step(self, state: PoseState, sample: OdometrySample) -> tuple[PoseState, OdometryEstimate]:
         """State and estimate after a sample: dead reckoning, then each measurement corrects."""
         clean = sanitize(sample.robot, self.gap_s)
-        before = unpack(state.belief)
+        watch = watch_gyro(state.watch, clean, self.robot)
+        clean = without_stuck_gyro(clean, watch)
+        found = watch.stuck & logical_not(state.watch.stuck)
+        before = with_missed_turn(unpack(state.belief), watch, found, state.changed_yaw_rad, self.noise)
         sensors, jump = sense(state.motion, clean, sample.observed, self.robot)
         since_s = state.motion.intervals.age_s[WHEELS] + clean.dt_s
         gyro = self.hear(state.gyro, sensors, clean.dt_s)
         walk = walk_variance(gyro, self.noise.gyro_walk)
         motion = show(sensors, jump, clean, since_s, walk, before, self.robot, self.noise)
+        comparable = motion.input.comparable & watch.comparable
+        motion = motion._replace(input=motion.input._replace(comparable=comparable))
         begins = motion.is_held & (state.motion.held.probability <= IS_HELD)
         prior = with_slip_speed(before, state.slip_std_m_s, motion.input.motion_std[0])
         overrun_m = state.overrun.way_m
@@ -184,10 +195,14 @@ class PoseFilter:
         second_order_m = state.second_order_m + second_order(before, reckoned)
         slides = motion.sensors.held.slides
         overrun = run_over(state.overrun, speed_m_s, motion.outside, where(begins, 1.0, slides), clean.dt_s)
-        estimate = self.conclude(body.belief, motion, distance_m, second_order_m)
+        suspected = watch.suspected & logical_not(watch.stuck)
+        missed_rad = where(suspected, missed_turn(body.belief.mean, watch, state.changed_yaw_rad), 0.0)
+        missed = missed_variance(missed_rad, watch)
+        estimate = self.conclude(body.belief, motion, missed, distance_m, second_order_m)
         flags = self.flags(before, clean, motion, body)
         after = PoseState(
-            pack(body.belief), motion.sensors, gyro, sums, history, trail, heading, overrun, speed_m_s,
+            pack(body.belief), motion.sensors, gyro, watch, sums, history, trail, heading, overrun,
+            where(watch.repeated > 0.0, state.changed_yaw_rad, body.belief.mean[YAW]), speed_m_s,
             motion.input.motion_std[0], distance_m, second_order_m,
         )  # fmt: skip
         return after, estimate._replace(flags=flags)
@@ -230,9 +245,14 @@ class PoseFilter:
         return where(body.turn_rejected, rolls * minimum(apart_m_s, motion.speed.loose_m_s), 0.0)
 
     def conclude(
-        self, belief: Belief, motion: MeasuredMotion, distance_m: Scalar, second_order_m: np.ndarray
+        self,
+        belief: Belief,
+        motion: MeasuredMotion,
+        missed: np.ndarray,
+        distance_m: Scalar,
+        second_order_m: np.ndarray,
     ) -> OdometryEstimate:
-        """The estimate still without flags."""
+        """The estimate still without flags; missed: `missed_variance` of a gyro that may be stuck."""
         x, P = belief
         yaw, along = linearize(lambda state: np.array([yaw_now(state, motion.input)]), x)
         to_yaw = P @ along[0]
@@ -242,6 +262,7 @@ class PoseFilter:
             [P[Y, X], P[Y, Y], to_yaw[Y]],
             [to_yaw[X], to_yaw[Y], along[0] @ to_yaw],
         ])  # fmt: skip
+        pose_cov = pose_cov + np.diag(missed)
         rates, J = linearize(lambda state: twist(state, motion.input), x)
         twist_cov = mirror_lower(J @ P @ J.T + np.diag(motion.white_variance))
         rims = motion.rims_m_s * (1.0 + motion.input.scale * x[RADIUS])
@@ -285,6 +306,38 @@ class PoseFilter:
             OdometryFlag.INCREMENT_TOO_OLD: body.increment_too_old,
             OdometryFlag.NOT_POSITIVE_DEFINITE: logical_not(every([v >= 0.0 for v in np.diag(before.cov)])),
         })  # fmt: skip
+
+
+def missed_turn(x: np.ndarray, watch: GyroWatch, yaw_rad: Scalar) -> Scalar:
+    """Turn [rad] that the wheels have shown, and the yaw in state x has not, since the gyro's last change.
+
+    yaw_rad: the yaw then.
+    """
+    return yaw_rad + watch.wheels_rad * (1.0 + x[TURN_SCALE]) - x[YAW]
+
+
+def missed_variance(missed_rad: Scalar, watch: GyroWatch) -> np.ndarray:
+    """Variance (3,) of the pose by a turn that was missed in some part of the way."""
+    across_m = watch.rims_m * minimum(abs(missed_rad), 1.0)
+    return np.array([across_m**2, across_m**2, missed_rad**2])
+
+
+def with_missed_turn(belief: Belief, watch: GyroWatch, found: Scalar, yaw_rad: Scalar, noise: OdometryNoise) -> Belief:
+    """The belief with the turn by the wheels since the last change of a gyro that is found to be stuck.
+
+    found: the condition that it is.
+    yaw_rad: yaw at that change.
+    """
+    missed_rad = missed_turn(belief.mean, watch, yaw_rad)
+    across_variance = missed_variance(missed_rad, watch)[0]
+    added = {X: across_variance, Y: across_variance, YAW: (noise.turn_share * watch.wheels_rad) ** 2}
+    Q = np.diag(np.array([added.get(i, 0.0) for i in range(len(NAMES))]))
+
+    def turned(x: np.ndarray) -> np.ndarray:
+        by_scale = watch.wheels_rad * (x[TURN_SCALE] - belief.mean[TURN_SCALE])
+        return np.array([*x[:YAW], x[YAW] + missed_rad + by_scale, *x[YAW + 1 :]])
+
+    return choose(found, extended.predict(belief, turned, Q), belief)
 
 
 def with_slip_speed(belief: Belief, before_m_s: Scalar, now_m_s: Scalar) -> Belief:

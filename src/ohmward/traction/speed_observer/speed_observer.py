@@ -57,6 +57,7 @@ from ohmward.traction.motion.sample import (
     share_measured,
     was_seen,
 )
+from ohmward.traction.motion.stuck_gyro import GyroWatch, watch_gyro, without_stuck_gyro
 from ohmward.traction.speed_observer.body_sensors import (
     BodyCorrection,
     BodyTimers,
@@ -113,6 +114,7 @@ class ObserverState(NamedTuple):
     current_A: np.ndarray  #: (driven,) last credible currents
     current_intervals: Intervals  #: of the motor currents, each (driven,)
     encoder_intervals: Intervals  #: of the encoders, each (wheels,)
+    gyro: GyroWatch  #: whether it is stuck
     lag_rad_s: np.ndarray  #: (wheels,) `Model.encoder_lag` since each encoder's last value
     free: FreeWheels  #: the wheels as their motors alone would turn them
     history: History  #: recent predicted changes of the speed, for speeds that arrive late
@@ -135,6 +137,7 @@ def started(
         current_A=before.current_A if before else np.zeros(n),
         current_intervals=before.current_intervals if before else never(n),
         encoder_intervals=before.encoder_intervals if before else never(wheels),
+        gyro=before.gyro if before else GyroWatch(),
         lag_rad_s=np.zeros(wheels),
         free=FreeWheels(belief.mean[model.layout.wheel(0) : model.layout.robot_states], np.zeros(n)),
         history=empty_history(0 if model.noise.speed_std_m_s is None else late_steps),
@@ -253,7 +256,8 @@ class SpeedObserver:
         new = restarted(before, clean, self.model)
         stuck_s, estimate = self.conclude(state, choose(lost, new, belief), evidence, wheels, body, clean)
         ground_changed = some([wheels.ground_changed, judged.ground_changed])
-        flags = self.flags(before, clean, wheels, body, ground_changed, estimate.unobserved_s, lost)
+        unobserved_s = estimate.unobserved_s
+        flags = self.flags(before, clean, wheels, body, ground_changed, unobserved_s, state.gyro.stuck, lost)
         after = state._replace(
             belief=pack(belief),
             lag_rad_s=where(clean.wheel_measured, 0.0, prediction.lag_since_rad_s),
@@ -277,6 +281,8 @@ class SpeedObserver:
         if not self.uses_currents:
             sample = sample._replace(current_A=np.zeros(self.model.driven))
         clean = sanitize(sample, self.gap_s)
+        gyro = watch_gyro(state.gyro, clean, self.scene.robot)
+        clean = without_stuck_gyro(clean, gyro)
         before = first_sight(unpack(state.belief), clean, state.encoder_intervals, self.model)
         clean = without_impossible_currents(clean, before, self.model)
         current_intervals = advance(state.current_intervals, clean.current_measured, clean.dt_s)
@@ -291,6 +297,7 @@ class SpeedObserver:
             current_A=clean.current_A,
             current_intervals=current_intervals,
             encoder_intervals=encoder_intervals,
+            gyro=gyro,
             rest_s=clean.rest_s,
             matched=matched,
         )
@@ -392,6 +399,7 @@ class SpeedObserver:
         body: BodyCorrection,
         ground_changed: Scalar,
         unobserved_s: Scalar,
+        stuck_gyro: Scalar,
         lost: Scalar,
     ) -> Scalar:
         """Flags of a sample."""
@@ -403,7 +411,7 @@ class SpeedObserver:
             SlipFlag.GROUND_CHANGED: ground_changed,
             SlipFlag.ENCODER_SPIKE: some([wheels.spike, body.passive_rejected]),
             SlipFlag.ENCODER_DOUBTED: some([wheels.doubted, body.passive_doubted]),
-            SlipFlag.GYRO_REJECTED: body.gyro_rejected,
+            SlipFlag.GYRO_REJECTED: some([body.gyro_rejected, stuck_gyro]),
             SlipFlag.SPEED_REJECTED: body.speed_rejected,
             SlipFlag.SPEED_RESET: body.speed_reset,
             SlipFlag.STANDSTILL: clean.resting,
