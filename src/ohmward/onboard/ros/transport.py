@@ -29,7 +29,7 @@ MOST_DOMAIN = 232
 #: Time that the thread of a node has to end [s].
 _SPIN_END_S = 2.0
 #: Time between two polls for messages, and between two turns of the executor [s], which cost as much as ten messages.
-_LOOK_S, _TURN_S = 0.01, 0.05
+_LOOK_S, _TURN_S = 0.01, 0.1
 #: Length of the queue of a topic, for a process that was held up, or a sender that had been waiting.
 _QUEUE = 1000
 #: Most messages of a topic in one poll, so that one topic cannot keep the others waiting.

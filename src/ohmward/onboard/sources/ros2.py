@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
@@ -231,6 +231,7 @@ def _time(numbers: dict[str, float], path: str) -> float:
     return numbers[f"{path}.sec"] + 1e-9 * numbers[f"{path}.nanosec"]
 
 
+@lru_cache(maxsize=1024)
 def wheel_of(joint: str) -> str:
     """The wheel of a joint, from its name: `front_left_wheel_joint` turns `front_left`."""
     return "_".join(word for word in joint.split("_") if word not in _OF_JOINTS) or joint

@@ -18,6 +18,7 @@ PLANE = (0, 1, 5)
 
 #: Variance of what planar odometry does not estimate: large, as filters that fuse the message expect.
 UNKNOWN_VARIANCE = 1e6
+_UNKNOWN: list[float] = np.diag(np.full(6, UNKNOWN_VARIANCE)).ravel().tolist()
 
 
 def odometry_message(
@@ -72,6 +73,8 @@ def vector(x: Any = 0.0, y: Any = 0.0, z: Any = 0.0) -> dict[str, float]:
 
 def six_by_six(cov: np.ndarray) -> list[float]:
     """The covariance (3, 3) of x, y and yaw as 36 numbers, row by row."""
-    full = np.diag(np.full(6, UNKNOWN_VARIANCE))
-    full[np.ix_(PLANE, PLANE)] = cov
-    return [float(value) for value in full.ravel()]
+    full = _UNKNOWN.copy()
+    for row, values in zip(PLANE, np.asarray(cov, dtype=float).tolist(), strict=True):
+        for column, value in zip(PLANE, values, strict=True):
+            full[6 * row + column] = value
+    return full
